@@ -1,0 +1,60 @@
+"""Swarms of small mobile robots in a continuous plane, for Mesa.
+
+Names are imported when they are first used, so that ``import mesa_swarm`` is quick.
+"""
+
+from importlib import import_module
+
+__version__ = "0.1.0"
+
+_HOME = {
+    "AGENT3": "robots.design",
+    "AGENT6": "robots.design",
+    "AGENT9": "robots.design",
+    "AGENT_FIRE": "robots.design",
+    "LineSensor": "robots.sensors",
+    "Map": "world.map",
+    "ProximitySensor": "robots.sensors",
+    "RadiationSensor": "robots.sensors",
+    "RobotDesign": "robots.design",
+    "Shape": "world.shapes",
+    "SwarmModel": "model",
+    "bump_sensor": "robots.sensors",
+    "disc": "world.shapes",
+    "laser_sensor": "robots.sensors",
+    "polygon": "world.shapes",
+    "rectangle": "world.shapes",
+}
+
+__all__ = [  # noqa: F822 - imported when first used
+    "AGENT3",
+    "AGENT6",
+    "AGENT9",
+    "AGENT_FIRE",
+    "LineSensor",
+    "Map",
+    "ProximitySensor",
+    "RadiationSensor",
+    "RobotDesign",
+    "Shape",
+    "SwarmModel",
+    "bump_sensor",
+    "disc",
+    "laser_sensor",
+    "polygon",
+    "rectangle",
+]
+
+
+def __getattr__(name: str):
+    """Import a public name from where it lives."""
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """List the public names."""
+    return sorted([*globals(), *__all__])

@@ -1,0 +1,232 @@
+"""The command line: `mesa-swarm`. Every error is one line and exit status 2; a traceback only with --debug."""
+
+import os
+import sys
+import traceback
+import warnings
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mesa_swarm.errors import SwarmError, check_choice
+from mesa_swarm.experiments.gallery import model_names
+
+INTERRUPTED = 130
+# Typer checks limits before anything slow is imported.
+MOST_STEPS = 100_000_000
+
+app = typer.Typer(
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+maps = typer.Typer(help="Look at maps and convert them.", rich_markup_mode=None)
+app.add_typer(maps, name="map")
+
+Model = Annotated[str, typer.Argument(help="One of those that `mesa-swarm list` shows.", metavar="MODEL")]
+Settings = Annotated[
+    list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Set a parameter; may be repeated.")
+]
+Quiet = Annotated[bool, typer.Option("--quiet", help="No progress bar.")]
+Folder = Annotated[Path, typer.Option(help="Folder for the table and the picture.")]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Do what was typed and exit with status 0, 2 for an error or 130 after Ctrl-C.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        By default what follows the program's name on the command line.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    debug = "--debug" in words
+    with warnings.catch_warnings():
+        warnings.showwarning = _show_warning
+        status = _status(lambda: _typed(words), debug)
+    sys.exit(status)
+
+
+def _typed(words: list[str]) -> None:
+    """Let Typer find the command; --debug may stand anywhere."""
+    command = typer.main.get_command(app)
+    arguments = [word for word in words if word != "--debug"]
+    status = command.main(arguments, prog_name="mesa-swarm", standalone_mode=False)
+    if status == INTERRUPTED:  # newer versions of Typer return this after Ctrl-C, older ones raise Abort
+        raise KeyboardInterrupt
+    sys.stdout.flush()
+
+
+def _status(work: Callable[[], None], debug: bool) -> int:
+    try:
+        work()
+    except (KeyboardInterrupt, typer.Abort):
+        return _complain("interrupted; nothing more was written", INTERRUPTED)
+    except BrokenPipeError:  # whoever read the output, such as `head`, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except Exception as error:
+        if debug:
+            traceback.print_exc()
+        return _complain(_in_words(error))
+    return 0
+
+
+def _complain(text: str, status: int = 2) -> int:
+    print(f"mesa-swarm: {' '.join(text.split())}", file=sys.stderr)
+    return status
+
+
+def _in_words(error: Exception) -> str:
+    """Return one line about an error: ours as they are, the system's with the file, others by name."""
+    if hasattr(error, "format_message"):  # what was typed is not a command
+        return f"{error.format_message()} (mesa-swarm --help says what is possible)"
+    if isinstance(error, SwarmError):
+        return str(error)
+    if isinstance(error, OSError):
+        return ": ".join(str(part) for part in (error.filename, error.strerror or error) if part)
+    return f"{type(error).__name__}: {error} (with --debug, mesa-swarm shows where)"
+
+
+def _show_warning(message: Warning | str, *where: object) -> None:
+    print(f"mesa-swarm: warning: {' '.join(str(message).split())}", file=sys.stderr)
+
+
+def _work(module: str = "commands"):
+    """Import what does the work only when it is to be done, so that --help and misspelt names are quick."""
+    return import_module(f"mesa_swarm.experiments.{module}")
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"mesa-swarm {version('mesa-swarm')}")
+        raise typer.Exit
+
+
+@app.callback(invoke_without_command=True)
+def mesa_swarm(
+    context: typer.Context,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Show where an error comes from.")] = False,
+) -> None:
+    """Swarms of small mobile robots in a continuous plane: a Mesa extension."""
+    _help_if_alone(context)
+
+
+@maps.callback(invoke_without_command=True)
+def _map(context: typer.Context) -> None:
+    _help_if_alone(context)
+
+
+def _help_if_alone(context: typer.Context) -> None:
+    if context.invoked_subcommand is None:
+        print(context.get_help())
+
+
+@app.command("list")
+def list_models() -> None:
+    """List the models, their parameters and the defaults."""
+    _work().list_models()
+
+
+@app.command()
+def run(
+    model: Model,
+    *,
+    setting: Settings = None,
+    steps: Annotated[int, typer.Option(min=1, max=MOST_STEPS, help="How many at most.")] = 3000,
+    rng: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Seed; the same one gives the same run.")] = 1,
+    quiet: Quiet = False,
+) -> None:
+    """Run a model; print its results and final fingerprint."""
+    check_choice("model", model, model_names())
+    _work().run(model, setting or [], steps=steps, rng=rng, progress=not quiet)
+
+
+@app.command()
+def compare(
+    model: Model,
+    *,
+    parameter: Annotated[str | None, typer.Option(help="What to vary; by default what the model says.")] = None,
+    values: Annotated[str | None, typer.Option(metavar="A,B,...", help="Its values.")] = None,
+    seeds: Annotated[int, typer.Option(min=1, max=100_000, help="Runs with each value; the same seeds for all.")] = 30,
+    steps: Annotated[
+        int | None, typer.Option(min=1, max=MOST_STEPS, help="At most, in each run; by default what the model says.")
+    ] = None,
+    setting: Settings = None,
+    jobs: Annotated[int, typer.Option(min=-1, max=1024, help="Processes at a time, -1 for one on each core.")] = -1,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for tables and pictures; by default results/compare_MODEL.")
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Compare values of a parameter over the same seeds."""
+    check_choice("model", model, model_names())
+    _work().compare(
+        model,
+        setting or [],
+        parameter=parameter,
+        values=values,
+        seeds=seeds,
+        steps=steps,
+        jobs=jobs,
+        out=out,
+        progress=not quiet,
+    )
+
+
+@maps.command("import")
+def import_map(
+    file: Annotated[str, typer.Argument(metavar="FILE", help="A .svg, .map or .toml file, or a built-in name.")],
+    out: Annotated[
+        Path | None, typer.Argument(metavar="[OUT.toml]", help="By default FILE's name, here, as .toml.")
+    ] = None,
+    *,
+    force: Annotated[bool, typer.Option("--force", help="Replace OUT if it exists.")] = False,
+) -> None:
+    """Write a map as TOML, or as SVG if OUT ends in .svg."""
+    _work("map_commands").import_map(file, out, force)
+
+
+@maps.command("show")
+def show_map(
+    file: Annotated[str, typer.Argument(metavar="FILE|NAME", help="A map file or a built-in name.")],
+    *,
+    out: Annotated[Path | None, typer.Option(help="Draw it as this .png.")] = None,
+) -> None:
+    """Print what is on a map, and draw it if asked."""
+    _work("map_commands").show_map(file, out)
+
+
+@app.command()
+def bench(
+    *,
+    quick: Annotated[bool, typer.Option("--quick", help="A few seconds, and rougher.")] = False,
+    out: Folder = Path("results", "bench"),
+) -> None:
+    """Measure steps, beside targets and other simulators."""
+    folder = _work("files").check_writable(out)
+    for line in _work("bench").report(folder, quick):
+        print(line, flush=True)
+
+
+@app.command()
+def dashboard(
+    model: Annotated[str, typer.Argument(help="The model to show first.", metavar="[MODEL]")] = "fire_fighting",
+    *,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="Where the page is served.")] = 8765,
+    no_browser: Annotated[bool, typer.Option("--no-browser", help="Only serve; open no browser.")] = False,
+) -> None:
+    """Look at a model in the browser."""
+    check_choice("model", model, model_names())
+    _work().dashboard(model, port=port, browser=not no_browser)
+
+
+if __name__ == "__main__":
+    main()

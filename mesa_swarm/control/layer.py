@@ -1,0 +1,76 @@
+"""What a rule may know, and what a layer is."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from mesa_swarm.robots.swarm import Swarm
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Senses:
+    """All that robots know of themselves, as columns: never where they are, how they slip, or who they are.
+
+    Parameters
+    ----------
+    distance, kind : ndarrays, shape (n, s)
+        Of the proximity sensors.
+    radiation : ndarray, shape (n, q)
+    line : bool ndarray, shape (n, l)
+    temperature, heat : ndarrays, shape (n,)
+        The robot's own, and what it took from a fire in the last step.
+    hot : bool ndarray, shape (n,)
+    fire : int64 ndarray, shape (n,)
+        Not below 0 while the robot is extinguishing.
+    radius, max_speed, tendency : ndarrays, shape (n,)
+    design : int64 ndarray, shape (n,)
+        Row of the robot's design in the tables that follow.
+    forward : int64 ndarray, shape (d, 3)
+        Index of the front, left and right proximity sensors, -1 for none.
+    sensors : ndarray, shape (d, s, 9)
+        Mounts, axes and ranges, see `robots.table`.
+    bearing : ndarray, shape (d, s), rad
+    """
+
+    distance: np.ndarray
+    kind: np.ndarray
+    radiation: np.ndarray
+    line: np.ndarray
+    temperature: np.ndarray
+    heat: np.ndarray
+    hot: np.ndarray
+    fire: np.ndarray
+    radius: np.ndarray
+    max_speed: np.ndarray
+    tendency: np.ndarray
+    design: np.ndarray
+    forward: np.ndarray
+    sensors: np.ndarray
+    bearing: np.ndarray
+
+    @classmethod
+    def of(cls, swarm: Swarm) -> "Senses":
+        """Return what the robots of this swarm know."""
+        table = swarm.table
+        own = (
+            "distance kind radiation line temperature heat hot fire radius max_speed tendency design".split()
+        )
+        columns = {name: swarm.columns[name] for name in own}
+        return cls(**columns, forward=table.forward, sensors=table.proximity, bearing=table.bearing)
+
+
+class Layer(Protocol):
+    """One rule of a subsumption, for all robots at once.
+
+    A rule about one robot is written more simply with `behaviour`. A layer of one's own is a class with
+    these two; see `Explore`, which remembers something, and `Avoid`, which does not.
+    """
+
+    name: str
+
+    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
+        """Take what the layer needs: columns to remember in (`swarm.remember`), a random stream."""
+
+    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
+        """Write `command` (n, 2) and ``layer = index`` where the layer is active and `layer` is still -1."""

@@ -1,0 +1,157 @@
+"""What can go wrong, in the user's words, and the checks that say so.
+
+Every error that a user can cause is raised here, once, at the border, as one line: what was got, what was
+expected, what to do. Inner code trusts what has passed the border.
+"""
+
+import math
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class SwarmError(Exception):
+    """Base of every error that mesa_swarm raises on purpose."""
+
+
+class InvalidValueError(SwarmError, ValueError):
+    """A value is outside what the named parameter permits."""
+
+
+class UnknownNameError(SwarmError, ValueError):
+    """A name is not one of the known ones; the nearest is suggested."""
+
+
+class PlacementError(SwarmError, ValueError):
+    """The robots do not fit; the message says how many would."""
+
+
+class MapError(SwarmError, ValueError):
+    """A map file cannot be read; the message names the file and the place."""
+
+
+class RemovedRobotError(SwarmError, RuntimeError):
+    """A handle was used after its robot, obstacle or fire was removed."""
+
+
+class BehaviourError(SwarmError, RuntimeError):
+    """A rule returned something that no wheel can do."""
+
+
+class UncompiledBehaviourWarning(UserWarning):
+    """A rule could not be compiled and runs as plain Python."""
+
+
+class FireConstantsWarning(UserWarning):
+    """Wished-for fire properties that contradict each other or make the task trivial or impossible."""
+
+
+def check_number(
+    name: str,
+    value: object,
+    *,
+    minimum: float = -math.inf,
+    maximum: float = math.inf,
+    above: float = -math.inf,
+) -> float:
+    """Return `value` as a float, or say why it is not a permitted `name`.
+
+    Parameters
+    ----------
+    name : str
+        The parameter, as the user wrote it.
+    value : object
+        What the user gave: any real number, NumPy's included.
+    minimum, maximum : float
+        Inclusive limits.
+    above : float
+        Exclusive lower limit.
+
+    Raises
+    ------
+    InvalidValueError
+        If the value is not a finite number within the limits.
+
+    Examples
+    --------
+    >>> check_number("radius", 5, above=0)
+    5.0
+    """
+    wanted = _range_in_words(minimum, maximum, above)
+    if isinstance(value, (bool, str, bytes)):
+        raise InvalidValueError(f"{name} is {value!r}; expected {wanted}")
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        raise InvalidValueError(f"{name} is {shortened(value)}; expected {wanted}") from None
+    if not (math.isfinite(number) and minimum <= number <= maximum and number > above):
+        raise InvalidValueError(f"{name} is {number:g}; expected {wanted}")
+    return number
+
+
+def check_count(name: str, value: object, *, minimum: int = 0, maximum: int = 2**31 - 1) -> int:
+    """Return `value` as an int, or say why it is not a permitted count.
+
+    Examples
+    --------
+    >>> check_count("steps", 10)
+    10
+    """
+    number = check_number(name, value, minimum=minimum, maximum=maximum)
+    if number != int(number):
+        raise InvalidValueError(f"{name} is {value!r}; expected a whole number")
+    return int(number)
+
+
+def check_choice(name: str, value: object, choices: Iterable[str]) -> str:
+    """Return `value` if it is one of `choices`, else suggest the nearest.
+
+    Examples
+    --------
+    >>> check_choice("strategy", "A", ["A", "B"])
+    'A'
+    """
+    known = list(choices)
+    if isinstance(value, str) and value in known:
+        return value
+    raise UnknownNameError(unknown_name(name, value, known))
+
+
+def unknown_name(what: str, got: object, known: Iterable[str]) -> str:
+    """Return one sentence that says `got` is unknown and names the nearest known name.
+
+    Examples
+    --------
+    >>> unknown_name("map", "orginal", ["original", "sparse"])
+    "unknown map 'orginal'; did you mean 'original'? known: original, sparse"
+    """
+    names = list(known)
+    near = get_close_matches(str(got)[:80], names, n=1, cutoff=0.5)
+    hint = f"did you mean {near[0]!r}? " if near else ""
+    return f"unknown {what} {shortened(got)}; {hint}known: {', '.join(names)}"
+
+
+def _range_in_words(minimum: float, maximum: float, above: float) -> str:
+    if above > -math.inf:
+        lower = f"above {above:g}"
+    elif minimum > -math.inf:
+        lower = f"at least {minimum:g}"
+    else:
+        lower = ""
+    upper = f"at most {maximum:g}" if maximum < math.inf else ""
+    limits = " and ".join(part for part in (lower, upper) if part)
+    return f"a finite number {limits}".rstrip()
+
+
+def shortened(value: object) -> str:
+    """Return what the user gave, cut to 80 characters.
+
+    Examples
+    --------
+    >>> shortened("original")
+    "'original'"
+    """
+    try:
+        text = repr(value)
+    except ValueError:  # Python refuses to write integers of more than 4300 digits
+        text = f"a huge {type(value).__name__}"
+    return text if len(text) <= 80 else text[:77] + "..."

@@ -1,0 +1,211 @@
+"""`mesa-swarm bench`: what a step costs, beside the targets and what other simulators take."""
+
+import math
+import os
+import subprocess
+import sys
+import tracemalloc
+from collections.abc import Iterator
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from mesa_swarm.experiments.figures import COLOURS
+from mesa_swarm.experiments.files import write_whole
+from mesa_swarm.experiments.pictures import png
+from mesa_swarm.experiments.tables import aligned, csv_text
+from mesa_swarm.experiments.workload import contact_alone, on_map, peer_workload, step_seconds
+
+# ms a step: what is to be reached, and what was measured of others on a machine of the same kind.
+TARGETS = {50: 0.06, 200: 0.15, 1000: 0.5, 5000: 2.5, 10_000: 5.0}
+PEERS = {
+    "Enki (C++)": {50: 0.061, 200: 0.53},
+    "ARGoS (C++)": {1000: 5.5, 5000: 47.0, 10_000: 121.0},
+    "Mesa boids": {50: 1.9, 1000: 44.0},
+    "ir-sim": {50: 12.0, 1000: 201.0},
+}
+MOST_BYTES = 2000
+STEEPEST = 1.05
+FEW, MANY = 200, 10_000
+MAPS = ("original", "sparse", "openspace")
+FIRST_STEP = """
+from time import perf_counter
+start = perf_counter()
+import mesa_swarm
+bare = perf_counter()
+from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm.control import Avoid, Explore, Subsumption
+imported = perf_counter()
+model = SwarmModel(rng=1)
+model.add_robots(AGENT9, 10)
+model.control = Subsumption(Avoid(), Explore())
+model.step()
+print(bare - start, imported - start, perf_counter() - imported)
+"""
+
+
+def report(folder: Path, quick: bool = False) -> Iterator[str]:
+    """Yield the report line by line as it is measured, and write the table and the picture.
+
+    Parameters
+    ----------
+    folder : Path
+        For `step.csv` and `complexity.png`.
+    quick : bool
+        Fewer and shorter repetitions: a few seconds, and rougher.
+    """
+    repetitions, budget = (3, 0.1) if quick else (9, 3.0)
+    yield from _surroundings()
+    seconds = {n: step_seconds(peer_workload(n).step, repetitions, budget) for n in TARGETS}
+    yield from ("", *step_table(seconds), "")
+    yield verdict("growth exponent from 200 to 10,000 robots", exponent(seconds), STEEPEST)
+    many = 2000 if quick else MANY
+    yield verdict(f"memory in bytes a robot ({many:,} robots, after a step)", bytes_per_robot(many), MOST_BYTES)
+    bare, imported, first = start_times()
+    yield verdict("import mesa_swarm, s", bare, 1.0)
+    yield f"import SwarmModel and control as well, s: {imported:.3g}"
+    yield verdict("first model and step of a new process, compiled before, s", first, 2.0)
+    curves = complexity(3 if quick else 7, 0.01 if quick else 0.15)
+    files = {"step.csv": step_csv(seconds), "complexity.png": png(complexity_figure(curves))}
+    yield from ("", *(str(write_whole(folder / name, content)) for name, content in files.items()))
+
+
+def _surroundings() -> Iterator[str]:
+    """Say what is measured, and whether other programs are in the way."""
+    yield "The peers' workload: AGENT9, range 16, Avoid and Explore, 40 bodies of area a robot; medians."
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0
+    if load > 0.5:
+        yield f"Other programs are busy here (load {load:.1f} on {os.cpu_count()} cores): steps may take longer."
+
+
+def step_table(seconds: dict[int, float]) -> list[str]:
+    """Return the table of milliseconds a step.
+
+    Examples
+    --------
+    >>> step_table({50: 0.00005})[2].split()[:5]
+    ['50', '0.05', '0.06', 'yes', '20,000']
+    """
+    header = ["robots", "ms a step", "target", "reached", "steps/s", *PEERS]
+    rows = [
+        [f"{n:,}", *_measured(n, t), *(_number(peer.get(n)) for peer in PEERS.values())] for n, t in seconds.items()
+    ]
+    return aligned([header, *rows])
+
+
+def _measured(n: int, t: float) -> list[str]:
+    reached = "yes" if 1000 * t <= TARGETS[n] else "no"
+    return [_number(1000 * t), _number(TARGETS[n]), reached, f"{1 / t:,.0f}"]
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.3g}"
+
+
+def step_csv(seconds: dict[int, float]) -> str:
+    """Return the same table for other programs."""
+    header = ["robots", "ms_per_step", "target_ms", *PEERS]
+    rows = [[n, 1000 * t, TARGETS[n], *(peer.get(n) for peer in PEERS.values())] for n, t in seconds.items()]
+    return csv_text([header, *rows])
+
+
+def verdict(what: str, value: float, most: float) -> str:
+    """Return one line: what was measured, the most that it should be, and whether it is.
+
+    Examples
+    --------
+    >>> verdict("import, s", 0.5, 1.0)
+    'import, s: 0.5 (target: at most 1, reached)'
+    """
+    shown = f"{value:,.0f}" if value >= 100 else f"{value:.3g}"
+    return f"{what}: {shown} (target: at most {most:g}, {'reached' if value <= most else 'MISSED'})"
+
+
+def exponent(seconds: dict[int, float]) -> float:
+    """Return the b of t = a n^b between 200 and 10,000 robots.
+
+    Examples
+    --------
+    >>> exponent({200: 1.0, 10_000: 50.0})
+    1.0
+    """
+    return math.log(seconds[MANY] / seconds[FEW]) / math.log(MANY / FEW)
+
+
+def bytes_per_robot(n: int) -> float:
+    """Return the memory that a robot takes: a world of n after a step less one of 10, over n - 10."""
+    peer_workload(10).step()
+    return (_traced_bytes(n) - _traced_bytes(10)) / (n - 10)
+
+
+def _traced_bytes(n: int) -> int:
+    tracemalloc.start()
+    model = peer_workload(n)
+    model.step()
+    size, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    return size
+
+
+def start_times() -> list[float]:
+    """Return the seconds of the bare import, of all imports, and of the first model and step, in a new process."""
+    command = [sys.executable, "-c", FIRST_STEP]
+    subprocess.run(command, check=True, capture_output=True)  # fills the cache
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    return [float(word) for word in done.stdout.split()]
+
+
+def complexity(repetitions: int, budget: float) -> dict[str, dict[str, dict[int, float]]]:
+    """Return seconds a step by panel, curve and number of robots: the thesis's complexity curves.
+
+    Parameters
+    ----------
+    repetitions : int
+    budget : float
+        Seconds for each point, about.
+    """
+    few, many = (1, 5, 10, 20, 30, 40, 50), (10, 30, 100, 300, 1000, 3000)
+
+    def timed(counts, world, *details) -> dict[int, float]:
+        return {n: step_seconds(world(n, *details).step, repetitions, budget) for n in counts}
+
+    return {
+        "contact alone": {"no sensors, no control": timed(many, contact_alone)},
+        "whole step on three maps": {name: timed(few, on_map, name) for name in MAPS},
+        "whole step, map original": {f"{s} sensors": timed(few, on_map, "original", s) for s in (3, 6, 9)},
+    }
+
+
+def complexity_figure(curves: dict[str, dict[str, dict[int, float]]]) -> Figure:
+    """Return a figure with a panel for each set of curves.
+
+    Parameters
+    ----------
+    curves : dict
+        From `complexity`.
+
+    Examples
+    --------
+    >>> len(complexity_figure({"contact alone": {"all": {10: 1e-5, 100: 1e-4}}}).axes)
+    1
+    """
+    figure = Figure(figsize=(4.2 * len(curves), 3.8), layout="constrained")
+    panels = figure.subplots(1, len(curves), squeeze=False).ravel()
+    for axes, (title, lines) in zip(panels, curves.items(), strict=True):
+        _draw_curves(axes, title, lines)
+    return figure
+
+
+def _draw_curves(axes: Axes, title: str, lines: dict[str, dict[int, float]]) -> None:
+    for i, (label, points) in enumerate(lines.items()):
+        milliseconds = [1000 * t for t in points.values()]
+        axes.plot(list(points), milliseconds, "os^"[i % 3] + "-", color=COLOURS[i], markersize=4, label=label)
+    if max(max(points) for points in lines.values()) > 100:
+        axes.set(xscale="log", yscale="log")
+    else:
+        axes.set_ylim(bottom=0)
+    axes.set(title=title, xlabel="robots", ylabel="ms a step")
+    axes.legend(fontsize=9, frameon=False)
+    axes.grid(alpha=0.25)
+    axes.spines[["top", "right"]].set_visible(False)

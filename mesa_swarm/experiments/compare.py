@@ -1,0 +1,171 @@
+"""Compare values of a model's parameter over paired seeds, on all cores."""
+
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from joblib import Parallel, cpu_count, delayed
+from joblib.externals.loky import get_reusable_executor
+
+from mesa_swarm.errors import check_count
+from mesa_swarm.experiments.figures import comparison_pictures
+from mesa_swarm.experiments.files import check_writable, write_whole
+from mesa_swarm.experiments.findings import finding
+from mesa_swarm.experiments.plan import Plan, Run, checked_plan
+from mesa_swarm.experiments.portrait import Portrait
+from mesa_swarm.experiments.progress import progress_bar
+from mesa_swarm.experiments.tables import runs_csv, summary_csv, summary_rows, text_table
+
+MOST_JOBS = 1024
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """What came of a comparison.
+
+    Parameters
+    ----------
+    plan : Plan
+        What was compared.
+    runs : tuple of Run
+        By seed, then by value, whatever the order in which they were done.
+
+    Examples
+    --------
+    >>> from mesa_swarm.experiments.gallery import find_model
+    >>> comparison = compare(find_model("fire_fighting"), seeds=2, steps=5, jobs=1)
+    >>> comparison.column("A", "fires out")
+    [0, 0]
+    """
+
+    plan: Plan
+    runs: tuple[Run, ...]
+
+    def column(self, value: Any, measure: str) -> list[float | None]:
+        """Return a measure in all runs with one value, by seed."""
+        return [run.results[measure] for run in self.runs if run.value == value]
+
+    @property
+    def measures(self) -> list[str]:
+        """The names of what was measured."""
+        return list(self.runs[0].results)
+
+    @property
+    def portraits(self) -> dict[Any, Portrait]:
+        """The final state under each value, with the first seed."""
+        return {run.value: run.portrait for run in self.runs if run.portrait is not None}
+
+    def table(self) -> str:
+        """Return the summary as text, at most 100 columns wide."""
+        return text_table(self)
+
+    def finding(self) -> str:
+        """Return in one sentence what was found."""
+        return finding(self)
+
+    def save(self, folder: str | os.PathLike[str]) -> list[Path]:
+        """Write the tables and pictures, each whole or not at all, and return their paths.
+
+        Raises
+        ------
+        InvalidValueError
+            If the folder cannot be written to.
+        """
+        home = check_writable(folder)
+        contents: dict[str, str | bytes] = {
+            "runs.csv": runs_csv(self),
+            "summary.csv": summary_csv(summary_rows(self)),
+            "finding.txt": f"{self.table()}\n\n{self.finding()}\n",
+            **comparison_pictures(self),
+        }
+        return [write_whole(home / name, content) for name, content in contents.items()]
+
+
+def compare(
+    model_class: type,
+    *,
+    parameter: str | None = None,
+    values: Iterable | None = None,
+    seeds: int = 30,
+    steps: int | None = None,
+    settings: Mapping[str, Any] | None = None,
+    jobs: int = -1,
+    progress: bool = False,
+) -> Comparison:
+    """Run a model with several values of one parameter over the same seeds, and compare what comes of it.
+
+    The outcome does not depend on the number of jobs.
+
+    Parameters
+    ----------
+    model_class, parameter, values, seeds, steps, settings
+        See `checked_plan`.
+    jobs : int
+        Processes that work at the same time; -1 for one on each core.
+    progress : bool
+        Whether to show a bar with the time left and the time of day at which it is done.
+
+    Raises
+    ------
+    SwarmError
+        Before anything is run, if anything about it is wrong.
+
+    Examples
+    --------
+    >>> from mesa_swarm.experiments.gallery import find_model
+    >>> compare(find_model("collision_avoidance"), seeds=1, steps=5, jobs=1).runs[0].steps
+    5
+    """
+    workers = checked_jobs(jobs)
+    plan = checked_plan(model_class, parameter=parameter, values=values, seeds=seeds, steps=steps, settings=settings)
+    return run_plan(plan, workers, progress)
+
+
+def checked_jobs(jobs: int) -> int:
+    """Return how many processes will work: as many as there are cores for -1.
+
+    Examples
+    --------
+    >>> checked_jobs(2)
+    2
+    """
+    return cpu_count() if jobs == -1 else check_count("jobs", jobs, minimum=1, maximum=MOST_JOBS)
+
+
+def run_plan(plan: Plan, workers: int = 1, progress: bool = False) -> Comparison:
+    """Do all runs of a plan and return what came of them.
+
+    Examples
+    --------
+    >>> from mesa_swarm.experiments.gallery import find_model
+    >>> len(run_plan(checked_plan(find_model("fire_fighting"), seeds=1, steps=2)).runs)
+    2
+    """
+    tasks = plan.tasks
+    runs: list[Run | None] = [None] * len(tasks)
+    with progress_bar(len(tasks), "runs", progress) as bar:
+        bar.refresh()
+        for index, run in _finished(plan, tasks, min(workers, len(tasks))):
+            runs[index] = run
+            bar.update()
+    return Comparison(plan, tuple(runs))
+
+
+def _finished(plan: Plan, tasks: list[tuple[int, Any]], workers: int) -> Iterator[tuple[int, Run]]:
+    """Yield runs as they are done; joblib hands out quick ones in chunks."""
+    if workers == 1:
+        yield from (_numbered_run(plan, index, task) for index, task in enumerate(tasks))
+        return
+    parallel = Parallel(n_jobs=workers, return_as="generator_unordered")
+    try:
+        yield from parallel(delayed(_numbered_run)(plan, index, task) for index, task in enumerate(tasks))
+    except BaseException:
+        # Without this, workers would finish what nobody waits for any more.
+        get_reusable_executor().shutdown(wait=True, kill_workers=True)
+        raise
+
+
+def _numbered_run(plan: Plan, index: int, task: tuple[int, Any]) -> tuple[int, Run]:
+    return index, plan.run(*task)

@@ -1,0 +1,70 @@
+"""Results on disk: files appear whole or not at all, and folders are tried before the work begins."""
+
+import os
+import uuid
+from contextlib import suppress
+from pathlib import Path
+from tempfile import TemporaryFile
+
+from mesa_swarm.errors import InvalidValueError, shortened
+
+
+def check_writable(folder: str | os.PathLike[str]) -> Path:
+    """Return a folder in which files can be written, or say why they cannot; nothing stays behind.
+
+    Raises
+    ------
+    InvalidValueError
+        If it cannot be created or written to.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as home:
+    ...     folder = check_writable(Path(home) / "new")
+    ...     folder.name, folder.exists()
+    ('new', False)
+    """
+    path = Path(folder)
+    missing: list[Path] = []
+    try:
+        missing = [part for part in (path, *path.parents) if not part.exists()]
+        path.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=path):
+            return path
+    except (OSError, ValueError) as error:  # ValueError: a null byte in the name
+        reason = getattr(error, "strerror", None) or error
+        raise InvalidValueError(
+            f"results cannot be written to {shortened(str(path))}: {reason}; choose another folder"
+        ) from None
+    finally:
+        _remove_empty(missing)
+
+
+def write_whole(path: Path, content: str | bytes) -> Path:
+    """Write a file under another name in its folder, then rename it: readers see the old one or the new.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as home:
+    ...     write_whole(Path(home) / "a" / "b.txt", "all of it").read_text()
+    'all of it'
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draft = path.with_name(f".{uuid.uuid4().hex}.draft")
+    try:
+        draft.write_bytes(content.encode() if isinstance(content, str) else content)
+        os.replace(draft, path)
+    finally:
+        with suppress(OSError):  # else it would hide why writing failed
+            draft.unlink(missing_ok=True)
+    return path
+
+
+def _remove_empty(folders: list[Path]) -> None:
+    for folder in folders:
+        try:
+            folder.rmdir()
+        except (OSError, ValueError):
+            return

@@ -1,0 +1,60 @@
+"""The models that come with mesa_swarm, found by name."""
+
+import inspect
+from importlib import import_module
+from pkgutil import iter_modules
+
+from mesa_swarm.errors import check_choice
+
+PACKAGE = "mesa_swarm.models"
+
+
+def model_names() -> list[str]:
+    """Return the names of all models, sorted; none of them is imported for it.
+
+    Examples
+    --------
+    >>> "fire_fighting" in model_names()
+    True
+    """
+    modules = iter_modules(import_module(PACKAGE).__path__)
+    return sorted(module.name for module in modules if not module.name.startswith("_"))
+
+
+def find_model(name: str) -> type:
+    """Return the class of the model with this name: module and class are the same words.
+
+    Raises
+    ------
+    UnknownNameError
+        With the nearest name, if there is no such model.
+
+    Examples
+    --------
+    >>> find_model("fire_fighting").__name__
+    'FireFighting'
+    """
+    check_choice("model", name, model_names())
+    return getattr(import_module(f"{PACKAGE}.{name}"), class_name(name))
+
+
+def class_name(name: str) -> str:
+    """Return the name of the class in the module of this name.
+
+    Examples
+    --------
+    >>> class_name("fire_fighting")
+    'FireFighting'
+    """
+    return "".join(word.capitalize() for word in name.split("_"))
+
+
+def description(model_class: type) -> str:
+    """Return the first line of a model's docstring.
+
+    Examples
+    --------
+    >>> description(find_model("fire_fighting"))
+    'Robots that put out fires with strategy A or B.'
+    """
+    return (inspect.getdoc(model_class) or "").partition("\n")[0]

@@ -1,0 +1,203 @@
+"""A picture of the world: map, fires and robots to scale, drawn with matplotlib from arrays."""
+
+import io
+
+import matplotlib
+import numpy as np
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import EllipseCollection, LineCollection, PatchCollection, PathCollection
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Wedge
+from matplotlib.path import Path
+
+from mesa_swarm.experiments.portrait import Portrait, portrait_of
+from mesa_swarm.robots.sensors import mount_of
+from mesa_swarm.world.shapes import Shape
+
+# Okabe and Ito's colours, which people with any colour vision can tell apart.
+COOL, HOT, FRONT = "#0072b2", "#d55e00", "#f0e442"
+OBSTACLE, MARK, OUT, SECTOR, INK = "#a8a8a8", "#e2d3b0", "#ececec", "#56b4e9", "#222222"
+# Black to red; its lightness rises all the way, so that it can be read without seeing red.
+TEMPERATURE = LinearSegmentedColormap.from_list("temperature", ["#000000", "#7f0000", "#ff3b1f"])
+DOTS_PER_INCH = 200
+
+
+def draw_world(model, axes: Axes, sectors: bool = False) -> None:
+    """Draw the world as it is, everything to scale, y up.
+
+    Fires go from black to red with their temperature and are pale once they are out; the front half of a
+    robot is yellow, its back blue, or vermilion while it is too hot to fight.
+
+    Parameters
+    ----------
+    model : SwarmModel or Portrait
+    axes : matplotlib Axes
+    sectors : bool
+        Whether to show where the robots' proximity sensors look.
+
+    Examples
+    --------
+    >>> from mesa_swarm.model import SwarmModel
+    >>> axes = Figure().add_subplot()
+    >>> draw_world(SwarmModel(map="original", rng=1), axes)
+    >>> axes.get_xlim()
+    (0.0, 800.0)
+    """
+    portrait = model if isinstance(model, Portrait) else portrait_of(model)
+    _draw_ground(axes, portrait.bounds)
+    _draw_shapes(axes, [s for s in portrait.obstacles if not s.contact], MARK, 1, "marks")
+    _draw_shapes(axes, [s for s in portrait.obstacles if s.contact], OBSTACLE, 2, "obstacles")
+    _draw_fires(axes, portrait.fires)
+    if sectors:
+        _draw_sectors(axes, portrait)
+    _draw_robots(axes, portrait.robots)
+
+
+def _draw_ground(axes: Axes, bounds) -> None:
+    x_min, y_min, x_max, y_max = bounds
+    axes.set(xlim=(x_min, x_max), ylim=(y_min, y_max), aspect="equal", facecolor="white")
+    axes.set(xlabel="x (map units)", ylabel="y (map units)")
+
+
+def _draw_shapes(axes: Axes, shapes: list[Shape], colour: str, height: int, label: str) -> None:
+    if shapes:
+        paths = [_outline(shape) for shape in shapes]
+        axes.add_collection(PathCollection(paths, facecolors=colour, linewidths=0, zorder=height, label=label))
+
+
+def _outline(shape: Shape) -> Path:
+    """Return a shape as a path; its holes stay open."""
+    if shape.is_disc:
+        return Path.circle(shape.position, shape.radius)
+    rings = [shape.geometry.exterior, *shape.geometry.interiors]
+    # normal form turns holes the other way round than the outline, which leaves them unfilled
+    return Path.make_compound_path(*(Path(shapely.get_coordinates(ring), closed=True) for ring in rings))
+
+
+def _draw_fires(axes: Axes, fires: dict[str, np.ndarray]) -> None:
+    out = fires["out"]
+    colours = np.where(out[:, None], matplotlib.colors.to_rgba(OUT), TEMPERATURE(fires["temperature"]))
+    _discs(axes, fires["position"], fires["radius"], colours, 3, label="fires")
+    for i, (x, y) in enumerate(fires["position"]):
+        colour = "#555555" if out[i] else "white"
+        axes.text(x, y, str(i + 1), color=colour, size=7, ha="center", va="center", zorder=4, clip_on=True)
+
+
+def _discs(axes: Axes, centres, radii, colours, height: int, **more) -> None:
+    """Draw discs to scale; the collection's sizes are in the units of the axes."""
+    sizes = 2 * np.asarray(radii)
+    discs = EllipseCollection(sizes, sizes, np.zeros(len(sizes)), units="xy", offsets=centres, **more)
+    discs.set(offset_transform=axes.transData, facecolor=colours, edgecolor="#555555", linewidth=0.6, zorder=height)
+    axes.add_collection(discs)
+
+
+def _draw_robots(axes: Axes, robots: dict[str, np.ndarray]) -> None:
+    position, heading, radius = robots["position"], robots["heading"], robots["radius"]
+    if not len(position):
+        return
+    backs = np.where(robots["hot"], HOT, COOL)
+    _discs(axes, position, radius, backs, 5, label="robots")
+    degrees = np.degrees(heading)
+    fronts = [Wedge(p, 0.92 * r, d - 90, d + 90) for p, r, d in zip(position, radius, degrees, strict=True)]
+    axes.add_collection(PatchCollection(fronts, facecolors=FRONT, linewidths=0, zorder=6, label="fronts"))
+    tips = position + radius[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
+    lines = LineCollection(np.stack([position, tips], axis=1), colors=INK, linewidths=0.7, zorder=7)
+    axes.add_collection(lines)
+
+
+def _draw_sectors(axes: Axes, portrait: Portrait) -> None:
+    robots = portrait.robots
+    wedges = [
+        _sector(sensor, position, heading, radius)
+        for position, heading, radius, design in zip(
+            *map(robots.get, ("position", "heading", "radius", "design")), strict=True
+        )
+        for sensor in portrait.designs[design].proximity
+    ]
+    axes.add_collection(PatchCollection(wedges, facecolors=SECTOR, alpha=0.12, linewidths=0, zorder=4, label="sectors"))
+
+
+def _sector(sensor, position, heading: float, radius: float) -> Wedge:
+    x, y = mount_of(sensor, radius)
+    cos, sin = np.cos(heading), np.sin(heading)
+    centre = position[0] + cos * x - sin * y, position[1] + sin * x + cos * y
+    axis, half = np.degrees(heading) + sensor.bearing_degrees, sensor.field_of_view_degrees / 2
+    return Wedge(centre, sensor.range, axis - half, axis + half)
+
+
+def legend_of(portrait: Portrait) -> list:
+    """Return the entries of a legend for what a portrait shows, and nothing else.
+
+    Examples
+    --------
+    >>> from mesa_swarm.model import SwarmModel
+    >>> [entry.get_label() for entry in legend_of(portrait_of(SwarmModel(map="original", rng=1)))]
+    ['obstacle']
+    """
+    shown = [("obstacle", OBSTACLE, any(s.contact for s in portrait.obstacles))]
+    shown += [("ground mark", MARK, any(not s.contact for s in portrait.obstacles))]
+    entries = [Patch(color=colour, label=label) for label, colour, seen in shown if seen]
+    if len(portrait.robots["hot"]):
+        entries.append(_robot_entry("robot, its front yellow", COOL))
+    if portrait.robots["hot"].any():
+        entries.append(_robot_entry("robot too hot to fight", HOT))
+    if len(portrait.fires["out"]):
+        entries += [Patch(color=TEMPERATURE(t), label=f"fire, T = {t:g}") for t in (0.0, 0.5, 1.0)]
+        entries.append(Patch(facecolor=OUT, edgecolor="#555555", label="fire, out"))
+    return entries
+
+
+def _robot_entry(label: str, colour: str) -> Line2D:
+    style = {"marker": "o", "linestyle": "", "fillstyle": "left", "markersize": 8, "markeredgecolor": "#555555"}
+    return Line2D([], [], color=colour, markerfacecoloralt=FRONT, label=label, **style)
+
+
+def world_figure(portraits: dict[str, Portrait], sectors: bool = False) -> Figure:
+    """Return a figure of worlds side by side, by title, with one legend for all.
+
+    Examples
+    --------
+    >>> from mesa_swarm.model import SwarmModel
+    >>> len(world_figure({"start": portrait_of(SwarmModel(rng=1))}).axes)
+    1
+    """
+    columns = min(len(portraits), 3)
+    rows = -(-len(portraits) // columns)
+    tallest = max(
+        (y_max - y_min) / (x_max - x_min) for x_min, y_min, x_max, y_max in (p.bounds for p in portraits.values())
+    )
+    height = min(4.9 * tallest, 12.0) + 0.8
+    figure = Figure(figsize=(5.6 * columns, height * rows + 0.4), layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes, (title, portrait) in zip(grid, portraits.items(), strict=False):
+        draw_world(portrait, axes, sectors)
+        axes.set_title(title, fontsize=11)
+    for axes in grid[len(portraits) :]:
+        axes.set_axis_off()
+    entries = {entry.get_label(): entry for portrait in portraits.values() for entry in legend_of(portrait)}
+    figure.legend(
+        handles=list(entries.values()),
+        loc="outside lower center",
+        ncols=4 if columns > 1 else 3,
+        fontsize=8,
+        frameon=False,
+    )
+    return figure
+
+
+def png(figure: Figure) -> bytes:
+    """Return a figure as a PNG; the same figure gives the same bytes.
+
+    Examples
+    --------
+    >>> png(Figure(figsize=(1, 1)))[1:4]
+    b'PNG'
+    """
+    file = io.BytesIO()
+    FigureCanvasAgg(figure)
+    figure.savefig(file, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
+    return file.getvalue()

@@ -1,0 +1,171 @@
+"""What a comparison will do, checked before any of it is done."""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from mesa_swarm.errors import (
+    InvalidValueError,
+    UnknownNameError,
+    check_choice,
+    check_count,
+    shortened,
+    unknown_name,
+)
+from mesa_swarm.experiments.portrait import Portrait, portrait_of
+from mesa_swarm.parameters import Choice, parameters_of
+
+MOST_SEEDS = 100_000
+MOST_STEPS = 100_000_000
+MOST_VALUES = 100
+DEFAULT_STEPS = 3_000
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One run: with which value and seed, for how many steps, and what came of it.
+
+    Parameters
+    ----------
+    value
+        Of the parameter that is compared.
+    rng, steps : int
+        Its seed, and the steps that it took.
+    state_hash : str
+        Fingerprint of its final state.
+    results : dict of str to float or None
+        What the model's ``results`` returned; None means that it did not happen.
+    portrait : Portrait, optional
+        Of the final state; kept for the first seed only.
+    """
+
+    value: Any
+    rng: int
+    steps: int
+    state_hash: str
+    results: dict[str, float | None]
+    portrait: Portrait | None = field(default=None, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A model, a parameter, the values that are compared, and over how many seeds and steps.
+
+    Examples
+    --------
+    >>> from mesa_swarm.experiments.gallery import find_model
+    >>> plan = checked_plan(find_model("fire_fighting"), seeds=2)
+    >>> plan.parameter, plan.values, plan.tasks
+    ('strategy', ('A', 'B'), [(1, 'A'), (1, 'B'), (2, 'A'), (2, 'B')])
+    """
+
+    model_class: type
+    parameter: str
+    values: tuple
+    seeds: int
+    steps: int
+    settings: dict[str, Any]
+
+    @property
+    def tasks(self) -> list[tuple[int, Any]]:
+        """Seed and value of every run; every value meets the same seeds."""
+        return [(rng, value) for rng in range(1, self.seeds + 1) for value in self.values]
+
+    def built(self, rng: int, value: Any):
+        """Return the model of one run, before its first step."""
+        return self.model_class(**self.settings, **{self.parameter: value}, rng=rng)
+
+    def run(self, rng: int, value: Any) -> Run:
+        """Do one run."""
+        model = self.built(rng, value).run(self.steps)
+        portrait = portrait_of(model) if rng == 1 else None
+        return Run(value, rng, model.steps, model.state_hash(), model.results(), portrait)
+
+
+def checked_plan(
+    model_class: type,
+    *,
+    parameter: str | None = None,
+    values: Iterable | None = None,
+    seeds: int = 30,
+    steps: int | None = None,
+    settings: Mapping[str, Any] | None = None,
+) -> Plan:
+    """Return the plan of a comparison, after building the model once with every value.
+
+    Parameters
+    ----------
+    model_class : type
+        A SwarmModel with a method ``results``.
+    parameter, values
+        By default what the model's attribute ``compares`` says; the values of another parameter may be left
+        out if it has a `Choice`.
+    seeds : int
+        Each value is run with rng 1, 2, ... seeds; 1 to 100,000.
+    steps : int
+        By default what the model's attribute ``steps_to_compare`` says, else 3,000.
+    settings : mapping
+        Other parameters, the same in all runs.
+
+    Raises
+    ------
+    SwarmError
+        If anything about it is wrong.
+    """
+    settings = dict(settings or {})
+    default = getattr(model_class, "steps_to_compare", DEFAULT_STEPS)
+    plan = Plan(
+        model_class,
+        *_checked_values(model_class, parameter, values, settings),
+        check_count("seeds", seeds, minimum=1, maximum=MOST_SEEDS),
+        check_count("steps", default if steps is None else steps, minimum=1, maximum=MOST_STEPS),
+        settings,
+    )
+    for value in plan.values:
+        check_results(model_class, plan.built(1, value))
+    return plan
+
+
+def check_results(model_class: type, model) -> None:
+    """Refuse a model that does not say what came of it, in numbers.
+
+    Raises
+    ------
+    InvalidValueError
+    """
+    results = getattr(model, "results", None)
+    if results is None:
+        raise InvalidValueError(f"{model_class.__name__} has no method results(), which returns what is compared")
+    for name, number in results().items():
+        if number is not None and not math.isfinite(number):
+            raise InvalidValueError(f"result {name!r} is {number!r}; expected a finite number or None")
+
+
+def _checked_values(model_class: type, parameter: str | None, values: Iterable | None, settings: dict):
+    parameter, by_default = _checked_parameter(model_class, parameter)
+    for name in settings:
+        check_choice(f"parameter of {model_class.__name__}", name, parameters_of(model_class))
+    if parameter in settings:
+        raise InvalidValueError(f"{parameter} is set and compared at once; leave one out")
+    values = tuple(by_default if values is None else values)
+    if not 2 <= len(values) <= MOST_VALUES:
+        raise InvalidValueError(f"{len(values)} values of {parameter} are given; expected 2 to {MOST_VALUES}")
+    if any(value in values[:i] for i, value in enumerate(values)):
+        raise InvalidValueError(f"values of {parameter} are {shortened(values)}; expected different ones")
+    return parameter, values
+
+
+def _checked_parameter(model_class: type, name: str | None) -> tuple[str, tuple]:
+    """Return the parameter to compare and the values that it has by default."""
+    known = parameters_of(model_class)
+    declared, values = getattr(model_class, "compares", (None, ()))
+    name = declared if name is None else name
+    if name is None:
+        raise InvalidValueError(f"{model_class.__name__} does not say what to compare; give a parameter and values")
+    if name not in known:
+        raise UnknownNameError(unknown_name(f"parameter of {model_class.__name__}", name, known))
+    if name != declared:
+        control = known[name].control
+        values = control.options if isinstance(control, Choice) else ()
+    return name, values

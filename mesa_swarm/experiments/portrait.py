@@ -1,0 +1,77 @@
+"""Portraits: all that pictures show of a model, as plain arrays that travel between processes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mesa_swarm.robots.design import RobotDesign
+from mesa_swarm.world.map_parts import Bounds
+from mesa_swarm.world.shapes import Shape
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Portrait:
+    """The world at one moment, and what was recorded until then.
+
+    Parameters
+    ----------
+    steps : int
+    bounds : (x_min, y_min, x_max, y_max)
+    obstacles : tuple of Shape
+    designs : tuple of RobotDesign
+    robots : dict of ndarrays
+        position, heading, radius, design and hot, a row a robot.
+    fires : dict of ndarrays
+        position, radius, temperature and out, a row a fire.
+    history : dict of ndarrays
+        steps (k,), temperature and robots (k, f) of the fires; the last row is the present.
+    series : dict of ndarrays
+        What the DataCollector collected of the model in every step, by name; numbers only.
+    """
+
+    steps: int
+    bounds: Bounds
+    obstacles: tuple[Shape, ...]
+    designs: tuple[RobotDesign, ...]
+    robots: dict[str, np.ndarray]
+    fires: dict[str, np.ndarray]
+    history: dict[str, np.ndarray]
+    series: dict[str, np.ndarray]
+
+
+def portrait_of(model) -> Portrait:
+    """Return the portrait of a model as it is now.
+
+    Examples
+    --------
+    >>> from mesa_swarm.model import SwarmModel
+    >>> portrait_of(SwarmModel(map="openspace_fire", rng=1)).fires["out"].sum()
+    np.int64(0)
+    """
+    robots = ("position", "heading", "radius", "design", "hot")
+    fires = ("position", "radius", "temperature", "out")
+    return Portrait(
+        steps=model.steps,
+        bounds=model.map.bounds,
+        obstacles=tuple(obstacle.shape for obstacle in model.obstacles),
+        designs=model.swarm.designs,
+        robots={name: model.swarm.columns[name].copy() for name in robots},
+        fires={name: model.fires.columns[name].copy() for name in fires},
+        history=_history(model),
+        series=_series(model),
+    )
+
+
+def _history(model) -> dict[str, np.ndarray]:
+    """Return the fires' history with the present as its last row, which is else missing between two rows."""
+    fires, history = model.fires, model.fires.history
+    tables = {name: getattr(history, name) for name in ("steps", "temperature", "robots")}
+    if len(tables["steps"]) and tables["steps"][-1] < model.steps:
+        now = {"steps": model.steps, "temperature": fires.temperature, "robots": np.where(fires.out, -1, fires.robots)}
+        tables = {name: np.concatenate([table, [now[name]]]) for name, table in tables.items()}
+    return tables
+
+
+def _series(model) -> dict[str, np.ndarray]:
+    collected = {name: np.array(values) for name, values in model.datacollector.model_vars.items()}
+    return {name: values for name, values in collected.items() if values.dtype.kind in "biuf" and values.ndim == 1}

@@ -1,0 +1,64 @@
+"""A progress bar that shows the time left and the time of day at which the work will be done."""
+
+from datetime import datetime, timedelta
+
+from tqdm import tqdm
+
+STRIDE = 20
+LAYOUT = "{desc}{percentage:3.0f} % |{bar:30}| {n_fmt}/{total_fmt} {unit}, {remaining} left, {finishing}"
+
+
+class Progress(tqdm):
+    """tqdm with one more field, ``finishing``: when it will be done, by the wall clock."""
+
+    @property
+    def format_dict(self) -> dict:
+        """What the layout may show."""
+        shown = super().format_dict
+        rate = shown["rate"] or (self.n - self.initial) / max(shown["elapsed"], 1e-9)
+        shown["finishing"] = finishing_time(self.total - self.n, rate, datetime.now())
+        return shown
+
+
+def finishing_time(left: int, rate: float, now: datetime) -> str:
+    """Return in words when so much work is done at this rate a second.
+
+    Examples
+    --------
+    >>> finishing_time(60, 1.0, datetime(2025, 1, 31, 23, 58, 30))
+    'done at 23:59:30'
+    >>> finishing_time(3600, 0.5, datetime(2025, 1, 31, 23, 58, 30))
+    'done on 01 Feb at 01:58'
+    """
+    if rate <= 0 or left / rate > 1e9:
+        return "measuring"
+    done = now + timedelta(seconds=left / rate)
+    return f"done at {done:%H:%M:%S}" if done.date() == now.date() else f"done on {done:%d %b} at {done:%H:%M}"
+
+
+def progress_bar(total: int, unit: str, shown: bool) -> Progress:
+    """Return a bar for so many units of work; call its ``update``.
+
+    Examples
+    --------
+    >>> with progress_bar(10, "runs", shown=False) as bar:
+    ...     bar.update(10)
+    """
+    return Progress(total=total, unit=unit, disable=not shown, bar_format=LAYOUT, mininterval=0.2)
+
+
+def run_with_bar(model, steps: int, shown: bool):
+    """Run a model for so many steps, fewer if it stops, with a bar; return it.
+
+    Examples
+    --------
+    >>> from mesa_swarm.model import SwarmModel
+    >>> run_with_bar(SwarmModel(rng=1), 3, shown=False).steps
+    3
+    """
+    with progress_bar(steps, "steps", shown) as bar:
+        while steps > model.steps and model.running:
+            before = model.steps
+            model.run(min(STRIDE, steps - before))
+            bar.update(model.steps - before)
+    return model

@@ -1,0 +1,214 @@
+"""Tables of a comparison: as text for the terminal, as CSV for other programs."""
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from mesa_swarm.experiments.statistics import Interval, Summary, paired_difference, summarised
+
+WIDEST = 100
+GAP = "  "
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One measure under one value of the parameter.
+
+    Parameters
+    ----------
+    measure : str
+    value
+        Of the parameter.
+    summary : Summary
+    difference : Interval or None
+        Of the measure to that under the first value, over the `pairs` seeds in which both happened; None for
+        the first value itself.
+    pairs : int
+    """
+
+    measure: str
+    value: Any
+    summary: Summary
+    difference: Interval | None
+    pairs: int
+
+
+def summary_rows(comparison) -> list[Row]:
+    """Return a row for each measure and value, in order.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    """
+    values = comparison.plan.values
+    return [
+        _row(measure, value, comparison.column(values[0], measure), comparison.column(value, measure), i > 0)
+        for measure in comparison.measures
+        for i, value in enumerate(values)
+    ]
+
+
+def _row(measure: str, value: Any, base: Sequence, column: Sequence, compared: bool) -> Row:
+    difference, pairs = paired_difference(base, column) if compared else (None, 0)
+    return Row(measure, value, summarised(column), difference, pairs)
+
+
+def text_table(comparison) -> str:
+    """Return the summary as aligned text, at most 100 columns wide.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    """
+    plan, rows = comparison.plan, summary_rows(comparison)
+    some_missing = any(row.summary.happened < row.summary.runs for row in rows)
+    header = ["", plan.parameter, "in runs", "mean [95 %]", f"minus {plan.values[0]} [95 %]"]
+    cells = [header, *(_cells(row, row.value == plan.values[0]) for row in rows)]
+    columns = [0, 1, 2, 3, 4] if some_missing else [0, 1, 3, 4]
+    lines = fitting([[line[c] for c in columns] for line in cells])
+    title = (
+        f"{plan.model_class.__name__}: {plan.seeds} paired {'seed' if plan.seeds == 1 else 'seeds'}, "
+        f"at most {plan.steps:,} steps each"
+    )
+    return "\n".join([title, "", *lines, "", *_notes(rows, some_missing)])
+
+
+def _notes(rows: list[Row], some_missing: bool) -> list[str]:
+    notes = ["Means and differences on the same seeds: Student's t."]
+    if some_missing:
+        notes[0] = "in runs: in how many it happened, share by Wilson. Means: over those, Student's t."
+        notes.append("Differences: Student's t over the seeds in which it happened under both.")
+    if any(row.summary.runs < 2 for row in rows):
+        notes.append("One seed has no interval.")
+    return notes
+
+
+def _cells(row: Row, first: bool) -> list[str]:
+    summary = row.summary
+    share = f"{summary.happened}/{summary.runs} [{percent(summary.share)}]"
+    difference = "" if row.difference is None else in_words(row.difference, signed=True)
+    return [
+        row.measure[:WIDEST] if first else "",
+        str(row.value)[:16],
+        share,
+        in_words(summary.mean),
+        difference,
+    ]
+
+
+def percent(share: Interval) -> str:
+    """Return the limits of a share.
+
+    Examples
+    --------
+    >>> percent(Interval(0.5, 0.31, 0.69))
+    '31-69 %'
+    """
+    return f"{100 * share.low:.0f}-{100 * share.high:.0f} %"
+
+
+def in_words(interval: Interval, signed: bool = False) -> str:
+    """Return an estimate with its limits, all with the digits that the interval's width deserves.
+
+    Examples
+    --------
+    >>> in_words(Interval(1234.56, 1200.1, 1269.0)), in_words(Interval(0.123, 0.05, 0.2), signed=True)
+    ('1,235 [1,200, 1,269]', '+0.123 [+0.050, +0.200]')
+    >>> in_words(Interval(7.0, math.nan, math.nan))
+    '7'
+    """
+    if math.isnan(interval.estimate):
+        return "-"
+    sign = "+" if signed else ""
+    digits = _digits(interval)
+    number, low, high = (f"{x + 0.0:{sign},.{digits}f}" for x in (interval.estimate, interval.low, interval.high))
+    return number if math.isnan(interval.low) else f"{number} [{low}, {high}]"
+
+
+def _digits(interval: Interval) -> int:
+    """Return how many decimals show two digits of the half width, or three of a number without one."""
+    half = (interval.high - interval.low) / 2
+    if math.isnan(half) and interval.estimate == round(interval.estimate):
+        return 0
+    size, kept = (abs(interval.estimate), 2) if math.isnan(half) or half == 0 else (half, 1)
+    if size == 0:
+        return 0
+    return min(max(kept - math.floor(math.log10(size)), 0), 6)
+
+
+def aligned(table: list[list[str]]) -> list[str]:
+    """Return rows of cells as lines with straight columns, a rule below the first.
+
+    Examples
+    --------
+    >>> aligned([["a", "b"], ["long", "1"]])
+    ['a     b', '-------', 'long  1']
+    """
+    widths = [max(len(row[c]) for row in table) for c in range(len(table[0]))]
+    lines = [GAP.join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in table]
+    return [lines[0], "-" * (sum(widths) + len(GAP) * (len(widths) - 1)), *lines[1:]]
+
+
+def fitting(table: list[list[str]]) -> list[str]:
+    """Return aligned rows; if they are too wide, the first cells go on lines of their own.
+
+    Examples
+    --------
+    >>> fitting([["", "b"], ["c" * 99, "1"]])[2:]
+    ['ccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccc', '   1']
+    """
+    lines = aligned(table)
+    if len(lines[1]) <= WIDEST:
+        return lines
+    header, rule, *rest = aligned([["", *row[1:]] for row in table])
+    above = [([row[0]] if row[0] else []) for row in table[1:]]
+    return [header, rule, *(line for name, row in zip(above, rest, strict=True) for line in (*name, f" {row}"))]
+
+
+def runs_csv(comparison) -> str:
+    """Return one line a run: value, seed, steps, state hash and every measure, empty where it did not happen.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    """
+    header = [comparison.plan.parameter, "rng", "steps", "state_hash", *comparison.measures]
+    runs = ([run.value, run.rng, run.steps, run.state_hash, *run.results.values()] for run in comparison.runs)
+    return csv_text([header, *runs])
+
+
+def summary_csv(rows: list[Row]) -> str:
+    """Return one line a measure and value, with all limits."""
+    header = ["measure", "value", "runs", "happened", "share", "share_low", "share_high"]
+    header += ["mean", "mean_low", "mean_high", "pairs", "difference", "difference_low", "difference_high"]
+    return csv_text([header, *map(_numbers, rows)])
+
+
+def _numbers(row: Row) -> list:
+    summary = row.summary
+    limits = [_blank(x) for interval in (summary.share, summary.mean, row.difference) for x in _triple(interval)]
+    return [row.measure, row.value, summary.runs, summary.happened, *limits[:6], row.pairs, *limits[6:]]
+
+
+def _triple(interval: Interval | None) -> tuple:
+    return (None,) * 3 if interval is None else (interval.estimate, interval.low, interval.high)
+
+
+def _blank(number: float | None) -> float | None:
+    return None if number is None or math.isnan(number) else number
+
+
+def csv_text(lines: Iterable[Sequence]) -> str:
+    """Return rows as CSV; None is an empty field.
+
+    Examples
+    --------
+    >>> csv_text([["a", None], [1, "b,c"]]).splitlines()
+    ['a,', '1,"b,c"']
+    """
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(lines)
+    return text.getvalue()

@@ -1,0 +1,104 @@
+"""One step of all fires and of the heat in all robots (appendix B of the thesis, corrected)."""
+
+import math
+
+from mesa_swarm.geometry.compiled import compiled
+
+NO_FIRE = -1
+
+
+@compiled
+def burn(
+    position, radius, fires, area, constants, extinguish_range, step,
+    fire_temperature, out, out_step, fighters, temperature, heat, hot, fire,
+):  # fmt: skip
+    """Count who fights what, then change every temperature once.
+
+    Parameters
+    ----------
+    position, radius : ndarrays
+        Of the robots.
+    fires : ndarray, shape (f, 3)
+        x, y, radius.
+    area : ndarray, shape (f,)
+    constants : tuple
+        k1, k2, k3, k4, leave, join.
+    extinguish_range : float
+        A robot's body within this distance of a fire's edge can fight it and takes its heat.
+    step : int
+    fire_temperature, out, out_step, fighters : ndarrays, shape (f,), written
+        The fires' temperatures; which are out, and since when; robots at each.
+    temperature, heat, hot, fire : ndarrays, shape (n,), written
+        The robots' temperatures, the heat that each took, who is too hot, and who fights what.
+
+    Returns
+    -------
+    bool
+        Whether a fire went out.
+    """
+    fighters[:] = 0
+    for i in range(position.shape[0]):
+        near = nearest_fire(position[i, 0], position[i, 1], radius[i], fires, out, extinguish_range)
+        warm_up(i, near, fire_temperature, area, constants, temperature, heat)
+        fire[i] = near if near != NO_FIRE and not hot[i] else NO_FIRE
+        if fire[i] != NO_FIRE:
+            fighters[near] += 1
+        hot[i] = is_hot(temperature[i], hot[i], constants)
+    went_out = False
+    for f in range(fires.shape[0]):
+        if out[f]:
+            continue
+        fire_temperature[f] = next_temperature(fire_temperature[f], area[f], fighters[f], constants)
+        if fire_temperature[f] <= 0.0:
+            out[f] = True
+            out_step[f] = step
+            fighters[f] = 0
+            went_out = True
+    if went_out:
+        forget_what_is_out(fire, out)
+    return went_out
+
+
+@compiled
+def forget_what_is_out(fire, out):
+    """Let nobody fight a fire that is out."""
+    for i in range(fire.shape[0]):
+        if fire[i] != NO_FIRE and out[fire[i]]:
+            fire[i] = NO_FIRE
+
+
+@compiled
+def nearest_fire(x, y, radius, fires, out, extinguish_range):
+    """Return the burning fire whose edge is nearest, if the body is within range of it, else NO_FIRE."""
+    near, least = NO_FIRE, math.inf
+    for f in range(fires.shape[0]):
+        gap = math.hypot(x - fires[f, 0], y - fires[f, 1]) - fires[f, 2] - radius
+        if not out[f] and gap <= extinguish_range and gap < least:
+            near, least = f, gap
+    return near
+
+
+@compiled
+def warm_up(i, near, fire_temperature, area, constants, temperature, heat):
+    """Change the temperature of robot i: H <- max(H + k3 T A - k4, 0) (B.5)."""
+    heat[i] = constants[2] * fire_temperature[near] * area[near] if near != NO_FIRE else 0.0
+    temperature[i] = max(temperature[i] + heat[i] - constants[3], 0.0)
+
+
+@compiled
+def is_hot(temperature, was_hot, constants):
+    """Tell whether a robot is too hot to fight: from `leave` on, until it has cooled to `join`."""
+    return temperature >= constants[4] or (was_hot and temperature > constants[5])
+
+
+@compiled
+def next_temperature(temperature, area, robots, constants):
+    """Return a fire's next temperature: T + k1 (T + 1) - (k2 / A) n, within [0, 1] (B.3, corrected).
+
+    Examples
+    --------
+    >>> next_temperature(0.5, 1.0, 2, (0.001, 0.1, 0.0, 0.0, 1.0, 0.0))
+    0.3015
+    """
+    changed = temperature + constants[0] * (temperature + 1.0) - constants[1] / area * robots
+    return min(max(changed, 0.0), 1.0)

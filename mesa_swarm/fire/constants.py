@@ -1,0 +1,187 @@
+"""The constants of the fire model, and how to choose them from the properties that one wishes for."""
+
+import math
+import warnings
+from dataclasses import dataclass, field
+
+from mesa_swarm.errors import FireConstantsWarning, InvalidValueError, check_number
+
+LONGEST = 1e12
+
+
+@dataclass(frozen=True, slots=True)
+class FireConstants:
+    """The constants of fires and of the heat in robots (appendix B of the thesis).
+
+    Parameters
+    ----------
+    k1 : float
+        Growth: an unattended fire's temperature grows by k1 (T + 1) a step (B.2), above 0.
+    k2 : float
+        Extinguishing: each robot lowers it by k2 / A a step, above 0.
+    k3 : float
+        Heating: a robot at a fire takes k3 T A a step (B.5), at least 0.
+    k4 : float
+        Cooling: a robot loses k4 a step, at least 0.
+    leave : float
+        At this temperature a robot is too hot and leaves the fire (B.12), above 0.
+    join : float
+        At or below it, it may fight again (B.13), at least 0 and below `leave`.
+    remarks : tuple of str
+        What `design_constants` had to say about them.
+
+    Examples
+    --------
+    >>> FireConstants(k1=0.001, k2=0.02, k3=0.08, k4=0.25, leave=250, join=150).join
+    150
+    """
+
+    k1: float
+    k2: float
+    k3: float
+    k4: float
+    leave: float
+    join: float
+    remarks: tuple[str, ...] = field(default=(), compare=False)
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        check_number("k1", self.k1, above=0, maximum=1e6)
+        check_number("k2", self.k2, above=0, maximum=LONGEST)
+        check_number("k3", self.k3, minimum=0, maximum=1e6)
+        check_number("k4", self.k4, minimum=0, maximum=1e6)
+        check_number("leave", self.leave, above=0, maximum=LONGEST)
+        check_number("join", self.join, minimum=0, maximum=LONGEST)
+        if self.join >= self.leave:
+            raise InvalidValueError(
+                f"join is {self.join:g} and leave {self.leave:g}; expected join below leave, "
+                "or robots would leave and return in the same step"
+            )
+
+
+def design_constants(
+    *,
+    growth_time: float = 2000.0,
+    robots: float = 2.0,
+    extinguish_time: float = 1600.0,
+    initial_temperature: float = 1.0,
+    area: float = 16.0,
+    largest_area: float = 16.0,
+    balance_temperature: float = 0.6,
+    stay_time: float = 100.0,
+    rest_time: float = 60.0,
+) -> FireConstants:
+    """Return the constants that give fires and robots the properties wished for, with remarks in words.
+
+    Parameters
+    ----------
+    growth_time : float
+        Steps in which an unattended fire grows from temperature 0 to 1.
+    robots, extinguish_time : float
+        So many robots, there all the time, put out a fire of `area` and `initial_temperature` in this time.
+    initial_temperature : float
+        Above 0, at most 1.
+    area, largest_area : float
+        Of that fire, and of the largest fire in the world.
+    balance_temperature : float
+        At this temperature of the largest fire, heating and cooling of a robot balance; 0 < T < 1.
+    stay_time : float
+        Steps that a cold robot can stay at the largest fire at T = 1: the shortest stay there is.
+    rest_time : float
+        Steps that a robot rests before it may fight again.
+
+    Returns
+    -------
+    FireConstants
+        Its `remarks` say in words when one robot suffices, nobody can put the largest fire out, a robot must
+        cool down completely, or fires never heat a robot. Each remark about a wish that contradicts
+        another is also issued as a `FireConstantsWarning`.
+
+    Notes
+    -----
+    k1 = ln 2 / growth_time (B.6); k2 = (k1 A / n)(1 + T E / (E - 1)), E = exp(k1 extinguish_time) (B.9,
+    corrected); k3 = 1 / (A_max (1 - T_b)) (B.11); k4 = T_b A_max k3 (B.10); leave = stay_time (B.12);
+    join = max(leave - k4 rest_time, 0) (B.13).
+
+    Examples
+    --------
+    >>> constants = design_constants(robots=3, area=1, largest_area=1, extinguish_time=200)
+    >>> round(constants.k2, 7)
+    0.0020159
+    """
+    check_number("growth_time", growth_time, above=0, maximum=LONGEST)
+    check_number("robots", robots, above=0, maximum=1e9)
+    check_number("extinguish_time", extinguish_time, above=0, maximum=LONGEST)
+    check_number("initial_temperature", initial_temperature, above=0, maximum=1)
+    check_number("largest_area", largest_area, above=0, maximum=LONGEST)
+    check_number("area", area, above=0, maximum=largest_area)
+    check_number("balance_temperature", balance_temperature, above=0, maximum=0.999999)
+    check_number("stay_time", stay_time, above=0, maximum=LONGEST)
+    check_number("rest_time", rest_time, above=0, maximum=LONGEST)
+    k1 = math.log(2) / growth_time
+    # E / (E - 1), written so that it neither overflows for long times nor cancels for short ones.
+    share = -1.0 / math.expm1(-k1 * extinguish_time)
+    k2 = k1 * area / robots * (1.0 + initial_temperature * share)
+    k3 = 1.0 / (largest_area * (1.0 - balance_temperature))
+    k4 = balance_temperature * largest_area * k3
+    join = max(stay_time - k4 * rest_time, 0.0)
+    remarks = _remarks(k1, k2, k4, largest_area, balance_temperature, stay_time, rest_time, join)
+    return FireConstants(k1, k2, k3, k4, stay_time, join, remarks)
+
+
+def robots_needed(constants: FireConstants, area: float, temperature: float = 1.0) -> float:
+    """Return how many robots, there for ever, just keep a fire from growing: k1 A (T + 1) / k2.
+
+    Examples
+    --------
+    >>> round(robots_needed(design_constants(), area=16), 1)
+    1.2
+    """
+    return constants.k1 * area * (temperature + 1.0) / constants.k2
+
+
+def window(constants: FireConstants, area: float, robots: float) -> float:
+    """Return the temperature below which so many robots, there for ever, put out a fire of this area.
+
+    From n = k1 A (T + 1) / k2; at least 0 (nobody can), and above 1 where they always can. Fires that start
+    below it are put out by the first to come, whatever the strategy: that is the window for experiments.
+
+    Examples
+    --------
+    >>> window(design_constants(), area=16, robots=1) < 1
+    True
+    """
+    return max(constants.k2 * robots / (constants.k1 * area) - 1.0, 0.0)
+
+
+def _remarks(k1, k2, k4, largest_area, balance, stay, rest, join) -> tuple[str, ...]:
+    """Say in words what follows from the constants, and warn of what defeats their purpose."""
+    needed = 2.0 * k1 * largest_area / k2
+    # Hot, a robot rests until join; cold again, it can stay (leave - join) steps at least.
+    away = (stay - join) / k4
+    duty = (stay - join) / (stay - join + away)
+    warned = []
+    if needed <= duty:
+        warned.append(
+            f"one robot suffices for the largest fire at T = 1 (it takes {needed:.2f} robots, and one with its "
+            f"rests counts as {duty:.2f}); ask for more robots or a longer extinguish_time"
+        )
+    if needed > 1000:
+        warned.append(
+            f"the largest fire at T = 1 takes {needed:.0f} robots: nobody will put it out; "
+            "ask for a longer growth_time or a shorter extinguish_time"
+        )
+    if join == 0.0:
+        warned.append(
+            f"join is 0: a robot cools down completely, in {stay / k4:.0f} steps, less than the rest_time of "
+            f"{rest:.0f}; ask for a longer stay_time or a shorter rest_time"
+        )
+    for remark in warned:
+        warnings.warn(remark, FireConstantsWarning, stacklevel=3)
+    start = (k2 / (k1 * largest_area)) - 1.0
+    told = (
+        f"fires with area times temperature below {balance * largest_area:g} never heat a robot",
+        f"the largest fire at T = 1 takes {needed:.2f} robots for ever, or {needed / duty:.2f} with their rests",
+        f"below T = {max(start, 0.0):.2f} a single robot puts the largest fire out, whatever the strategy",
+    )
+    return (*warned, *told)

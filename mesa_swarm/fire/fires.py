@@ -1,0 +1,205 @@
+"""Fires as columns, as Mesa agents, and their history."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mesa_swarm.errors import InvalidValueError, RemovedRobotError, check_number
+from mesa_swarm.world.arena import ArenaAgent
+
+COLUMNS = {
+    "position": ((2,), np.float64),
+    "radius": ((), np.float64),
+    "area": ((), np.float64),
+    "temperature": ((), np.float64),
+    "out": ((), np.bool_),
+    "out_step": ((), np.int64),
+    "robots": ((), np.int64),
+}
+NEVER = -1
+
+
+class Fires:
+    """All fires of a model as columns, in the order in which they were added.
+
+    Columns are read-only; change a fire by its handle, ``model.fires[1].temperature = 0.5``.
+
+    Attributes
+    ----------
+    position : ndarray, shape (f, 2)
+    radius, area, temperature : ndarrays, shape (f,)
+        Temperature is in [0, 1].
+    out : bool ndarray, shape (f,)
+        Out for ever.
+    out_step : int64 ndarray, shape (f,)
+        The step in which it went out, -1 while it burns.
+    robots : int64 ndarray, shape (f,)
+        How many fight it now.
+    history : History
+
+    Examples
+    --------
+    >>> len(Fires())
+    0
+    """
+
+    def __init__(self, history_every: int = 1) -> None:
+        self.agents: list[Fire] = []
+        self.columns = {name: np.zeros((0, *shape), dtype) for name, (shape, dtype) in COLUMNS.items()}
+        self.history = History(history_every)
+        self._publish()
+
+    def __len__(self) -> int:
+        """How many fires there are, those that are out included."""
+        return len(self.agents)
+
+    def __getitem__(self, index: int) -> "Fire":
+        """Return the handle of one fire."""
+        return self.agents[index]
+
+    def __iter__(self) -> Iterator["Fire"]:
+        """Iterate over the handles."""
+        return iter(self.agents)
+
+    @property
+    def discs(self) -> np.ndarray:
+        """x, y and radius, shape (f, 3)."""
+        return np.column_stack([self.columns["position"], self.columns["radius"]])
+
+    def add(self, position, radius: float, area: float, temperature: float) -> int:
+        """Append a fire and return its index."""
+        values = {
+            "position": position,
+            "radius": radius,
+            "area": area,
+            "temperature": temperature,
+            "out": temperature <= 0,
+            "out_step": 0 if temperature <= 0 else NEVER,
+            "robots": 0,
+        }
+        for name, (_, dtype) in COLUMNS.items():
+            self.columns[name] = np.concatenate([self.columns[name], np.array([values[name]], dtype)])
+        self._publish()
+        return len(self.columns["radius"]) - 1
+
+    def remove(self, index: int) -> None:
+        """Drop a fire; the handles of the others are told their new indices."""
+        del self.agents[index]
+        for row, fire in enumerate(self.agents):
+            fire.row = row
+        self.columns = {name: np.delete(column, index, axis=0) for name, column in self.columns.items()}
+        self._publish()
+
+    def _publish(self) -> None:
+        for name, column in self.columns.items():
+            view = column.view()
+            view.flags.writeable = False
+            setattr(self, name, view)
+
+
+class Fire(ArenaAgent):
+    """One fire: a handle on a row of `Fires`. Created by `SwarmModel.add_fire`."""
+
+    def __init__(self, space, model, fires: Fires, row: int) -> None:
+        self.fires = fires
+        self.row = row
+        super().__init__(space, model)
+
+    @property
+    def position(self) -> np.ndarray:
+        """Centre, shape (2,)."""
+        return self._read("position").copy()
+
+    @position.setter
+    def position(self, value) -> None:
+        raise InvalidValueError("fires do not move; remove this one and add another")
+
+    @property
+    def radius(self) -> float:
+        """Radius of its body, map units."""
+        return float(self._read("radius"))
+
+    @property
+    def area(self) -> float:
+        """How much fire it is: robots lower its temperature by k2 / area each."""
+        return float(self._read("area"))
+
+    @property
+    def temperature(self) -> float:
+        """Its temperature in [0, 1]; 0 once it is out."""
+        return float(self._read("temperature"))
+
+    @temperature.setter
+    def temperature(self, value: float) -> None:
+        checked = check_number("temperature", value, above=0, maximum=1)
+        if self.out:
+            raise InvalidValueError("this fire is out, for ever; add another")
+        self.fires.columns["temperature"][self.row] = checked
+
+    @property
+    def out(self) -> bool:
+        """Whether it is out."""
+        return bool(self._read("out"))
+
+    @property
+    def robots(self) -> int:
+        """How many robots fight it now."""
+        return int(self._read("robots"))
+
+    def remove(self) -> None:
+        """Take the fire out of the world, between two steps."""
+        row, model = self._alive(), self.model
+        super().remove()
+        self.fires.remove(row)
+        self.row = -1
+        model.fires_changed()
+
+    def _alive(self) -> int:
+        if self.row < 0:
+            raise RemovedRobotError("this fire has been removed; take one from model.fires")
+        return self.row
+
+    def _read(self, name: str):
+        return self.fires.columns[name][self._alive()]
+
+
+class History:
+    """Temperature of every fire and robots at it, kept every so many steps.
+
+    Parameters
+    ----------
+    every : int
+        Steps between two rows; 0 keeps nothing.
+    """
+
+    def __init__(self, every: int) -> None:
+        self.every = every
+        self._steps: list[int] = []
+        self._rows: list[np.ndarray] = []
+
+    def append(self, step: int, temperature: np.ndarray, robots: np.ndarray, out: np.ndarray) -> None:
+        """Keep one row; a fire that is out counts -1 robots."""
+        self._steps.append(step)
+        self._rows.append(np.array([temperature, np.where(out, -1, robots)]))
+
+    @property
+    def steps(self) -> np.ndarray:
+        """The steps of the rows, shape (k,)."""
+        return np.array(self._steps, np.int64)
+
+    @property
+    def temperature(self) -> np.ndarray:
+        """Temperatures, shape (k, f)."""
+        return self._table(0)
+
+    @property
+    def robots(self) -> np.ndarray:
+        """Robots at each fire, -1 once it is out, shape (k, f)."""
+        return self._table(1).astype(np.int64)
+
+    def _table(self, which: int) -> np.ndarray:
+        width = max((row.shape[1] for row in self._rows), default=0)
+        table = np.full((len(self._rows), width), np.nan if which == 0 else -1.0)
+        for k, row in enumerate(self._rows):
+            table[k, : row.shape[1]] = row[which]
+        return table

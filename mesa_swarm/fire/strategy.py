@@ -1,0 +1,117 @@
+"""The layer that fights fires, with the thesis's strategies A and B (PHYSICS 7)."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mesa_swarm.errors import check_choice, check_number
+from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.robots.swarm import Swarm
+from mesa_swarm.world.statics import FIRE
+
+STRATEGIES = ("A", "B")
+
+
+@dataclass(frozen=True, kw_only=True)
+class FightFire:
+    """Go to a fire that is seen, stay while extinguishing it, and leave when too hot.
+
+    Strategy A: a robot that is too hot ignores fires until it is cool; the layers below make it explore, and
+    `Avoid(fires="when hot")` above turns it away. Strategy B: it backs off until it takes no more
+    heat, waits there, facing the same fire, and returns when it is cool; put `Avoid(fires="never")` above.
+
+    Active while a burning fire is seen or being extinguished and, under A, the robot is not too hot.
+
+    Parameters
+    ----------
+    strategy : str
+        "A" or "B".
+    critical_angle_degrees : float
+        A fire seen farther than this from straight ahead is turned to on the spot, 0 to 180.
+
+    Examples
+    --------
+    >>> FightFire(strategy="A").name
+    'FightFire'
+    """
+
+    strategy: str = "B"
+    critical_angle_degrees: float = 10.0
+    name: str = "FightFire"
+
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        check_choice("strategy", self.strategy, STRATEGIES)
+        check_number("critical_angle_degrees", self.critical_angle_degrees, minimum=0, maximum=180)
+
+    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
+        """Remember nothing: the wheels and the heat are enough."""
+
+    def decide(self, senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
+        """Drive the robots that see, fight, or wait for a fire."""
+        fight(
+            senses.distance,
+            senses.kind,
+            senses.heat,
+            senses.hot,
+            senses.fire,
+            senses.max_speed,
+            senses.radius,
+            senses.design,
+            senses.bearing,
+            self.strategy == "B",
+            math.radians(self.critical_angle_degrees),
+            command,
+            layer,
+            index,
+        )
+
+
+@compiled
+def fight(
+    distance, kind, heat, hot, fire, max_speed, radius, design, bearing, returns, critical_angle,
+    command, layer, index,
+):  # fmt: skip
+    """Write the commands of robots that no earlier layer drives; `returns` is strategy B."""
+    for i in range(layer.shape[0]):
+        if layer[i] >= 0 or (hot[i] and not returns):
+            continue
+        seen = nearest_seen(distance[i], kind[i])
+        if fire[i] < 0 and seen < 0 and not (hot[i] and heat[i] > 0.0):
+            continue
+        layer[i] = index
+        speed = max_speed[i]
+        if hot[i]:
+            backward = -speed if heat[i] > 0.0 else 0.0
+            command[i, 0], command[i, 1] = backward, backward
+        elif fire[i] >= 0:
+            command[i, 0], command[i, 1] = 0.0, 0.0
+        else:
+            towards = bearing[design[i], seen]
+            command[i, 0], command[i, 1] = approach(towards, critical_angle, speed, radius[i])
+
+
+@compiled
+def nearest_seen(distance, kind):
+    """Return the proximity sensor that sees the nearest burning fire, -1 if none does."""
+    nearest = -1
+    for s in range(distance.shape[0]):
+        if kind[s] == FIRE and (nearest < 0 or distance[s] < distance[nearest]):
+            nearest = s
+    return nearest
+
+
+@compiled
+def approach(bearing, critical_angle, speed, radius):
+    """Return wheel speeds that turn on the spot towards a bearing, or go straight if it is ahead.
+
+    Examples
+    --------
+    >>> approach(0.0, 0.2, 1.0, 5.0)
+    (1.0, 1.0)
+    """
+    if abs(bearing) <= critical_angle:
+        return speed, speed
+    rim = min(abs(bearing) * radius, speed)
+    return (-rim, rim) if bearing > 0.0 else (rim, -rim)

@@ -1,0 +1,1 @@
+"""Distances, sectors, overlaps and neighbour grids: numbers in, numbers out."""

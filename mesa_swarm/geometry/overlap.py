@@ -1,0 +1,100 @@
+"""Do two bodies overlap, and where do they touch: discs, segments, polygons. Touching is not overlap."""
+
+import math
+
+import numpy as np
+
+from mesa_swarm.geometry.compiled import compiled
+
+
+@compiled
+def wrapped(angle: float) -> float:
+    """Return an angle in [-pi, pi).
+
+    Examples
+    --------
+    >>> wrapped(math.pi)
+    -3.141592653589793
+    """
+    if -math.pi <= angle < math.pi:
+        return angle
+    turned = angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
+    return turned if turned < math.pi else -math.pi
+
+
+@compiled
+def discs_overlap(ax: float, ay: float, a_radius: float, bx: float, by: float, b_radius: float) -> bool:
+    """Tell whether two discs overlap: |a - b| < r_a + r_b (A.6).
+
+    Examples
+    --------
+    >>> discs_overlap(0.0, 0.0, 5.0, 10.0, 0.0, 5.0)
+    False
+    """
+    return math.sqrt((ax - bx) ** 2 + (ay - by) ** 2) < a_radius + b_radius
+
+
+@compiled
+def nearest_on_segment(
+    x: float, y: float, ax: float, ay: float, bx: float, by: float
+) -> tuple[float, float, bool]:
+    """Return the point of the segment a-b nearest to (x, y), and whether it is none of its end points.
+
+    Examples
+    --------
+    >>> nearest_on_segment(3.0, 4.0, 0.0, 0.0, 10.0, 0.0)
+    (3.0, 0.0, True)
+    """
+    dx, dy = bx - ax, by - ay
+    along = (x - ax) * dx + (y - ay) * dy
+    length = dx * dx + dy * dy
+    if along <= 0.0 or length == 0.0:
+        return ax, ay, False
+    if along >= length:
+        return bx, by, False
+    share = along / length
+    return ax + share * dx, ay + share * dy, True
+
+
+@compiled
+def in_polygon(x: float, y: float, edges: np.ndarray, first: int, last: int) -> bool:
+    """Tell whether (x, y) is inside the polygon whose rings' edges are rows first..last-1 (even-odd rule).
+
+    Parameters
+    ----------
+    edges : ndarray, shape (m, 4)
+        ax, ay, bx, by; any order, holes included.
+
+    Examples
+    --------
+    >>> square = np.array([[0.0, 0, 4, 0], [4, 0, 4, 4], [4, 4, 0, 4], [0, 4, 0, 0]])
+    >>> in_polygon(1.0, 1.0, square, 0, 4)
+    True
+    """
+    inside = False
+    for e in range(first, last):
+        ay, by = edges[e, 1], edges[e, 3]
+        if (ay > y) != (by > y):
+            ax, bx = edges[e, 0], edges[e, 2]
+            if x < ax + (y - ay) / (by - ay) * (bx - ax):
+                inside = not inside
+    return inside
+
+
+@compiled
+def disc_overlaps_polygon(
+    x: float, y: float, radius: float, edges: np.ndarray, first: int, last: int
+) -> bool:
+    """Tell whether a disc overlaps a polygon: its centre is inside or nearer than its radius to an edge.
+
+    Examples
+    --------
+    >>> square = np.array([[0.0, 0, 4, 0], [4, 0, 4, 4], [4, 4, 0, 4], [0, 4, 0, 0]])
+    >>> disc_overlaps_polygon(6.0, 2.0, 2.0, square, 0, 4)
+    False
+    """
+    for e in range(first, last):
+        px, py, _ = nearest_on_segment(x, y, edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3])
+        if math.sqrt((x - px) ** 2 + (y - py) ** 2) < radius:
+            return True
+    return in_polygon(x, y, edges, first, last)

@@ -1,0 +1,140 @@
+"""What a model says of its own parameters: ranges of sliders and choices, beside the parameters."""
+
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, get_type_hints
+
+from mesa_swarm.errors import (
+    InvalidValueError,
+    UnknownNameError,
+    check_choice,
+    check_number,
+    unknown_name,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Slider:
+    """The range in which a number is worth exploring.
+
+    Parameters
+    ----------
+    minimum, maximum : float
+    step : float
+        Of the slider; a whole number for whole numbers.
+    help : str
+        One line: what it is, with its unit.
+
+    Examples
+    --------
+    >>> Slider(1, 50, 1, "robots").maximum
+    50
+    """
+
+    minimum: float
+    maximum: float
+    step: float
+    help: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """The names that a parameter may have.
+
+    Examples
+    --------
+    >>> Choice(("A", "B"), "strategy").options
+    ('A', 'B')
+    """
+
+    options: tuple[str, ...]
+    help: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One keyword parameter of a model: its default, its type, and its Slider or Choice if it has one."""
+
+    name: str
+    default: Any
+    kind: type
+    control: Slider | Choice | None
+
+    @property
+    def help(self) -> str:
+        """What it is, in one line."""
+        return self.control.help if self.control else ""
+
+    def parse(self, text: str) -> Any:
+        """Return the value that a user typed, as the parameter's type.
+
+        Raises
+        ------
+        InvalidValueError, UnknownNameError
+            If the text is not such a value.
+        """
+        if isinstance(self.control, Choice):
+            return check_choice(self.name, text, self.control.options)
+        if self.kind is bool:
+            return check_choice(self.name, text.lower(), ("true", "false")) == "true"
+        if self.kind in (int, float):
+            return self._number(text)
+        return text
+
+    def _number(self, text: str) -> float:
+        try:
+            number = check_number(self.name, float(text))
+        except ValueError:
+            raise InvalidValueError(f"{self.name} is {text!r:.60}; expected a finite number") from None
+        if self.kind is not int:
+            return number
+        if number != int(number):
+            raise InvalidValueError(f"{self.name} is {text!r:.60}; expected a whole number")
+        return int(number)
+
+
+def parameters_of(model: Callable) -> dict[str, Parameter]:
+    """Return the parameters of a model by name, in order, `rng` left out.
+
+    Examples
+    --------
+    >>> from mesa_swarm.models.fire_fighting import FireFighting
+    >>> parameters_of(FireFighting)["strategy"].default
+    'B'
+    """
+    hints = get_type_hints(model.__init__, include_extras=True)
+    parameters = {}
+    for name, parameter in inspect.signature(model).parameters.items():
+        if name == "rng" or parameter.kind is not parameter.KEYWORD_ONLY:
+            continue
+        hint = hints.get(name, type(parameter.default))
+        kind, extras = getattr(hint, "__origin__", hint), getattr(hint, "__metadata__", ())
+        control = next((extra for extra in extras if isinstance(extra, (Slider, Choice))), None)
+        parameters[name] = Parameter(name, parameter.default, kind, control)
+    return parameters
+
+
+def parsed_settings(model: Callable, settings: list[str]) -> dict[str, Any]:
+    """Return what ``name=value`` texts set, checked against the model's parameters.
+
+    Raises
+    ------
+    InvalidValueError, UnknownNameError
+
+    Examples
+    --------
+    >>> from mesa_swarm.models.fire_fighting import FireFighting
+    >>> parsed_settings(FireFighting, ["n_robots=5", "strategy=A"])
+    {'n_robots': 5, 'strategy': 'A'}
+    """
+    known = parameters_of(model)
+    values = {}
+    for setting in settings:
+        name, equals, text = setting.partition("=")
+        if not equals:
+            raise InvalidValueError(f"setting {setting!r:.60} has no =; expected name=value, such as n_robots=5")
+        if name not in known:
+            raise UnknownNameError(unknown_name(f"parameter of {model.__name__}", name, known))
+        values[name] = known[name].parse(text)
+    return values

@@ -1,0 +1,407 @@
+"""Contact: after every step nobody overlaps anything (PHYSICS 4).
+
+A step is cut into pieces of at most half a radius. After each, robots that overlap are pushed apart, half the
+overlap each, all at once (so that order is nothing), then out of what stands still, deepest first. Where
+that has not settled after `MOST_SWEEPS` rounds (a narrow wedge, a jam), whatever still overlaps returns to
+where it was before the piece, and so does whatever that one then touches, until nothing does.
+"""
+
+import math
+
+import numpy as np
+
+from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.geometry.grid import cell_index, sort_into_cells
+from mesa_swarm.geometry.overlap import nearest_on_segment, wrapped
+from mesa_swarm.physics.motion import advance, count_pieces
+from mesa_swarm.world.statics import BORDER, OBSTACLE, ROBOT
+
+# Overlaps below this share of the radius are rounding. A tenth of what is promised.
+SLOP = 1e-7
+MOST_SWEEPS = 64
+MOST_PUSHES = 12
+# Pairs nearer than this share of the least radius are watched while pushing.
+MARGIN = 0.5
+# Directions of coincident centres: far apart for neighbouring ids.
+GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
+
+
+@compiled
+def travel(
+    position,
+    heading,
+    motion,
+    radius,
+    number,
+    turn_angle,
+    grid,
+    statics,
+    collided,
+    contact_kind,
+    contact_index,
+    contact_normal,
+    contact_depth,
+    extra_turn,
+):
+    """Move all robots through one step and resolve every contact.
+
+    Parameters
+    ----------
+    position, heading : ndarrays, changed
+    motion : ndarray, shape (n, 3)
+        What the wheels ask for.
+    radius, number : ndarrays, shape (n,)
+        Of the bodies; and their ids, which tell coincident centres where to go.
+    turn_angle : float
+        A robot whose travel is farther than this (rad) from a flat face's normal is turned along the face.
+    grid : tuple
+        `Grid.numbers` with cells at least 2 r + margin wide.
+    statics : tuple
+        edges, discs, owner, body, bounds, grid numbers, touched_start, touched_items.
+    collided, contact_kind, contact_index, contact_normal, contact_depth : ndarrays, written
+        The deepest contact of each robot in this step.
+    extra_turn : ndarray, shape (n,), written
+        How far faces turned each robot.
+
+    Returns
+    -------
+    int
+        How many robots collided.
+    """
+    n, count = position.shape[0], 0
+    collided[:] = False
+    contact_kind[:] = -1
+    contact_index[:] = -1
+    contact_normal[:] = 0.0
+    contact_depth[:] = 0.0
+    extra_turn[:] = 0.0
+    before = np.empty_like(position)
+    face = np.empty((n, 3))
+    pieces = count_pieces(motion, radius)
+    for _ in range(pieces):
+        before[:] = position
+        face[:] = 0.0
+        advance(position, heading, motion, pieces)
+        contacts = (contact_kind, contact_index, contact_normal, contact_depth, face)
+        settled = separate(position, radius, number, grid, statics, contacts, MOST_SWEEPS)
+        if not settled:
+            put_back(position, before, radius, grid, statics, contacts)
+        turn_along_faces(heading, motion, face, turn_angle, extra_turn)
+    for i in range(n):
+        collided[i] = contact_depth[i] > 0.0
+        count += collided[i]
+    return count
+
+
+@compiled
+def separate(position, radius, number, grid, statics, contacts, most_sweeps):
+    """Push until nothing overlaps, at most `most_sweeps` times, and return whether nothing does."""
+    n = position.shape[0]
+    margin = MARGIN * radius.min() if n else 0.0
+    freed, drift = push_all_from_statics(position, radius, statics, contacts)
+    free = True
+    pairs = near_pairs(position, radius, margin, grid)
+    push = np.zeros((n, 2))
+    # Only robots that were moved in the last sweep, and their neighbours, can overlap anything now.
+    awake = np.ones(n, np.bool_)
+    for _ in range(most_sweeps):
+        if not push_pairs(position, radius, number, pairs, awake, push, contacts):
+            return free and freed
+        far = apply_pushes(position, push, radius, pairs, awake)
+        free, pushed = push_awake_from_statics(position, radius, pairs, awake, statics, contacts)
+        drift += far + pushed
+        if 2.0 * drift > margin:
+            pairs = near_pairs(position, radius, margin, grid)
+            awake[:] = True
+            drift = 0.0
+    return False
+
+
+@compiled
+def push_all_from_statics(position, radius, statics, contacts):
+    """Move all robots out of what stands still; return whether that was possible, and the longest move."""
+    bounds, grid, start = statics[4], statics[5], statics[6]
+    left, below, per_unit, columns, rows = grid
+    free, longest = True, 0.0
+    for i in range(position.shape[0]):
+        x, y, r = position[i, 0], position[i, 1], radius[i]
+        cell = cell_index(x, left, per_unit, columns) + columns * cell_index(y, below, per_unit, rows)
+        # Most robots are near nothing; see to it that they cost nothing.
+        if start[cell] == start[cell + 1] and (
+            bounds[0] + r <= x <= bounds[2] - r and bounds[1] + r <= y <= bounds[3] - r
+        ):
+            continue
+        settled, pushed = push_from_statics(i, position, r, statics, contacts)
+        free = free and settled
+        longest = max(longest, pushed)
+    return free, longest
+
+
+@compiled
+def push_awake_from_statics(position, radius, pairs, awake, statics, contacts):
+    """Do the same for those robots only that are in a pair and were just moved."""
+    free, longest = True, 0.0
+    for k in range(pairs.shape[0]):
+        for side in range(2):
+            i = pairs[k, side]
+            if awake[i]:
+                settled, pushed = push_from_statics(i, position, radius[i], statics, contacts)
+                free = free and settled
+                longest = max(longest, pushed)
+    return free, longest
+
+
+@compiled
+def apply_pushes(position, push, radius, pairs, awake):
+    """Push all robots at once, each at most a quarter of its radius, and return how far the farthest went."""
+    longest = 0.0
+    for k in range(pairs.shape[0]):
+        awake[pairs[k, 0]] = False
+        awake[pairs[k, 1]] = False
+    for k in range(pairs.shape[0]):
+        for side in range(2):
+            i = pairs[k, side]
+            length = math.hypot(push[i, 0], push[i, 1])
+            if length > 0.0:
+                share = min(1.0, 0.25 * radius[i] / length)
+                position[i, 0] += share * push[i, 0]
+                position[i, 1] += share * push[i, 1]
+                longest = max(longest, share * length)
+                push[i, 0], push[i, 1] = 0.0, 0.0
+                awake[i] = True
+    return longest
+
+
+@compiled
+def near_pairs(position, radius, margin, grid):
+    """Return the pairs (i, j), i < j, of robots that overlap or come within `margin` of it."""
+    n = position.shape[0]
+    x, y, per_unit, columns, rows = grid
+    start = np.zeros(columns * rows + 1, np.int64)
+    order = np.empty(n, np.int64)
+    cell_of = np.empty(n, np.int64)
+    sort_into_cells(position, grid, start, order, cell_of)
+    pairs = np.empty((max(n, 16), 2), np.int64)
+    count = 0
+    largest = radius.max() if n else 0.0
+    for i in range(n):
+        far = radius[i] + largest + margin
+        first = cell_index(position[i, 0] - far, x, per_unit, columns)
+        last = cell_index(position[i, 0] + far, x, per_unit, columns)
+        lowest = cell_index(position[i, 1] - far, y, per_unit, rows)
+        highest = cell_index(position[i, 1] + far, y, per_unit, rows)
+        for r in range(lowest, highest + 1):
+            for k in range(start[first + columns * r], start[last + columns * r + 1]):
+                j = order[k]
+                if j <= i:
+                    continue
+                near = radius[i] + radius[j] + margin
+                dx, dy = position[j, 0] - position[i, 0], position[j, 1] - position[i, 1]
+                if dx * dx + dy * dy < near * near:
+                    if count == pairs.shape[0]:
+                        pairs = np.concatenate((pairs, np.empty_like(pairs)))
+                    pairs[count, 0] = i
+                    pairs[count, 1] = j
+                    count += 1
+    return pairs[:count]
+
+
+@compiled
+def push_pairs(position, radius, number, pairs, awake, push, contacts):
+    """Add to `push` how far robots push each other, half of each overlap (A.7); return whether any does."""
+    pushed = False
+    for k in range(pairs.shape[0]):
+        i, j = pairs[k, 0], pairs[k, 1]
+        if not (awake[i] or awake[j]):
+            continue
+        dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
+        distance = math.sqrt(dx * dx + dy * dy)
+        overlap = radius[i] + radius[j] - distance
+        if overlap <= SLOP * min(radius[i], radius[j]):
+            continue
+        if distance > 0.0:
+            nx, ny = dx / distance, dy / distance
+        else:
+            nx, ny = coincident_direction(number[i], number[j])
+        push[i, 0] += nx * overlap / 2.0
+        push[i, 1] += ny * overlap / 2.0
+        push[j, 0] -= nx * overlap / 2.0
+        push[j, 1] -= ny * overlap / 2.0
+        note_contact(i, ROBOT, j, nx, ny, overlap, contacts)
+        note_contact(j, ROBOT, i, -nx, -ny, overlap, contacts)
+        pushed = True
+    return pushed
+
+
+@compiled
+def coincident_direction(a, b):
+    """Return a unit vector that depends on two ids only, for robots whose centres coincide."""
+    azimuth = GOLDEN_ANGLE * (7919 * min(a, b) + max(a, b))
+    side = 1.0 if a < b else -1.0
+    return side * math.cos(azimuth), side * math.sin(azimuth)
+
+
+@compiled
+def note_contact(i, kind, index, nx, ny, depth, contacts):
+    """Keep the deepest contact of robot i in this step."""
+    contact_kind, contact_index, contact_normal, contact_depth, _ = contacts
+    if depth > contact_depth[i]:
+        contact_kind[i] = kind
+        contact_index[i] = index
+        contact_normal[i, 0] = nx
+        contact_normal[i, 1] = ny
+        contact_depth[i] = depth
+
+
+@compiled
+def push_from_statics(i, position, radius, statics, contacts):
+    """Move robot i out of what stands still; return whether it is out, and how far it was moved.
+
+    Deepest overlap first, because the face of a wall that lifts the robot frees it of the corner of the next
+    wall, flush with the first: it does not catch on the seam.
+    """
+    face = contacts[4]
+    far = 0.0
+    for _ in range(MOST_PUSHES):
+        depth, nx, ny, flat, item = deepest_static(position[i, 0], position[i, 1], radius, statics)
+        if depth <= SLOP * radius:
+            return True, far
+        position[i, 0] += nx * depth
+        position[i, 1] += ny * depth
+        far += depth
+        kind = OBSTACLE if item == BORDER else statics[3][item]
+        note_contact(i, kind, BORDER if item == BORDER else statics[2][item], nx, ny, depth, contacts)
+        if flat and depth > face[i, 2]:
+            face[i, 0], face[i, 1], face[i, 2] = nx, ny, depth
+    return False, far
+
+
+@compiled
+def deepest_static(x, y, radius, statics):
+    """Return depth, normal, flatness and item of the deepest overlap of a disc with what stands still."""
+    edges, discs, _, _, bounds, grid, start, items = statics
+    deepest, normal_x, normal_y, flat, found = _deepest_border(x, y, radius, bounds)
+    left, below, per_unit, columns, rows = grid
+    cell = cell_index(x, left, per_unit, columns) + columns * cell_index(y, below, per_unit, rows)
+    for k in range(start[cell], start[cell + 1]):
+        item = items[k]
+        if item < edges.shape[0]:
+            depth, nx, ny, face = edge_overlap(x, y, radius, edges, item)
+        else:
+            depth, nx, ny = disc_overlap(x, y, radius, discs, item - edges.shape[0])
+            face = False
+        if depth > deepest:
+            deepest, normal_x, normal_y, flat, found = depth, nx, ny, face, item
+    return deepest, normal_x, normal_y, flat, found
+
+
+@compiled
+def _deepest_border(x, y, radius, bounds):
+    """Return the deepest overlap of a disc with the outside of the map."""
+    west, south = radius - (x - bounds[0]), radius - (y - bounds[1])
+    east, north = radius - (bounds[2] - x), radius - (bounds[3] - y)
+    deepest = max(west, south, east, north)
+    if deepest <= 0.0:
+        return 0.0, 0.0, 0.0, False, BORDER
+    nx = 1.0 if deepest == west else (-1.0 if deepest == east else 0.0)
+    ny = 0.0 if nx != 0.0 else (1.0 if deepest == south else -1.0)
+    return deepest, nx, ny, True, BORDER
+
+
+@compiled
+def edge_overlap(x, y, radius, edges, e):
+    """Return depth, normal and flatness of the overlap of a disc with edge e, depth 0 if there is none."""
+    ax, ay, bx, by = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
+    if (
+        max(ax, bx) + radius <= x or min(ax, bx) - radius >= x
+        or max(ay, by) + radius <= y or min(ay, by) - radius >= y
+    ):  # fmt: skip
+        return 0.0, 0.0, 0.0, False
+    px, py, face = nearest_on_segment(x, y, ax, ay, bx, by)
+    dx, dy = x - px, y - py
+    gap = math.sqrt(dx * dx + dy * dy)
+    if gap >= radius:
+        return 0.0, 0.0, 0.0, False
+    if gap > 0.0:
+        return radius - gap, dx / gap, dy / gap, face
+    # Right on the edge: away from its solid side, which is on the left.
+    length = math.hypot(bx - ax, by - ay)
+    return radius, (by - ay) / length, (ax - bx) / length, face
+
+
+@compiled
+def disc_overlap(x, y, radius, discs, k):
+    """Return depth and normal of the overlap of a disc with standing disc k, depth 0 if there is none."""
+    dx, dy = x - discs[k, 0], y - discs[k, 1]
+    distance = math.sqrt(dx * dx + dy * dy)
+    depth = radius + discs[k, 2] - distance
+    if depth <= 0.0:
+        return 0.0, 0.0, 0.0
+    if distance > 0.0:
+        return depth, dx / distance, dy / distance
+    return depth, 1.0, 0.0
+
+
+@compiled
+def put_back(position, before, radius, grid, statics, contacts):
+    """Return to their last free place the robots that overlap, and those who then overlap them."""
+    n = position.shape[0]
+    back = np.zeros(n, np.bool_)
+    farthest = 0.0
+    for i in range(n):
+        dx, dy = position[i, 0] - before[i, 0], position[i, 1] - before[i, 1]
+        farthest = max(farthest, math.hypot(dx, dy))
+    # Whoever can overlap whom, wherever of the two places each of them ends.
+    pairs = near_pairs(position, radius, 2.0 * farthest, grid)
+    for i in range(n):
+        depth = deepest_static(position[i, 0], position[i, 1], radius[i], statics)[0]
+        if depth > SLOP * radius[i]:
+            _return(i, position, before, back)
+    returned = True
+    while returned:
+        returned = False
+        for k in range(pairs.shape[0]):
+            i, j = pairs[k, 0], pairs[k, 1]
+            if (back[i] and back[j]) or not _collide(i, j, position, radius, contacts):
+                continue
+            _return(i, position, before, back)
+            _return(j, position, before, back)
+            returned = True
+
+
+@compiled
+def _collide(i, j, position, radius, contacts):
+    """Note the contact of two robots that overlap, and return whether they do."""
+    dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
+    distance = math.sqrt(dx * dx + dy * dy)
+    overlap = radius[i] + radius[j] - distance
+    if overlap <= SLOP * min(radius[i], radius[j]):
+        return False
+    if distance > 0.0:
+        note_contact(i, ROBOT, j, dx / distance, dy / distance, overlap, contacts)
+        note_contact(j, ROBOT, i, -dx / distance, -dy / distance, overlap, contacts)
+    return True
+
+
+@compiled
+def _return(i, position, before, back):
+    """Put robot i where it was before this piece of the step."""
+    position[i, 0], position[i, 1] = before[i, 0], before[i, 1]
+    back[i] = True
+
+
+@compiled
+def turn_along_faces(heading, motion, face, turn_angle, extra_turn):
+    """Turn robots parallel to the flat face that they met at a grazing angle."""
+    for i in range(heading.shape[0]):
+        if face[i, 2] == 0.0 or motion[i, 0] == 0.0:
+            continue
+        sign = 1.0 if motion[i, 0] > 0.0 else -1.0
+        tx, ty = sign * math.cos(heading[i]), sign * math.sin(heading[i])
+        into = -(tx * face[i, 0] + ty * face[i, 1])
+        if into <= 0.0 or into >= math.cos(turn_angle):
+            continue
+        along_x, along_y = tx + into * face[i, 0], ty + into * face[i, 1]
+        turned = math.atan2(sign * along_y, sign * along_x)
+        extra_turn[i] += wrapped(turned - heading[i])
+        heading[i] = wrapped(turned)

@@ -1,0 +1,200 @@
+"""The compiled engine: what sensing and moving do to the swarm's columns."""
+
+from typing import Protocol
+
+import numpy as np
+
+from mesa_swarm.geometry.grid import Grid, sort_into_cells
+from mesa_swarm.physics.contact import MARGIN, travel
+from mesa_swarm.physics.motion import achieved_motion, slip_of
+from mesa_swarm.physics.scene import Scene
+from mesa_swarm.physics.sensing import (
+    err,
+    sense_inside,
+    sense_line,
+    sense_proximity,
+    sense_radiation,
+)
+from mesa_swarm.physics.settle import settle
+from mesa_swarm.robots.drive import slipped_wheels
+from mesa_swarm.robots.swarm import Swarm
+from mesa_swarm.robots.table import PERIOD
+
+FEWEST_CELLS = 64
+CELLS_PER_ROBOT = 4
+
+
+class Engine(Protocol):
+    """What computes sensing and contact: `CompiledEngine` or the Shapely twin."""
+
+    def sense(self, swarm: Swarm, scene: Scene, step: int, draws: np.ndarray | None) -> None:
+        """Write all readings; `draws` (n, s), uniform in [0, 1), decide the sensors' errors."""
+
+    def move(self, swarm: Swarm, scene: Scene, turn_angle: float, draws: np.ndarray | None) -> None:
+        """Move all robots by their commands and resolve contacts; `draws` (n, 2) decide the wheels' slip."""
+
+    def settle(self, swarm: Swarm, scene: Scene) -> None:
+        """Find room for robots that were put where there is none."""
+
+
+class CompiledEngine:
+    """Sensing and contact by compiled functions on a uniform grid."""
+
+    def __init__(self) -> None:
+        self._version = -1
+        self._scene: Scene | None = None
+
+    def sense(self, swarm: Swarm, scene: Scene, step: int, draws: np.ndarray | None) -> None:
+        """Write the columns distance, kind, radiation and line."""
+        self._prepare(swarm, scene)
+        columns, table = swarm.columns, swarm.table
+        position, heading, design = columns["position"], columns["heading"], columns["design"]
+        if columns["distance"].shape[1]:
+            self._sense_proximity(swarm, scene, step, draws)
+        if columns["radiation"].shape[1]:
+            fires, temperature = scene.fires, scene.temperature
+            sense_radiation(
+                position, heading, design, table.radiation, fires, temperature, columns["radiation"]
+            )
+        if columns["line"].shape[1]:
+            marks = scene.marks
+            sense_line(
+                position, heading, design, table.line, marks.edges, marks.rings, marks.discs, columns["line"]
+            )
+
+    def move(self, swarm: Swarm, scene: Scene, turn_angle: float, draws: np.ndarray | None) -> None:
+        """Write position, heading, slip and the contact columns."""
+        self._prepare(swarm, scene)
+        columns = swarm.columns
+        wheels = self._roll(swarm, draws)
+        before, heading_before = columns["position"].copy(), columns["heading"].copy()
+        collided = travel(
+            columns["position"],
+            columns["heading"],
+            self._motion,
+            columns["radius"],
+            columns["number"],
+            turn_angle,
+            self._grid.numbers,
+            self._statics,
+            columns["collided"],
+            columns["contact_kind"],
+            columns["contact_index"],
+            columns["contact_normal"],
+            columns["contact_depth"],
+            self._extra_turn,
+        )
+        if collided:
+            achieved_motion(
+                before, columns["position"], heading_before, self._extra_turn, columns["collided"], self._motion
+            )
+            wheels = self._achieved_wheels(swarm, wheels)
+        slip_of(columns["command"], wheels, columns["slip"])
+
+    def settle(self, swarm: Swarm, scene: Scene) -> None:
+        """Move robots that overlap anything to free room nearby."""
+        self._prepare(swarm, scene)
+        columns = swarm.columns
+        settle(
+            columns["position"],
+            columns["radius"],
+            columns["number"],
+            self._grid.numbers,
+            self._statics,
+            scene.statics.rings,
+        )
+
+    def _sense_proximity(self, swarm: Swarm, scene: Scene, step: int, draws: np.ndarray | None) -> None:
+        columns, table, statics = swarm.columns, swarm.table, scene.statics
+        position, heading, design = columns["position"], columns["heading"], columns["design"]
+        distance, kind = columns["distance"], columns["kind"]
+        held = (distance.copy(), kind.copy()) if table.slow else None
+        sort_into_cells(position, self._grid.numbers, self._start, self._order, self._cell_of)
+        sense_proximity(
+            position,
+            heading,
+            columns["radius"],
+            self._largest_radius,
+            design,
+            table.proximity,
+            table.counts,
+            table.reach,
+            self._grid.numbers,
+            self._start,
+            self._order,
+            statics.edges,
+            statics.discs,
+            statics.kind,
+            statics.grid.numbers,
+            statics.seen_start,
+            statics.seen_items,
+            distance,
+            kind,
+        )
+        if table.exposed or swarm.disturbed:
+            edges, rings = statics.edges, statics.rings
+            sense_inside(position, heading, design, table.proximity, table.counts, edges, rings, distance, kind)
+        if draws is not None:
+            err(distance, design, table.proximity, table.noise, draws, step, columns["error"])
+        if held is not None:
+            waits = step % np.maximum(table.noise[design, :, PERIOD], 1) != 0
+            distance[waits], kind[waits] = held[0][waits], held[1][waits]
+
+    def _roll(self, swarm: Swarm, draws: np.ndarray | None) -> np.ndarray:
+        """Return the wheel speeds that slip leaves, and write the motion that they ask for."""
+        columns = swarm.columns
+        wheels = columns["command"]
+        if draws is not None:
+            probability, magnitude = swarm.table.slip
+            wheels = np.empty_like(wheels)
+            slipped_wheels(columns["command"], probability, magnitude, columns["design"], draws, wheels)
+        for drive, rows in self._drives:
+            motion = self._motion[rows]
+            drive.motion(wheels[rows], columns["radius"][rows], motion)
+            self._motion[rows] = motion
+        return wheels
+
+    def _achieved_wheels(self, swarm: Swarm, wheels: np.ndarray) -> np.ndarray:
+        """Return the wheel speeds with those of robots that met something replaced by what they achieved."""
+        collided, achieved = swarm.collided, np.empty_like(wheels)
+        for drive, rows in self._drives:
+            speeds = achieved[rows]
+            drive.wheels(self._motion[rows], swarm.radius[rows], speeds)
+            achieved[rows] = speeds
+        return np.where(collided[:, None], achieved, wheels)
+
+    def _prepare(self, swarm: Swarm, scene: Scene) -> None:
+        """Make the grids and the scratch arrays anew when robots, designs or obstacles have changed."""
+        if self._version == swarm.version and self._scene is scene:
+            return
+        n = len(swarm)
+        radius = swarm.radius
+        self._largest_radius = float(radius.max(initial=0.0))
+        margin = MARGIN * float(radius.min(initial=self._largest_radius))
+        cell = max(2 * self._largest_radius + margin, 1e-9)
+        self._grid = Grid.over(scene.bounds, cell, FEWEST_CELLS + CELLS_PER_ROBOT * n)
+        self._start = np.zeros(self._grid.cells + 1, np.int64)
+        self._order, self._cell_of = np.zeros(n, np.int64), np.zeros(n, np.int64)
+        self._motion, self._extra_turn = np.zeros((n, 3)), np.zeros(n)
+        statics = scene.statics
+        self._statics = (
+            statics.edges,
+            statics.discs,
+            statics.owner,
+            statics.body,
+            statics.bounds,
+            statics.grid.numbers,
+            statics.touched_start,
+            statics.touched_items,
+        )
+        self._drives = _drives_by_rows(swarm)
+        self._version, self._scene = swarm.version, scene
+
+
+def _drives_by_rows(swarm: Swarm) -> list:
+    """Return each drive with the rows of the robots that have it; all rows as a slice, which copies nothing."""
+    drives = list(dict.fromkeys(design.drive for design in swarm.designs))
+    if len(drives) == 1:
+        return [(drives[0], slice(None))]
+    of_design = np.array([drives.index(design.drive) for design in swarm.designs], np.int64)
+    return [(drive, np.flatnonzero(of_design[swarm.design] == k)) for k, drive in enumerate(drives)]

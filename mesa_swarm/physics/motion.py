@@ -1,0 +1,94 @@
+"""Moving bodies along exact arcs, and the slip that the achieved motion reveals (PHYSICS 2)."""
+
+import math
+
+from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.geometry.overlap import wrapped
+
+# A motion may overlap at most this share of a radius before contact is resolved.
+LONGEST_PIECE = 0.5
+
+
+@compiled
+def count_pieces(motion, radius):
+    """Return into how many pieces the step is cut so that nobody moves more than half the least radius."""
+    longest, least = 0.0, math.inf
+    for i in range(motion.shape[0]):
+        longest = max(longest, math.hypot(motion[i, 0], motion[i, 1]))
+        least = min(least, radius[i])
+    return max(1, int(math.ceil(longest / (LONGEST_PIECE * least) - 1e-9))) if longest > 0.0 else 1
+
+
+@compiled
+def sinc(angle: float) -> float:
+    """Return sin(a) / a, the length of an arc's chord relative to the arc that turns by 2 a.
+
+    Examples
+    --------
+    >>> sinc(0.0)
+    1.0
+    """
+    if abs(angle) < 1e-4:
+        return 1.0 - angle * angle / 6.0
+    return math.sin(angle) / angle
+
+
+@compiled
+def advance(position, heading, motion, pieces):
+    """Move every robot along one of `pieces` equal parts of its arc; positions and headings are written.
+
+    The body moves with constant (forward, sideways, turn): its chord is sinc(turn / 2) long and points
+    along the heading half-way.
+    """
+    for i in range(position.shape[0]):
+        turn = motion[i, 2] / pieces
+        half_way = heading[i] + turn / 2.0
+        chord = sinc(turn / 2.0) / pieces
+        cosine, sine = math.cos(half_way), math.sin(half_way)
+        position[i, 0] += chord * (cosine * motion[i, 0] - sine * motion[i, 1])
+        position[i, 1] += chord * (sine * motion[i, 0] + cosine * motion[i, 1])
+        heading[i] = wrapped(heading[i] + turn)
+
+
+@compiled
+def achieved_motion(start, position, start_heading, extra_turn, collided, motion):
+    """Replace the motion of robots that met something by the one that they achieved.
+
+    Parameters
+    ----------
+    start, position : ndarrays, shape (n, 2)
+        Before and after the step.
+    start_heading, extra_turn : ndarrays, shape (n,)
+        Heading before the step, and the turn that walls added.
+    collided : bool ndarray, shape (n,)
+    motion : ndarray, shape (n, 3), changed
+    """
+    for i in range(position.shape[0]):
+        if not collided[i]:
+            continue
+        half_way = start_heading[i] + motion[i, 2] / 2.0
+        chord = sinc(motion[i, 2] / 2.0)
+        dx, dy = position[i, 0] - start[i, 0], position[i, 1] - start[i, 1]
+        motion[i, 2] += extra_turn[i]
+        if abs(chord) > 1e-6:
+            cosine, sine = math.cos(half_way), math.sin(half_way)
+            motion[i, 0] = (cosine * dx + sine * dy) / chord
+            motion[i, 1] = (cosine * dy - sine * dx) / chord
+
+
+@compiled
+def slip_of(command, wheels, slip):
+    """Write (m - v) / m per wheel, 0 where m = 0 (A.5).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> slip = np.empty((1, 2))
+    >>> slip_of(np.array([[1.0, 0.0]]), np.array([[0.25, 0.5]]), slip)
+    >>> slip
+    array([[0.75, 0.  ]])
+    """
+    for i in range(command.shape[0]):
+        for w in range(2):
+            m = command[i, w]
+            slip[i, w] = (m - wheels[i, w]) / m if m != 0.0 else 0.0

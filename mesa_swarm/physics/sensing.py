@@ -1,0 +1,313 @@
+"""What every sensor of every robot reads, exactly (PHYSICS 3)."""
+
+import math
+
+import numpy as np
+
+
+from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.geometry.grid import cell_index
+from mesa_swarm.geometry.overlap import in_polygon
+from mesa_swarm.geometry.sector import (
+    rays_to_disc,
+    rays_to_segment,
+    sector_to_disc,
+    sector_to_segment,
+)
+from mesa_swarm.robots.table import (
+    AXIS_X,
+    AXIS_Y,
+    COS_HALF,
+    HALF,
+    HOLD,
+    MAGNITUDE,
+    MOUNT_X,
+    MOUNT_Y,
+    PROBABILITY,
+    RANGE,
+    RAYS,
+    SIN_HALF,
+)
+from mesa_swarm.world.statics import NOTHING, OBSTACLE, ROBOT
+
+
+@compiled
+def sense_proximity(
+    position,
+    heading,
+    radius,
+    largest_radius,
+    design,
+    sensors,
+    counts,
+    reach,
+    grid,
+    start,
+    order,
+    edges,
+    discs,
+    static_kind,
+    static_grid,
+    seen_start,
+    seen_items,
+    distance,
+    kind,
+):
+    """Write what all proximity sensors read, without error.
+
+    Parameters
+    ----------
+    position, heading, radius, design : ndarrays, rows are robots
+    largest_radius : float
+    sensors, counts, reach : ndarrays
+        Of `DesignTable`.
+    grid, start, order
+        The robots sorted by cell, see `sort_into_cells`.
+    edges, discs, static_kind, static_grid, seen_start, seen_items
+        Of `Statics`.
+    distance, kind : ndarrays, shape (n, s), written
+        -1 where nothing is seen.
+    """
+    axes = np.empty((position.shape[0], 2))
+    for i in range(position.shape[0]):
+        axes[i, 0], axes[i, 1] = math.cos(heading[i]), math.sin(heading[i])
+        for s in range(distance.shape[1]):
+            distance[i, s] = sensors[design[i], s, RANGE] if s < counts[design[i]] else -1.0
+            kind[i, s] = NOTHING
+    _see_statics(
+        position, axes, design, sensors, counts, reach, edges, discs, static_kind, static_grid, seen_start,
+        seen_items, distance, kind,
+    )  # fmt: skip
+    _see_robots(
+        position, axes, radius, largest_radius, design, sensors, counts, reach, grid, start, order, distance, kind
+    )
+    for i in range(position.shape[0]):
+        for s in range(distance.shape[1]):
+            if kind[i, s] == NOTHING:
+                distance[i, s] = -1.0
+
+
+# Arrays are not handed on inside the loops below: each costs as much as a look at a sensor.
+
+
+@compiled
+def _see_statics(
+    position, axes, design, sensors, counts, reach, edges, discs, static_kind, grid, start, items, distance, kind
+):
+    """Show every robot the edges and discs that its cell lists."""
+    left, below, per_unit, columns, rows = grid
+    for i in range(position.shape[0]):
+        x, y, d = position[i, 0], position[i, 1], design[i]
+        cell = cell_index(x, left, per_unit, columns) + columns * cell_index(y, below, per_unit, rows)
+        for k in range(start[cell], start[cell + 1]):
+            item = items[k]
+            what = static_kind[item]
+            if item < edges.shape[0]:
+                ax, ay = edges[item, 0] - x, edges[item, 1] - y
+                bx, by = edges[item, 2] - x, edges[item, 3] - y
+                if not segment_within(ax, ay, bx, by, reach[d]):
+                    continue
+                ax, ay = into_frame(ax, ay, axes[i, 0], axes[i, 1])
+                bx, by = into_frame(bx, by, axes[i, 0], axes[i, 1])
+                for s in range(counts[d]):
+                    seen = look_at_segment(
+                        ax - sensors[d, s, MOUNT_X], ay - sensors[d, s, MOUNT_Y],
+                        bx - sensors[d, s, MOUNT_X], by - sensors[d, s, MOUNT_Y],
+                        sensors[d, s, AXIS_X], sensors[d, s, AXIS_Y], sensors[d, s, COS_HALF],
+                        sensors[d, s, SIN_HALF], sensors[d, s, HALF], sensors[d, s, RAYS], distance[i, s],
+                    )  # fmt: skip
+                    if is_nearer(seen, what, distance[i, s], kind[i, s]):
+                        distance[i, s], kind[i, s] = seen, what
+            else:
+                disc = item - edges.shape[0]
+                dx, dy = discs[disc, 0] - x, discs[disc, 1] - y
+                dx, dy = into_frame(dx, dy, axes[i, 0], axes[i, 1])
+                for s in range(counts[d]):
+                    seen = look_at_disc(
+                        dx - sensors[d, s, MOUNT_X], dy - sensors[d, s, MOUNT_Y], discs[disc, 2],
+                        sensors[d, s, AXIS_X], sensors[d, s, AXIS_Y], sensors[d, s, COS_HALF],
+                        sensors[d, s, SIN_HALF], sensors[d, s, HALF], sensors[d, s, RAYS], distance[i, s],
+                    )  # fmt: skip
+                    if is_nearer(seen, what, distance[i, s], kind[i, s]):
+                        distance[i, s], kind[i, s] = seen, what
+
+
+@compiled
+def _see_robots(
+    position, axes, radius, largest_radius, design, sensors, counts, reach, grid, start, order, distance, kind
+):
+    """Show every robot the others near it."""
+    left, below, per_unit, columns, rows = grid
+    for i in range(position.shape[0]):
+        x, y, d = position[i, 0], position[i, 1], design[i]
+        if counts[d] == 0:
+            continue
+        far = reach[d] + largest_radius
+        first = cell_index(x - far, left, per_unit, columns)
+        last = cell_index(x + far, left, per_unit, columns)
+        lowest = cell_index(y - far, below, per_unit, rows)
+        highest = cell_index(y + far, below, per_unit, rows)
+        for row in range(lowest, highest + 1):
+            for k in range(start[first + columns * row], start[last + columns * row + 1]):
+                j = order[k]
+                dx, dy = position[j, 0] - x, position[j, 1] - y
+                if j == i or dx * dx + dy * dy > (reach[d] + radius[j]) ** 2:
+                    continue
+                dx, dy = into_frame(dx, dy, axes[i, 0], axes[i, 1])
+                for s in range(counts[d]):
+                    seen = look_at_disc(
+                        dx - sensors[d, s, MOUNT_X], dy - sensors[d, s, MOUNT_Y], radius[j],
+                        sensors[d, s, AXIS_X], sensors[d, s, AXIS_Y], sensors[d, s, COS_HALF],
+                        sensors[d, s, SIN_HALF], sensors[d, s, HALF], sensors[d, s, RAYS], distance[i, s],
+                    )  # fmt: skip
+                    if is_nearer(seen, ROBOT, distance[i, s], kind[i, s]):
+                        distance[i, s], kind[i, s] = seen, ROBOT
+
+
+@compiled
+def into_frame(x, y, axis_x, axis_y):
+    """Return a vector in a frame whose x axis is the unit vector (axis_x, axis_y).
+
+    Examples
+    --------
+    >>> into_frame(0.0, 2.0, 0.0, 1.0)
+    (2.0, 0.0)
+    """
+    return axis_x * x + axis_y * y, axis_x * y - axis_y * x
+
+
+@compiled
+def segment_within(ax, ay, bx, by, far):
+    """Tell whether the box around a segment comes within a square of half side `far` about the origin."""
+    return min(ax, bx) <= far and max(ax, bx) >= -far and min(ay, by) <= far and max(ay, by) >= -far
+
+
+@compiled
+def look_at_disc(x, y, radius, axis_x, axis_y, cos_half, sin_half, half, rays, limit):
+    """Return how near a disc, relative to the sensor's mount, is in its sector, `inf` if it is not."""
+    x, y = into_frame(x, y, axis_x, axis_y)
+    if rays > 0.0:
+        return rays_to_disc(x, y, radius, half, int(rays), limit)
+    return sector_to_disc(x, y, radius, cos_half, sin_half, limit)
+
+
+@compiled
+def look_at_segment(ax, ay, bx, by, axis_x, axis_y, cos_half, sin_half, half, rays, limit):
+    """Return how near a segment, relative to the sensor's mount, is in its sector, `inf` if it is not."""
+    ax, ay = into_frame(ax, ay, axis_x, axis_y)
+    bx, by = into_frame(bx, by, axis_x, axis_y)
+    if rays > 0.0:
+        return rays_to_segment(ax, ay, bx, by, half, int(rays), limit)
+    return sector_to_segment(ax, ay, bx, by, cos_half, sin_half, limit)
+
+
+@compiled
+def is_nearer(seen, what, distance, kind):
+    """Tell whether this is the nearest so far; of bodies equally near the lowest kind is, so order is nothing."""
+    return seen < distance or (seen == distance and (kind == NOTHING or what < kind))
+
+
+@compiled
+def sense_inside(position, heading, design, sensors, counts, edges, rings, distance, kind):
+    """Write 0 for the sensors that are inside a solid polygon."""
+    for i in range(position.shape[0]):
+        d = design[i]
+        cosine, sine = math.cos(heading[i]), math.sin(heading[i])
+        for s in range(counts[d]):
+            mx, my = sensors[d, s, MOUNT_X], sensors[d, s, MOUNT_Y]
+            x = position[i, 0] + cosine * mx - sine * my
+            y = position[i, 1] + sine * mx + cosine * my
+            for p in range(rings.shape[0]):
+                if in_polygon(x, y, edges, rings[p, 0], rings[p, 1]):
+                    distance[i, s] = 0.0
+                    kind[i, s] = OBSTACLE
+
+
+@compiled
+def err(distance, design, sensors, noise, draws, step, error):
+    """Disturb readings: with probability p a distance d becomes d (1 +- magnitude), within [0, range].
+
+    Parameters
+    ----------
+    distance : ndarray, shape (n, s), changed
+        -1 stays -1.
+    draws : ndarray, shape (n, s)
+        Uniform in [0, 1); below p/2 subtracts, from there to p adds.
+    step : int
+        The error is drawn anew in steps that `hold` divides.
+    error : ndarray, shape (n, s), changed
+        The relative error that is held.
+    """
+    for i in range(distance.shape[0]):
+        d = design[i]
+        for s in range(distance.shape[1]):
+            if step % max(int(noise[d, s, HOLD]), 1) == 0:
+                error[i, s] = 0.0
+                if draws[i, s] < noise[d, s, PROBABILITY]:
+                    subtract = draws[i, s] < noise[d, s, PROBABILITY] / 2.0
+                    error[i, s] = -noise[d, s, MAGNITUDE] if subtract else noise[d, s, MAGNITUDE]
+            if distance[i, s] >= 0.0 and error[i, s] != 0.0:
+                wrong = distance[i, s] * (1.0 + error[i, s])
+                distance[i, s] = min(max(wrong, 0.0), sensors[d, s, RANGE])
+
+
+@compiled
+def sense_radiation(position, heading, design, sensors, fires, temperature, radiation):
+    """Write the highest temperature among the burning fires in each radiation sensor's sector.
+
+    Parameters
+    ----------
+    fires : ndarray, shape (f, 3)
+        x, y, radius.
+    temperature : ndarray, shape (f,)
+        0 once a fire is out.
+    radiation : ndarray, shape (n, q), written
+    """
+    for i in range(position.shape[0]):
+        d = design[i]
+        cosine, sine = math.cos(heading[i]), math.sin(heading[i])
+        for s in range(radiation.shape[1]):
+            radiation[i, s] = 0.0
+            for f in range(fires.shape[0]):
+                if temperature[f] <= radiation[i, s] or sensors[d, s, RANGE] < 0.0:
+                    continue
+                dx, dy = fires[f, 0] - position[i, 0], fires[f, 1] - position[i, 1]
+                x = cosine * dx + sine * dy - sensors[d, s, MOUNT_X]
+                y = cosine * dy - sine * dx - sensors[d, s, MOUNT_Y]
+                ux, uy = sensors[d, s, AXIS_X], sensors[d, s, AXIS_Y]
+                seen = sector_to_disc(
+                    x * ux + y * uy, y * ux - x * uy, fires[f, 2],
+                    sensors[d, s, COS_HALF], sensors[d, s, SIN_HALF], sensors[d, s, RANGE],
+                )  # fmt: skip
+                if seen < math.inf:
+                    radiation[i, s] = temperature[f]
+
+
+@compiled
+def sense_line(position, heading, design, mounts, marks, rings, discs, line):
+    """Write whether each line sensor is over a mark on the ground.
+
+    Parameters
+    ----------
+    marks, rings : ndarrays
+        Edges of the polygonal marks and the rows of each, as in `Statics`.
+    discs : ndarray, shape (k, 3)
+        Round marks.
+    line : bool ndarray, shape (n, l), written
+    """
+    for i in range(position.shape[0]):
+        d = design[i]
+        cosine, sine = math.cos(heading[i]), math.sin(heading[i])
+        for s in range(line.shape[1]):
+            mx, my = mounts[d, s, 0], mounts[d, s, 1]
+            x = position[i, 0] + cosine * mx - sine * my
+            y = position[i, 1] + sine * mx + cosine * my
+            line[i, s] = False
+            for p in range(rings.shape[0]):
+                if in_polygon(x, y, marks, rings[p, 0], rings[p, 1]):
+                    line[i, s] = True
+            for k in range(discs.shape[0]):
+                if math.hypot(x - discs[k, 0], y - discs[k, 1]) <= discs[k, 2]:
+                    line[i, s] = True
+
+

@@ -1,0 +1,110 @@
+"""Finding room for robots that somebody put where there is none: inside a wall, or inside each other."""
+
+import math
+
+import numpy as np
+
+from mesa_swarm.errors import PlacementError
+from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.geometry.overlap import in_polygon
+from mesa_swarm.physics.contact import SLOP, deepest_static, separate
+
+SWEEPS = 400
+# The search for free room goes round in rings this share of a radius apart.
+RING = 0.125
+
+
+def settle(position, radius, number, grid, statics, rings) -> None:
+    """Move every robot that overlaps anything to free room nearby, whatever the tangle.
+
+    Parameters
+    ----------
+    position : ndarray, shape (n, 2), changed
+    radius, number : ndarrays, shape (n,)
+    grid : tuple
+        `Grid.numbers` for contact.
+    statics : tuple
+        As `contact.travel` takes it.
+    rings : ndarray, shape (p, 2)
+        Rows of each solid polygon's edges.
+
+    Raises
+    ------
+    PlacementError
+        If there is no room left for a robot.
+    """
+    if not len(position):
+        return
+    leave_solids(position, radius, statics, rings)
+    n = len(position)
+    normal, face = np.zeros((n, 2)), np.zeros((n, 3))
+    contacts = (np.zeros(n, np.int64), np.zeros(n, np.int64), normal, np.zeros(n), face)
+    if not separate(position, radius, number, grid, statics, contacts, SWEEPS):
+        lost = leave_each_other(position, radius, statics, rings)
+        if lost >= 0:
+            raise PlacementError(
+                f"no room is left for robot {lost + 1} of {n} (radius {radius[lost]:g}); remove robots or obstacles"
+            )
+
+
+@compiled
+def is_free(x, y, radius, statics, rings):
+    """Tell whether a disc overlaps nothing that stands still."""
+    if deepest_static(x, y, radius, statics)[0] > SLOP * radius:
+        return False
+    for p in range(rings.shape[0]):
+        if in_polygon(x, y, statics[0], rings[p, 0], rings[p, 1]):
+            return False
+    return True
+
+
+@compiled
+def overlaps_any(i, x, y, position, radius):
+    """Tell whether robot i, were it at (x, y), would overlap another."""
+    for j in range(position.shape[0]):
+        near = radius[i] + radius[j] - SLOP * min(radius[i], radius[j])
+        if j != i and (x - position[j, 0]) ** 2 + (y - position[j, 1]) ** 2 < near * near:
+            return True
+    return False
+
+
+@compiled
+def leave_solids(position, radius, statics, rings):
+    """Move robots that are inside something solid to free room nearby; other robots do not matter yet."""
+    for i in range(position.shape[0]):
+        if not is_free(position[i, 0], position[i, 1], radius[i], statics, rings):
+            find_room(i, position, radius, statics, rings, False)
+
+
+@compiled
+def leave_each_other(position, radius, statics, rings):
+    """Move, one after the other, robots that still overlap anything; return one without room, or -1."""
+    for i in range(position.shape[0]):
+        x, y = position[i, 0], position[i, 1]
+        if overlaps_any(i, x, y, position, radius) or not is_free(x, y, radius[i], statics, rings):
+            if not find_room(i, position, radius, statics, rings, True):
+                return i
+    return -1
+
+
+@compiled
+def find_room(i, position, radius, statics, rings, apart):
+    """Move robot i to the first free place on growing rings around it and return whether there is one."""
+    bounds = statics[4]
+    x, y = position[i, 0], position[i, 1]
+    farthest = 2.0 * math.hypot(bounds[2] - bounds[0], bounds[3] - bounds[1])
+    distance = 0.0
+    while distance < farthest:
+        # Larger rings are searched more coarsely, or a large map would take for ever.
+        distance += max(RING * radius[i], 0.01 * distance)
+        places = 16 + min(int(2.0 * math.pi * distance / (RING * radius[i])), 720)
+        for k in range(places):
+            azimuth = 2.0 * math.pi * k / places
+            px, py = x + distance * math.cos(azimuth), y + distance * math.sin(azimuth)
+            if not is_free(px, py, radius[i], statics, rings):
+                continue
+            if apart and overlaps_any(i, px, py, position, radius):
+                continue
+            position[i, 0], position[i, 1] = px, py
+            return True
+    return False

@@ -1,0 +1,1 @@
+"""Designs, sensors, drives, the swarm's columns and the Robot agent."""

@@ -1,0 +1,142 @@
+"""Robot designs: a body, its drive and its sensors, and the four presets."""
+
+import math
+from dataclasses import dataclass, field, replace
+
+from mesa_swarm.errors import InvalidValueError, check_number
+from mesa_swarm.robots.drive import DifferentialDrive, Drive
+from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSensor, Sensor
+
+LARGEST_RADIUS = 1e6
+# A step is cut into pieces of half a radius: faster robots than this would take for ever.
+FASTEST_IN_RADII = 1000
+MOST_SENSORS = 360
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RobotDesign:
+    """What all robots of one kind have in common.
+
+    Parameters
+    ----------
+    name : str
+        For messages and pictures.
+    radius : float
+        Of the round body, map units, above 0.
+    max_speed : float
+        Limit of each wheel's rim speed, map units a step, 0 to 1000 radii.
+    sensors : tuple
+        Of `ProximitySensor`, `RadiationSensor` and `LineSensor`.
+    slip_probability, slip_magnitude : float
+        Each wheel and step, with this probability, a wheel rolls at m (1 - magnitude); both 0 to 1.
+    drive : Drive
+        How wheels move the body; `DifferentialDrive()` by default.
+
+    Raises
+    ------
+    InvalidValueError
+        If a value is out of its range.
+
+    Examples
+    --------
+    >>> RobotDesign(radius=4, sensors=(ProximitySensor(range=20),)).front
+    0
+    """
+
+    name: str = "robot"
+    radius: float = 5.0
+    max_speed: float = 1.0
+    sensors: tuple[Sensor, ...] = ()
+    slip_probability: float = 0.0
+    slip_magnitude: float = 0.0
+    drive: Drive = field(default_factory=DifferentialDrive)
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        radius = check_number("radius", self.radius, above=0, maximum=LARGEST_RADIUS)
+        check_number("max_speed", self.max_speed, minimum=0, maximum=FASTEST_IN_RADII * radius)
+        check_number("slip_probability", self.slip_probability, minimum=0, maximum=1)
+        check_number("slip_magnitude", self.slip_magnitude, minimum=0, maximum=1)
+        object.__setattr__(self, "sensors", tuple(self.sensors))
+        if len(self.sensors) > MOST_SENSORS:
+            raise InvalidValueError(f"sensors has {len(self.sensors)} of them; expected at most {MOST_SENSORS}")
+        for sensor in self.sensors:
+            if not isinstance(sensor, Sensor):
+                raise InvalidValueError(f"sensors holds {sensor!r:.60}; expected sensors such as ProximitySensor()")
+
+    @property
+    def proximity(self) -> tuple[ProximitySensor, ...]:
+        """The proximity sensors, in the order of the columns `distance` and `kind`."""
+        return tuple(s for s in self.sensors if isinstance(s, ProximitySensor))
+
+    @property
+    def radiation(self) -> tuple[RadiationSensor, ...]:
+        """The radiation sensors, in the order of the column `radiation`."""
+        return tuple(s for s in self.sensors if isinstance(s, RadiationSensor))
+
+    @property
+    def line(self) -> tuple[LineSensor, ...]:
+        """The line sensors, in the order of the column `line`."""
+        return tuple(s for s in self.sensors if isinstance(s, LineSensor))
+
+    @property
+    def front(self) -> int:
+        """Index of the proximity sensor that looks most nearly straight ahead, -1 if none does."""
+        bearings = self._bearings
+        ahead = [i for i in range(len(bearings)) if abs(bearings[i]) < math.pi / 2]
+        return min(ahead, key=lambda i: abs(bearings[i]), default=-1)
+
+    @property
+    def left(self) -> int:
+        """Index of the forward proximity sensor next to `front` on the left, -1 if there is none."""
+        return self._beside(1)
+
+    @property
+    def right(self) -> int:
+        """Index of the forward proximity sensor next to `front` on the right, -1 if there is none."""
+        return self._beside(-1)
+
+    def with_proximity(self, **changes: object) -> "RobotDesign":
+        """Return the same design with these fields changed in all its proximity sensors.
+
+        Examples
+        --------
+        >>> AGENT9.with_proximity(range=16).proximity[0].range
+        16
+        """
+        sensors = (replace(s, **changes) if isinstance(s, ProximitySensor) else s for s in self.sensors)
+        return replace(self, sensors=tuple(sensors))
+
+    def with_slip(self, *, probability: float, magnitude: float) -> "RobotDesign":
+        """Return the same design with wheels that slip like this.
+
+        Examples
+        --------
+        >>> AGENT9.with_slip(probability=0.1, magnitude=0.5).slip_magnitude
+        0.5
+        """
+        return replace(self, slip_probability=probability, slip_magnitude=magnitude)
+
+    @property
+    def _bearings(self) -> list[float]:
+        return [math.remainder(math.radians(s.bearing_degrees), 2 * math.pi) for s in self.proximity]
+
+    def _beside(self, side: int) -> int:
+        bearings, front = self._bearings, self.front
+        if front < 0:
+            return -1
+        offsets = {i: side * (b - bearings[front]) for i, b in enumerate(bearings) if abs(b) <= math.pi / 2}
+        beside = [i for i, offset in offsets.items() if offset > 0]
+        return min(beside, key=lambda i: offsets[i], default=-1)
+
+
+def _infrared(bearings: list[float], field_of_view_degrees: float) -> tuple[ProximitySensor, ...]:
+    return tuple(
+        ProximitySensor(bearing_degrees=b, field_of_view_degrees=field_of_view_degrees) for b in bearings
+    )
+
+
+AGENT3 = RobotDesign(name="AGENT3", sensors=_infrared([0, 40, -40], 40))
+AGENT6 = RobotDesign(name="AGENT6", sensors=_infrared([0, 60, -60, 120, -120, 180], 40))
+AGENT9 = RobotDesign(name="AGENT9", sensors=_infrared([0, 30, -30, 60, -60, 90, -90, 140, -140], 30))
+AGENT_FIRE = RobotDesign(name="AGENT_FIRE", sensors=(*AGENT9.sensors, RadiationSensor()))

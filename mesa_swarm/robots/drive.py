@@ -1,0 +1,94 @@
+"""Drives: how commands become a motion of the body, and back."""
+
+from typing import Protocol
+
+import numpy as np
+
+from mesa_swarm.geometry.compiled import compiled
+
+
+class Drive(Protocol):
+    """What turns wheels into motion. The motion of a body is (forward, sideways, turn) a step.
+
+    A drive of one's own is a class with these two methods; see `DifferentialDrive`.
+    """
+
+    def motion(self, wheels: np.ndarray, radius: np.ndarray, motion: np.ndarray) -> None:
+        """Write into `motion` (n, 3) what these wheel speeds (n, 2) do to bodies of these radii (n,)."""
+
+    def wheels(self, motion: np.ndarray, radius: np.ndarray, wheels: np.ndarray) -> None:
+        """Write into `wheels` (n, 2) which wheel speeds would have made these motions (n, 3)."""
+
+
+class DifferentialDrive:
+    """Two wheels at the rim, left and right, on one axle (track = 2 r).
+
+    v = (v_R + v_L) / 2 (A.4) and omega = (v_R - v_L) / (2 r) (A.2).
+
+    Examples
+    --------
+    >>> motion = np.empty((1, 3))
+    >>> DifferentialDrive().motion(np.array([[0.0, 1.0]]), np.array([5.0]), motion)
+    >>> motion
+    array([[0.5, 0. , 0.1]])
+    """
+
+    def motion(self, wheels: np.ndarray, radius: np.ndarray, motion: np.ndarray) -> None:
+        """Write the body's motion (n, 3) that rim speeds left and right (n, 2) make."""
+        wheels_to_motion(wheels, radius, motion)
+
+    def wheels(self, motion: np.ndarray, radius: np.ndarray, wheels: np.ndarray) -> None:
+        """Write the rim speeds (n, 2) that would have made the motion (n, 3)."""
+        wheels[:, 0] = motion[:, 0] - motion[:, 2] * radius
+        wheels[:, 1] = motion[:, 0] + motion[:, 2] * radius
+
+    def __eq__(self, other: object) -> bool:
+        """Compare as equal to every other differential drive."""
+        return isinstance(other, DifferentialDrive)
+
+    def __hash__(self) -> int:
+        """Hash as every differential drive does."""
+        return hash(DifferentialDrive)
+
+
+@compiled
+def wheels_to_motion(wheels, radius, motion):
+    """Write forward speed and turn of differential drives (A.2, A.4)."""
+    for i in range(wheels.shape[0]):
+        left, right = wheels[i, 0], wheels[i, 1]
+        motion[i, 0] = (right + left) / 2.0
+        motion[i, 1] = 0.0
+        motion[i, 2] = (right - left) / (2.0 * radius[i])
+
+
+@compiled
+def slipped_wheels(command, slip_probability, slip_magnitude, design, draws, wheels):
+    """Write the speeds at which wheels really roll: m, or m (1 - wsm) with probability wsp, each alone.
+
+    Parameters
+    ----------
+    command, wheels : ndarrays, shape (n, 2)
+    slip_probability, slip_magnitude : ndarrays, shape (d,)
+        One a design.
+    design : int64 ndarray, shape (n,)
+    draws : ndarray, shape (n, 2)
+        Uniform in [0, 1).
+    """
+    for i in range(command.shape[0]):
+        d = design[i]
+        for w in range(2):
+            slips = draws[i, w] < slip_probability[d]
+            wheels[i, w] = command[i, w] * (1.0 - slip_magnitude[d]) if slips else command[i, w]
+
+
+@compiled
+def limit_command(command, max_speed):
+    """Limit |command| to each robot's max_speed, in place, and return the first row that is NaN, or -1."""
+    for i in range(command.shape[0]):
+        for w in range(2):
+            value = command[i, w]
+            if not (-max_speed[i] <= value <= max_speed[i]):
+                if value != value:
+                    return i
+                command[i, w] = max_speed[i] if value > 0.0 else -max_speed[i]
+    return -1

@@ -1,0 +1,137 @@
+"""One robot: a handle on a row of the swarm, and a Mesa agent."""
+
+import numpy as np
+
+from mesa_swarm.errors import InvalidValueError, RemovedRobotError, check_choice, check_number
+from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.robots.design import RobotDesign
+from mesa_swarm.robots.swarm import Swarm
+from mesa_swarm.world.arena import ArenaAgent
+
+SIDES = {"left": 1.0, "right": -1.0}
+
+
+class Robot(ArenaAgent):
+    """A robot. It knows its swarm and its row; all else is read from the swarm's columns.
+
+    Created by `SwarmModel.add_robots`; taken out with `remove()` or `SwarmModel.remove_robots`. Reading
+    gives copies; setting is checked first. A robot that was removed raises `RemovedRobotError`.
+    """
+
+    __slots__ = ("row", "swarm")
+
+    def __init__(self, space, model, swarm: Swarm, row: int) -> None:
+        self.swarm = swarm
+        self.row = row
+        super().__init__(space, model)
+
+    @property
+    def position(self) -> np.ndarray:
+        """Centre of the body, shape (2,), map units."""
+        return self._read("position").copy()
+
+    @position.setter
+    def position(self, value) -> None:
+        point = np.asarray(value, dtype=float)
+        if point.shape != (2,) or not self.space.in_bounds(point):
+            bounds = self.space.dimensions.tolist()
+            raise InvalidValueError(f"position is {value!r:.80}; expected x and y within {bounds}")
+        self._write("position", point)
+
+    @property
+    def heading(self) -> float:
+        """Direction of travel, rad in [-pi, pi), counter-clockwise from +x."""
+        return float(self._read("heading"))
+
+    @heading.setter
+    def heading(self, value: float) -> None:
+        self._write("heading", wrapped(check_number("heading", value)))
+
+    @property
+    def max_speed(self) -> float:
+        """Limit of the rim speed of each wheel, map units a step."""
+        return float(self._read("max_speed"))
+
+    @max_speed.setter
+    def max_speed(self, value: float) -> None:
+        limit = self.design.max_speed
+        self._write("max_speed", check_number("max_speed", value, minimum=0, maximum=limit))
+
+    @property
+    def tendency(self) -> str:
+        """The side to which it turns when something is straight ahead: left or right."""
+        return "left" if self._read("tendency") > 0 else "right"
+
+    @tendency.setter
+    def tendency(self, value: str) -> None:
+        self._write("tendency", SIDES[check_choice("tendency", value, SIDES)])
+
+    @property
+    def temperature(self) -> float:
+        """The heat it has taken from fires and not yet lost."""
+        return float(self._read("temperature"))
+
+    @temperature.setter
+    def temperature(self, value: float) -> None:
+        self._write("temperature", check_number("temperature", value, minimum=0))
+
+    @property
+    def design(self) -> RobotDesign:
+        """What it is built like."""
+        return self.swarm.designs[self._read("design")]
+
+    @property
+    def radius(self) -> float:
+        """Radius of its body, map units."""
+        return float(self._read("radius"))
+
+    @property
+    def command(self) -> np.ndarray:
+        """Commanded rim speeds, left and right."""
+        return self._read("command").copy()
+
+    @property
+    def layer(self) -> int:
+        """Index of the layer that won in the last step, -1 if none was active."""
+        return int(self._read("layer"))
+
+    @property
+    def distance(self) -> np.ndarray:
+        """Readings of its proximity sensors, -1 where nothing is seen."""
+        return self._read("distance")[: len(self.design.proximity)].copy()
+
+    @property
+    def kind(self) -> np.ndarray:
+        """What its proximity sensors see: 0 obstacle, 1 robot, 2 fire, -1 nothing."""
+        return self._read("kind")[: len(self.design.proximity)].copy()
+
+    @property
+    def fire(self) -> int:
+        """Index of the fire that it fights, -1 for none."""
+        return int(self._read("fire"))
+
+    @property
+    def collided(self) -> bool:
+        """Whether it ran into anything in the last step."""
+        return bool(self._read("collided"))
+
+    def remove(self) -> None:
+        """Take the robot out of the model, between two steps."""
+        self._alive()
+        row = self.row
+        super().remove()
+        self.swarm.remove([row])
+        self.row = -1
+
+    def _alive(self) -> int:
+        if self.row < 0:
+            raise RemovedRobotError(f"robot {self.unique_id} was removed; take a handle from model.robots")
+        return self.row
+
+    def _read(self, name: str):
+        return self.swarm.columns[name][self._alive()]
+
+    def _write(self, name: str, value) -> None:
+        row = self._alive()
+        self.swarm.columns[name][row] = value
+        self.swarm.disturbed = True

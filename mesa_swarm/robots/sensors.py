@@ -1,0 +1,176 @@
+"""Sensors that a robot may carry: what they are, not what they read."""
+
+import math
+from dataclasses import dataclass
+
+from mesa_swarm.errors import InvalidValueError, check_count, check_number
+
+LARGEST_RANGE = 1e6
+MOST_RAYS = 10_000
+LONGEST_HOLD = 10**9
+
+Mount = tuple[float, float]
+
+
+def _check_sector(sensor) -> None:
+    check_number("bearing_degrees", sensor.bearing_degrees, minimum=-360, maximum=360)
+    check_number("range", sensor.range, minimum=0, maximum=LARGEST_RANGE)
+    check_number("field_of_view_degrees", sensor.field_of_view_degrees, minimum=0, maximum=360)
+    check_mount(sensor.mount)
+
+
+def check_mount(mount: Mount | None) -> None:
+    """Refuse a mount that is neither None nor two finite numbers.
+
+    Raises
+    ------
+    InvalidValueError
+    """
+    if mount is None:
+        return
+    try:
+        x, y = mount
+    except (TypeError, ValueError):
+        raise InvalidValueError(f"mount is {mount!r}; expected (x, y) in the robot's frame") from None
+    for value in (x, y):
+        check_number("mount", value, minimum=-LARGEST_RANGE, maximum=LARGEST_RANGE)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ProximitySensor:
+    """An infrared sensor that tells how near the nearest body in its sector is, and of what kind.
+
+    Parameters
+    ----------
+    bearing_degrees : float
+        Direction of its axis from the robot's heading, counter-clockwise.
+    range : float
+        Farthest distance it sees, map units, 0 to 1e6.
+    field_of_view_degrees : float
+        Full angle of the sector, 0 to 360.
+    mount : (x, y), optional
+        Where it sits in the robot's frame (x ahead, y left); by default on the rim, at its bearing.
+    error_probability, error_magnitude : float
+        With this probability (0 to 1) a reading becomes reading * (1 +- magnitude), the sign random,
+        clipped to [0, range]. A detection is never invented or lost.
+    hold : int
+        One draw of the error stays for this many steps, at least 1.
+    period : int
+        The reading is refreshed every so many steps, at least 1.
+    rays : int
+        0 measures the exact distance; k > 0 looks along k evenly spread rays only, as the thesis did.
+
+    Examples
+    --------
+    >>> ProximitySensor(bearing_degrees=30, range=16, field_of_view_degrees=30).range
+    16
+    """
+
+    bearing_degrees: float = 0.0
+    range: float = 50.0
+    field_of_view_degrees: float = 40.0
+    mount: Mount | None = None
+    error_probability: float = 0.0
+    error_magnitude: float = 0.0
+    hold: int = 1
+    period: int = 1
+    rays: int = 0
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        _check_sector(self)
+        check_number("error_probability", self.error_probability, minimum=0, maximum=1)
+        check_number("error_magnitude", self.error_magnitude, minimum=0, maximum=1e6)
+        check_count("hold", self.hold, minimum=1, maximum=LONGEST_HOLD)
+        check_count("period", self.period, minimum=1, maximum=LONGEST_HOLD)
+        check_count("rays", self.rays, maximum=MOST_RAYS)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RadiationSensor:
+    """A sensor of the highest temperature among the burning fires whose body meets its sector, 0 if none.
+
+    Parameters
+    ----------
+    bearing_degrees, range, field_of_view_degrees, mount
+        As for `ProximitySensor`.
+
+    Examples
+    --------
+    >>> RadiationSensor().range
+    80.0
+    """
+
+    bearing_degrees: float = 0.0
+    range: float = 80.0
+    field_of_view_degrees: float = 60.0
+    mount: Mount | None = None
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        _check_sector(self)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LineSensor:
+    """A downward sensor that tells whether a point of the robot is over a ground mark.
+
+    Parameters
+    ----------
+    mount : (x, y)
+        The point, in the robot's frame.
+
+    Examples
+    --------
+    >>> LineSensor(mount=(5.0, 0.0)).mount
+    (5.0, 0.0)
+    """
+
+    mount: Mount = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        """Check the mount."""
+        if self.mount is None:
+            raise InvalidValueError("mount is None; expected (x, y) in the robot's frame")
+        check_mount(self.mount)
+
+
+Sensor = ProximitySensor | RadiationSensor | LineSensor
+
+
+def laser_sensor(bearing_degrees: float = 0.0, range: float = 200.0) -> ProximitySensor:
+    """Return a laser range finder: a proximity sensor that is long and narrow.
+
+    Examples
+    --------
+    >>> laser_sensor(90).field_of_view_degrees
+    1.0
+    """
+    return ProximitySensor(bearing_degrees=bearing_degrees, range=range, field_of_view_degrees=1.0)
+
+
+def bump_sensor(bearing_degrees: float = 0.0, field_of_view_degrees: float = 90.0) -> ProximitySensor:
+    """Return a bumper: a proximity sensor that sees next to nothing but what touches it.
+
+    Examples
+    --------
+    >>> bump_sensor().range
+    0.5
+    """
+    return ProximitySensor(
+        bearing_degrees=bearing_degrees, range=0.5, field_of_view_degrees=field_of_view_degrees
+    )
+
+
+def mount_of(sensor: Sensor, radius: float) -> Mount:
+    """Return where a sensor sits on a robot of this radius: its mount, or the rim at its bearing.
+
+    Examples
+    --------
+    >>> mount_of(ProximitySensor(bearing_degrees=0), 5.0)
+    (5.0, 0.0)
+    """
+    if sensor.mount is not None:
+        return float(sensor.mount[0]), float(sensor.mount[1])
+    bearing = math.radians(sensor.bearing_degrees)
+    return radius * math.cos(bearing), radius * math.sin(bearing)

@@ -1,0 +1,168 @@
+"""The swarm: one array per property of the robots, one row per robot."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mesa_swarm.robots.design import RobotDesign
+from mesa_swarm.robots.table import DesignTable
+
+# name: (shape after the row, dtype, value of a new robot). A string names a width that the designs decide.
+COLUMNS: dict[str, tuple[tuple, type, object]] = {
+    "number": ((), np.int64, 0),
+    "design": ((), np.int64, 0),
+    "position": ((2,), np.float64, 0.0),
+    "heading": ((), np.float64, 0.0),
+    "radius": ((), np.float64, 0.0),
+    "max_speed": ((), np.float64, 0.0),
+    "tendency": ((), np.float64, 1.0),
+    "distance": (("proximity",), np.float64, -1.0),
+    "kind": (("proximity",), np.int8, -1),
+    "error": (("proximity",), np.float64, 0.0),
+    "radiation": (("radiation",), np.float64, 0.0),
+    "line": (("line",), np.bool_, False),
+    "command": ((2,), np.float64, 0.0),
+    "layer": ((), np.int64, -1),
+    "slip": ((2,), np.float64, 0.0),
+    "collided": ((), np.bool_, False),
+    "contact_kind": ((), np.int64, -1),
+    "contact_index": ((), np.int64, -1),
+    "contact_normal": ((2,), np.float64, 0.0),
+    "contact_depth": ((), np.float64, 0.0),
+    "temperature": ((), np.float64, 0.0),
+    "heat": ((), np.float64, 0.0),
+    "hot": ((), np.bool_, False),
+    "fire": ((), np.int64, -1),
+}
+
+
+class Swarm:
+    """All robots of a model as columns; row order is ascending unique_id.
+
+    Every column can be read as an attribute (`swarm.position`, `swarm.heading` ...) and is read-only: to
+    change a robot, set the property of its handle (`model.robots[0].position = ...`). Rows move only when
+    robots are added or removed, between two steps; a view that was taken earlier then shows the past.
+
+    Attributes
+    ----------
+    position : ndarray, shape (n, 2), map units
+    heading : ndarray, shape (n,), rad in [-pi, pi)
+    command : ndarray, shape (n, 2)
+        Commanded rim speeds left and right, map units a step.
+    layer : int64 ndarray, shape (n,)
+        Index of the layer that won, -1 if none was active.
+    distance, kind : ndarrays, shape (n, s)
+        What the proximity sensors read: distance, -1 for nothing; 0 obstacle, 1 robot, 2 fire, -1 nothing.
+    radiation : ndarray, shape (n, q)
+    line : bool ndarray, shape (n, l)
+    slip : ndarray, shape (n, 2)
+        (m - v) / m per wheel, 0 where m = 0 (A.5). The truth; robots do not know it.
+    collided : bool ndarray, shape (n,)
+        Whether the robot overlapped anything during the step.
+    temperature, heat : ndarrays, shape (n,)
+        Of the robot, and what it took from a fire in this step.
+    hot : bool ndarray, shape (n,)
+        Too hot to fight.
+    fire : int64 ndarray, shape (n,)
+        Index of the fire that it fights, -1 for none.
+    radius, max_speed, tendency : ndarrays, shape (n,)
+        Tendency is +1 for left, -1 for right.
+
+    Examples
+    --------
+    >>> Swarm().position.shape
+    (0, 2)
+    """
+
+    def __init__(self) -> None:
+        self.table = DesignTable.of(())
+        self.agents: list = []
+        self.disturbed = False
+        self.version = 0
+        self._created = 0
+        self._memory: dict[str, tuple[tuple, type, object]] = {}
+        self.columns: dict[str, np.ndarray] = {}
+        self._resize(np.empty(0, np.int64), 0)
+
+    def __len__(self) -> int:
+        """How many robots there are."""
+        return len(self.agents)
+
+    @property
+    def designs(self) -> tuple[RobotDesign, ...]:
+        """The designs present; the column `design` holds indices into them."""
+        return self.table.designs
+
+    def add(
+        self,
+        design: RobotDesign,
+        position: np.ndarray,
+        heading: np.ndarray,
+        tendency: np.ndarray,
+    ) -> np.ndarray:
+        """Append robots of one design and return their rows; their handles are set by the caller."""
+        if design not in self.designs:
+            self.table = DesignTable.of((*self.designs, design))
+        old, new = len(self.columns["position"]), len(position)
+        self._resize(np.arange(old), new)
+        rows = np.arange(old, old + new)
+        for name, values in {
+            "number": np.arange(self._created, self._created + new),
+            "design": self.designs.index(design),
+            "position": position,
+            "heading": heading,
+            "radius": design.radius,
+            "max_speed": design.max_speed,
+            "tendency": tendency,
+        }.items():
+            self.columns[name][rows] = values
+        self._created += new
+        return rows
+
+    def remove(self, rows: Sequence[int]) -> None:
+        """Drop rows; the handles of the robots that stay are told their new rows."""
+        kept = np.delete(np.arange(len(self.agents)), rows)
+        gone = set(map(int, rows))
+        for row in gone:
+            self.agents[row].row = -1
+        self.agents = [agent for row, agent in enumerate(self.agents) if row not in gone]
+        for row, agent in enumerate(self.agents):
+            agent.row = row
+        self._resize(kept, 0)
+
+    def remember(self, name: str, shape: tuple[int, ...], dtype: type, initial: object) -> np.ndarray:
+        """Return the column in which a layer keeps what it remembers of each robot, made if it is new."""
+        if name not in self.columns:
+            self._memory[name] = (shape, dtype, initial)
+            self._resize(np.arange(len(self.columns["position"])), 0)
+        return self.columns[name]
+
+    def forget(self) -> None:
+        """Drop the columns of all layers."""
+        for name in self._memory:
+            del self.columns[name]
+        self._memory = {}
+        self.version += 1
+
+    def _resize(self, kept: np.ndarray, new: int) -> None:
+        """Make every column anew: the kept rows in order, then `new` rows of initial values."""
+        widths = {
+            "proximity": self.table.proximity.shape[1],
+            "radiation": self.table.radiation.shape[1],
+            "line": self.table.line.shape[1],
+        }
+        for name, (shape, dtype, initial) in {**COLUMNS, **self._memory}.items():
+            full = (len(kept) + new, *(widths.get(w, w) for w in shape))
+            column = np.full(full, initial, dtype)
+            old = self.columns.get(name)
+            if old is not None and len(kept):
+                shared = tuple(slice(0, w) for w in old.shape[1:])
+                column[(slice(0, len(kept)), *shared)] = old[kept]
+            self._publish(name, column)
+        self.version += 1
+
+    def _publish(self, name: str, column: np.ndarray) -> None:
+        self.columns[name] = column
+        view = column.view()
+        view.flags.writeable = False
+        setattr(self, name, view)

@@ -1,0 +1,1 @@
+"""Arena, obstacles, maps and placement: everything that is not a robot."""

@@ -1,0 +1,157 @@
+"""The arena: Mesa's experimental ContinuousSpace, made safe, and fed from the swarm's columns."""
+
+from typing import Protocol
+
+import numpy as np
+from mesa.experimental.continuous_space import ContinuousSpace, ContinuousSpaceAgent
+
+from mesa_swarm.errors import InvalidValueError
+
+# Mesa grows its store by a fifth of what is there, which is nothing at all below three rows.
+SMALLEST_STORE = 16
+
+
+class Bodies(Protocol):
+    """Agents whose positions live in a column of their own: a swarm, or fires."""
+
+    agents: list
+    position: np.ndarray
+
+
+class PositionTable(np.ndarray):
+    """Positions as they are now, one row an agent; writing a row moves the agent, within bounds only.
+
+    A row that is read is a copy, so that ``agent.position += step`` is checked before anything is written.
+    """
+
+    arena: "Arena | None" = None
+
+    def __getitem__(self, key):
+        """Return a copy of what is asked for."""
+        return np.array(super().__getitem__(key))
+
+    def __setitem__(self, key, value):
+        """Move one agent."""
+        if self.arena is None:
+            raise InvalidValueError("positions of agents are read-only here; set agent.position")
+        self.arena.place(self.arena.active_agents[int(key)], value)
+
+
+class Arena(ContinuousSpace):
+    """A bounded plane in which robots, obstacles, fires and any other Mesa agents have positions.
+
+    Everything that Mesa's class offers works, without what there goes wrong: it may be created for no
+    agents, a position out of bounds is refused before anything is written, and what is read is never a
+    stale view. Robots and fires keep their positions in their own columns, read when somebody asks.
+
+    Parameters
+    ----------
+    dimensions : array-like, shape (d, 2)
+        Smallest and largest coordinate of every dimension.
+    torus : bool
+        Whether the space wraps around. The worlds of `SwarmModel` do not.
+    random : random.Random
+        Mesa's generator of the model.
+    n_agents : int
+        How many agents to make room for; more may come.
+
+    Examples
+    --------
+    >>> import random
+    >>> arena = Arena([[0, 800], [0, 600]], random=random.Random(1), n_agents=0)
+    >>> bool(arena.in_bounds([800, 600]))
+    True
+    """
+
+    def __init__(self, dimensions, torus=False, random=None, n_agents=100) -> None:
+        super().__init__(dimensions, torus=torus, random=random, n_agents=max(n_agents, SMALLEST_STORE))
+        self._bodies: list[Bodies] = []
+        self._rows: list[list[int]] | None = None
+
+    def attach(self, bodies: Bodies) -> None:
+        """Take the positions of these agents from their own column from now on."""
+        self._bodies.append(bodies)
+
+    @property
+    def agent_positions(self) -> np.ndarray:
+        """Positions of all agents, shape (n, d), in the order of `active_agents`."""
+        self._refresh()
+        table = np.array(self._agent_positions[: self._n_agents]).view(PositionTable)
+        table.arena = self
+        return table
+
+    @agent_positions.setter
+    def agent_positions(self, value: np.ndarray) -> None:
+        """Ignore the view that Mesa makes after each change: ours is made when it is read."""
+
+    def place(self, agent: ContinuousSpaceAgent, position) -> None:
+        """Write the position of an agent that the arena itself keeps, if it is within bounds.
+
+        Raises
+        ------
+        InvalidValueError
+            If the position is not finite or is out of bounds. Nothing is written then.
+        """
+        point = np.asarray(position, dtype=float)
+        if point.shape != (self.ndims,) or not self.in_bounds(point):
+            raise InvalidValueError(
+                f"position {position!r:.80} is outside the arena; expected x and y within {self.dimensions.tolist()}"
+            )
+        self._agent_positions[self._agent_to_index[agent]] = point
+
+    def calculate_difference_vector(self, point, agents=None) -> np.ndarray:
+        """Return the vectors from `point` to the agents (all of them by default)."""
+        self._refresh()
+        return np.asarray(super().calculate_difference_vector(point, agents))
+
+    def calculate_distances(self, point, agents=None, **kwargs):
+        """Return the distances from `point` to the agents (all by default), and the agents."""
+        self._refresh()
+        distances, chosen = super().calculate_distances(point, agents, **kwargs)
+        return np.asarray(distances), chosen
+
+    def get_k_nearest_agents(self, point, k: int = 1):
+        """Return the k agents nearest to `point`, all of them if there are fewer, and their distances."""
+        distances, agents = self.calculate_distances(point)
+        nearest = np.argsort(distances, kind="stable")[: max(k, 0)]
+        return [agents[i] for i in nearest], distances[nearest]
+
+    def _add_agent(self, agent) -> int:
+        self._rows = None
+        index = super()._add_agent(agent)
+        self._agent_positions[index] = self.center
+        agent._mesa_index = index
+        return index
+
+    def _remove_agent(self, agent) -> None:
+        self._rows = None
+        last = self._n_agents - 1
+        super()._remove_agent(agent)
+        self._index_to_agent.pop(last, None)
+        for index, moved in enumerate(self.active_agents):
+            self._index_to_agent[index] = moved
+            moved._mesa_index = index
+
+    def _refresh(self) -> None:
+        """Copy the positions that live in columns elsewhere into the store that Mesa's methods read."""
+        if self._rows is None:
+            index = self._agent_to_index
+            self._rows = [[index[agent] for agent in bodies.agents] for bodies in self._bodies]
+        for rows, bodies in zip(self._rows, self._bodies, strict=True):
+            if rows:
+                self._agent_positions[rows] = bodies.position
+
+
+class ArenaAgent(ContinuousSpaceAgent):
+    """A Mesa agent of the arena whose `pos` is its `position`, as Mesa's drawing code expects."""
+
+    @property
+    def pos(self) -> np.ndarray:
+        """The position."""
+        return self.position
+
+    @pos.setter
+    def pos(self, value) -> None:
+        # Mesa's Agent sets None when it is created, before there is anything to move.
+        if value is not None:
+            self.position = value

@@ -1,0 +1,279 @@
+"""Map files in SVG: a drawing from any editor, read defensively.
+
+The drawing is first walked by defusedxml with document types, entities and external references forbidden;
+the shapes are made only once the whole of it has passed. svgelements parses transforms and path data; it is
+given no document, because it follows `<use>` and is lenient where a map must be exact.
+
+What counts: rect, circle, ellipse, line, polyline, polygon and path, in groups, with transforms. y is turned
+to point up. A class or `data-kind` of `fire` makes a circle a fire, `mark` a mark on the ground, `background`
+nothing. Text, definitions and whatever has `display:none` are passed over. Style sheets are not read.
+"""
+
+import io
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+from xml.sax import SAXParseException
+from xml.sax.handler import ContentHandler
+
+import numpy as np
+from defusedxml import DefusedXmlException, DTDForbidden
+from defusedxml.expatreader import DefusedExpatParser
+
+from mesa_swarm.errors import InvalidValueError, check_choice, check_number
+from mesa_swarm.world.map_parts import LONGEST_NAME, Bounds, check_inside, checked_bounds, naming, refusal
+from mesa_swarm.world.shapes import LARGEST_COORDINATE, MOST_VERTICES, Shape
+from mesa_swarm.world.svg_paths import MOST_PATH_WORDS, path_words
+from mesa_swarm.world.svg_shapes import Drawn, fire_of, shapes_of
+from mesa_swarm.world.svg_values import (
+    checked_matrix,
+    length,
+    numbers,
+    properties,
+    transform,
+    viewbox,
+    viewbox_numbers,
+)
+
+MOST_ELEMENTS = 10_000
+DEEPEST_ELEMENT = 100
+LONGEST_ATTRIBUTE = 5_000
+# Curves may stray by this share of the map's longer side: 0.04 units on 800.
+TOLERANCE_OF_SIDE = 5e-5
+
+SVG = "http://www.w3.org/2000/svg"
+ROLES = ("obstacle", "mark", "fire", "background")
+SHAPES = ("rect", "circle", "ellipse", "line", "polyline", "polygon", "path")
+GROUPS = ("g", "a")
+REFUSED = ("use", "image", "script", "foreignObject", "svg", "switch")
+PASSED_OVER = (
+    *("title", "desc", "metadata", "defs", "style", "text", "view"),
+    *("symbol", "marker", "pattern", "clipPath", "mask", "filter", "linearGradient", "radialGradient"),
+)
+
+
+def read_svg(content: bytes, source: str) -> dict[str, Any]:
+    """Return what an SVG drawing shows, as the keyword arguments of `Map`.
+
+    Parameters
+    ----------
+    content : bytes
+        The file.
+    source : str
+        The name that errors begin with; its stem names a drawing without title.
+
+    Raises
+    ------
+    MapError
+        Naming the element, with its id and line, and what is wrong with it.
+
+    Examples
+    --------
+    >>> drawing = b'<svg width="80" height="60"><rect y="50" width="80" height="10"/></svg>'
+    >>> parts = read_svg(drawing, "hall.svg")
+    >>> parts["name"], parts["obstacles"][0].bounds
+    ('hall', (0.0, 0.0, 80.0, 10.0))
+    """
+    walk = _walked(content, source)
+    bounds = walk.bounds
+    tolerance = TOLERANCE_OF_SIDE * max(bounds[2] - bounds[0], bounds[3] - bounds[1])
+    return {
+        "name": walk.name or Path(source).stem.strip()[:LONGEST_NAME],
+        "bounds": bounds,
+        "obstacles": tuple(_obstacles(walk, tolerance)),
+        "fires": tuple(_fires(walk)),
+    }
+
+
+class _Walk(ContentHandler):
+    """What a drawing contains, collected element by element while nothing in it is built yet."""
+
+    def __init__(self, source: str) -> None:
+        super().__init__()
+        self.source = source
+        self.drawn: list[Drawn] = []
+        self.bounds: Bounds = (0.0, 0.0, 0.0, 0.0)
+        self._titles: list[str] = []
+        self._count = 0
+        self._path_words = 0
+        self._open: list[tuple[str, Drawn | None]] = []
+
+    @property
+    def name(self) -> str:
+        """The title of the drawing, on one line."""
+        title = "".join(self._titles).strip()
+        return title if title.isprintable() else " ".join(title.split())
+
+    def startElementNS(self, name: tuple, qname: str, attrs: Mapping) -> None:  # noqa: N802 (SAX's name)
+        """Enter an element."""
+        space, tag = name
+        attributes = {key: value for (own, key), value in attrs.items() if own is None}
+        place = self._place(tag, attributes)
+        self._count += 1
+        with naming(self.source, place):
+            _check_size(self._count, len(self._open))
+            known = space in (None, SVG)
+            self._open.append((tag, self._entered(tag, attributes, place) if known else None))
+
+    def endElementNS(self, name: tuple, qname: str) -> None:  # noqa: N802 (SAX's name)
+        """Leave an element."""
+        self._open.pop()
+
+    def characters(self, content: str) -> None:
+        """Keep the text of the drawing's own title."""
+        if [tag for tag, _ in self._open] == ["svg", "title"]:
+            self._titles.append(content)
+
+    def _place(self, tag: str, attributes: Mapping[str, str]) -> str:
+        identity = f" {attributes['id'][:40]!r}" if "id" in attributes else ""
+        return f"<{tag[:40]}>{identity} on line {self._locator.getLineNumber()}"
+
+    def _entered(self, tag: str, attributes: dict[str, str], place: str) -> Drawn | None:
+        """Return what the children inherit; None where nothing counts any more."""
+        if not self._open:
+            return self._root(tag, attributes, place)
+        if tag in REFUSED:
+            raise InvalidValueError(f"<{tag}> is not allowed in a map; draw plain shapes")
+        parent = self._open[-1][1]
+        if parent is None or tag in PASSED_OVER:
+            return None
+        if tag not in SHAPES and tag not in GROUPS:
+            raise InvalidValueError(f"is not a shape that maps know: {', '.join(SHAPES)}")
+        _check_attributes(attributes)
+        own = _inherited(parent, tag, attributes, place)
+        if own is None or tag in GROUPS:
+            return own
+        self._path_words += path_words(own.attributes.get("d", ""))
+        if self._path_words > MOST_PATH_WORDS:
+            raise InvalidValueError(f"brings all paths to more than {MOST_PATH_WORDS} numbers; simplify them")
+        self.drawn.append(own)
+        return None
+
+    def _root(self, tag: str, attributes: dict[str, str], place: str) -> Drawn | None:
+        if tag != "svg":
+            raise InvalidValueError("is no drawing; expected <svg>")
+        width, height = _size(attributes)
+        self.bounds = _bounds(attributes, width, height)
+        turned = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, height], [0.0, 0.0, 1.0]])
+        box = attributes.get("viewBox")
+        aspect = attributes.get("preserveAspectRatio", "")
+        matrix = turned if box is None else turned @ viewbox(box, aspect, width, height)
+        return _inherited(Drawn(tag, {}, place, matrix), tag, attributes, place)
+
+
+def _walked(content: bytes, source: str) -> _Walk:
+    walk = _Walk(source)
+    parser = DefusedExpatParser(1, forbid_dtd=True, forbid_entities=True, forbid_external=True)
+    parser.setContentHandler(walk)
+    parser.setFeature("http://xml.org/sax/features/external-general-entities", False)
+    try:
+        parser.parse(io.BytesIO(content))
+    except DTDForbidden:
+        raise refusal(source, "", "declares a document type; remove the <!DOCTYPE ...> line") from None
+    except DefusedXmlException:
+        raise refusal(source, "", "declares entities or refers to other files; remove them") from None
+    except SAXParseException as error:
+        place = f"line {error.getLineNumber()}, column {error.getColumnNumber() + 1}"
+        raise refusal(source, place, f"not XML: {error.getMessage()}") from None
+    except LookupError as error:
+        raise refusal(source, "", f"not XML: {error}") from None
+    return walk
+
+
+def _check_size(count: int, depth: int) -> None:
+    if count > MOST_ELEMENTS:
+        raise InvalidValueError(f"is one of more than {MOST_ELEMENTS} elements; simplify the drawing")
+    if depth >= DEEPEST_ELEMENT:
+        raise InvalidValueError(f"is nested deeper than {DEEPEST_ELEMENT} groups; ungroup the drawing")
+
+
+def _check_attributes(attributes: Mapping[str, str]) -> None:
+    for name, text in attributes.items():
+        if len(text) > LONGEST_ATTRIBUTE and name not in ("d", "points"):
+            raise InvalidValueError(f"{name[:40]} has more than {LONGEST_ATTRIBUTE} characters")
+
+
+def _size(attributes: Mapping[str, str]) -> tuple[float, float]:
+    """Return width and height; a missing one or a percentage is taken from the view box."""
+    box = viewbox_numbers(attributes["viewBox"])[2:] if "viewBox" in attributes else (None, None)
+    return _side(attributes, "width", box[0]), _side(attributes, "height", box[1])
+
+
+def _side(attributes: Mapping[str, str], name: str, from_viewbox: float | None) -> float:
+    text = attributes.get(name, "100%").strip()
+    if (text.endswith("%") or text == "auto") and from_viewbox is not None:
+        return from_viewbox
+    return check_number(name, length(name, text), above=0, maximum=LARGEST_COORDINATE)
+
+
+def _bounds(attributes: Mapping[str, str], width: float, height: float) -> Bounds:
+    """Return the bounds: from (0, 0), unless `data-bounds` says where the drawing lies in the world."""
+    if "data-bounds" not in attributes:
+        return checked_bounds((0.0, 0.0, width, height))
+    bounds = checked_bounds(numbers("data-bounds", attributes["data-bounds"]))
+    size = bounds[2] - bounds[0], bounds[3] - bounds[1]
+    if not np.allclose(size, (width, height), rtol=1e-9):
+        sides = f"{size[0]:g} x {size[1]:g}, the drawing {width:g} x {height:g}"
+        raise InvalidValueError(f"data-bounds spans {sides}; make them agree")
+    return bounds
+
+
+def _inherited(parent: Drawn, tag: str, attributes: dict[str, str], place: str) -> Drawn | None:
+    """Return an element with what it takes from its parent; None if it is not to be seen."""
+    style = {key: value for key, value in properties(attributes).items() if value != "inherit"}
+    role = _role(attributes) or parent.role
+    if style.get("display") == "none" or role == "background":
+        return None
+    for cut in ("clip-path", "mask"):
+        if style.get(cut, "none") != "none":
+            raise InvalidValueError(f"is cut by a {cut}; cut the shape itself in the editor")
+    return Drawn(
+        tag,
+        style,
+        place,
+        checked_matrix(parent.matrix @ transform(style["transform"]))
+        if "transform" in style
+        else parent.matrix,
+        role,
+        filled=style["fill"] not in ("none", "transparent") if "fill" in style else parent.filled,
+        even_odd=style["fill-rule"] == "evenodd" if "fill-rule" in style else parent.even_odd,
+        stroke_width=style.get("stroke-width", parent.stroke_width),
+    )
+
+
+def _role(attributes: Mapping[str, str]) -> str | None:
+    if "data-kind" in attributes:
+        return check_choice("data-kind", attributes["data-kind"], ROLES)
+    return next((word for word in attributes.get("class", "").split() if word in ROLES), None)
+
+
+def _obstacles(walk: _Walk, tolerance: float) -> Iterator[Shape]:
+    """Make the obstacles one by one, refusing the drawing as soon as it grows too large."""
+    vertices = 0
+    for drawn in walk.drawn:
+        if drawn.role == "fire":
+            continue
+        with naming(walk.source, drawn.place):
+            for shape in shapes_of(_placed(drawn, walk.bounds), tolerance):
+                vertices += len(shape.geometry.exterior.coords) if not shape.is_disc else 1
+                if vertices > MOST_VERTICES:
+                    raise InvalidValueError(
+                        f"brings the drawing to more than {MOST_VERTICES} points; simplify it"
+                    )
+                check_inside("shape", shape, walk.bounds)
+                yield shape
+
+
+def _fires(walk: _Walk) -> Iterator[Any]:
+    for drawn in walk.drawn:
+        if drawn.role == "fire":
+            with naming(walk.source, drawn.place):
+                fire = fire_of(_placed(drawn, walk.bounds))
+                check_inside("fire", fire, walk.bounds)
+            yield fire
+
+
+def _placed(drawn: Drawn, bounds: Bounds) -> Drawn:
+    """Move a drawing to where its bounds lie; done last, where it cancels what `to_svg` wrote to the bit."""
+    move = np.array([[1.0, 0.0, bounds[0]], [0.0, 1.0, bounds[1]], [0.0, 0.0, 1.0]])
+    return drawn._replace(matrix=move @ drawn.matrix)

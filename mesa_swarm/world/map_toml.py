@@ -1,0 +1,210 @@
+"""Map files in TOML: reading them with the place of every mistake, and writing them exactly.
+
+The format: `name`, `width` and `height` (or `bounds`), an optional `origin`, then `[[obstacle]]` and
+`[[fire]]` tables in map units, y up. Floats are written with all their digits: a map reads back equal.
+"""
+
+import json
+import tomllib
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from mesa_swarm.errors import InvalidValueError, check_choice, check_number, shortened, unknown_name
+from mesa_swarm.world.map_parts import Bounds, FireSpot, checked_bounds, naming, refusal
+from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, disc, polygon, rectangle
+
+TOP_KEYS = ("name", "width", "height", "origin", "bounds", "obstacle", "fire")
+FIRE_KEYS = ("centre", "radius", "temperature")
+SHAPE_KEYS = {
+    "rectangle": ("corners",),
+    "disc": ("centre", "radius"),
+    "polygon": ("outline", "holes"),
+}
+
+
+def read_toml(text: str, source: str) -> dict[str, Any]:
+    """Return what a TOML map says, as the keyword arguments of `Map`.
+
+    Parameters
+    ----------
+    text : str
+        The file's text.
+    source : str
+        The name that errors begin with.
+
+    Raises
+    ------
+    MapError
+        Naming line and column of a slip in the syntax, else the table, such as `obstacle 3`.
+
+    Examples
+    --------
+    >>> read_toml("name = hall", "hall.toml")
+    Traceback (most recent call last):
+    mesa_swarm.errors.MapError: hall.toml: Invalid value (at line 1, column 8)
+    """
+    table = _parsed(text, source)
+    with naming(source):
+        _refuse_unknown_keys(table, TOP_KEYS)
+        bounds = _bounds(table)
+        name = _needed(table, "name")
+    return {
+        "name": name,
+        "bounds": bounds,
+        "obstacles": _tables(table, "obstacle", _obstacle, source),
+        "fires": _tables(table, "fire", _fire, source),
+    }
+
+
+def toml_text(name: str, bounds: Bounds, obstacles: Iterable[Shape], fires: Iterable[FireSpot]) -> str:
+    """Return the TOML text that `read_toml` reads back exactly.
+
+    Examples
+    --------
+    >>> print(toml_text("hall", (0.0, 0.0, 80.0, 60.0), [disc((40, 30), 5)], []))
+    # A map of mesa_swarm: y points up, all numbers are in map units.
+    name = "hall"
+    width = 80
+    height = 60
+    <BLANKLINE>
+    [[obstacle]]
+    shape = "disc"
+    centre = [40, 30]
+    radius = 5
+    <BLANKLINE>
+    """
+    head = [
+        "# A map of mesa_swarm: y points up, all numbers are in map units.",
+        f"name = {json.dumps(name, ensure_ascii=False)}",
+        *_size_lines(bounds),
+    ]
+    blocks = [head, *map(_obstacle_lines, obstacles), *map(_fire_lines, fires)]
+    return "\n".join("\n".join(block) + "\n" for block in blocks)
+
+
+def number_text(value: float) -> str:
+    """Return the shortest text that reads back as exactly this float.
+
+    Examples
+    --------
+    >>> number_text(20.0), number_text(0.1)
+    ('20', '0.1')
+    """
+    # Beyond 2**53 a whole number's digits say more than the float knows.
+    return str(int(value)) if value.is_integer() and abs(value) < 2**53 else repr(value)
+
+
+def _parsed(text: str, source: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise refusal(source, "", "lists are nested too deeply") from None
+    except ValueError as error:  # tomllib's own error, and Python's on numbers of more than 4300 digits
+        raise refusal(source, "", error) from None
+
+
+def _bounds(table: dict[str, Any]) -> Bounds:
+    if "bounds" in table:
+        if {"width", "height", "origin"} & table.keys():
+            raise InvalidValueError("bounds and width, height or origin are both given; keep one of them")
+        return checked_bounds(table["bounds"])
+    limit = LARGEST_COORDINATE
+    width = check_number("width", _needed(table, "width"), above=0, maximum=limit)
+    height = check_number("height", _needed(table, "height"), above=0, maximum=limit)
+    origin = table.get("origin", [0.0, 0.0])
+    if not isinstance(origin, list) or len(origin) != 2:
+        raise InvalidValueError(f"origin is {shortened(origin)}; expected two numbers [x, y]")
+    x, y = (check_number("origin", value, minimum=-limit, maximum=limit) for value in origin)
+    return checked_bounds((x, y, x + width, y + height))
+
+
+def _tables(table: dict[str, Any], key: str, read: Callable[[dict[str, Any]], Any], source: str) -> tuple:
+    """Return what `read` makes of each `[[key]]` table, naming the table that is at fault."""
+    entries = table.get(key, [])
+    if not isinstance(entries, list):
+        raise refusal(source, key, f"write [[{key}]] with double brackets")
+    parts = []
+    for number, entry in enumerate(entries, start=1):
+        with naming(source, f"{key} {number}"):
+            if not isinstance(entry, dict):
+                raise InvalidValueError(f"is {shortened(entry)}; expected a [[{key}]] table")
+            parts.append(read(entry))
+    return tuple(parts)
+
+
+def _obstacle(entry: dict[str, Any]) -> Shape:
+    shape = check_choice("shape", _needed(entry, "shape"), SHAPE_KEYS)
+    _refuse_unknown_keys(entry, ("shape", "mark", *SHAPE_KEYS[shape]))
+    mark = entry.get("mark", False)
+    if not isinstance(mark, bool):
+        raise InvalidValueError(f"mark is {shortened(mark)}; expected true or false")
+    if shape == "rectangle":
+        return rectangle(*_corners(entry), contact=not mark)
+    if shape == "disc":
+        return disc(_needed(entry, "centre"), _needed(entry, "radius"), contact=not mark)
+    return polygon(_needed(entry, "outline"), entry.get("holes", []), contact=not mark)
+
+
+def _fire(entry: dict[str, Any]) -> FireSpot:
+    _refuse_unknown_keys(entry, FIRE_KEYS)
+    return FireSpot(_needed(entry, "centre"), _needed(entry, "radius"), entry.get("temperature", 1.0))
+
+
+def _corners(entry: dict[str, Any]) -> list:
+    corners = _needed(entry, "corners")
+    if not isinstance(corners, list) or len(corners) != 2:
+        raise InvalidValueError(f"corners is {shortened(corners)}; expected two points [[x, y], [x, y]]")
+    return corners
+
+
+def _needed(table: dict[str, Any], key: str) -> Any:
+    if key not in table:
+        raise InvalidValueError(f"{key} is missing")
+    return table[key]
+
+
+def _refuse_unknown_keys(table: dict[str, Any], known: Iterable[str]) -> None:
+    for key in table:
+        if key not in known:
+            raise InvalidValueError(unknown_name("key", key, known))
+
+
+def _size_lines(bounds: Bounds) -> list[str]:
+    x_min, y_min, x_max, y_max = bounds
+    if (x_min, y_min) == (0.0, 0.0):
+        return [f"width = {number_text(x_max)}", f"height = {number_text(y_max)}"]
+    # origin + width may round to a neighbour of x_max; the bounds themselves cannot.
+    return [f"bounds = {_list_text(bounds)}"]
+
+
+def _obstacle_lines(shape: Shape) -> list[str]:
+    mark = [] if shape.contact else ["mark = true"]
+    return ["[[obstacle]]", f'shape = "{shape.kind}"', *_shape_lines(shape), *mark]
+
+
+def _shape_lines(shape: Shape) -> list[str]:
+    if shape.kind == "disc":
+        return [f"centre = {_list_text(shape.position.tolist())}", f"radius = {number_text(shape.radius)}"]
+    if shape.kind == "rectangle":
+        x_min, y_min, x_max, y_max = shape.bounds
+        return [f"corners = [{_list_text((x_min, y_min))}, {_list_text((x_max, y_max))}]"]
+    outline = f"outline = {_ring_text(shape.geometry.exterior)}"
+    holes = ", ".join(map(_ring_text, shape.geometry.interiors))
+    return [outline, f"holes = [{holes}]"] if holes else [outline]
+
+
+def _fire_lines(fire: FireSpot) -> list[str]:
+    return [
+        "[[fire]]",
+        f"centre = {_list_text(fire.position)}",
+        f"radius = {number_text(fire.radius)}",
+        f"temperature = {number_text(fire.temperature)}",
+    ]
+
+
+def _ring_text(ring: Any) -> str:
+    return f"[{', '.join(map(_list_text, ring.coords[:-1]))}]"
+
+
+def _list_text(numbers: Iterable[float]) -> str:
+    return f"[{', '.join(map(number_text, numbers))}]"

@@ -1,0 +1,49 @@
+"""Obstacles as Mesa agents."""
+
+import numpy as np
+
+from mesa_swarm.errors import InvalidValueError, RemovedRobotError
+from mesa_swarm.world.arena import ArenaAgent
+from mesa_swarm.world.shapes import Shape
+
+
+class Obstacle(ArenaAgent):
+    """Something that stands in the world and never moves, or a mark painted on its ground.
+
+    Created by `SwarmModel.add_obstacle`; remove it with `SwarmModel.remove_obstacle` or `remove()`.
+
+    Parameters
+    ----------
+    space, model
+        Mesa's.
+    shape : Shape
+        From `disc`, `rectangle` or `polygon`.
+    """
+
+    def __init__(self, space, model, shape: Shape) -> None:
+        self.shape = shape
+        super().__init__(space, model)
+        index = space._agent_to_index[self]
+        space._agent_positions[index] = shape.position
+
+    @property
+    def contact(self) -> bool:
+        """Whether bodies bump into it; False for a mark on the ground."""
+        return self.shape.contact
+
+    @property
+    def position(self) -> np.ndarray:
+        """Centre of a disc or centroid of a polygon, shape (2,)."""
+        return self.shape.position
+
+    @position.setter
+    def position(self, value) -> None:
+        raise InvalidValueError("obstacles do not move; remove this one and add another")
+
+    def remove(self) -> None:
+        """Take the obstacle out of the world, between two steps."""
+        if self.space is None:
+            raise RemovedRobotError("this obstacle has been removed already; take one from model.obstacles")
+        model = self.model
+        super().remove()
+        model.obstacles_changed()

@@ -1,0 +1,195 @@
+"""Shapes of things that stand in the world: discs, rectangles and polygons, held as Shapely geometries."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import shapely
+from shapely.geometry import Point, Polygon
+
+from mesa_swarm.errors import InvalidValueError, check_number, shortened
+
+LARGEST_COORDINATE = 1e9
+MOST_VERTICES = 200_000
+
+Coordinates = Sequence[float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shape:
+    """A disc or a simple polygon with holes, solid or a mark on the ground.
+
+    Build one with `disc`, `rectangle` or `polygon`, which check what they are given.
+
+    Parameters
+    ----------
+    geometry : shapely Point or Polygon
+        A Point is the centre of a disc. Polygons are kept in Shapely's normal form, so that equal shapes
+        have equal coordinates. y points up.
+    radius : float
+        Radius of the disc; 0 for a polygon.
+    contact : bool
+        False makes it a ground mark: line sensors see it, nothing bumps into it.
+    """
+
+    geometry: Point | Polygon
+    radius: float = 0.0
+    contact: bool = field(default=True, kw_only=True)
+
+    @property
+    def is_disc(self) -> bool:
+        """Whether this is a disc."""
+        return isinstance(self.geometry, Point)
+
+    @property
+    def kind(self) -> str:
+        """The name of the shape in map files: disc, rectangle or polygon."""
+        if self.is_disc:
+            return "disc"
+        box = shapely.box(*self.geometry.bounds)
+        return "rectangle" if self.geometry.equals_exact(shapely.normalize(box)) else "polygon"
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """Smallest and largest x and y: (x_min, y_min, x_max, y_max)."""
+        x_min, y_min, x_max, y_max = self.geometry.bounds
+        return x_min - self.radius, y_min - self.radius, x_max + self.radius, y_max + self.radius
+
+    @property
+    def position(self) -> np.ndarray:
+        """The centre of a disc, or a polygon's centroid."""
+        centre = self.geometry.centroid
+        return np.array([centre.x, centre.y])
+
+    def __eq__(self, other: object) -> bool:
+        """Compare coordinates, radius and contact exactly."""
+        if not isinstance(other, Shape):
+            return NotImplemented
+        return self._key() == other._key()
+
+    def __hash__(self) -> int:
+        """Hash what equality compares."""
+        return hash(self._key())
+
+    def _key(self) -> tuple:
+        return self.geometry.wkb, self.radius, self.contact
+
+
+def disc(centre: Coordinates, radius: float, *, contact: bool = True) -> Shape:
+    """Return a disc.
+
+    Parameters
+    ----------
+    centre : (x, y)
+        Map units, y up.
+    radius : float
+        Above 0.
+    contact : bool
+        False for a mark on the ground.
+
+    Raises
+    ------
+    InvalidValueError
+        If a number is not finite or the radius is not above 0.
+
+    Examples
+    --------
+    >>> disc((10, 20), 5).kind
+    'disc'
+    """
+    x, y = _checked_points("centre", [centre])[0]
+    return Shape(
+        Point(x, y),
+        check_number("radius", radius, above=0, maximum=LARGEST_COORDINATE),
+        contact=bool(contact),
+    )
+
+
+def rectangle(corner: Coordinates, opposite: Coordinates, *, contact: bool = True) -> Shape:
+    """Return an axis-parallel rectangle given by two opposite corners.
+
+    Raises
+    ------
+    InvalidValueError
+        If its area is zero or a number is not finite.
+
+    Examples
+    --------
+    >>> rectangle((0, 0), (20, 600)).bounds
+    (0.0, 0.0, 20.0, 600.0)
+    """
+    (x0, y0), (x1, y1) = _checked_points("rectangle's corners", [corner, opposite])
+    if (x1 - x0) * (y1 - y0) == 0:
+        raise InvalidValueError(
+            f"rectangle from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g}) has no area; give opposite corners"
+        )
+    box = shapely.box(min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1))
+    return Shape(shapely.normalize(box), contact=bool(contact))
+
+
+def polygon(
+    outline: Iterable[Coordinates],
+    holes: Iterable[Iterable[Coordinates]] = (),
+    *,
+    contact: bool = True,
+) -> Shape:
+    """Return a simple polygon, convex or not, with or without holes.
+
+    Parameters
+    ----------
+    outline : sequence of (x, y)
+        Corner points in order, either way round, at least three; closing it is optional.
+    holes : sequence of outlines
+        Each within the outline.
+    contact : bool
+        False for a mark on the ground.
+
+    Raises
+    ------
+    InvalidValueError
+        If the outline crosses or touches itself (a bow-tie, a spike), has no area, or a number is not finite.
+
+    Examples
+    --------
+    >>> polygon([(0, 0), (10, 0), (0, 10)]).kind
+    'polygon'
+    """
+    shell = _checked_points("outline", outline)
+    if not isinstance(holes, Iterable):
+        raise InvalidValueError(f"holes is {shortened(holes)}; expected a list of outlines")
+    rings = [_checked_points("hole", hole) for hole in holes]
+    if min([len(shell), *map(len, rings)]) < 3:
+        raise InvalidValueError("polygon has an outline of fewer than 3 points; give at least 3")
+    geometry = Polygon(shell, rings)
+    if not geometry.is_valid:
+        reason = shapely.is_valid_reason(geometry)
+        raise InvalidValueError(f"polygon is not simple ({reason}); its outline may not cross itself")
+    if geometry.area == 0:
+        raise InvalidValueError("polygon has no area; give corner points that enclose some")
+    return Shape(shapely.normalize(geometry), contact=bool(contact))
+
+
+def _checked_points(name: str, points: Iterable[Coordinates]) -> np.ndarray:
+    """Return (n, 2) finite floats; refuse anything else before memory is spent on it."""
+    if not isinstance(points, Iterable):
+        raise InvalidValueError(f"{name} is {shortened(points)}; expected a list of points (x, y)")
+    checked = []
+    for point in points:
+        x, y = _pair(name, point)
+        if not (abs(x) <= LARGEST_COORDINATE and abs(y) <= LARGEST_COORDINATE):  # also refuses NaN
+            limit = f"finite coordinates of at most {LARGEST_COORDINATE:g}"
+            raise InvalidValueError(f"{name} has the point ({x}, {y}); expected {limit}")
+        checked.append((x, y))
+        if len(checked) > MOST_VERTICES:
+            raise InvalidValueError(f"{name} has more than {MOST_VERTICES} points; simplify it first")
+    return np.array(checked).reshape(-1, 2)
+
+
+def _pair(name: str, point: Coordinates) -> tuple[float, float]:
+    try:
+        x, y = point
+        if not isinstance(x, (str, bool)) and not isinstance(y, (str, bool)):
+            return float(x) + 0.0, float(y) + 0.0  # adding 0 turns -0.0 into 0.0: equal shapes, equal bytes
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise InvalidValueError(f"{name} has the point {shortened(point)}; expected two numbers (x, y)")

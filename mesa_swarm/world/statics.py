@@ -1,0 +1,183 @@
+"""Everything that stands still, as the arrays that the compiled engine works on."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from shapely.geometry.polygon import orient
+
+from mesa_swarm.geometry.grid import Grid, list_boxes_by_cell
+from mesa_swarm.world.shapes import Shape
+
+OBSTACLE, ROBOT, FIRE, NOTHING = 0, 1, 2, -1
+BORDER = -1
+FEWEST_CELLS = 4096
+CELLS_PER_ITEM = 4
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Statics:
+    """Edges and discs of all that stands still, listed by the cells of a grid.
+
+    An item is an edge (its index below ``len(edges)``) or a disc (the rest).
+
+    Parameters
+    ----------
+    edges : ndarray, shape (m, 4)
+        ax, ay, bx, by; the solid side is on the left. The first four are the map's border.
+    discs : ndarray, shape (k, 3)
+        x, y, radius.
+    owner : int64 ndarray, shape (m + k,)
+        Index of the obstacle or of the fire that an item belongs to, -1 for the border.
+    kind : int8 ndarray, shape (m + k,)
+        As sensors see it: 0 obstacle, 2 burning fire.
+    body : int8 ndarray, shape (m + k,)
+        What it is, burning or not: 0 obstacle, 2 fire.
+    rings : int64 ndarray, shape (p, 2)
+        First edge, and one past the last, of every solid polygon.
+    bounds : ndarray, shape (4,)
+        x_min, y_min, x_max, y_max of the map.
+    grid : Grid
+        Its cells list what can be seen, or touched, from them.
+    seen_start, seen_items, touched_start, touched_items : int64 ndarrays
+        See `list_boxes_by_cell`.
+    first_fire : int
+        Index in `discs` of the first fire.
+    """
+
+    edges: np.ndarray
+    discs: np.ndarray
+    owner: np.ndarray
+    kind: np.ndarray
+    body: np.ndarray
+    rings: np.ndarray
+    bounds: np.ndarray
+    grid: Grid
+    seen_start: np.ndarray
+    seen_items: np.ndarray
+    touched_start: np.ndarray
+    touched_items: np.ndarray
+    first_fire: int
+
+    @classmethod
+    def of(
+        cls,
+        bounds: Sequence[float],
+        shapes: Sequence[Shape],
+        fires: np.ndarray,
+        burning: np.ndarray,
+        *,
+        sight: float,
+        touch: float,
+    ) -> "Statics":
+        """Collect the border, the solid shapes and the fires of a world.
+
+        Parameters
+        ----------
+        bounds : (x_min, y_min, x_max, y_max)
+        shapes : sequence of Shape
+            Marks on the ground are passed over.
+        fires : ndarray, shape (f, 3)
+            x, y, radius.
+        burning : bool ndarray, shape (f,)
+        sight : float
+            How far from a robot's centre its sensors reach.
+        touch : float
+            How near to a robot's centre something must be to be touched within a step.
+        """
+        solid = [(i, shape) for i, shape in enumerate(shapes) if shape.contact]
+        edges, edge_owner, rings = _edges_of(solid, _border(bounds))
+        discs, disc_owner = _discs_of(solid)
+        owner = np.concatenate([edge_owner, disc_owner, np.arange(len(fires))])
+        body = np.zeros(len(owner), np.int8)
+        body[len(owner) - len(fires) :] = FIRE
+        kind = body.copy()
+        kind[len(owner) - len(fires) :][~burning] = OBSTACLE
+        discs = np.concatenate([discs, fires.reshape(-1, 3)])
+        boxes = _boxes(edges, discs)
+        grid = Grid.over(tuple(bounds), touch, FEWEST_CELLS + CELLS_PER_ITEM * len(boxes))
+        seen_start, seen_items = list_boxes_by_cell(boxes, sight, grid.numbers)
+        # The border is never crossed, so contact tests its four coordinates, not its edges.
+        touched = list_boxes_by_cell(boxes[4:], touch, grid.numbers)
+        return cls(
+            edges=edges,
+            discs=discs,
+            owner=owner.astype(np.int64),
+            kind=kind,
+            body=body,
+            rings=rings,
+            bounds=np.array(bounds, dtype=float),
+            grid=grid,
+            seen_start=seen_start,
+            seen_items=seen_items,
+            touched_start=touched[0],
+            touched_items=touched[1] + 4,
+            first_fire=len(discs) - len(fires),
+        )
+
+    def mark_burning(self, burning: np.ndarray) -> None:
+        """Show fires that are out as the obstacles that they have become."""
+        self.kind[len(self.edges) + self.first_fire :] = np.where(burning, FIRE, OBSTACLE)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Marks:
+    """The marks on the ground, for line sensors: edges and the rows of each ring, and discs, as in `Statics`."""
+
+    edges: np.ndarray
+    rings: np.ndarray
+    discs: np.ndarray
+
+    @classmethod
+    def of(cls, shapes: Sequence[Shape]) -> "Marks":
+        """Collect the shapes that are marks; solid ones are passed over."""
+        marks = [(i, shape) for i, shape in enumerate(shapes) if not shape.contact]
+        edges, _, rings = _edges_of(marks, np.empty((0, 4)))
+        return cls(edges=edges, rings=rings, discs=_discs_of(marks)[0])
+
+
+def _border(bounds: Sequence[float]) -> np.ndarray:
+    """Return the border's four edges, clockwise, for what is solid about a border lies outside."""
+    x_min, y_min, x_max, y_max = bounds
+    corners = [(x_min, y_min), (x_min, y_max), (x_max, y_max), (x_max, y_min), (x_min, y_min)]
+    return _segments(np.array(corners, dtype=float))
+
+
+def _discs_of(shapes: Sequence[tuple[int, Shape]]) -> tuple[np.ndarray, np.ndarray]:
+    """Return x, y, radius of the discs among numbered shapes, and their numbers."""
+    discs = [(i, s.geometry.x, s.geometry.y, s.radius) for i, s in shapes if s.is_disc]
+    table = np.array(discs, dtype=float).reshape(-1, 4)
+    return table[:, 1:].copy(), table[:, 0].astype(np.int64)
+
+
+def _edges_of(
+    shapes: Sequence[tuple[int, Shape]], border: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the edges of the border and of the polygons among numbered shapes, owners, and rings' rows."""
+    parts, owner, rings = [border], [np.full(len(border), BORDER)], []
+    first = len(border)
+    for i, shape in shapes:
+        if shape.is_disc:
+            continue
+        polygon = orient(shape.geometry)
+        segments = [_segments(shapely.get_coordinates(r)) for r in (polygon.exterior, *polygon.interiors)]
+        count = sum(map(len, segments))
+        parts += segments
+        owner.append(np.full(count, i))
+        rings.append((first, first + count))
+        first += count
+    return np.concatenate(parts), np.concatenate(owner), np.array(rings, np.int64).reshape(-1, 2)
+
+
+def _segments(ring: np.ndarray) -> np.ndarray:
+    return np.hstack([ring[:-1], ring[1:]])
+
+
+def _boxes(edges: np.ndarray, discs: np.ndarray) -> np.ndarray:
+    low = np.minimum(edges[:, :2], edges[:, 2:])
+    high = np.maximum(edges[:, :2], edges[:, 2:])
+    radius = discs[:, 2:]
+    return np.concatenate(
+        [np.hstack([low, high]), np.hstack([discs[:, :2] - radius, discs[:, :2] + radius])]
+    )

@@ -1,0 +1,1 @@
+"""The models that come with mesa_swarm, one file each."""

@@ -1,0 +1,67 @@
+"""Collision avoidance: robots that explore and turn away from whatever is near.
+
+WHAT IS IT? Robots drive straight on until one of their three forward infrared sensors sees something
+near; then they turn away. It is the simplest behaviour of the thesis, and the top layer of all others.
+
+HOW IT WORKS. Two layers, the first that is active drives: Avoid (left sensor activated: turn right; right: turn
+left; front: turn to the robot's own side) and Explore (straight on, with a random turn now and then if asked).
+
+HOW TO USE IT. `distance` is how near is too near. `turn` stops one wheel ("translational") or turns on the spot
+("stationary"). `turn_interval` lets robots turn at random after so many steps.
+
+THINGS TO NOTICE. Robots that turn on the spot swing to and fro for ever in a corridor that activates both
+their sides; those that turn with one wheel stopped come out. A single robot leaves parts of the map out.
+
+THINGS TO TRY. The map "original"; more robots; random turns; a distance that is larger than the corridors.
+
+EXTENDING IT. Put a rule of your own between the layers with `behaviour`.
+
+REFERENCE. Thesis, sections 5.2.2 and 5.3.1.
+"""
+
+from typing import Annotated
+
+from mesa_swarm import AGENT3, AGENT6, AGENT9, SwarmModel
+from mesa_swarm.control import Avoid, Explore, Subsumption
+from mesa_swarm.errors import check_choice, check_count
+from mesa_swarm.parameters import Choice, Slider
+
+DESIGNS = {"AGENT3": AGENT3, "AGENT6": AGENT6, "AGENT9": AGENT9}
+
+
+class CollisionAvoidance(SwarmModel):
+    """Robots that explore a map and avoid obstacles and each other.
+
+    Examples
+    --------
+    >>> CollisionAvoidance(n_robots=3, rng=1).run(5).steps
+    5
+    """
+
+    compares = "turn", ("translational", "stationary")
+    steps_to_compare = 3_000
+
+    def __init__(
+        self,
+        *,
+        n_robots: Annotated[int, Slider(1, 200, 1, "robots")] = 10,
+        design: Annotated[str, Choice(tuple(DESIGNS), "the robots' bodies and sensors")] = "AGENT9",
+        distance: Annotated[float, Slider(0, 50, 1, "nearer than this is too near, map units")] = 15.0,
+        turn: Annotated[str, Choice(("translational", "stationary"), "how robots turn away")] = "translational",
+        turn_interval: Annotated[int, Slider(0, 1000, 10, "steps between random turns, 0 for none")] = 0,
+        slip_probability: Annotated[float, Slider(0, 1, 0.01, "of each wheel in each step")] = 0.0,
+        error_probability: Annotated[float, Slider(0, 1, 0.01, "of each sensor in each step")] = 0.0,
+        map: Annotated[str, Choice(("original", "sparse", "openspace"), "the world")] = "original",
+        rng=None,
+    ) -> None:
+        super().__init__(map=map, rng=rng)
+        built = DESIGNS[check_choice("design", design, DESIGNS)]
+        built = built.with_proximity(error_probability=error_probability, error_magnitude=0.2)
+        built = built.with_slip(probability=slip_probability, magnitude=0.5)
+        self.add_robots(built, check_count("n_robots", n_robots))
+        self.control = Subsumption(Avoid(distance=distance, turn=turn), Explore(turn_interval=turn_interval))
+
+    def results(self) -> dict[str, float]:
+        """Return what a comparison compares: collisions per robot and 1,000 steps."""
+        robot_steps = max(self.steps * len(self.swarm), 1)
+        return {"collisions per robot and 1,000 steps": 1000.0 * self.total_collisions / robot_steps}

@@ -1,0 +1,104 @@
+"""Fire-fighting: robots put out seven fires, of which the largest takes more than one of them.
+
+WHAT IS IT? A task that is shared out without a word spoken. A robot at a fire cools it, and is heated by it;
+too hot, it must leave until it has cooled down. One robot cannot put the large central fire out alone.
+
+HOW IT WORKS. Layers: Avoid, FightFire, Explore. Under strategy A a robot that is too hot turns away and explores;
+while it is too hot it ignores all fires. Under strategy B it backs off until it takes no more heat, waits, and
+returns to the same fire. The fires follow T <- T + k1 (T + 1) - (k2 / A) n, the robots H <- H + k3 T A - k4.
+
+HOW TO USE IT. Choose a strategy and the number of robots. k1 makes fires grow, k2 lets robots put them
+out, k3 heats robots, k4 cools them; `leave` and `join` are the heats at which a robot leaves and may return.
+`design_constants` finds all six from wished-for properties, and says what follows from them.
+
+THINGS TO NOTICE. Under B robots gather at the large fire though nobody calls them: waiting near it is enough.
+Under A they leave one after the other, and the fire recovers between their visits.
+
+THINGS TO TRY. Fires that start at T = 0.3 are put out by their first visitor, whatever the strategy. Find the
+number of robots from which A is as good as B.
+
+EXTENDING IT. Let robots that explore prefer places that they have not seen.
+
+REFERENCE. Thesis, chapter 9 and appendix B.
+"""
+
+from typing import Annotated
+
+import numpy as np
+
+from mesa_swarm import AGENT_FIRE, SwarmModel
+from mesa_swarm.control import Avoid, Explore, Subsumption
+from mesa_swarm.errors import check_choice, check_count
+from mesa_swarm.fire import FightFire, FireConstants, design_constants
+from mesa_swarm.parameters import Choice, Slider
+
+DEFAULT = design_constants()
+# Under A a hot robot flees fires; under B it waits in front of one.
+FLEES = {"A": "when hot", "B": "never"}
+
+
+class FireFighting(SwarmModel):
+    """Robots that put out fires with strategy A or B.
+
+    Stops running when all fires are out.
+
+    Examples
+    --------
+    >>> FireFighting(strategy="A", rng=1).run(10).results()["fires out"]
+    0
+    """
+
+    compares = "strategy", ("A", "B")
+    steps_to_compare = 15_000
+    headline = "all fires out at", "put out all fires"
+
+    def __init__(
+        self,
+        *,
+        n_robots: Annotated[int, Slider(1, 50, 1, "robots")] = 10,
+        strategy: Annotated[str, Choice(("A", "B"), "what a hot robot does: A leaves, B waits nearby")] = "B",
+        map: Annotated[str, Choice(("openspace_fire",), "the world")] = "openspace_fire",
+        k1: Annotated[float, Slider(0.0001, 0.003, 0.0001, "growth of fires a step")] = DEFAULT.k1,
+        k2: Annotated[float, Slider(0.001, 0.05, 0.001, "extinguishing a robot and step, per 1 / area")] = DEFAULT.k2,
+        k3: Annotated[float, Slider(0.0, 0.5, 0.001, "heating of robots a step, times T times area")] = DEFAULT.k3,
+        k4: Annotated[float, Slider(0.0, 2.0, 0.01, "cooling of robots a step")] = DEFAULT.k4,
+        leave: Annotated[float, Slider(1, 1000, 1, "heat at which a robot leaves")] = DEFAULT.leave,
+        join: Annotated[float, Slider(0, 999, 1, "heat at which it may fight again")] = DEFAULT.join,
+        initial_temperature: Annotated[float, Slider(0.01, 1, 0.01, "of all fires at the start")] = 1.0,
+        history_every: Annotated[int, Slider(1, 100, 1, "steps between rows of the fires' history")] = 10,
+        rng=None,
+    ) -> None:
+        constants = FireConstants(k1, k2, k3, k4, leave, join)
+        reporters = {"fires_burning": "fires_burning", "robots_at_fires": "robots_at_fires"}
+        super().__init__(
+            map=map, rng=rng, fire_constants=constants, history_every=history_every, model_reporters=reporters
+        )
+        for fire in self.fires:
+            fire.temperature = initial_temperature
+        self.add_robots(AGENT_FIRE, check_count("n_robots", n_robots))
+        fires = FLEES[check_choice("strategy", strategy, FLEES)]
+        self.control = Subsumption(Avoid(fires=fires), FightFire(strategy=strategy), Explore())
+
+    @property
+    def fires_burning(self) -> int:
+        """How many fires burn."""
+        return len(self.fires) - int(np.count_nonzero(self.fires.out))
+
+    @property
+    def robots_at_fires(self) -> int:
+        """How many robots fight a fire."""
+        return int(np.count_nonzero(self.swarm.fire >= 0))
+
+    def step(self) -> None:
+        """Advance by one step, and stop running when all fires are out."""
+        super().step()
+        self.running = self.fires_burning > 0
+
+    def results(self) -> dict[str, float | None]:
+        """Return what a comparison compares: fires out, and when each and the last went out, None if it burns."""
+        last = int(self.fires.out_step.max()) if len(self.fires) and self.fires.out.all() else None
+        out = {
+            f"fire {i + 1} out at": int(fire_step) if fire_step >= 0 else None
+            for i, fire_step in enumerate(self.fires.out_step)
+        }
+        return {"fires out": int(self.fires.out.sum()), **out, "all fires out at": last}

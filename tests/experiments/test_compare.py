@@ -1,0 +1,252 @@
+import csv
+import io
+from pathlib import Path
+
+import pytest
+
+from mesa_swarm.errors import SwarmError
+from mesa_swarm.experiments.compare import Comparison, compare, run_plan
+from mesa_swarm.experiments.files import check_writable, write_whole
+from mesa_swarm.experiments.findings import finding
+from mesa_swarm.experiments.gallery import class_name, description, find_model, model_names
+from mesa_swarm.experiments.plan import Plan, Run, checked_plan
+from mesa_swarm.experiments.tables import WIDEST, fitting, runs_csv, summary_csv, summary_rows
+from mesa_swarm.model import SwarmModel
+
+FIRE = find_model("fire_fighting")
+AVOID = find_model("collision_avoidance")
+
+
+@pytest.fixture(scope="module")
+def comparison():
+    return compare(FIRE, seeds=3, steps=400, jobs=1)
+
+
+def made_up(columns, model_class=FIRE, parameter="strategy"):
+    """A comparison of results that are given by value and measure."""
+    values = tuple(columns)
+    seeds = len(next(iter(columns[values[0]].values())))
+    runs = [
+        Run(value, rng, 100, "hash", {name: column[rng - 1] for name, column in columns[value].items()})
+        for rng in range(1, seeds + 1)
+        for value in values
+    ]
+    return Comparison(Plan(model_class, parameter, values, seeds, 100, {}), tuple(runs))
+
+
+def test_every_value_meets_the_same_seeds(comparison):
+    assert [(run.value, run.rng) for run in comparison.runs] == [
+        (value, rng) for rng in (1, 2, 3) for value in ("A", "B")
+    ]
+
+
+def test_each_run_is_what_the_model_does_alone(comparison):
+    alone = FIRE(strategy="B", rng=2).run(400)
+    run = comparison.runs[3]
+    assert (run.state_hash, run.results, run.steps) == (alone.state_hash(), alone.results(), alone.steps)
+
+
+def test_the_outcome_does_not_depend_on_the_number_of_jobs(comparison):
+    two = compare(FIRE, seeds=3, steps=400, jobs=2)
+    assert two.runs == comparison.runs
+    assert two.table() == comparison.table()
+    assert runs_csv(two) == runs_csv(comparison)
+
+
+def test_portraits_are_kept_of_the_first_seed_only(comparison):
+    assert [run.portrait is not None for run in comparison.runs] == [True, True, False, False, False, False]
+    assert list(comparison.portraits) == ["A", "B"]
+
+
+def test_steps_and_values_are_by_default_what_the_model_says():
+    plan = checked_plan(FIRE)
+    assert (plan.parameter, plan.values, plan.steps, plan.seeds) == ("strategy", ("A", "B"), 15_000, 30)
+    assert checked_plan(AVOID, seeds=1).steps == 3_000
+
+
+def test_values_of_a_choice_need_not_be_given():
+    assert checked_plan(AVOID, parameter="design", seeds=1).values == ("AGENT3", "AGENT6", "AGENT9")
+
+
+def test_settings_reach_the_model():
+    plan = checked_plan(FIRE, settings={"n_robots": 3}, seeds=1)
+    assert len(plan.built(1, "A").robots) == 3
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"seeds": 0}, "seeds is 0"),
+        ({"seeds": float("nan")}, "seeds is nan"),
+        ({"steps": 0}, "steps is 0"),
+        ({"steps": 10**12}, "steps is 1e\\+12"),
+        ({"jobs": 0}, "jobs is 0"),
+        ({"jobs": -2}, "jobs is -2"),
+        ({"parameter": "stratgy"}, "did you mean 'strategy'"),
+        ({"parameter": "n_robots"}, "0 values of n_robots"),
+        ({"parameter": "n_robots", "values": [5, 10**9]}, "do not fit"),
+        ({"parameter": "n_robots", "values": [5, -1]}, "n_robots is -1"),
+        ({"values": ["A"]}, "1 values of strategy"),
+        ({"values": ["A", "A"]}, "expected different ones"),
+        ({"values": ["A", "C"]}, "unknown strategy 'C'"),
+        ({"settings": {"strategy": "A"}}, "set and compared at once"),
+        ({"settings": {"n_robotz": 3}}, "did you mean 'n_robots'"),
+        ({"settings": {"k1": float("inf")}}, "k1 is inf"),
+    ],
+)
+def test_a_wrong_comparison_is_refused_in_one_line_before_it_is_run(wrong, said):
+    with pytest.raises(SwarmError, match=said) as caught:
+        compare(FIRE, **wrong)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_model_without_results_is_refused():
+    class Mute(SwarmModel):
+        def __init__(self, *, speed: float = 1.0, rng=None) -> None:
+            super().__init__(rng=rng)
+
+    with pytest.raises(SwarmError, match=r"Mute has no method results"):
+        compare(Mute, parameter="speed", values=[1.0, 2.0])
+    with pytest.raises(SwarmError, match="does not say what to compare"):
+        compare(Mute)
+
+
+def test_results_that_are_not_numbers_are_refused():
+    class Odd(SwarmModel):
+        compares = "speed", (1.0, 2.0)
+
+        def __init__(self, *, speed: float = 1.0, rng=None) -> None:
+            super().__init__(rng=rng)
+
+        def results(self):
+            return {"speed": float("nan")}
+
+    with pytest.raises(SwarmError, match="result 'speed' is nan"):
+        compare(Odd)
+
+
+def test_an_error_within_a_run_reaches_the_caller_from_other_processes():
+    plan = Plan(FIRE, "n_robots", (5, 10**9), 2, 5, {})
+    with pytest.raises(SwarmError, match="do not fit"):
+        run_plan(plan, 2)
+
+
+def test_the_table_fits_a_terminal_and_shows_shares_and_intervals(comparison):
+    lines = comparison.table().splitlines()
+    assert max(map(len, lines)) <= WIDEST
+    assert lines[0] == "FireFighting: 3 paired seeds, at most 400 steps each"
+    row = next(line for line in lines if line.startswith("fire 2 out at"))
+    assert row.split()[4:] == ["A", "0/3", "[0-56", "%]", "-"]
+
+
+def test_a_table_that_is_too_wide_puts_names_on_their_own_lines():
+    columns = {value: {"a measure with a long name " * 3: [1e9, 2e9, 4e9]} for value in ("one value", "another")}
+    text = made_up(columns, AVOID, "turn").table()
+    assert max(map(len, text.splitlines())) <= WIDEST
+    assert "a measure with a long name" in text
+
+
+def test_fitting_tables_stay_as_they_are():
+    assert fitting([["", "x"], ["name", "1"]])[-1] == "name  1"
+
+
+def test_the_csv_of_runs_has_every_number(comparison):
+    rows = list(csv.DictReader(io.StringIO(runs_csv(comparison))))
+    assert [(row["strategy"], int(row["rng"])) for row in rows] == [(r.value, r.rng) for r in comparison.runs]
+    for row, run in zip(rows, comparison.runs, strict=True):
+        assert row["state_hash"] == run.state_hash
+        numbers = {name: float(row[name]) if row[name] else None for name in run.results}
+        assert numbers == run.results
+
+
+def test_the_csv_of_the_summary_has_every_limit_and_no_nan(comparison):
+    text = summary_csv(summary_rows(comparison))
+    rows = list(csv.DictReader(io.StringIO(text)))
+    assert "nan" not in text
+    assert len(rows) == 2 * len(comparison.measures)
+    assert rows[0]["difference"] == ""
+    assert float(rows[1]["difference"]) == float(rows[1]["mean"]) - float(rows[0]["mean"])
+
+
+def test_the_finding_about_fires_counts_runs_and_calls_a_clear_difference_clear():
+    out = {"fires out": [7] * 30, "fire 2 out at": [100] * 30, "all fires out at": [200] * 30}
+    left = {"fires out": [6] * 30, "fire 2 out at": [None] * 30, "all fires out at": [None] * 25 + [300] * 5}
+    text = finding(made_up({"A": left, "B": out}))
+    assert text.startswith("Strategy B put out all fires in 30 of 30 runs (95 % interval 89-100 %), A in 5 of 30")
+    assert "a clear difference; most different is 'fire 2 out': in 30 runs with B, in 0 with A." in text
+    assert "\n" not in text
+
+
+def test_the_finding_does_not_claim_what_the_intervals_do_not_bear_out():
+    first = {"all fires out at": [1, 2, None, None]}
+    second = {"all fires out at": [1, 2, 3, None]}
+    assert "do not settle which is larger" in finding(made_up({"A": first, "B": second}))
+
+
+def test_the_finding_says_when_there_is_no_difference():
+    same = {"all fires out at": [1, 2, 3]}
+    assert "no difference was seen" in finding(made_up({"A": same, "B": same}))
+    same = {"collisions": [1, 2, 3]}
+    assert "no difference was seen" in finding(made_up({"a": same, "b": same}, AVOID, "turn"))
+
+
+def test_the_finding_about_one_seed_claims_nothing():
+    one = made_up({"a": {"collisions": [1]}, "b": {"collisions": [5]}}, AVOID, "turn")
+    assert "one seed says nothing about others" in finding(one)
+
+
+def test_the_finding_about_numbers_uses_the_paired_difference():
+    base = [10.0 * k for k in range(10)]
+    higher = [x + 1 + 0.01 * k for k, x in enumerate(base)]
+    text = finding(made_up({"a": {"hits": base}, "b": {"hits": higher}}, AVOID, "turn"))
+    assert "over 10 paired seeds: a clear difference." in text
+    assert "with turn b" in text
+
+
+def test_the_finding_about_what_never_happened_compares_nothing():
+    never = {"hits": [None, None]}
+    assert "nothing to compare" in finding(made_up({"a": never, "b": never}, AVOID, "turn"))
+
+
+def test_saving_writes_tables_and_pictures_whole(comparison, tmp_path):
+    paths = comparison.save(tmp_path / "new" / "folder")
+    names = {"runs.csv", "summary.csv", "finding.txt", "final_state.png", "robots_at_fires.png"}
+    assert {path.name for path in paths} == names
+    assert set(Path(tmp_path / "new" / "folder").iterdir()) == set(paths)
+    assert all(path.read_bytes()[:4] == b"\x89PNG" for path in paths if path.suffix == ".png")
+
+
+def test_saving_where_a_file_is_in_the_way_is_refused(comparison, tmp_path):
+    (tmp_path / "taken").write_text("mine")
+    with pytest.raises(SwarmError, match="results cannot be written to"):
+        comparison.save(tmp_path / "taken")
+    assert (tmp_path / "taken").read_text() == "mine"
+
+
+@pytest.mark.parametrize("name", ["/proc/none/here", "/dev/null", "a\0b"])
+def test_folders_that_cannot_be_written_to_are_refused(name):
+    with pytest.raises(SwarmError, match="results cannot be written to"):
+        check_writable(name)
+
+
+def test_trying_a_folder_leaves_nothing_behind(tmp_path):
+    check_writable(tmp_path / "a" / "b")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_failed_write_leaves_the_old_file_and_no_draft(tmp_path):
+    (tmp_path / "folder.txt").mkdir()
+    with pytest.raises(OSError, match=r"folder\.txt"):
+        write_whole(tmp_path / "folder.txt", "new")
+    assert [path.name for path in tmp_path.iterdir()] == ["folder.txt"]
+
+
+def test_every_model_is_found_under_the_words_of_its_class():
+    for name in model_names():
+        assert find_model(name).__name__ == class_name(name)
+        assert description(find_model(name)).endswith(".")
+
+
+def test_a_misspelt_model_is_refused_with_the_nearest_name():
+    with pytest.raises(SwarmError, match="did you mean 'fire_fighting'"):
+        find_model("fire_figting")

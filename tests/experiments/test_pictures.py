@@ -1,0 +1,236 @@
+import io
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+
+from mesa_swarm.experiments import pictures
+from mesa_swarm.experiments.bench import complexity_figure, exponent, step_table, verdict
+from mesa_swarm.experiments.figures import fires_figure, series_figure, window_means
+from mesa_swarm.experiments.gallery import find_model
+from mesa_swarm.experiments.pictures import draw_world, legend_of, png, world_figure
+from mesa_swarm.experiments.portrait import portrait_of
+from mesa_swarm.experiments.workload import AREA_PER_ROBOT, peer_workload
+from mesa_swarm.model import SwarmModel
+from mesa_swarm.robots.design import AGENT9
+from mesa_swarm.world.map import Map
+from mesa_swarm.world.map_parts import FireSpot
+from mesa_swarm.world.shapes import disc, polygon, rectangle
+
+FIRE = find_model("fire_fighting")
+WHITE = (255, 255, 255)
+
+
+def empty_world(obstacles=(), fires=(), side=100):
+    return SwarmModel(map=Map(name="hall", bounds=(0, 0, side, side), obstacles=obstacles, fires=fires), rng=1)
+
+
+def pixels(model, sectors=False, side=100):
+    """The world as an image without frame: `at(x, y)` reads the colour at map coordinates."""
+    figure = Figure(figsize=(5, 5), dpi=100)
+    axes = figure.add_axes((0, 0, 1, 1))
+    draw_world(model, axes, sectors)
+    axes.set_axis_off()
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    image = np.asarray(canvas.buffer_rgba())[..., :3]
+
+    def at(x, y):
+        return tuple(int(c) for c in image[round((1 - y / side) * 499), round(x / side * 499)])
+
+    return at
+
+
+def colour(name):
+    return tuple(round(255 * part) for part in to_rgba(name)[:3])
+
+
+def near(seen, wanted):
+    return max(abs(a - b) for a, b in zip(seen, wanted, strict=True)) <= 3
+
+
+def test_obstacles_are_where_they_stand_and_holes_stay_open():
+    ring = polygon([(60, 60), (90, 60), (90, 90), (60, 90)], [[(70, 70), (80, 70), (80, 80), (70, 80)]])
+    at = pixels(empty_world([disc((25, 25), 10), rectangle((50, 5), (70, 15)), ring]))
+    for point in [(25, 25), (25, 33), (33, 25), (52, 7), (68, 13), (65, 65), (85, 75)]:
+        assert near(at(*point), colour(pictures.OBSTACLE)), point
+    for point in [(25, 37), (37, 25), (48, 10), (75, 75), (95, 95)]:
+        assert near(at(*point), WHITE), point
+
+
+def test_ground_marks_do_not_look_like_obstacles():
+    at = pixels(empty_world([rectangle((10, 10), (40, 40), contact=False)]))
+    assert near(at(25, 25), colour(pictures.MARK))
+
+
+def test_the_front_half_of_a_robot_has_another_colour_than_its_back():
+    model = empty_world()
+    model.add_robots(AGENT9, poses=[(50, 50, np.pi / 2)])
+    at = pixels(model)
+    assert near(at(48, 53), colour(pictures.FRONT))
+    assert near(at(52, 53), colour(pictures.FRONT))
+    assert near(at(48, 47), colour(pictures.COOL))
+    assert near(at(50, 56), WHITE)
+    assert near(at(44, 50), WHITE)
+
+
+def test_robots_that_are_too_hot_have_another_back():
+    model = empty_world()
+    model.add_robots(AGENT9, poses=[(50, 50, 0.0)])
+    model.swarm.columns["hot"][:] = True
+    assert near(pixels(model)(47, 50), colour(pictures.HOT))
+
+
+@pytest.mark.parametrize("temperature", [0.01, 0.5, 1.0])
+def test_fires_are_coloured_by_their_temperature_and_to_scale(temperature):
+    at = pixels(empty_world(fires=[FireSpot((50, 50), 20, temperature)]))
+    wanted = tuple(round(255 * part) for part in pictures.TEMPERATURE(temperature)[:3])
+    assert near(at(50, 65), wanted)
+    assert near(at(64, 50), wanted)
+    assert near(at(50, 72), WHITE)
+
+
+def test_the_hotter_the_fire_the_lighter_its_colour_so_that_nobody_needs_to_see_red():
+    red, green, blue = pictures.TEMPERATURE(np.linspace(0, 1, 50))[:, :3].T
+    assert (np.diff(0.2126 * red + 0.7152 * green + 0.0722 * blue) > 0).all()
+
+
+def test_fires_that_are_out_are_pale():
+    model = empty_world(fires=[FireSpot((50, 50), 20)])
+    model.fires.columns["out"][:] = True
+    assert near(pixels(model)(50, 65), colour(pictures.OUT))
+
+
+def test_sensor_sectors_are_drawn_only_if_asked_and_reach_as_far_as_the_sensors():
+    model = empty_world()
+    model.add_robots(AGENT9.with_proximity(range=20), poses=[(50, 50, 0.0)])
+    assert near(pixels(model)(73, 50), WHITE)
+    at = pixels(model, sectors=True)
+    assert not near(at(73, 50), WHITE)
+    assert near(at(77, 50), WHITE)
+
+
+def test_a_portrait_draws_what_its_model_draws():
+    model = FIRE(rng=1).run(50)
+    first, second = (png(world_figure({"now": portrait_of(model)})) for _ in range(2))
+    assert first == second
+
+
+def test_a_portrait_does_not_change_with_its_model():
+    model = FIRE(rng=1)
+    portrait = portrait_of(model)
+    before = portrait.robots["position"].copy()
+    model.run(20)
+    assert (portrait.robots["position"] == before).all()
+    assert not (model.swarm.position == before).all()
+
+
+def test_the_legend_names_what_is_there_and_nothing_else():
+    labels = [entry.get_label() for entry in legend_of(portrait_of(FIRE(rng=1)))]
+    assert labels[:2] == ["obstacle", "robot, its front yellow"]
+    assert "fire, out" in labels
+    assert legend_of(portrait_of(empty_world())) == []
+
+
+def test_worlds_stand_side_by_side_with_their_titles():
+    portrait = portrait_of(empty_world())
+    figure = world_figure({"one": portrait, "two": portrait})
+    assert [axes.get_title() for axes in figure.axes] == ["one", "two"]
+    left, right = (axes.get_position() for axes in figure.axes)
+    assert left.y0 == pytest.approx(right.y0)
+    assert left.x1 < right.x0
+
+
+def test_the_history_of_fires_ends_with_the_present():
+    model = FIRE(rng=1).run(123)
+    history = portrait_of(model).history
+    assert history["steps"][-1] == 123
+    assert (history["robots"][-1] == np.where(model.fires.out, -1, model.fires.robots)).all()
+    assert (history["temperature"][-1] == model.fires.temperature).all()
+
+
+def test_each_strip_shows_the_robots_at_its_fire_and_minus_one_once_it_is_out():
+    model = FIRE(rng=1).run(600)
+    portrait = portrait_of(model)
+    figure = fires_figure({"B": portrait, "B again": portrait})
+    strips = figure.axes
+    assert len(strips) == 14
+    assert model.fires.out.any()
+    for i, axes in enumerate(strips[:7]):
+        shown = {line.get_label(): line.get_ydata() for line in axes.lines}
+        burning, out = shown[f"fire {i + 1}"], shown["out"]
+        history = portrait.history["robots"][:, i]
+        assert np.array_equal(np.where(np.isnan(burning), out, burning)[: len(history)], history)
+        assert axes.get_ylabel() == f"fire {i + 1}"
+    assert strips[6].get_xlabel() == "step"
+    assert {axes.get_ylim() for axes in strips} == {strips[0].get_ylim()}
+    assert {axes.get_xlim() for axes in strips} == {(0.0, 600.0)}
+
+
+def test_the_block_of_the_first_value_is_above_the_second():
+    portrait = portrait_of(FIRE(rng=1).run(30))
+    figure = fires_figure({"A": portrait, "B": portrait})
+    png(figure)
+    tops = [block.bbox.y1 for block in figure.subfigs]
+    assert tops[0] > tops[1]
+
+
+def test_series_show_the_means_of_windows_over_time():
+    model = find_model("collision_avoidance")(rng=1).run(80)
+    figure = series_figure({"first": portrait_of(model)})
+    (line,) = figure.axes[1].lines
+    total = model.datacollector.get_model_vars_dataframe()["total_collisions"].to_numpy()
+    assert np.array_equal(line.get_ydata(), total.reshape(40, 2).mean(axis=1))
+    assert figure.axes[-1].get_xlabel() == "step"
+
+
+def test_window_means_of_a_short_series_are_the_series():
+    middles, means = window_means(np.array([4.0, 6.0]))
+    assert middles.tolist() == [1.0, 2.0]
+    assert means.tolist() == [4.0, 6.0]
+
+
+def test_pictures_are_pngs_and_leave_no_state_in_pyplot():
+    before = dict(mpl.rcParams)
+    content = png(world_figure({"now": portrait_of(empty_world())}))
+    assert content[:8] == b"\x89PNG\r\n\x1a\n"
+    assert mpl.image.imread(io.BytesIO(content)).shape[2] == 4
+    assert dict(mpl.rcParams) == before
+
+
+def test_the_peer_workload_is_what_the_issue_says():
+    model = peer_workload(100)
+    width, height = np.diff(model.space.dimensions, axis=1).ravel()
+    body = np.pi * 5.0**2
+    assert width * height == pytest.approx(100 * AREA_PER_ROBOT * body)
+    assert len(model.obstacles) == 10
+    assert {sensor.range for sensor in model.swarm.designs[0].proximity} == {16}
+    assert len(model.swarm.designs[0].proximity) == 9
+
+
+def test_the_same_workload_twice_gives_the_same_state():
+    first, second = (peer_workload(50).run(20).state_hash() for _ in range(2))
+    assert first == second
+
+
+def test_the_benchmark_table_says_which_targets_are_reached():
+    lines = step_table({50: 0.00005, 200: 0.001, 1000: 0.0004, 5000: 0.002, 10_000: 0.006})
+    assert [line.split()[3] for line in lines[2:]] == ["yes", "no", "yes", "yes", "no"]
+    assert max(map(len, lines)) <= 100
+    assert "MISSED" in verdict("memory", 3000.0, 2000.0)
+
+
+def test_the_growth_exponent_is_that_of_a_power_law():
+    assert exponent({n: 3 * n**1.02 for n in (200, 10_000)}) == pytest.approx(1.02)
+
+
+def test_complexity_curves_have_a_panel_each_with_axes_and_legend():
+    curves = {"few": {"a": {1: 1e-5, 50: 1e-4}, "b": {1: 2e-5, 50: 3e-4}}, "many": {"c": {10: 1e-5, 3000: 1e-3}}}
+    figure = complexity_figure(curves)
+    assert [axes.get_title() for axes in figure.axes] == ["few", "many"]
+    assert [axes.get_xscale() for axes in figure.axes] == ["linear", "log"]
+    assert [text.get_text() for text in figure.axes[0].get_legend().get_texts()] == ["a", "b"]
+    assert figure.axes[0].lines[1].get_ydata() == pytest.approx([0.02, 0.3])

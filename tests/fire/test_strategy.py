@@ -1,0 +1,78 @@
+"""What robots do at fires under strategies A and B, and what comes of it."""
+
+import math
+
+import numpy as np
+import pytest
+from joblib import Parallel, delayed
+
+from mesa_swarm import AGENT_FIRE
+from mesa_swarm.models.fire_fighting import FireFighting
+
+LARGE = 1
+
+
+def at_the_large_fire(strategy, places, steps, gap=0):
+    """Return a model in which robots were put at the large fire, one after the other."""
+    model = FireFighting(n_robots=1, strategy=strategy, rng=1)
+    model.remove_robots(model.robots)
+    (x, y), reach = model.fires.position[LARGE], model.fires.radius[LARGE] + 6
+    for k in range(places):
+        side = 2 * math.pi * k / places
+        pose = (x + reach * math.cos(side), y + reach * math.sin(side), side + math.pi)
+        model.add_robots(AGENT_FIRE, poses=[pose])
+        model.run(gap)
+    return model.run(steps)
+
+
+def test_a_hot_robot_leaves_under_a_and_waits_in_front_of_the_fire_under_b():
+    distances = {}
+    for strategy in "AB":
+        model = at_the_large_fire(strategy, 1, 150)
+        assert model.swarm.hot.tolist() == [True]
+        centre = model.fires.position[LARGE]
+        distances[strategy] = np.hypot(*(model.swarm.position[0] - centre)) - model.fires.radius[LARGE] - 5
+    assert 10.0 < distances["B"] < 13.0
+    assert distances["A"] > 13.0
+
+
+def test_under_b_the_robot_returns_to_the_same_fire_when_it_has_cooled():
+    model = at_the_large_fire("B", 1, 130)
+    fought = []
+    for _ in range(200):
+        model.step()
+        fought.append(int(model.swarm.fire[0]))
+    assert LARGE in fought
+    assert set(fought) <= {-1, LARGE}
+
+
+def test_one_robot_cannot_put_out_the_largest_fire():
+    model = at_the_large_fire("B", 1, 15_000)
+    assert not model.fires.out[LARGE]
+
+
+@pytest.mark.parametrize("gap", [0, 40, 90, 150])
+def test_two_robots_that_meet_at_the_largest_fire_put_it_out_under_b(gap):
+    model = at_the_large_fire("B", 2, 15_000, gap)
+    assert model.fires.out[LARGE]
+
+
+def test_the_model_stops_running_when_all_fires_are_out():
+    model = FireFighting(strategy="B", rng=1).run(15_000)
+    assert not model.running
+    assert model.fires.out.all()
+    steps = model.steps
+    assert model.run(10).steps == steps
+
+
+def fires_out(strategy, seed):
+    model = FireFighting(strategy=strategy, rng=seed).run(15_000)
+    return model.fires.out.copy()
+
+
+@pytest.mark.slow
+def test_over_30_paired_seeds_b_puts_out_all_fires_and_a_leaves_the_large_one():
+    out = {s: np.array(Parallel(2)(delayed(fires_out)(s, seed) for seed in range(30))) for s in "AB"}
+    assert out["B"].all(axis=1).mean() >= 0.9
+    assert (~out["A"][:, LARGE]).mean() >= 0.8
+    assert np.delete(out["A"], LARGE, axis=1).mean() > 0.9

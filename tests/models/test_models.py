@@ -1,0 +1,114 @@
+import inspect
+from pathlib import Path
+
+import mesa
+import numpy as np
+import pytest
+
+from mesa_swarm.errors import SwarmError
+from mesa_swarm.experiments.gallery import find_model, model_names
+from mesa_swarm.parameters import Choice, Slider, parameters_of
+
+NAMES = model_names()
+STEPS = 60
+
+
+def batch_of_two(model_class, **more):
+    """Run mesa.batch_run with two seeds; Mesa 3.5 wants `rng`, earlier ones repeat by `iterations`."""
+    seeds = "rng" in inspect.signature(mesa.batch_run).parameters
+    again = {"rng": [1, 2]} if seeds else {"iterations": 2}
+    return mesa.batch_run(
+        model_class, {"n_robots": 4}, max_steps=20, number_processes=1, display_progress=False, **again, **more
+    )
+
+
+@pytest.mark.parametrize("name", NAMES)
+class TestEveryModel:
+    def test_is_a_file_of_fewer_than_120_lines(self, name):
+        assert len(Path(inspect.getfile(find_model(name))).read_text().splitlines()) < 120
+
+    def test_runs_and_says_in_numbers_what_came_of_it(self, name):
+        model = find_model(name)(rng=1).run(STEPS)
+        assert model.steps == STEPS
+        assert all(value is None or np.isfinite(value) for value in model.results().values())
+
+    def test_same_seed_gives_the_same_state(self, name):
+        first, second = (find_model(name)(rng=5).run(STEPS).state_hash() for _ in range(2))
+        assert first == second
+
+    def test_another_seed_gives_another_state(self, name):
+        first, second = (find_model(name)(rng=rng).run(STEPS).state_hash() for rng in (5, 6))
+        assert first != second
+
+    def test_works_with_batch_run(self, name):
+        rows = batch_of_two(find_model(name))
+        runs = {row["RunId"] for row in rows}
+        assert len(runs) == 2
+        assert {row["Step"] for row in rows} == {20}
+        assert all("total_collisions" in row for row in rows)
+
+    def test_has_ranges_that_contain_the_defaults(self, name):
+        for parameter in parameters_of(find_model(name)).values():
+            control = parameter.control
+            if isinstance(control, Slider):
+                assert control.minimum <= parameter.default <= control.maximum, parameter.name
+                assert control.step > 0
+            else:
+                assert isinstance(control, Choice), f"{parameter.name} has neither Slider nor Choice"
+                assert parameter.default in control.options
+            assert parameter.help, f"{parameter.name} has no help"
+
+    def test_accepts_both_ends_of_every_range_or_says_what_they_contradict(self, name):
+        model_class = find_model(name)
+        for parameter in parameters_of(model_class).values():
+            control = parameter.control
+            ends = control.options if isinstance(control, Choice) else (control.minimum, control.maximum)
+            for end in ends:
+                said = refusal(model_class, parameter.name, end)
+                assert said is None or parameter.name in said
+
+    def test_reads_its_own_defaults_from_text(self, name):
+        for parameter in parameters_of(find_model(name)).values():
+            assert parameter.parse(str(parameter.default)) == parameter.default
+
+    def test_compares_values_that_it_accepts(self, name):
+        parameter, values = find_model(name).compares
+        assert len(values) > 1
+        for value in values:
+            find_model(name)(**{parameter: value}, rng=1)
+
+    @pytest.mark.parametrize("wrong", [{"n_robots": 10**9}, {"n_robots": -1}, {"n_robots": np.nan}, {"rng": -1}])
+    def test_refuses_nonsense_in_one_line(self, name, wrong):
+        with pytest.raises(SwarmError) as caught:
+            find_model(name)(**wrong)
+        assert "\n" not in str(caught.value)
+
+
+def refusal(model_class, name, value):
+    """What the model says against a value; a single end of a range may contradict other defaults."""
+    try:
+        model_class(**{name: value}, rng=1)
+    except SwarmError as error:
+        return str(error)
+    return None
+
+
+def test_fire_fighting_stops_when_all_fires_are_out():
+    model = find_model("fire_fighting")(initial_temperature=0.01, k2=0.05, rng=1).run(20_000)
+    assert not model.running
+    assert model.steps < 20_000
+    assert model.results()["all fires out at"] == model.steps
+    assert model.results()["fires out"] == 7
+
+
+def test_fire_fighting_keeps_every_fire_once_it_is_out():
+    history = find_model("fire_fighting")(rng=1).run(1500).fires.history.robots
+    for column in history.T:
+        out = np.flatnonzero(column == -1)
+        assert len(out) == 0 or (column[out[0] :] == -1).all()
+
+
+def test_collision_avoidance_counts_collisions_per_robot_and_thousand_steps():
+    model = find_model("collision_avoidance")(n_robots=4, rng=1).run(50)
+    (rate,) = model.results().values()
+    assert rate == pytest.approx(1000 * model.total_collisions / (4 * 50))

@@ -1,0 +1,127 @@
+"""The floors: a file imports only from floors below it, and every file has its line in ARCHITECTURE.md."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PACKAGE = ROOT / "mesa_swarm"
+MODULES = sorted(PACKAGE.rglob("*.py"))
+NAMES = [str(path.relative_to(PACKAGE)) for path in MODULES]
+
+# Floor of each folder or file (HOUSE 2); what may be imported sideways is stated.
+FLOORS = {
+    "errors.py": 0,
+    "streams.py": 0,
+    "geometry": 1,
+    "world": 2,
+    "robots": 3,
+    "physics": 4,
+    "control": 5,
+    "fire": 5,
+    "model.py": 6,
+    "parameters.py": 6,
+    "models": 7,
+    "experiments": 8,
+    "dashboard": 8,
+    "cli.py": 9,
+}
+OUTSIDE = {
+    0: {"numpy"},
+    1: {"numpy", "numba", "shapely"},
+    2: {"numpy", "shapely", "mesa", "defusedxml", "svgelements"},
+    3: {"numpy", "mesa"},
+    4: {"numpy", "shapely"},
+    5: {"numpy", "numba"},
+    6: {"numpy", "mesa", "tqdm"},
+}
+STANDARD = {"__future__", *__import__("sys").stdlib_module_names}
+
+
+def part_of(module: str) -> str:
+    """Return the folder or file below the package that a dotted name belongs to."""
+    first = module.removeprefix("mesa_swarm.").split(".")[0]
+    return f"{first}.py" if f"{first}.py" in FLOORS else first
+
+
+def imports_of(path: Path) -> list[str]:
+    tree = ast.parse(path.read_text())
+    modules = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            modules += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            modules.append(node.module)
+    return modules
+
+
+def part_of_file(path: Path) -> str:
+    return path.relative_to(PACKAGE).parts[0]
+
+
+@pytest.mark.parametrize("path", MODULES, ids=NAMES)
+def test_a_file_imports_only_from_its_own_room_and_from_floors_below_it(path):
+    part = part_of_file(path)
+    if part == "__init__.py":
+        return
+    for module in imports_of(path):
+        if module.startswith("mesa_swarm."):
+            target = part_of(module)
+            assert target == part or FLOORS[target] < FLOORS[part], f"{path.name} imports {module}"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=NAMES)
+def test_a_file_imports_only_the_packages_that_its_floor_may(path):
+    part = part_of_file(path)
+    allowed = OUTSIDE.get(FLOORS.get(part, 8))
+    if allowed is None:
+        return
+    for module in imports_of(path):
+        first = module.split(".")[0]
+        assert first in {*allowed, *STANDARD, "mesa_swarm"}, f"{path.name} imports {module}"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=NAMES)
+def test_no_module_imports_the_package_root(path):
+    assert "mesa_swarm" not in imports_of(path)
+
+
+def test_there_is_no_circle_of_imports():
+    names = {".".join(("mesa_swarm", *p.relative_to(PACKAGE).with_suffix("").parts)): p for p in MODULES}
+    graph = {n: [m for m in imports_of(p) if m in names and not m.endswith("__init__")] for n, p in names.items()}
+    finished: set[str] = set()
+
+    def visit(name: str, trail: tuple[str, ...]) -> None:
+        assert name not in trail, " -> ".join((*trail, name))
+        if name not in finished:
+            for target in graph[name]:
+                visit(target, (*trail, name))
+            finished.add(name)
+
+    for name in graph:
+        visit(name, ())
+    assert finished == set(graph)
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if not n.endswith("__init__.py")])
+def test_every_module_is_described_by_one_line_of_the_architecture_page(name):
+    lines = [line for line in (ROOT / "ARCHITECTURE.md").read_text().splitlines() if f"`{name}`" in line]
+    assert len(lines) == 1
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "models").glob("*.py")), ids=lambda p: p.name)
+def test_a_model_file_is_short_enough_to_be_read_at_one_go(path):
+    assert len(path.read_text().splitlines()) < 120
+
+
+def test_heavy_packages_of_looking_are_imported_on_the_top_floors_only():
+    heavy = {"solara", "matplotlib", "anywidget"}
+    guilty = [
+        str(path)
+        for path in [*MODULES, *(ROOT / "models").glob("*.py")]
+        if heavy & {m.split(".")[0] for m in imports_of(path)}
+        and part_of_file(path if PACKAGE in path.parents else PACKAGE / "models") not in {"experiments", "dashboard", "cli.py"}
+    ]
+    assert not guilty

@@ -1,0 +1,127 @@
+"""Map files of the thesis: what they say, and that nothing in them is ever run."""
+
+import time
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mesa_swarm.errors import MapError
+from mesa_swarm.world.map import FireSpot, Map
+from mesa_swarm.world.map_legacy import read_legacy
+from mesa_swarm.world.shapes import disc, rectangle
+
+ORIGINAL = """[
+    Obstacle("rec", [[0, 0], [20, 600]]),
+    Obstacle("rec", [[0, 0], [800, 20]]),
+    Obstacle("rec", [[780, 0], [800, 600]]),
+    Obstacle("rec", [[0, 580], [800, 600]]),
+    Obstacle("rec", [[70, 70], [110, 530]]),
+    Obstacle("rec", [[110, 280], [400, 320]]),
+    Obstacle("rec", [[220, 0], [260, 150]]),
+    Obstacle("rec", [[480, 0], [520, 500]]),
+    Obstacle("cir", [[650, 160], 30]),
+    Obstacle("cir", [[650, 360], 30]),
+    Obstacle("cir", [[300, 450], 50]),
+]
+"""
+
+
+def read(text):
+    """Return the map that a legacy text describes."""
+    return Map(**read_legacy(text, "hall.map", "hall"))
+
+
+def test_the_thesis_map_reads_as_the_built_in_one(tmp_path):
+    path = tmp_path / "original.map"
+    path.write_text(ORIGINAL)
+    assert Map.load(path) == Map.load("original")
+
+
+def test_fires_are_read_and_y_is_turned_up():
+    text = '[Obstacle("rec", [[0, 0], [100, 50]]), Obstacle("fire", [[20, 10], 5]), Fire([[30, 40], 6])]'
+    hall = read(text)
+    assert hall.obstacles == (rectangle((0, 0), (100, 50)),)
+    assert hall.fires == (FireSpot((20, 40), 5), FireSpot((30, 10), 6))
+
+
+def test_flat_lists_signs_floats_and_bare_calls_are_tolerated():
+    hall = read('Obstacle("rec", [0, 0, 1e2, 50.0])\nObstacle("cir", ((-4, 10), 5))')
+    assert hall.obstacles == (rectangle((0, 0), (100, 50)), disc((-4, 40), 5))
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "no obstacles"),
+        ("[]", "no obstacles"),
+        ("[\n\nObstacle('rec', [[0, 0], [9, 9]]", "line 3"),
+        (
+            "[\n\n  Obstacle('rex', [[0, 0], [9, 9]])]",
+            "line 3: unknown kind of obstacle 'rex'; did you mean 'rec'",
+        ),
+        ("[\n  Obstacle('rec', [[0, 0], [9]])]", "line 2: rec has 3 numbers"),
+        ("[\n  Obstacle('cir', [[0, 0], -9])]", "line 2: radius is -9"),
+        ("[Obstacle('rec', [[0, 0], [9, 9]]), Obstacle('cir', [[5, 5], 0])]", "line 1: radius is 0"),
+        ("[Obstacle('rec', [[0, 0], [0, 9]]), Obstacle('cir', [[5, 5], 1])]", "no area"),
+        ("[Obstacle('rec', [[0, 0], [9, 1e999]])]", "inf"),
+        ("[Obstacle('rec', [[0, 0], [9, 2e9]])]", "coordinate is 2e+09"),
+        ("[Obstacle('rec', [[0, 0], [9, nan]])]", "plain numbers"),
+        ("[Obstacle('rec', [[0, 0], [9, True]])]", "coordinate is True"),
+        ("[Obstacle('rec', [[0, 0], [9, '9']])]", "coordinate is '9'"),
+        ("[Obstacle('rec', [[0, 0], [9, 3 + 4j]])]", "plain numbers"),
+        ("[Obstacle('rec', [[0, 0], [9, 9 * 9]])]", "plain numbers"),
+        ("[Obstacle('rec', *[[[0, 0], [9, 9]]])]", "plain numbers"),
+        ("[Obstacle('rec', corners=[[0, 0], [9, 9]])]", "expected Obstacle"),
+        ("[Obstacle('rec', [[0, 0], [9, 9]]), Obstacle('cir', [[-50, 5], 3])]", "lies outside"),
+        ("[Wall('rec', [[0, 0], [9, 9]])]", "expected Obstacle"),
+        ("[5]", "expected Obstacle"),
+        ("import os", "expected a list"),
+        ("x = [Obstacle('rec', [[0, 0], [9, 9]])]", "expected a list"),
+        ("\0", "hall.map"),
+        ("[" * 100_000, "hall.map"),
+        ("[Obstacle('rec', " + "[" * 150 + "]" * 150 + ")]", "plain numbers"),
+        ("-" * 100_000 + "1", "too deeply"),
+        ("a" + ".a" * 100_000, "too deeply"),
+        ("1" + "+1" * 100_000, "too deeply"),
+        ("9" * 5000, "hall.map"),
+        ("#" * 1_000_001, "more than"),
+    ],
+    ids=lambda value: value[:40],
+)
+def test_a_wrong_legacy_map_is_refused_within_a_second_on_one_line(text, reason):
+    start = time.process_time()
+    with pytest.raises(MapError) as error:
+        read(text)
+    assert time.process_time() - start < 1
+    assert str(error.value).startswith("hall.map: ")
+    assert reason in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "attack",
+    [
+        "__import__('os').system('touch {}')",
+        "[__import__('os').system('touch {}')]",
+        "[Obstacle('rec', [[0, 0], [9, __import__('os').system('touch {}')]])]",
+        "[Obstacle(__import__('os').system('touch {}'), [[0, 0], [9, 9]])]",
+        "[(lambda: open('{}', 'w'))()]",
+        "[Obstacle('rec', [[0, 0], [9, 9]]) for _ in [open('{}', 'w')]]",
+    ],
+)
+def test_code_in_a_legacy_map_is_refused_and_never_run(tmp_path, attack):
+    victim, path = tmp_path / "victim", tmp_path / "hall.map"
+    path.write_text(attack.format(victim))
+    with pytest.raises(MapError, match="line 1"):
+        Map.load(path)
+    assert not victim.exists()
+
+
+@settings(deadline=None)
+@given(st.text(max_size=60) | st.text("[](),Obstacle\"'rec0123 .-", max_size=60))
+def test_any_text_is_a_map_or_a_map_error(text):
+    try:
+        read(text)
+    except MapError as error:
+        assert "\n" not in str(error)

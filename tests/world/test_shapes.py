@@ -1,0 +1,110 @@
+"""Shapes: what is accepted, what is refused, and when two are equal."""
+
+import math
+import time
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.world.shapes import MOST_VERTICES, disc, polygon, rectangle
+
+WRONG_NUMBERS = [math.nan, math.inf, -math.inf, 2e9, 10**400, "1", None, True, [1]]
+coordinates = st.floats(-1e9, 1e9)
+
+
+@pytest.mark.parametrize("wrong", WRONG_NUMBERS)
+def test_no_shape_takes_a_coordinate_that_is_not_a_finite_number(wrong):
+    for make in (
+        lambda: disc((wrong, 0), 1),
+        lambda: rectangle((0, wrong), (1, 1)),
+        lambda: polygon([(0, 0), (1, wrong), (2, 2)]),
+    ):
+        with pytest.raises(InvalidValueError, match="point"):
+            make()
+
+
+@pytest.mark.parametrize(
+    "wrong", [0, -5, math.nan, math.inf, "5", pytest.param(1 << 20_000, id="a huge integer")]
+)
+def test_a_disc_needs_a_finite_radius_above_zero(wrong):
+    with pytest.raises(InvalidValueError, match="radius is"):
+        disc((0, 0), wrong)
+
+
+@pytest.mark.parametrize("opposite", [(0, 10), (10, 0), (0, 0)])
+def test_a_rectangle_without_area_is_refused(opposite):
+    with pytest.raises(InvalidValueError, match="no area"):
+        rectangle((0, 0), opposite)
+
+
+@pytest.mark.parametrize(
+    ("outline", "reason"),
+    [
+        ([(0, 0), (10, 10), (10, 0), (0, 10)], "not simple"),
+        ([(0, 0), (10, 0), (10, 10), (20, 10), (10, 10), (0, 10)], "not simple"),
+        ([(0, 0), (5, 0), (10, 0)], "not simple"),
+        ([(0, 0), (1, 1)], "fewer than 3"),
+        ([], "fewer than 3"),
+        (5, "expected a list of points"),
+        ("abc", "expected two numbers"),
+    ],
+)
+def test_bow_ties_spikes_and_flat_outlines_are_refused(outline, reason):
+    with pytest.raises(InvalidValueError, match=reason):
+        polygon(outline)
+
+
+def test_a_hole_outside_its_outline_is_refused():
+    with pytest.raises(InvalidValueError, match="not simple"):
+        polygon([(0, 0), (1, 0), (0, 1)], [[(5, 5), (6, 5), (5, 6)]])
+
+
+def test_holes_that_are_no_list_are_refused():
+    with pytest.raises(InvalidValueError, match="list of outlines"):
+        polygon([(0, 0), (1, 0), (0, 1)], 3)
+
+
+def test_a_polygon_of_a_hundred_thousand_corners_is_made_within_a_second():
+    angles = np.linspace(0, 2 * math.pi, 100_000, endpoint=False)
+    start = time.perf_counter()
+    shape = polygon(np.column_stack([np.cos(angles), np.sin(angles)]))
+    assert time.perf_counter() - start < 1
+    assert shape.geometry.area == pytest.approx(math.pi)
+
+
+def test_an_endless_outline_is_refused_before_it_fills_the_memory():
+    with pytest.raises(InvalidValueError, match="more than"):
+        polygon((float(i), float(i % 7)) for i in range(MOST_VERTICES + 2))
+
+
+@given(coordinates, coordinates, coordinates, coordinates)
+def test_a_rectangle_is_the_same_from_any_two_opposite_corners(x0, y0, x1, y1):
+    if (x1 - x0) * (y1 - y0) == 0:
+        return
+    one = rectangle((x0, y0), (x1, y1))
+    other = rectangle((x1, y0), (x0, y1))
+    assert one == other
+    assert hash(one) == hash(other)
+    assert one.kind == "rectangle"
+
+
+@given(st.integers(0, 3), st.booleans())
+def test_a_polygon_is_the_same_from_any_corner_and_either_way_round(shift, backwards):
+    outline = [(0, 0), (10, 0), (10, 5), (0, 8)]
+    turned = outline[shift:] + outline[:shift]
+    assert polygon(turned[::-1] if backwards else turned) == polygon(outline)
+
+
+def test_minus_zero_and_zero_make_equal_shapes():
+    assert disc((-0.0, 0.0), 1) == disc((0.0, -0.0), 1)
+
+
+def test_a_mark_differs_from_an_obstacle_of_the_same_shape():
+    assert disc((0, 0), 1) != disc((0, 0), 1, contact=False)
+
+
+def test_a_polygon_whose_outline_is_a_box_counts_as_a_rectangle():
+    assert polygon([(0, 0), (4, 0), (4, 2), (0, 2)]) == rectangle((0, 0), (4, 2))
