@@ -26,7 +26,7 @@ _HOME = {
     "rectangle": "world.shapes",
 }
 
-__all__ = [  # noqa: F822 - imported when first used
+__all__ = [
     "AGENT3",
     "AGENT6",
     "AGENT9",

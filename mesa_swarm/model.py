@@ -21,10 +21,10 @@ from mesa_swarm.fire.burning import burn
 from mesa_swarm.fire.constants import FireConstants, design_constants
 from mesa_swarm.fire.fires import Fire, Fires
 from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.physics.contacts import Contacts
 from mesa_swarm.physics.engine import CompiledEngine, Engine
 from mesa_swarm.physics.scene import Scene
 from mesa_swarm.physics.shapely_engine import ShapelyEngine
-from mesa_swarm.physics.contacts import Contacts
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.drive import limit_command
 from mesa_swarm.robots.robot import SIDES, Robot
@@ -98,9 +98,7 @@ class SwarmModel(mesa.Model):
         model_reporters: dict | None = None,
         agent_reporters: dict | None = None,
     ) -> None:
-        self._turn_angle = np.radians(
-            check_number("turn_angle_degrees", turn_angle_degrees, minimum=0, maximum=90)
-        )
+        self._turn_angle = np.radians(check_number("turn_angle_degrees", turn_angle_degrees, minimum=0, maximum=90))
         self.extinguish_range = check_number("extinguish_range", extinguish_range, minimum=0, maximum=1e9)
         self._engine: Engine = ENGINES[check_choice("engine", engine, ENGINES)]()
         self.map = Map.load(map)
@@ -491,4 +489,3 @@ def _seed_sequence(rng, generator: np.random.Generator) -> np.random.SeedSequenc
     if isinstance(rng, (np.random.Generator, np.random.BitGenerator)):
         return np.random.SeedSequence(int(generator.integers(2**63)))
     return generator.bit_generator.seed_seq
-

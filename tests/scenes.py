@@ -71,9 +71,7 @@ def worst_overlap(model: SwarmModel) -> float:
     worst = -math.inf
     for (x, y), r in zip(model.swarm.position, model.swarm.radius, strict=True):
         border = r - min(x - x_min, x_max - x, y - y_min, y_max - y)
-        solids = [
-            r + o.shape.radius - o.shape.geometry.distance(Point(x, y)) for o in model.obstacles if o.contact
-        ]
+        solids = [r + o.shape.radius - o.shape.geometry.distance(Point(x, y)) for o in model.obstacles if o.contact]
         fires = [r + f.radius - np.hypot(*(f.position - (x, y))) for f in model.fires]
         worst = max(worst, max([border, *solids, *fires]) / r)
     for (p, r), (q, s) in combinations(zip(model.swarm.position, model.swarm.radius, strict=True), 2):

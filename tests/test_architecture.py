@@ -117,11 +117,11 @@ def test_a_model_file_is_short_enough_to_be_read_at_one_go(path):
 
 
 def test_heavy_packages_of_looking_are_imported_on_the_top_floors_only():
-    heavy = {"solara", "matplotlib", "anywidget"}
+    heavy, top = {"solara", "matplotlib", "anywidget"}, {"experiments", "dashboard", "cli.py"}
+    others = [path for path in MODULES if part_of_file(path) not in top]
     guilty = [
         str(path)
-        for path in [*MODULES, *(ROOT / "models").glob("*.py")]
-        if heavy & {m.split(".")[0] for m in imports_of(path)}
-        and part_of_file(path if PACKAGE in path.parents else PACKAGE / "models") not in {"experiments", "dashboard", "cli.py"}
+        for path in [*others, *(ROOT / "models").glob("*.py")]
+        if heavy & {module.split(".")[0] for module in imports_of(path)}
     ]
     assert not guilty

@@ -73,9 +73,7 @@ class Avoid:
 
 
 @compiled
-def avoid(
-    distance, kind, hot, tendency, max_speed, design, forward, near, fires, inner, command, layer, index
-):
+def avoid(distance, kind, hot, tendency, max_speed, design, forward, near, fires, inner, command, layer, index):
     """Write the turns of robots that no earlier layer drives; `inner` is the inner wheel's share of speed."""
     for i in range(layer.shape[0]):
         if layer[i] >= 0:

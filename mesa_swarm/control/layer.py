@@ -1,6 +1,6 @@
 """What a rule may know, and what a layer is."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Protocol
 
 import numpy as np
@@ -53,10 +53,8 @@ class Senses:
     def of(cls, swarm: Swarm) -> "Senses":
         """Return what the robots of this swarm know."""
         table = swarm.table
-        own = (
-            "distance kind radiation line temperature heat hot fire radius max_speed tendency design".split()
-        )
-        columns = {name: swarm.columns[name] for name in own}
+        told = {field.name for field in fields(cls)}
+        columns = {name: column for name, column in swarm.columns.items() if name in told}
         return cls(**columns, forward=table.forward, sensors=table.proximity, bearing=table.bearing)
 
 

@@ -1,13 +1,17 @@
 """Compare values of a model's parameter over paired seeds, on all cores."""
 
 import os
+import signal
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from threading import RLock, current_thread, main_thread
 from typing import Any
 
 from joblib import Parallel, cpu_count, delayed
 from joblib.externals.loky import get_reusable_executor
+from tqdm import tqdm
 
 from mesa_swarm.errors import check_count
 from mesa_swarm.experiments.figures import comparison_pictures
@@ -160,12 +164,29 @@ def _finished(plan: Plan, tasks: list[tuple[int, Any]], workers: int) -> Iterato
         return
     parallel = Parallel(n_jobs=workers, return_as="generator_unordered")
     try:
-        yield from parallel(delayed(_numbered_run)(plan, index, task) for index, task in enumerate(tasks))
+        with _interrupts_ignored():
+            runs = parallel(delayed(_numbered_run)(plan, index, task) for index, task in enumerate(tasks))
+        yield from runs
     except BaseException:
         # Without this, workers would finish what nobody waits for any more.
         get_reusable_executor().shutdown(wait=True, kill_workers=True)
         raise
 
 
+@contextmanager
+def _interrupts_ignored() -> Iterator[None]:
+    """Start workers that do not hear Ctrl-C, which reaches all processes of a terminal: we stop them ourselves."""
+    if current_thread() is not main_thread():  # only there may signals be set
+        yield
+        return
+    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, handler)
+
+
 def _numbered_run(plan: Plan, index: int, task: tuple[int, Any]) -> tuple[int, Run]:
+    # tqdm's own lock is one between processes, about which Python complains when a worker is stopped by Ctrl-C.
+    tqdm.set_lock(RLock())
     return index, plan.run(*task)

@@ -81,8 +81,8 @@ def _notes(rows: list[Row], some_missing: bool) -> list[str]:
     if some_missing:
         notes[0] = "in runs: in how many it happened, share by Wilson. Means: over those, Student's t."
         notes.append("Differences: Student's t over the seeds in which it happened under both.")
-    if any(row.summary.runs < 2 for row in rows):
-        notes.append("One seed has no interval.")
+    if any(row.summary.happened == 1 for row in rows):
+        notes.append("One run alone has no interval.")
     return notes
 
 
@@ -131,7 +131,7 @@ def in_words(interval: Interval, signed: bool = False) -> str:
 def _digits(interval: Interval) -> int:
     """Return how many decimals show two digits of the half width, or three of a number without one."""
     half = (interval.high - interval.low) / 2
-    if math.isnan(half) and interval.estimate == round(interval.estimate):
+    if not half > 0 and interval.estimate == round(interval.estimate):
         return 0
     size, kept = (abs(interval.estimate), 2) if math.isnan(half) or half == 0 else (half, 1)
     if size == 0:

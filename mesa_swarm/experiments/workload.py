@@ -56,7 +56,9 @@ def _scattered(n: int, radius: float, rng: int) -> Map:
 
 
 def contact_alone(n: int, rng: int = 1) -> SwarmModel:
-    """Return a world of robots without sensors and control that drive straight on, whatever is in the way.
+    """Return a world of robots without sensors and control that drive in circles, whatever is in the way.
+
+    Driving straight on, all would end in heaps at the border.
 
     Examples
     --------
@@ -65,7 +67,7 @@ def contact_alone(n: int, rng: int = 1) -> SwarmModel:
     """
     model = SwarmModel(map=_scattered(n, 5.0, rng), rng=rng)
     model.add_robots(RobotDesign(name="blind", radius=5.0, max_speed=1.0), n)
-    model.swarm.columns["command"].fill(1.0)
+    model.swarm.columns["command"][:] = (1.0, 0.8)
     return model
 
 

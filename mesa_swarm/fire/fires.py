@@ -135,6 +135,7 @@ class Fire(ArenaAgent):
         if self.out:
             raise InvalidValueError("this fire is out, for ever; add another")
         self.fires.columns["temperature"][self.row] = checked
+        self.model.obstacles_changed()  # sensors that were read already are read again
 
     @property
     def out(self) -> bool:

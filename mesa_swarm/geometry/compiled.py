@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from hashlib import blake2b
 from pathlib import Path
+from shutil import rmtree
 
 from numba import config, njit
 
@@ -23,7 +24,21 @@ def _stamp() -> str:
 
 # Numba notices a change of the file that holds a compiled function, but not of the files whose functions
 # that one calls. A cache folder of its own for each state of the sources cannot go stale.
-_CACHE = Path(config.CACHE_DIR or PACKAGE / "__pycache__") / f"kernels-{_stamp()}"
+_CACHES = Path(config.CACHE_DIR or PACKAGE / "__pycache__")
+_CACHE = _CACHES / f"kernels-{_stamp()}"
+# Someone who edits the sources leaves a cache behind with every change: the last few are enough.
+MOST_CACHES = 4
+
+
+def _drop_old_caches() -> None:
+    """Remove all but the newest caches, if there is to be a new one."""
+    if _CACHE.exists():
+        return
+    for old in sorted(_CACHES.glob("kernels-*"), key=lambda path: path.stat().st_mtime)[: 1 - MOST_CACHES]:
+        rmtree(old, ignore_errors=True)
+
+
+_drop_old_caches()
 
 
 def compiled(function: Callable) -> Callable:

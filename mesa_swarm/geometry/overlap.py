@@ -35,9 +35,7 @@ def discs_overlap(ax: float, ay: float, a_radius: float, bx: float, by: float, b
 
 
 @compiled
-def nearest_on_segment(
-    x: float, y: float, ax: float, ay: float, bx: float, by: float
-) -> tuple[float, float, bool]:
+def nearest_on_segment(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> tuple[float, float, bool]:
     """Return the point of the segment a-b nearest to (x, y), and whether it is none of its end points.
 
     Examples
@@ -82,9 +80,7 @@ def in_polygon(x: float, y: float, edges: np.ndarray, first: int, last: int) -> 
 
 
 @compiled
-def disc_overlaps_polygon(
-    x: float, y: float, radius: float, edges: np.ndarray, first: int, last: int
-) -> bool:
+def disc_overlaps_polygon(x: float, y: float, radius: float, edges: np.ndarray, first: int, last: int) -> bool:
     """Tell whether a disc overlaps a polygon: its centre is inside or nearer than its radius to an edge.
 
     Examples

@@ -63,7 +63,7 @@ def hexagonal_lattice(bounds: tuple[float, float, float, float], spacing: float)
 
     Examples
     --------
-    >>> len(hexagonal_lattice((0.0, 0.0, 10.0, 10.0), 10.0))
+    >>> len(hexagonal_lattice((0.0, 0.0, 11.0, 11.0), 10.0))
     3
     """
     x_min, y_min, x_max, y_max = bounds

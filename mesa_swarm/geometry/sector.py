@@ -61,9 +61,7 @@ def ray_to_disc(x: float, y: float, radius: float, ray_x: float, ray_y: float) -
 
 
 @compiled
-def ray_to_segment(
-    ax: float, ay: float, bx: float, by: float, ray_x: float, ray_y: float
-) -> float:
+def ray_to_segment(ax: float, ay: float, bx: float, by: float, ray_x: float, ray_y: float) -> float:
     """Return how far along a unit ray from the origin the segment a-b is met, `inf` if never.
 
     A segment parallel to the ray is met at most in an end point, which the callers look at themselves.
@@ -85,9 +83,7 @@ def ray_to_segment(
 
 
 @compiled
-def sector_to_disc(
-    x: float, y: float, radius: float, cos_half: float, sin_half: float, limit: float
-) -> float:
+def sector_to_disc(x: float, y: float, radius: float, cos_half: float, sin_half: float, limit: float) -> float:
     """Return the distance from the apex to the nearest point of a disc inside the sector.
 
     Parameters
@@ -109,6 +105,9 @@ def sector_to_disc(
     >>> sector_to_disc(20.0, 0.0, 5.0, *half_angle(0.5), 50.0)
     15.0
     """
+    # Most discs are beside a narrow sector, or behind it: farther than a radius from its nearer edge.
+    if cos_half >= 0.0 and (abs(y) * cos_half - x * sin_half > radius or x < -radius):
+        return math.inf
     square = x * x + y * y
     if square > (limit + radius) * (limit + radius):
         return math.inf
@@ -165,9 +164,7 @@ def sector_to_segment(
 
 
 @compiled
-def rays_to_disc(
-    x: float, y: float, radius: float, half: float, rays: int, limit: float
-) -> float:
+def rays_to_disc(x: float, y: float, radius: float, half: float, rays: int, limit: float) -> float:
     """Return what `sector_to_disc` does, with the sector replaced by evenly spread rays (A.11-A.14).
 
     Parameters
@@ -190,9 +187,7 @@ def rays_to_disc(
 
 
 @compiled
-def rays_to_segment(
-    ax: float, ay: float, bx: float, by: float, half: float, rays: int, limit: float
-) -> float:
+def rays_to_segment(ax: float, ay: float, bx: float, by: float, half: float, rays: int, limit: float) -> float:
     """Return what `sector_to_segment` does, with evenly spread rays (A.15-A.16, signs corrected).
 
     Examples

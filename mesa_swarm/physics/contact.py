@@ -174,7 +174,7 @@ def apply_pushes(position, push, radius, pairs, awake):
 
 @compiled
 def near_pairs(position, radius, margin, grid):
-    """Return the pairs (i, j), i < j, of robots that overlap or come within `margin` of it."""
+    """Return the pairs (i, j) of robots that overlap or come within `margin` of it."""
     n = position.shape[0]
     x, y, per_unit, columns, rows = grid
     start = np.zeros(columns * rows + 1, np.int64)
@@ -186,14 +186,16 @@ def near_pairs(position, radius, margin, grid):
     largest = radius.max() if n else 0.0
     for i in range(n):
         far = radius[i] + largest + margin
+        column, row = cell_of[i] % columns, cell_of[i] // columns
         first = cell_index(position[i, 0] - far, x, per_unit, columns)
         last = cell_index(position[i, 0] + far, x, per_unit, columns)
-        lowest = cell_index(position[i, 1] - far, y, per_unit, rows)
         highest = cell_index(position[i, 1] + far, y, per_unit, rows)
-        for r in range(lowest, highest + 1):
-            for k in range(start[first + columns * r], start[last + columns * r + 1]):
+        # Each pair is found once, from the earlier of its two cells.
+        for r in range(row, highest + 1):
+            left = column if r == row else first
+            for k in range(start[left + columns * r], start[last + columns * r + 1]):
                 j = order[k]
-                if j <= i:
+                if cell_of[j] == cell_of[i] and j <= i:
                     continue
                 near = radius[i] + radius[j] + margin
                 dx, dy = position[j, 0] - position[i, 0], position[j, 1] - position[i, 1]
@@ -353,20 +355,18 @@ def put_back(position, before, radius, grid, statics, contacts):
         farthest = max(farthest, math.hypot(dx, dy))
     # Whoever can overlap whom, wherever of the two places each of them ends.
     pairs = near_pairs(position, radius, 2.0 * farthest, grid)
+    goes = np.zeros(n, np.bool_)
     for i in range(n):
         depth = deepest_static(position[i, 0], position[i, 1], radius[i], statics)[0]
-        if depth > SLOP * radius[i]:
-            _return(i, position, before, back)
-    returned = True
-    while returned:
-        returned = False
+        goes[i] = depth > SLOP * radius[i]
+    while True:
+        # All who overlap return at once, so that the order of the pairs is nothing.
         for k in range(pairs.shape[0]):
             i, j = pairs[k, 0], pairs[k, 1]
-            if (back[i] and back[j]) or not _collide(i, j, position, radius, contacts):
-                continue
-            _return(i, position, before, back)
-            _return(j, position, before, back)
-            returned = True
+            if not (back[i] and back[j]) and _collide(i, j, position, radius, contacts):
+                goes[i], goes[j] = True, True
+        if not _return_all(position, before, goes, back):
+            return
 
 
 @compiled
@@ -384,10 +384,15 @@ def _collide(i, j, position, radius, contacts):
 
 
 @compiled
-def _return(i, position, before, back):
-    """Put robot i where it was before this piece of the step."""
-    position[i, 0], position[i, 1] = before[i, 0], before[i, 1]
-    back[i] = True
+def _return_all(position, before, goes, back):
+    """Put robots where they were before this piece of the step, and return whether anybody went."""
+    went = False
+    for i in range(position.shape[0]):
+        if goes[i] and not back[i]:
+            position[i, 0], position[i, 1] = before[i, 0], before[i, 1]
+            back[i] = True
+            went = True
+    return went
 
 
 @compiled

@@ -1,5 +1,7 @@
 """The compiled engine: what sensing and moving do to the swarm's columns."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Protocol
 
 import numpy as np
@@ -50,17 +52,14 @@ class CompiledEngine:
         columns, table = swarm.columns, swarm.table
         position, heading, design = columns["position"], columns["heading"], columns["design"]
         if columns["distance"].shape[1]:
-            self._sense_proximity(swarm, scene, step, draws)
+            with held_readings(swarm, step):
+                self._sense_proximity(swarm, scene, step, draws)
         if columns["radiation"].shape[1]:
             fires, temperature = scene.fires, scene.temperature
-            sense_radiation(
-                position, heading, design, table.radiation, fires, temperature, columns["radiation"]
-            )
+            sense_radiation(position, heading, design, table.radiation, fires, temperature, columns["radiation"])
         if columns["line"].shape[1]:
             marks = scene.marks
-            sense_line(
-                position, heading, design, table.line, marks.edges, marks.rings, marks.discs, columns["line"]
-            )
+            sense_line(position, heading, design, table.line, marks.edges, marks.rings, marks.discs, columns["line"])
 
     def move(self, swarm: Swarm, scene: Scene, turn_angle: float, draws: np.ndarray | None) -> None:
         """Write position, heading, slip and the contact columns."""
@@ -108,7 +107,6 @@ class CompiledEngine:
         columns, table, statics = swarm.columns, swarm.table, scene.statics
         position, heading, design = columns["position"], columns["heading"], columns["design"]
         distance, kind = columns["distance"], columns["kind"]
-        held = (distance.copy(), kind.copy()) if table.slow else None
         sort_into_cells(position, self._grid.numbers, self._start, self._order, self._cell_of)
         sense_proximity(
             position,
@@ -136,9 +134,6 @@ class CompiledEngine:
             sense_inside(position, heading, design, table.proximity, table.counts, edges, rings, distance, kind)
         if draws is not None:
             err(distance, design, table.proximity, table.noise, draws, step, columns["error"])
-        if held is not None:
-            waits = step % np.maximum(table.noise[design, :, PERIOD], 1) != 0
-            distance[waits], kind[waits] = held[0][waits], held[1][waits]
 
     def _roll(self, swarm: Swarm, draws: np.ndarray | None) -> np.ndarray:
         """Return the wheel speeds that slip leaves, and write the motion that they ask for."""
@@ -189,6 +184,19 @@ class CompiledEngine:
         )
         self._drives = _drives_by_rows(swarm)
         self._version, self._scene = swarm.version, scene
+
+
+@contextmanager
+def held_readings(swarm: Swarm, step: int) -> Iterator[None]:
+    """Keep the old readings of sensors that are not due in this step: those whose period does not divide it."""
+    if not swarm.table.slow:
+        yield
+        return
+    distance, kind = swarm.columns["distance"], swarm.columns["kind"]
+    old = distance.copy(), kind.copy()
+    yield
+    waits = step % np.maximum(swarm.table.noise[swarm.design, :, PERIOD], 1) != 0
+    distance[waits], kind[waits] = old[0][waits], old[1][waits]
 
 
 def _drives_by_rows(swarm: Swarm) -> list:

@@ -16,7 +16,7 @@ def count_pieces(motion, radius):
     for i in range(motion.shape[0]):
         longest = max(longest, math.hypot(motion[i, 0], motion[i, 1]))
         least = min(least, radius[i])
-    return max(1, int(math.ceil(longest / (LONGEST_PIECE * least) - 1e-9))) if longest > 0.0 else 1
+    return max(1, math.ceil(longest / (LONGEST_PIECE * least) - 1e-9)) if longest > 0.0 else 1
 
 
 @compiled

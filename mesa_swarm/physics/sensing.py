@@ -4,10 +4,9 @@ import math
 
 import numpy as np
 
-
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.grid import cell_index
-from mesa_swarm.geometry.overlap import in_polygon
+from mesa_swarm.geometry.overlap import in_polygon, nearest_on_segment
 from mesa_swarm.geometry.sector import (
     rays_to_disc,
     rays_to_segment,
@@ -29,6 +28,9 @@ from mesa_swarm.robots.table import (
     SIN_HALF,
 )
 from mesa_swarm.world.statics import NOTHING, OBSTACLE, ROBOT
+
+# How far, in radii, contact may leave the rim inside a wall.
+TOUCH = 1e-6
 
 
 @compiled
@@ -75,8 +77,8 @@ def sense_proximity(
             distance[i, s] = sensors[design[i], s, RANGE] if s < counts[design[i]] else -1.0
             kind[i, s] = NOTHING
     _see_statics(
-        position, axes, design, sensors, counts, reach, edges, discs, static_kind, static_grid, seen_start,
-        seen_items, distance, kind,
+        position, axes, radius, design, sensors, counts, reach, edges, discs, static_kind, static_grid,
+        seen_start, seen_items, distance, kind,
     )  # fmt: skip
     _see_robots(
         position, axes, radius, largest_radius, design, sensors, counts, reach, grid, start, order, distance, kind
@@ -92,8 +94,9 @@ def sense_proximity(
 
 @compiled
 def _see_statics(
-    position, axes, design, sensors, counts, reach, edges, discs, static_kind, grid, start, items, distance, kind
-):
+    position, axes, radius, design, sensors, counts, reach, edges, discs, static_kind, grid, start, items,
+    distance, kind,
+):  # fmt: skip
     """Show every robot the edges and discs that its cell lists."""
     left, below, per_unit, columns, rows = grid
     for i in range(position.shape[0]):
@@ -115,6 +118,7 @@ def _see_statics(
                         bx - sensors[d, s, MOUNT_X], by - sensors[d, s, MOUNT_Y],
                         sensors[d, s, AXIS_X], sensors[d, s, AXIS_Y], sensors[d, s, COS_HALF],
                         sensors[d, s, SIN_HALF], sensors[d, s, HALF], sensors[d, s, RAYS], distance[i, s],
+                        TOUCH * radius[i],
                     )  # fmt: skip
                     if is_nearer(seen, what, distance[i, s], kind[i, s]):
                         distance[i, s], kind[i, s] = seen, what
@@ -192,13 +196,35 @@ def look_at_disc(x, y, radius, axis_x, axis_y, cos_half, sin_half, half, rays, l
 
 
 @compiled
-def look_at_segment(ax, ay, bx, by, axis_x, axis_y, cos_half, sin_half, half, rays, limit):
-    """Return how near a segment, relative to the sensor's mount, is in its sector, `inf` if it is not."""
+def look_at_segment(ax, ay, bx, by, axis_x, axis_y, cos_half, sin_half, half, rays, limit, touch):
+    """Return how near an edge, relative to the sensor's mount, is in its sector, `inf` if it is not.
+
+    A sensor just behind the edge, on its solid side, reads 0: it is on the rim of a robot that touches a wall.
+    """
+    if is_just_behind(ax, ay, bx, by, touch):
+        return 0.0
     ax, ay = into_frame(ax, ay, axis_x, axis_y)
     bx, by = into_frame(bx, by, axis_x, axis_y)
     if rays > 0.0:
         return rays_to_segment(ax, ay, bx, by, half, int(rays), limit)
     return sector_to_segment(ax, ay, bx, by, cos_half, sin_half, limit)
+
+
+@compiled
+def is_just_behind(ax, ay, bx, by, touch):
+    """Tell whether the origin is on the left of the edge a-b and no farther than `touch` from it.
+
+    Examples
+    --------
+    >>> is_just_behind(1.0, -1e-9, -1.0, -1e-9, 1e-6), is_just_behind(-1.0, -1e-9, 1.0, -1e-9, 1e-6)
+    (False, True)
+    """
+    side = ax * by - bx * ay
+    dx, dy = bx - ax, by - ay
+    if side <= 0.0 or side * side > touch * touch * (dx * dx + dy * dy):
+        return False
+    x, y, _ = nearest_on_segment(0.0, 0.0, ax, ay, bx, by)
+    return x * x + y * y <= touch * touch
 
 
 @compiled
@@ -309,5 +335,3 @@ def sense_line(position, heading, design, mounts, marks, rings, discs, line):
             for k in range(discs.shape[0]):
                 if math.hypot(x - discs[k, 0], y - discs[k, 1]) <= discs[k, 2]:
                     line[i, s] = True
-
-

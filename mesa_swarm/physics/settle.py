@@ -81,9 +81,9 @@ def leave_each_other(position, radius, statics, rings):
     """Move, one after the other, robots that still overlap anything; return one without room, or -1."""
     for i in range(position.shape[0]):
         x, y = position[i, 0], position[i, 1]
-        if overlaps_any(i, x, y, position, radius) or not is_free(x, y, radius[i], statics, rings):
-            if not find_room(i, position, radius, statics, rings, True):
-                return i
+        fits = is_free(x, y, radius[i], statics, rings) and not overlaps_any(i, x, y, position, radius)
+        if not fits and not find_room(i, position, radius, statics, rings, True):
+            return i
     return -1
 
 

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, field, replace
 
-from mesa_swarm.errors import InvalidValueError, check_number
+from mesa_swarm.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.robots.drive import DifferentialDrive, Drive
 from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSensor, Sensor
 
@@ -57,12 +57,19 @@ class RobotDesign:
         check_number("max_speed", self.max_speed, minimum=0, maximum=FASTEST_IN_RADII * radius)
         check_number("slip_probability", self.slip_probability, minimum=0, maximum=1)
         check_number("slip_magnitude", self.slip_magnitude, minimum=0, maximum=1)
+        if not isinstance(self.name, str):
+            raise InvalidValueError(f"name is {shortened(self.name)}; expected a text")
+        if not isinstance(self.sensors, (tuple, list)):
+            raise InvalidValueError(f"sensors is {shortened(self.sensors)}; expected a tuple of sensors")
         object.__setattr__(self, "sensors", tuple(self.sensors))
         if len(self.sensors) > MOST_SENSORS:
             raise InvalidValueError(f"sensors has {len(self.sensors)} of them; expected at most {MOST_SENSORS}")
         for sensor in self.sensors:
             if not isinstance(sensor, Sensor):
                 raise InvalidValueError(f"sensors holds {sensor!r:.60}; expected sensors such as ProximitySensor()")
+        methods = [getattr(self.drive, name, None) for name in ("motion", "wheels")]
+        if isinstance(self.drive, type) or not all(map(callable, methods)):
+            raise InvalidValueError(f"drive is {shortened(self.drive)}; expected a drive such as DifferentialDrive()")
 
     @property
     def proximity(self) -> tuple[ProximitySensor, ...]:
@@ -131,9 +138,7 @@ class RobotDesign:
 
 
 def _infrared(bearings: list[float], field_of_view_degrees: float) -> tuple[ProximitySensor, ...]:
-    return tuple(
-        ProximitySensor(bearing_degrees=b, field_of_view_degrees=field_of_view_degrees) for b in bearings
-    )
+    return tuple(ProximitySensor(bearing_degrees=b, field_of_view_degrees=field_of_view_degrees) for b in bearings)
 
 
 AGENT3 = RobotDesign(name="AGENT3", sensors=_infrared([0, 40, -40], 40))

@@ -1,5 +1,6 @@
 """Drives: how commands become a motion of the body, and back."""
 
+import math
 from typing import Protocol
 
 import numpy as np
@@ -88,7 +89,7 @@ def limit_command(command, max_speed):
         for w in range(2):
             value = command[i, w]
             if not (-max_speed[i] <= value <= max_speed[i]):
-                if value != value:
+                if math.isnan(value):
                     return i
                 command[i, w] = max_speed[i] if value > 0.0 else -max_speed[i]
     return -1

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, RemovedRobotError, check_choice, check_number
+from mesa_swarm.errors import RemovedRobotError, check_choice, check_number
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.swarm import Swarm
@@ -32,11 +32,8 @@ class Robot(ArenaAgent):
 
     @position.setter
     def position(self, value) -> None:
-        point = np.asarray(value, dtype=float)
-        if point.shape != (2,) or not self.space.in_bounds(point):
-            bounds = self.space.dimensions.tolist()
-            raise InvalidValueError(f"position is {value!r:.80}; expected x and y within {bounds}")
-        self._write("position", point)
+        self._alive()
+        self._write("position", self.space.checked_point(value))
 
     @property
     def heading(self) -> float:

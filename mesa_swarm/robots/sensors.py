@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from mesa_swarm.errors import InvalidValueError, check_count, check_number
+from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
 
 LARGEST_RANGE = 1e6
 MOST_RAYS = 10_000
@@ -17,6 +17,7 @@ def _check_sector(sensor) -> None:
     check_number("range", sensor.range, minimum=0, maximum=LARGEST_RANGE)
     check_number("field_of_view_degrees", sensor.field_of_view_degrees, minimum=0, maximum=360)
     check_mount(sensor.mount)
+    _keep_mount(sensor)
 
 
 def check_mount(mount: Mount | None) -> None:
@@ -31,9 +32,15 @@ def check_mount(mount: Mount | None) -> None:
     try:
         x, y = mount
     except (TypeError, ValueError):
-        raise InvalidValueError(f"mount is {mount!r}; expected (x, y) in the robot's frame") from None
+        raise InvalidValueError(f"mount is {shortened(mount)}; expected (x, y) in the robot's frame") from None
     for value in (x, y):
         check_number("mount", value, minimum=-LARGEST_RANGE, maximum=LARGEST_RANGE)
+
+
+def _keep_mount(sensor) -> None:
+    """Keep a checked mount as a tuple of floats, so that equal sensors compare and hash as equal."""
+    if sensor.mount is not None:
+        object.__setattr__(sensor, "mount", tuple(map(float, sensor.mount)))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -133,6 +140,7 @@ class LineSensor:
         if self.mount is None:
             raise InvalidValueError("mount is None; expected (x, y) in the robot's frame")
         check_mount(self.mount)
+        _keep_mount(self)
 
 
 Sensor = ProximitySensor | RadiationSensor | LineSensor
@@ -157,9 +165,7 @@ def bump_sensor(bearing_degrees: float = 0.0, field_of_view_degrees: float = 90.
     >>> bump_sensor().range
     0.5
     """
-    return ProximitySensor(
-        bearing_degrees=bearing_degrees, range=0.5, field_of_view_degrees=field_of_view_degrees
-    )
+    return ProximitySensor(bearing_degrees=bearing_degrees, range=0.5, field_of_view_degrees=field_of_view_degrees)
 
 
 def mount_of(sensor: Sensor, radius: float) -> Mount:

@@ -5,10 +5,11 @@ from typing import Protocol
 import numpy as np
 from mesa.experimental.continuous_space import ContinuousSpace, ContinuousSpaceAgent
 
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.errors import InvalidValueError, shortened
 
 # Mesa grows its store by a fifth of what is there, which is nothing at all below three rows.
 SMALLEST_STORE = 16
+ONE_AT_A_TIME = "positions are written one agent at a time; set agent.position"
 
 
 class Bodies(Protocol):
@@ -32,9 +33,13 @@ class PositionTable(np.ndarray):
 
     def __setitem__(self, key, value):
         """Move one agent."""
-        if self.arena is None:
-            raise InvalidValueError("positions of agents are read-only here; set agent.position")
-        self.arena.place(self.arena.active_agents[int(key)], value)
+        if self.arena is None or not isinstance(key, (int, np.integer)):
+            raise InvalidValueError(ONE_AT_A_TIME)
+        agent = self.arena.active_agents[key]
+        if isinstance(agent, ArenaAgent) and type(agent).position is not ContinuousSpaceAgent.position:
+            agent.position = value
+        else:
+            self.arena.place(agent, value)
 
 
 class Arena(ContinuousSpace):
@@ -83,6 +88,8 @@ class Arena(ContinuousSpace):
     @agent_positions.setter
     def agent_positions(self, value: np.ndarray) -> None:
         """Ignore the view that Mesa makes after each change: ours is made when it is read."""
+        if value.base is not self._agent_positions:
+            raise InvalidValueError(ONE_AT_A_TIME)
 
     def place(self, agent: ContinuousSpaceAgent, position) -> None:
         """Write the position of an agent that the arena itself keeps, if it is within bounds.
@@ -92,12 +99,25 @@ class Arena(ContinuousSpace):
         InvalidValueError
             If the position is not finite or is out of bounds. Nothing is written then.
         """
-        point = np.asarray(position, dtype=float)
+        self._agent_positions[self._agent_to_index[agent]] = self.checked_point(position)
+
+    def checked_point(self, position) -> np.ndarray:
+        """Return a position as an array of floats, or say why it is none of this arena.
+
+        Raises
+        ------
+        InvalidValueError
+        """
+        try:
+            point = np.asarray(position, dtype=float)
+        except (TypeError, ValueError):
+            point = np.empty(0)
         if point.shape != (self.ndims,) or not self.in_bounds(point):
+            within = self.dimensions.tolist()
             raise InvalidValueError(
-                f"position {position!r:.80} is outside the arena; expected x and y within {self.dimensions.tolist()}"
+                f"position {shortened(position)} is outside the arena; expected x and y within {within}"
             )
-        self._agent_positions[self._agent_to_index[agent]] = point
+        return point
 
     def calculate_difference_vector(self, point, agents=None) -> np.ndarray:
         """Return the vectors from `point` to the agents (all of them by default)."""
@@ -125,11 +145,11 @@ class Arena(ContinuousSpace):
 
     def _remove_agent(self, agent) -> None:
         self._rows = None
-        last = self._n_agents - 1
+        first, last = self._agent_to_index[agent], self._n_agents - 1
         super()._remove_agent(agent)
         self._index_to_agent.pop(last, None)
-        for index, moved in enumerate(self.active_agents):
-            self._index_to_agent[index] = moved
+        for index in range(first, last):
+            self._index_to_agent[index] = moved = self.active_agents[index]
             moved._mesa_index = index
 
     def _refresh(self) -> None:
@@ -155,3 +175,21 @@ class ArenaAgent(ContinuousSpaceAgent):
         # Mesa's Agent sets None when it is created, before there is anything to move.
         if value is not None:
             self.position = value
+
+    def get_neighbors_in_radius(self, radius: float = 1):
+        """Return the other agents whose positions are within `radius`, and their distances."""
+        distances, agents = self._others()
+        near = np.flatnonzero(distances <= radius)
+        return [agents[i] for i in near], distances[near]
+
+    def get_nearest_neighbors(self, k: int = 1):
+        """Return the k nearest other agents, all if there are fewer, and their distances."""
+        distances, agents = self._others()
+        nearest = np.argsort(distances, kind="stable")[: max(k, 0)]
+        return [agents[i] for i in nearest], distances[nearest]
+
+    def _others(self):
+        here = self.position  # first, for a removed agent says so here
+        distances, agents = self.space.calculate_distances(here)
+        mine = self.space._agent_to_index[self]
+        return np.delete(distances, mine), [agent for agent in agents if agent is not self]

@@ -231,9 +231,7 @@ def _inherited(parent: Drawn, tag: str, attributes: dict[str, str], place: str) 
         tag,
         style,
         place,
-        checked_matrix(parent.matrix @ transform(style["transform"]))
-        if "transform" in style
-        else parent.matrix,
+        checked_matrix(parent.matrix @ transform(style["transform"])) if "transform" in style else parent.matrix,
         role,
         filled=style["fill"] not in ("none", "transparent") if "fill" in style else parent.filled,
         even_odd=style["fill-rule"] == "evenodd" if "fill-rule" in style else parent.even_odd,
@@ -257,9 +255,7 @@ def _obstacles(walk: _Walk, tolerance: float) -> Iterator[Shape]:
             for shape in shapes_of(_placed(drawn, walk.bounds), tolerance):
                 vertices += len(shape.geometry.exterior.coords) if not shape.is_disc else 1
                 if vertices > MOST_VERTICES:
-                    raise InvalidValueError(
-                        f"brings the drawing to more than {MOST_VERTICES} points; simplify it"
-                    )
+                    raise InvalidValueError(f"brings the drawing to more than {MOST_VERTICES} points; simplify it")
                 check_inside("shape", shape, walk.bounds)
                 yield shape
 

@@ -1,7 +1,7 @@
 """Free random places for robots: within the free space, never overlapping."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import shapely
@@ -17,6 +17,12 @@ OUTSIDE = 1.0 / math.cos(math.pi / (4 * QUARTER_SEGMENTS))
 # Random places that are tried for each robot before a lattice is laid out.
 TRIES = 200
 MOST_CANDIDATES = 2_000_000
+MOST_ROBOTS = 10_000_000
+# Where less than this share of the bounding box is free, points are drawn from triangles instead.
+SPARSE = 0.01
+# Points that fill what a lattice leaves free, and offsets of the lattice that are tried.
+FILLING = 20_000
+OFFSETS = 8
 
 
 def free_space(
@@ -83,19 +89,32 @@ def place_apart(
     """
     room = _most_that_fit(space, radius)
     if n > room:
-        raise PlacementError(_does_not_fit(n, radius, where, f"at most {room}"))
+        known = room <= MOST_CANDIDATES
+        fit = len(_packed(space, radius, others, other_radius, room)) if known else f"at most {room}"
+        raise PlacementError(_does_not_fit(n, radius, where, fit))
+    if n > MOST_ROBOTS:
+        raise PlacementError(_does_not_fit(n, radius, "one world, on which the limit is", MOST_ROBOTS))
     table = _Placed(others, other_radius, n, radius, space)
+    draw = _points_of(space) if n else None
     while table.missing and table.tried < TRIES * n:
-        table.take(_random_points(space, min(max(2 * table.missing, 64), MOST_CANDIDATES), rng))
+        table.take(draw(min(max(2 * table.missing, 64), MOST_CANDIDATES), rng))
     if not table.missing:
         return table.new
-    lattice = _lattice_in(space, radius, rng)
-    packed = _Placed(others, other_radius, len(lattice), radius, space)
-    packed.take(lattice)
-    fit = len(packed.new)
-    if fit < n:
-        raise PlacementError(_does_not_fit(n, radius, where, f"{max(fit, len(table.new))}"))
-    return packed.new[np.sort(rng.permutation(fit)[:n])]
+    packed = _packed(space, radius, others, other_radius, room)
+    if len(packed) < n:
+        raise PlacementError(_does_not_fit(n, radius, where, len(packed)))
+    return packed[np.sort(rng.permutation(len(packed))[:n])]
+
+
+def _packed(space, radius: float, others: np.ndarray, other_radius: np.ndarray, room: int) -> np.ndarray:
+    """Return places, packed densely: always the same ones, so that what a message promises is kept."""
+    if not room:
+        return np.empty((0, 2))
+    rng = np.random.default_rng(0)
+    table = _Placed(others, other_radius, room, radius, space)
+    table.take(_lattice_in(space, radius, rng))
+    table.take(_points_of(space)(FILLING, rng))
+    return table.new
 
 
 class _Placed:
@@ -146,17 +165,39 @@ class _Placed:
         )
 
 
-def _random_points(space: shapely.Geometry, n: int, rng: np.random.Generator) -> np.ndarray:
+def _points_of(space: shapely.Geometry) -> Callable[[int, np.random.Generator], np.ndarray]:
+    """Return what draws uniform points of the free space: from its box, or its triangles if that is mostly full."""
     x_min, y_min, x_max, y_max = space.bounds
-    points = rng.random((n, 2)) * (x_max - x_min, y_max - y_min) + (x_min, y_min)
-    return points[shapely.contains_xy(space, points)]
+    if space.area < SPARSE * (x_max - x_min) * (y_max - y_min):
+        return _points_of_triangles(shapely.constrained_delaunay_triangles(space))
+
+    def draw(n: int, rng: np.random.Generator) -> np.ndarray:
+        points = rng.random((n, 2)) * (x_max - x_min, y_max - y_min) + (x_min, y_min)
+        return points[shapely.contains_xy(space, points)]
+
+    return draw
+
+
+def _points_of_triangles(triangles: shapely.Geometry) -> Callable[[int, np.random.Generator], np.ndarray]:
+    parts = shapely.get_parts(triangles)
+    a, b, c = shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3].transpose(1, 0, 2)
+    share = shapely.area(parts) / shapely.area(parts).sum()
+
+    def draw(n: int, rng: np.random.Generator) -> np.ndarray:
+        which, u, v = rng.choice(len(parts), n, p=share), rng.random((n, 1)), rng.random((n, 1))
+        u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
+        return a[which] + u * (b - a)[which] + v * (c - a)[which]
+
+    return draw
 
 
 def _lattice_in(space: shapely.Geometry, radius: float, rng: np.random.Generator) -> np.ndarray:
     """Return the lattice points in the free space, of the best of a few offsets, the unmoved one included."""
     x_min, y_min, x_max, y_max = space.bounds
     best = np.empty((0, 2))
-    for dx, dy in [(0.0, 0.0), *rng.random((8, 2)) * 2 * radius]:
+    if (x_max - x_min) * (y_max - y_min) > MOST_CANDIDATES * radius**2 * math.sqrt(12):
+        return best
+    for dx, dy in [(0.0, 0.0), *rng.random((OFFSETS, 2)) * 2 * radius]:
         points = hexagonal_lattice((x_min + dx, y_min + dy, x_max, y_max), 2 * radius)
         points = points[shapely.intersects_xy(space, points)]
         best = points if len(points) > len(best) else best
@@ -165,11 +206,11 @@ def _lattice_in(space: shapely.Geometry, radius: float, rng: np.random.Generator
 
 def _most_that_fit(space: shapely.Geometry, radius: float) -> int:
     """Return more than can fit: the bodies' area cannot exceed the free space grown by a radius."""
-    if space.is_empty:
+    # Also of a box as wide as the robot but for rounding, which has no area to draw from.
+    if not space.area:
         return 0
-    # Nothing is packed denser than pi / sqrt(12).
-    return 1 + int(space.buffer(radius).area * (math.pi / math.sqrt(12)) / (math.pi * radius**2))
+    return 1 + int(space.buffer(radius * OUTSIDE).area / (math.pi * radius**2))
 
 
-def _does_not_fit(n: int, radius: float, where: str, fit: str) -> str:
+def _does_not_fit(n: int, radius: float, where: str, fit: int | str) -> str:
     return f"{n} robots of radius {radius:g} do not fit on {where}: {fit} would; ask for fewer or a larger map"

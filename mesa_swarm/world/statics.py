@@ -151,9 +151,7 @@ def _discs_of(shapes: Sequence[tuple[int, Shape]]) -> tuple[np.ndarray, np.ndarr
     return table[:, 1:].copy(), table[:, 0].astype(np.int64)
 
 
-def _edges_of(
-    shapes: Sequence[tuple[int, Shape]], border: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _edges_of(shapes: Sequence[tuple[int, Shape]], border: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the edges of the border and of the polygons among numbered shapes, owners, and rings' rows."""
     parts, owner, rings = [border], [np.full(len(border), BORDER)], []
     first = len(border)
@@ -178,6 +176,4 @@ def _boxes(edges: np.ndarray, discs: np.ndarray) -> np.ndarray:
     low = np.minimum(edges[:, :2], edges[:, 2:])
     high = np.maximum(edges[:, :2], edges[:, 2:])
     radius = discs[:, 2:]
-    return np.concatenate(
-        [np.hstack([low, high]), np.hstack([discs[:, :2] - radius, discs[:, :2] + radius])]
-    )
+    return np.concatenate([np.hstack([low, high]), np.hstack([discs[:, :2] - radius, discs[:, :2] + radius])])

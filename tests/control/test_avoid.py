@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from scenes import corridor, empty, nine
 
 from mesa_swarm import AGENT3, AGENT9, SwarmModel, disc, rectangle
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import InvalidValueError, UnknownNameError
+from scenes import corridor, empty, nine
 
 
 def decision(obstacles, tendency="left", **options):
@@ -80,7 +80,7 @@ def oscillations(turn):
 
 def test_turning_on_the_spot_in_a_narrow_corridor_never_ends_and_stopping_one_wheel_does():
     stuck, nowhere = oscillations("stationary")
-    free, somewhere = oscillations("translational")
+    _, somewhere = oscillations("translational")
     assert stuck > 1000
     assert nowhere < 60
     assert somewhere > 100

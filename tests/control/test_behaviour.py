@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from scenes import empty
 
 from mesa_swarm import AGENT9, RobotDesign, disc
 from mesa_swarm.control import PASS, Explore, Subsumption, behaviour
@@ -14,6 +13,7 @@ from mesa_swarm.errors import (
     UncompiledBehaviourWarning,
     UnknownNameError,
 )
+from scenes import empty
 
 SEEN = []
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scenes import PROMISED, ahead, blind, circle, corridor, empty, wedge, worst_overlap
 
 from mesa_swarm import Map, SwarmModel, disc, polygon, rectangle
 from mesa_swarm.control import Subsumption
+from scenes import PROMISED, ahead, blind, circle, corridor, empty, wedge, worst_overlap
 
 L_SHAPE = [(150, 100), (250, 100), (250, 200), (220, 200), (220, 130), (150, 130)]
 
@@ -44,7 +44,7 @@ def test_no_body_overlaps_another_in_random_crowded_worlds(seed, n, radius, spee
         model.add_robots(design, poses=poses)
         assert drive(model, 4, circle(left=float(rng.uniform(-1, 1)))) <= PROMISED
     except ValueError as problem:
-        assert "no room is left" in str(problem)  # noqa: PT017 - a world may be too full
+        assert "no room is left" in str(problem)
 
 
 def test_a_corner_met_on_the_diagonal_holds_the_robot():

@@ -309,8 +309,7 @@ def test_saving_into_a_missing_folder_or_over_a_folder_is_an_error_of_one_line(t
 
 def test_a_polygon_of_a_hundred_thousand_corners_goes_through_both_formats():
     ring = [
-        (400 + 300 * math.cos(i / 1e5 * math.tau), 300 + 300 * math.sin(i / 1e5 * math.tau))
-        for i in range(100_000)
+        (400 + 300 * math.cos(i / 1e5 * math.tau), 300 + 300 * math.sin(i / 1e5 * math.tau)) for i in range(100_000)
     ]
     large = Map(name="large", bounds=(0, 0, 800, 600), obstacles=[polygon(ring)])
     svg, toml = large.to_svg(), large.to_toml()

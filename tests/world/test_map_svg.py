@@ -78,9 +78,7 @@ def test_the_size_of_the_drawing_has_units_too():
     drawing = '<svg width="210mm" height="297mm" viewBox="0 0 210 297"><rect width="210" height="10"/></svg>'
     sheet = Map.from_svg(drawing)
     assert sheet.width == pytest.approx(210 / 25.4 * 96)
-    assert sheet.obstacles[0].bounds == pytest.approx(
-        (0, sheet.height * 287 / 297, sheet.width, sheet.height)
-    )
+    assert sheet.obstacles[0].bounds == pytest.approx((0, sheet.height * 287 / 297, sheet.width, sheet.height))
 
 
 @pytest.mark.parametrize("size", ["", 'width="100%" height="100%"', 'width="auto"'])
@@ -116,9 +114,7 @@ def test_a_view_box_may_be_stretched():
 def test_transforms_nest():
     content = '<g transform="scale(2)"><rect x="5" width="10" height="10"/></g>'
     assert shape(f'<g transform="translate(100 50)">{content}</g>') == rectangle((110, 550), (130, 530))
-    assert shape('<rect width="10" height="5" transform="matrix(1 0 0 1 7 8)"/>') == rectangle(
-        (7, 592), (17, 587)
-    )
+    assert shape('<rect width="10" height="5" transform="matrix(1 0 0 1 7 8)"/>') == rectangle((7, 592), (17, 587))
 
 
 def test_a_right_angle_keeps_a_rectangle_a_rectangle():
@@ -135,11 +131,7 @@ def test_a_circle_stays_a_disc_under_a_similarity(transform):
 @pytest.mark.parametrize("transform", ["scale(2 1)", "skewX(20)"])
 def test_a_stretched_circle_becomes_a_polygon_within_the_tolerance(transform):
     squeezed = shape(f'<circle cx="200" cy="200" r="100" transform="{transform}"/>')
-    linear = (
-        np.array([[2, 0], [0, 1]])
-        if "scale" in transform
-        else np.array([[1, math.tan(math.radians(20))], [0, 1]])
-    )
+    linear = np.array([[2, 0], [0, 1]]) if "scale" in transform else np.array([[1, math.tan(math.radians(20))], [0, 1]])
     angles = np.linspace(0, math.tau, 5000)
     truth = np.column_stack([200 + 100 * np.cos(angles), 200 + 100 * np.sin(angles)]) @ linear.T
     truth[:, 1] = 600 - truth[:, 1]
@@ -149,14 +141,10 @@ def test_a_stretched_circle_becomes_a_polygon_within_the_tolerance(transform):
 
 def test_an_ellipse_with_equal_radii_is_a_disc():
     assert shape('<ellipse cx="10" cy="10" rx="5" ry="5"/>') == disc((10, 590), 5)
-    assert shape('<ellipse cx="50" cy="50" rx="20" ry="5"/>').geometry.area == pytest.approx(
-        100 * math.pi, rel=0.02
-    )
+    assert shape('<ellipse cx="50" cy="50" rx="20" ry="5"/>').geometry.area == pytest.approx(100 * math.pi, rel=0.02)
 
 
-@pytest.mark.parametrize(
-    ("corners", "area"), [('rx="10"', 100), ('rx="10" ry="5"', 50), ('rx="99" ry="99"', 20 * 50)]
-)
+@pytest.mark.parametrize(("corners", "area"), [('rx="10"', 100), ('rx="10" ry="5"', 50), ('rx="99" ry="99"', 20 * 50)])
 def test_rounded_rectangles_lose_their_corners(corners, area):
     rounded = shape(f'<rect x="9" y="9" width="100" height="40" {corners}/>')
     rx, ry = (50, 20) if "99" in corners else (10, 10 if "ry" not in corners else 5)
@@ -181,17 +169,13 @@ def test_curves_of_a_path_stay_within_the_tolerance():
     ],
 )
 def test_bezier_curves_have_the_area_that_calculus_says(path, area):
-    assert shape(f'<path d="{path}" transform="translate(50 250)"/>').geometry.area == pytest.approx(
-        area, rel=1e-3
-    )
+    assert shape(f'<path d="{path}" transform="translate(50 250)"/>').geometry.area == pytest.approx(area, rel=1e-3)
 
 
 def test_holes_follow_the_fill_rule():
     same = "M 0 0 h 100 v 100 h -100 z M 10 10 h 50 v 50 h -50 z"
     opposite = "M 0 0 h 100 v 100 h -100 z M 10 10 v 50 h 50 v -50 z"
-    holed = polygon(
-        [(0, 600), (100, 600), (100, 500), (0, 500)], [[(10, 590), (60, 590), (60, 540), (10, 540)]]
-    )
+    holed = polygon([(0, 600), (100, 600), (100, 500), (0, 500)], [[(10, 590), (60, 590), (60, 540), (10, 540)]])
     assert shape(f'<path fill-rule="evenodd" d="{same}"/>') == holed
     assert shape(f'<path d="{opposite}"/>') == holed
     assert shape(f'<path d="{same}"/>') == rectangle((0, 600), (100, 500))
@@ -209,12 +193,8 @@ def test_parts_of_a_path_side_by_side_are_shapes_of_their_own():
 
 
 def test_lines_are_as_thick_as_their_stroke():
-    assert shape('<line x1="10" y1="20" x2="60" y2="20" stroke-width="4"/>') == rectangle(
-        (10, 582), (60, 578)
-    )
-    assert shape('<g style="stroke-width:4"><line x2="60" y2="0" y1="0"/></g>') == rectangle(
-        (0, 602), (60, 598)
-    )
+    assert shape('<line x1="10" y1="20" x2="60" y2="20" stroke-width="4"/>') == rectangle((10, 582), (60, 578))
+    assert shape('<g style="stroke-width:4"><line x2="60" y2="0" y1="0"/></g>') == rectangle((0, 602), (60, 598))
     assert shape('<line x1="10" y1="20" x2="60" y2="20"/>') == rectangle((10, 580.5), (60, 579.5))
 
 
@@ -229,17 +209,13 @@ def test_open_outlines_are_closed_if_filled_and_thick_lines_if_not():
 
 def test_marks_lie_on_the_ground_and_backgrounds_do_not_count():
     content = '<g class="thin mark"><rect width="9" height="9"/></g><circle data-kind="mark" r="9"/>'
-    content += (
-        '<rect class="background" width="100%" height="100%"/><g data-kind="background"><circle r="3"/></g>'
-    )
+    content += '<rect class="background" width="100%" height="100%"/><g data-kind="background"><circle r="3"/></g>'
     assert [part.contact for part in shapes(content)] == [False, False]
 
 
 def test_circles_marked_as_fire_are_fires():
     content = '<circle class="fire" cx="50" cy="50" r="20"/>'
-    content += (
-        '<g transform="scale(2)" data-kind="fire"><circle cx="50" cy="50" r="20" data-temperature="0.3"/></g>'
-    )
+    content += '<g transform="scale(2)" data-kind="fire"><circle cx="50" cy="50" r="20" data-temperature="0.3"/></g>'
     fires = Map.from_svg(ROOT.format(content)).fires
     assert fires == (FireSpot((50, 550), 20), FireSpot((100, 500), 40, 0.3))
 
@@ -262,16 +238,12 @@ def test_a_fire_that_is_no_circle_or_not_hot_is_refused_with_its_line(content):
 
 def test_what_is_not_displayed_is_not_read():
     content = '<g display="none"><circle r="-5"/></g><rect style="fill:red; display: none"/><circle r="5"/>'
-    content += (
-        '<defs><rect width="5" height="5"/></defs><text>hello</text><metadata><a:b xmlns:a="c"/></metadata>'
-    )
+    content += '<defs><rect width="5" height="5"/></defs><text>hello</text><metadata><a:b xmlns:a="c"/></metadata>'
     assert shapes(content) == (disc((0, 600), 5),)
 
 
 def test_elements_of_other_namespaces_are_passed_over():
-    assert shapes('<i:view xmlns:i="http://inkscape"><i:rect/></i:view><circle r="5"/>') == (
-        disc((0, 600), 5),
-    )
+    assert shapes('<i:view xmlns:i="http://inkscape"><i:rect/></i:view><circle r="5"/>') == (disc((0, 600), 5),)
 
 
 @pytest.mark.parametrize(

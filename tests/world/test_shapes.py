@@ -26,9 +26,7 @@ def test_no_shape_takes_a_coordinate_that_is_not_a_finite_number(wrong):
             make()
 
 
-@pytest.mark.parametrize(
-    "wrong", [0, -5, math.nan, math.inf, "5", pytest.param(1 << 20_000, id="a huge integer")]
-)
+@pytest.mark.parametrize("wrong", [0, -5, math.nan, math.inf, "5", pytest.param(1 << 20_000, id="a huge integer")])
 def test_a_disc_needs_a_finite_radius_above_zero(wrong):
     with pytest.raises(InvalidValueError, match="radius is"):
         disc((0, 0), wrong)

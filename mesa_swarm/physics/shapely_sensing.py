@@ -1,0 +1,171 @@
+"""What sensors read, through Shapely alone: slow and readable, the oracle of `sensing`.
+
+A sector is an exact wedge, a Shapely polygon that reaches beyond the range; what lies farther away than the
+range is dropped afterwards. Discs stay analytic: no circle is ever made into a polygon.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from shapely import LineString, MultiLineString, Point, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from mesa_swarm.physics.scene import Scene
+from mesa_swarm.physics.shapely_solids import Solids, marked_ground
+from mesa_swarm.robots.swarm import Swarm
+from mesa_swarm.robots.table import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RANGE, RAYS
+from mesa_swarm.world.statics import NOTHING, OBSTACLE, ROBOT
+
+# Between two points of a wedge's fan: its outer edge then stays beyond the range without long spikes.
+WIDEST_STEP = math.radians(60.0)
+
+
+class View(NamedTuple):
+    """Where one sensor looks: all that is in its area, as far as its range; the area reaches farther."""
+
+    apex: Point
+    area: BaseGeometry
+    rays: tuple[LineString, ...]
+    range: float
+
+
+def sense_proximity(swarm: Swarm, scene: Scene, solids: Solids, distance: np.ndarray, kind: np.ndarray) -> None:
+    """Write what all proximity sensors read, without error; -1 where nothing is seen."""
+    kinds = solids.disc_kinds(scene.temperature > 0)
+    centres = np.concatenate([solids.centres, shapely.points(swarm.position)])
+    radii = np.concatenate([solids.radii, swarm.radius])
+    kinds = np.concatenate([kinds, np.full(len(swarm), ROBOT)])
+    distance[:], kind[:] = -1.0, NOTHING
+    for i in range(len(swarm)):
+        others = np.arange(len(radii)) != len(solids.radii) + i
+        discs = centres[others], radii[others], kinds[others]
+        for s in range(swarm.table.counts[swarm.design[i]]):
+            view = view_of(swarm, i, swarm.table.proximity[swarm.design[i], s], reach_beyond(radii))
+            distance[i, s], kind[i, s] = nearest(view, solids, *discs)
+
+
+def sense_radiation(swarm: Swarm, scene: Scene, radiation: np.ndarray) -> None:
+    """Write the highest temperature among the burning fires in each radiation sensor's sector."""
+    burning = scene.temperature > 0
+    fires, temperature = scene.fires[burning], scene.temperature[burning]
+    radiation[:] = 0.0
+    for i, design in enumerate(swarm.design):
+        for s in range(len(swarm.designs[design].radiation)):
+            view = view_of(swarm, i, swarm.table.radiation[design, s], reach_beyond(fires[:, 2]))
+            seen = [distance_to_disc(view, Point(x, y), radius) <= view.range for x, y, radius in fires]
+            radiation[i, s] = temperature[seen].max(initial=0.0)
+
+
+def sense_line(swarm: Swarm, scene: Scene, line: np.ndarray) -> None:
+    """Write whether each line sensor is over a mark on the ground."""
+    marks = marked_ground(scene.shapes)
+    line[:] = False
+    for i, design in enumerate(swarm.design):
+        for s in range(len(swarm.designs[design].line)):
+            point = Point(in_world(swarm, i, swarm.table.line[design, s]))
+            line[i, s] = any(point.distance(geometry) <= radius for geometry, radius in marks)
+
+
+def nearest(view: View, solids: Solids, centres: np.ndarray, radii: np.ndarray, kinds: np.ndarray) -> tuple[float, int]:
+    """Return distance and kind of the nearest body in a view; of equally near ones the lowest kind."""
+    polygons = solids.polygons[solids.tree.query(view.apex, predicate="dwithin", distance=view.range)]
+    near = np.flatnonzero(shapely.distance(view.apex, centres) - radii <= view.range)
+    seen = [(distance_to_polygon(view, polygon), OBSTACLE) for polygon in polygons]
+    seen += [(distance_to_disc(view, centres[k], radii[k]), int(kinds[k])) for k in near]
+    return min((body for body in seen if body[0] <= view.range), default=(-1.0, NOTHING))
+
+
+def distance_to_polygon(view: View, polygon: Polygon) -> float:
+    """Return how far from the apex the nearest part of a polygon in the view is, NaN if there is none.
+
+    Examples
+    --------
+    >>> ahead = LineString([(0, 0), (50, 0)])
+    >>> distance_to_polygon(View(Point(0, 0), ahead, (ahead,), 50.0), shapely.box(10, -5, 20, 5))
+    10.0
+    """
+    if view.apex.intersects(polygon):
+        return 0.0
+    return view.apex.distance(view.area.intersection(polygon))
+
+
+def distance_to_disc(view: View, centre: Point, radius: float) -> float:
+    """Return how far from the apex the nearest part of a disc in the view is, `inf` if there is none.
+
+    Examples
+    --------
+    >>> ahead = LineString([(0, 0), (50, 0)])
+    >>> distance_to_disc(View(Point(0, 0), ahead, (ahead,), 50.0), Point(20, 3), 5.0)
+    16.0
+    """
+    gap = view.apex.distance(centre) - radius
+    if gap <= 0.0:
+        return 0.0
+    if view.area.covers(centre):
+        return gap
+    return min((_first_hit(ray, centre, radius) for ray in view.rays), default=math.inf)
+
+
+def _first_hit(ray: LineString, centre: Point, radius: float) -> float:
+    """Return how far along a ray a disc that does not hold its beginning is first met (A.12, A.13)."""
+    along, across = ray.project(centre), ray.distance(centre)
+    return along - math.sqrt(radius**2 - across**2) if across <= radius else math.inf
+
+
+def view_of(swarm: Swarm, i: int, sensor: np.ndarray, beyond: float) -> View:
+    """Return the view of a sensor of robot i, a row of `DesignTable.proximity` or `radiation`.
+
+    Parameters
+    ----------
+    beyond : float
+        How much farther than the range it reaches; see `reach_beyond`.
+    """
+    apex = in_world(swarm, i, sensor[[MOUNT_X, MOUNT_Y]])
+    azimuth = swarm.heading[i] + math.atan2(sensor[AXIS_Y], sensor[AXIS_X])
+    half, count, reach = sensor[HALF], int(sensor[RAYS]), sensor[RANGE] + beyond
+    turns = np.linspace(-half, half, count) if count > 1 else np.zeros(count)
+    if count == 0 and half < math.pi:
+        turns = np.array([-half, half])
+    rays = tuple(LineString([apex, _toward(apex, azimuth + turn, reach)]) for turn in turns)
+    area = MultiLineString(rays) if count else wedge(apex, azimuth, half, reach)
+    return View(Point(apex), area, rays, sensor[RANGE])
+
+
+def reach_beyond(radii: np.ndarray) -> float:
+    """Return how much farther than its range a view reaches: beyond the centre of any disc whose rim it sees."""
+    return 1.0 + radii.max(initial=0.0)
+
+
+def wedge(apex: np.ndarray, azimuth: float, half: float, reach: float) -> BaseGeometry:
+    """Return all that lies within an angle of an azimuth and, at least, within a distance of an apex.
+
+    Parameters
+    ----------
+    apex : array_like, shape (2,)
+    azimuth, half : float, rad
+        0 makes the wedge a line; pi or more, a plain polygon around the apex.
+    reach : float
+
+    Examples
+    --------
+    >>> wedge((0, 0), 0.0, math.pi / 4, 10.0).area > math.pi * 10**2 / 4
+    True
+    """
+    steps = max(1, math.ceil(2 * half / WIDEST_STEP))
+    far = reach / math.cos(half / steps)
+    fan = [_toward(apex, azimuth + turn, far) for turn in np.linspace(-half, half, steps + 1)]
+    if half == 0.0:
+        return LineString([apex, fan[0]])
+    return Polygon(fan[:-1]) if half >= math.pi else Polygon([apex, *fan])
+
+
+def in_world(swarm: Swarm, i: int, mount: np.ndarray) -> np.ndarray:
+    """Return where a mount of robot i is in the world (A.8, A.9)."""
+    cosine, sine = math.cos(swarm.heading[i]), math.sin(swarm.heading[i])
+    return swarm.position[i] + np.array([[cosine, -sine], [sine, cosine]]) @ mount
+
+
+def _toward(origin: np.ndarray, azimuth: float, distance: float) -> tuple[float, float]:
+    return origin[0] + distance * math.cos(azimuth), origin[1] + distance * math.sin(azimuth)
