@@ -20,6 +20,7 @@ FLOORS = {
     "physics": 4,
     "control": 5,
     "fire": 5,
+    "world_model.py": 5.5,
     "model.py": 6,
     "parameters.py": 6,
     "models": 7,
@@ -34,6 +35,7 @@ OUTSIDE = {
     3: {"numpy", "mesa"},
     4: {"numpy", "shapely"},
     5: {"numpy", "numba"},
+    5.5: {"numpy", "mesa"},
     6: {"numpy", "mesa", "tqdm"},
 }
 STANDARD = {"__future__", *__import__("sys").stdlib_module_names}

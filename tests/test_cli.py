@@ -267,7 +267,7 @@ def test_ctrl_c_stops_a_comparison_on_all_cores_and_writes_nothing(tmp_path):
     os.killpg(running.pid, signal.SIGINT)  # as a terminal does: to all processes
     out, err = running.communicate(timeout=30)
     assert (running.returncode, out) == (130, "")
-    assert err.splitlines()[-1] == "mesa-swarm: interrupted; nothing more was written"
+    assert "mesa-swarm: interrupted; nothing more was written" in err.splitlines()
     assert "Traceback" not in err
     assert list(tmp_path.iterdir()) == []
 

@@ -5,8 +5,9 @@ import signal
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from pathlib import Path
-from threading import RLock, current_thread, main_thread
+from threading import RLock
 from typing import Any
 
 from joblib import Parallel, cpu_count, delayed
@@ -164,7 +165,7 @@ def _finished(plan: Plan, tasks: list[tuple[int, Any]], workers: int) -> Iterato
         return
     parallel = Parallel(n_jobs=workers, return_as="generator_unordered")
     try:
-        with _interrupts_ignored():
+        with _interrupts_held():
             runs = parallel(delayed(_numbered_run)(plan, index, task) for index, task in enumerate(tasks))
         yield from runs
     except BaseException:
@@ -174,16 +175,18 @@ def _finished(plan: Plan, tasks: list[tuple[int, Any]], workers: int) -> Iterato
 
 
 @contextmanager
-def _interrupts_ignored() -> Iterator[None]:
-    """Start workers that do not hear Ctrl-C, which reaches all processes of a terminal: we stop them ourselves."""
-    if current_thread() is not main_thread():  # only there may signals be set
+def _interrupts_held() -> Iterator[None]:
+    """Let Ctrl-C wait while workers start: they inherit this and never hear it; we stop them ourselves."""
+    hold = getattr(signal, "pthread_sigmask", None)
+    if hold is None:  # on Windows
         yield
         return
-    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    resource_tracker.ensure_running()  # else workers start it, which lets Ctrl-C through again
+    before = hold(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, handler)
+        hold(signal.SIG_SETMASK, before)
 
 
 def _numbered_run(plan: Plan, index: int, task: tuple[int, Any]) -> tuple[int, Run]:

@@ -97,8 +97,8 @@ def next_temperature(temperature, area, robots, constants):
 
     Examples
     --------
-    >>> next_temperature(0.5, 1.0, 2, (0.001, 0.1, 0.0, 0.0, 1.0, 0.0))
-    0.3015
+    >>> next_temperature(0.5, 1.0, 2, (0.0, 0.125, 0.0, 0.0, 1.0, 0.0))
+    0.25
     """
     changed = temperature + constants[0] * (temperature + 1.0) - constants[1] / area * robots
     return min(max(changed, 0.0), 1.0)

@@ -105,9 +105,9 @@ def design_constants(
 
     Examples
     --------
-    >>> constants = design_constants(robots=3, area=1, largest_area=1, extinguish_time=200)
-    >>> round(constants.k2, 7)
-    0.0020159
+    >>> constants = design_constants(growth_time=1000, robots=3, extinguish_time=1000)
+    >>> round(constants.k2, 5)
+    0.01109
     """
     check_number("growth_time", growth_time, above=0, maximum=LONGEST)
     check_number("robots", robots, above=0, maximum=1e9)

@@ -153,7 +153,7 @@ class Fire(ArenaAgent):
         super().remove()
         self.fires.remove(row)
         self.row = -1
-        model.fires_changed()
+        model.fires_changed(row)
 
     def _alive(self) -> int:
         if self.row < 0:

@@ -20,7 +20,7 @@ class Contacts:
     kind : int64 ndarray, shape (k,)
         What it met: 0 obstacle or border, 1 robot, 2 fire.
     other : int64 ndarray, shape (k,)
-        unique_id of what it met, -1 for the border.
+        unique_id of what it met, -1 for the border, or for what has been removed since.
     normal : ndarray, shape (k, 2)
         Unit vector from the other to the robot.
     depth : ndarray, shape (k,)

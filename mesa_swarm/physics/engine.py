@@ -130,8 +130,8 @@ class CompiledEngine:
             kind,
         )
         if table.exposed or swarm.disturbed:
-            edges, rings = statics.edges, statics.rings
-            sense_inside(position, heading, design, table.proximity, table.counts, edges, rings, distance, kind)
+            edges, rings, bounds = statics.edges, statics.rings, statics.bounds
+            sense_inside(position, heading, design, table.proximity, table.counts, edges, rings, bounds, distance, kind)
         if draws is not None:
             err(distance, design, table.proximity, table.noise, draws, step, columns["error"])
 

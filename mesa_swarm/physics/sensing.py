@@ -234,8 +234,8 @@ def is_nearer(seen, what, distance, kind):
 
 
 @compiled
-def sense_inside(position, heading, design, sensors, counts, edges, rings, distance, kind):
-    """Write 0 for the sensors that are inside a solid polygon."""
+def sense_inside(position, heading, design, sensors, counts, edges, rings, bounds, distance, kind):
+    """Write 0 for the sensors that are inside a solid polygon or beyond the border."""
     for i in range(position.shape[0]):
         d = design[i]
         cosine, sine = math.cos(heading[i]), math.sin(heading[i])
@@ -243,10 +243,12 @@ def sense_inside(position, heading, design, sensors, counts, edges, rings, dista
             mx, my = sensors[d, s, MOUNT_X], sensors[d, s, MOUNT_Y]
             x = position[i, 0] + cosine * mx - sine * my
             y = position[i, 1] + sine * mx + cosine * my
+            inside = not (bounds[0] < x < bounds[2] and bounds[1] < y < bounds[3])
             for p in range(rings.shape[0]):
-                if in_polygon(x, y, edges, rings[p, 0], rings[p, 1]):
-                    distance[i, s] = 0.0
-                    kind[i, s] = OBSTACLE
+                inside = inside or in_polygon(x, y, edges, rings[p, 0], rings[p, 1])
+            if inside:
+                distance[i, s] = 0.0
+                kind[i, s] = OBSTACLE
 
 
 @compiled

@@ -6,6 +6,7 @@ import numpy as np
 
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.table import DesignTable
+from mesa_swarm.world.statics import BORDER, ROBOT
 
 # name: (shape after the row, dtype, value of a new robot). A string names a width that the designs decide.
 COLUMNS: dict[str, tuple[tuple, type, object]] = {
@@ -123,12 +124,20 @@ class Swarm:
         """Drop rows; the handles of the robots that stay are told their new rows."""
         kept = np.delete(np.arange(len(self.agents)), rows)
         gone = set(map(int, rows))
+        for row in sorted(gone, reverse=True):
+            self.forget_contact(ROBOT, row)
         for row in gone:
             self.agents[row].row = -1
         self.agents = [agent for row, agent in enumerate(self.agents) if row not in gone]
         for row, agent in enumerate(self.agents):
             agent.row = row
         self._resize(kept, 0)
+
+    def forget_contact(self, kind: int, index: int) -> None:
+        """Take note that a robot, obstacle or fire is gone: what a robot met in the last step keeps its index."""
+        kinds, met = self.columns["contact_kind"], self.columns["contact_index"]
+        met[(kinds == kind) & (met == index)] = BORDER
+        met[(kinds == kind) & (met > index)] -= 1
 
     def remember(self, name: str, shape: tuple[int, ...], dtype: type, initial: object) -> np.ndarray:
         """Return the column in which a layer keeps what it remembers of each robot, made if it is new."""

@@ -1,8 +1,12 @@
 """The arena: Mesa's experimental ContinuousSpace, made safe, and fed from the swarm's columns."""
 
+from collections.abc import Iterator
+from itertools import count
 from typing import Protocol
+from weakref import WeakKeyDictionary
 
 import numpy as np
+from mesa.agent import Agent
 from mesa.experimental.continuous_space import ContinuousSpace, ContinuousSpaceAgent
 
 from mesa_swarm.errors import InvalidValueError, shortened
@@ -10,6 +14,20 @@ from mesa_swarm.errors import InvalidValueError, shortened
 # Mesa grows its store by a fifth of what is there, which is nothing at all below three rows.
 SMALLEST_STORE = 16
 ONE_AT_A_TIME = "positions are written one agent at a time; set agent.position"
+
+
+class ModelCounters(WeakKeyDictionary):
+    """A counter of agents for every model, forgotten together with the model."""
+
+    def __getitem__(self, model) -> Iterator[int]:
+        """Return the model's counter, a new one from 1 on if it has none yet."""
+        return self.setdefault(model, count(1))
+
+
+# Mesa 3.3 counts agents in a plain dict on the class, which keeps every model that ever was in memory.
+# Mesa 3.5 counts in the model and has no such dict.
+if hasattr(Agent, "_ids"):
+    Agent._ids = ModelCounters()
 
 
 class Bodies(Protocol):

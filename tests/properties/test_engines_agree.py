@@ -63,7 +63,7 @@ def check_run(models, steps):
         assert max(differences(state(ours), state(oracle)).values()) < CLOSE
 
 
-@settings(max_examples=120)
+@settings(max_examples=100)
 @given(seeds)
 def test_both_engines_read_and_do_the_same_in_random_worlds(seed):
     check_agreement(random_world(seed))
@@ -82,7 +82,7 @@ def test_hardly_any_random_world_is_not_generic():
     assert sum(generic) >= 28
 
 
-@settings(max_examples=10)
+@settings(max_examples=8)
 @given(seeds)
 def test_both_engines_do_the_same_in_a_jam(seed):
     check_agreement(crowd(seed, n=14, size=60.0))
@@ -97,7 +97,7 @@ def test_both_engines_do_the_same_in_thousands_of_jams(seed, n):
 
 @pytest.mark.parametrize("seed", range(2))
 def test_both_engines_do_the_same_for_thirty_steps_of_a_crowd_that_avoids(seed):
-    models = [crowd(seed, n=24, size=130.0).model(engine) for engine in ENGINES]
+    models = [crowd(seed, n=20, size=110.0).model(engine) for engine in ENGINES]
     for model in models:
         model.control = Subsumption(Avoid(), Explore())
     check_run(models, 30)
@@ -105,9 +105,9 @@ def test_both_engines_do_the_same_for_thirty_steps_of_a_crowd_that_avoids(seed):
 
 
 def test_both_engines_do_the_same_for_thirty_steps_of_a_crowd_driven_blindly():
-    models = [crowd(1, n=24, size=130.0).model(engine) for engine in ENGINES]
+    models = [crowd(1, n=20, size=110.0).model(engine) for engine in ENGINES]
     check_run(models, 30)
-    assert models[0].total_collisions > 200
+    assert models[0].total_collisions > 150
 
 
 @pytest.mark.parametrize("name", ["original", "sparse", "openspace", "openspace_fire"])
@@ -125,7 +125,7 @@ def test_both_engines_run_every_built_in_map_with_noise_and_slip(name):
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_side_sensor_of_a_robot_that_slides_along_a_wall_reads_zero_wherever_it_met_the_wall(engine):
     wall = Map(name="wall", bounds=(0, 0, 400, 400), obstacles=[rectangle((100, 0), (120, 400))])
-    for x in np.linspace(60, 85, 11):
+    for x in np.linspace(60, 85, 7):
         model = SwarmModel(map=wall, engine=engine, rng=1)
         (robot,) = model.add_robots(AGENT9, poses=[(x, 100.3, math.radians(60))])
         model.control = Subsumption(Explore())
@@ -145,6 +145,17 @@ def test_a_front_sensor_of_a_robot_that_stands_against_a_wall_reads_zero(engine,
         model.run(60).sense()
         assert robot.distance[0] == pytest.approx(0.0, abs=1e-5)
         assert robot.kind[0] == 0
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_sensor_exactly_on_the_face_that_it_looks_at_reads_zero(engine):
+    model = SwarmModel(map=Map(name="room", bounds=(0, 0, 140, 140)), engine=engine, rng=1)
+    for position in np.linspace(20.3, 110.1, 40):
+        model.remove_robots(model.robots)
+        (robot,) = model.add_robots(AGENT9, poses=[(position, 5.0, 0.0)])
+        model.sense()
+        assert robot.distance[6] == pytest.approx(0.0, abs=EXACT)
+        assert robot.kind[6] == 0
 
 
 @pytest.mark.parametrize("engine", ENGINES)

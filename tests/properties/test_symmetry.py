@@ -58,9 +58,8 @@ def mirrored_sensor(sensor):
     return replace(sensor, mount=mount, bearing_degrees=-sensor.bearing_degrees)
 
 
-def settled_world(seed):
-    """Return a random world whose robots are free: where they find room otherwise has preferred directions."""
-    world = random_world(seed)
+def settled(world):
+    """Return a world whose robots are free: looking for room has preferred directions, and an order."""
     model = replace(world, commands=np.zeros_like(world.commands)).model()
     model.step()
     return replace(world, poses=np.column_stack([model.swarm.position, model.swarm.heading]))
@@ -90,14 +89,14 @@ def check_same(world, image, undo):
 @few
 @given(seeds, st.tuples(*[st.floats(-500, 500)] * 2))
 def test_a_shifted_world_does_the_same_elsewhere(seed, by):
-    world = settled_world(seed)
+    world = settled(random_world(seed))
     check_same(world, shifted(world, np.array(by)), lambda position, heading: (position - by, heading))
 
 
 @few
 @given(seeds)
 def test_a_world_turned_by_a_quarter_does_the_same_turned(seed):
-    world = settled_world(seed)
+    world = settled(random_world(seed))
 
     def undo(position, heading):
         return np.stack([position[:, 1], -position[:, 0]], axis=-1), heading - math.pi / 2
@@ -108,7 +107,7 @@ def test_a_world_turned_by_a_quarter_does_the_same_turned(seed):
 @few
 @given(seeds)
 def test_a_mirrored_world_does_the_same_mirrored(seed):
-    world = settled_world(seed)
+    world = settled(random_world(seed))
     here, there = generic_outcome(world), outcome(mirrored(world).model())
     there = after(there, lambda position, heading: (position * [1.0, -1.0], -heading))
     there["slip"] = there["slip"][:, ::-1]
@@ -126,21 +125,21 @@ def check_order(world, order):
 @few
 @given(seeds)
 def test_the_order_in_which_robots_were_created_is_nothing(seed):
-    world = random_world(seed)
+    world = settled(random_world(seed))
     check_order(world, np.random.default_rng(seed).permutation(len(world.poses)))
 
 
 @settings(max_examples=80)
 @given(seeds)
 def test_the_order_in_which_robots_were_created_is_nothing_in_a_jam(seed):
-    check_order(crowd(seed, n=12, size=62.0), np.arange(12)[::-1])
+    check_order(settled(crowd(seed, n=12, size=62.0)), np.arange(12)[::-1])
 
 
 @pytest.mark.slow
 @deep
 @given(seeds)
 def test_the_order_in_which_robots_were_created_is_nothing_in_a_thousand_jams(seed):
-    check_order(crowd(seed, n=12, size=62.0), np.random.default_rng(seed).permutation(12))
+    check_order(settled(crowd(seed, n=12, size=62.0)), np.random.default_rng(seed).permutation(12))
 
 
 @few

@@ -106,7 +106,7 @@ NOT_NUMBERS = [
 
 @pytest.mark.parametrize("value", [*NOT_NUMBERS, 0, -1, 1e7], ids=lambda v: repr(v)[:12])
 def test_a_wrong_radius_is_refused_by_name(value):
-    with pytest.raises(InvalidValueError, match="^radius is .*expected a finite number above 0") as caught:
+    with pytest.raises(InvalidValueError, match=r"^radius is .*expected a finite number above 0") as caught:
         RobotDesign(radius=value)
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 200
@@ -140,7 +140,7 @@ CASES = [
 
 @pytest.mark.parametrize(("kind", "field", "value"), CASES, ids=lambda v: repr(v)[:12])
 def test_every_wrong_number_is_refused_by_name_on_one_line(kind, field, value):
-    with pytest.raises(InvalidValueError, match=f"^{field} is ") as caught:
+    with pytest.raises(InvalidValueError, match=rf"^{field} is ") as caught:
         kind(**{field: value})
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 200
@@ -151,7 +151,7 @@ def test_every_wrong_number_is_refused_by_name_on_one_line(kind, field, value):
     "mount", [5, (1,), (1, 2, 3), (1, math.nan), (math.inf, 1), ("1", 2), "ab", (1e7, 0), (True, 0)]
 )
 def test_a_wrong_mount_is_refused_by_name(kind, mount):
-    with pytest.raises(InvalidValueError, match="^mount is "):
+    with pytest.raises(InvalidValueError, match=r"^mount is "):
         kind(mount=mount)
 
 
@@ -186,7 +186,7 @@ def test_what_is_not_a_sensor_a_drive_or_a_name_is_refused(field, value, words):
 def test_any_real_number_will_do(value):
     model = empty()
     model.add_robots(RobotDesign(radius=value), 1)
-    assert model.robots[0].radius == 5.0
+    assert list(model.robots)[0].radius == 5.0
 
 
 @pytest.mark.parametrize("part", [AGENT9, ProximitySensor(), RadiationSensor(), LineSensor()])

@@ -1,0 +1,254 @@
+"""World: a Mesa model with a map, robots, obstacles and fires, which come and go between two steps."""
+
+import os
+from collections.abc import Iterable, Sequence
+
+import mesa
+import numpy as np
+from mesa.agent import AgentSet
+
+from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number, shortened
+from mesa_swarm.fire.fires import Fire, Fires
+from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.physics.scene import Scene
+from mesa_swarm.robots.design import RobotDesign
+from mesa_swarm.robots.robot import SIDES, Robot
+from mesa_swarm.robots.swarm import Swarm
+from mesa_swarm.robots.table import DesignTable
+from mesa_swarm.streams import Streams
+from mesa_swarm.world.arena import Arena
+from mesa_swarm.world.map import RADIUS_OF_UNIT_AREA, Map
+from mesa_swarm.world.obstacle import Obstacle
+from mesa_swarm.world.placement import free_space, place_apart
+from mesa_swarm.world.shapes import Shape
+from mesa_swarm.world.statics import FIRE, OBSTACLE
+
+
+class World(mesa.Model):
+    """What a model of a swarm is made of; `SwarmModel` adds the step.
+
+    Parameters
+    ----------
+    map : str, path or Map
+        Its obstacles and fires are added.
+    rng : int, SeedSequence, Generator or None
+        Seed of everything random.
+    history_every : int
+        Steps between two rows of `fires.history`; 0 keeps none.
+    """
+
+    def __init__(self, *, map: str | os.PathLike | Map, rng, history_every: int) -> None:
+        self.map = Map.load(map)
+        super().__init__(rng=_checked_seed(rng))
+        self.streams = Streams(_seed_sequence(rng, self.rng))
+        x_min, y_min, x_max, y_max = self.map.bounds
+        self.space = Arena([[x_min, x_max], [y_min, y_max]], random=self.random, n_agents=0)
+        self.swarm = Swarm()
+        self.space.attach(self.swarm)
+        self.fires = Fires(check_count("history_every", history_every))
+        self.space.attach(self.fires)
+        self._obstacles: list[Obstacle] = []
+        self._scene: Scene | None = None
+        self._scene_table: DesignTable | None = None
+        self._burns = False
+        for shape in self.map.obstacles:
+            self.add_obstacle(shape)
+        for spot in self.map.fires:
+            self.add_fire(spot.position, radius=spot.radius, temperature=spot.temperature)
+
+    @property
+    def robots(self) -> AgentSet:
+        """The robots as Mesa agents, in the order of the swarm's rows."""
+        return AgentSet(self.swarm.agents, random=self.random)
+
+    @property
+    def obstacles(self) -> AgentSet:
+        """The obstacles and ground marks as Mesa agents, in the order in which they were added."""
+        return AgentSet(self._obstacles, random=self.random)
+
+    def add_robots(
+        self,
+        design: RobotDesign,
+        n: int | None = None,
+        *,
+        poses: Iterable[Sequence[float]] | None = None,
+        tendency: str | Sequence[str] | None = None,
+    ) -> list[Robot]:
+        """Add robots at free random poses, or at given ones, and return their handles.
+
+        Parameters
+        ----------
+        design : RobotDesign
+        n : int
+            How many, at free random places with random headings; they never overlap anything.
+        poses : iterable of (x, y, heading), instead of n
+            Within the map. Robots put where there is no room are moved to room nearby in the next step.
+        tendency : "left", "right" or a sequence of these, optional
+            The side to which each turns from what is straight ahead; by default drawn by chance.
+
+        Raises
+        ------
+        PlacementError
+            If they do not fit; the message says how many would.
+        InvalidValueError
+            If neither or both of n and poses are given, or a pose is not on the map.
+
+        Examples
+        --------
+        >>> from mesa_swarm import AGENT3, SwarmModel
+        >>> SwarmModel(rng=1).add_robots(AGENT3, poses=[(100, 200, 0.0)])[0].position
+        array([100., 200.])
+        """
+        if not isinstance(design, RobotDesign):
+            raise InvalidValueError(f"design is {design!r:.60}; expected a RobotDesign such as AGENT9")
+        if (n is None) == (poses is None):
+            raise InvalidValueError("add_robots takes either n or poses; give exactly one of them")
+        if poses is None:
+            position, heading = self._free_poses(design, check_count("n", n))
+        else:
+            position, heading = self._checked_poses(poses)
+        sides = self._sides(len(position), tendency)
+        rows = self.swarm.add(design, position, heading, sides)
+        robots = [Robot(self.space, self, self.swarm, int(row)) for row in rows]
+        self.swarm.agents += robots
+        self.swarm.disturbed |= poses is not None
+        return robots
+
+    def remove_robots(self, robots: Iterable[Robot]) -> None:
+        """Take robots out of the model, between two steps."""
+        for robot in list(robots):
+            robot.remove()
+
+    def add_obstacle(self, shape: Shape) -> Obstacle:
+        """Add an obstacle or a ground mark and return its agent.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel, disc
+        >>> SwarmModel(rng=1).add_obstacle(disc((100, 100), 30)).contact
+        True
+        """
+        if not isinstance(shape, Shape):
+            raise InvalidValueError(f"obstacle is {shape!r:.60}; expected disc(...), rectangle(...) or polygon(...)")
+        obstacle = Obstacle(self.space, self, shape)
+        self._obstacles.append(obstacle)
+        self.obstacles_changed()
+        return obstacle
+
+    def add_fire(
+        self,
+        position: Sequence[float],
+        *,
+        radius: float | None = None,
+        area: float | None = None,
+        temperature: float = 1.0,
+    ) -> Fire:
+        """Add a fire and return its agent.
+
+        Parameters
+        ----------
+        position : (x, y)
+            Within the map.
+        radius, area : float
+            Either or both; area = (radius / 10) ** 2 unless both are given.
+        temperature : float
+            Above 0, at most 1.
+        """
+        point = self._checked_point(position)
+        if radius is None and area is None:
+            raise InvalidValueError("add_fire got neither radius nor area; give one of them")
+        if radius is None:
+            radius = RADIUS_OF_UNIT_AREA * np.sqrt(check_number("area", area, above=0, maximum=1e12))
+        radius = check_number("radius", radius, above=0, maximum=1e6)
+        area = (radius / RADIUS_OF_UNIT_AREA) ** 2 if area is None else area
+        check_number("area", area, above=0, maximum=1e12)
+        check_number("temperature", temperature, above=0, maximum=1)
+        row = self.fires.add(point, radius, area, temperature)
+        fire = Fire(self.space, self, self.fires, row)
+        self.fires.agents.append(fire)
+        self._burns = True
+        self.obstacles_changed()
+        return fire
+
+    def obstacles_changed(self) -> None:
+        """Take note that obstacles or fires were added or removed."""
+        for index in reversed(range(len(self._obstacles))):
+            if self._obstacles[index].space is None:
+                del self._obstacles[index]
+                self.swarm.forget_contact(OBSTACLE, index)
+        self._scene = None
+        self.swarm.disturbed = True
+
+    def fires_changed(self, index: int) -> None:
+        """Take note that a fire was removed: nobody fights it any more."""
+        self.swarm.forget_contact(FIRE, index)
+        self.swarm.columns["fire"].fill(-1)
+        self.obstacles_changed()
+
+    def _current_scene(self) -> Scene:
+        table = self.swarm.table
+        if self._scene is None or self._scene_table is not table:
+            shapes = [obstacle.shape for obstacle in self._obstacles]
+            discs, temperature = self.fires.discs, self.fires.columns["temperature"]
+            sight = float(table.reach.max(initial=0.0))
+            touch = max((design.radius for design in table.designs), default=1.0)
+            self._scene = Scene.of(self.map.bounds, shapes, discs, temperature, sight=sight, touch=touch)
+            self._scene_table = table
+        return self._scene
+
+    def _free_poses(self, design: RobotDesign, n: int) -> tuple[np.ndarray, np.ndarray]:
+        shapes = [obstacle.shape for obstacle in self._obstacles]
+        space = free_space(self.map.bounds, shapes, self.fires.discs, design.radius)
+        old, radii, where = self.swarm.position, self.swarm.radius, f"map {self.map.name}"
+        position = place_apart(n, design.radius, space, old, radii, self.streams["placement"], where)
+        return position, self.streams["heading"].uniform(-np.pi, np.pi, n)
+
+    def _checked_poses(self, poses: Iterable[Sequence[float]]) -> tuple[np.ndarray, np.ndarray]:
+        try:
+            table = np.array(list(poses), dtype=float).reshape(-1, 3)
+        except (TypeError, ValueError):
+            raise InvalidValueError("poses are not rows of three numbers; expected (x, y, heading) each") from None
+        for x, y, heading in table:
+            self._checked_point((x, y))
+            check_number("heading", heading, minimum=-1e9, maximum=1e9)
+        return table[:, :2].copy(), np.array([wrapped(heading) for heading in table[:, 2]], dtype=float)
+
+    def _checked_point(self, point: Sequence[float]) -> np.ndarray:
+        try:
+            array = np.asarray(point, dtype=float)
+        except (TypeError, ValueError):
+            array = np.empty(0)
+        if array.shape != (2,) or not self.space.in_bounds(array):
+            raise InvalidValueError(
+                f"position {shortened(point)} is not on map {self.map.name}; "
+                f"expected x and y within {self.space.dimensions.tolist()}"
+            )
+        return array
+
+    def _sides(self, n: int, tendency: str | Sequence[str] | None) -> np.ndarray:
+        if tendency is None:
+            return np.where(self.streams["tendency"].random(n) < 0.5, 1.0, -1.0)
+        if not isinstance(tendency, Iterable):
+            raise InvalidValueError(f"tendency is {tendency!r:.60}; expected left, right, or a sequence of these")
+        names = [tendency] * n if isinstance(tendency, str) else list(tendency)
+        if len(names) != n:
+            raise InvalidValueError(f"tendency names {len(names)} sides for {n} robots; expected one each")
+        return np.array([SIDES[check_choice("tendency", name, SIDES)] for name in names], dtype=float)
+
+
+def _checked_seed(rng):
+    """Refuse what cannot seed a model, in words, before Mesa tries."""
+    try:
+        np.random.default_rng(rng)
+    except (TypeError, ValueError):
+        raise InvalidValueError(
+            f"rng is {rng!r:.60}; expected a whole number of at least 0, a SeedSequence, a Generator or None"
+        ) from None
+    return rng
+
+
+def _seed_sequence(rng, generator: np.random.Generator) -> np.random.SeedSequence:
+    """Return what the streams grow from: the seed itself, or a draw where a generator was handed over."""
+    if isinstance(rng, (np.random.Generator, np.random.BitGenerator)):
+        return np.random.SeedSequence(int(generator.integers(2**63)))
+    return generator.bit_generator.seed_seq

@@ -1,0 +1,347 @@
+"""The arena: all that Mesa's continuous space promises, without its hazards, on plain Mesa agents and on ours."""
+
+import gc
+import random
+import weakref
+
+import mesa
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mesa.experimental.continuous_space import ContinuousSpaceAgent
+
+from mesa_swarm import AGENT9, SwarmModel, disc, rectangle
+from mesa_swarm.control import Subsumption
+from mesa_swarm.errors import InvalidValueError, RemovedRobotError
+from mesa_swarm.fire.fires import Fire
+from mesa_swarm.robots.robot import Robot
+from mesa_swarm.world.arena import Arena
+from mesa_swarm.world.obstacle import Obstacle
+from scenes import ahead, blind, empty
+
+SQUARE = [[0, 100], [0, 100]]
+
+
+def arena(dimensions=SQUARE, **options):
+    return Arena(dimensions, random=random.Random(1), **options)
+
+
+def populated(points, dimensions=SQUARE, **options):
+    """Return an arena with a plain Mesa agent at each point, and the agents."""
+    model, space = mesa.Model(rng=1), arena(dimensions, **options)
+    agents = [ContinuousSpaceAgent(space, model) for _ in points]
+    for agent, point in zip(agents, points, strict=True):
+        agent.position = point
+    return space, agents
+
+
+# ---- sizes and bounds
+
+
+@pytest.mark.parametrize(
+    ("dimensions", "size", "center"),
+    [
+        (SQUARE, (100, 100), (50, 50)),
+        ([[-50, 50], [10, 30]], (100, 20), (0, 20)),
+        ([[0, 1], [0, 2], [0, 4]], (1, 2, 4), (0.5, 1, 2)),
+    ],
+)
+def test_size_and_centre_follow_from_the_dimensions(dimensions, size, center):
+    space = arena(dimensions)
+    assert (tuple(space.size), tuple(space.center), space.ndims) == (size, center, len(size))
+    assert (space.width, space.height) == size[:2]
+    assert [[space.x_min, space.x_max], [space.y_min, space.y_max]] == [list(d) for d in dimensions[:2]]
+
+
+@pytest.mark.parametrize(
+    ("point", "inside"),
+    [((0, 0), True), ((100, 100), True), ((50, 100.0001), False), ((-1e-12, 5), False), ((np.nan, 5), False)],
+)
+def test_the_border_is_inside_and_beyond_it_is_not(point, inside):
+    assert arena().in_bounds(point) is inside
+
+
+@pytest.mark.parametrize("n_agents", [0, 1, 2, 15, 16, 17, 100])
+def test_an_arena_made_for_any_number_of_agents_takes_any_number(n_agents):
+    points = [(k % 100, k // 100) for k in range(150)]
+    space, agents = populated(points, n_agents=n_agents)
+    assert space.agent_positions.tolist() == [list(map(float, p)) for p in points]
+    assert [agent._mesa_index for agent in agents] == list(range(150))
+
+
+def test_an_empty_arena_answers_every_question():
+    space = arena(n_agents=0)
+    assert space.agent_positions.shape == (0, 2)
+    assert len(space.agents) == 0
+    assert space.calculate_distances((5, 5))[0].shape == (0,)
+    assert space.calculate_difference_vector((5, 5)).shape == (0, 2)
+    assert space.get_agents_in_radius((5, 5), 1e9)[0] == []
+    assert space.get_k_nearest_agents((5, 5), 3)[0] == []
+
+
+def test_a_new_agent_is_at_a_place_of_the_arena_before_it_is_given_one():
+    space, _ = populated([])
+    agent = ContinuousSpaceAgent(space, mesa.Model(rng=1))
+    assert space.in_bounds(agent.position)
+
+
+# ---- agents come and go
+
+
+@given(st.lists(st.integers(0, 10**6), min_size=1, max_size=40))
+def test_indices_and_positions_stay_together_whoever_comes_and_goes(moves):
+    model, space, agents, truth = mesa.Model(rng=1), arena(n_agents=1), [], {}
+    for k, move in enumerate(moves):
+        if move % 3 or not agents:
+            agents.append(ContinuousSpaceAgent(space, model))
+            agents[-1].position = truth[agents[-1]] = (k, move % 101)
+        else:
+            gone = agents.pop(move % len(agents))
+            gone.remove()
+            assert gone.space is None
+            assert gone._mesa_index is None
+        assert space.active_agents == agents == list(space.agents)
+        assert space._index_to_agent == dict(enumerate(agents))
+        assert space._agent_to_index == {agent: row for row, agent in enumerate(agents)}
+        assert [agent._mesa_index for agent in agents] == list(range(len(agents)))
+        assert [tuple(agent.position) for agent in agents] == [truth[agent] for agent in agents]
+        assert space.agent_positions.shape == (len(agents), 2)
+
+
+# ---- hazards that Mesa has
+
+
+@pytest.mark.parametrize("point", [(101, 5), (-1, 5), (np.nan, 5), (np.inf, 5), (1, 2, 3), 5, "ab", None])
+def test_a_wrong_position_is_refused_and_nothing_is_written(point):
+    space, (agent, _) = populated([(10, 20), (30, 40)])
+    with pytest.raises((ValueError, TypeError)):
+        agent.position = point
+    assert space.agent_positions.tolist() == [[10, 20], [30, 40]]
+
+
+def test_adding_too_much_to_a_position_raises_and_writes_nothing():
+    _, (agent, _) = populated([(10, 20), (30, 40)])
+    with pytest.raises(ValueError, match="outside"):
+        agent.position += (0, 1000)
+    assert agent.position.tolist() == [10, 20]
+    agent.position += (5, 5)
+    assert agent.position.tolist() == [15, 25]
+
+
+def test_changing_what_was_read_changes_nothing():
+    space, (agent, _) = populated([(10, 20), (30, 40)])
+    agent.position[:] = 77
+    space.agent_positions[0][:] = 77
+    space.agent_positions[:1][:] = 77
+    assert space.agent_positions.tolist() == [[10, 20], [30, 40]]
+
+
+def test_positions_that_are_read_after_a_change_are_those_of_now():
+    space, agents = populated([(10, 20), (30, 40), (50, 60)])
+    before = space.agent_positions
+    agents[0].remove()
+    assert before.shape == (3, 2)
+    assert space.agent_positions.tolist() == [[30, 40], [50, 60]]
+    agents[1].position = (1, 1)
+    assert before[1].tolist() == [30, 40]
+
+
+def test_a_row_of_the_positions_may_be_written_within_bounds():
+    space, (agent, _) = populated([(10, 20), (30, 40)])
+    space.agent_positions[0] = (11, 21)
+    assert agent.position.tolist() == [11, 21]
+    with pytest.raises(InvalidValueError, match="outside the arena"):
+        space.agent_positions[0] = (11, 210)
+
+
+def test_positions_written_all_at_once_are_refused_instead_of_ignored():
+    space, _ = populated([(10, 20), (30, 40)])
+    with pytest.raises(InvalidValueError, match="one agent at a time"):
+        space.agent_positions += 1
+    with pytest.raises(InvalidValueError, match="one agent at a time"):
+        space.agent_positions[:] = 1
+    with pytest.raises(InvalidValueError, match="one agent at a time"):
+        space.agent_positions = np.ones((2, 2))
+    assert space.agent_positions.tolist() == [[10, 20], [30, 40]]
+
+
+def test_writing_a_row_of_the_arena_moves_a_robot_and_not_what_stands_still():
+    model = empty()
+    obstacle = model.add_obstacle(disc((50, 50), 5))
+    robot = model.add_robots(blind(), poses=[(100, 100, 0.0)])[0]
+    model.space.agent_positions[robot._mesa_index] = (120, 130)
+    assert model.swarm.position.tolist() == [[120, 130]]
+    with pytest.raises(InvalidValueError, match="obstacles do not move"):
+        model.space.agent_positions[obstacle._mesa_index] = (120, 130)
+
+
+def test_pos_is_the_position_and_setting_it_moves():
+    model = empty()
+    robot = model.add_robots(blind(), poses=[(100, 100, 0.0)])[0]
+    robot.pos = (120, 130)
+    assert robot.position.tolist() == robot.pos.tolist() == [120, 130]
+
+
+# ---- distances
+
+
+@pytest.mark.parametrize("torus", [False, True])
+def test_differences_and_distances_are_those_of_the_geometry(torus):
+    rng = np.random.default_rng(1)
+    points = rng.uniform(0, 100, (30, 2))
+    space, agents = populated(points, torus=torus)
+    here = np.array([90.0, 5.0])
+    images = [(a, b) for a in (-100, 0, 100) for b in (-100, 0, 100)] if torus else [(0, 0)]
+    least = np.min([np.hypot(*(points + shift - here).T) for shift in images], axis=0)
+    distances, who = space.calculate_distances(here)
+    assert distances == pytest.approx(least)
+    assert list(who) == agents
+    vectors = space.calculate_difference_vector(here)
+    assert np.hypot(*vectors.T) == pytest.approx(least)
+    assert np.mod(here + vectors - points + 50, 100) == pytest.approx(np.full((30, 2), 50)) if torus else True
+    some, who = space.calculate_distances(here, agents[3:7])
+    assert some == pytest.approx(least[3:7])
+    assert list(who) == agents[3:7]
+    assert space.calculate_difference_vector(here, agents[3:7]) == pytest.approx(vectors[3:7])
+    assert type(distances) is type(vectors) is np.ndarray
+
+
+def test_other_measures_of_distance_may_be_asked_for():
+    space, _ = populated([(10, 20), (30, 40)])
+    assert space.calculate_distances((0, 0), metric="cityblock")[0].tolist() == [30, 70]
+
+
+@pytest.mark.parametrize("torus", [False, True])
+@pytest.mark.parametrize("radius", [0, 5, 20, 1000])
+def test_agents_in_a_radius_are_all_those_and_only_those(torus, radius):
+    points = [(2, 2), (98, 98), (7, 2), (50, 50), (2, 2)]
+    space, agents = populated(points, torus=torus)
+    inside, distances = space.get_agents_in_radius((2, 2), radius)
+    every, _ = space.calculate_distances((2, 2))
+    assert inside == [a for a, d in zip(agents, every, strict=True) if d <= radius]
+    assert distances.tolist() == [d for d in every if d <= radius]
+
+
+@pytest.mark.parametrize("k", [0, 1, 2, 4, 5, 50, 10**9])
+def test_the_k_nearest_are_the_nearest_in_order_and_all_if_there_are_fewer(k):
+    space, agents = populated([(10, 0), (40, 0), (0, 0), (20, 0)])
+    nearest, distances = space.get_k_nearest_agents((1, 0), k)
+    assert nearest == [agents[2], agents[0], agents[3], agents[1]][:k]
+    assert distances.tolist() == [1, 9, 19, 39][:k]
+
+
+def test_neighbours_do_not_include_oneself():
+    _, agents = populated([(10, 0), (14, 0), (30, 0), (60, 0)])
+    near, distances = agents[0].get_neighbors_in_radius(20)
+    assert near == [agents[1], agents[2]]
+    assert distances.tolist() == [4, 20]
+    nearest, distances = agents[3].get_nearest_neighbors(2)
+    assert nearest == [agents[2], agents[1]]
+    assert agents[0].get_nearest_neighbors(99)[0] == agents[1:]
+
+
+def test_a_torus_takes_positions_from_beyond_its_border_to_the_other_side():
+    space, (agent,) = populated([(10, 20)], torus=True)
+    agent.position = (110, -5)
+    assert agent.position.tolist() == [10, 95]
+    assert space.torus_correct((250, 30)).tolist() == [50, 30]
+
+
+# ---- our agents
+
+
+def test_robots_are_found_where_they_are_after_steps_and_removals():
+    model = SwarmModel(map="original", rng=3)
+    model.add_fire((700, 80), radius=20)
+    robots = model.add_robots(AGENT9, 20)
+    model.control = Subsumption(ahead)
+    for k in range(10):
+        model.run(5)
+        robots.pop(k).remove()
+        for robot in robots:
+            assert model.space.get_agents_in_radius(robot.position, 1e-9)[0] == [robot]
+        everybody = [*model.obstacles, *model.fires, *model.robots]
+        found, distances = model.space.get_agents_in_radius((400, 300), 1e9)
+        assert set(found) == set(everybody)
+        assert distances == pytest.approx([np.hypot(*(a.position - (400, 300))) for a in found])
+        table = {a: tuple(p) for a, p in zip(model.space.active_agents, model.space.agent_positions, strict=True)}
+        assert table == {a: tuple(a.position) for a in everybody}
+
+
+def test_neighbours_of_robots_that_share_a_place_are_as_many_as_asked_for():
+    model = empty()
+    robots = model.add_robots(blind(), poses=[(100, 100, 0.0)] * 3 + [(130, 100, 0.0)])
+    assert robots[2].get_nearest_neighbors(1)[0] == [robots[0]]
+    assert robots[2].get_nearest_neighbors(9)[0] == [robots[0], robots[1], robots[3]]
+    assert robots[2].get_neighbors_in_radius(1)[0] == robots[:2]
+    assert robots[2].get_neighbors_in_radius(-1)[0] == []
+
+
+def test_obstacles_and_fires_are_found_and_do_not_move():
+    model = empty()
+    wall, fire = model.add_obstacle(rectangle((100, 100), (140, 120))), model.add_fire((200, 200), radius=20)
+    assert model.space.get_k_nearest_agents((120, 110), 1)[0] == [wall]
+    assert model.space.get_k_nearest_agents((200, 199), 1)[0] == [fire]
+    for agent in (wall, fire):
+        with pytest.raises(InvalidValueError, match="do not move; remove this one and add another"):
+            agent.position = (1, 1)
+
+
+def test_mesa_knows_all_agents_by_their_kind():
+    model = SwarmModel(map="openspace_fire", rng=1)
+    model.add_robots(AGENT9, 4)
+    kinds = {kind: list(agents) for kind, agents in model.agents_by_type.items()}
+    assert kinds == {Robot: list(model.robots), Obstacle: list(model.obstacles), Fire: list(model.fires)}
+    assert len(model.agents) == len(model.space.agents) == 4 + len(model.obstacles) + 7
+    ids = [agent.unique_id for agent in model.agents]
+    assert len(set(ids)) == len(ids)
+
+
+def test_all_agents_may_be_removed_at_once_the_mesa_way():
+    model = SwarmModel(map="openspace_fire", rng=1)
+    robots = model.add_robots(AGENT9, 4)
+    model.control = Subsumption(ahead)
+    model.run(3)
+    model.remove_all_agents()
+    assert len(model.agents) == len(model.space.agents) == len(model.robots) == len(model.obstacles) == 0
+    assert len(model.fires) == 0
+    with pytest.raises(RemovedRobotError):
+        _ = robots[0].position
+    model.run(2)
+    model.add_robots(AGENT9, 2)
+    model.run(2)
+    assert model.swarm.position.shape == (2, 2)
+
+
+@pytest.mark.parametrize("kind", ["obstacle", "fire"])
+def test_what_was_removed_says_so_when_it_is_removed_again(kind):
+    model = empty()
+    agent = model.add_obstacle(disc((50, 50), 5)) if kind == "obstacle" else model.add_fire((50, 50), radius=5)
+    agent.remove()
+    with pytest.raises(RemovedRobotError, match=f"this {kind} has been removed"):
+        agent.remove()
+
+
+def test_a_removed_obstacle_is_neither_met_nor_seen():
+    model = empty()
+    wall = model.add_obstacle(rectangle((120, 0), (140, 300)))
+    robot = model.add_robots(AGENT9, poses=[(110, 150, 0.0)])[0]
+    model.control = Subsumption(ahead)
+    model.run(20)
+    assert robot.position[0] < 116
+    wall.remove()
+    model.run(100)
+    assert robot.position[0] == pytest.approx(215, abs=1e-6)
+    assert model.swarm.kind[0, 0] == -1
+
+
+def test_a_model_that_nobody_holds_is_forgotten():
+    model = SwarmModel(map="openspace_fire", rng=1)
+    model.add_robots(AGENT9, 4)
+    model.control = Subsumption(ahead)
+    model.run(3)
+    watch = weakref.ref(model)
+    del model
+    gc.collect()
+    assert watch() is None

@@ -1,0 +1,252 @@
+"""Free places: never an overlap, always within the free space, seeded, and a number that holds when it refuses."""
+
+import math
+import re
+import time
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shapely.geometry import Point
+
+from mesa_swarm import AGENT9, Map, SwarmModel, disc, polygon, rectangle
+from mesa_swarm.errors import PlacementError
+from mesa_swarm.world.placement import free_space, place_apart
+from scenes import blind, empty
+
+NOBODY = np.empty((0, 2)), np.empty(0)
+NO_FIRES = np.empty((0, 3))
+U_SHAPE = [(60, 40), (160, 40), (160, 120), (140, 120), (140, 60), (80, 60), (80, 120), (60, 120)]
+RING = polygon([(20, 20), (180, 20), (180, 130), (20, 130)], [[(50, 50), (150, 50), (150, 100), (50, 100)]])
+
+
+def least_gap(position, radius, others=NOBODY):
+    """Return the least distance between the edges of any two discs, by all pairs."""
+    points, radii = np.concatenate([position, others[0]]), np.concatenate([np.full(len(position), radius), others[1]])
+    gap = np.hypot(*(points[:, None] - points).T) - radii[:, None] - radii
+    new = np.arange(len(points)) < len(position)
+    return gap[(new[:, None] | new) & ~np.eye(len(points), dtype=bool)].min(initial=math.inf)
+
+
+def assert_free(model, robots, tolerance=0.0):
+    """Check by Shapely that these robots overlap nothing that stands still, nor each other."""
+    x_min, y_min, x_max, y_max = model.map.bounds
+    for robot in robots:
+        point, r = Point(robot.position), robot.radius
+        assert min(point.x - x_min, x_max - point.x, point.y - y_min, y_max - point.y) >= r - tolerance
+        for obstacle in model.obstacles:
+            if obstacle.contact:
+                assert obstacle.shape.geometry.distance(point) - obstacle.shape.radius >= r - tolerance
+        for fire in model.fires:
+            assert np.hypot(*(fire.position - robot.position)) >= r + fire.radius - tolerance
+    position, radius = model.swarm.position, model.swarm.radius
+    gap = np.hypot(*(position[:, None] - position).T) - radius[:, None] - radius
+    assert gap[~np.eye(len(gap), dtype=bool)].min(initial=0.0) >= -tolerance
+
+
+def promised(place, n):
+    """Return how many would fit, as the refusal of n says."""
+    with pytest.raises(PlacementError) as caught:
+        place(n)
+    text = str(caught.value)
+    assert "\n" not in text
+    assert text.startswith(f"{n} robots of radius ")
+    return int(re.search(r": (\d+) would; ask for fewer", text)[1])
+
+
+@given(seed=st.integers(0, 2**32), n=st.integers(0, 60), radius=st.floats(0.5, 12), discs=st.integers(0, 5))
+def test_robots_never_overlap_anything_in_random_worlds(seed, n, radius, discs):
+    rng = np.random.default_rng(seed)
+    model = empty(220, 160, rng=seed)
+    for _ in range(discs):
+        model.add_obstacle(disc(rng.uniform((0, 0), (220, 160)), rng.uniform(2, 25)))
+    model.add_obstacle(polygon(U_SHAPE))
+    model.add_fire(rng.uniform((0, 0), (220, 160)), radius=rng.uniform(2, 20))
+    try:
+        robots = model.add_robots(blind(radius), n)
+    except PlacementError as problem:
+        n = int(re.search(r"(\d+) would", str(problem))[1])
+        robots = model.add_robots(blind(radius), n)
+    assert len(robots) == n
+    assert_free(model, robots)
+    heading = model.swarm.heading
+    assert ((-math.pi <= heading) & (heading < math.pi)).all()
+
+
+@pytest.mark.parametrize("name", ["original", "sparse", "openspace", "openspace_fire"])
+def test_robots_find_free_places_on_every_built_in_map(name):
+    model = SwarmModel(map=name, rng=5)
+    assert_free(model, model.add_robots(AGENT9, 150))
+
+
+def test_the_same_seed_gives_the_same_places_and_another_gives_others():
+    places = [SwarmModel(map="original", rng=rng) for rng in (1, 1, 2)]
+    for model in places:
+        model.add_robots(AGENT9, 30)
+    first, second, third = (model.swarm.position for model in places)
+    assert (first == second).all()
+    assert (first != third).any()
+
+
+def test_the_first_places_do_not_depend_on_how_many_follow():
+    few, many = empty(), empty()
+    few.add_robots(blind(), 10)
+    many.add_robots(blind(), 40)
+    assert (few.swarm.position == many.swarm.position[:10]).all()
+
+
+def test_places_are_spread_evenly_over_the_free_space():
+    space = free_space((0, 0, 100, 100), [], NO_FIRES, 0.01)
+    places = place_apart(4000, 0.01, space, *NOBODY, np.random.default_rng(1))
+    counts = np.histogram2d(*places.T, bins=4, range=[[0, 100]] * 2)[0]
+    assert abs(counts - 250).max() < 5 * math.sqrt(250)
+
+
+@settings(max_examples=20)
+@given(
+    width=st.floats(11, 200), height=st.floats(11, 200), radius=st.floats(2, 20), seed=st.integers(0, 1000),
+    ring=st.booleans(),
+)  # fmt: skip
+def test_as_many_as_a_refusal_promises_do_fit(width, height, radius, seed, ring):
+    shapes = [polygon(U_SHAPE)] if ring else []
+    space = free_space((0, 0, width, height), shapes, NO_FIRES, radius)
+
+    def place(n, again=0):
+        return place_apart(n, radius, space, *NOBODY, np.random.default_rng(seed + again), "here")
+
+    fit = promised(place, 10**9)
+    for again in (0, 1):
+        places = place(fit, again)
+        assert len(places) == fit
+        assert least_gap(places, radius) >= 0
+        assert not len(places) or shapely.dwithin(space, shapely.points(places), 1e-9).all()
+
+
+def test_a_refusal_counts_the_robots_that_are_there_already():
+    model = empty(200, 100)
+    model.add_robots(blind(), 40)
+    fit = promised(lambda n: model.add_robots(blind(), n), 10_000)
+    assert len(model.robots) == 40
+    assert 20 < fit < 200
+    model.add_robots(blind(), fit)
+    assert_free(model, model.robots)
+
+
+def test_robots_of_other_sizes_that_are_there_already_are_kept_clear_of():
+    model = empty(300, 200)
+    model.add_robots(blind(30), poses=[(80, 100, 0.0), (200, 60, 0.0)])
+    model.add_robots(blind(1), 400)
+    model.add_robots(blind(12), 5)
+    assert_free(model, model.robots)
+
+
+@pytest.mark.parametrize("name", ["original", "openspace_fire"])
+def test_a_thousand_million_robots_are_refused_within_a_second(name):
+    model = SwarmModel(map=name, rng=1)
+    model.add_robots(AGENT9, 1)
+    start = time.perf_counter()
+    fit = promised(lambda n: model.add_robots(AGENT9, n), 10**9)
+    assert time.perf_counter() - start < 1.0
+    assert 1000 < fit < 5000
+
+
+def test_a_thousand_million_robots_are_refused_where_they_would_fit_too():
+    model = SwarmModel(map=Map(name="vast", bounds=(0, 0, 8e8, 8e8)), rng=1)
+    start = time.perf_counter()
+    with pytest.raises(PlacementError, match="the limit is"):
+        model.add_robots(AGENT9, 10**9)
+    assert time.perf_counter() - start < 1.0
+
+
+def test_a_vast_map_of_which_next_to_nothing_is_free_is_no_trap():
+    model = SwarmModel(map=Map(name="vast", bounds=(0, 0, 8e8, 8e8)), rng=1)
+    model.add_obstacle(rectangle((0, 50), (8e8, 8e8)))
+    model.add_obstacle(rectangle((100, 0), (8e8, 50)))
+    start = time.perf_counter()
+    robots = model.add_robots(blind(), 5)
+    promised(lambda n: model.add_robots(blind(), n), 1000)
+    assert time.perf_counter() - start < 1.0
+    assert_free(model, robots, 1e-6)
+
+
+def test_a_crowd_that_random_places_cannot_hold_is_packed_in_a_lattice():
+    model = empty(200, 200)
+    # Random places jam at 54.7 % of the area; this is 79 %.
+    robots = model.add_robots(blind(), 400)
+    assert 400 * math.pi * 25 / 200**2 > 0.78
+    assert_free(model, robots)
+    assert (np.diff(model.swarm.position[:, 1]) >= 0).mean() > 0.9
+
+
+@pytest.mark.parametrize(("n", "radius", "inside"), [(4, 12.0, True), (100, 4.9, False)])
+def test_holes_of_obstacles_are_free_and_what_is_solid_is_not(n, radius, inside):
+    model = empty(200, 150)
+    model.add_obstacle(RING)
+    robots = model.add_robots(blind(radius), n)
+    assert_free(model, robots)
+    in_hole = [50 < r.position[0] < 150 and 50 < r.position[1] < 100 for r in robots]
+    # The margin outside the ring is 20 wide: too narrow for robots of 12, not for those of 4.9.
+    assert all(in_hole) is inside
+    assert any(in_hole)
+
+
+def test_the_arms_of_a_concave_obstacle_enclose_free_space():
+    model = empty(220, 160)
+    model.add_obstacle(polygon(U_SHAPE))
+    robots = model.add_robots(blind(3), 200)
+    assert_free(model, robots)
+    assert any(80 < r.position[0] < 140 and 60 < r.position[1] < 120 for r in robots)
+
+
+@pytest.mark.parametrize("wide", [10.5, 10.05, 10.014])
+def test_a_slanting_corridor_hardly_wider_than_a_robot_is_found(wide):
+    model = empty(400, 300)
+    across = wide * math.sqrt(2)
+    model.add_obstacle(polygon([(0, 0), (300, 300), (0, 300)]))
+    model.add_obstacle(polygon([(across, 0), (400, 0), (400, 300), (300 + across, 300)]))
+    start = time.perf_counter()
+    robots = model.add_robots(blind(), 10)
+    fit = promised(lambda n: model.add_robots(blind(), n), 1000)
+    assert time.perf_counter() - start < 1.0
+    assert fit >= 1
+    assert_free(model, robots, 1e-9)
+
+
+def test_many_separate_niches_are_not_taken_for_one_small_room():
+    model = empty(25 * 14 + 2, 14)
+    for k in range(26):
+        model.add_obstacle(rectangle((14 * k, 0), (14 * k + 3, 14)))
+    model.add_robots(blind(), 24)
+    assert_free(model, model.robots)
+
+
+@pytest.mark.parametrize("bounds", [(0, 0, 9, 100), (0, 0, 10, 100), (0, 0, 100, 10)])
+def test_a_map_as_narrow_as_a_robot_holds_nobody(bounds):
+    model = SwarmModel(map=Map(name="narrow", bounds=bounds), rng=1)
+    assert promised(lambda n: model.add_robots(blind(), n), 1) == 0
+
+
+def test_a_map_without_any_free_place_holds_nobody():
+    model = empty(100, 100)
+    model.add_obstacle(disc((50, 50), 80))
+    assert promised(lambda n: model.add_robots(blind(), n), 3) == 0
+    assert model.add_robots(blind(), 0) == []
+
+
+def test_nought_robots_are_as_many_as_asked_for():
+    model = empty()
+    assert model.add_robots(AGENT9, 0) == []
+    assert model.add_robots(AGENT9, poses=[]) == []
+    assert model.step() is None
+    assert model.swarm.distance.shape == (0, 9)
+
+
+def test_robots_that_do_not_fit_leave_the_model_as_it_was():
+    model = empty(100, 100)
+    model.add_robots(blind(), 5)
+    before = model.state_hash(), len(model.agents), len(model.swarm.designs)
+    with pytest.raises(PlacementError):
+        model.add_robots(AGENT9, 10**6)
+    assert (model.state_hash(), len(model.agents), len(model.swarm.designs)) == before
