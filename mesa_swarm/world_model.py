@@ -205,9 +205,12 @@ class World(mesa.Model):
 
     def _checked_poses(self, poses: Iterable[Sequence[float]]) -> tuple[np.ndarray, np.ndarray]:
         try:
-            table = np.array(list(poses), dtype=float).reshape(-1, 3)
+            table = np.array(list(poses), dtype=float)
         except (TypeError, ValueError):
-            raise InvalidValueError("poses are not rows of three numbers; expected (x, y, heading) each") from None
+            table = np.empty(1)
+        if table.size and (table.ndim != 2 or table.shape[1] != 3):
+            raise InvalidValueError("poses are not rows of three numbers; expected (x, y, heading) each")
+        table = table.reshape(-1, 3)
         for x, y, heading in table:
             self._checked_point((x, y))
             check_number("heading", heading, minimum=-1e9, maximum=1e9)

@@ -10,6 +10,9 @@ import math
 
 from mesa_swarm.geometry.compiled import compiled
 
+# A segment nearer than this (rad) to a ray's direction is taken as parallel to it.
+PARALLEL = 1e-12
+
 
 def half_angle(field_of_view: float) -> tuple[float, float]:
     """Return (cos, sin) of half a field of view, exact at 0, pi and 2 pi.
@@ -73,7 +76,8 @@ def ray_to_segment(ax: float, ay: float, bx: float, by: float, ray_x: float, ray
     """
     dx, dy = bx - ax, by - ay
     across = ray_x * dy - ray_y * dx
-    if across == 0.0:
+    # Within rounding of parallel, where the lines cross is chance, even behind the origin.
+    if across * across <= PARALLEL * PARALLEL * (dx * dx + dy * dy):
         return math.inf
     along = (ax * dy - ay * dx) / across
     share = (ax * ray_y - ay * ray_x) / across

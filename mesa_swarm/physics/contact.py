@@ -99,18 +99,18 @@ def separate(position, radius, number, grid, statics, contacts, most_sweeps):
     """Push until nothing overlaps, at most `most_sweeps` times, and return whether nothing does."""
     n = position.shape[0]
     margin = MARGIN * radius.min() if n else 0.0
-    freed, drift = push_all_from_statics(position, radius, statics, contacts)
-    free = True
+    free = np.ones(n, np.bool_)
+    moved = np.zeros(n, np.bool_)
+    drift = push_all_from_statics(position, radius, statics, contacts, free)
     pairs = near_pairs(position, radius, margin, grid)
     push = np.zeros((n, 2))
     # Only robots that were moved in the last sweep, and their neighbours, can overlap anything now.
     awake = np.ones(n, np.bool_)
     for _ in range(most_sweeps):
         if not push_pairs(position, radius, number, pairs, awake, push, contacts):
-            return free and freed
-        far = apply_pushes(position, push, radius, pairs, awake)
-        free, pushed = push_awake_from_statics(position, radius, pairs, awake, statics, contacts)
-        drift += far + pushed
+            return free.all()
+        drift += apply_pushes(position, push, radius, pairs, awake, moved)
+        drift += push_moved_from_statics(position, radius, moved, statics, contacts, free)
         if 2.0 * drift > margin:
             pairs = near_pairs(position, radius, margin, grid)
             awake[:] = True
@@ -119,11 +119,11 @@ def separate(position, radius, number, grid, statics, contacts, most_sweeps):
 
 
 @compiled
-def push_all_from_statics(position, radius, statics, contacts):
-    """Move all robots out of what stands still; return whether that was possible, and the longest move."""
+def push_all_from_statics(position, radius, statics, contacts, free):
+    """Move all robots out of what stands still; write for whom that was possible, return the longest move."""
     bounds, grid, start = statics[4], statics[5], statics[6]
     left, below, per_unit, columns, rows = grid
-    free, longest = True, 0.0
+    longest = 0.0
     for i in range(position.shape[0]):
         x, y, r = position[i, 0], position[i, 1], radius[i]
         cell = cell_index(x, left, per_unit, columns) + columns * cell_index(y, below, per_unit, rows)
@@ -132,30 +132,27 @@ def push_all_from_statics(position, radius, statics, contacts):
             bounds[0] + r <= x <= bounds[2] - r and bounds[1] + r <= y <= bounds[3] - r
         ):
             continue
-        settled, pushed = push_from_statics(i, position, r, statics, contacts)
-        free = free and settled
+        free[i], pushed = push_from_statics(i, position, r, statics, contacts)
         longest = max(longest, pushed)
-    return free, longest
+    return longest
 
 
 @compiled
-def push_awake_from_statics(position, radius, pairs, awake, statics, contacts):
-    """Do the same for those robots only that are in a pair and were just moved."""
-    free, longest = True, 0.0
-    for k in range(pairs.shape[0]):
-        for side in range(2):
-            i = pairs[k, side]
-            if awake[i]:
-                settled, pushed = push_from_statics(i, position, radius[i], statics, contacts)
-                free = free and settled
-                longest = max(longest, pushed)
-    return free, longest
+def push_moved_from_statics(position, radius, moved, statics, contacts, free):
+    """Do the same for those robots only that others have just moved, once each."""
+    longest = 0.0
+    for i in range(position.shape[0]):
+        if moved[i]:
+            free[i], pushed = push_from_statics(i, position, radius[i], statics, contacts)
+            longest = max(longest, pushed)
+    return longest
 
 
 @compiled
-def apply_pushes(position, push, radius, pairs, awake):
+def apply_pushes(position, push, radius, pairs, awake, moved):
     """Push all robots at once, each at most a quarter of its radius, and return how far the farthest went."""
     longest = 0.0
+    moved[:] = False
     for k in range(pairs.shape[0]):
         awake[pairs[k, 0]] = False
         awake[pairs[k, 1]] = False
@@ -169,7 +166,7 @@ def apply_pushes(position, push, radius, pairs, awake):
                 position[i, 1] += share * push[i, 1]
                 longest = max(longest, share * length)
                 push[i, 0], push[i, 1] = 0.0, 0.0
-                awake[i] = True
+                awake[i] = moved[i] = True
     return longest
 
 

@@ -31,6 +31,8 @@ from mesa_swarm.world.statics import NOTHING, OBSTACLE, ROBOT
 
 # How far, in radii, contact may leave the rim inside a wall.
 TOUCH = 1e-6
+# How near to its face, in shares of that, a sensor is on it.
+ROUNDING = 1e-3
 
 
 @compiled
@@ -212,7 +214,9 @@ def look_at_segment(ax, ay, bx, by, axis_x, axis_y, cos_half, sin_half, half, ra
 
 @compiled
 def is_just_behind(ax, ay, bx, by, touch):
-    """Tell whether the origin is on the left of the edge a-b and no farther than `touch` from it.
+    """Tell whether the origin is on the left of the edge a-b and no farther than `touch` from it, or on it.
+
+    On it is what rounding leaves in front: which way the foot of the perpendicular lies is chance there.
 
     Examples
     --------
@@ -221,7 +225,8 @@ def is_just_behind(ax, ay, bx, by, touch):
     """
     side = ax * by - bx * ay
     dx, dy = bx - ax, by - ay
-    if side <= 0.0 or side * side > touch * touch * (dx * dx + dy * dy):
+    touch = touch if side > 0.0 else ROUNDING * touch
+    if side * side > touch * touch * (dx * dx + dy * dy):
         return False
     x, y, _ = nearest_on_segment(0.0, 0.0, ax, ay, bx, by)
     return x * x + y * y <= touch * touch

@@ -1,55 +1,87 @@
-"""Grids find all neighbours and nobody else."""
+"""Grids: every point and every box is listed where it belongs, against the obvious loops."""
 
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mesa_swarm.geometry.grid import Grid, list_boxes_by_cell, sort_into_cells
-from mesa_swarm.physics.contact import near_pairs
+from mesa_swarm.geometry.grid import Grid, cell_index, list_boxes_by_cell, sort_into_cells
 
-BOUNDS = (-50.0, 20.0, 150.0, 170.0)
+coordinates = st.floats(-50, 250)
+points = st.lists(st.tuples(coordinates, coordinates), max_size=40)
+sizes = st.floats(0, 60)
+boxes = st.lists(st.tuples(coordinates, coordinates, sizes, sizes), max_size=15)
+BOUNDS = (-10.0, 5.0, 190.0, 155.0)
 
 
-@given(seed=st.integers(0, 2**32), n=st.integers(0, 80), cell=st.floats(3, 300), most=st.integers(1, 500))
-def test_every_point_is_in_the_list_of_its_cell_once(seed, n, cell, most):
-    points = np.random.default_rng(seed).uniform((-60, 0), (160, 180), (n, 2))
+@st.composite
+def grids(draw):
+    """Draw grids over the same rectangle, coarse and fine."""
+    return Grid.over(BOUNDS, draw(st.floats(3, 400)), draw(st.integers(1, 300)))
+
+
+def cell_of(x, y, grid):
+    """Return the cell of a point as the words say it: the nearest cell if it is outside."""
+    column = min(max(int(np.floor((x - grid.x) / grid.cell)), 0), grid.columns - 1)
+    row = min(max(int(np.floor((y - grid.y) / grid.cell)), 0), grid.rows - 1)
+    return column + grid.columns * row
+
+
+def centre_of(cell, grid):
+    """Return the middle of a cell."""
+    row, column = divmod(cell, grid.columns)
+    return grid.x + (column + 0.5) * grid.cell, grid.y + (row + 0.5) * grid.cell
+
+
+@given(st.floats(0.01, 500), st.integers(1, 1000))
+def test_a_grid_covers_its_rectangle_with_cells_wide_enough_and_not_too_many(cell, most):
     grid = Grid.over(BOUNDS, cell, most)
-    start, order, cell_of = np.zeros(grid.cells + 1, np.int64), np.zeros(n, np.int64), np.zeros(n, np.int64)
-    sort_into_cells(points, grid.numbers, start, order, cell_of)
-    assert sorted(order) == list(range(n))
-    for c in range(grid.cells):
-        members = order[start[c] : start[c + 1]]
-        assert (cell_of[members] == c).all()
-        assert (np.diff(members) > 0).all()
+    assert grid.cell >= cell
+    assert grid.columns * grid.cell >= 200 * (1 - 1e-12)
+    assert grid.rows * grid.cell >= 150 * (1 - 1e-12)
+    assert grid.cells <= most + grid.columns + grid.rows + 1
 
 
-@given(seed=st.integers(0, 2**32), n=st.integers(0, 60), margin=st.floats(0, 40), cell=st.floats(5, 100))
-def test_near_pairs_are_all_pairs_that_are_near_each_once(seed, n, margin, cell):
-    rng = np.random.default_rng(seed)
-    points, radius = rng.uniform((-50, 20), (150, 170), (n, 2)), rng.uniform(1, 8, n)
-    grid = Grid.over(BOUNDS, cell, 10_000)
-    found = [tuple(sorted(pair)) for pair in near_pairs(points, radius, margin, grid.numbers).tolist()]
-    gaps = np.hypot(*(points[:, None] - points[None, :]).transpose(2, 0, 1)) - radius[:, None] - radius[None, :]
-    expected = {(i, j) for i in range(n) for j in range(i + 1, n) if gaps[i, j] < margin}
-    assert len(found) == len(set(found))
-    assert set(found) == expected
+@given(st.floats(allow_nan=False), st.integers(1, 100))
+def test_every_coordinate_has_a_cell(value, count):
+    assert 0 <= cell_index(value, -10.0, 0.3, count) < count
 
 
-@given(seed=st.integers(0, 2**32), n=st.integers(1, 30), reach=st.floats(0, 60))
-def test_a_box_is_listed_wherever_a_point_within_reach_of_it_may_be(seed, n, reach):
-    rng = np.random.default_rng(seed)
-    corner = rng.uniform((-50, 20), (150, 170), (n, 2))
-    boxes = np.hstack([corner, corner + rng.uniform(0, 30, (n, 2))])
-    grid = Grid.over(BOUNDS, 15.0, 400)
-    start, items = list_boxes_by_cell(boxes, reach, grid.numbers)
-    x, y = rng.uniform((-50, 20), (150, 170))
-    column, row = int((x + 50) / grid.cell), int((y - 20) / grid.cell)
-    listed = set(items[start[column + grid.columns * row] : start[column + grid.columns * row + 1]].tolist())
-    dx = np.maximum(np.maximum(boxes[:, 0] - x, x - boxes[:, 2]), 0)
-    dy = np.maximum(np.maximum(boxes[:, 1] - y, y - boxes[:, 3]), 0)
-    assert set(np.flatnonzero(np.hypot(dx, dy) <= reach).tolist()) <= listed
+@given(points, grids())
+def test_every_point_is_listed_once_in_its_own_cell_in_ascending_order(where, grid):
+    position = np.array(where, dtype=float).reshape(-1, 2)
+    n = len(position)
+    start, order, cells = np.full(grid.cells + 1, 7), np.zeros(n, np.int64), np.zeros(n, np.int64)
+    sort_into_cells(position, grid.numbers, start, order, cells)
+    assert start[0] == 0
+    assert start[-1] == n
+    for cell in range(grid.cells):
+        listed = order[start[cell] : start[cell + 1]].tolist()
+        assert listed == np.flatnonzero(cells == cell).tolist()
+    centres = {cell: centre_of(cell, grid) for cell in set(cells.tolist())}
+    for (x, y), cell in zip(np.clip(position, BOUNDS[:2], BOUNDS[2:]), cells.tolist(), strict=True):
+        assert max(abs(x - centres[cell][0]), abs(y - centres[cell][1])) <= grid.cell * (0.5 + 1e-9)
 
 
-def test_a_huge_world_does_not_get_a_huge_grid():
-    assert Grid.over((0.0, 0.0, 1e9, 1e9), 1.0, 1000).cells <= 1100
-    assert Grid.over((0.0, 0.0, 1e9, 1.0), 1.0, 1000).cells <= 1100
+@given(boxes, st.floats(0, 80), grids(), st.tuples(coordinates, coordinates))
+def test_a_cell_lists_every_box_within_reach_of_any_point_in_it(where, reach, grid, point):
+    table = np.array([(x, y, x + w, y + h) for x, y, w, h in where], dtype=float).reshape(-1, 4)
+    start, items = list_boxes_by_cell(table, reach, grid.numbers)
+    cell = cell_of(*point, grid)
+    listed = items[start[cell] : start[cell + 1]]
+    away = np.maximum(0, np.maximum(table[:, :2] - point, point - table[:, 2:]))
+    assert set(np.flatnonzero(away.max(axis=1) < reach - 1e-9)) <= set(listed.tolist())
+
+
+@given(boxes, st.floats(0, 80), grids())
+def test_boxes_are_listed_exactly_in_the_cells_that_they_grown_by_the_reach_meet(where, reach, grid):
+    table = np.array([(x, y, x + w, y + h) for x, y, w, h in where], dtype=float).reshape(-1, 4)
+    start, items = list_boxes_by_cell(table, reach, grid.numbers)
+    expected = [[] for _ in range(grid.cells)]
+    for b, box in enumerate(table):
+        first = cell_of(box[0] - reach, box[1] - reach, grid)
+        last = cell_of(box[2] + reach, box[3] + reach, grid)
+        (low, left), (high, right) = divmod(first, grid.columns), divmod(last, grid.columns)
+        for row in range(low, high + 1):
+            for column in range(left, right + 1):
+                expected[column + grid.columns * row].append(b)
+    assert [items[start[c] : start[c + 1]].tolist() for c in range(grid.cells)] == expected

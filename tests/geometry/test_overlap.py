@@ -1,4 +1,4 @@
-"""Overlap of discs and polygons, against Shapely, and at exact tangency."""
+"""Overlaps: where touching ends, and the same answers as Shapely's for any polygon."""
 
 import math
 
@@ -7,7 +7,7 @@ import pytest
 import shapely
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from shapely.geometry import LineString, Point
+from shapely import LineString, Point, Polygon
 
 from mesa_swarm.geometry.overlap import (
     disc_overlaps_polygon,
@@ -17,66 +17,128 @@ from mesa_swarm.geometry.overlap import (
     wrapped,
 )
 
-OUTLINE = [(0, 0), (60, 0), (60, 50), (40, 50), (40, 20), (20, 20), (20, 50), (0, 50)]
-HOLE = [(5, 5), (15, 5), (15, 15), (5, 15)]
-CONCAVE = shapely.Polygon(OUTLINE, [HOLE])
-PLACES = st.floats(-20, 80)
+numbers = st.floats(-100, 100)
+SQUARE = Polygon([(0, 0), (4, 0), (4, 4), (0, 4)])
+
+
+@st.composite
+def polygons(draw):
+    """Draw stars, concave as a rule, half of them with a hole."""
+    lengths = draw(st.lists(st.floats(5, 60), min_size=3, max_size=12))
+    turn = draw(st.floats(0, 6))
+    azimuths = [turn + 2 * math.pi * k / len(lengths) for k in range(len(lengths))]
+    points = np.array([(r * math.cos(a), r * math.sin(a)) for r, a in zip(lengths, azimuths, strict=True)])
+    star = Polygon(points, [0.5 * points] if draw(st.booleans()) else [])
+    assume(star.is_valid)
+    return star
 
 
 def edges_of(polygon):
-    rings = [shapely.get_coordinates(r) for r in (polygon.exterior, *polygon.interiors)]
-    return np.vstack([np.hstack([ring[:-1], ring[1:]]) for ring in rings])
+    """Return the edges of all rings as rows ax, ay, bx, by."""
+    rings = [shapely.get_coordinates(ring) for ring in (polygon.exterior, *polygon.interiors)]
+    return np.concatenate([np.hstack([ring[:-1], ring[1:]]) for ring in rings])
 
 
-EDGES = edges_of(CONCAVE)
-
-
-def test_discs_that_touch_do_not_overlap_and_one_ulp_nearer_they_do():
+def test_discs_that_touch_exactly_do_not_overlap_and_one_ulp_nearer_they_do():
     assert not discs_overlap(0.0, 0.0, 5.0, 10.0, 0.0, 5.0)
     assert not discs_overlap(0.0, 0.0, 5.0, math.nextafter(10, 11), 0.0, 5.0)
     assert discs_overlap(0.0, 0.0, 5.0, math.nextafter(10, 9), 0.0, 5.0)
+    assert not discs_overlap(0.0, 0.0, 5.0, 6.0, 8.0, 5.0)
 
 
-@given(x=PLACES, y=PLACES)
-def test_a_point_is_in_a_concave_polygon_with_a_hole_where_shapely_says_so(x, y):
-    assume(CONCAVE.boundary.distance(Point(x, y)) > 1e-9)
-    assert in_polygon(x, y, EDGES, 0, len(EDGES)) == CONCAVE.contains(Point(x, y))
+def test_discs_of_the_same_centre_overlap():
+    assert discs_overlap(3.0, 3.0, 1.0, 3.0, 3.0, 0.5)
 
 
-@given(x=PLACES, y=PLACES, radius=st.floats(0.1, 15))
-def test_a_disc_overlaps_a_polygon_where_it_is_nearer_than_its_radius(x, y, radius):
-    distance = CONCAVE.distance(Point(x, y))
-    assume(abs(distance - radius) > 1e-9)
-    assert disc_overlaps_polygon(x, y, radius, EDGES, 0, len(EDGES)) == (distance < radius)
-
-
-def test_a_disc_near_a_corner_is_measured_to_the_corner_not_to_its_bounding_box():
-    square = edges_of(shapely.box(0, 0, 10, 10))
-    assert not disc_overlaps_polygon(14.0, 14.0, 5.0, square, 0, 4)
-    assert disc_overlaps_polygon(13.0, 13.0, 5.0, square, 0, 4)
+@given(numbers, numbers, st.floats(0.1, 50), numbers, numbers, st.floats(0.1, 50))
+def test_overlap_of_discs_is_mutual(ax, ay, a, bx, by, b):
+    assert discs_overlap(ax, ay, a, bx, by, b) == discs_overlap(bx, by, b, ax, ay, a)
 
 
 @pytest.mark.parametrize(
-    ("y", "overlaps"), [(15.0, False), (math.nextafter(15, 16), False), (math.nextafter(15, 14), True)]
+    ("x", "y"), [(6.0, 2.0), (2.0, -2.0), (-2.0, 2.0), (2.0, 6.0)], ids=["east", "south", "west", "north"]
 )
-def test_a_disc_that_touches_a_face_does_not_overlap_it(y, overlaps):
-    square = edges_of(shapely.box(0, 0, 10, 10))
-    assert disc_overlaps_polygon(5.0, y, 5.0, square, 0, 4) == overlaps
+def test_a_disc_that_touches_a_face_exactly_does_not_overlap_and_one_ulp_nearer_it_does(x, y):
+    edges = edges_of(SQUARE)
+    nearer = [math.nextafter(c, 2.0) for c in (x, y)]
+    assert not disc_overlaps_polygon(x, y, 2.0, edges, 0, 4)
+    assert disc_overlaps_polygon(*nearer, 2.0, edges, 0, 4)
 
 
-@given(x=PLACES, y=PLACES, a=st.tuples(PLACES, PLACES), b=st.tuples(PLACES, PLACES))
-def test_the_nearest_point_of_a_segment_is_as_near_as_shapely_says(x, y, a, b):
-    px, py, _ = nearest_on_segment(x, y, *a, *b)
-    assert math.hypot(x - px, y - py) == pytest.approx(LineString([a, b]).distance(Point(x, y)), abs=1e-9)
+def test_a_disc_that_touches_a_vertex_exactly_does_not_overlap_though_its_box_does():
+    edges = edges_of(SQUARE)
+    assert not disc_overlaps_polygon(7.0, 8.0, 5.0, edges, 0, 4)
+    assert disc_overlaps_polygon(7.0, 8.0, math.nextafter(5, 6), edges, 0, 4)
+
+
+def test_a_disc_deep_inside_a_polygon_overlaps_it_and_one_in_its_hole_does_not():
+    ring = Polygon(SQUARE.buffer(50).envelope.exterior, [SQUARE.exterior])
+    edges = edges_of(ring)
+    assert disc_overlaps_polygon(-20.0, -20.0, 1.0, edges, 0, len(edges))
+    assert not disc_overlaps_polygon(2.0, 2.0, 1.0, edges, 0, len(edges))
+
+
+@given(polygons(), numbers, numbers, st.floats(0.01, 40))
+def test_a_disc_overlaps_a_polygon_when_shapely_says_so(polygon, x, y, radius):
+    gap = polygon.distance(Point(x, y))
+    assume(abs(gap - radius) > 1e-9)
+    edges = edges_of(polygon)
+    assert disc_overlaps_polygon(x, y, radius, edges, 0, len(edges)) == (gap < radius)
+
+
+@given(polygons(), numbers, numbers)
+def test_a_point_is_in_a_polygon_when_shapely_says_so(polygon, x, y):
+    assume(polygon.boundary.distance(Point(x, y)) > 1e-9)
+    edges = edges_of(polygon)
+    assert in_polygon(x, y, edges, 0, len(edges)) == shapely.contains_xy(polygon, x, y)
+
+
+@given(polygons(), st.data())
+def test_a_point_level_with_a_vertex_is_counted_once(polygon, data):
+    vertices = shapely.get_coordinates(polygon)
+    y = vertices[data.draw(st.integers(0, len(vertices) - 1)), 1]
+    x = data.draw(numbers)
+    assume(polygon.boundary.distance(Point(x, y)) > 1e-9)
+    edges = edges_of(polygon)
+    assert in_polygon(x, y, edges, 0, len(edges)) == shapely.contains_xy(polygon, x, y)
+
+
+@given(polygons(), polygons(), numbers, numbers)
+def test_only_the_rows_asked_for_count(polygon, other, x, y):
+    assume(polygon.boundary.distance(Point(x, y)) > 1e-9)
+    first, both = edges_of(other), np.concatenate([edges_of(other), edges_of(polygon), edges_of(other)])
+    last = len(both) - len(first)
+    assert in_polygon(x, y, both, len(first), last) == shapely.contains_xy(polygon, x, y)
+
+
+@given(*[numbers] * 6)
+def test_the_nearest_point_of_a_segment_is_as_far_as_shapely_says(x, y, ax, ay, bx, by):
+    px, py, _ = nearest_on_segment(x, y, ax, ay, bx, by)
+    expected = LineString([(ax, ay), (bx, by)]).distance(Point(x, y))
+    assert math.hypot(x - px, y - py) == pytest.approx(expected, abs=1e-9)
+
+
+def test_the_nearest_point_tells_faces_from_ends():
+    assert nearest_on_segment(3.0, 4.0, 0.0, 0.0, 10.0, 0.0) == (3.0, 0.0, True)
+    assert nearest_on_segment(0.0, 4.0, 0.0, 0.0, 10.0, 0.0) == (0.0, 0.0, False)
+    assert nearest_on_segment(12.0, 4.0, 0.0, 0.0, 10.0, 0.0) == (10.0, 0.0, False)
+    assert nearest_on_segment(1.0, 1.0, 7.0, 7.0, 7.0, 7.0) == (7.0, 7.0, False)
 
 
 @given(st.floats(-1e6, 1e6))
 def test_a_wrapped_angle_is_in_its_interval_and_points_the_same_way(angle):
-    small = wrapped(angle)
-    assert -math.pi <= small < math.pi
-    assert math.cos(small - angle) == pytest.approx(1.0, abs=1e-9)
+    turned = wrapped(angle)
+    assert -math.pi <= turned < math.pi
+    assert math.cos(turned) == pytest.approx(math.cos(angle), abs=1e-9)
+    assert math.sin(turned) == pytest.approx(math.sin(angle), abs=1e-9)
 
 
-@pytest.mark.parametrize(("angle", "expected"), [(math.pi, -math.pi), (-math.pi, -math.pi), (0.0, 0.0), (3.0, 3.0)])
-def test_the_ends_of_the_interval_are_where_they_should_be(angle, expected):
-    assert wrapped(angle) == expected
+@given(st.floats(-math.pi, math.pi, exclude_max=True))
+def test_an_angle_within_half_a_turn_is_left_as_it_is(angle):
+    assert wrapped(angle) == angle
+
+
+def test_half_a_turn_wraps_to_minus_half_a_turn():
+    assert wrapped(math.pi) == -math.pi
+    assert wrapped(-math.pi) == -math.pi
+    assert -math.pi <= wrapped(math.nextafter(-math.pi, -4)) < math.pi

@@ -8,9 +8,9 @@ import pytest
 import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from worlds import DESIGNS, crowd, differences, outcome, random_world
 
 from mesa_swarm import LineSensor
+from worlds import DESIGNS, crowd, differences, outcome, random_world
 
 EXACT = 1e-9
 NUDGE, JUMP = 1e-10, 1e-6

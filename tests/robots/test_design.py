@@ -186,7 +186,7 @@ def test_what_is_not_a_sensor_a_drive_or_a_name_is_refused(field, value, words):
 def test_any_real_number_will_do(value):
     model = empty()
     model.add_robots(RobotDesign(radius=value), 1)
-    assert list(model.robots)[0].radius == 5.0
+    assert next(iter(model.robots)).radius == 5.0
 
 
 @pytest.mark.parametrize("part", [AGENT9, ProximitySensor(), RadiationSensor(), LineSensor()])

@@ -131,7 +131,7 @@ def test_the_first_robot_whose_command_is_nan_is_named():
 
 def test_a_robot_made_slower_drives_slower():
     model = alone(0.0, 0.0, 0)
-    list(model.robots)[0].max_speed = 0.25
+    next(iter(model.robots)).max_speed = 0.25
 
     @behaviour
     def racer(me):

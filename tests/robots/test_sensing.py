@@ -71,8 +71,8 @@ def test_the_border_is_seen_as_an_obstacle():
     model = empty()
     model.add_robots(AGENT9, poses=[(30, 150, math.pi)])
     model.sense()
-    assert list(model.robots)[0].distance[0] == pytest.approx(25, abs=1e-9)
-    assert list(model.robots)[0].kind[0] == OBSTACLE
+    assert next(iter(model.robots)).distance[0] == pytest.approx(25, abs=1e-9)
+    assert next(iter(model.robots)).kind[0] == OBSTACLE
 
 
 def test_what_is_just_in_range_is_seen_and_what_is_just_beyond_is_not():
