@@ -5,18 +5,17 @@ from collections.abc import Iterable, Sequence
 
 import mesa
 import numpy as np
-from mesa.agent import AgentSet
 
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number, shortened
 from mesa_swarm.fire.fires import Fire, Fires
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.physics.scene import Scene
 from mesa_swarm.robots.design import RobotDesign
-from mesa_swarm.robots.robot import SIDES, Robot
+from mesa_swarm.robots.robot import SIDES, Robot, remove_together
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.robots.table import DesignTable
 from mesa_swarm.streams import Streams
-from mesa_swarm.world.arena import Arena
+from mesa_swarm.world.arena import Agents, Arena
 from mesa_swarm.world.map import RADIUS_OF_UNIT_AREA, Map
 from mesa_swarm.world.obstacle import Obstacle
 from mesa_swarm.world.placement import free_space, place_apart
@@ -39,7 +38,8 @@ class World(mesa.Model):
 
     def __init__(self, *, map: str | os.PathLike | Map, rng, history_every: int) -> None:
         self.map = Map.load(map)
-        super().__init__(rng=_checked_seed(rng))
+        rng = _checked_seed(rng)
+        super().__init__(rng=rng)
         self.streams = Streams(_seed_sequence(rng, self.rng))
         x_min, y_min, x_max, y_max = self.map.bounds
         self.space = Arena([[x_min, x_max], [y_min, y_max]], random=self.random, n_agents=0)
@@ -57,14 +57,14 @@ class World(mesa.Model):
             self.add_fire(spot.position, radius=spot.radius, temperature=spot.temperature)
 
     @property
-    def robots(self) -> AgentSet:
+    def robots(self) -> Agents:
         """The robots as Mesa agents, in the order of the swarm's rows."""
-        return AgentSet(self.swarm.agents, random=self.random)
+        return Agents(self.swarm.agents, random=self.random)
 
     @property
-    def obstacles(self) -> AgentSet:
+    def obstacles(self) -> Agents:
         """The obstacles and ground marks as Mesa agents, in the order in which they were added."""
-        return AgentSet(self._obstacles, random=self.random)
+        return Agents(self._obstacles, random=self.random)
 
     def add_robots(
         self,
@@ -116,8 +116,7 @@ class World(mesa.Model):
 
     def remove_robots(self, robots: Iterable[Robot]) -> None:
         """Take robots out of the model, between two steps."""
-        for robot in list(robots):
-            robot.remove()
+        remove_together(list(robots))
 
     def add_obstacle(self, shape: Shape) -> Obstacle:
         """Add an obstacle or a ground mark and return its agent.
@@ -240,8 +239,12 @@ class World(mesa.Model):
 
 
 def _checked_seed(rng):
-    """Refuse what cannot seed a model, in words, before Mesa tries."""
+    """Return what Mesa takes as a seed, or refuse it in words before Mesa tries."""
+    if isinstance(rng, np.integer):
+        rng = int(rng)
     try:
+        if isinstance(rng, bool):
+            raise TypeError
         np.random.default_rng(rng)
     except (TypeError, ValueError):
         raise InvalidValueError(

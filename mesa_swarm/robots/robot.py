@@ -1,5 +1,7 @@
 """One robot: a handle on a row of the swarm, and a Mesa agent."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from mesa_swarm.errors import RemovedRobotError, check_choice, check_number
@@ -32,7 +34,7 @@ class Robot(ArenaAgent):
 
     @position.setter
     def position(self, value) -> None:
-        self._alive()
+        self.alive()
         self._write("position", self.space.checked_point(value))
 
     @property
@@ -112,23 +114,65 @@ class Robot(ArenaAgent):
         """Whether it ran into anything in the last step."""
         return bool(self._read("collided"))
 
+    @property
+    def radiation(self) -> np.ndarray:
+        """Readings of its radiation sensors: temperatures, 0 for no fire."""
+        return self._read("radiation")[: len(self.design.radiation)].copy()
+
+    @property
+    def line(self) -> np.ndarray:
+        """Readings of its line sensors: whether each is over a mark."""
+        return self._read("line")[: len(self.design.line)].copy()
+
+    @property
+    def slip(self) -> np.ndarray:
+        """The truth about its wheels, left and right: 0 rolled as commanded, 1 not at all (A.5)."""
+        return self._read("slip").copy()
+
+    @property
+    def heat(self) -> float:
+        """What it took from a fire in the last step."""
+        return float(self._read("heat"))
+
+    @property
+    def hot(self) -> bool:
+        """Whether it is too hot to fight fires."""
+        return bool(self._read("hot"))
+
     def remove(self) -> None:
         """Take the robot out of the model, between two steps."""
-        self._alive()
-        row = self.row
-        super().remove()
-        self.swarm.remove([row])
-        self.row = -1
+        remove_together([self])
 
-    def _alive(self) -> int:
+    def alive(self) -> int:
+        """Return its row, or say that it was removed."""
         if self.row < 0:
             raise RemovedRobotError(f"robot {self.unique_id} was removed; take a handle from model.robots")
         return self.row
 
     def _read(self, name: str):
-        return self.swarm.columns[name][self._alive()]
+        return self.swarm.columns[name][self.alive()]
 
     def _write(self, name: str, value) -> None:
-        row = self._alive()
+        row = self.alive()
         self.swarm.columns[name][row] = value
         self.swarm.disturbed = True
+
+    def leave(self) -> None:
+        """Leave Mesa's registers; `remove_together` drops the rows."""
+        super().remove()
+
+
+def remove_together(robots: Sequence[Robot]) -> None:
+    """Take robots out of their model at once, which costs as much as to take out one.
+
+    Raises
+    ------
+    RemovedRobotError
+        If one of them is gone already, before anything is changed.
+    """
+    rows = {robot.alive(): robot for robot in robots}
+    # From the last to the first: the registers of those behind need not move up.
+    for row in sorted(rows, reverse=True):
+        rows[row].leave()
+    if rows:
+        robots[0].swarm.remove(sorted(rows))

@@ -6,7 +6,7 @@ from typing import Protocol
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from mesa.agent import Agent
+from mesa.agent import Agent, AgentSet
 from mesa.experimental.continuous_space import ContinuousSpace, ContinuousSpaceAgent
 
 from mesa_swarm.errors import InvalidValueError, shortened
@@ -27,7 +27,7 @@ class ModelCounters(WeakKeyDictionary):
 # Mesa 3.3 counts agents in a plain dict on the class, which keeps every model that ever was in memory.
 # Mesa 3.5 counts in the model and has no such dict.
 if hasattr(Agent, "_ids"):
-    Agent._ids = ModelCounters()
+    Agent._ids = ModelCounters(Agent._ids)
 
 
 class Bodies(Protocol):
@@ -178,6 +178,14 @@ class Arena(ContinuousSpace):
         for rows, bodies in zip(self._rows, self._bodies, strict=True):
             if rows:
                 self._agent_positions[rows] = bodies.position
+
+
+class Agents(AgentSet):
+    """Agents in order: Mesa's AgentSet, which may also be indexed, as it will not be from Mesa 4 on."""
+
+    def __getitem__(self, item):
+        """Return one agent, or a list of them for a slice."""
+        return list(self)[item]
 
 
 class ArenaAgent(ContinuousSpaceAgent):

@@ -181,10 +181,17 @@ def test_all_robots_may_be_removed_and_others_added():
     assert min(robot.unique_id for robot in late) > max(robot.unique_id for robot in robots)
 
 
-def test_the_same_robot_twice_in_a_list_to_remove_is_not_removed_silently_halfway():
+def test_a_robot_named_twice_in_a_list_to_remove_is_removed_once():
     model, robots = marked(3)
+    model.remove_robots([robots[0], robots[0]])
+    assert [r.unique_id for r in model.robots] == [2, 3]
+
+
+def test_a_list_to_remove_with_a_robot_that_is_gone_already_removes_nobody():
+    model, robots = marked(3)
+    robots[0].remove()
     with pytest.raises(RemovedRobotError):
-        model.remove_robots([robots[0], robots[0]])
+        model.remove_robots([robots[1], robots[0]])
     assert [r.unique_id for r in model.robots] == [2, 3]
 
 

@@ -2,6 +2,8 @@
 
 import gc
 import random
+import subprocess
+import sys
 import weakref
 
 import mesa
@@ -345,3 +347,15 @@ def test_a_model_that_nobody_holds_is_forgotten():
     del model
     gc.collect()
     assert watch() is None
+
+
+def test_a_mesa_model_that_was_there_before_the_package_was_imported_keeps_counting():
+    program = """if True:
+        import mesa
+        model = mesa.Model(rng=1)
+        first = mesa.Agent(model).unique_id
+        import mesa_swarm.world.arena
+        print(first, mesa.Agent(model).unique_id, mesa.Agent(mesa.Model(rng=1)).unique_id)
+    """
+    result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert result.stdout.split() == ["1", "2", "1"]
