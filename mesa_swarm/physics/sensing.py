@@ -220,7 +220,7 @@ def is_just_behind(ax, ay, bx, by, touch):
 
     Examples
     --------
-    >>> is_just_behind(1.0, -1e-9, -1.0, -1e-9, 1e-6), is_just_behind(-1.0, -1e-9, 1.0, -1e-9, 1e-6)
+    >>> is_just_behind(1.0, -1e-8, -1.0, -1e-8, 1e-6), is_just_behind(-1.0, -1e-8, 1.0, -1e-8, 1e-6)
     (False, True)
     """
     side = ax * by - bx * ay

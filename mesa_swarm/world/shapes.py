@@ -173,6 +173,8 @@ def _checked_points(name: str, points: Iterable[Coordinates]) -> np.ndarray:
     """Return (n, 2) finite floats; refuse anything else before memory is spent on it."""
     if not isinstance(points, Iterable):
         raise InvalidValueError(f"{name} is {shortened(points)}; expected a list of points (x, y)")
+    if _is_table(points) and len(points) <= MOST_VERTICES and (np.abs(points) <= LARGEST_COORDINATE).all():
+        return points + 0.0
     checked = []
     for point in points:
         x, y = _pair(name, point)
@@ -183,6 +185,11 @@ def _checked_points(name: str, points: Iterable[Coordinates]) -> np.ndarray:
         if len(checked) > MOST_VERTICES:
             raise InvalidValueError(f"{name} has more than {MOST_VERTICES} points; simplify it first")
     return np.array(checked).reshape(-1, 2)
+
+
+def _is_table(points: Iterable[Coordinates]) -> bool:
+    """Tell whether the points are an array of pairs of floats, which can be checked at one go."""
+    return isinstance(points, np.ndarray) and points.dtype == float and points.ndim == 2 and points.shape[1] == 2
 
 
 def _pair(name: str, point: Coordinates) -> tuple[float, float]:

@@ -86,7 +86,7 @@ def nested(rings: list[np.ndarray], even_odd: bool) -> Iterator[tuple[np.ndarray
     >>> [len(holes) for _, holes in nested([10 * square, 1 + square], even_odd=True)]
     [1]
     """
-    areas = np.array([polygon(ring.tolist()).geometry for ring in rings], dtype=object)
+    areas = np.array([polygon(ring).geometry for ring in rings], dtype=object)
     inside = _containing(areas)
     turns = [1 if even_odd or shapely.is_ccw(shapely.LinearRing(ring)) else -1 for ring in rings]
     outer = [sum(turns[j] for j in around) for around in inside]

@@ -158,7 +158,7 @@ def _path(drawn: Drawn, tolerance: float) -> Iterator[Shape]:
 
 
 def _solid(drawn: Drawn, outline: np.ndarray, holes: Iterable[np.ndarray] = ()) -> Shape:
-    rings = [moved(np.asarray(ring), drawn.matrix).tolist() for ring in (outline, *holes)]
+    rings = [moved(np.asarray(ring), drawn.matrix) for ring in (outline, *holes)]
     return polygon(rings[0], rings[1:], contact=_contact(drawn))
 
 
