@@ -19,10 +19,10 @@ from mesa_swarm.world.statics import BORDER, OBSTACLE, ROBOT
 
 # Overlaps below this share of the radius are rounding. A tenth of what is promised.
 SLOP = 1e-7
-MOST_SWEEPS = 64
+MOST_SWEEPS = 32
 MOST_PUSHES = 12
 # Pairs nearer than this share of the least radius are watched while pushing.
-MARGIN = 0.5
+MARGIN = 1.0
 # Directions of coincident centres: far apart for neighbouring ids.
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 
@@ -100,30 +100,30 @@ def separate(position, radius, number, grid, statics, contacts, most_sweeps):
     n = position.shape[0]
     margin = MARGIN * radius.min() if n else 0.0
     free = np.ones(n, np.bool_)
-    moved = np.zeros(n, np.bool_)
-    drift = push_all_from_statics(position, radius, statics, contacts, free)
+    moved = np.empty(n, np.int64)
+    push_all_from_statics(position, radius, statics, contacts, free)
     pairs = near_pairs(position, radius, margin, grid)
+    listed = position.copy()
     push = np.zeros((n, 2))
     # Only robots that were moved in the last sweep, and their neighbours, can overlap anything now.
     awake = np.ones(n, np.bool_)
     for _ in range(most_sweeps):
         if not push_pairs(position, radius, number, pairs, awake, push, contacts):
             return free.all()
-        drift += apply_pushes(position, push, radius, pairs, awake, moved)
-        drift += push_moved_from_statics(position, radius, moved, statics, contacts, free)
-        if 2.0 * drift > margin:
+        count = apply_pushes(position, push, radius, pairs, awake, moved)
+        push_moved_from_statics(position, radius, moved[:count], statics, contacts, free)
+        if 2.0 * farthest_from(listed, position, moved[:count]) > margin:
             pairs = near_pairs(position, radius, margin, grid)
+            listed[:] = position
             awake[:] = True
-            drift = 0.0
     return False
 
 
 @compiled
 def push_all_from_statics(position, radius, statics, contacts, free):
-    """Move all robots out of what stands still; write for whom that was possible, return the longest move."""
+    """Move all robots out of what stands still, and write for whom that was possible."""
     bounds, grid, start = statics[4], statics[5], statics[6]
     left, below, per_unit, columns, rows = grid
-    longest = 0.0
     for i in range(position.shape[0]):
         x, y, r = position[i, 0], position[i, 1], radius[i]
         cell = cell_index(x, left, per_unit, columns) + columns * cell_index(y, below, per_unit, rows)
@@ -132,42 +132,47 @@ def push_all_from_statics(position, radius, statics, contacts, free):
             bounds[0] + r <= x <= bounds[2] - r and bounds[1] + r <= y <= bounds[3] - r
         ):
             continue
-        free[i], pushed = push_from_statics(i, position, r, statics, contacts)
-        longest = max(longest, pushed)
-    return longest
+        free[i] = push_from_statics(i, position, r, statics, contacts)
 
 
 @compiled
 def push_moved_from_statics(position, radius, moved, statics, contacts, free):
     """Do the same for those robots only that others have just moved, once each."""
-    longest = 0.0
-    for i in range(position.shape[0]):
-        if moved[i]:
-            free[i], pushed = push_from_statics(i, position, radius[i], statics, contacts)
-            longest = max(longest, pushed)
-    return longest
+    for i in moved:
+        free[i] = push_from_statics(i, position, radius[i], statics, contacts)
+
+
+@compiled
+def farthest_from(listed, position, moved):
+    """Return how far the farthest of the robots that were moved is from where it was listed."""
+    square = 0.0
+    for i in moved:
+        dx, dy = position[i, 0] - listed[i, 0], position[i, 1] - listed[i, 1]
+        square = max(square, dx * dx + dy * dy)
+    return math.sqrt(square)
 
 
 @compiled
 def apply_pushes(position, push, radius, pairs, awake, moved):
-    """Push all robots at once, each at most a quarter of its radius, and return how far the farthest went."""
-    longest = 0.0
-    moved[:] = False
+    """Push all robots at once, each at most a quarter of its radius; return how many, rows ``moved[:count]``."""
+    count = 0
     for k in range(pairs.shape[0]):
         awake[pairs[k, 0]] = False
         awake[pairs[k, 1]] = False
     for k in range(pairs.shape[0]):
         for side in range(2):
             i = pairs[k, side]
+            if push[i, 0] == 0.0 and push[i, 1] == 0.0:
+                continue
             length = math.hypot(push[i, 0], push[i, 1])
-            if length > 0.0:
-                share = min(1.0, 0.25 * radius[i] / length)
-                position[i, 0] += share * push[i, 0]
-                position[i, 1] += share * push[i, 1]
-                longest = max(longest, share * length)
-                push[i, 0], push[i, 1] = 0.0, 0.0
-                awake[i] = moved[i] = True
-    return longest
+            share = min(1.0, 0.25 * radius[i] / length)
+            position[i, 0] += share * push[i, 0]
+            position[i, 1] += share * push[i, 1]
+            push[i, 0], push[i, 1] = 0.0, 0.0
+            awake[i] = True
+            moved[count] = i
+            count += 1
+    return count
 
 
 @compiled
@@ -255,25 +260,23 @@ def note_contact(i, kind, index, nx, ny, depth, contacts):
 
 @compiled
 def push_from_statics(i, position, radius, statics, contacts):
-    """Move robot i out of what stands still; return whether it is out, and how far it was moved.
+    """Move robot i out of what stands still; return whether it is out.
 
     Deepest overlap first, because the face of a wall that lifts the robot frees it of the corner of the next
     wall, flush with the first: it does not catch on the seam.
     """
     face = contacts[4]
-    far = 0.0
     for _ in range(MOST_PUSHES):
         depth, nx, ny, flat, item = deepest_static(position[i, 0], position[i, 1], radius, statics)
         if depth <= SLOP * radius:
-            return True, far
+            return True
         position[i, 0] += nx * depth
         position[i, 1] += ny * depth
-        far += depth
         kind = OBSTACLE if item == BORDER else statics[3][item]
         note_contact(i, kind, BORDER if item == BORDER else statics[2][item], nx, ny, depth, contacts)
         if flat and depth > face[i, 2]:
             face[i, 0], face[i, 1], face[i, 2] = nx, ny, depth
-    return False, far
+    return False
 
 
 @compiled
