@@ -121,6 +121,8 @@ class SwarmModel(World):
                 f"control is {control!r:.60}; expected an arbiter such as Subsumption(Avoid(), Explore())"
             )
         self.swarm.forget()
+        self.swarm.columns["command"].fill(0.0)
+        self.swarm.columns["layer"].fill(-1)
         self._control = None if control is None else control.bound(self.swarm, self.streams)
 
     # ---- the step

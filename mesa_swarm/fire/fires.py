@@ -49,6 +49,11 @@ class Fires:
         self.history = History(history_every)
         self._publish()
 
+    def __setstate__(self, state: dict) -> None:
+        """Give copied or unpickled fires views of their own columns."""
+        self.__dict__.update(state)
+        self._publish()
+
     def __len__(self) -> int:
         """How many fires there are, those that are out included."""
         return len(self.agents)
@@ -58,8 +63,8 @@ class Fires:
         return self.agents[index]
 
     def __iter__(self) -> Iterator["Fire"]:
-        """Iterate over the handles."""
-        return iter(self.agents)
+        """Iterate over the handles, also while fires are being removed."""
+        return iter(list(self.agents))
 
     @property
     def discs(self) -> np.ndarray:

@@ -85,6 +85,12 @@ class Swarm:
         self.columns: dict[str, np.ndarray] = {}
         self._resize(np.empty(0, np.int64), 0)
 
+    def __setstate__(self, state: dict) -> None:
+        """Give a copied or unpickled swarm views of its own columns."""
+        self.__dict__.update(state)
+        for name, column in self.columns.items():
+            self._publish(name, column)
+
     def __len__(self) -> int:
         """How many robots there are."""
         return len(self.agents)
