@@ -177,8 +177,9 @@ def _plain(rule: Callable) -> Callable:
     """Return the same loop for a rule that stays plain Python, whatever it returns."""
 
     def checked(me, *values):
+        wheels = rule(me, *values)  # what it raises is the user's to see
         try:
-            left, right = rule(me, *values)
+            left, right = wheels
             return float(left), float(right)
         except (TypeError, ValueError):
             raise BehaviourError(

@@ -85,11 +85,13 @@ class Fires:
         for name, (_, dtype) in COLUMNS.items():
             self.columns[name] = np.concatenate([self.columns[name], np.array([values[name]], dtype)])
         self._publish()
+        self.history.add_fire()
         return len(self.columns["radius"]) - 1
 
     def remove(self, index: int) -> None:
         """Drop a fire; the handles of the others are told their new indices."""
         del self.agents[index]
+        self.history.remove_fire(index)
         for row, fire in enumerate(self.agents):
             fire.row = row
         self.columns = {name: np.delete(column, index, axis=0) for name, column in self.columns.items()}
@@ -182,11 +184,25 @@ class History:
         self.every = every
         self._steps: list[int] = []
         self._rows: list[np.ndarray] = []
+        # The column of each fire that is there now: columns stay when fires are removed.
+        self._places: list[int] = []
+        self._fires = 0
+
+    def add_fire(self) -> None:
+        """Make room for one more fire: a column of its own."""
+        self._places.append(self._fires)
+        self._fires += 1
+
+    def remove_fire(self, index: int) -> None:
+        """Take note that a fire is gone: its column keeps its past, and goes on as nan and -1."""
+        del self._places[index]
 
     def append(self, step: int, temperature: np.ndarray, robots: np.ndarray, out: np.ndarray) -> None:
         """Keep one row; a fire that is out counts -1 robots."""
         self._steps.append(step)
-        self._rows.append(np.array([temperature, np.where(out, -1, robots)]))
+        row = np.array([np.full(self._fires, np.nan), np.full(self._fires, -1.0)])
+        row[:, self._places] = temperature, np.where(out, -1, robots)
+        self._rows.append(row)
 
     @property
     def steps(self) -> np.ndarray:

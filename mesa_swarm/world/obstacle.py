@@ -10,7 +10,7 @@ from mesa_swarm.world.shapes import Shape
 class Obstacle(ArenaAgent):
     """Something that stands in the world and never moves, or a mark painted on its ground.
 
-    Created by `SwarmModel.add_obstacle`; remove it with `SwarmModel.remove_obstacle` or `remove()`.
+    Created by `SwarmModel.add_obstacle`; take it out with `remove()`.
 
     Parameters
     ----------
