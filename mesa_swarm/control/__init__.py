@@ -1,9 +1,39 @@
 """Arbiters, layers and rules of one's own."""
 
+from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.control.avoid import Avoid
 from mesa_swarm.control.behaviour import PASS, behaviour
+from mesa_swarm.control.boids import Align, Cohere, Cruise, Separate
 from mesa_swarm.control.explore import Explore
+from mesa_swarm.control.follow import Follow
+from mesa_swarm.control.gather import Gather
+from mesa_swarm.control.head_on import HeadOn
 from mesa_swarm.control.layer import Layer, Senses
+from mesa_swarm.control.match_velocity import MatchVelocity
+from mesa_swarm.control.perimeter import Perimeter
 from mesa_swarm.control.subsumption import Subsumption
+from mesa_swarm.control.vector_sum import VectorSum
+from mesa_swarm.robots.reasons import Moment, Reason
 
-__all__ = ["PASS", "Avoid", "Explore", "Layer", "Senses", "Subsumption", "behaviour"]
+__all__ = [
+    "PASS",
+    "Align",
+    "Arbiter",
+    "Avoid",
+    "Cohere",
+    "Cruise",
+    "Explore",
+    "Follow",
+    "Gather",
+    "HeadOn",
+    "Layer",
+    "MatchVelocity",
+    "Moment",
+    "Perimeter",
+    "Reason",
+    "Senses",
+    "Separate",
+    "Subsumption",
+    "VectorSum",
+    "behaviour",
+]

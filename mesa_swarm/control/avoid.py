@@ -7,6 +7,7 @@ import numpy as np
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import check_choice, check_number
 from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import FIRE
@@ -70,6 +71,13 @@ class Avoid:
             layer,
             index,
         )
+
+    def reason(self, moment: Moment) -> Reason:
+        """Say which sensor decided: of those that were activated, the last of front, left, right."""
+        fears_fire = self.fires == "always" or (self.fires == "when hot" and bool(moment.columns["hot"]))
+        asked = [s for s in moment.forward if s >= 0]
+        near = [s for s in asked if is_activated(moment.distance[s], moment.kind[s], self.distance, fears_fire)]
+        return Reason(f"{moment.reading(near[-1])} < {self.distance:g}", tuple(near))
 
 
 @compiled

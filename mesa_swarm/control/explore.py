@@ -8,6 +8,7 @@ import numpy as np
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import check_count, check_number
 from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm
 
 
@@ -57,6 +58,11 @@ class Explore:
             count_down(straight, turn, turns, self.turn_interval, layer)
             turn_on_the_spot(turn, senses.radius, senses.max_speed, command, layer, index)
         go_straight(senses.max_speed, float(self.speed), command, layer, index)
+
+    def reason(self, moment: Moment) -> Reason:
+        """Say whether it turns by chance."""
+        turns = moment.command[0] != moment.command[1]
+        return Reason("a random turn is due" if turns else "nothing else wants to drive")
 
 
 @compiled

@@ -23,6 +23,8 @@ class Senses:
     hot : bool ndarray, shape (n,)
     fire : int64 ndarray, shape (n,)
         Not below 0 while the robot is extinguishing.
+    last_command : ndarray, shape (n, 2)
+        What the robot was told in the step before; it does not know whether its wheels slipped.
     radius, max_speed, tendency : ndarrays, shape (n,)
     design : int64 ndarray, shape (n,)
         Row of the robot's design in the tables that follow.
@@ -41,6 +43,7 @@ class Senses:
     heat: np.ndarray
     hot: np.ndarray
     fire: np.ndarray
+    last_command: np.ndarray
     radius: np.ndarray
     max_speed: np.ndarray
     tendency: np.ndarray
@@ -62,7 +65,8 @@ class Layer(Protocol):
     """One rule of a subsumption, for all robots at once.
 
     A rule about one robot is written more simply with `behaviour`. A layer of one's own is a class with
-    these two; see `Explore`, which remembers something, and `Avoid`, which does not.
+    these two; see `Explore`, which remembers something, and `Avoid`, which does not. It may have a third,
+    ``reason(moment) -> Reason``, which says why it drove a robot (`SwarmModel.explain`).
     """
 
     name: str

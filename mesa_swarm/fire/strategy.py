@@ -7,6 +7,8 @@ import numpy as np
 
 from mesa_swarm.errors import check_choice, check_number
 from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.robots.reasons import Moment, Reason
+from mesa_swarm.robots.steering import approach
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import FIRE
 
@@ -67,6 +69,17 @@ class FightFire:
             index,
         )
 
+    def reason(self, moment: Moment) -> Reason:
+        """Say what it has to do with which fire."""
+        seeing = moment.nearest(FIRE)
+        where = f" ({moment.reading(seeing[0])})" if seeing else ""
+        if moment.columns["hot"]:
+            stays = "backs out of the heat" if moment.columns["heat"] > 0 else "waits until it is cool"
+            return Reason(f"it is too hot, at {moment.columns['temperature']:.0f}, and {stays}{where}", tuple(seeing))
+        if moment.columns["fire"] >= 0:
+            return Reason(f"it puts out a fire{where}", tuple(seeing))
+        return Reason(f"it goes to a fire{where}", tuple(seeing))
+
 
 @compiled
 def fight(
@@ -100,18 +113,3 @@ def nearest_seen(distance, kind):
         if kind[s] == FIRE and (nearest < 0 or distance[s] < distance[nearest]):
             nearest = s
     return nearest
-
-
-@compiled
-def approach(bearing, critical_angle, speed, radius):
-    """Return wheel speeds that turn on the spot towards a bearing, or go straight if it is ahead.
-
-    Examples
-    --------
-    >>> approach(0.0, 0.2, 1.0, 5.0)
-    (1.0, 1.0)
-    """
-    if abs(bearing) <= critical_angle:
-        return speed, speed
-    rim = min(abs(bearing) * radius, speed)
-    return (-rim, rim) if bearing > 0.0 else (rim, -rim)

@@ -332,16 +332,18 @@ def _return_all(position, before, goes, back):
 
 @compiled
 def turn_along_faces(heading, motion, face, turn_angle, extra_turn):
-    """Turn robots parallel to the flat face that they met at a grazing angle."""
+    """Turn robots so that they travel parallel to the flat face that they met at a grazing angle."""
     for i in range(heading.shape[0]):
-        if face[i, 2] == 0.0 or motion[i, 0] == 0.0:
+        speed = math.hypot(motion[i, 0], motion[i, 1])
+        if face[i, 2] == 0.0 or speed == 0.0:
             continue
-        sign = 1.0 if motion[i, 0] > 0.0 else -1.0
-        tx, ty = sign * math.cos(heading[i]), sign * math.sin(heading[i])
+        ahead, left = motion[i, 0] / speed, motion[i, 1] / speed
+        cosine, sine = math.cos(heading[i]), math.sin(heading[i])
+        tx, ty = cosine * ahead - sine * left, sine * ahead + cosine * left
         into = -(tx * face[i, 0] + ty * face[i, 1])
         if into <= 0.0 or into >= math.cos(turn_angle):
             continue
         along_x, along_y = tx + into * face[i, 0], ty + into * face[i, 1]
-        turned = math.atan2(sign * along_y, sign * along_x)
-        extra_turn[i] += wrapped(turned - heading[i])
-        heading[i] = wrapped(turned)
+        turn = math.atan2(tx * along_y - ty * along_x, tx * along_x + ty * along_y)
+        extra_turn[i] += turn
+        heading[i] = wrapped(heading[i] + turn)

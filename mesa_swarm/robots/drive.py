@@ -11,7 +11,13 @@ from mesa_swarm.geometry.compiled import compiled
 class Drive(Protocol):
     """What turns wheels into motion. The motion of a body is (forward, sideways, turn) a step.
 
-    A drive of one's own is a class with these two methods; see `DifferentialDrive`.
+    A drive of one's own is a class with these two methods; see `DifferentialDrive` and `HolonomicDrive`.
+
+    Attributes
+    ----------
+    turns : bool, optional
+        Whether a command is the speeds of wheels left and right, which turn the body (taken to be so where it is
+        not said); else it is speeds forward and sideways.
     """
 
     def motion(self, wheels: np.ndarray, radius: np.ndarray, motion: np.ndarray) -> None:
@@ -34,6 +40,8 @@ class DifferentialDrive:
     array([[0.5, 0. , 0.1]])
     """
 
+    turns = True
+
     def motion(self, wheels: np.ndarray, radius: np.ndarray, motion: np.ndarray) -> None:
         """Write the body's motion (n, 3) that rim speeds left and right (n, 2) make."""
         wheels_to_motion(wheels, radius, motion)
@@ -50,6 +58,40 @@ class DifferentialDrive:
     def __hash__(self) -> int:
         """Hash as every differential drive does."""
         return hash(DifferentialDrive)
+
+
+class HolonomicDrive:
+    """Rollers that move the body in any direction, forward and sideways, and never turn it.
+
+    A command's two numbers are the speeds forward and to the left, in the robot's own frame; each is limited
+    to max_speed, as the speeds of wheels are.
+
+    Examples
+    --------
+    >>> motion = np.empty((1, 3))
+    >>> HolonomicDrive().motion(np.array([[0.6, -0.8]]), np.array([5.0]), motion)
+    >>> motion
+    array([[ 0.6, -0.8,  0. ]])
+    """
+
+    turns = False
+
+    def motion(self, wheels: np.ndarray, radius: np.ndarray, motion: np.ndarray) -> None:
+        """Write the body's motion (n, 3) that speeds forward and sideways (n, 2) make."""
+        motion[:, :2] = wheels
+        motion[:, 2] = 0.0
+
+    def wheels(self, motion: np.ndarray, radius: np.ndarray, wheels: np.ndarray) -> None:
+        """Write the speeds forward and sideways (n, 2) that would have made the motion (n, 3)."""
+        wheels[:] = motion[:, :2]
+
+    def __eq__(self, other: object) -> bool:
+        """Compare as equal to every other holonomic drive."""
+        return isinstance(other, HolonomicDrive)
+
+    def __hash__(self) -> int:
+        """Hash as every holonomic drive does."""
+        return hash(HolonomicDrive)
 
 
 @compiled

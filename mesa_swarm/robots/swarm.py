@@ -23,6 +23,7 @@ COLUMNS: dict[str, tuple[tuple, type, object]] = {
     "radiation": (("radiation",), np.float64, 0.0),
     "line": (("line",), np.bool_, False),
     "command": ((2,), np.float64, 0.0),
+    "last_command": ((2,), np.float64, 0.0),
     "layer": ((), np.int64, -1),
     "slip": ((2,), np.float64, 0.0),
     "collided": ((), np.bool_, False),

@@ -10,7 +10,7 @@ from shapely.geometry.polygon import orient
 from mesa_swarm.geometry.grid import Grid, list_boxes_by_cell
 from mesa_swarm.world.shapes import Shape
 
-OBSTACLE, ROBOT, FIRE, NOTHING = 0, 1, 2, -1
+OBSTACLE, ROBOT, FIRE, LOAD, NOTHING = 0, 1, 2, 3, -1
 BORDER = -1
 FEWEST_CELLS = 4096
 CELLS_PER_ITEM = 4

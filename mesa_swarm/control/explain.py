@@ -1,0 +1,91 @@
+"""Why did it do that: what the winning layer of a robot says of its own decision."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mesa_swarm.control.arbiter import Arbiter
+from mesa_swarm.robots.reasons import Moment, Reason
+from mesa_swarm.robots.snapshots import Snapshots
+from mesa_swarm.robots.swarm import Swarm
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """Why a robot did what it did in one step; as a text it is one sentence.
+
+    Parameters
+    ----------
+    robot : int
+        Its unique_id.
+    step : int
+    layer : str
+        Name of the layer that won, "" if none was active.
+    does : str
+        What it was told, such as "turns right while moving".
+    reason : str
+        Such as "left sensor 9.3 (an obstacle) < 15".
+    sensors : tuple of int
+        Proximity sensors that triggered the layer.
+    """
+
+    robot: int
+    step: int
+    layer: str
+    does: str
+    reason: str
+    sensors: tuple[int, ...]
+
+    def __str__(self) -> str:
+        """Return the sentence."""
+        start = f"step {self.step:,}: robot {self.robot} {self.does}"
+        return f"{start}; {self.layer}: {self.reason}" if self.layer else f"{start}; no layer was active"
+
+
+def explanation(control: Arbiter, swarm: Swarm, snapshots: Snapshots, row: int, step: int) -> Explanation:
+    """Return why the robot in this row did what it did in a step that was kept.
+
+    Parameters
+    ----------
+    control : Arbiter
+        What drove the robots then.
+    """
+    moment, won = moment_of(swarm, snapshots.at(step), row)
+    layer = control.layers[won] if won >= 0 else None
+    reason = Reason("") if layer is None else reason_of(layer, moment)
+    return Explanation(
+        robot=swarm.agents[row].unique_id,
+        step=step,
+        layer="" if layer is None else layer.name,
+        does=moment.motion,
+        reason=reason.words,
+        sensors=reason.sensors,
+    )
+
+
+def moment_of(swarm: Swarm, columns: dict[str, np.ndarray], row: int) -> tuple[Moment, int]:
+    """Return what one robot knew, and which layer won."""
+    table, d = swarm.table, swarm.columns["design"][row]
+    sensors = table.counts[d]
+    moment = Moment(
+        distance=columns["distance"][row, :sensors],
+        kind=columns["kind"][row, :sensors],
+        sensors=table.proximity[d, :sensors],
+        bearing=table.bearing[d, :sensors],
+        forward=tuple(map(int, table.forward[d])),
+        command=columns["command"][row],
+        turns=getattr(swarm.designs[d].drive, "turns", True),
+        columns={name: column[row] for name, column in columns.items()},
+    )
+    return moment, int(columns["layer"][row])
+
+
+def reason_of(layer, moment: Moment) -> Reason:
+    """Return why this layer drove the robot at this moment.
+
+    A layer may say it in a method ``reason(moment) -> Reason``; of one that does not, the readings are told.
+    """
+    if hasattr(layer, "reason"):
+        return layer.reason(moment)
+    seeing = tuple(int(s) for s in np.flatnonzero(moment.kind >= 0))
+    return Reason(", ".join(map(moment.reading, seeing)) or "its sensors see nothing", seeing)

@@ -1,0 +1,102 @@
+"""Follow: drive after the nearest robot ahead, which makes chains (thesis 5.2.3.2, 5.3.3)."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mesa_swarm.control.layer import Senses
+from mesa_swarm.control.perception import nearest_ahead
+from mesa_swarm.errors import check_number
+from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.robots.reasons import Moment, Reason
+from mesa_swarm.robots.sensors import LARGEST_RANGE
+from mesa_swarm.robots.steering import turn_towards
+from mesa_swarm.robots.swarm import Swarm
+from mesa_swarm.world.statics import ROBOT
+
+
+@dataclass(frozen=True, kw_only=True)
+class Follow:
+    """Turn on the spot towards the nearest robot ahead; drive after it, faster while it is far.
+
+    Active when a sensor with |bearing| < 90 degrees sees a robot (5.2).
+
+    Parameters
+    ----------
+    critical_angle_degrees : float
+        A robot seen farther than this from straight ahead is turned to on the spot, 0 to 180.
+    gap : float or None
+        The follower goes at `chase_speed` while the sensor reads more than this, map units, and at
+        `cruise_speed` when it is nearer. None for no such rule: always at cruise speed, so that
+        followers stay at the limit of their sight and chains break.
+    chase_speed, cruise_speed : float
+        Shares of max_speed, 0 to 1.
+
+    Examples
+    --------
+    >>> Follow(gap=None).cruise_speed
+    0.7
+    """
+
+    critical_angle_degrees: float = 10.0
+    gap: float | None = 15.0
+    chase_speed: float = 1.0
+    cruise_speed: float = 0.7
+    name: str = "Follow"
+
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        check_number("Follow's critical_angle_degrees", self.critical_angle_degrees, minimum=0, maximum=180)
+        if self.gap is not None:
+            check_number("gap", self.gap, minimum=0, maximum=LARGEST_RANGE)
+        check_number("chase_speed", self.chase_speed, minimum=0, maximum=1)
+        check_number("cruise_speed", self.cruise_speed, minimum=0, maximum=1)
+
+    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
+        """Remember nothing."""
+
+    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
+        """Drive the robots that see another ahead."""
+        nearest = np.empty(len(layer), np.int64)
+        nearest_ahead(senses.distance, senses.kind, senses.bearing, senses.design, nearest)
+        follow(
+            nearest,
+            senses.distance,
+            senses.bearing,
+            senses.design,
+            senses.max_speed,
+            senses.radius,
+            math.radians(self.critical_angle_degrees),
+            math.inf if self.gap is None else float(self.gap),
+            float(self.chase_speed),
+            float(self.cruise_speed),
+            command,
+            layer,
+            index,
+        )
+
+    def reason(self, moment: Moment) -> Reason:
+        """Say whom it follows, and whether it must catch up."""
+        seeing = moment.nearest(ROBOT, ahead=True)
+        reading = moment.distance[seeing[0]]
+        far = "" if self.gap is None else f" {'>' if reading > self.gap else '<='} gap {self.gap:g}"
+        return Reason(f"nearest robot ahead: {moment.name(seeing[0])} {reading:.1f}{far}", tuple(seeing))
+
+
+@compiled
+def follow(
+    nearest, distance, bearing, design, max_speed, radius, critical_angle, gap, chase, cruise, command, layer, index
+):
+    """Write the commands of robots that see another ahead and are driven by no earlier layer."""
+    for i in range(layer.shape[0]):
+        s = nearest[i]
+        if layer[i] >= 0 or s < 0:
+            continue
+        towards = bearing[design[i], s]
+        if abs(towards) > critical_angle:
+            command[i, 0], command[i, 1] = turn_towards(towards, max_speed[i], radius[i])
+        else:
+            speed = max_speed[i] * (chase if distance[i, s] > gap else cruise)
+            command[i, 0], command[i, 1] = speed, speed
+        layer[i] = index

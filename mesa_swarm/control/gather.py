@@ -1,0 +1,80 @@
+"""Gather: go to the robots that are seen, and stay near them (thesis 5.2.3.1)."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mesa_swarm.control.layer import Senses
+from mesa_swarm.control.perception import centroids
+from mesa_swarm.errors import check_number
+from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.robots.reasons import Moment, Reason
+from mesa_swarm.robots.sensors import LARGEST_RANGE
+from mesa_swarm.robots.steering import turn_towards
+from mesa_swarm.robots.swarm import Swarm
+from mesa_swarm.world.statics import ROBOT
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gather:
+    """Turn on the spot towards the perceived centroid of the robots that are seen, and stay once it is near.
+
+    Active when a robot is seen and the centroid (5.1) is either farther than the critical angle from straight
+    ahead (the robot turns on the spot) or ahead within `stop_distance` (it stays). When the centroid is ahead
+    and far, the layers below drive: exploring straight on leads to it.
+
+    Parameters
+    ----------
+    critical_angle_degrees : float
+        0 to 180.
+    stop_distance : float
+        From the robot's centre to the centroid, map units, at least 0.
+
+    Examples
+    --------
+    >>> Gather(stop_distance=25).critical_angle_degrees
+    10.0
+    """
+
+    critical_angle_degrees: float = 10.0
+    stop_distance: float = 20.0
+    name: str = "Gather"
+
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        check_number("Gather's critical_angle_degrees", self.critical_angle_degrees, minimum=0, maximum=180)
+        check_number("stop_distance", self.stop_distance, minimum=0, maximum=LARGEST_RANGE)
+
+    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
+        """Remember nothing."""
+
+    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
+        """Turn or stop the robots that see others."""
+        centroid, seen = centroids(senses)
+        critical = math.radians(self.critical_angle_degrees)
+        gather(
+            centroid, seen, senses.max_speed, senses.radius, critical, float(self.stop_distance), command, layer, index
+        )
+
+    def reason(self, moment: Moment) -> Reason:
+        """Say where the others were seen."""
+        seeing = moment.seeing(ROBOT)
+        x, y = moment.position_of(seeing)
+        where = f"{math.hypot(x, y):.1f} away at {math.degrees(math.atan2(y, x)):+.0f} degrees"
+        return Reason(f"the centroid of the robots it sees is {where}", tuple(seeing))
+
+
+@compiled
+def gather(centroid, seen, max_speed, radius, critical_angle, stop_distance, command, layer, index):
+    """Write the commands of robots that see others and are driven by no earlier layer."""
+    for i in range(layer.shape[0]):
+        if layer[i] >= 0 or seen[i] == 0:
+            continue
+        bearing = math.atan2(centroid[i, 1], centroid[i, 0])
+        if abs(bearing) > critical_angle:
+            command[i, 0], command[i, 1] = turn_towards(bearing, max_speed[i], radius[i])
+            layer[i] = index
+        elif math.hypot(centroid[i, 0], centroid[i, 1]) <= stop_distance:
+            command[i, 0], command[i, 1] = 0.0, 0.0
+            layer[i] = index

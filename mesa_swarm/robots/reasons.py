@@ -1,0 +1,103 @@
+"""Why a robot did what it did: the layer that won, in words, with the sensors that triggered it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mesa_swarm.robots.table import AXIS_X, AXIS_Y, MOUNT_X, MOUNT_Y
+from mesa_swarm.world.statics import FIRE, LOAD, OBSTACLE, ROBOT
+
+# Speeds below this are rounding.
+TINY = 1e-9
+THINGS = {OBSTACLE: "an obstacle", ROBOT: "a robot", FIRE: "a fire", LOAD: "a load"}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moment:
+    """What one robot knew in one step, and what it was told to do.
+
+    Parameters
+    ----------
+    distance, kind : ndarrays, shape (s,)
+    sensors : ndarray, shape (s, 9)
+        Of its design, see `robots.table`.
+    bearing : ndarray, shape (s,), rad
+    forward : (int, int, int)
+        Indices of its front, left and right sensor, -1 for none.
+    command : ndarray, shape (2,)
+        What it was told to do in this step.
+    turns : bool
+        Whether the command is wheel speeds left and right; else it is speeds forward and sideways.
+    columns : dict
+        All else that was kept of this robot, by name: heat, hot, fire, ...
+    """
+
+    distance: np.ndarray
+    kind: np.ndarray
+    sensors: np.ndarray
+    bearing: np.ndarray
+    forward: tuple[int, int, int]
+    command: np.ndarray
+    turns: bool
+    columns: dict
+
+    def seeing(self, kind: int, *, ahead: bool = False) -> list[int]:
+        """Return the sensors that see such a thing, nearest first; only those within 90 degrees if `ahead`."""
+        seen = [s for s in np.flatnonzero(self.kind == kind) if not ahead or abs(self.bearing[s]) < np.pi / 2 - 1e-9]
+        return sorted(map(int, seen), key=lambda s: (self.distance[s], abs(self.bearing[s])))
+
+    def nearest(self, kind: int, *, ahead: bool = False) -> list[int]:
+        """Return the sensor that sees the nearest such thing, in a list; an empty list if none does."""
+        return self.seeing(kind, ahead=ahead)[:1]
+
+    def position_of(self, sensors: list[int]) -> np.ndarray:
+        """Return the mean of the positions that these sensors' readings are taken for, in the robot's frame."""
+        table = self.sensors[sensors]
+        reach = self.distance[sensors]
+        x = table[:, MOUNT_X] + reach * table[:, AXIS_X]
+        return np.array([x.mean(), (table[:, MOUNT_Y] + reach * table[:, AXIS_Y]).mean()])
+
+    @property
+    def motion(self) -> str:
+        """What it was told to do, in words, such as "turns left on the spot", "goes ahead at 0.7", "stays"."""
+        left, right = self.command
+        if abs(left) + abs(right) < TINY:
+            return "stays"
+        if not self.turns:
+            return f"moves at {np.hypot(left, right):.2g} towards {np.degrees(np.arctan2(right, left)):+.0f} degrees"
+        if abs(right - left) < TINY:
+            return f"{'goes ahead' if left > 0 else 'backs up'} at {abs(left):.2g}"
+        how = "on the spot" if abs(left + right) < TINY else "while moving"
+        return f"turns {'left' if right > left else 'right'} {how}"
+
+    def name(self, sensor: int) -> str:
+        """Return a sensor's name: front, left or right sensor, or its bearing.
+
+        A bearing is written in degrees, positive to the left.
+        """
+        for side, index in zip(("front", "left", "right"), self.forward, strict=True):
+            if index == sensor:
+                return f"{side} sensor"
+        return f"sensor at {np.degrees(self.bearing[sensor]):+.0f} degrees"
+
+    def reading(self, sensor: int) -> str:
+        """Return a sensor's reading in words, such as "left sensor 9.3 (a robot)"."""
+        thing = THINGS.get(int(self.kind[sensor]), "nothing")
+        value = f"{self.distance[sensor]:.1f} ({thing})" if self.kind[sensor] >= 0 else thing
+        return f"{self.name(sensor)} {value}"
+
+
+@dataclass(frozen=True, slots=True)
+class Reason:
+    """Why a layer was active.
+
+    Parameters
+    ----------
+    words : str
+        Such as "left sensor 9.3 < 15".
+    sensors : tuple of int
+        Proximity sensors that triggered the layer.
+    """
+
+    words: str
+    sensors: tuple[int, ...] = ()

@@ -1,0 +1,118 @@
+"""Snapshots: columns of the swarm kept over the last steps, as arrays."""
+
+from collections import deque
+
+import numpy as np
+
+from mesa_swarm.errors import InvalidValueError, UnknownNameError, check_count, shortened, unknown_name
+from mesa_swarm.robots.swarm import Swarm
+
+# What explaining a decision needs, and what happened next.
+DECISIONS = (
+    "position",
+    "heading",
+    "command",
+    "layer",
+    "distance",
+    "kind",
+    "collided",
+    "temperature",
+    "heat",
+    "hot",
+    "fire",
+)
+
+
+class Snapshots:
+    """Columns of a swarm as they were after each of the last steps; made by `SwarmModel.watch`.
+
+    ``snapshots["position"]`` is an array of shape (k, n, 2): one row a step that was kept, oldest first. The
+    readings, the command and the layer in a row are what robots knew and did in that step, the position is
+    where it took them. When robots are added or removed, what was kept before is dropped: rows would no
+    longer be the same robots.
+
+    Parameters
+    ----------
+    swarm : Swarm
+    last : int or None
+        How many to keep, at least 1; None keeps all.
+    every : int
+        Steps from one to the next, at least 1.
+    columns : tuple of str
+        Names of columns.
+
+    Attributes
+    ----------
+    steps : int64 ndarray, shape (k,)
+    columns : tuple of str
+
+    Examples
+    --------
+    >>> from mesa_swarm.model import SwarmModel
+    >>> from mesa_swarm.robots.design import AGENT9
+    >>> model = SwarmModel(rng=1)
+    >>> robots = model.add_robots(AGENT9, 5)
+    >>> kept = model.watch(last=10, columns=("position",))
+    >>> kept.steps.tolist(), model.run(20) and kept["position"].shape
+    ([], (10, 5, 2))
+    """
+
+    def __init__(
+        self, swarm: Swarm, *, last: int | None = None, every: int = 1, columns: tuple[str, ...] = DECISIONS
+    ) -> None:
+        self._swarm = swarm
+        if isinstance(columns, str) or not all(isinstance(name, str) for name in columns):
+            raise InvalidValueError(f"columns is {shortened(columns)}; expected names such as ('position', 'layer')")
+        self.columns = tuple(columns)
+        for name in self.columns:
+            if name not in swarm.columns:
+                raise UnknownNameError(unknown_name("column", name, swarm.columns))
+        self.every = check_count("every", every, minimum=1)
+        self._rows: deque = deque(maxlen=None if last is None else check_count("last", last, minimum=1))
+        self._numbers = swarm.number
+        self._version = swarm.version
+
+    def __len__(self) -> int:
+        """How many steps are kept."""
+        return len(self._rows)
+
+    def append(self, step: int) -> None:
+        """Keep the swarm as it is now."""
+        swarm = self._swarm
+        if self._version != swarm.version:
+            if not np.array_equal(self._numbers, swarm.number):
+                self._rows.clear()
+            self._version, self._numbers = swarm.version, swarm.number
+        self._rows.append((step, [swarm.columns[name].copy() for name in self.columns]))
+
+    @property
+    def steps(self) -> np.ndarray:
+        """The steps that are kept, oldest first, shape (k,)."""
+        return np.array([step for step, _ in self._rows], np.int64)
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """Return a column at all kept steps, shape (k, n, ...)."""
+        place = self._place(name)
+        if not self._rows:
+            return np.empty((0, *self._swarm.columns[name].shape), self._swarm.columns[name].dtype)
+        return np.stack([columns[place] for _, columns in self._rows])
+
+    def at(self, step: int) -> dict[str, np.ndarray]:
+        """Return all kept columns after one step, by name.
+
+        Raises
+        ------
+        InvalidValueError
+            If that step was not kept.
+        """
+        for kept, columns in reversed(self._rows):
+            if kept == step:
+                return dict(zip(self.columns, columns, strict=True))
+        steps = self.steps
+        there = f"kept are {len(steps)} from {steps[0]} to {steps[-1]}" if len(steps) else "nothing is kept yet"
+        raise InvalidValueError(f"step {shortened(step)} was not kept; {there}; keep more with watch(last=...)")
+
+    def _place(self, name: str) -> int:
+        if name not in self.columns:
+            raise UnknownNameError(unknown_name("column that is watched", name, self.columns))
+        return self.columns.index(name)

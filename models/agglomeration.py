@@ -1,0 +1,92 @@
+"""Agglomeration: robots that gather though none of them knows where.
+
+WHAT IS IT? Robots explore until they see others, go to the centre of those that they see, and stay there. Fifty of
+them end up in many groups rather than in one: each group is content, which the thesis calls local convergence.
+
+HOW IT WORKS. Three layers, the first that is active drives. Avoid turns away from what is very near. Gather turns on
+the spot towards the perceived centroid of the robots that are seen now, when it is farther than the critical
+angle from straight ahead, and stays when it is ahead and near. Explore drives straight on.
+
+HOW TO USE IT. `sight` is how far robots see each other, `stop_distance` how near the centroid must be to stay,
+`avoid_distance` how near is too near: above `stop_distance` less a radius, robots never come to rest.
+
+THINGS TO NOTICE. Pairs and threes that nobody joins. Robots in blind spots, which swing to and fro between two
+sensors. A robot that all others follow without its knowing, until it turns round.
+
+THINGS TO TRY. Longer sight: are there fewer groups? Random turns: do groups grow afterwards? A larger stop distance:
+why are there only pairs?
+
+EXTENDING IT. Let groups move (a slow Explore above Gather) and see whether they merge into one.
+
+REFERENCE. Thesis, sections 5.2.3.1 and 5.3.2.
+"""
+
+from typing import Annotated
+
+import numpy as np
+
+from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm.analysis import clusters, nearest_neighbour_distances
+from mesa_swarm.control import Avoid, Explore, Gather, Subsumption
+from mesa_swarm.errors import check_count
+from mesa_swarm.parameters import Choice, Slider
+
+# Centres of robots of one group are at most this far apart: two robots' width and some air.
+LINK = 25.0
+
+
+class Agglomeration(SwarmModel):
+    """Robots that gather in groups.
+
+    Examples
+    --------
+    >>> Agglomeration(n_robots=10, rng=1).run(5).steps
+    5
+    """
+
+    compares = "sight", (50.0, 100.0)
+    steps_to_compare = 3_000
+
+    def __init__(
+        self,
+        *,
+        n_robots: Annotated[int, Slider(2, 200, 1, "robots")] = 50,
+        sight: Annotated[float, Slider(10, 200, 5, "range of the infrared sensors, map units")] = 50.0,
+        stop_distance: Annotated[float, Slider(0, 60, 1, "a centroid nearer than this is near enough")] = 12.0,
+        critical_angle: Annotated[float, Slider(0, 90, 1, "a centroid farther off is turned to, degrees")] = 10.0,
+        avoid_distance: Annotated[float, Slider(0, 30, 0.5, "nearer than this is too near, map units")] = 4.0,
+        turn_interval: Annotated[int, Slider(0, 1000, 10, "steps between random turns, 0 for none")] = 0,
+        map: Annotated[str, Choice(("openspace", "sparse", "original"), "the world")] = "openspace",
+        rng=None,
+    ) -> None:
+        reporters = {"groups": "groups", "largest_group": "largest_group", "neighbour_distance": "neighbour_distance"}
+        super().__init__(map=map, rng=rng, model_reporters=reporters)
+        self.add_robots(AGENT9.with_proximity(range=sight), check_count("n_robots", n_robots))
+        self.control = Subsumption(
+            Avoid(distance=avoid_distance),
+            Gather(critical_angle_degrees=critical_angle, stop_distance=stop_distance),
+            Explore(turn_interval=turn_interval),
+        )
+
+    @property
+    def groups(self) -> int:
+        """How many groups of at least two robots there are."""
+        return clusters(self.swarm.position, LINK).count
+
+    @property
+    def largest_group(self) -> float:
+        """Share of all robots that are in the largest group."""
+        return clusters(self.swarm.position, LINK).largest_fraction
+
+    @property
+    def neighbour_distance(self) -> float:
+        """Mean distance to the nearest other robot, between centres, map units."""
+        return float(np.mean(nearest_neighbour_distances(self.swarm.position)))
+
+    def results(self) -> dict[str, float]:
+        """Return what a comparison compares."""
+        return {
+            "groups": self.groups,
+            "largest group": self.largest_group,
+            "mean distance to the nearest robot": self.neighbour_distance,
+        }

@@ -1,0 +1,87 @@
+"""Perimeter: robots that form a ring and face outwards.
+
+WHAT IS IT? Musk oxen do it around their calves. Here nobody is inside: robots keep a distance from the centre of those
+that they see, and turn their backs to it. A ring comes out, though none of them can see a ring.
+
+HOW IT WORKS. Three layers, the first that is active drives. Avoid turns away from what is very near. Perimeter goes
+towards the perceived centroid from outside the ring distance, away from it from inside, and on it turns round
+and stays. Explore drives straight on while nobody is in sight.
+
+HOW TO USE IT. `ring` is the distance that each robot keeps from the centroid that it perceives; since nearer
+robots hide farther ones, the ring that comes out is wider. `sight` must reach across it.
+
+THINGS TO NOTICE. The ring is not round, and its robots do not all look straight outwards: each has its own centroid,
+of those whom it sees. Late comers settle in a second row behind a gap.
+
+THINGS TO TRY. Sight of 100: how many rings are there? A ring of 20 for 50 robots. A tolerance of 0.
+
+EXTENDING IT. Put something worth protecting in the middle, a load, and let robots form the ring around that.
+
+REFERENCE. Thesis, sections 3.2 and 10.2 (named there as future work).
+"""
+
+from typing import Annotated
+
+import numpy as np
+
+from mesa_swarm import ProximitySensor, RobotDesign, SwarmModel, control
+from mesa_swarm.control import Avoid, Explore, Subsumption
+from mesa_swarm.errors import check_count
+from mesa_swarm.parameters import Choice, Slider
+
+# A full circle of narrow sensors: the ring needs eyes in the back.
+SENSORS = 36
+
+
+class Perimeter(SwarmModel):
+    """Robots that form a ring and face outwards.
+
+    Examples
+    --------
+    >>> Perimeter(n_robots=10, rng=1).run(5).steps
+    5
+    """
+
+    compares = "sight", (100.0, 400.0)
+    steps_to_compare = 2_000
+
+    def __init__(
+        self,
+        *,
+        n_robots: Annotated[int, Slider(2, 100, 1, "robots")] = 24,
+        ring: Annotated[float, Slider(0, 200, 5, "distance to keep from the perceived centroid, map units")] = 70.0,
+        tolerance: Annotated[float, Slider(0, 50, 1, "half the width of the ring, map units")] = 4.0,
+        sight: Annotated[float, Slider(20, 1000, 10, "range of the infrared sensors, map units")] = 400.0,
+        avoid_distance: Annotated[float, Slider(0, 30, 0.5, "nearer than this is too near, map units")] = 4.0,
+        map: Annotated[str, Choice(("openspace", "sparse", "original"), "the world")] = "openspace",
+        rng=None,
+    ) -> None:
+        reporters = {"roundness": "roundness", "outwards": "outwards"}
+        super().__init__(map=map, rng=rng, model_reporters=reporters)
+        eyes = (
+            ProximitySensor(bearing_degrees=360 * k / SENSORS, field_of_view_degrees=360 / SENSORS, range=sight)
+            for k in range(SENSORS)
+        )
+        self.add_robots(RobotDesign(name="all-round", sensors=tuple(eyes)), check_count("n_robots", n_robots))
+        keep = control.Perimeter(ring=ring, tolerance=tolerance)
+        self.control = Subsumption(Avoid(distance=avoid_distance), keep, Explore())
+
+    @property
+    def roundness(self) -> float:
+        """How alike the robots' distances from their true centroid are: 1 - deviation / mean, at least 0."""
+        distance = np.hypot(*self._from_centroid().T)
+        return max(0.0, 1.0 - float(distance.std() / distance.mean())) if len(distance) > 1 else 0.0
+
+    @property
+    def outwards(self) -> float:
+        """Mean cosine of the angle between the robots' headings and straight outwards."""
+        out = self._from_centroid()
+        return float(np.cos(np.arctan2(out[:, 1], out[:, 0]) - self.swarm.heading).mean()) if len(out) else 0.0
+
+    def _from_centroid(self) -> np.ndarray:
+        position = self.swarm.position
+        return position - position.mean(axis=0) if len(position) else position
+
+    def results(self) -> dict[str, float]:
+        """Return what a comparison compares."""
+        return {"roundness": self.roundness, "facing outwards": self.outwards}

@@ -1,0 +1,80 @@
+"""HeadOn: of two robots that meet, one comes to lead and one to follow."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mesa_swarm import AGENT9
+from mesa_swarm.control import Avoid, Explore, Follow, HeadOn, Subsumption
+from mesa_swarm.errors import InvalidValueError
+from scenes import empty
+
+CHAIN = Avoid(distance=6), Follow(), Explore(speed=0.7)
+
+
+def meeting(rng: int, *layers, offset: float = 0.0):
+    """Return a world in which two robots drive at each other."""
+    model = empty(width=1600, height=1200, rng=rng)
+    poses = [(750, 600, 0.0), (850, 600 + offset, math.pi)]
+    model.add_robots(AGENT9, poses=poses, tendency="left")
+    model.control = Subsumption(*layers)
+    return model
+
+
+def leads_the_other(model) -> bool:
+    """Tell whether one of two robots sees the other ahead, and is not seen ahead by it."""
+    (ax, ay), (bx, by) = model.swarm.position
+    bearings = np.array([math.atan2(by - ay, bx - ax), math.atan2(ay - by, ax - bx)]) - model.swarm.heading
+    ahead = np.cos(bearings) > 0.7
+    return bool(math.hypot(ax - bx, ay - by) < 60 and ahead.sum() == 1)
+
+
+def test_one_of_two_that_meet_head_on_comes_to_lead_the_other():
+    led = sum(leads_the_other(meeting(rng, HeadOn(), *CHAIN).run(300)) for rng in range(20))
+    assert led >= 16
+
+
+def test_without_the_rule_they_part():
+    assert sum(leads_the_other(meeting(rng, *CHAIN).run(300)) for rng in range(20)) <= 4
+
+
+def test_both_turn_on_the_spot_at_speeds_of_their_own():
+    model = meeting(1, HeadOn(), *CHAIN)
+    while (model.swarm.layer != 0).any():
+        model.step()
+    command = model.swarm.command
+    assert (command[:, 0] == -command[:, 1]).all()
+    assert abs(command[0, 1]) != abs(command[1, 1])
+    assert (np.abs(command) >= 0.1).all()
+
+
+def test_a_robot_that_overtakes_another_does_not_meet_it_head_on():
+    model = empty(width=1600, rng=1)
+    model.add_robots(AGENT9, poses=[(200, 150, 0.0), (150, 150, 0.0)])
+    model.control = Subsumption(HeadOn(), *CHAIN)
+    for _ in range(300):
+        model.step()
+        assert (model.swarm.layer != 0).all()
+
+
+def test_a_robot_that_drives_at_one_that_stands_does_not_meet_it_head_on():
+    model = empty(rng=1)
+    model.add_robots(AGENT9, poses=[(100, 150, 0.0)])
+    model.add_robots(AGENT9.with_proximity(range=0), poses=[(200, 150, math.pi)])
+    model.swarm.columns["max_speed"][1] = 0.0
+    model.control = Subsumption(HeadOn(), Explore())
+    for _ in range(80):
+        model.step()
+        assert model.swarm.layer[0] != 0
+
+
+def test_draws_are_the_same_for_the_same_seed_and_others_for_another():
+    first, again, other = (meeting(rng, HeadOn(), *CHAIN).run(120).state_hash() for rng in (3, 3, 4))
+    assert first == again != other
+
+
+@pytest.mark.parametrize("bad", [{"slowest": 0}, {"slowest": 1.1}, {"distance": -1}, {"margin": -0.1}])
+def test_parameters_out_of_range_are_refused_by_name(bad):
+    with pytest.raises(InvalidValueError, match=next(iter(bad))):
+        HeadOn(**bad)
