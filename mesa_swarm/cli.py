@@ -181,6 +181,27 @@ def compare(
     )
 
 
+@app.command()
+def picture(
+    model: Model,
+    *,
+    kind: Annotated[str, typer.Option(help="stages, trace or ethogram.")] = "stages",
+    steps: Annotated[
+        str | None, typer.Option(metavar="A,B,...", help="Stages at these steps (0,1000,3000); else how many steps.")
+    ] = None,
+    robots: Annotated[int | None, typer.Option(min=1, help="Traces of, or ethogram of, so many.")] = None,
+    setting: Settings = None,
+    rng: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Seed; the same one gives the same picture.")] = 1,
+    out: Annotated[Path | None, typer.Option(help="A .png file; by default results/MODEL_KIND.png.")] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Draw a run: its stages, where robots went, which layer drove them when."""
+    check_choice("model", model, model_names())
+    _work("picture_commands").picture(
+        model, setting or [], kind=kind, steps=steps, robots=robots, rng=rng, out=out, progress=not quiet
+    )
+
+
 @maps.command("import")
 def import_map(
     file: Annotated[str, typer.Argument(metavar="FILE", help="A .svg, .map or .toml file, or a built-in name.")],

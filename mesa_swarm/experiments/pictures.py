@@ -21,6 +21,7 @@ from mesa_swarm.world.shapes import Shape
 # Okabe and Ito's colours, which people with any colour vision can tell apart.
 COOL, HOT, FRONT = "#0072b2", "#d55e00", "#f0e442"
 OBSTACLE, MARK, OUT, SECTOR, INK = "#a8a8a8", "#e2d3b0", "#ececec", "#56b4e9", "#222222"
+PERCEIVED = "#6e6e6e"
 # Black to red; its lightness rises all the way, so that it can be read without seeing red.
 TEMPERATURE = LinearSegmentedColormap.from_list("temperature", ["#000000", "#7f0000", "#ff3b1f"])
 DOTS_PER_INCH = 200
@@ -55,6 +56,8 @@ def draw_world(model, axes: Axes, sectors: bool = False) -> None:
     if sectors:
         _draw_sectors(axes, portrait)
     _draw_robots(axes, portrait.robots)
+    if "perceived" in portrait.robots:
+        _draw_perceived(axes, portrait.robots)
 
 
 def _draw_ground(axes: Axes, bounds) -> None:
@@ -109,6 +112,13 @@ def _draw_robots(axes: Axes, robots: dict[str, np.ndarray]) -> None:
     axes.add_collection(lines)
 
 
+def _draw_perceived(axes: Axes, robots: dict[str, np.ndarray]) -> None:
+    """Draw a grey line from each robot to where it perceives the centroid of those that it sees."""
+    lines = np.stack([robots["position"], robots["perceived"]], axis=1)
+    lines = lines[np.isfinite(lines).all(axis=(1, 2))]
+    axes.add_collection(LineCollection(lines, colors=PERCEIVED, linewidths=0.9, zorder=4.6, label="perceived"))
+
+
 def _draw_sectors(axes: Axes, portrait: Portrait) -> None:
     robots = portrait.robots
     wedges = [
@@ -143,6 +153,8 @@ def legend_of(portrait: Portrait) -> list:
     entries = [Patch(color=colour, label=label) for label, colour, seen in shown if seen]
     if len(portrait.robots["hot"]):
         entries.append(_robot_entry("robot, its front yellow", COOL))
+    if np.isfinite(portrait.robots.get("perceived", np.nan)).any():
+        entries.append(Line2D([], [], color=PERCEIVED, label="to the centroid that it perceives"))
     if portrait.robots["hot"].any():
         entries.append(_robot_entry("robot too hot to fight", HOT))
     if len(portrait.fires["out"]):

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mesa_swarm.control.layer import Senses
+from mesa_swarm.control.perception import centroids
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.world.map_parts import Bounds
 from mesa_swarm.world.shapes import Shape
@@ -20,7 +22,8 @@ class Portrait:
     obstacles : tuple of Shape
     designs : tuple of RobotDesign
     robots : dict of ndarrays
-        position, heading, radius, design and hot, a row a robot.
+        position, heading, radius, design and hot, a row a robot; perceived (n, 2), if it was asked for, is where
+        a robot perceives the centroid of those that it sees, nan where it sees none.
     fires : dict of ndarrays
         position, radius, temperature and out, a row a fire.
     history : dict of ndarrays
@@ -39,8 +42,14 @@ class Portrait:
     series: dict[str, np.ndarray]
 
 
-def portrait_of(model) -> Portrait:
+def portrait_of(model, *, perceived: bool = False) -> Portrait:
     """Return the portrait of a model as it is now.
+
+    Parameters
+    ----------
+    model : SwarmModel
+    perceived : bool
+        Whether to show where robots perceive the centroid of those that they see; all sensors are then read.
 
     Examples
     --------
@@ -50,16 +59,27 @@ def portrait_of(model) -> Portrait:
     """
     robots = ("position", "heading", "radius", "design", "hot")
     fires = ("position", "radius", "temperature", "out")
+    columns = {name: model.swarm.columns[name].copy() for name in robots}
     return Portrait(
         steps=model.steps,
         bounds=model.map.bounds,
         obstacles=tuple(obstacle.shape for obstacle in model.obstacles),
         designs=model.swarm.designs,
-        robots={name: model.swarm.columns[name].copy() for name in robots},
+        robots={**columns, **({"perceived": _perceived(model)} if perceived else {})},
         fires={name: model.fires.columns[name].copy() for name in fires},
         history=_history(model),
         series=_series(model),
     )
+
+
+def _perceived(model) -> np.ndarray:
+    """Return where on the map each robot perceives the centroid of the robots that it sees, nan for none."""
+    model.sense()
+    centroid, seen = centroids(Senses.of(model.swarm))
+    cosine, sine = np.cos(model.swarm.heading), np.sin(model.swarm.heading)
+    x, y = centroid.T
+    place = model.swarm.position + np.column_stack([cosine * x - sine * y, sine * x + cosine * y])
+    return np.where(seen[:, None] > 0, place, np.nan)
 
 
 def _history(model) -> dict[str, np.ndarray]:

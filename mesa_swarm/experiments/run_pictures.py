@@ -1,0 +1,162 @@
+"""Pictures of a run: its stages, the traces of robots, an ethogram. Each is one call."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.collections import LineCollection
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.ticker import StrMethodFormatter
+
+from mesa_swarm.analysis import layer_shares
+from mesa_swarm.errors import InvalidValueError, check_count
+from mesa_swarm.experiments.pictures import world_figure
+from mesa_swarm.experiments.portrait import portrait_of
+from mesa_swarm.experiments.progress import run_with_bar
+
+# Okabe and Ito's colours for layers, in order; white for no layer.
+LAYER_COLOURS = ("#d55e00", "#0072b2", "#009e73", "#e69f00", "#cc79a7", "#56b4e9", "#f0e442", "#000000")
+NO_LAYER = "#ffffff"
+MOST_TRACES = 8
+FAINT = "#7a7a7a"
+
+
+def stages(model, steps: Sequence[int] = (0, 1000, 3000), *, perceived: bool = True, progress: bool = False) -> Figure:
+    """Run a model and return a figure of its world at each of these steps, side by side.
+
+    Parameters
+    ----------
+    model : SwarmModel
+        As it is: steps that it has taken already cannot be shown.
+    steps : sequence of int
+        Ascending, none before the model's own.
+    perceived : bool
+        Whether to draw a grey line from each robot to where it perceives the centroid of those that it sees.
+    progress : bool
+        Whether to show a bar.
+
+    Raises
+    ------
+    InvalidValueError
+        If the steps are not ascending, or past.
+
+    Examples
+    --------
+    >>> from mesa_swarm.experiments.gallery import find_model
+    >>> len(stages(find_model("agglomeration")(n_robots=5, rng=1), steps=(0, 20)).axes)
+    2
+    """
+    wanted = [check_count("step", step, minimum=model.steps) for step in steps]
+    if not wanted or sorted(set(wanted)) != wanted:
+        raise InvalidValueError(f"steps is {steps!r:.60}; expected ascending steps such as (0, 1000, 3000)")
+    portraits = {}
+    for step in wanted:
+        run_with_bar(model, step, progress)
+        portraits[f"{type(model).__name__}, step {model.steps:,}"] = portrait_of(model, perceived=perceived)
+    return world_figure(portraits)
+
+
+def trace(model, steps: int = 10_000, *, robots: int = 1, every: int = 5, progress: bool = False) -> Figure:
+    """Run a model and return a figure of where its first robots went.
+
+    Parameters
+    ----------
+    model : SwarmModel
+    steps : int
+        From now on.
+    robots : int
+        How many, 1 to 8.
+    every : int
+        Steps from one point of a trace to the next, at least 1.
+    progress : bool
+        Whether to show a bar.
+
+    Examples
+    --------
+    >>> from mesa_swarm.experiments.gallery import find_model
+    >>> figure = trace(find_model("collision_avoidance")(rng=1), steps=100)
+    >>> figure.axes[0].get_title()
+    'CollisionAvoidance, 100 steps'
+    """
+    count = check_count("robots", robots, minimum=1, maximum=MOST_TRACES)
+    kept = model.watch(last=None, every=every, columns=("position",))
+    first = model.steps
+    run_with_bar(model, first + check_count("steps", steps, minimum=1), progress)
+    figure = world_figure({f"{type(model).__name__}, {model.steps - first:,} steps": portrait_of(model)})
+    for row in range(min(count, len(model.swarm))):
+        _draw_trace(figure.axes[0], kept["position"][:, row], LAYER_COLOURS[(row + 1) % len(LAYER_COLOURS)])
+    return figure
+
+
+def _draw_trace(axes, points: np.ndarray, colour: str) -> None:
+    lines = np.stack([points[:-1], points[1:]], axis=1)
+    axes.add_collection(LineCollection(lines, colors=colour, linewidths=0.6, alpha=0.8, zorder=4.5))
+
+
+def ethogram(model, *, robots: int | None = None) -> Figure:
+    """Return a figure of which layer drove which robot when, from what `model.watch()` has kept.
+
+    Above, a row a robot; below, the share of robots that each layer drives.
+
+    Parameters
+    ----------
+    model : SwarmModel
+    robots : int, optional
+        Only the first so many.
+
+    Raises
+    ------
+    InvalidValueError
+        If nothing was kept, or there is no control.
+
+    Examples
+    --------
+    >>> from mesa_swarm.experiments.gallery import find_model
+    >>> model = find_model("collision_avoidance")(rng=1)
+    >>> kept = model.watch(last=None)
+    >>> [axes.get_ylabel() for axes in ethogram(model.run(50)).axes]
+    ['robot', 'share of robots']
+    """
+    kept = model.watched
+    if kept is None or not len(kept) or "layer" not in kept.columns or model.control is None:
+        raise InvalidValueError("nothing was kept to draw; call model.watch(last=None) before running the model")
+    names = [layer.name for layer in model.control.layers]
+    return ethogram_figure(kept.steps, kept["layer"][:, :robots], names)
+
+
+def ethogram_figure(steps: np.ndarray, layer: np.ndarray, names: Sequence[str]) -> Figure:
+    """Return the figure of `ethogram` from plain arrays.
+
+    Parameters
+    ----------
+    steps : ndarray, shape (k,)
+    layer : int ndarray, shape (k, n)
+        Index of the layer that drove each robot, -1 for none.
+    names : sequence of str
+        Of the layers.
+    """
+    n = layer.shape[1]
+    colours = [NO_LAYER, *(LAYER_COLOURS[k % len(LAYER_COLOURS)] for k in range(len(names)))]
+    figure = Figure(figsize=(9.0, 2.6 + min(0.13 * n, 5.0)), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(max(1.0, min(0.13 * n, 5.0)), 1.2))
+    edges = steps[0] - 1, steps[-1]
+    above.imshow(
+        layer.T + 1,
+        cmap=ListedColormap(colours),
+        vmin=-0.5,
+        vmax=len(names) + 0.5,
+        aspect="auto",
+        interpolation="nearest",
+        extent=(*edges, n + 0.5, 0.5),
+    )
+    above.set(ylabel="robot")
+    shares = layer_shares(layer, len(names))
+    below.stackplot(steps, shares[:, :-1].T, colors=colours[1:], step="pre")
+    below.set(xlabel="step", ylabel="share of robots", xlim=edges, ylim=(0, 1))
+    below.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
+    shown = [Patch(color=colour, label=name) for colour, name in zip(colours[1:], names, strict=True)]
+    if (layer < 0).any():
+        shown.append(Patch(facecolor=NO_LAYER, edgecolor=FAINT, label="no layer: it stands"))
+    figure.legend(handles=shown, loc="outside upper center", ncols=min(len(shown), 5), fontsize=9, frameon=False)
+    return figure
