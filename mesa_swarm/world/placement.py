@@ -9,11 +9,11 @@ import shapely
 from mesa_swarm.errors import PlacementError
 from mesa_swarm.geometry.grid import Grid
 from mesa_swarm.geometry.packing import hexagonal_lattice, take_apart
+from mesa_swarm.geometry.room import outside, room_for_disc
 from mesa_swarm.world.shapes import Shape
 
-# A buffer is a polygon: this many corners a quarter, drawn around the circle, not inside it.
+# A buffer is a polygon, of this many corners a quarter.
 QUARTER_SEGMENTS = 16
-OUTSIDE = 1.0 / math.cos(math.pi / (4 * QUARTER_SEGMENTS))
 # Random places that are tried for each robot before a lattice is laid out.
 TRIES = 200
 MOST_CANDIDATES = 2_000_000
@@ -44,17 +44,9 @@ def free_space(
     >>> free_space((0, 0, 100, 50), [], np.empty((0, 3)), 5.0).area
     3600.0
     """
-    x_min, y_min, x_max, y_max = bounds
-    if x_max - x_min <= 2 * radius or y_max - y_min <= 2 * radius:
-        return shapely.Polygon()
-    inner = shapely.box(x_min + radius, y_min + radius, x_max - radius, y_max - radius)
-    solid = [(s.geometry, s.radius) for s in shapes if s.contact]
-    solid += [(shapely.Point(x, y), r) for x, y, r in fires]
-    if not solid:
-        return inner
-    geometries, radii = zip(*solid, strict=True)
-    grown = shapely.buffer(geometries, (np.array(radii) + radius) * OUTSIDE, quad_segs=QUARTER_SEGMENTS)
-    return inner.difference(shapely.union_all(grown))
+    solids = [(s.geometry, s.radius) for s in shapes if s.contact]
+    solids += [(shapely.Point(x, y), r) for x, y, r in fires]
+    return room_for_disc(bounds, solids, radius, QUARTER_SEGMENTS)
 
 
 def place_apart(
@@ -209,7 +201,7 @@ def _most_that_fit(space: shapely.Geometry, radius: float) -> int:
     # Also of a box as wide as the robot but for rounding, which has no area to draw from.
     if not space.area:
         return 0
-    return 1 + int(space.buffer(radius * OUTSIDE).area / (math.pi * radius**2))
+    return 1 + int(space.buffer(radius * outside(QUARTER_SEGMENTS)).area / (math.pi * radius**2))
 
 
 def _does_not_fit(n: int, radius: float, where: str, fit: int | str) -> str:

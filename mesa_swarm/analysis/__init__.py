@@ -1,0 +1,33 @@
+"""Measures of swarms on plain arrays: groups, spacing, order, coverage, collisions, times."""
+
+from mesa_swarm.analysis.clusters import Clusters, clusters
+from mesa_swarm.analysis.collisions import collision_frequency, cumulative_collisions
+from mesa_swarm.analysis.coverage import coverage, reachable_cells, visited_cells
+from mesa_swarm.analysis.order import directions, milling, polarization
+from mesa_swarm.analysis.series import central_moving_average, layer_shares, time_to
+from mesa_swarm.analysis.spacing import (
+    clark_evans,
+    dispersion,
+    nearest_neighbour_distances,
+    random_nearest_neighbour_distance,
+)
+
+__all__ = [
+    "Clusters",
+    "central_moving_average",
+    "clark_evans",
+    "clusters",
+    "collision_frequency",
+    "coverage",
+    "cumulative_collisions",
+    "directions",
+    "dispersion",
+    "layer_shares",
+    "milling",
+    "nearest_neighbour_distances",
+    "polarization",
+    "random_nearest_neighbour_distance",
+    "reachable_cells",
+    "time_to",
+    "visited_cells",
+]

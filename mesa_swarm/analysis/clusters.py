@@ -1,0 +1,145 @@
+"""Groups of robots that stand near each other."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from mesa_swarm.analysis.arrays import check_length, check_points
+from mesa_swarm.errors import InvalidValueError, check_count
+
+# A pair takes about 50 bytes: more of them than this would fill a small machine's memory.
+MOST_PAIRS = 20_000_000
+# Whether there are more is judged by one robot in so many.
+SAMPLED = 16
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Clusters:
+    """The groups of a swarm; build it with `clusters`.
+
+    Parameters
+    ----------
+    label : int64 ndarray, shape (n,)
+        Each robot's group, -1 for a robot in none. Groups are numbered from 0 by descending size, those of
+        one size by their first robot's row.
+    sizes : int64 ndarray, shape (c,)
+        Robots in each group, descending.
+    """
+
+    label: np.ndarray
+    sizes: np.ndarray
+
+    @property
+    def count(self) -> int:
+        """How many groups there are."""
+        return len(self.sizes)
+
+    @property
+    def grouped(self) -> int:
+        """How many robots are in a group."""
+        return int(self.sizes.sum())
+
+    @property
+    def largest_fraction(self) -> float:
+        """Share of all robots that are in the largest group, in [0, 1]; 0 where there is no group."""
+        return int(self.sizes[0]) / len(self.label) if self.count else 0.0
+
+    @property
+    def local_convergence(self) -> float:
+        """Share of the grouped robots that are not in the largest group, in [0, 1).
+
+        0 where one group holds all who are grouped, (c - 1) / c for c groups of one size: towards 1 the more
+        groups a swarm has settled into instead of one. 0 too where there is no group: read it beside `alone`.
+        """
+        return 1.0 - int(self.sizes[0]) / self.grouped if self.count else 0.0
+
+    @property
+    def mean_size(self) -> float:
+        """Mean number of robots in a group; 0 where there is no group."""
+        return self.grouped / self.count if self.count else 0.0
+
+    @property
+    def alone(self) -> float:
+        """Share of all robots that are in no group, in [0, 1]; 0 where there is no robot."""
+        return 1.0 - self.grouped / len(self.label) if len(self.label) else 0.0
+
+
+def clusters(position: np.ndarray, distance: float, *, fewest: int = 2) -> Clusters:
+    """Find the groups of robots that are linked by steps of at most `distance`.
+
+    Two robots are linked where ``|x_i - x_j| <= distance``; a group is a connected component of the graph of
+    links (single linkage; Sneath 1957, The application of computers to taxonomy). Which robots share a group
+    does not depend on their order, nor on where the swarm is or how it is turned.
+
+    Parameters
+    ----------
+    position : ndarray, shape (n, 2)
+        Centres, map units.
+    distance : float
+        Largest distance between the centres of two linked robots, map units, above 0. Robots of radius 5 that
+        keep 10 between their bodies are 20 apart.
+    fewest : int
+        Robots that make a group, at least 1; smaller components are no groups.
+
+    Returns
+    -------
+    Clusters
+
+    Raises
+    ------
+    InvalidValueError
+        If an argument has the wrong shape or is out of range, or more than about 20 million pairs of
+        robots are linked.
+
+    Examples
+    --------
+    >>> found = clusters([[0, 0], [10, 0], [20, 0], [200, 0], [210, 0], [500, 0]], 15)
+    >>> found.label
+    array([ 0,  0,  0,  1,  1, -1])
+    >>> found.count, found.largest_fraction, round(found.local_convergence, 3)
+    (2, 0.5, 0.4)
+    """
+    points = check_points("position", position)
+    fewest = check_count("fewest", fewest, minimum=1)
+    component = _components(points, check_length("distance", distance))
+    return _ranked(component, fewest)
+
+
+def _components(points: np.ndarray, distance: float) -> np.ndarray:
+    n = len(points)
+    if not n:
+        return np.empty(0, np.int64)
+    # Unbalanced is quicker to build, and places are not so uneven that it matters.
+    tree = cKDTree(points, balanced_tree=False)
+    _check_pairs(tree, distance)
+    i, j = tree.query_pairs(distance, output_type="ndarray").T
+    links = coo_array((np.ones(len(i), bool), (i, j)), shape=(n, n))
+    return connected_components(links, directed=False)[1]
+
+
+def _check_pairs(tree: cKDTree, distance: float) -> None:
+    """Refuse what would fill the memory, judged by every so many robots' neighbours."""
+    sample = tree.data[::SAMPLED]
+    others = tree.query_ball_point(sample, distance, return_length=True).mean() - 1
+    pairs = int(others * tree.n / 2)
+    if pairs > MOST_PAIRS:
+        raise InvalidValueError(
+            f"distance is {distance:g}, which links about {pairs} pairs of {tree.n} robots; expected at most "
+            f"{MOST_PAIRS}: give a smaller distance"
+        )
+
+
+def _ranked(component: np.ndarray, fewest: int) -> Clusters:
+    """Rank the components of at least `fewest` robots by size, then by first row."""
+    size = np.bincount(component)
+    first = np.empty(len(size), np.int64)
+    # Of several values written to one place the last stays: backwards, that of the first row.
+    first[component[::-1]] = np.arange(len(component))[::-1]
+    order = np.lexsort((first, -size))
+    order = order[size[order] >= fewest]
+    rank = np.full(len(size), -1, np.int64)
+    rank[order] = np.arange(len(order))
+    return Clusters(label=rank[component], sizes=size[order])

@@ -1,0 +1,196 @@
+"""Which part of the world a robot can reach, and how much of that has been visited."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from mesa_swarm.analysis.arrays import Bounds, check_bounds, check_flags, check_length, check_points
+from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
+from mesa_swarm.geometry.room import areas_by_cell, outside, part_around, room_for_disc
+
+# Corners of a quarter circle of a grown body: its outline is at most 7.6e-5 of its radius too far out.
+QUARTER_SEGMENTS = 64
+# How much two bodies that touch may overlap, relative to a robot's radius (PHYSICS 4).
+TOUCH = 1e-6
+MOST_CELLS_A_SIDE = 1000
+
+
+def reachable_cells(
+    bounds: Bounds,
+    solids: Sequence[tuple],
+    radius: float,
+    start: Sequence[float],
+    cells: tuple[int, int] = (40, 40),
+    *,
+    fewest_share: float = 0.01,
+) -> np.ndarray:
+    """Return which cells of a world the centre of a disc can get to from where it starts.
+
+    Free space is the bounds shrunk by `radius`, less the solids grown by it; what can be reached is the
+    connected part of it around `start`; a cell counts where that part covers more than `fewest_share` of it.
+
+    Grown bodies are polygons of 256 corners drawn around the true outline, so that nothing counts as free that
+    is not: an outline of radius R is at most 7.6e-5 R too far out, and a gap that is less than twice that wider
+    than the robot counts as closed. So does one that is exactly as wide.
+
+    Parameters
+    ----------
+    bounds : (x_min, y_min, x_max, y_max)
+        Of the world, map units.
+    solids : sequence of (geometry, radius)
+        Shapely geometries of what robots cannot drive through, each grown by a radius of at least 0: a disc is
+        a Point and its radius, a polygon has 0.
+    radius : float
+        The robot's, map units, above 0.
+    start : (x, y)
+        A place where the robot fits; touching is allowed.
+    cells : (rows, columns)
+        Of equal cells that the bounds are cut into, 1 to 1000 each.
+    fewest_share : float
+        0 to 0.99. 0 counts every cell that the robot's centre gets into at all; the default leaves out slivers
+        that hardly any walk would meet.
+
+    Returns
+    -------
+    bool ndarray, shape (rows, columns)
+        Row 0 is at y_min, column 0 at x_min.
+
+    Raises
+    ------
+    InvalidValueError
+        If an argument is out of range, a solid is no Shapely geometry, or the robot does not fit at `start`.
+
+    Examples
+    --------
+    >>> import shapely
+    >>> wall = shapely.box(45, 0, 55, 100)
+    >>> reachable_cells((0, 0, 100, 100), [(wall, 0.0)], 5.0, (20, 20), cells=(2, 4))
+    array([[ True,  True, False, False],
+           [ True,  True, False, False]])
+    """
+    x_min, y_min, x_max, y_max = limits = check_bounds(bounds)
+    radius, place = check_length("radius", radius), check_points("start", start, (2,))
+    rows, columns = _check_shape("cells", cells)
+    fewest_share = check_number("fewest_share", fewest_share, minimum=0.0, maximum=0.99)
+    parts = _check_solids(solids)
+    space = room_for_disc(limits, parts, radius, QUARTER_SEGMENTS)
+    widest = radius + max((grown for _, grown in parts), default=0.0)
+    part = part_around(space, place, TOUCH * radius + (outside(QUARTER_SEGMENTS) - 1.0) * widest)
+    if part is None:
+        x, y = place
+        raise InvalidValueError(f"start is ({x:g}, {y:g}), where a robot of radius {radius:g} does not fit")
+    cell = (x_max - x_min) * (y_max - y_min) / (rows * columns)
+    return areas_by_cell(part, limits, rows, columns) > fewest_share * cell
+
+
+def visited_cells(positions: np.ndarray, bounds: Bounds, shape: tuple[int, int]) -> np.ndarray:
+    """Return which cells of a world any of the positions is in.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (k, 2) or (k, n, 2)
+        Centres over k steps, of one robot or of n, map units, within the bounds. A point between two cells is in
+        the upper or right one.
+    bounds : (x_min, y_min, x_max, y_max)
+    shape : (rows, columns)
+        Of equal cells that the bounds are cut into.
+
+    Returns
+    -------
+    bool ndarray, shape (rows, columns)
+        Row 0 is at y_min, column 0 at x_min.
+
+    Raises
+    ------
+    InvalidValueError
+        If an argument has the wrong shape or is out of range, or a position lies outside the bounds.
+
+    Examples
+    --------
+    >>> visited_cells([[10, 10], [90, 10]], (0, 0, 100, 50), (1, 4))
+    array([[ True, False, False,  True]])
+    """
+    limits, (rows, columns) = check_bounds(bounds), _check_shape("shape", shape)
+    points = _check_inside(_flat(positions), limits)
+    lower, upper = np.array(limits[:2]), np.array(limits[2:])
+    cell = ((points - lower) / (upper - lower) * (columns, rows)).astype(int)
+    column, row = np.clip(cell, 0, (columns - 1, rows - 1)).T
+    visited = np.zeros((rows, columns), bool)
+    visited[row, column] = True
+    return visited
+
+
+def coverage(positions: np.ndarray, cells: np.ndarray, bounds: Bounds) -> float:
+    """Return the share of the reachable cells that any of the positions is in.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (k, 2) or (k, n, 2)
+        Centres over k steps, of one robot or of n, map units, within the bounds.
+    cells : bool ndarray, shape (rows, columns)
+        Which cells can be reached, from `reachable_cells`; at least one.
+    bounds : (x_min, y_min, x_max, y_max)
+        The same as there.
+
+    Returns
+    -------
+    float
+        In [0, 1].
+
+    Raises
+    ------
+    InvalidValueError
+        If an argument has the wrong shape or is out of range, a position lies outside the bounds, or no cell
+        can be reached.
+
+    Examples
+    --------
+    >>> coverage([[10, 10], [90, 10]], [[True, True, False, True]], (0, 0, 100, 50))
+    0.6666666666666666
+    """
+    reachable = check_flags("cells", cells, ("rows", "columns"))
+    if not reachable.any():
+        raise InvalidValueError("cells has no reachable cell; expected at least one that is True")
+    visited = visited_cells(positions, bounds, reachable.shape)
+    return int((visited & reachable).sum()) / int(reachable.sum())
+
+
+def _check_shape(name: str, shape: object) -> tuple[int, int]:
+    if not isinstance(shape, Sequence) or isinstance(shape, str) or len(shape) != 2:
+        raise InvalidValueError(f"{name} is {shortened(shape)}; expected two whole numbers (rows, columns)")
+    rows, columns = (
+        check_count(f"{name}' {what}", number, minimum=1, maximum=MOST_CELLS_A_SIDE)
+        for what, number in zip(("rows", "columns"), shape, strict=True)
+    )
+    return rows, columns
+
+
+def _check_solids(solids: object) -> list[tuple]:
+    """Return pairs of a geometry, which `room_for_disc` checks, and a radius."""
+    if not isinstance(solids, Iterable):
+        raise InvalidValueError(f"solids is {shortened(solids)}; expected a list of (geometry, radius)")
+    checked = []
+    for solid in solids:
+        if not isinstance(solid, Sequence) or len(solid) != 2:
+            raise InvalidValueError(f"solids holds {shortened(solid)}; expected pairs of (geometry, radius)")
+        checked.append((solid[0], check_number("a solid's radius", solid[1], minimum=0.0)))
+    return checked
+
+
+def _flat(positions: object) -> np.ndarray:
+    """Return all positions as one list of points."""
+    try:
+        tables = np.ndim(positions) == 3
+    except ValueError:  # lists of unequal length, which the check refuses in words
+        tables = False
+    return check_points("positions", positions, ("k", "n", 2) if tables else ("k", 2)).reshape(-1, 2)
+
+
+def _check_inside(points: np.ndarray, limits: Bounds) -> np.ndarray:
+    # Bodies may overlap the border by a hair, and so may a point robot's centre.
+    slack = TOUCH * max(limits[2] - limits[0], limits[3] - limits[1])
+    beyond = np.maximum(limits[:2] - points, points - limits[2:]).max(axis=1, initial=-np.inf) > slack
+    if beyond.any():
+        x, y = points[beyond][0]
+        raise InvalidValueError(f"positions holds ({x:g}, {y:g}); expected points within the bounds {limits}")
+    return points

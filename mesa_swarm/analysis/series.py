@@ -1,0 +1,159 @@
+"""What happened over time: smoothing, times to a task, who drives."""
+
+import math
+
+import numpy as np
+
+from mesa_swarm.analysis.arrays import check_array
+from mesa_swarm.errors import InvalidValueError, check_count
+
+MOST_LAYERS = 1000
+
+
+def central_moving_average(values: np.ndarray, window: int) -> np.ndarray:
+    """Return the mean of the values around every step, over shorter windows at the ends.
+
+    ``y_t = mean(v_s)`` over all steps s with ``|s - t| <= (window - 1) / 2`` that there are. A peak stays where
+    it is, which it does not in a mean over past steps alone.
+
+    Parameters
+    ----------
+    values : ndarray, shape (k,)
+        One value a step, finite.
+    window : int
+        Steps, odd, at least 1: as many before as after.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        Within the range of the values.
+
+    Raises
+    ------
+    InvalidValueError
+        If `values` is not k finite numbers, or `window` is even or below 1.
+
+    Examples
+    --------
+    >>> central_moving_average([0, 0, 3, 0, 6], 3)
+    array([0., 1., 1., 3., 3.])
+    """
+    series = check_array("values", values, ("k",))
+    half = _half(window)
+    if not len(series):
+        return series
+    # Running sums of what differs from the mean: they stay small, and of a constant they are exactly 0.
+    mean = series.mean()
+    total = np.concatenate([[0.0], np.cumsum(series - mean)])
+    step = np.arange(len(series))
+    first, last = np.maximum(step - half, 0), np.minimum(step + half + 1, len(series))
+    smooth = mean + (total[last] - total[first]) / (last - first)
+    return np.clip(smooth, series.min(), series.max())
+
+
+def _half(window: int) -> int:
+    window = check_count("window", window, minimum=1)
+    if window % 2 == 0:
+        raise InvalidValueError(
+            f"window is {window}; expected an odd number of steps, which has a middle: {window - 1} or {window + 1}"
+        )
+    return window // 2
+
+
+def time_to(
+    values: np.ndarray,
+    threshold: float,
+    *,
+    at_least: bool = True,
+    for_good: bool = False,
+    steps: np.ndarray | None = None,
+) -> int | None:
+    """Return the first step at which a measure has reached a threshold, the time to task.
+
+    Parameters
+    ----------
+    values : ndarray, shape (k,)
+        The measure; NaN, where it is not defined, has not reached anything.
+    threshold : float
+        Inclusive.
+    at_least : bool
+        Whether it is reached from below, ``value >= threshold``; else from above, ``value <= threshold``.
+    for_good : bool
+        Whether to wait for the first step after which it never falls back.
+    steps : ndarray of int, shape (k,), optional
+        The step of each value, ascending; 0, 1, 2, ... if not given.
+
+    Returns
+    -------
+    int or None
+        None if it never is, or not at the end where it is asked for good.
+
+    Raises
+    ------
+    InvalidValueError
+        If `values` is not k numbers, `threshold` is NaN, or `steps` are not as many ascending whole numbers.
+
+    Examples
+    --------
+    >>> time_to([0.2, 0.9, 0.5, 0.95, 1.0], 0.9)
+    1
+    >>> time_to([0.2, 0.9, 0.5, 0.95, 1.0], 0.9, for_good=True, steps=[0, 10, 20, 30, 40])
+    30
+    """
+    series = check_array("values", values, ("k",), finite=False)
+    level = float(check_array("threshold", threshold, (), finite=False))
+    if math.isnan(level):
+        raise InvalidValueError("threshold is nan; expected a number")
+    numbers = _step_numbers(steps, len(series))
+    reached = series >= level if at_least else series <= level
+    if for_good:
+        reached = np.logical_and.accumulate(reached[::-1])[::-1]
+    where = np.flatnonzero(reached)
+    return int(numbers[where[0]]) if len(where) else None
+
+
+def _step_numbers(steps: np.ndarray | None, k: int) -> np.ndarray:
+    if steps is None:
+        return np.arange(k)
+    numbers = check_array("steps", steps, ("k",))
+    if len(numbers) != k or (numbers != np.floor(numbers)).any() or (np.diff(numbers) <= 0).any():
+        raise InvalidValueError(
+            f"steps are {len(numbers)} numbers from {numbers.min(initial=0):g} to {numbers.max(initial=0):g}; "
+            f"expected {k} ascending whole numbers, one for each of values"
+        )
+    return numbers
+
+
+def layer_shares(layer: np.ndarray, layers: int) -> np.ndarray:
+    """Return the share of robots that each layer drives at every step.
+
+    Parameters
+    ----------
+    layer : int ndarray, shape (k, n)
+        The index of the layer that drives each robot, -1 for none; at least one robot.
+    layers : int
+        How many layers there are, at least 1.
+
+    Returns
+    -------
+    ndarray, shape (k, layers + 1)
+        In [0, 1], the last column for none; every row adds up to 1.
+
+    Raises
+    ------
+    InvalidValueError
+        If `layer` is no such table, or holds anything but -1, 0, ..., layers - 1.
+
+    Examples
+    --------
+    >>> layer_shares([[0, 0, 1, -1]], 2)
+    array([[0.5 , 0.25, 0.25]])
+    """
+    layers = check_count("layers", layers, minimum=1, maximum=MOST_LAYERS)
+    table = check_array("layer", layer, ("k", "n"))
+    if not table.shape[1]:
+        raise InvalidValueError("layer has no robots; expected an array of shape (k, n) with n of at least 1")
+    wrong = table[(table != np.floor(table)) | (table < -1) | (table >= layers)]
+    if len(wrong):
+        raise InvalidValueError(f"layer holds {wrong[0]:g}; expected whole numbers from -1 to {layers - 1}")
+    return np.stack([(table == number).mean(axis=1) for number in [*range(layers), -1]], axis=1)
