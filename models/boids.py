@@ -23,8 +23,8 @@ from typing import Annotated
 
 import numpy as np
 
-from mesa_swarm import HolonomicDrive, ProximitySensor, RobotDesign, SwarmModel
-from mesa_swarm.analysis import directions, neighbour_alignment, polarization
+from mesa_swarm import HolonomicDrive, SwarmModel, all_round
+from mesa_swarm.analysis import directions, later_mean, neighbour_alignment, polarization
 from mesa_swarm.control import Align, Cohere, Cruise, Separate, VectorSum
 from mesa_swarm.errors import check_count, check_number
 from mesa_swarm.parameters import Choice, Slider
@@ -62,11 +62,7 @@ class Boids(SwarmModel):
         super().__init__(map=map, rng=rng, model_reporters=reporters)
         self.sight = check_number("sight", sight, above=0, maximum=1000)
         self._before = np.empty((0, 2))
-        eyes = (
-            ProximitySensor(bearing_degrees=360 * k / SENSORS, field_of_view_degrees=360 / SENSORS, range=sight)
-            for k in range(SENSORS)
-        )
-        boid = RobotDesign(name="boid", sensors=tuple(eyes), drive=HolonomicDrive())
+        boid = all_round(SENSORS, range=sight, name="boid", drive=HolonomicDrive())
         self.add_robots(boid, check_count("n_robots", n_robots))
         self.control = VectorSum(
             Separate(distance=separation),
@@ -98,6 +94,4 @@ class Boids(SwarmModel):
 
     def results(self) -> dict[str, float]:
         """Return what a comparison compares: means over the second half of the run."""
-        collected = {name: self.datacollector.model_vars[name] for name in ("alignment", "polarization")}
-        later = {name: np.array(values[len(values) // 2 :], dtype=float) for name, values in collected.items()}
-        return {name: float(np.nanmean(v)) if np.isfinite(v).any() else None for name, v in later.items()}
+        return {name: later_mean(self.datacollector.model_vars[name]) for name in ("alignment", "polarization")}

@@ -22,8 +22,8 @@ REFERENCE. Thesis, section 5.3.4; Vicsek et al., Physical Review Letters 75 (199
 
 from typing import Annotated
 
-from mesa_swarm import ProximitySensor, RobotDesign, SwarmModel
-from mesa_swarm.analysis import neighbour_alignment, polarization
+from mesa_swarm import SwarmModel, all_round
+from mesa_swarm.analysis import later_mean, neighbour_alignment, polarization
 from mesa_swarm.control import Avoid, Explore, MatchVelocity, Subsumption
 from mesa_swarm.errors import check_choice, check_count, check_number
 from mesa_swarm.parameters import Choice, Slider
@@ -57,12 +57,7 @@ class Flocking(SwarmModel):
         reporters = {"alignment": "alignment", "polarization": "polarization"}
         super().__init__(map=map, rng=rng, model_reporters=reporters)
         self.sight = check_number("sight", sight, above=0, maximum=1000)
-        count = check_count("sensors", sensors, minimum=3, maximum=72)
-        eyes = (
-            ProximitySensor(bearing_degrees=360 * k / count, field_of_view_degrees=360 / count, range=sight)
-            for k in range(count)
-        )
-        self.add_robots(RobotDesign(name="all-round", sensors=tuple(eyes)), check_count("n_robots", n_robots))
+        self.add_robots(all_round(sensors, range=sight), check_count("n_robots", n_robots))
         match = (MatchVelocity(memory=memory),) if check_choice("matching", matching, ("on", "off")) == "on" else ()
         self.control = Subsumption(Avoid(distance=avoid_distance), *match, Explore(speed=speed))
 
@@ -78,11 +73,4 @@ class Flocking(SwarmModel):
 
     def results(self) -> dict[str, float]:
         """Return what a comparison compares: means over the second half of the run."""
-        collected = {name: self.datacollector.model_vars[name] for name in ("alignment", "polarization")}
-        return {name: mean_of_second_half(values) for name, values in collected.items()}
-
-
-def mean_of_second_half(values: list[float]) -> float | None:
-    """Return the mean of the later half of a series, None if there is nothing."""
-    later = [value for value in values[len(values) // 2 :] if value == value]
-    return sum(later) / len(later) if later else None
+        return {name: later_mean(self.datacollector.model_vars[name]) for name in ("alignment", "polarization")}

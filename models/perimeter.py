@@ -24,7 +24,7 @@ from typing import Annotated
 
 import numpy as np
 
-from mesa_swarm import ProximitySensor, RobotDesign, SwarmModel, control
+from mesa_swarm import SwarmModel, all_round, control
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import check_count
 from mesa_swarm.parameters import Choice, Slider
@@ -58,11 +58,7 @@ class Perimeter(SwarmModel):
     ) -> None:
         reporters = {"roundness": "roundness", "outwards": "outwards"}
         super().__init__(map=map, rng=rng, model_reporters=reporters)
-        eyes = (
-            ProximitySensor(bearing_degrees=360 * k / SENSORS, field_of_view_degrees=360 / SENSORS, range=sight)
-            for k in range(SENSORS)
-        )
-        self.add_robots(RobotDesign(name="all-round", sensors=tuple(eyes)), check_count("n_robots", n_robots))
+        self.add_robots(all_round(SENSORS, range=sight), check_count("n_robots", n_robots))
         keep = control.Perimeter(ring=ring, tolerance=tolerance)
         self.control = Subsumption(Avoid(distance=avoid_distance), keep, Explore())
 

@@ -3,8 +3,8 @@
 from mesa_swarm.analysis.clusters import Clusters, clusters
 from mesa_swarm.analysis.collisions import collision_frequency, cumulative_collisions
 from mesa_swarm.analysis.coverage import coverage, reachable_cells, visited_cells
-from mesa_swarm.analysis.order import directions, milling, polarization
-from mesa_swarm.analysis.series import central_moving_average, layer_shares, time_to
+from mesa_swarm.analysis.order import directions, milling, neighbour_alignment, polarization
+from mesa_swarm.analysis.series import central_moving_average, later_mean, layer_shares, time_to
 from mesa_swarm.analysis.spacing import (
     clark_evans,
     dispersion,
@@ -22,9 +22,11 @@ __all__ = [
     "cumulative_collisions",
     "directions",
     "dispersion",
+    "later_mean",
     "layer_shares",
     "milling",
     "nearest_neighbour_distances",
+    "neighbour_alignment",
     "polarization",
     "random_nearest_neighbour_distance",
     "reachable_cells",

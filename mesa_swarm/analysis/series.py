@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from mesa_swarm.analysis.arrays import check_array
-from mesa_swarm.errors import InvalidValueError, check_count
+from mesa_swarm.errors import InvalidValueError, check_count, check_number
 
 MOST_LAYERS = 1000
 
@@ -49,6 +49,38 @@ def central_moving_average(values: np.ndarray, window: int) -> np.ndarray:
     first, last = np.maximum(step - half, 0), np.minimum(step + half + 1, len(series))
     smooth = mean + (total[last] - total[first]) / (last - first)
     return np.clip(smooth, series.min(), series.max())
+
+
+def later_mean(values: np.ndarray, share: float = 0.5) -> float:
+    """Return the mean over the last part of a series, when what happened at the start has died away.
+
+    Parameters
+    ----------
+    values : ndarray, shape (k,)
+        One value a step. NaN: nothing was measured; it is left out.
+    share : float
+        Of the series that counts, above 0, at most 1.
+
+    Returns
+    -------
+    float
+        NaN where nothing was measured.
+
+    Raises
+    ------
+    InvalidValueError
+        If `values` is not k numbers, or `share` is out of its range.
+
+    Examples
+    --------
+    >>> later_mean([9, 9, 1, 2])
+    1.5
+    """
+    series = check_array("values", values, ("k",), finite=False)
+    share = check_number("share", share, above=0, maximum=1)
+    later = series[len(series) - math.ceil(share * len(series)) :]
+    later = later[~np.isnan(later)]
+    return float(later.mean()) if len(later) else math.nan
 
 
 def _half(window: int) -> int:

@@ -3,7 +3,9 @@
 import math
 from dataclasses import dataclass, field, replace
 
-from mesa_swarm.errors import InvalidValueError, check_number, shortened
+import numpy as np
+
+from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
 from mesa_swarm.robots.drive import DifferentialDrive, Drive
 from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSensor, Sensor
 
@@ -135,6 +137,29 @@ class RobotDesign:
         offsets = {i: side * (b - bearings[front]) for i, b in enumerate(bearings) if abs(b) <= math.pi / 2}
         beside = [i for i, offset in offsets.items() if offset > 0]
         return min(beside, key=lambda i: offsets[i], default=-1)
+
+
+def all_round(count: int = 12, *, range: float = 50.0, **more: object) -> RobotDesign:
+    """Return a design with infrared sensors all round, which divide the circle into equal sectors.
+
+    Parameters
+    ----------
+    count : int
+        Of sensors, 3 to 72; the first looks straight ahead.
+    range : float
+        Of each, map units.
+    **more
+        Other fields of `RobotDesign`.
+
+    Examples
+    --------
+    >>> [sensor.bearing_degrees for sensor in all_round(4, range=80).sensors]
+    [0.0, 90.0, 180.0, 270.0]
+    """
+    width = 360.0 / check_count("count", count, minimum=3, maximum=72)
+    bearings = np.arange(count) * width
+    eyes = tuple(ProximitySensor(bearing_degrees=float(b), field_of_view_degrees=width, range=range) for b in bearings)
+    return RobotDesign(**{"name": "all-round", **more}, sensors=eyes)
 
 
 def _infrared(bearings: list[float], field_of_view_degrees: float) -> tuple[ProximitySensor, ...]:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mesa_swarm.analysis import directions, milling, polarization
+from mesa_swarm.analysis import directions, milling, neighbour_alignment, polarization
 
 azimuths = st.lists(st.floats(-np.pi, np.pi), min_size=1, max_size=40).map(np.array)
 seeds = st.integers(0, 2**32)
@@ -120,3 +120,26 @@ def test_going_left_is_minus_pi_and_standing_is_no_direction():
     found = directions([[1, 0], [1, 1], [5, 5]], [[0, 0], [0, 1], [5, 5]])
     assert found[:2].tolist() == [-math.pi, -math.pi]
     assert math.isnan(found[2])
+
+
+@given(seeds, st.floats(-10, 10))
+def test_neighbour_alignment_is_the_mean_over_near_pairs_wherever_the_swarm_lies(seed, turn):
+    rng = np.random.default_rng(seed)
+    points, heading = rng.uniform(0, 100, (12, 2)), rng.uniform(-np.pi, np.pi, 12)
+    near = [(i, j) for i in range(12) for j in range(i) if math.dist(points[i], points[j]) <= 40]
+    expected = np.mean([math.cos(heading[i] - heading[j]) for i, j in near])
+    order, (c, s) = rng.permutation(12), (math.cos(turn), math.sin(turn))
+    turned = points @ np.array([[c, s], [-s, c]]) + rng.uniform(-1000, 1000, 2)
+    assert neighbour_alignment(points, heading, 40) == pytest.approx(expected, abs=1e-12)
+    assert neighbour_alignment(turned[order], heading[order] + turn, 40 + 1e-9) == pytest.approx(expected, abs=1e-9)
+
+
+def test_two_flocks_that_go_opposite_ways_are_aligned_but_not_polarized():
+    points = np.concatenate([ring(10)[0], ring(10, centre=(500.0, 0.0))[0]])
+    heading = np.repeat([0.0, np.pi], 10)
+    assert neighbour_alignment(points, heading, 50) == pytest.approx(1.0)
+    assert polarization(heading) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_neighbour_alignment_of_robots_that_are_far_apart_is_not_a_number():
+    assert math.isnan(neighbour_alignment([[0, 0], [99, 0]], [0, 0], 50))

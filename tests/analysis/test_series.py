@@ -1,5 +1,7 @@
 """Over time: averages by slicing, times by looking, shares by counting."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,6 +11,7 @@ from mesa_swarm.analysis import (
     central_moving_average,
     collision_frequency,
     cumulative_collisions,
+    later_mean,
     layer_shares,
     time_to,
 )
@@ -69,7 +72,7 @@ def test_the_collision_frequency_is_the_mean_of_the_block_around_each_step(colli
     expected = [collided[max(t - half, 0) : t + half + 1].mean() for t in range(len(collided))]
     frequency = collision_frequency(collided, window)
     np.testing.assert_allclose(frequency, expected, atol=1e-12)
-    assert ((0 <= frequency) & (frequency <= 1)).all()
+    assert ((frequency >= 0) & (frequency <= 1)).all()
 
 
 @given(tables, st.randoms(use_true_random=False))
@@ -134,3 +137,14 @@ def test_layer_shares_count_who_is_driven_by_what(seed, k, n, layers):
     np.testing.assert_allclose(shares, expected.reshape(k, layers + 1), atol=1e-15)
     np.testing.assert_allclose(shares.sum(axis=1), 1.0)
     np.testing.assert_array_equal(layer_shares(layer[:, ::-1], layers), shares)
+
+
+@given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=50), st.floats(0.01, 1))
+def test_the_later_mean_is_that_of_the_last_values_and_ignores_what_was_not_measured(values, share):
+    count = max(1, math.ceil(share * len(values)))
+    assert later_mean(values, share) == pytest.approx(sum(values[-count:]) / count, abs=1e-6)
+    assert later_mean([*values, math.nan], 1) == pytest.approx(sum(values) / len(values), abs=1e-6)
+
+
+def test_the_later_mean_of_nothing_is_not_a_number():
+    assert math.isnan(later_mean([]))
