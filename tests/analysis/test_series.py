@@ -72,7 +72,7 @@ def test_the_collision_frequency_is_the_mean_of_the_block_around_each_step(colli
     expected = [collided[max(t - half, 0) : t + half + 1].mean() for t in range(len(collided))]
     frequency = collision_frequency(collided, window)
     np.testing.assert_allclose(frequency, expected, atol=1e-12)
-    assert ((frequency >= 0) & (frequency <= 1)).all()
+    assert 0 <= frequency.min(initial=0) <= frequency.max(initial=0) <= 1
 
 
 @given(tables, st.randoms(use_true_random=False))

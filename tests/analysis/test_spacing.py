@@ -40,7 +40,7 @@ def test_nearest_neighbours_are_those_of_all_pairs(position):
 @given(swarms, st.floats(-np.pi, np.pi), st.floats(-500, 500), st.floats(0.1, 50), st.randoms(use_true_random=False))
 def test_spacing_follows_a_swarm_that_is_moved_turned_scaled_and_shuffled(position, turn, shift, scale, random):
     order = random.sample(range(len(position)), len(position))
-    moved = scale * (turned(position, turn) + np.array([shift, -shift]))[order]
+    moved = scale * (turned(position, turn)[order] + np.array([shift, -shift]))
     expected = scale * nearest_neighbour_distances(position)[order]
     np.testing.assert_allclose(nearest_neighbour_distances(moved), expected, atol=1e-9 * scale)
     assert dispersion(moved) == pytest.approx(scale * dispersion(position), rel=1e-9)

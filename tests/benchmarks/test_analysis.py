@@ -55,7 +55,7 @@ MEASURES = {
     "collision_frequency": lambda: collision_frequency(HEADING[None] > 0),
     "cumulative_collisions": lambda: cumulative_collisions(HEADING[None] > 0),
     "layer_shares": lambda: layer_shares(np.sign(HEADING)[None].astype(int), 4),
-    "time_to": lambda: time_to(HEADING, 3.0, for_good=True),
+    "time_to": lambda: time_to(np.sort(HEADING), 3.0, for_good=True),
 }
 
 
