@@ -23,6 +23,7 @@ FLOORS = {
     "world_model.py": 5.5,
     "model.py": 6,
     "parameters.py": 6,
+    "analysis": 7,
     "models": 7,
     "experiments": 8,
     "dashboard": 8,
@@ -37,6 +38,7 @@ OUTSIDE = {
     5: {"numpy", "numba"},
     5.5: {"numpy", "mesa"},
     6: {"numpy", "mesa", "tqdm"},
+    7: {"numpy", "scipy"},
 }
 STANDARD = {"__future__", *__import__("sys").stdlib_module_names}
 
@@ -72,6 +74,13 @@ def test_a_file_imports_only_from_its_own_room_and_from_floors_below_it(path):
         if module.startswith("mesa_swarm."):
             target = part_of(module)
             assert target == part or FLOORS[target] < FLOORS[part], f"{path.name} imports {module}"
+
+
+@pytest.mark.parametrize("path", sorted((PACKAGE / "analysis").glob("*.py")), ids=lambda p: p.name)
+def test_analysis_knows_arrays_and_never_a_model(path):
+    for module in imports_of(path):
+        known = not module.startswith("mesa_swarm.") or part_of(module) in {"analysis", "geometry", "errors.py"}
+        assert known, f"{path.name} imports {module}"
 
 
 @pytest.mark.parametrize("path", MODULES, ids=NAMES)
