@@ -151,10 +151,10 @@ class Links:
         follower = np.flatnonzero(leader >= 0)
         differ = heading[leader[follower]] - heading[follower]
         follower = follower[np.cos(differ) > math.cos(math.radians(self.alignment_degrees))]
-        order = np.lexsort((follower, gap[follower], leader[follower]))
-        follower = _first_of_each(follower[order], leader[follower[order]])
+        nearest, _ = _least_of_each(leader[follower], gap[follower], follower, len(leader))
+        followed = np.flatnonzero(nearest >= 0)
         kept = np.full(len(leader), -1)
-        kept[follower] = leader[follower]
+        kept[nearest[followed]] = followed
         return kept, np.where(kept >= 0, gap, math.inf)
 
 
@@ -184,9 +184,8 @@ def nearest_ahead(
     >>> nearest_ahead(np.array([[0.0, 0], [10, 0]]), np.zeros(2), 15.0, 45.0)
     (array([ 1, -1]), array([10., inf]))
     """
-    nearest, gap = np.full(len(position), -1), np.full(len(position), math.inf)
     if len(position) < 2:
-        return nearest, gap
+        return np.full(len(position), -1), np.full(len(position), math.inf)
     first, second = cKDTree(position, balanced_tree=False).query_pairs(reach, output_type="ndarray").T
     dx, dy = (position[second] - position[first]).T
     distance, least = np.hypot(dx, dy), math.cos(math.radians(half_angle_degrees))
@@ -196,15 +195,17 @@ def nearest_ahead(
     here = np.concatenate([first[sees], second[is_seen]])
     there = np.concatenate([second[sees], first[is_seen]])
     distance = np.concatenate([distance[sees], distance[is_seen]])
-    order = np.lexsort((there, distance, here))
-    order = _first_of_each(order, here[order])
-    nearest[here[order]], gap[here[order]] = there[order], distance[order]
-    return nearest, gap
+    return _least_of_each(here, distance, there, len(position))
 
 
-def _first_of_each(values: np.ndarray, group: np.ndarray) -> np.ndarray:
-    """Return the first value of each run of equal numbers in `group`."""
-    return values[np.flatnonzero(np.diff(group, prepend=-1))]
+def _least_of_each(group: np.ndarray, size: np.ndarray, row: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return for each of n groups the row of the least size, the smallest row of equal ones, and that size."""
+    least = np.full(n, math.inf)
+    np.minimum.at(least, group, size)
+    candidate = size == least[group]
+    found = np.full(n, np.iinfo(np.int64).max)
+    np.minimum.at(found, group[candidate], row[candidate])
+    return np.where(least < math.inf, found, -1), least
 
 
 def paths(leader: np.ndarray, position: np.ndarray) -> Chains:
@@ -259,8 +260,8 @@ def _opened(leader: np.ndarray, position: np.ndarray, part: np.ndarray, ring: np
     """Return who follows whom without the longest link of each ring."""
     opened, rows = leader.copy(), np.flatnonzero(ring)
     length = np.hypot(*(position[leader[rows]] - position[rows]).T)
-    order = np.lexsort((rows, -length, part[rows]))
-    opened[_first_of_each(rows[order], part[rows[order]])] = -1
+    longest, _ = _least_of_each(part[rows], -length, rows, len(leader))
+    opened[longest[longest >= 0]] = -1
     return opened
 
 
