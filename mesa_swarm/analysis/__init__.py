@@ -1,9 +1,13 @@
-"""Measures of swarms on plain arrays: groups, spacing, order, coverage, collisions, times."""
+"""Measures of swarms on plain arrays: groups, chains, spacing, order, coverage, collisions, times, pathologies."""
 
+from mesa_swarm.analysis.chain_events import Event
+from mesa_swarm.analysis.chain_history import ChainHistory, follow_chains
+from mesa_swarm.analysis.chains import Chains, chains
 from mesa_swarm.analysis.clusters import Clusters, clusters
 from mesa_swarm.analysis.collisions import collision_frequency, cumulative_collisions
 from mesa_swarm.analysis.coverage import coverage, reachable_cells, visited_cells
 from mesa_swarm.analysis.order import directions, milling, neighbour_alignment, polarization
+from mesa_swarm.analysis.pathology import Episode, Pathologies, find_pathologies
 from mesa_swarm.analysis.series import central_moving_average, later_mean, layer_shares, time_to
 from mesa_swarm.analysis.spacing import (
     clark_evans,
@@ -13,8 +17,14 @@ from mesa_swarm.analysis.spacing import (
 )
 
 __all__ = [
+    "ChainHistory",
+    "Chains",
     "Clusters",
+    "Episode",
+    "Event",
+    "Pathologies",
     "central_moving_average",
+    "chains",
     "clark_evans",
     "clusters",
     "collision_frequency",
@@ -22,6 +32,8 @@ __all__ = [
     "cumulative_collisions",
     "directions",
     "dispersion",
+    "find_pathologies",
+    "follow_chains",
     "later_mean",
     "layer_shares",
     "milling",

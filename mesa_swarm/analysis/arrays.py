@@ -78,6 +78,34 @@ def check_flags(name: str, value: object, axes: Axes) -> np.ndarray:
     return array == 1
 
 
+def check_whole(name: str, value: object, axes: Axes) -> np.ndarray:
+    """Return `value` as an array of int64, or say that it does not hold whole numbers.
+
+    Examples
+    --------
+    >>> check_whole("layer", [[0, -1]], ("k", "n"))
+    array([[ 0, -1]])
+    """
+    array = check_array(name, value, axes)
+    if (array != np.floor(array)).any():
+        raise InvalidValueError(f"{name} holds fractions; expected whole numbers")
+    return array.astype(np.int64)
+
+
+def check_steps(steps: object) -> np.ndarray:
+    """Return the steps of the frames as int64, or say that they do not ascend.
+
+    Examples
+    --------
+    >>> check_steps([1, 2, 5])
+    array([1, 2, 5])
+    """
+    array = check_whole("steps", steps, ("k",))
+    if (np.diff(array) <= 0).any():
+        raise InvalidValueError("steps do not ascend; expected the step of each frame, in the order of time")
+    return array
+
+
 def check_bounds(value: object) -> Bounds:
     """Return the bounds of a world as four floats, or say why they enclose nothing.
 

@@ -1,0 +1,186 @@
+"""What becomes of chains from one frame to the next: births, ends, mergers, splits, reversals of order."""
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from mesa_swarm.analysis.chains import Chains
+
+KINDS = ("birth", "end", "merge", "split", "reversal", "meeting")
+# Fewer robots than this are no chain, and no part of one that counts as its successor.
+FEWEST = 2
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Event:
+    """Something that happened to chains.
+
+    Parameters
+    ----------
+    kind : str
+        One of `KINDS`.
+    step : int
+        The first kept step in which it was so.
+    robots : tuple of int
+        Rows: of the chain from head to tail (the new one of a birth or merger, the old one of an end or split);
+        of a reversal of order those that changed places; of a meeting the two.
+    chains : tuple of int
+        Numbers of the chains involved, ascending: before and after.
+
+    Examples
+    --------
+    >>> Event(kind="merge", step=7, robots=(2, 0, 1, 3), chains=(0, 1)).robots[0]
+    2
+    """
+
+    kind: str
+    step: int
+    robots: tuple[int, ...]
+    chains: tuple[int, ...]
+
+    @property
+    def order(self) -> tuple:
+        """What events are sorted by: step, then kind, then robots."""
+        return self.step, KINDS.index(self.kind), self.robots, self.chains
+
+
+@dataclass(frozen=True, slots=True)
+class NumberedChain:
+    """A chain with the number that it keeps over time.
+
+    Parameters
+    ----------
+    number : int
+    robots : tuple of int
+        Rows from head to tail.
+    closed : bool
+        Whether it is a ring, in which nobody is ahead of anybody.
+    """
+
+    number: int
+    robots: tuple[int, ...]
+    closed: bool
+
+
+class Lineage:
+    """Which chain is the successor of which; see `chain_history.follow_chains` for the rules.
+
+    Parameters
+    ----------
+    window : int
+        Steps after which it is forgotten who was ahead of whom.
+
+    Attributes
+    ----------
+    chains : tuple of NumberedChain
+        As they are now.
+
+    Examples
+    --------
+    >>> from mesa_swarm.analysis.chains import paths
+    >>> lineage, place = Lineage(window=100), np.zeros((2, 2))
+    >>> [event.kind for event in lineage.advance(5, 4, paths(np.array([-1, 0]), place))]
+    ['birth']
+    >>> [event.kind for event in lineage.advance(6, 5, paths(np.array([1, -1]), place))]
+    ['reversal']
+    """
+
+    def __init__(self, window: int) -> None:
+        self.chains: tuple[NumberedChain, ...] = ()
+        self._window = window
+        self._created = 0
+        # Of two robots: who was ahead, until which step, in which chain.
+        self._together: dict[tuple[int, int], tuple[bool, int, int]] = {}
+        self._reversed: dict[int, int] = {}
+
+    def advance(self, step: int, before: int, found: Chains) -> list[Event]:
+        """Take note of the chains in `step`, given that the last ones were there until `before`."""
+        old = self.chains
+        shared = common(old, found.label)
+        numbers = self._numbers(shared, found.count)
+        self.chains = tuple(
+            NumberedChain(number, tuple(rows.tolist()), bool(closed))
+            for number, rows, closed in zip(numbers, found.members(), found.closed, strict=True)
+        )
+        known, still = set(old), set(self.chains)
+        self._remember([chain for chain in old if chain not in still], before)
+        events = made(step, shared, old, self.chains) + unmade(step, shared, old, self.chains)
+        for chain in self.chains:
+            if chain not in known and not chain.closed:
+                events += self._reversals(step, chain)
+        return events
+
+    def _numbers(self, shared: list[tuple[int, int, int]], count: int) -> list[int]:
+        """Return each new chain's number: of the old one with which it has most robots in common, or a new one."""
+        numbers, given = [-1] * count, set()
+        for robots, old, new in sorted(shared, key=lambda s: (-s[0], self.chains[s[1]].number, s[2])):
+            del robots
+            if numbers[new] < 0 and old not in given:
+                numbers[new] = self.chains[old].number
+                given.add(old)
+        for new in range(count):
+            if numbers[new] < 0:
+                numbers[new] = self._created
+                self._created += 1
+        return numbers
+
+    def _remember(self, chains: list[NumberedChain], step: int) -> None:
+        """Remember who was ahead of whom in these chains, which were there until this step."""
+        for chain in chains:
+            if not chain.closed:
+                for ahead, behind in combinations(chain.robots, 2):
+                    pair = min(ahead, behind), max(ahead, behind)
+                    self._together[pair] = ahead < behind, step, chain.number
+
+    def _reversals(self, step: int, chain: NumberedChain) -> list[Event]:
+        """Return the reversals of earlier chains of which robots are in this one in the opposite order."""
+        turned: dict[int, list[tuple[bool, int, int, int]]] = {}
+        for ahead, behind in combinations(chain.robots, 2):
+            kept = self._together.get((min(ahead, behind), max(ahead, behind)))
+            if kept is not None and step - kept[1] <= self._window:
+                turned.setdefault(kept[2], []).append((kept[0] != (ahead < behind), kept[1], ahead, behind))
+        events = []
+        for number, pairs in sorted(turned.items()):
+            fresh = max(until for _, until, _, _ in pairs) >= self._reversed.get(number, 0)
+            if fresh and all(opposite for opposite, _, _, _ in pairs):
+                changed = {robot for _, _, *both in pairs for robot in both}
+                robots = tuple(robot for robot in chain.robots if robot in changed)
+                chains = tuple(sorted({number, chain.number}))
+                events.append(Event(kind="reversal", step=step, robots=robots, chains=chains))
+                self._reversed[number] = step
+        return events
+
+
+def common(old: tuple[NumberedChain, ...], label: np.ndarray) -> list[tuple[int, int, int]]:
+    """Return (robots in common, index of the old chain, of the new one) where two or more robots are in both."""
+    shared = []
+    for index, chain in enumerate(old):
+        labels = label[list(chain.robots)]
+        counts = np.bincount(labels[labels >= 0])
+        shared += [(int(counts[new]), index, int(new)) for new in np.flatnonzero(counts >= FEWEST)]
+    return shared
+
+
+def made(step: int, shared: list, old: tuple, new: tuple) -> list[Event]:
+    """Return the births and mergers: new chains that come from none, or from several."""
+    events = []
+    for index, chain in enumerate(new):
+        parents = [old[o].number for _, o, n in shared if n == index]
+        if len(parents) != 1:
+            chains = tuple(sorted({chain.number, *parents}))
+            kind = "merge" if parents else "birth"
+            events.append(Event(kind=kind, step=step, robots=chain.robots, chains=chains))
+    return events
+
+
+def unmade(step: int, shared: list, old: tuple, new: tuple) -> list[Event]:
+    """Return the ends and splits: old chains from which none comes, or several do."""
+    events = []
+    for index, chain in enumerate(old):
+        children = [new[n].number for _, o, n in shared if o == index]
+        if len(children) != 1:
+            chains = tuple(sorted({chain.number, *children}))
+            kind = "split" if children else "end"
+            events.append(Event(kind=kind, step=step, robots=chain.robots, chains=chains))
+    return events

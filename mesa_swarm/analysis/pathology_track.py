@@ -1,0 +1,168 @@
+"""What robots did in consecutive steps, and the stretches of steps in which something is so."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mesa_swarm.analysis.arrays import check_array, check_steps, check_whole
+from mesa_swarm.errors import InvalidValueError
+
+OBSTACLE, ROBOT, FIRE = 0, 1, 2
+# A command below this share of max_speed is none: rounding.
+NOTHING = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Track:
+    """The kept arrays, checked; see `pathology.find_pathologies`.
+
+    Examples
+    --------
+    >>> track = Track.of(
+    ...     steps=[1], position=[[[0, 0]]], heading=[[0]], command=[[[1, 0]]], layer=[[0]], distance=[[[9]]],
+    ...     kind=[[[1]]], radius=[5], max_speed=[1], forward=[[0, -1, -1]],
+    ... )
+    >>> track.turn, track.reads((ROBOT,), 20.0, 0), track.reads((ROBOT,), 20.0, 1)
+    (array([[-1.]]), array([[ True]]), array([[False]]))
+    """
+
+    steps: np.ndarray
+    position: np.ndarray
+    heading: np.ndarray
+    command: np.ndarray
+    layer: np.ndarray
+    distance: np.ndarray
+    kind: np.ndarray
+    radius: np.ndarray
+    max_speed: np.ndarray
+    forward: np.ndarray
+
+    @classmethod
+    def of(cls, *, steps, position, heading, command, layer, distance, kind, radius, max_speed, forward) -> "Track":
+        """Check the arrays and return them as a track."""
+        steps = check_steps(steps)
+        if (np.diff(steps) != 1).any():
+            raise InvalidValueError("steps leave some out; expected consecutive ones: keep every step")
+        k = len(steps)
+        radius = check_array("radius", radius, ("n",))
+        n = len(radius)
+        distance = check_array("distance", distance, (k, n, "s"))
+        sensors = distance.shape[2]
+        forward = check_whole("forward", forward, (n, 3))
+        if ((forward < -1) | (forward >= sensors)).any():
+            raise InvalidValueError(f"forward names sensors that are not there; expected -1 to {sensors - 1}")
+        return cls(
+            steps=steps,
+            position=check_array("position", position, (k, n, 2)),
+            heading=check_array("heading", heading, (k, n)),
+            command=check_array("command", command, (k, n, 2)),
+            layer=check_whole("layer", layer, (k, n)),
+            distance=distance,
+            kind=check_whole("kind", kind, (k, n, sensors)),
+            radius=radius,
+            max_speed=check_array("max_speed", max_speed, (n,)),
+            forward=forward,
+        )
+
+    @property
+    def turn(self) -> np.ndarray:
+        """Side to which each robot turns in each step (k, n): 1 left, -1 right, 0 neither."""
+        return self._sign(self.command[..., 1] - self.command[..., 0])
+
+    @property
+    def travel(self) -> np.ndarray:
+        """Whether each robot is commanded forwards (1), backwards (-1) or neither (0) in each step (k, n)."""
+        return self._sign(self.command.sum(axis=2))
+
+    def reads(self, kinds: tuple[int, ...], near: float, which: int) -> np.ndarray:
+        """Tell in which steps (k, n) the front (0), left (1) or right (2) sensor reads such a body so near."""
+        k, n, sensors = self.kind.shape
+        if not sensors:
+            return np.zeros((k, n), bool)
+        index, rows = self.forward[:, which], np.arange(n)
+        kind, distance = self.kind[:, rows, index], self.distance[:, rows, index]
+        return np.isin(kind, kinds) & (distance >= 0) & (distance < near) & (index >= 0)
+
+    def _sign(self, speed: np.ndarray) -> np.ndarray:
+        return np.sign(np.where(np.abs(speed) > NOTHING * self.max_speed, speed, 0.0))
+
+
+def last_before(sign: np.ndarray) -> np.ndarray:
+    """Return for each step (k, n) the last one before it in which the sign was not 0, -1 if there is none.
+
+    Examples
+    --------
+    >>> last_before(np.array([[1], [0], [-1]])).ravel()
+    array([-1,  0,  0])
+    """
+    last = np.where(sign != 0, np.arange(len(sign))[:, None], -1)
+    last = np.maximum.accumulate(last, axis=0)
+    return np.concatenate([np.full((1, sign.shape[1]), -1), last[:-1]])[: len(sign)]
+
+
+def flips_of(sign: np.ndarray) -> np.ndarray:
+    """Tell in which steps (k, n) the sign is the opposite of the last one that was not 0.
+
+    Examples
+    --------
+    >>> flips_of(np.array([[1], [0], [-1], [-1], [1]])).ravel()
+    array([False, False,  True, False,  True])
+    """
+    before = last_before(sign)
+    return (before >= 0) & (sign * at(sign, before) < 0)
+
+
+def at(values: np.ndarray, frame: np.ndarray) -> np.ndarray:
+    """Return each robot's value in another step (k, n), which may be -1: then whatever.
+
+    Examples
+    --------
+    >>> at(np.array([[1], [2]]), np.array([[1], [0]])).ravel()
+    array([2, 1])
+    """
+    return values[frame, np.arange(frame.shape[1])] if len(values) else values
+
+
+def covered(shape: tuple[int, int], row: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+    """Return a mask (k, n) of the steps `first` to `last`, inclusive, of these rows.
+
+    Examples
+    --------
+    >>> covered((4, 1), np.array([0]), np.array([1]), np.array([2])).ravel()
+    array([False,  True,  True, False])
+    """
+    change = np.zeros((shape[0] + 1, shape[1]), np.int64)
+    np.add.at(change, (first, row), 1)
+    np.add.at(change, (last + 1, row), -1)
+    return change.cumsum(axis=0)[:-1] > 0
+
+
+def runs(mask: np.ndarray) -> list[tuple[int, int, int]]:
+    """Return (row, first, last) of every run of true values along the first axis.
+
+    Examples
+    --------
+    >>> runs(np.array([[True], [True], [False], [True]]))
+    [(0, 0, 1), (0, 3, 3)]
+    """
+    edge = np.diff(mask.astype(np.int8), axis=0, prepend=0, append=0).T
+    row, first = np.nonzero(edge > 0)
+    _, end = np.nonzero(edge < 0)
+    return [(int(i), int(a), int(b) - 1) for i, a, b in zip(row, first, end, strict=True)]
+
+
+def lasting(mask: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return first step and row of every stretch of so many steps in a row, not the very first step.
+
+    The very first is left out because it is not kept where robots were before it.
+
+    Examples
+    --------
+    >>> lasting(np.ones((4, 1), bool), 2)[0]
+    array([1, 2])
+    """
+    if len(mask) <= length:
+        return np.empty(0, np.int64), np.empty(0, np.int64)
+    total = np.concatenate([np.zeros((1, mask.shape[1]), np.int64), mask.cumsum(axis=0)])
+    first, row = np.nonzero(total[length + 1 :] - total[1:-length] == length)
+    return first + 1, row
