@@ -1,0 +1,101 @@
+"""Chain formation: robots that follow the nearest robot ahead, and so make chains.
+
+WHAT IS IT? A robot follows whom it sees ahead of it; nobody counts or leads on purpose. Whoever follows nobody and is
+followed is a leader without knowing it.
+
+HOW IT WORKS. Layers, the first that is active drives. HeadOn (if switched on) turns round on the spot, at a random speed,
+when another robot comes head-on: the slower one follows. Avoid turns away from what is very near. Follow turns on
+the spot towards the nearest robot ahead and drives after it: fast while it is farther than the gap, else at cruise
+speed. Explore drives straight on at cruise speed, so that followers can catch up.
+
+HOW TO USE IT. `gap` and `gap_rule`: without the rule all drive equally fast and followers stay at the limit of their
+sight. `head_on` switches the leader rule on.
+
+THINGS TO NOTICE. Chains bend at walls and stay whole if they come at an angle; a leader that turns for long meets its
+own followers. Chains that meet head-on part into two others. A ring can follow itself for ever.
+
+THINGS TO TRY. The gap rule off: how long do chains get? Sensors that see only 30 units far. Twenty robots, or a hundred.
+
+EXTENDING IT. Let the last of a chain drop out when nobody has been behind it for long.
+
+REFERENCE. Thesis, sections 5.2.3.2, 5.3.3 and 10.2.
+"""
+
+from typing import Annotated
+
+from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm.analysis import Chains, chains
+from mesa_swarm.control import Avoid, Explore, Follow, HeadOn, Subsumption
+from mesa_swarm.errors import check_choice, check_count
+from mesa_swarm.parameters import Choice, Slider
+
+SWITCH = ("on", "off")
+
+
+class ChainFormation(SwarmModel):
+    """Robots that follow the nearest robot ahead, and so make chains.
+
+    Examples
+    --------
+    >>> ChainFormation(n_robots=10, rng=1).run(5).steps
+    5
+    """
+
+    compares = "gap_rule", SWITCH
+    steps_to_compare = 3_000
+
+    def __init__(
+        self,
+        *,
+        n_robots: Annotated[int, Slider(2, 200, 1, "robots")] = 50,
+        gap_rule: Annotated[str, Choice(SWITCH, "whether followers hurry while they are far")] = "on",
+        gap: Annotated[float, Slider(0, 50, 1, "what is farther than this is far, map units")] = 15.0,
+        head_on: Annotated[str, Choice(SWITCH, "whether robots that meet head-on choose a leader")] = "off",
+        cruise_speed: Annotated[float, Slider(0.1, 1, 0.05, "share of the greatest speed")] = 0.7,
+        sight: Annotated[float, Slider(10, 200, 5, "range of the infrared sensors, map units")] = 50.0,
+        avoid_distance: Annotated[float, Slider(0, 30, 0.5, "nearer than this is too near, map units")] = 6.0,
+        map: Annotated[str, Choice(("openspace", "sparse", "original"), "the world")] = "openspace",
+        rng=None,
+    ) -> None:
+        reporters = {"chains": "chains", "mean_chain": "mean_chain", "chained": "chained"}
+        super().__init__(map=map, rng=rng, model_reporters=reporters)
+        self.add_robots(AGENT9.with_proximity(range=sight), check_count("n_robots", n_robots))
+        self.link_distance = sight + 2.0 * AGENT9.radius
+        hurries = check_choice("gap_rule", gap_rule, SWITCH) == "on"
+        chooses = (HeadOn(),) if check_choice("head_on", head_on, SWITCH) == "on" else ()
+        self.control = Subsumption(
+            *chooses,
+            Avoid(distance=avoid_distance),
+            Follow(gap=gap if hurries else None, cruise_speed=cruise_speed),
+            Explore(speed=cruise_speed),
+        )
+
+    def find_chains(self) -> Chains:
+        """Return who follows whom now."""
+        return chains(self.swarm.position, self.swarm.heading, link_distance=self.link_distance)
+
+    @property
+    def chains(self) -> int:
+        """How many chains of at least two robots there are."""
+        return self.find_chains().count
+
+    @property
+    def mean_chain(self) -> float:
+        """Mean number of robots in a chain, 0 where there is none."""
+        found = self.find_chains()
+        return found.mean_length if found.count else 0.0
+
+    @property
+    def chained(self) -> float:
+        """Share of all robots that are in a chain."""
+        return self.find_chains().chained if len(self.swarm) else 0.0
+
+    def results(self) -> dict[str, float]:
+        """Return what a comparison compares."""
+        found = self.find_chains()
+        return {
+            "chains": found.count,
+            "mean chain": self.mean_chain,
+            "longest chain": found.longest,
+            "chained": self.chained,
+        }
