@@ -9,7 +9,14 @@ import numpy as np
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.control.rule import WANTED, Rule, columns_of, failure, rule_of
 from mesa_swarm.control.rule_source import own_randomness, uses_attribute
-from mesa_swarm.errors import BehaviourError, InvalidValueError, UnknownNameError, check_number, unknown_name
+from mesa_swarm.errors import (
+    BehaviourError,
+    InvalidValueError,
+    UncompiledBehaviourWarning,
+    UnknownNameError,
+    check_number,
+    unknown_name,
+)
 from mesa_swarm.robots.swarm import Swarm
 
 # What a rule returns when it has nothing to say: a pair of numbers like any other, so that it compiles.
@@ -83,6 +90,8 @@ class Behaviour:
         values = tuple(self.parameters.values())
         try:
             wrong = self.rule.run(self._columns(senses), values, at, command, layer, index)
+        except UncompiledBehaviourWarning:  # where warnings are errors
+            raise
         except Exception as error:
             raise self._refusal(at[0], failure(error)) from error
         if wrong >= 0:

@@ -102,6 +102,11 @@ def test_the_warning_says_in_one_line_why_and_points_to_the_rule():
     assert f"(line {slow.__code__.co_firstlineno + 1})" in str(warning.message)
 
 
+def test_the_warning_is_itself_where_warnings_are_errors():
+    with pytest.raises(UncompiledBehaviourWarning, match="cannot be compiled"):
+        step_with(behaviour(lambda me: (float(f"{me.radius}"), 0.0)))
+
+
 def test_a_rule_that_returns_nan_is_reported_with_the_robot_the_rule_and_the_step():
     @behaviour
     def late(me):
