@@ -88,13 +88,16 @@ seen, sensed, bearings = _reading(-1), _reading(0), _reading(math.nan)
 
 @lower_builtin(operator.getitem, ReadingsType, types.Integer)
 def _read(context, builder, signature, arguments):
-    nothing = signature.args[0].nothing
+    readings, index = signature.args
+    nothing = readings.nothing
 
     def read(array, index):
         if index == -1:
             return array.dtype.type(nothing)
         if not 0 <= index < len(array):
             raise IndexError("there is no such sensor")  # Numba puts no numbers into messages
-        return array[:][index]  # a slice is an ordinary array
+        return array[index]
 
-    return context.compile_internal(builder, read, signature, arguments)
+    # The data are an ordinary array's, and are read as one.
+    array = types.Array(readings.dtype, 1, readings.layout, readonly=True)
+    return context.compile_internal(builder, read, signature.return_type(array, index), arguments)

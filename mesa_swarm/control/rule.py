@@ -20,6 +20,8 @@ from mesa_swarm.robots.design import RobotDesign
 
 WANTED = "expected two finite wheel speeds (left, right), or PASS"
 CHANGES = "changes what it sees; a rule may only read me: change a copy()"
+# Numba's words for branches that return unlike things.
+UNLIKE = "Can't unify return type"
 # Where a layer that was made of a function keeps it: pickle finds it there under the function's own name.
 PLACE = ".rule.function"
 
@@ -146,7 +148,7 @@ def _compiled(function: FunctionType, columns: tuple, values: tuple) -> tuple[Ca
         problem = str(error) or type(error).__name__
     returned = [result.signature.return_type for result in rule.overloads.values()]
     if not all(map(_is_pair, returned)):
-        problem = f"Can't unify return type: {returned[0]}"
+        problem = f"{UNLIKE}: {returned[0]}"
     return (_plain(function), problem) if problem else (run, "")
 
 
@@ -224,7 +226,7 @@ def defect_in(problem: str) -> str:
         return f"uses an {unknown_name('field of me', field[1], Me._fields)}"
     if re.search(r"Cannot modify readonly|No definition for lowering Me\(.*\)\.\w+ =", problem):
         return CHANGES
-    if "Can't unify return type" in problem:
+    if UNLIKE in problem:
         return f"does not return two wheel speeds in every branch; {WANTED}"
     return ""
 

@@ -46,7 +46,7 @@ def own_randomness(function: FunctionType) -> str | None:
 def _is_random(value: Any) -> bool:
     if isinstance(value, ModuleType):
         return value.__name__ in ("random", "numpy.random")
-    home = getattr(value, "__module__", None) or ""
+    home = str(getattr(value, "__module__", ""))
     made = isinstance(value, GENERATORS) or isinstance(getattr(value, "__self__", None), GENERATORS)
     return made or home == "random" or home.startswith("numpy.random")
 
