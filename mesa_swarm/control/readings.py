@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic, lower_builtin, models, overload, register_model
 
 # A robot without a front sensor has me.front == -1. Python and Numba would take that as the last sensor, so
@@ -88,16 +89,17 @@ seen, sensed, bearings = _reading(-1), _reading(0), _reading(math.nan)
 
 @lower_builtin(operator.getitem, ReadingsType, types.Integer)
 def _read(context, builder, signature, arguments):
-    readings, index = signature.args
-    nothing = readings.nothing
-
-    def read(array, index):
-        if index == -1:
-            return array.dtype.type(nothing)
-        if not 0 <= index < len(array):
-            raise IndexError("there is no such sensor")  # Numba puts no numbers into messages
-        return array[index]
-
-    # The data are an ordinary array's, and are read as one.
-    array = types.Array(readings.dtype, 1, readings.layout, readonly=True)
-    return context.compile_internal(builder, read, signature.return_type(array, index), arguments)
+    """Emit what `Readings.__getitem__` does, by hand: a call would count references, which costs more than to read."""
+    kind, index_type = signature.args
+    array = context.make_array(kind)(context, builder, arguments[0])
+    index = context.cast(builder, arguments[1], index_type, types.intp)
+    length, (stride,) = builder.extract_value(array.shape, 0), cgutils.unpack_tuple(builder, array.strides)
+    nothing = context.get_constant(kind.dtype, kind.nothing)
+    result = cgutils.alloca_once_value(builder, nothing)
+    with builder.if_then(builder.icmp_signed("!=", index, index.type(-1))):
+        with builder.if_then(builder.icmp_unsigned(">=", index, length), likely=False):
+            context.call_conv.return_user_exc(builder, IndexError, ("there is no such sensor",))
+        place = cgutils.pointer_add(builder, array.data, builder.mul(index, stride))
+        value = context.unpack_value(builder, kind.dtype, place)
+        builder.store(value, result)
+    return builder.load(result)
