@@ -5,8 +5,12 @@ expected, what to do. Inner code trusts what has passed the border.
 """
 
 import math
+import re
 from collections.abc import Iterable
 from difflib import get_close_matches
+
+# Larger arrays are shown as NumPy abbreviates them.
+MOST_SHOWN = 20
 
 
 class SwarmError(Exception):
@@ -76,7 +80,11 @@ def check_number(
     >>> check_number("radius", 5, above=0)
     5.0
     """
-    wanted = _range_in_words(minimum, maximum, above)
+    return _checked(name, value, minimum, maximum, above, "a finite number")
+
+
+def _checked(name: str, value: object, minimum: float, maximum: float, above: float, what: str) -> float:
+    wanted = _range_in_words(what, minimum, maximum, above)
     if isinstance(value, (bool, str, bytes)):
         raise InvalidValueError(f"{name} is {value!r}; expected {wanted}")
     try:
@@ -96,9 +104,11 @@ def check_count(name: str, value: object, *, minimum: int = 0, maximum: int = 2*
     >>> check_count("steps", 10)
     10
     """
-    number = check_number(name, value, minimum=minimum, maximum=maximum)
+    what = "a whole number"
+    number = _checked(name, value, minimum, maximum, -math.inf, what)
     if number != int(number):
-        raise InvalidValueError(f"{name} is {value!r}; expected a whole number")
+        wanted = _range_in_words(what, minimum, maximum, -math.inf)
+        raise InvalidValueError(f"{name} is {shortened(value)}; expected {wanted}")
     return int(number)
 
 
@@ -130,28 +140,37 @@ def unknown_name(what: str, got: object, known: Iterable[str]) -> str:
     return f"unknown {what} {shortened(got)}; {hint}known: {', '.join(names)}"
 
 
-def _range_in_words(minimum: float, maximum: float, above: float) -> str:
+def _range_in_words(what: str, minimum: float, maximum: float, above: float) -> str:
     if above > -math.inf:
-        lower = f"above {above:g}"
+        lower = f"above {_shown(above)}"
     elif minimum > -math.inf:
-        lower = f"at least {minimum:g}"
+        lower = f"at least {_shown(minimum)}"
     else:
         lower = ""
-    upper = f"at most {maximum:g}" if maximum < math.inf else ""
+    upper = f"at most {_shown(maximum)}" if maximum < math.inf else ""
     limits = " and ".join(part for part in (lower, upper) if part)
-    return f"a finite number {limits}".rstrip()
+    return f"{what} {limits}".rstrip()
+
+
+def _shown(limit: float) -> str:
+    return str(limit) if isinstance(limit, int) else f"{limit:g}"
 
 
 def shortened(value: object) -> str:
-    """Return what the user gave, cut to 80 characters.
+    """Return what the user gave, NumPy's numbers and paths as plain ones, cut to 80 characters.
 
     Examples
     --------
     >>> shortened("original")
     "'original'"
+    >>> from pathlib import Path
+    >>> shortened((Path("a.toml"), 1.5))
+    "('a.toml', 1.5)"
     """
+    if 0 < getattr(value, "size", 0) <= MOST_SHOWN:
+        value = value.tolist()  # type: ignore[attr-defined]
     try:
-        text = repr(value)
+        text = re.sub(r"\b(?:np\.\w+|PosixPath|WindowsPath)\(([^()]*)\)", r"\1", repr(value))
     except ValueError:  # Python refuses to write integers of more than 4300 digits
         text = f"a huge {type(value).__name__}"
     return text if len(text) <= 80 else text[:77] + "..."

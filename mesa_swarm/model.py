@@ -5,7 +5,6 @@ from hashlib import blake2b
 
 import mesa
 import numpy as np
-from tqdm.auto import tqdm
 
 from mesa_swarm.control.explain import Explanation, explanation
 from mesa_swarm.control.layer import Senses
@@ -15,6 +14,7 @@ from mesa_swarm.fire.constants import FireConstants, design_constants
 from mesa_swarm.physics.contacts import Contacts
 from mesa_swarm.physics.engine import CompiledEngine, Engine
 from mesa_swarm.physics.shapely_engine import ShapelyEngine
+from mesa_swarm.progress import progress_bar
 from mesa_swarm.robots.drive import limit_command
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.snapshots import DECISIONS, Snapshots
@@ -102,6 +102,10 @@ class SwarmModel(World):
             model_reporters={**reporters, **(model_reporters or {})}, agent_reporters=agent_reporters
         )
 
+    def __repr__(self) -> str:
+        counts = f"{len(self.swarm)} robots, {len(self.fires)} fires"
+        return f"<{type(self).__name__} on map {self.map.name}, step {self.steps}: {counts}>"
+
     @property
     def fire_constants(self) -> FireConstants:
         """The constants of the fires and of the heat in robots; may be changed between steps."""
@@ -170,7 +174,7 @@ class SwarmModel(World):
         ----------
         steps : int
         progress : bool
-            Whether to show a bar with the time left.
+            Whether to show a bar with the time left and the time of day at which it is done.
 
         Examples
         --------
@@ -178,10 +182,12 @@ class SwarmModel(World):
         >>> SwarmModel(rng=1).run(3).steps
         3
         """
-        for _ in tqdm(range(check_count("steps", steps)), disable=not progress, unit="step"):
-            if not self.running:
-                break
-            self.step()
+        with progress_bar(check_count("steps", steps), "steps", progress) as bar:
+            for _ in range(bar.total):
+                if not self.running:
+                    break
+                self.step()
+                bar.update()
         return self
 
     def _decide(self) -> None:

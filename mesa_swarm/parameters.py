@@ -3,6 +3,7 @@
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, get_type_hints
 
 from mesa_swarm.errors import (
@@ -12,6 +13,7 @@ from mesa_swarm.errors import (
     check_number,
     unknown_name,
 )
+from mesa_swarm.world.map import READABLE
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +42,7 @@ class Slider:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """The names that a parameter may have.
+    """The names that a parameter may have; a `map` may also be a file.
 
     Examples
     --------
@@ -74,6 +76,8 @@ class Parameter:
         InvalidValueError, UnknownNameError
             If the text is not such a value.
         """
+        if self.name == "map" and Path(text).suffix.lower() in READABLE:
+            return text  # a file, which the model reads or refuses
         if isinstance(self.control, Choice):
             return check_choice(self.name, text, self.control.options)
         if self.kind is bool:
@@ -85,13 +89,12 @@ class Parameter:
     def _number(self, text: str) -> float:
         try:
             number = check_number(self.name, float(text))
+            if self.kind is int and number != int(number):
+                raise ValueError
         except ValueError:
-            raise InvalidValueError(f"{self.name} is {text!r:.60}; expected a finite number") from None
-        if self.kind is not int:
-            return number
-        if number != int(number):
-            raise InvalidValueError(f"{self.name} is {text!r:.60}; expected a whole number")
-        return int(number)
+            wanted = "a whole number" if self.kind is int else "a finite number"
+            raise InvalidValueError(f"{self.name} is {text!r:.60}; expected {wanted}") from None
+        return self.kind(number)
 
 
 def parameters_of(model: Callable) -> dict[str, Parameter]:

@@ -28,7 +28,7 @@ import numpy as np
 
 from mesa_swarm import AGENT_FIRE, SwarmModel
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.errors import check_choice, check_count
+from mesa_swarm.errors import InvalidValueError, check_choice, check_count
 from mesa_swarm.fire import FightFire, FireConstants, design_constants
 from mesa_swarm.parameters import Choice, Slider
 
@@ -73,6 +73,8 @@ class FireFighting(SwarmModel):
         super().__init__(
             map=map, rng=rng, fire_constants=constants, history_every=history_every, model_reporters=reporters
         )
+        if not len(self.fires):
+            raise InvalidValueError(f"map {self.map.name} has no fires; choose one with fires, such as openspace_fire")
         for fire in self.fires:
             fire.temperature = initial_temperature
         self.add_robots(AGENT_FIRE, check_count("n_robots", n_robots))
@@ -97,8 +99,11 @@ class FireFighting(SwarmModel):
     def results(self) -> dict[str, float | None]:
         """Return what a comparison compares: fires out, and when each and the last went out, None if it burns."""
         last = int(self.fires.out_step.max()) if len(self.fires) and self.fires.out.all() else None
+        areas = self.fires.area
         out = {
-            f"fire {i + 1} out at": int(fire_step) if fire_step >= 0 else None
-            for i, fire_step in enumerate(self.fires.out_step)
+            f"fire {i + 1}{' (largest)' if (areas[i] > np.delete(areas, i)).all() else ''} out at": (
+                int(step) if step >= 0 else None
+            )
+            for i, step in enumerate(self.fires.out_step)
         }
         return {"fires out": int(self.fires.out.sum()), **out, "all fires out at": last}

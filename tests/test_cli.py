@@ -11,7 +11,7 @@ import pytest
 from mesa_swarm import cli
 from mesa_swarm.experiments import bench, commands
 from mesa_swarm.experiments.gallery import find_model, model_names
-from mesa_swarm.experiments.progress import finishing_time, progress_bar
+from mesa_swarm.progress import finishing_time, progress_bar
 from mesa_swarm.world.map import Map, builtin_maps
 
 
@@ -58,7 +58,15 @@ def test_run_prints_what_the_model_says_and_its_state_hash(typed):
     model = find_model("fire_fighting")(strategy="A", n_robots=4, rng=3).run(50)
     assert (status, err) == (0, "")
     assert out.splitlines()[-1].split() == ["state", "hash", model.state_hash()]
-    assert "fires out         0" in out
+    assert ["fires", "out", "0"] in [line.split() for line in out.splitlines()]
+
+
+def test_a_map_may_be_a_file(typed):
+    assert typed("map import openspace_fire mine.toml")[0] == 0
+    line = "run fire_fighting --steps 5 --quiet --set map="
+    own, builtin = typed(f"{line}mine.toml"), typed(f"{line}openspace_fire")
+    assert own == builtin
+    assert own[0] == 0
 
 
 def test_run_shows_a_progress_bar_on_stderr_with_the_finishing_time(typed):
@@ -159,9 +167,11 @@ WRONG = {
     "run fire_fighting --set": "requires an argument",
     "run fire_fighting --set n_robots": "has no =",
     "run fire_fighting --set n_robts=3": "did you mean 'n_robots'",
-    "run fire_fighting --set n_robots=many": "n_robots is 'many'; expected a finite number",
+    "run fire_fighting --set n_robots=many": "n_robots is 'many'; expected a whole number",
     "run fire_fighting --set n_robots=2.5": "expected a whole number",
     "run fire_fighting --set n_robots=1e9": "do not fit",
+    "run fire_fighting --set map=original": "unknown map 'original'",
+    "run fire_fighting --set map=nowhere.toml": "nowhere.toml: no such file",
     "run fire_fighting --set n_robots=-1": "n_robots is -1",
     "run fire_fighting --set k1=nan": "k1 is 'nan'",
     "run fire_fighting --set k1=-1": "k1 is -1",
@@ -175,7 +185,7 @@ WRONG = {
     "run fire_fighting --rng x": "--rng",
     "compare fire_fighting --seeds 0": "--seeds",
     "compare fire_fighting --seeds nan": "--seeds",
-    "compare fire_fighting --jobs 0": "jobs is 0",
+    "compare fire_fighting --jobs 0": "expected a whole number at least 1 and at most 1024, or -1",
     "compare fire_fighting --jobs -5": "--jobs",
     "compare fire_fighting --values A": "1 values of strategy",
     "compare fire_fighting --values A,C": "unknown strategy 'C'",

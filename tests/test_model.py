@@ -260,7 +260,9 @@ def test_a_progress_bar_is_shown_when_asked_for_only(capsys):
     empty().run(3)
     assert capsys.readouterr().err == ""
     empty().run(3, progress=True)
-    assert "3/3" in capsys.readouterr().err
+    shown = capsys.readouterr().err
+    assert "3/3 steps" in shown
+    assert "left, done at" in shown
 
 
 def test_run_stops_when_the_model_stops_running():

@@ -1,16 +1,14 @@
 """Rules of one's own: plain Python about one robot, compiled when first used."""
 
 import inspect
-import math
-import warnings
-from collections import namedtuple
 from collections.abc import Callable
+from types import FunctionType
 
 import numpy as np
-from numba import njit
-from numba.core.errors import NumbaError
 
 from mesa_swarm.control.layer import Senses
+from mesa_swarm.control.rule import WANTED, Rule, columns_of, failure, rule_of
+from mesa_swarm.control.rule_source import own_randomness, uses_attribute
 from mesa_swarm.errors import (
     BehaviourError,
     InvalidValueError,
@@ -22,13 +20,9 @@ from mesa_swarm.errors import (
 from mesa_swarm.robots.swarm import Swarm
 
 # What a rule returns when it has nothing to say: a pair of numbers like any other, so that it compiles.
-PASS = (math.inf, math.inf)
-
-Me = namedtuple(
-    "Me",
-    "distance kind bearing radiation line front left right radius max_speed tendency temperature heat hot "
-    "extinguishing",
-)
+PASS = (np.inf, np.inf)
+# Beyond this, floats do not tell whole numbers apart.
+LARGEST_WHOLE = 2**53
 
 
 class Behaviour:
@@ -36,31 +30,51 @@ class Behaviour:
 
     Parameters
     ----------
-    rule : callable
-        ``rule(me, **parameters) -> (left, right)`` or PASS.
+    rule : Rule
     parameters : dict
-        Values of the rule's parameters: finite numbers.
+        Values of the rule's parameters: finite numbers, True or False.
     """
 
-    def __init__(self, rule: Callable, parameters: dict[str, float], compiled: list | None = None) -> None:
+    def __init__(self, rule: Rule, parameters: dict[str, float]) -> None:
         self.rule = rule
         self.parameters = parameters
-        self.name = rule.__name__
-        self.__doc__ = rule.__doc__
-        # Shared by all variants of the rule, so that it is compiled once.
-        self._compiled = [] if compiled is None else compiled
+        self.name = rule.name
+        self.__doc__ = rule.function.__doc__
+        self._known: tuple = (None, ())
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{name}={value!r}" for name, value in self.parameters.items())
+        return f"<Behaviour {self.name}({values})>"
+
+    def __getstate__(self) -> dict:
+        """Leave out the views of columns: copies have columns of their own."""
+        return {**self.__dict__, "_known": (None, ())}
 
     def __call__(self, **changes: float) -> "Behaviour":
         """Return the same rule with other parameters."""
+        values = dict(self.parameters)
         for name, value in changes.items():
-            if name not in self.parameters:
-                raise UnknownNameError(unknown_name(f"parameter of {self.name}", name, self.parameters))
-            check_number(f"{self.name}'s {name}", value)
-        return Behaviour(self.rule, {**self.parameters, **changes}, self._compiled)
+            if name not in values:
+                raise UnknownNameError(unknown_name(f"parameter of {self.name}", name, values))
+            values[name] = _checked(f"{self.name}'s {name}", value, values[name])
+        return Behaviour(self.rule, values)
 
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
-        """Remember whose rule this is, to name the robot when the rule goes wrong."""
+        """Remember whose rule this is, and the stream of `me.chance` if the rule asks for it.
+
+        Raises
+        ------
+        BehaviourError
+            If the rule draws random numbers that the model's seed does not govern.
+        """
+        source = own_randomness(self.rule.function)
+        if source:
+            raise BehaviourError(
+                f"rule {self.name} uses {source}, which the model's seed does not govern; "
+                "use me.chance, a number from 0 to 1 that is drawn for every robot in every step"
+            )
         self._swarm = swarm
+        self._rng = rng if uses_attribute(self.rule.function, "chance") else None
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Apply the rule to every robot that no earlier layer drives.
@@ -68,24 +82,36 @@ class Behaviour:
         Raises
         ------
         BehaviourError
-            If the rule returned anything but two finite speeds or PASS.
+            If the rule raised an error, or returned anything but two finite speeds or PASS.
         """
-        columns = (
-            senses.distance, senses.kind, senses.bearing, senses.radiation, senses.line, senses.forward,
-            senses.radius, senses.max_speed, senses.tendency, senses.temperature, senses.heat, senses.hot,
-            senses.fire, senses.design,
-        )  # fmt: skip
-        values = tuple(float(v) for v in self.parameters.values())
-        if not self._compiled:
-            self._compiled.append(_compile(self.rule, columns, values))
-        wrong = self._compiled[0](columns, values, command, layer, index)
+        if not len(layer):
+            return
+        at = np.array([-1])
+        values = tuple(self.parameters.values())
+        try:
+            wrong = self.rule.run(self._columns(senses), values, at, command, layer, index)
+        except UncompiledBehaviourWarning:  # where warnings are errors
+            raise
+        except Exception as error:
+            raise self._refusal(at[0], failure(error)) from error
         if wrong >= 0:
-            robot = self._swarm.agents[wrong].unique_id
             left, right = command[wrong]
-            raise BehaviourError(
-                f"rule {self.name} returned ({left:g}, {right:g}) for robot {robot}; "
-                "expected two finite wheel speeds, or PASS"
-            )
+            raise self._refusal(wrong, f"returned ({left:g}, {right:g}); {WANTED}")
+
+    def _columns(self, senses: Senses) -> tuple[np.ndarray, ...]:
+        """Return what the rule may know; views that are taken once serve until robots come or go."""
+        if self._known[0] is not senses:
+            unused = np.full(len(self._swarm), np.nan)
+            self._known = senses, (*columns_of(senses, self._swarm.designs), unused)
+        known = self._known[1]
+        return known if self._rng is None else (*known[:-1], self._rng.random(len(self._swarm)))
+
+    def _refusal(self, row: int, what: str) -> BehaviourError:
+        robot = self._swarm.agents[row]
+        whose = f" for robot {robot.unique_id}" if row >= 0 else ""
+        return BehaviourError(
+            f"rule {self.name} failed{whose} in step {robot.model.steps}: it {' '.join(what.split())}"
+        )
 
 
 def behaviour(rule: Callable) -> Behaviour:
@@ -93,14 +119,19 @@ def behaviour(rule: Callable) -> Behaviour:
 
     The rule gets `me`, what the robot knows: `distance`, `kind`, `bearing` (one entry a proximity sensor),
     `radiation`, `line`; `front`, `left`, `right` (indices of sensors); `radius`, `max_speed`, `tendency` (1
-    left, -1 right), `temperature`, `heat`, `hot`, `extinguishing`. It returns the speeds of the left and the
-    right wheel, or `PASS` to leave the robot to the layers below. Its other parameters need defaults that are
-    numbers. It is compiled when first used; a rule that cannot be is run as plain Python, with a warning.
+    left, -1 right), `temperature`, `heat`, `hot`, `extinguishing`; and `chance`, a number from 0 to 1 that is
+    drawn for every robot in every step. None of it can be changed. An index is -1 where the robot has no such
+    sensor, and index -1 reads nothing: a distance and kind of -1, no radiation, no line, a bearing of NaN.
+
+    The rule returns the speeds of the left and the right wheel, or `PASS` to leave the robot to the layers
+    below. Its other parameters need defaults: numbers, True or False. It is compiled when first used; a rule
+    that cannot be is run as plain Python, with a warning. Models with rules of the top level of a module can be
+    pickled.
 
     Raises
     ------
     InvalidValueError
-        If a parameter of the rule has no default.
+        If it is not a function of me, or a parameter of it has no such default.
 
     Examples
     --------
@@ -109,81 +140,32 @@ def behaviour(rule: Callable) -> Behaviour:
     ...     if 0 <= me.distance[me.front] < distance:
     ...         return -me.max_speed, -me.max_speed
     ...     return PASS
-    >>> timid(distance=25).parameters
-    {'distance': 25}
+    >>> timid(distance=25)
+    <Behaviour timid(distance=25.0)>
     """
-    if not callable(rule) or not hasattr(rule, "__name__"):
+    function = getattr(rule, "py_func", rule)  # as it was written, if Numba has it already
+    if not isinstance(function, FunctionType):
         raise InvalidValueError(f"behaviour got {rule!r:.60}; expected a function of me")
-    _me, *rest = list(inspect.signature(rule).parameters.values()) or [None]
+    _me, *rest = list(inspect.signature(function).parameters.values()) or [None]
     if _me is None:
-        raise InvalidValueError(f"rule {rule.__name__} takes nothing; expected me as its first parameter")
-    for parameter in rest:
-        if parameter.default is parameter.empty:
-            raise InvalidValueError(
-                f"rule {rule.__name__} has the parameter {parameter.name} without a default; give it a number"
-            )
-        check_number(f"{rule.__name__}'s {parameter.name}", parameter.default)
-    return Behaviour(rule, {p.name: p.default for p in rest})
+        raise InvalidValueError(f"rule {function.__name__} takes nothing; expected me as its first parameter")
+    return Behaviour(rule_of(function), {p.name: _default(function.__name__, p) for p in rest})
 
 
-def _compile(rule: Callable, columns: tuple, values: tuple) -> Callable:
-    """Return the loop over all robots, compiled if the rule can be, else plain with a warning."""
-    # Bounds are checked: an index that is one too many would otherwise read another robot's memory.
-    run = njit(error_model="numpy")(_loop(njit(error_model="numpy", boundscheck=True)(rule)))
-    try:
-        run(columns, values, np.empty((0, 2)), np.empty(0, np.int64), 0)
-    except NumbaError as problem:
-        reason = next((line for line in str(problem).splitlines() if line.strip()), "unknown reason")
-        warnings.warn(
-            f"rule {rule.__name__} cannot be compiled and runs as plain Python, about 100 times slower: {reason}",
-            UncompiledBehaviourWarning,
-            stacklevel=5,
+def _default(rule: str, parameter: inspect.Parameter) -> float:
+    if parameter.kind is not parameter.POSITIONAL_OR_KEYWORD or parameter.default is parameter.empty:
+        raise InvalidValueError(
+            f"rule {rule} has the parameter {parameter} without a default; give it one, such as {parameter.name}=1.0"
         )
-        return _plain(rule)
-    return run
+    return _checked(f"{rule}'s {parameter.name}", parameter.default, parameter.default)
 
 
-def _loop(rule: Callable) -> Callable:
-    """Return the loop that applies a compiled rule to every robot that no layer drives yet."""
-
-    def run(columns, values, command, layer, index):
-        (
-            distance, kind, bearing, radiation, line, forward, radius, max_speed, tendency, temperature, heat,
-            hot, fire, design,
-        ) = columns  # fmt: skip
-        for i in range(layer.shape[0]):
-            if layer[i] >= 0:
-                continue
-            d = design[i]
-            me = Me(
-                distance[i], kind[i], bearing[d], radiation[i], line[i], forward[d, 0], forward[d, 1],
-                forward[d, 2], radius[i], max_speed[i], tendency[i], temperature[i], heat[i], hot[i],
-                fire[i] >= 0,
-            )  # fmt: skip
-            left, right = rule(me, *values)
-            if left == math.inf and right == math.inf:
-                continue
-            command[i, 0] = left
-            command[i, 1] = right
-            if not (math.isfinite(left) and math.isfinite(right)):
-                return i
-            layer[i] = index
-        return -1
-
-    return run
-
-
-def _plain(rule: Callable) -> Callable:
-    """Return the same loop for a rule that stays plain Python, whatever it returns."""
-
-    def checked(me, *values):
-        wheels = rule(me, *values)  # what it raises is the user's to see
-        try:
-            left, right = wheels
-            return float(left), float(right)
-        except (TypeError, ValueError):
-            raise BehaviourError(
-                f"rule {rule.__name__} did not return two wheel speeds; expected (left, right), or PASS"
-            ) from None
-
-    return _loop(checked)
+def _checked(name: str, value: float, before: float) -> float:
+    """Return a value of the type that the rule was written for, so that it is compiled once."""
+    if isinstance(before, bool):
+        if not isinstance(value, (bool, np.bool_)):
+            raise InvalidValueError(f"{name} is {value!r:.60}; expected True or False")
+        return bool(value)
+    number = check_number(name, value)
+    whole = isinstance(before, int) and number == int(number) and abs(number) <= LARGEST_WHOLE
+    return int(number) if whole else number

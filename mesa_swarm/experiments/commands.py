@@ -9,7 +9,6 @@ from mesa_swarm.experiments.compare import checked_jobs, run_plan
 from mesa_swarm.experiments.files import check_writable
 from mesa_swarm.experiments.gallery import description, find_model, model_names
 from mesa_swarm.experiments.plan import checked_plan
-from mesa_swarm.experiments.progress import run_with_bar
 from mesa_swarm.parameters import parameters_of, parsed_settings
 
 
@@ -27,7 +26,7 @@ def run(model: str, settings: Sequence[str], *, steps: int, rng: int, progress: 
     """Run a model and print what came of it."""
     model_class = find_model(model)
     built = model_class(**parsed_settings(model_class, settings), rng=rng)
-    run_with_bar(built, steps, shown=progress)
+    built.run(steps, progress=progress)
     results = built.results() if hasattr(built, "results") else {}
     print_pairs({"steps": built.steps, **results, "state hash": built.state_hash()})
 

@@ -14,14 +14,14 @@ from joblib import Parallel, cpu_count, delayed
 from joblib.externals.loky import get_reusable_executor
 from tqdm import tqdm
 
-from mesa_swarm.errors import check_count
+from mesa_swarm.errors import InvalidValueError, check_count
 from mesa_swarm.experiments.figures import comparison_pictures
 from mesa_swarm.experiments.files import check_writable, write_whole
 from mesa_swarm.experiments.findings import finding
 from mesa_swarm.experiments.plan import Plan, Run, checked_plan
 from mesa_swarm.experiments.portrait import Portrait
-from mesa_swarm.experiments.progress import progress_bar
 from mesa_swarm.experiments.tables import runs_csv, summary_csv, summary_rows, text_table
+from mesa_swarm.progress import progress_bar
 
 MOST_JOBS = 1024
 
@@ -82,7 +82,7 @@ class Comparison:
         contents: dict[str, str | bytes] = {
             "runs.csv": runs_csv(self),
             "summary.csv": summary_csv(summary_rows(self)),
-            "finding.txt": f"{self.table()}\n\n{self.finding()}\n",
+            "finding.txt": f"{self.finding()}\n",
             **comparison_pictures(self),
         }
         return [write_whole(home / name, content) for name, content in contents.items()]
@@ -136,7 +136,12 @@ def checked_jobs(jobs: int) -> int:
     >>> checked_jobs(2)
     2
     """
-    return cpu_count() if jobs == -1 else check_count("jobs", jobs, minimum=1, maximum=MOST_JOBS)
+    if jobs == -1:
+        return cpu_count()
+    try:
+        return check_count("jobs", jobs, minimum=1, maximum=MOST_JOBS)
+    except InvalidValueError as error:
+        raise InvalidValueError(f"{error}, or -1 for one on each core") from None
 
 
 def run_plan(plan: Plan, workers: int = 1, progress: bool = False) -> Comparison:

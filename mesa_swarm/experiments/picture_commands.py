@@ -9,7 +9,6 @@ from mesa_swarm.errors import InvalidValueError, check_choice
 from mesa_swarm.experiments.files import check_writable, write_whole
 from mesa_swarm.experiments.gallery import find_model
 from mesa_swarm.experiments.pictures import png
-from mesa_swarm.experiments.progress import run_with_bar
 from mesa_swarm.experiments.run_pictures import ethogram, stages, trace
 from mesa_swarm.parameters import parsed_settings
 
@@ -46,7 +45,7 @@ def drawn(model, kind: str, steps: list[int], robots: int | None, progress: bool
     if kind == "trace":
         return trace(model, steps[0], robots=robots or 1, progress=progress)
     model.watch(last=None, columns=("layer",))
-    return ethogram(run_with_bar(model, steps[0], progress), robots=robots)
+    return ethogram(model.run(steps[0], progress), robots=robots)
 
 
 def parsed_steps(text: str, several: bool) -> list[int]:

@@ -13,7 +13,6 @@ from mesa_swarm.analysis import layer_shares
 from mesa_swarm.errors import InvalidValueError, check_count
 from mesa_swarm.experiments.pictures import world_figure
 from mesa_swarm.experiments.portrait import portrait_of
-from mesa_swarm.experiments.progress import run_with_bar
 
 # Okabe and Ito's colours for layers, in order; white for no layer.
 LAYER_COLOURS = ("#d55e00", "#0072b2", "#009e73", "#e69f00", "#cc79a7", "#56b4e9", "#f0e442", "#000000")
@@ -52,7 +51,7 @@ def stages(model, steps: Sequence[int] = (0, 1000, 3000), *, perceived: bool = T
         raise InvalidValueError(f"steps is {steps!r:.60}; expected ascending steps such as (0, 1000, 3000)")
     portraits = {}
     for step in wanted:
-        run_with_bar(model, step, progress)
+        model.run(step - model.steps, progress)
         portraits[f"{type(model).__name__}, step {model.steps:,}"] = portrait_of(model, perceived=perceived)
     return world_figure(portraits)
 
@@ -82,7 +81,7 @@ def trace(model, steps: int = 10_000, *, robots: int = 1, every: int = 5, progre
     count = check_count("robots", robots, minimum=1, maximum=MOST_TRACES)
     kept = model.watch(last=None, every=every, columns=("position",))
     first = model.steps
-    run_with_bar(model, first + check_count("steps", steps, minimum=1), progress)
+    model.run(check_count("steps", steps, minimum=1), progress)
     figure = world_figure({f"{type(model).__name__}, {model.steps - first:,} steps": portrait_of(model)})
     for row in range(min(count, len(model.swarm))):
         _draw_trace(figure.axes[0], kept["position"][:, row], LAYER_COLOURS[(row + 1) % len(LAYER_COLOURS)])

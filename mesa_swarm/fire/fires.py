@@ -112,6 +112,13 @@ class Fire(ArenaAgent):
         self.row = row
         super().__init__(space, model)
 
+    def __repr__(self) -> str:
+        if self.row < 0:
+            return f"<Fire {self.unique_id}, removed>"
+        x, y = (round(float(number), 2) for number in self.position)
+        state = "out" if self.out else f"temperature {self.temperature:.3g}"
+        return f"<Fire {self.unique_id} at ({x}, {y}), {state}>"
+
     @property
     def position(self) -> np.ndarray:
         """Centre, shape (2,)."""

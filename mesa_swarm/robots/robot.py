@@ -27,6 +27,12 @@ class Robot(ArenaAgent):
         self.row = row
         super().__init__(space, model)
 
+    def __repr__(self) -> str:
+        if self.row < 0:
+            return f"<Robot {self.unique_id}, removed>"
+        x, y, heading = (round(float(number), 2) for number in (*self.position, self.heading))
+        return f"<Robot {self.unique_id} at ({x}, {y}), heading {heading}>"
+
     @property
     def position(self) -> np.ndarray:
         """Centre of the body, shape (2,), map units."""

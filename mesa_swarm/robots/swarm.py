@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.table import DesignTable
 from mesa_swarm.world.statics import BORDER, ROBOT
@@ -91,6 +92,18 @@ class Swarm:
         self.__dict__.update(state)
         for name, column in self.columns.items():
             self._publish(name, column)
+
+    def __repr__(self) -> str:
+        names = ", ".join(design.name for design in self.designs)
+        return f"<Swarm of {len(self)} robots{f' ({names})' if names else ''}>"
+
+    def __setattr__(self, name: str, value: object) -> None:
+        """Keep the columns: another array in the place of a view would change no robot."""
+        if name in COLUMNS:
+            raise InvalidValueError(
+                f"swarm.{name} cannot be replaced; change a robot by its handle, as in model.robots[0].heading = 0.5"
+            )
+        super().__setattr__(name, value)
 
     def __len__(self) -> int:
         """How many robots there are."""
@@ -181,4 +194,4 @@ class Swarm:
         self.columns[name] = column
         view = column.view()
         view.flags.writeable = False
-        setattr(self, name, view)
+        self.__dict__[name] = view

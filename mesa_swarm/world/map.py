@@ -237,6 +237,8 @@ def _existing(source: str | os.PathLike[str]) -> tuple[Path, str]:
         exists = False
     if not exists:
         names = (*BUILTIN, *ALIASES)
+        if shown in names:
+            raise refusal(shown, "no such file", f"a path is a file; the built-in map is the text {shown!r}")
         raise refusal(shown, "no such file", unknown_name("map", path.stem, names))
     return path, shown
 

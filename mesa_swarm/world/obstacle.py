@@ -26,6 +26,12 @@ class Obstacle(ArenaAgent):
         index = space._agent_to_index[self]
         space._agent_positions[index] = shape.position
 
+    def __repr__(self) -> str:
+        if self.space is None:
+            return f"<Obstacle {self.unique_id}, removed>"
+        x, y = (round(float(number), 2) for number in self.position)
+        return f"<Obstacle {self.unique_id}, {self.shape.kind} at ({x}, {y}){'' if self.contact else ', a mark'}>"
+
     @property
     def contact(self) -> bool:
         """Whether bodies bump into it; False for a mark on the ground."""

@@ -135,8 +135,8 @@ def test_the_table_fits_a_terminal_and_shows_shares_and_intervals(comparison):
     lines = comparison.table().splitlines()
     assert max(map(len, lines)) <= WIDEST
     assert lines[0] == "FireFighting: 3 paired seeds, at most 400 steps each"
-    row = next(line for line in lines if line.startswith("fire 2 out at"))
-    assert row.split()[4:] == ["A", "0/3", "[0-56", "%]", "-"]
+    row = next(line for line in lines if line.startswith("fire 2 (largest) out at"))
+    assert row.split()[5:] == ["A", "0/3", "[0-56", "%]", "-"]
 
 
 def test_a_table_that_is_too_wide_puts_names_on_their_own_lines():
@@ -169,11 +169,11 @@ def test_the_csv_of_the_summary_has_every_limit_and_no_nan(comparison):
 
 
 def test_the_finding_about_fires_counts_runs_and_calls_a_clear_difference_clear():
-    out = {"fires out": [7] * 30, "fire 2 out at": [100] * 30, "all fires out at": [200] * 30}
-    left = {"fires out": [6] * 30, "fire 2 out at": [None] * 30, "all fires out at": [None] * 25 + [300] * 5}
+    out = {"fires out": [7] * 30, "fire 2 (largest) out at": [100] * 30, "all fires out at": [200] * 30}
+    left = {"fires out": [6] * 30, "fire 2 (largest) out at": [None] * 30, "all fires out at": [None] * 25 + [300] * 5}
     text = finding(made_up({"A": left, "B": out}))
     assert text.startswith("Strategy B put out all fires in 30 of 30 runs (95 % interval 89-100 %), A in 5 of 30")
-    assert "a clear difference; most different is 'fire 2 out': in 30 runs with B, in 0 with A." in text
+    assert "a clear difference; most different is 'fire 2 (largest) out': in 30 runs with B, in 0 with A." in text
     assert "\n" not in text
 
 
@@ -213,6 +213,7 @@ def test_saving_writes_tables_and_pictures_whole(comparison, tmp_path):
     names = {"runs.csv", "summary.csv", "finding.txt", "final_state.png", "robots_at_fires.png"}
     assert {path.name for path in paths} == names
     assert set(Path(tmp_path / "new" / "folder").iterdir()) == set(paths)
+    assert (tmp_path / "new" / "folder" / "finding.txt").read_text() == f"{comparison.finding()}\n"
     assert all(path.read_bytes()[:4] == b"\x89PNG" for path in paths if path.suffix == ".png")
 
 

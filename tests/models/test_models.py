@@ -112,3 +112,15 @@ def test_collision_avoidance_counts_collisions_per_robot_and_thousand_steps():
     model = find_model("collision_avoidance")(n_robots=4, rng=1).run(50)
     (rate,) = model.results().values()
     assert rate == pytest.approx(1000 * model.total_collisions / (4 * 50))
+
+
+def test_fire_fighting_on_a_map_without_fires_is_refused():
+    with pytest.raises(SwarmError, match="map original has no fires"):
+        find_model("fire_fighting")(map="original")
+
+
+def test_fire_fighting_says_which_fire_is_the_largest_if_one_is():
+    model = find_model("fire_fighting")(rng=1)
+    assert [name for name in model.results() if "largest" in name] == ["fire 2 (largest) out at"]
+    model.add_fire((100, 300), area=model.fires.area.max())
+    assert not [name for name in model.results() if "largest" in name]

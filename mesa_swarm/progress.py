@@ -4,7 +4,6 @@ from datetime import datetime, timedelta
 
 from tqdm import tqdm
 
-STRIDE = 20
 LAYOUT = "{desc}{percentage:3.0f} % |{bar:30}| {n_fmt}/{total_fmt} {unit}, {remaining} left, {finishing}"
 
 
@@ -45,20 +44,3 @@ def progress_bar(total: int, unit: str, shown: bool) -> Progress:
     ...     bar.update(10)
     """
     return Progress(total=total, unit=unit, disable=not shown, bar_format=LAYOUT, mininterval=0.2)
-
-
-def run_with_bar(model, steps: int, shown: bool):
-    """Run a model for so many steps, fewer if it stops, with a bar; return it.
-
-    Examples
-    --------
-    >>> from mesa_swarm.model import SwarmModel
-    >>> run_with_bar(SwarmModel(rng=1), 3, shown=False).steps
-    3
-    """
-    with progress_bar(steps, "steps", shown) as bar:
-        while steps > model.steps and model.running:
-            before = model.steps
-            model.run(min(STRIDE, steps - before))
-            bar.update(model.steps - before)
-    return model

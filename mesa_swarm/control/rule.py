@@ -1,0 +1,265 @@
+"""A rule about one robot as a loop over all robots: compiled where it can be, else plain Python."""
+
+import math
+import re
+import sys
+import warnings
+from collections import namedtuple
+from collections.abc import Callable
+from functools import cache, reduce
+from itertools import pairwise
+from types import FunctionType
+
+import numpy as np
+from numba import njit, types
+
+from mesa_swarm.control.layer import Senses
+from mesa_swarm.control.readings import bearings, seen, sensed
+from mesa_swarm.errors import BehaviourError, UncompiledBehaviourWarning, shortened, unknown_name
+from mesa_swarm.robots.design import RobotDesign
+
+WANTED = "expected two finite wheel speeds (left, right), or PASS"
+CHANGES = "changes what it sees; a rule may only read me: change a copy()"
+# Numba's words for branches that return unlike things.
+UNLIKE = "Can't unify return type"
+# Where a layer that was made of a function keeps it: pickle finds it there under the function's own name.
+PLACE = ".rule.function"
+
+Me = namedtuple(
+    "Me",
+    "distance kind bearing radiation line front left right radius max_speed tendency temperature heat hot "
+    "extinguishing chance",
+)
+
+
+class WheelsError(Exception):
+    """A plain rule returned something else than two numbers: its only argument."""
+
+
+class DefectError(Exception):
+    """A rule cannot be right, though no robot has come to what is wrong with it."""
+
+
+class Rule:
+    """A function about one robot, compiled when first used. All variants of a behaviour share it.
+
+    Parameters
+    ----------
+    function : function
+        ``function(me, *values) -> (left, right)`` or PASS.
+    """
+
+    def __init__(self, function: FunctionType) -> None:
+        self.function = function
+        self.name = function.__name__
+        self._loops: dict[tuple, Callable] = {}
+
+    def __deepcopy__(self, memo: dict) -> "Rule":
+        """Return the rule itself: functions are never copied."""
+        return self
+
+    def __reduce__(self) -> tuple:
+        """Pickle the function by its name, by which pickle finds the layer that was made of it."""
+        function = self.function
+        name = function.__qualname__.removesuffix(PLACE)
+        home = sys.modules.get(function.__module__)
+        found = reduce(lambda part, word: getattr(part, word, None), name.split("."), home)
+        if getattr(getattr(found, "rule", None), "function", None) is function:
+            function.__qualname__ = name + PLACE
+        elif found is not function:
+            raise BehaviourError(
+                f"rule {name} of {function.__module__} cannot be pickled, since it is not found by that name; "
+                "define it at the top level of a module"
+            )
+        return rule_of, (function,)
+
+    def run(self, columns: tuple, values: tuple, at: np.ndarray, *written) -> int:
+        """Apply the rule to every robot that no layer drives yet; return the first whose speeds are not finite, or -1.
+
+        Parameters
+        ----------
+        columns : tuple of ndarrays
+            From `columns_of`, and the column of chances.
+        values : tuple
+            Of the rule's parameters.
+        at : int64 ndarray, shape (1,)
+            Is set to the robot that the rule is about, to name it if the rule raises an error; -1 for none.
+        *written
+            The columns `command` and `layer`, and the index of the layer.
+        """
+        kinds = tuple(map(type, values))
+        if kinds in self._loops:
+            return self._loops[kinds](columns, values, at, *written)
+        loop, problem = _compiled(self.function, columns, values)
+        if not problem:
+            self._loops[kinds] = loop
+            return loop(columns, values, at, *written)
+        # What a rule does wrong to a robot is seen in plain Python: Numba only knows types.
+        wrong = loop(columns, values, at, *written)
+        if wrong < 0:
+            at[0] = -1
+            self._complain(problem)
+            self._loops[kinds] = loop
+        return wrong
+
+    def _complain(self, problem: str) -> None:
+        """Refuse a rule that is wrong somewhere; warn of one that is only slow."""
+        defect = defect_in(problem)
+        if defect:
+            raise DefectError(defect)
+        code = self.function.__code__
+        warnings.warn_explicit(
+            f"rule {self.name} cannot be compiled and runs as plain Python, about 100 times slower: {brief(problem)}",
+            UncompiledBehaviourWarning,
+            code.co_filename,
+            code.co_firstlineno,
+        )
+
+
+@cache
+def rule_of(function: FunctionType) -> Rule:
+    """Return the rule that is made of a function, always the same one, so that it is compiled once."""
+    return Rule(function)
+
+
+def columns_of(senses: Senses, designs: tuple[RobotDesign, ...]) -> tuple[np.ndarray, ...]:
+    """Return what a rule may know of all robots, read-only, and how many sensors of each kind the designs have."""
+    counts = [(len(d.proximity), len(d.radiation), len(d.line)) for d in designs]
+    columns = (
+        senses.distance, senses.kind, senses.bearing, senses.radiation, senses.line, senses.forward,
+        senses.radius, senses.max_speed, senses.tendency, senses.temperature, senses.heat, senses.hot,
+        senses.fire, senses.design, np.array(counts, np.int64).reshape(-1, 3),
+    )  # fmt: skip
+    views = tuple(column.view() for column in columns)
+    for view in views:
+        view.flags.writeable = False
+    return views
+
+
+def _compiled(function: FunctionType, columns: tuple, values: tuple) -> tuple[Callable, str]:
+    """Return the loop over all robots, compiled if that can be, and what Numba said if not."""
+    # Bounds are checked: an index that is one too many would otherwise read another robot's memory.
+    rule = njit(error_model="numpy", boundscheck=True)(function)
+    run, nobody = njit(error_model="numpy")(_loop(rule)), np.empty(0, np.int64)
+    try:
+        run(columns, values, nobody, np.empty((0, 2)), nobody, 0)
+        problem = ""
+    except Exception as error:  # it was about no robot, so that the rule itself cannot have raised it
+        problem = str(error) or type(error).__name__
+    returned = [result.signature.return_type for result in rule.overloads.values()]
+    if not all(map(_is_pair, returned)):
+        problem = f"{UNLIKE}: {returned[0]}"
+    return (_plain(function), problem) if problem else (run, "")
+
+
+def _is_pair(kind: types.Type) -> bool:
+    if not isinstance(kind, types.BaseTuple) or len(kind) != 2:
+        return False
+    return all(isinstance(types.unliteral(part), (types.Integer, types.Float)) for part in kind)
+
+
+def _loop(rule: Callable) -> Callable:
+    """Return the loop that applies a rule, compiled or not, to every robot that no layer drives yet."""
+
+    def run(columns, values, at, command, layer, index):
+        (
+            distance, kind, bearing, radiation, line, forward, radius, max_speed, tendency, temperature, heat,
+            hot, fire, design, counts, chance,
+        ) = columns  # fmt: skip
+        for i in range(layer.shape[0]):
+            if layer[i] >= 0:
+                continue
+            at[0] = i
+            d = design[i]
+            proximity = counts[d, 0]
+            me = Me(
+                seen(distance[i, :proximity]), seen(kind[i, :proximity]), bearings(bearing[d, :proximity]),
+                sensed(radiation[i, : counts[d, 1]]), sensed(line[i, : counts[d, 2]]),
+                forward[d, 0], forward[d, 1], forward[d, 2], radius[i], max_speed[i], tendency[i],
+                temperature[i], heat[i], hot[i], fire[i] >= 0, chance[i],
+            )  # fmt: skip
+            left, right = rule(me, *values)
+            if left == math.inf and right == math.inf:
+                continue
+            command[i, 0] = left
+            command[i, 1] = right
+            if not (math.isfinite(left) and math.isfinite(right)):
+                return i
+            layer[i] = index
+        return -1
+
+    return run
+
+
+def _plain(function: FunctionType) -> Callable:
+    """Return the same loop for a rule that stays plain Python, whatever it returns."""
+
+    def checked(me, *values):
+        wheels = function(me, *values)
+        if not isinstance(wheels, tuple) or len(wheels) != 2 or not all(map(_is_number, wheels)):
+            raise WheelsError(wheels)
+        return wheels
+
+    loop = _loop(checked)
+
+    def run(*arguments):
+        with np.errstate(all="ignore"):  # as in compiled rules: what is not finite is reported
+            return loop(*arguments)
+
+    return run
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+
+
+def defect_in(problem: str) -> str:
+    """Return what is wrong with a rule that Numba refused, or nothing if it is only slow.
+
+    Examples
+    --------
+    >>> defect_in("Cannot modify readonly array of type: readonly array(float64, 1d, C)").split(";")[0]
+    'changes what it sees'
+    """
+    field = re.search(r"Unknown attribute '(\w+)' of type Me\(", problem)
+    if field:
+        return f"uses an {unknown_name('field of me', field[1], Me._fields)}"
+    if re.search(r"Cannot modify readonly|No definition for lowering Me\(.*\)\.\w+ =", problem):
+        return CHANGES
+    if UNLIKE in problem:
+        return f"does not return two wheel speeds in every branch; {WANTED}"
+    return ""
+
+
+def failure(error: Exception) -> str:
+    """Return what a rule did wrong, of the error that it raised.
+
+    Examples
+    --------
+    >>> failure(WheelsError(1.0))
+    'returned 1.0; expected two finite wheel speeds (left, right), or PASS'
+    """
+    if isinstance(error, DefectError):
+        return str(error)
+    if isinstance(error, WheelsError):
+        hint = " (a branch without return?)" if error.args[0] is None else ""
+        return f"returned {shortened(error.args[0])}{hint}; {WANTED}"
+    if isinstance(error, AttributeError) and isinstance(error.obj, Me) and error.name not in Me._fields:
+        return f"uses an {unknown_name('field of me', error.name, Me._fields)}"
+    return f"raised {type(error).__name__}: {error}"
+
+
+def brief(problem: str) -> str:
+    r"""Return the line of Numba's explanation that says most, and the line of the rule that it is about.
+
+    Examples
+    --------
+    >>> brief("Failed in nopython mode pipeline (step: x)\nUntyped global name 'L': Cannot type empty list")
+    "Untyped global name 'L': Cannot type empty list"
+    """
+    lines = [line.strip() for line in problem.splitlines()]
+    lines = [line for line in lines if line and not line.startswith("Failed in nopython")]
+    inner = [after for before, after in pairwise(lines) if before.startswith("Rejected as")]
+    place = re.search(r'^File ".*", (line \d+)', problem, re.MULTILINE)
+    said = (inner or lines or ["no reason is known"])[0]
+    return f"{said[:200]} ({place[1]})" if place else said[:200]

@@ -1,0 +1,56 @@
+"""What is refused is refused in words: what was got, and what is expected."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm.errors import InvalidValueError, SwarmError, check_count, check_number, shortened
+from mesa_swarm.parameters import Choice, Parameter
+
+
+@pytest.mark.parametrize("wrong", [0, 11, 2.5, math.nan, math.inf, "3", True, None, 10**400])
+def test_whatever_is_no_such_count_is_refused_with_the_permitted_range(wrong):
+    with pytest.raises(InvalidValueError, match=r"expected a whole number at least 1 and at most 10$"):
+        check_count("n", wrong, minimum=1, maximum=10)
+
+
+def test_limits_of_counts_are_shown_to_the_last_digit():
+    with pytest.raises(InvalidValueError, match=r"at most 2147483647$"):
+        check_count("n", 2**40)
+    with pytest.raises(InvalidValueError, match=r"at least 0 and at most 1e\+09$"):
+        check_number("x", -1, minimum=0, maximum=1e9)
+
+
+def test_numbers_of_numpy_and_paths_are_shown_as_plain_ones():
+    assert shortened((np.float64(5000.0), np.int64(-3))) == "(5000.0, -3)"
+    assert shortened(np.float32(0.5)) == "0.5"
+    assert shortened(np.array([1e5, 3.0])) == "[100000.0, 3.0]"
+    assert shortened([Path("a.toml")]) == "['a.toml']"
+    assert len(shortened(np.zeros(10**7))) <= 80
+
+
+def test_errors_about_places_show_plain_numbers():
+    model = SwarmModel(rng=1)
+    (robot,) = model.add_robots(AGENT9, poses=[(50, 50, 0.0)])
+    with pytest.raises(InvalidValueError, match=r"^position \(5000.0, 1.0\) is not on map"):
+        model.add_robots(AGENT9, poses=np.array([(5000.0, 1.0, 0.0)]))
+    with pytest.raises(InvalidValueError, match=r"^position \[5000.0, 1.0\] is outside"):
+        robot.position = np.array([5000.0, 1.0])
+
+
+def test_a_path_to_a_built_in_map_is_told_to_be_a_text():
+    with pytest.raises(SwarmError, match="original: no such file: a path is a file; the built-in map is the text"):
+        SwarmModel(map=Path("original"))
+
+
+def test_a_map_is_one_of_the_names_or_a_file():
+    parameter = Parameter("map", "sparse", str, Choice(("sparse", "original")))
+    assert parameter.parse("original") == "original"
+    assert parameter.parse("elsewhere/mine.TOML") == "elsewhere/mine.TOML"
+    with pytest.raises(SwarmError, match="did you mean 'sparse'"):
+        parameter.parse("spare")
+    with pytest.raises(SwarmError, match="unknown strategy"):
+        Parameter("strategy", "A", str, Choice(("A",))).parse("a.toml")
