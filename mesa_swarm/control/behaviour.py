@@ -27,7 +27,7 @@ PASS = (math.inf, math.inf)
 Me = namedtuple(
     "Me",
     "distance kind bearing radiation line front left right radius max_speed tendency temperature heat hot "
-    "extinguishing",
+    "extinguishing heard_layer heard_task heard_x heard_y goal_x goal_y",
 )
 
 
@@ -73,7 +73,7 @@ class Behaviour:
         columns = (
             senses.distance, senses.kind, senses.bearing, senses.radiation, senses.line, senses.forward,
             senses.radius, senses.max_speed, senses.tendency, senses.temperature, senses.heat, senses.hot,
-            senses.fire, senses.design,
+            senses.fire, senses.design, senses.heard_layer, senses.heard_task, senses.heard_from, senses.heard_goal,
         )  # fmt: skip
         values = tuple(float(v) for v in self.parameters.values())
         if not self._compiled:
@@ -93,9 +93,12 @@ def behaviour(rule: Callable) -> Behaviour:
 
     The rule gets `me`, what the robot knows: `distance`, `kind`, `bearing` (one entry a proximity sensor),
     `radiation`, `line`; `front`, `left`, `right` (indices of sensors); `radius`, `max_speed`, `tendency` (1
-    left, -1 right), `temperature`, `heat`, `hot`, `extinguishing`. It returns the speeds of the left and the
-    right wheel, or `PASS` to leave the robot to the layers below. Its other parameters need defaults that are
-    numbers. It is compiled when first used; a rule that cannot be is run as plain Python, with a warning.
+    left, -1 right), `temperature`, `heat`, `hot`, `extinguishing`. With a `Radio` it also hears of the nearest
+    robot that has a task: `heard_layer` and `heard_task` (-1 for none), and where that is, `heard_x` ahead and
+    `heard_y` left; and where the nearest goal is, `goal_x` and `goal_y` (NaN for none). The rule returns the
+    speeds of the left and the right wheel, or `PASS` to leave the robot to the layers below. Its other
+    parameters need defaults that are numbers. It is compiled when first used; a rule that cannot be is run as
+    plain Python, with a warning.
 
     Raises
     ------
@@ -149,7 +152,7 @@ def _loop(rule: Callable) -> Callable:
     def run(columns, values, command, layer, index):
         (
             distance, kind, bearing, radiation, line, forward, radius, max_speed, tendency, temperature, heat,
-            hot, fire, design,
+            hot, fire, design, heard_layer, heard_task, heard_from, heard_goal,
         ) = columns  # fmt: skip
         for i in range(layer.shape[0]):
             if layer[i] >= 0:
@@ -158,7 +161,8 @@ def _loop(rule: Callable) -> Callable:
             me = Me(
                 distance[i], kind[i], bearing[d], radiation[i], line[i], forward[d, 0], forward[d, 1],
                 forward[d, 2], radius[i], max_speed[i], tendency[i], temperature[i], heat[i], hot[i],
-                fire[i] >= 0,
+                fire[i] >= 0, heard_layer[i], heard_task[i], heard_from[i, 0], heard_from[i, 1], heard_goal[i, 0],
+                heard_goal[i, 1],
             )  # fmt: skip
             left, right = rule(me, *values)
             if left == math.inf and right == math.inf:
