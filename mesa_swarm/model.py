@@ -8,14 +8,16 @@ import numpy as np
 
 from mesa_swarm.control.explain import Explanation, explanation
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import BehaviourError, InvalidValueError, check_choice, check_count, check_number
+from mesa_swarm.errors import BehaviourError, InvalidValueError, check_choice, check_count, check_number, shortened
 from mesa_swarm.fire.burning import burn
 from mesa_swarm.fire.constants import FireConstants, design_constants
 from mesa_swarm.physics.contacts import Contacts
 from mesa_swarm.physics.engine import CompiledEngine, Engine
+from mesa_swarm.physics.radio import Channel, send_goals
 from mesa_swarm.physics.shapely_engine import ShapelyEngine
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.robots.drive import limit_command
+from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.snapshots import DECISIONS, Snapshots
 from mesa_swarm.world.map import Map
@@ -46,6 +48,8 @@ class SwarmModel(World):
         A robot whose body is this near to a fire's edge can fight it and takes its heat, at least 0.
     history_every : int
         Steps between two rows of `fires.history`; 0 keeps none.
+    communication : Radio, optional
+        How robots broadcast to each other; by default they do not.
     model_reporters, agent_reporters : dict, optional
         More of what Mesa's DataCollector collects after every step, besides `collisions` and
         `total_collisions`.
@@ -80,6 +84,7 @@ class SwarmModel(World):
         fire_constants: FireConstants | None = None,
         extinguish_range: float = 10.0,
         history_every: int = 1,
+        communication: Radio | None = None,
         model_reporters: dict | None = None,
         agent_reporters: dict | None = None,
     ) -> None:
@@ -88,6 +93,7 @@ class SwarmModel(World):
         self._engine: Engine = ENGINES[check_choice("engine", engine, ENGINES)]()
         super().__init__(map=map, rng=rng, history_every=history_every)
         self.fire_constants = design_constants() if fire_constants is None else fire_constants
+        self.communication = communication
         self.collisions = 0
         self.total_collisions = 0
         self._control = None
@@ -118,6 +124,20 @@ class SwarmModel(World):
         self._fire_constants = constants
 
     @property
+    def communication(self) -> Radio | None:
+        """How robots broadcast to each other, or None; may be changed between steps, and then all is unheard."""
+        return None if self._channel is None else self._channel.radio
+
+    @communication.setter
+    def communication(self, radio: Radio | None) -> None:
+        if radio is not None and not isinstance(radio, Radio):
+            raise InvalidValueError(f"communication is {shortened(radio)}; expected Radio(...) or None")
+        for beacon in () if radio is None else radio.beacons:
+            self._checked_point(beacon)
+        self._channel = None if radio is None else Channel(radio)
+        self.swarm.hush()
+
+    @property
     def control(self):
         """What drives the robots: an arbiter such as `Subsumption`, or None."""
         return self._control
@@ -131,6 +151,7 @@ class SwarmModel(World):
         self.swarm.forget()
         self.swarm.columns["command"].fill(0.0)
         self.swarm.columns["layer"].fill(-1)
+        self.swarm.hush()
         self._control = None if control is None else control.bound(self.swarm, self.streams)
 
     # ---- the step
@@ -142,7 +163,8 @@ class SwarmModel(World):
         phase       reads                                             writes
         ==========  ================================================  ===========================================
         sense       position, heading, obstacles, fires               distance, kind, radiation, line
-        decide      what robots know (`control.Senses`)               command, layer
+        exchange    layer, task, sent_goal, pose, obstacles           heard_layer, heard_task, heard_from, heard_goal
+        decide      what robots know (`control.Senses`)               command, layer, task, goal, sent_goal
         move        command                                           position, heading
         resolve     position, obstacles, fires                        position, heading, slip, collided, contacts
         burn        position                                          fires' temperature, robots' temperature, fire
@@ -150,8 +172,10 @@ class SwarmModel(World):
         ==========  ================================================  ===========================================
 
         Every robot acts on what was published after the previous step; nothing depends on their order.
+        Without `communication` there is no exchange, and no goal is sent.
         """
         self.sense()
+        self._exchange()
         self._decide()
         self._move()
         self._burn()
@@ -190,11 +214,20 @@ class SwarmModel(World):
                 bar.update()
         return self
 
+    def _exchange(self) -> None:
+        if self._channel is None:
+            return
+        loses = self._channel.radio.loss_probability > 0
+        word = self.streams["communication"].integers(2**64, dtype=np.uint64) if loses else np.uint64(0)
+        self._channel.exchange(self.swarm, self._current_scene(), word)
+
     def _decide(self) -> None:
         columns = self.swarm.columns
         command, layer = columns["command"], columns["layer"]
         if self._control is None:
             return
+        columns["task"].fill(-1)
+        columns["goal"].fill(np.nan)
         if self._senses_version != self.swarm.version:
             self._senses = Senses.of(self.swarm)
             self._senses_version = self.swarm.version
@@ -207,6 +240,8 @@ class SwarmModel(World):
                 f"{name} commanded NaN to robot {self.swarm.agents[wrong].unique_id} in step {self.steps}; "
                 "expected two finite wheel speeds"
             )
+        if self._channel is not None:
+            send_goals(columns["position"], columns["heading"], columns["goal"], columns["sent_goal"])
 
     def _move(self) -> None:
         scene, table = self._current_scene(), self.swarm.table

@@ -1,7 +1,7 @@
 """Fire-fighting: robots put out seven fires, of which the largest takes more than one of them.
 
-WHAT IS IT? A task that is shared out without a word spoken. A robot at a fire cools it, and is heated by it;
-too hot, it must leave until it has cooled down. One robot cannot put the large central fire out alone.
+WHAT IS IT? A task that is shared out, by default without a word spoken. A robot at a fire cools it, and is heated
+by it; too hot, it must leave until it has cooled down. One robot cannot put the large central fire out alone.
 
 HOW IT WORKS. Layers: Avoid, FightFire, Explore. Under strategy A a robot that is too hot turns away and explores;
 while it is too hot it ignores all fires. Under strategy B it backs off until it takes no more heat, waits, and
@@ -9,32 +9,35 @@ returns to the same fire. The fires follow T <- T + k1 (T + 1) - (k2 / A) n, the
 
 HOW TO USE IT. Choose a strategy and the number of robots. k1 makes fires grow, k2 lets robots put them
 out, k3 heats robots, k4 cools them; `leave` and `join` are the heats at which a robot leaves and may return.
-`design_constants` finds all six from wished-for properties, and says what follows from them.
+`design_constants` finds all six from wished-for properties, and says what follows from them. With communication
+robots within range go to one that fights a fire or waits at one (state), or to where it sees that fire (goal).
 
 THINGS TO NOTICE. Under B robots gather at the large fire though nobody calls them: waiting near it is enough.
-Under A they leave one after the other, and the fire recovers between their visits.
+Under A they leave one after the other, and the fire recovers between their visits, unless they call for help.
 
 THINGS TO TRY. Fires that start at T = 0.3 are put out by their first visitor, whatever the strategy. Find the
-number of robots from which A is as good as B.
+number of robots from which A is as good as B, and the range of communication from which it is.
 
 EXTENDING IT. Let robots that explore prefer places that they have not seen.
 
-REFERENCE. Thesis, chapter 9 and appendix B.
+REFERENCE. Thesis, chapter 9 and appendix B. Communication as in Balch and Arkin, Autonomous Robots 1 (1994).
 """
 
 from typing import Annotated
 
 import numpy as np
 
-from mesa_swarm import AGENT_FIRE, SwarmModel
-from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.errors import InvalidValueError, check_choice, check_count
+from mesa_swarm import AGENT_FIRE, Radio, SwarmModel
+from mesa_swarm.control import Avoid, Explore, Respond, Subsumption
+from mesa_swarm.control.respond import TO
+from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number
 from mesa_swarm.fire import FightFire, FireConstants, design_constants
 from mesa_swarm.parameters import Choice, Slider
 
 DEFAULT = design_constants()
 # Under A a hot robot flees fires; under B it waits in front of one.
 FLEES = {"A": "when hot", "B": "never"}
+FARTHEST = 1000.0
 
 
 class FireFighting(SwarmModel):
@@ -64,6 +67,8 @@ class FireFighting(SwarmModel):
         k4: Annotated[float, Slider(0.0, 2.0, 0.01, "cooling of robots a step")] = DEFAULT.k4,
         leave: Annotated[float, Slider(1, 1000, 1, "heat at which a robot leaves")] = DEFAULT.leave,
         join: Annotated[float, Slider(0, 999, 1, "heat at which it may fight again")] = DEFAULT.join,
+        communication: Annotated[str, Choice(("none", *TO), "what robots at fires broadcast")] = "none",
+        communication_range: Annotated[float, Slider(0, FARTHEST, 10, "how far it carries")] = 200.0,
         initial_temperature: Annotated[float, Slider(0.01, 1, 0.01, "of all fires at the start")] = 1.0,
         history_every: Annotated[int, Slider(1, 100, 1, "steps between rows of the fires' history")] = 10,
         rng=None,
@@ -79,7 +84,12 @@ class FireFighting(SwarmModel):
             fire.temperature = initial_temperature
         self.add_robots(AGENT_FIRE, check_count("n_robots", n_robots))
         fires = FLEES[check_choice("strategy", strategy, FLEES)]
-        self.control = Subsumption(Avoid(fires=fires), FightFire(strategy=strategy), Explore())
+        reach = check_number("communication_range", communication_range, minimum=0, maximum=FARTHEST)
+        helps = ()
+        if check_choice("communication", communication, ("none", *TO)) != "none":
+            self.communication = Radio(range=reach, state=communication == "state", goal=communication == "goal")
+            helps = (Respond(to=communication),)
+        self.control = Subsumption(Avoid(fires=fires), FightFire(strategy=strategy), *helps, Explore())
 
     @property
     def fires_burning(self) -> int:

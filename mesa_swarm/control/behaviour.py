@@ -123,6 +123,10 @@ def behaviour(rule: Callable) -> Behaviour:
     drawn for every robot in every step. None of it can be changed. An index is -1 where the robot has no such
     sensor, and index -1 reads nothing: a distance and kind of -1, no radiation, no line, a bearing of NaN.
 
+    With a `Radio` it also hears of the nearest robot that has a task: `heard_layer` and `heard_task` (-1 for
+    none), and where that is, `heard_x` ahead and `heard_y` left; and where the nearest goal is, `goal_x` and
+    `goal_y` (NaN for none).
+
     The rule returns the speeds of the left and the right wheel, or `PASS` to leave the robot to the layers
     below. Its other parameters need defaults: numbers, True or False. It is compiled when first used; a rule
     that cannot be is run as plain Python, with a warning. Models with rules of the top level of a module can be

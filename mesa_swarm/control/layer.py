@@ -10,7 +10,7 @@ from mesa_swarm.robots.swarm import Swarm
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Senses:
-    """All that robots know of themselves, as columns: never where they are, how they slip, or who they are.
+    """All that robots know, and what they say, as columns: never where they are, how they slip, or who they are.
 
     Parameters
     ----------
@@ -26,6 +26,14 @@ class Senses:
     last_command : ndarray, shape (n, 2)
         What the robot was told in the step before; it does not know whether its wheels slipped.
     radius, max_speed, tendency : ndarrays, shape (n,)
+    task : int64 ndarray, shape (n,), written by layers
+        What the robot works at, as the layer numbers it; -1 before anybody decides.
+    goal : ndarray, shape (n, 2), written by layers
+        The position that it works at, in its own frame (x ahead, y left); NaN before anybody decides.
+    heard_layer, heard_task : int64 ndarrays, shape (n,)
+        Of the nearest robot heard that has a task, -1 for none; see `Radio`.
+    heard_from, heard_goal : ndarrays, shape (n, 2)
+        Where that robot is, and the nearest goal heard, both in the robot's own frame, NaN for none.
     design : int64 ndarray, shape (n,)
         Row of the robot's design in the tables that follow.
     forward : int64 ndarray, shape (d, 3)
@@ -47,6 +55,12 @@ class Senses:
     radius: np.ndarray
     max_speed: np.ndarray
     tendency: np.ndarray
+    task: np.ndarray
+    goal: np.ndarray
+    heard_layer: np.ndarray
+    heard_task: np.ndarray
+    heard_from: np.ndarray
+    heard_goal: np.ndarray
     design: np.ndarray
     forward: np.ndarray
     sensors: np.ndarray
@@ -75,4 +89,7 @@ class Layer(Protocol):
         """Take what the layer needs: columns to remember in (`swarm.remember`), a random stream."""
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Write `command` (n, 2) and ``layer = index`` where the layer is active and `layer` is still -1."""
+        """Write `command` (n, 2) and ``layer = index`` where the layer is active and `layer` is still -1.
+
+        There it may also write what the robot is to broadcast: `senses.task` and `senses.goal`.
+        """

@@ -28,7 +28,7 @@ PLACE = ".rule.function"
 Me = namedtuple(
     "Me",
     "distance kind bearing radiation line front left right radius max_speed tendency temperature heat hot "
-    "extinguishing chance",
+    "extinguishing heard_layer heard_task heard_x heard_y goal_x goal_y chance",
 )
 
 
@@ -128,7 +128,8 @@ def columns_of(senses: Senses, designs: tuple[RobotDesign, ...]) -> tuple[np.nda
     columns = (
         senses.distance, senses.kind, senses.bearing, senses.radiation, senses.line, senses.forward,
         senses.radius, senses.max_speed, senses.tendency, senses.temperature, senses.heat, senses.hot,
-        senses.fire, senses.design, np.array(counts, np.int64).reshape(-1, 3),
+        senses.fire, senses.design, senses.heard_layer, senses.heard_task, senses.heard_from, senses.heard_goal,
+        np.array(counts, np.int64).reshape(-1, 3),
     )  # fmt: skip
     views = tuple(column.view() for column in columns)
     for view in views:
@@ -164,7 +165,7 @@ def _loop(rule: Callable) -> Callable:
     def run(columns, values, at, command, layer, index):
         (
             distance, kind, bearing, radiation, line, forward, radius, max_speed, tendency, temperature, heat,
-            hot, fire, design, counts, chance,
+            hot, fire, design, heard_layer, heard_task, heard_from, heard_goal, counts, chance,
         ) = columns  # fmt: skip
         for i in range(layer.shape[0]):
             if layer[i] >= 0:
@@ -176,7 +177,8 @@ def _loop(rule: Callable) -> Callable:
                 seen(distance[i, :proximity]), seen(kind[i, :proximity]), bearings(bearing[d, :proximity]),
                 sensed(radiation[i, : counts[d, 1]]), sensed(line[i, : counts[d, 2]]),
                 forward[d, 0], forward[d, 1], forward[d, 2], radius[i], max_speed[i], tendency[i],
-                temperature[i], heat[i], hot[i], fire[i] >= 0, chance[i],
+                temperature[i], heat[i], hot[i], fire[i] >= 0, heard_layer[i], heard_task[i],
+                heard_from[i, 0], heard_from[i, 1], heard_goal[i, 0], heard_goal[i, 1], chance[i],
             )  # fmt: skip
             left, right = rule(me, *values)
             if left == math.inf and right == math.inf:

@@ -10,9 +10,12 @@ from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.steering import approach
 from mesa_swarm.robots.swarm import Swarm
+from mesa_swarm.robots.table import AXIS_X, AXIS_Y, MOUNT_X, MOUNT_Y
 from mesa_swarm.world.statics import FIRE
 
 STRATEGIES = ("A", "B")
+# The task of a robot that extinguishes a fire, or waits at one until it may.
+FIGHTS = 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,6 +27,8 @@ class FightFire:
     heat, waits there, facing the same fire, and returns when it is cool; put `Avoid(fires="never")` above.
 
     Active while a burning fire is seen or being extinguished and, under A, the robot is not too hot.
+
+    A robot that extinguishes, or waits at a fire, has task 0, and for its goal what it sees of that fire.
 
     Parameters
     ----------
@@ -62,11 +67,14 @@ class FightFire:
             senses.radius,
             senses.design,
             senses.bearing,
+            senses.sensors,
             self.strategy == "B",
             math.radians(self.critical_angle_degrees),
             command,
             layer,
             index,
+            senses.task,
+            senses.goal,
         )
 
     def reason(self, moment: Moment) -> Reason:
@@ -83,10 +91,10 @@ class FightFire:
 
 @compiled
 def fight(
-    distance, kind, heat, hot, fire, max_speed, radius, design, bearing, returns, critical_angle,
-    command, layer, index,
+    distance, kind, heat, hot, fire, max_speed, radius, design, bearing, sensors, returns, critical_angle,
+    command, layer, index, task, goal,
 ):  # fmt: skip
-    """Write the commands of robots that no earlier layer drives; `returns` is strategy B."""
+    """Write the commands, tasks and goals of robots that no earlier layer drives; `returns` is strategy B."""
     for i in range(layer.shape[0]):
         if layer[i] >= 0 or (hot[i] and not returns):
             continue
@@ -94,15 +102,20 @@ def fight(
         if fire[i] < 0 and seen < 0 and not (hot[i] and heat[i] > 0.0):
             continue
         layer[i] = index
-        speed = max_speed[i]
+        speed, d = max_speed[i], design[i]
+        if hot[i] or fire[i] >= 0:
+            task[i] = FIGHTS
+            if seen >= 0:
+                # Where a sensor sees something: in the middle of its sector, for all that the robot knows.
+                goal[i, 0] = sensors[d, seen, MOUNT_X] + distance[i, seen] * sensors[d, seen, AXIS_X]
+                goal[i, 1] = sensors[d, seen, MOUNT_Y] + distance[i, seen] * sensors[d, seen, AXIS_Y]
         if hot[i]:
             backward = -speed if heat[i] > 0.0 else 0.0
             command[i, 0], command[i, 1] = backward, backward
         elif fire[i] >= 0:
             command[i, 0], command[i, 1] = 0.0, 0.0
         else:
-            towards = bearing[design[i], seen]
-            command[i, 0], command[i, 1] = approach(towards, critical_angle, speed, radius[i])
+            command[i, 0], command[i, 1] = approach(bearing[d, seen], critical_angle, speed, radius[i])
 
 
 @compiled

@@ -55,6 +55,25 @@ def nearest_on_segment(x: float, y: float, ax: float, ay: float, bx: float, by: 
 
 
 @compiled
+def segments_meet(ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx: float, dy: float) -> bool:
+    """Tell whether the segments a-b and c-d have a point in common, end points included.
+
+    Examples
+    --------
+    >>> segments_meet(0.0, 0.0, 2.0, 2.0, 0.0, 2.0, 2.0, 0.0), segments_meet(0.0, 0.0, 1.0, 0.0, 2.0, 0.0, 3.0, 0.0)
+    (True, False)
+    """
+    # Without this, segments on one line would seem to meet wherever they are.
+    if max(ax, bx) < min(cx, dx) or max(cx, dx) < min(ax, bx) or max(ay, by) < min(cy, dy) or max(cy, dy) < min(ay, by):
+        return False
+    c_side = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+    d_side = (bx - ax) * (dy - ay) - (by - ay) * (dx - ax)
+    a_side = (dx - cx) * (ay - cy) - (dy - cy) * (ax - cx)
+    b_side = (dx - cx) * (by - cy) - (dy - cy) * (bx - cx)
+    return c_side * d_side <= 0.0 and a_side * b_side <= 0.0
+
+
+@compiled
 def in_polygon(x: float, y: float, edges: np.ndarray, first: int, last: int) -> bool:
     """Tell whether (x, y) is inside the polygon whose rings' edges are rows first..last-1 (even-odd rule).
 

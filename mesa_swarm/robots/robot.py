@@ -101,6 +101,16 @@ class Robot(ArenaAgent):
         return int(self._read("layer"))
 
     @property
+    def task(self) -> int:
+        """What its layers say that it works at, -1 for nothing."""
+        return int(self._read("task"))
+
+    @property
+    def goal(self) -> np.ndarray:
+        """The position at which it works, in its own frame when it decided, NaN for none."""
+        return self._read("goal").copy()
+
+    @property
     def distance(self) -> np.ndarray:
         """Readings of its proximity sensors, -1 where nothing is seen."""
         return self._read("distance")[: len(self.design.proximity)].copy()

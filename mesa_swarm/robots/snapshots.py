@@ -20,6 +20,8 @@ DECISIONS = (
     "heat",
     "hot",
     "fire",
+    "heard_from",
+    "heard_goal",
 )
 
 

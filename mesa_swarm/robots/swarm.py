@@ -1,5 +1,6 @@
 """The swarm: one array per property of the robots, one row per robot."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -26,6 +27,13 @@ COLUMNS: dict[str, tuple[tuple, type, object]] = {
     "command": ((2,), np.float64, 0.0),
     "last_command": ((2,), np.float64, 0.0),
     "layer": ((), np.int64, -1),
+    "task": ((), np.int64, -1),
+    "goal": ((2,), np.float64, math.nan),
+    "sent_goal": ((2,), np.float64, math.nan),
+    "heard_layer": ((), np.int64, -1),
+    "heard_task": ((), np.int64, -1),
+    "heard_from": ((2,), np.float64, math.nan),
+    "heard_goal": ((2,), np.float64, math.nan),
     "slip": ((2,), np.float64, 0.0),
     "collided": ((), np.bool_, False),
     "contact_kind": ((), np.int64, -1),
@@ -37,6 +45,8 @@ COLUMNS: dict[str, tuple[tuple, type, object]] = {
     "hot": ((), np.bool_, False),
     "fire": ((), np.int64, -1),
 }
+# What robots say and hear.
+MESSAGES = ("task", "goal", "sent_goal", "heard_layer", "heard_task", "heard_from", "heard_goal")
 
 
 class Swarm:
@@ -54,6 +64,17 @@ class Swarm:
         Commanded rim speeds left and right, map units a step.
     layer : int64 ndarray, shape (n,)
         Index of the layer that won, -1 if none was active.
+    task : int64 ndarray, shape (n,)
+        What the layers say that the robot works at, as they number it, -1 for nothing.
+    goal : ndarray, shape (n, 2)
+        The position that the layers say it works at, in its own frame when it decided (x ahead, y left), NaN
+        for none.
+    sent_goal : ndarray, shape (n, 2)
+        Where that is on the map; NaN while there is no communication.
+    heard_layer, heard_task : int64 ndarrays, shape (n,)
+        Of the nearest robot heard that has a task, -1 for none.
+    heard_from, heard_goal : ndarrays, shape (n, 2)
+        Where that robot is, and the nearest goal heard, both in the hearer's frame, NaN for none.
     distance, kind : ndarrays, shape (n, s)
         What the proximity sensors read: distance, -1 for nothing; 0 obstacle, 1 robot, 2 fire, -1 nothing.
     radiation : ndarray, shape (n, q)
@@ -172,6 +193,11 @@ class Swarm:
             del self.columns[name]
         self._memory = {}
         self.version += 1
+
+    def hush(self) -> None:
+        """Drop all that robots have said and heard."""
+        for name in MESSAGES:
+            self.columns[name].fill(COLUMNS[name][2])
 
     def _resize(self, kept: np.ndarray, new: int) -> None:
         """Make every column anew: the kept rows in order, then `new` rows of initial values."""

@@ -46,6 +46,30 @@ def test_under_b_the_robot_returns_to_the_same_fire_when_it_has_cooled():
     assert set(fought) <= {-1, LARGE}
 
 
+@pytest.mark.parametrize("steps", [5, 150], ids=["that extinguishes", "that waits until it has cooled"])
+def test_a_robot_at_a_fire_says_so_and_where_it_sees_the_fire(steps):
+    model = at_the_large_fire("B", 1, steps)
+    assert model.swarm.task.tolist() == [0]
+    (x, y), (ahead, left), heading = model.swarm.position[0], model.swarm.goal[0], model.swarm.heading[0]
+    cosine, sine = math.cos(heading), math.sin(heading)
+    place = np.array([x + cosine * ahead - sine * left, y + sine * ahead + cosine * left])
+    assert np.hypot(*(place - model.fires.position[LARGE])) == pytest.approx(model.fires.radius[LARGE], abs=1.0)
+
+
+@pytest.mark.parametrize("strategy", ["A", "B"])
+def test_robots_that_neither_extinguish_nor_wait_say_nothing(strategy):
+    model = FireFighting(strategy=strategy, rng=2)
+    for _ in range(600):
+        before = model.swarm.fire >= 0, model.swarm.hot.copy()
+        model.step()
+        silent = ~(before[0] | (before[1] & (strategy == "B")))
+        assert (model.swarm.task[silent] == -1).all()
+        assert np.isnan(model.swarm.goal[silent]).all()
+        assert (model.swarm.task[before[0] & ~before[1] & (model.swarm.layer == 1)] == 0).all()
+    assert silent.any()
+    assert not silent.all()
+
+
 def test_one_robot_cannot_put_out_the_largest_fire():
     model = at_the_large_fire("B", 1, 15_000)
     assert not model.fires.out[LARGE]
@@ -65,9 +89,16 @@ def test_the_model_stops_running_when_all_fires_are_out():
     assert model.run(10).steps == steps
 
 
-def fires_out(strategy, seed):
-    model = FireFighting(strategy=strategy, rng=seed).run(15_000)
+def fires_out(strategy, seed, communication="none"):
+    model = FireFighting(strategy=strategy, rng=seed, communication=communication).run(15_000)
     return model.fires.out.copy()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("communication", ["state", "goal"])
+def test_over_12_paired_seeds_calling_for_help_puts_out_the_large_fire_under_a(communication):
+    out = np.array(Parallel(2)(delayed(fires_out)("A", seed, communication) for seed in range(12)))
+    assert out[:, LARGE].mean() >= 0.8
 
 
 @pytest.mark.slow

@@ -7,13 +7,14 @@ import pytest
 import shapely
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from shapely import LineString, Point, Polygon
+from shapely import LineString, MultiPoint, Point, Polygon
 
 from mesa_swarm.geometry.overlap import (
     disc_overlaps_polygon,
     discs_overlap,
     in_polygon,
     nearest_on_segment,
+    segments_meet,
     wrapped,
 )
 
@@ -142,3 +143,10 @@ def test_half_a_turn_wraps_to_minus_half_a_turn():
     assert wrapped(math.pi) == -math.pi
     assert wrapped(-math.pi) == -math.pi
     assert -math.pi <= wrapped(math.nextafter(-math.pi, -4)) < math.pi
+
+
+@given(st.tuples(*[st.integers(0, 4)] * 8))
+def test_segments_meet_where_shapely_says_that_they_intersect_on_a_lattice_where_they_often_touch(ends):
+    # A MultiPoint's hull is a segment, or a point where both ends are the same.
+    a, b = MultiPoint([ends[:2], ends[2:4]]).convex_hull, MultiPoint([ends[4:6], ends[6:]]).convex_hull
+    assert segments_meet(*map(float, ends)) == a.intersects(b)

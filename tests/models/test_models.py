@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm.errors import SwarmError
+from mesa_swarm.experiments.compare import compare
 from mesa_swarm.experiments.gallery import find_model, model_names
 from mesa_swarm.parameters import Choice, Slider, parameters_of
 
@@ -99,6 +100,14 @@ def test_fire_fighting_stops_when_all_fires_are_out():
     assert model.steps < 20_000
     assert model.results()["all fires out at"] == model.steps
     assert model.results()["fires out"] == 7
+
+
+def test_communication_can_be_compared_in_fire_fighting():
+    fire_fighting = find_model("fire_fighting")
+    comparison = compare(fire_fighting, parameter="communication", seeds=1, steps=5, jobs=1)
+    assert [run.value for run in comparison.runs] == ["none", "state", "goal"]
+    layers = {value: len(fire_fighting(communication=value).control.layers) for value in comparison.plan.values}
+    assert layers == {"none": 3, "state": 4, "goal": 4}
 
 
 def test_fire_fighting_keeps_every_fire_once_it_is_out():

@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -140,7 +141,7 @@ def test_adding_and_removing_between_steps_keeps_the_columns_of_all_others():
     model.add_robots(AGENT_FIRE, poses=[(200, 200, 0.0)])
     for name in names:
         now = model.swarm.columns[name][:4]
-        assert (now[..., : kept[name].shape[-1]] if now.ndim > 1 else now).tolist() == kept[name].tolist(), name
+        np.testing.assert_array_equal(now[..., : kept[name].shape[-1]] if now.ndim > 1 else now, kept[name], name)
     assert any(n.endswith(".straight") and (kept[n] > 0).any() for n in names)
 
 

@@ -1,0 +1,97 @@
+"""Respond: go to where help is needed, as others broadcast it."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mesa_swarm.control.layer import Senses
+from mesa_swarm.errors import check_choice, check_number
+from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.robots.reasons import Moment, Reason
+from mesa_swarm.robots.sensors import LARGEST_RANGE
+from mesa_swarm.robots.steering import approach
+from mesa_swarm.robots.swarm import Swarm
+
+TO = ("state", "goal")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Respond:
+    """Go to the nearest robot that is at work, or to the nearest goal that is broadcast.
+
+    Active where something was heard that is farther than `near`, and the robot neither fights a fire nor
+    is too hot to. Nearer than that the layers below take over: robots about what calls them would else
+    circle for ever. Who goes on and away is called back, so that they stay around.
+
+    `near` should be a little more than what the robot's sensors see. Where both do, a layer above that turns
+    it to what it sees and this one, which turns it to what it hears, may turn it to and fro for ever.
+
+    It needs a model whose `communication` is a `Radio`.
+
+    Parameters
+    ----------
+    to : str
+        "state": to the nearest robot heard that has a task. "goal": to the nearest goal heard.
+    near : float
+        Centre to centre, or centre to goal, map units, at least 0.
+    critical_angle_degrees : float
+        What is farther than this from straight ahead is turned to on the spot, 0 to 180.
+
+    References
+    ----------
+    T. Balch and R. C. Arkin, Communication in reactive multiagent robotic systems, Autonomous Robots 1
+    (1994) 27-52.
+
+    Examples
+    --------
+    >>> Respond(to="goal").near
+    60.0
+    """
+
+    to: str = "state"
+    near: float = 60.0
+    critical_angle_degrees: float = 10.0
+    name: str = "Respond"
+
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        check_choice("to", self.to, TO)
+        check_number("near", self.near, minimum=0, maximum=LARGEST_RANGE)
+        check_number("critical_angle_degrees", self.critical_angle_degrees, minimum=0, maximum=180)
+
+    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
+        """Remember nothing: who calls does so in every step."""
+
+    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
+        """Drive the robots that were called."""
+        respond(
+            senses.heard_from if self.to == "state" else senses.heard_goal,
+            senses.hot,
+            senses.fire,
+            senses.max_speed,
+            senses.radius,
+            float(self.near),
+            math.radians(self.critical_angle_degrees),
+            command,
+            layer,
+            index,
+        )
+
+    def reason(self, moment: Moment) -> Reason:
+        """Say where the call came from."""
+        x, y = moment.columns["heard_from" if self.to == "state" else "heard_goal"]
+        where = f"{math.hypot(x, y):.0f} away at {math.degrees(math.atan2(y, x)):+.0f} degrees"
+        return Reason(f"it heard of {'a robot at work' if self.to == 'state' else 'a goal'} {where}")
+
+
+@compiled
+def respond(target, hot, fire, max_speed, radius, near, critical_angle, command, layer, index):
+    """Write the commands of robots that no earlier layer drives; `target` (n, 2) is NaN where nobody calls."""
+    for i in range(layer.shape[0]):
+        if layer[i] >= 0 or hot[i] or fire[i] >= 0:
+            continue
+        x, y = target[i, 0], target[i, 1]
+        if math.hypot(x, y) > near:
+            layer[i] = index
+            command[i, 0], command[i, 1] = approach(math.atan2(y, x), critical_angle, max_speed[i], radius[i])

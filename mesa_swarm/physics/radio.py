@@ -1,0 +1,256 @@
+"""Who hears what: broadcasts within a range, cut off by obstacles, lost by chance."""
+
+import math
+
+import numpy as np
+
+from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.geometry.grid import Grid, cell_index, sort_into_cells
+from mesa_swarm.geometry.overlap import nearest_on_segment, segments_meet
+from mesa_swarm.physics.scene import Scene
+from mesa_swarm.physics.sensing import into_frame
+from mesa_swarm.robots.radio import Radio
+from mesa_swarm.robots.swarm import Swarm
+
+FEWEST_CELLS = 64
+CELLS_PER_ROBOT = 4
+GOLDEN, FIRST_FACTOR, SECOND_FACTOR = map(np.uint64, (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB))
+
+
+class Channel:
+    """What carries broadcasts from robot to robot: a radio, and the grid that finds who is in range.
+
+    Parameters
+    ----------
+    radio : Radio
+    """
+
+    def __init__(self, radio: Radio) -> None:
+        self.radio = radio
+        self._beacons = np.array(radio.beacons, dtype=float).reshape(-1, 2)
+        self._version = -1
+        self._scene: Scene | None = None
+
+    def exchange(self, swarm: Swarm, scene: Scene, word: np.uint64) -> None:
+        """Write the columns heard_layer, heard_task, heard_from and heard_goal.
+
+        Parameters
+        ----------
+        swarm : Swarm
+        scene : Scene
+        word : uint64
+            Random bits of this step, which decide what is lost.
+        """
+        if not len(swarm):
+            return
+        self._prepare(swarm, scene)
+        columns, radio = swarm.columns, self.radio
+        position, heading, number = columns["position"], columns["heading"], columns["number"]
+        limits = float(radio.range), float(radio.loss_probability), word, radio.occlusion
+        if radio.state:
+            layer, task = columns["layer"], columns["task"]
+            heard = columns["heard_layer"], columns["heard_task"], columns["heard_from"]
+            hear_states(position, heading, number, layer, task, limits, self._grid, self._obstacles, *heard)
+        if radio.goal:
+            told, heard_goal = columns["sent_goal"], columns["heard_goal"]
+            hear_goals(position, heading, number, told, self._beacons, limits, self._grid, self._obstacles, heard_goal)
+
+    def _prepare(self, swarm: Swarm, scene: Scene) -> None:
+        """Make the grid anew when robots or obstacles have changed."""
+        if self._version == swarm.version and self._scene is scene:
+            return
+        most = FEWEST_CELLS + CELLS_PER_ROBOT * len(swarm)
+        self._grid = Grid.over(scene.bounds, max(self.radio.range, 1e-9), most).numbers
+        statics = scene.statics
+        self._obstacles = (
+            statics.edges,
+            statics.discs[: statics.first_fire],
+            statics.grid.numbers,
+            statics.touched_start,
+            statics.touched_items,
+        )
+        self._version, self._scene = swarm.version, scene
+
+
+@compiled
+def send_goals(position, heading, goal, sent_goal):
+    """Write where on the map the goals are that robots have in their own frames; NaN stays NaN."""
+    for i in range(position.shape[0]):
+        cosine, sine = math.cos(heading[i]), math.sin(heading[i])
+        sent_goal[i, 0] = position[i, 0] + cosine * goal[i, 0] - sine * goal[i, 1]
+        sent_goal[i, 1] = position[i, 1] + sine * goal[i, 0] + cosine * goal[i, 1]
+
+
+@compiled
+def hear_states(
+    position, heading, number, layer, task, limits, grid, obstacles, heard_layer, heard_task, heard_from,
+):  # fmt: skip
+    """Write layer, task and place of the nearest robot heard that has a task.
+
+    Parameters
+    ----------
+    position, heading, number, layer, task : ndarrays, rows are robots
+    limits : tuple
+        Range, loss probability, the step's random word, whether obstacles stop broadcasts.
+    grid : tuple
+        `Grid.numbers` of the grid that the senders are sorted into.
+    obstacles : tuple
+        As `is_cut` takes them.
+    heard_layer, heard_task : int64 ndarrays, shape (n,), written
+        -1 where nobody is heard.
+    heard_from : ndarray, shape (n, 2), written
+        In the hearer's frame, NaN where nobody is heard.
+    """
+    rows = np.flatnonzero(task >= 0)
+    places = position[rows]
+    heard = nearest_heard(position, number, places, places, number[rows], limits, grid, obstacles)
+    put_in_frames(position, heading, places, heard, heard_from)
+    for i in range(position.shape[0]):
+        heard_layer[i] = layer[rows[heard[i]]] if heard[i] >= 0 else -1
+        heard_task[i] = task[rows[heard[i]]] if heard[i] >= 0 else -1
+
+
+@compiled
+def hear_goals(position, heading, number, sent_goal, beacons, limits, grid, obstacles, heard_goal):
+    """Write, of the goals that robots hear, the one that is nearest to the hearer.
+
+    Parameters
+    ----------
+    sent_goal : ndarray, shape (n, 2)
+        On the map; what is not finite is none.
+    beacons : ndarray, shape (b, 2)
+    heard_goal : ndarray, shape (n, 2), written
+        In the hearer's frame, NaN where none is heard.
+    position, heading, number, limits, grid, obstacles
+        As `hear_states` takes them.
+    """
+    rows = np.flatnonzero(np.isfinite(sent_goal[:, 0] + sent_goal[:, 1]))
+    places = np.concatenate((beacons, position[rows]))
+    goals = np.concatenate((beacons, sent_goal[rows]))
+    # Numbers of robots begin at 0: those of beacons are below.
+    numbers = np.concatenate((np.arange(-beacons.shape[0], 0), number[rows]))
+    heard = nearest_heard(position, number, places, goals, numbers, limits, grid, obstacles)
+    put_in_frames(position, heading, goals, heard, heard_goal)
+
+
+@compiled
+def nearest_heard(position, number, places, targets, numbers, limits, grid, obstacles):
+    """Return, for every robot, which broadcast it hears has the nearest target, -1 for none.
+
+    Of targets equally near that of the sender with the smaller number counts, so that order is nothing.
+
+    Parameters
+    ----------
+    position, number : ndarrays
+        Of the hearers.
+    places, targets : ndarrays, shape (s, 2)
+        Where the senders are, and the points that they broadcast.
+    numbers : int64 ndarray, shape (s,)
+        Of the senders; nobody hears the sender with its own number.
+    """
+    reach, loss, word, occlusion = limits
+    left, below, per_unit, columns, rows = grid
+    nearest = np.full(position.shape[0], -1)
+    if places.shape[0] == 0:
+        return nearest
+    start, order = sorted_senders(places, grid)
+    for i in range(position.shape[0]):
+        x, y, best = position[i, 0], position[i, 1], math.inf
+        first = cell_index(x - reach, left, per_unit, columns)
+        last = cell_index(x + reach, left, per_unit, columns)
+        for row in range(
+            cell_index(y - reach, below, per_unit, rows), cell_index(y + reach, below, per_unit, rows) + 1
+        ):
+            for k in range(start[first + columns * row], start[last + columns * row + 1]):
+                j = order[k]
+                if (places[j, 0] - x) ** 2 + (places[j, 1] - y) ** 2 > reach * reach or numbers[j] == number[i]:
+                    continue
+                away = (targets[j, 0] - x) ** 2 + (targets[j, 1] - y) ** 2
+                if away > best or (away == best and numbers[j] > numbers[nearest[i]]):
+                    continue
+                if loss > 0.0 and is_lost(word, numbers[j], number[i], loss):
+                    continue
+                if occlusion and is_cut(places[j, 0], places[j, 1], x, y, obstacles):
+                    continue
+                nearest[i], best = j, away
+    return nearest
+
+
+@compiled
+def sorted_senders(places, grid):
+    """Return the senders sorted by cell, see `sort_into_cells`."""
+    start = np.empty(grid[3] * grid[4] + 1, np.int64)
+    order, cell_of = np.empty(places.shape[0], np.int64), np.empty(places.shape[0], np.int64)
+    sort_into_cells(places, grid, start, order, cell_of)
+    return start, order
+
+
+@compiled
+def put_in_frames(position, heading, points, chosen, out):
+    """Write for every robot the chosen point in the robot's frame, NaN where none is chosen."""
+    for i in range(position.shape[0]):
+        out[i, 0], out[i, 1] = math.nan, math.nan
+        if chosen[i] >= 0:
+            dx, dy = points[chosen[i], 0] - position[i, 0], points[chosen[i], 1] - position[i, 1]
+            out[i, 0], out[i, 1] = into_frame(dx, dy, math.cos(heading[i]), math.sin(heading[i]))
+
+
+@compiled
+def is_cut(ax, ay, bx, by, obstacles):
+    """Tell whether an obstacle's edge or disc meets the segment a-b; to touch it is enough.
+
+    Parameters
+    ----------
+    obstacles : tuple
+        Edges, discs, grid, and start and items of the lists of what can be touched, see `Statics`.
+    """
+    edges, discs, (left, below, per_unit, columns, rows), start, items = obstacles
+    if ax > bx:
+        ax, ay, bx, by = bx, by, ax, ay
+    first, last = cell_index(ax, left, per_unit, columns), cell_index(bx, left, per_unit, columns)
+    for column in range(first, last + 1):
+        # Rounding does no harm to where the segment enters and leaves a column: lists reach beyond their cells.
+        enters = 0.0 if column == first else (left + column / per_unit - ax) / (bx - ax)
+        leaves = 1.0 if column == last else (left + (column + 1) / per_unit - ax) / (bx - ax)
+        y, other_y = ay + enters * (by - ay), ay + leaves * (by - ay)
+        lowest = cell_index(min(y, other_y), below, per_unit, rows)
+        highest = cell_index(max(y, other_y), below, per_unit, rows)
+        for row in range(lowest, highest + 1):
+            cell = column + columns * row
+            for k in range(start[cell], start[cell + 1]):
+                if item_meets(items[k], ax, ay, bx, by, edges, discs):
+                    return True
+    return False
+
+
+@compiled
+def item_meets(item, ax, ay, bx, by, edges, discs):
+    """Tell whether an item, see `Statics`, meets the segment a-b; what is not among these discs is a fire."""
+    disc = item - edges.shape[0]
+    if disc < 0:
+        return segments_meet(ax, ay, bx, by, edges[item, 0], edges[item, 1], edges[item, 2], edges[item, 3])
+    if disc >= discs.shape[0]:
+        return False
+    x, y, _ = nearest_on_segment(discs[disc, 0], discs[disc, 1], ax, ay, bx, by)
+    return math.hypot(x - discs[disc, 0], y - discs[disc, 1]) <= discs[disc, 2]
+
+
+@compiled
+def is_lost(word, sender, hearer, probability):
+    """Tell whether a broadcast is lost: a hash of the step's word and both numbers decides, in no order.
+
+    Examples
+    --------
+    >>> is_lost(np.uint64(1), 2, 3, 0.0), is_lost(np.uint64(1), 2, 3, 1.0)
+    (False, True)
+    """
+    bits = mixed(mixed(word + GOLDEN * np.uint64(sender)) + GOLDEN * np.uint64(hearer))
+    return (bits >> np.uint64(11)) * 2.0**-53 < probability
+
+
+@compiled
+def mixed(bits):
+    """Return 64 bits that all depend on all of those given (the finaliser of SplitMix64)."""
+    bits = (bits ^ (bits >> np.uint64(30))) * FIRST_FACTOR
+    bits = (bits ^ (bits >> np.uint64(27))) * SECOND_FACTOR
+    return bits ^ (bits >> np.uint64(31))
