@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mesa_swarm.robots.design import RobotDesign
+from mesa_swarm.world.load import Load
 from mesa_swarm.world.map_parts import Bounds
 from mesa_swarm.world.shapes import Shape
 
@@ -17,7 +18,8 @@ class Portrait:
     ----------
     steps : int
     bounds : (x_min, y_min, x_max, y_max)
-    obstacles : tuple of Shape
+    obstacles, loads : tuples of Shape
+        Loads as they lie now; they are not among the obstacles.
     designs : tuple of RobotDesign
     robots : dict of ndarrays
         position, heading, radius, design and hot, a row a robot.
@@ -32,6 +34,7 @@ class Portrait:
     steps: int
     bounds: Bounds
     obstacles: tuple[Shape, ...]
+    loads: tuple[Shape, ...]
     designs: tuple[RobotDesign, ...]
     robots: dict[str, np.ndarray]
     fires: dict[str, np.ndarray]
@@ -53,7 +56,8 @@ def portrait_of(model) -> Portrait:
     return Portrait(
         steps=model.steps,
         bounds=model.map.bounds,
-        obstacles=tuple(obstacle.shape for obstacle in model.obstacles),
+        obstacles=tuple(obstacle.shape for obstacle in model.obstacles if not isinstance(obstacle, Load)),
+        loads=tuple(load.shape for load in model.loads),
         designs=model.swarm.designs,
         robots={name: model.swarm.columns[name].copy() for name in robots},
         fires={name: model.fires.columns[name].copy() for name in fires},

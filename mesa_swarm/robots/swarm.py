@@ -53,7 +53,8 @@ class Swarm:
     layer : int64 ndarray, shape (n,)
         Index of the layer that won, -1 if none was active.
     distance, kind : ndarrays, shape (n, s)
-        What the proximity sensors read: distance, -1 for nothing; 0 obstacle, 1 robot, 2 fire, -1 nothing.
+        What the proximity sensors read: distance, -1 for nothing; 0 obstacle, 1 robot, 2 fire, 3 load,
+        -1 nothing.
     radiation : ndarray, shape (n, q)
     line : bool ndarray, shape (n, l)
     slip : ndarray, shape (n, 2)
