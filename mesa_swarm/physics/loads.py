@@ -30,9 +30,11 @@ from mesa_swarm.physics.scene import Scene
 from mesa_swarm.world.form import Pose
 from mesa_swarm.world.load import Load
 
-# A joint push that exceeds the resistance by less than this share is equal to it but for rounding.
+# A joint push that exceeds the resistance by less than this share is equal to it but for rounding; a robot whose
+# push is so small a share of a full one drives along the load.
 EQUAL = 1e-9
-# The way to what blocks a load is found by so many halvings.
+# A load goes straight and then so many times along what it meets, less one, in a step; how far is found by halving.
+MOST_WAYS = 4
 HALVINGS = 10
 # Rounds in which the forces of what a load leans on are found, and how fast it leaves, as a share of its way: a
 # load that slides may not catch on rounding.
@@ -113,8 +115,8 @@ def pushes_on(load: Load, columns: dict, motion: np.ndarray) -> list[Push]:
     pushes = []
     for i, line in zip(near.tolist(), shapely.get_coordinates(lines).reshape(-1, 4).tolist(), strict=True):
         push = _push_of(line, float(radius[i]), load, motion[i].tolist(), float(columns["heading"][i]))
-        if push is not None:
-            limit = float(columns["max_speed"][i])
+        limit = float(columns["max_speed"][i])
+        if push is not None and push.way > EQUAL * limit:
             pushes.append(push._replace(force=min(push.force / limit, 1.0)))
     return pushes
 
@@ -142,17 +144,15 @@ def move_load(load: Load, pushes: list[Push], longest: float, room: Room) -> Non
     longest : float
         No point of it moves farther in a step.
     """
-    wrench = wrench_of(pushes)
-    way = twist_of(wrench, pushes, load, longest)
-    if way is None:
-        return
-    gone = go(load, way, room)
-    if gone == 1.0:
-        return
-    stops = room.stops_of(load, 2.0 * longest / 2**HALVINGS)
-    way = twist_of(borne(wrench, stops, load.form.lever), pushes, load, (1.0 - gone) * longest)
-    if way is not None:
-        go(load, way, room)
+    wrench, stops, left = wrench_of(pushes), [], 1.0
+    for _ in range(MOST_WAYS):
+        way = twist_of(borne(wrench, stops, load.form.lever), pushes, load, longest)
+        if way is None:
+            return
+        left -= left * go(load, (left * way[0], left * way[1], left * way[2]), room)
+        if left == 0.0:
+            return
+        stops = room.stops_of(load, 2.0 * longest / 2**HALVINGS)
 
 
 def wrench_of(pushes: list[Push]) -> Wrench:

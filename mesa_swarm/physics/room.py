@@ -61,32 +61,49 @@ class Room:
 
     def stops_of(self, load: Load, distance: float) -> list[Stop]:
         """Return what a load leans on: all that is within a distance of it as it lies now."""
-        core, heart = placed(load.form.core, load.pose), placed(load.form.heart, load.pose)
+        core = placed(load.form.core, load.pose)
         near = self._near(load, core, load.form.core_radius + distance)
-        return [stop for solid in near for stop in _stops(solid, heart, load.pose, distance)]
+        return [stop for solid, radius in near for stop in _stops(load, solid, radius + distance)]
 
-    def _near(self, load: Load, core: BaseGeometry, distance: float) -> Iterator[BaseGeometry]:
-        """Yield all that is no farther from the core of a load than a distance."""
+    def _near(self, load: Load, core: BaseGeometry, distance: float) -> Iterator[tuple[BaseGeometry, float]]:
+        """Yield all that is no farther from the core of a load than a distance, with the radii of discs."""
         far = distance + self.radii.max(initial=0.0)
         rows = np.sort(self.tree.query(core, predicate="dwithin", distance=far))
-        gaps = shapely.distance(core, self.solids[rows]) - self.radii[rows]
-        yield from self.solids[rows[gaps <= distance]]
+        rows = rows[shapely.distance(core, self.solids[rows]) - self.radii[rows] <= distance]
+        yield from zip(self.solids[rows], self.radii[rows].tolist(), strict=True)
         for other in self.loads:
             body = other.shape
             if other is not load and shapely.distance(core, body.geometry) <= distance + body.radius:
-                yield body.geometry
+                yield body.geometry, body.radius
 
 
-def _stops(solid: BaseGeometry, heart: BaseGeometry, pose: Pose, distance: float) -> Iterator[Stop]:
-    """Yield how a load leans on a solid: at each corner that is next to it, or else where it is nearest.
+def _stops(load: Load, solid: BaseGeometry, distance: float) -> list[Stop]:
+    """Return how a load leans on a solid: where corners of either are that near the other, or where it is nearest.
 
-    Directions are those of lines to the heart, for bodies that touch have none between them.
+    The direction is that of the line to the load's heart, for bodies that touch have none between them.
     """
-    corners = shapely.points(shapely.get_coordinates(heart))
-    near = shapely.distance(solid, corners) <= shapely.distance(solid, heart) + distance
-    lines = shapely.shortest_line(solid, corners[near] if near.any() else heart)
-    for px, py, qx, qy in shapely.get_coordinates(lines).reshape(-1, 4).tolist():
-        length = math.hypot(qx - px, qy - py)
-        if length > 0.0:
-            x, y = (qx - px) / length, (qy - py) / length
-            yield Stop(x, y, (px - pose[0]) * y - (py - pose[1]) * x)
+    x, y, _ = load.pose
+    line = shapely.shortest_line(solid, placed(load.form.heart, load.pose))
+    (px, py), (qx, qy) = shapely.get_coordinates(line).tolist()
+    length = math.hypot(qx - px, qy - py)
+    if length == 0.0:
+        return []
+    nx, ny = (qx - px) / length, (qy - py) / length
+    points = [] if load.form.radius else _touching_corners(load.shape.geometry, solid, distance)
+    return [Stop(nx, ny, (ax - x) * ny - (ay - y) * nx) for ax, ay in points or [(px, py)]]
+
+
+def _touching_corners(a: BaseGeometry, b: BaseGeometry, distance: float) -> list[tuple[float, float]]:
+    """Return the corners of each of two geometries that are within a distance of the other, none of them twice.
+
+    Examples
+    --------
+    >>> sorted(_touching_corners(shapely.box(0, 0, 4, 4), shapely.box(4, 1, 9, 9), 0.01))
+    [(4.0, 1.0), (4.0, 4.0)]
+    """
+    found = []
+    for one, other in ((a, b), (b, a)):
+        corners = shapely.get_coordinates(one)
+        near = shapely.distance(other, shapely.points(corners)) <= distance
+        found += map(tuple, corners[near].tolist())
+    return list(dict.fromkeys(found))

@@ -11,10 +11,11 @@ from shapely.geometry.polygon import orient
 
 from mesa_swarm.world.shapes import Shape
 
-# Bodies may overlap by this share of their thickness, which is rounding.
-LOOSE = 1e-7
-# How much thinner the heart is, as a share of the thickness: enough for lines to the outside to have a direction.
-PITH = 0.1
+# Bodies may overlap by this share of their thickness, and by more at the tips of sharp corners: it is rounding.
+LOOSE = 1e-9
+# How deep the heart lies, as a share of the thickness: enough for lines from the outside to have a direction, and so
+# little that corners of the heart are next to those of the body.
+PITH = 1e-3
 
 Pose = tuple[float, float, float]
 
@@ -146,7 +147,7 @@ def _moment(a: tuple[float, float], b: tuple[float, float]) -> float:
     height = (a[0] * b[1] - b[0] * a[1]) / length
     if height == 0.0:
         return 0.0
-    begin, end = ((p[0] * dx + p[1] * dy) / (length * height) for p in (a, b))
+    begin, end = ((p[0] * dx + p[1] * dy) / (length * abs(height)) for p in (a, b))
     return height**3 / 6.0 * (_antiderivative(end) - _antiderivative(begin))
 
 
