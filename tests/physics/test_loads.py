@@ -4,8 +4,9 @@ import math
 
 import numpy as np
 import pytest
+import shapely
 
-from mesa_swarm import AGENT9, RobotDesign, disc, polygon, rectangle
+from mesa_swarm import AGENT9, ProximitySensor, RobotDesign, disc, polygon, rectangle
 from mesa_swarm.control import Subsumption
 from mesa_swarm.physics import loads as physics
 from mesa_swarm.world.form import mean_distance
@@ -365,8 +366,6 @@ def test_sensors_see_a_load_as_such_where_it_lies_now(engine):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_sensor_inside_a_load_reads_zero_and_a_wall_in_the_same_place_first(engine):
-    from mesa_swarm import ProximitySensor  # noqa: PLC0415
-
     feeler = RobotDesign(sensors=(ProximitySensor(mount=(9.0, 0.0), field_of_view_degrees=20),))
     model = empty(engine=engine)
     model.add_load(BOX, resistance=1)
@@ -396,8 +395,6 @@ def test_the_mean_distance_of_a_disc_is_two_thirds_of_its_radius_and_a_polygon_t
 
 
 def test_the_mean_distance_of_a_concave_polygon_with_a_hole_is_what_a_sum_over_a_raster_gives():
-    import shapely  # noqa: PLC0415
-
     star = polygon([(-30, -20), (40, -25), (5, 0), (30, 30), (-20, 25)], [[(-15, -5), (-5, -5), (-10, 5)]]).geometry
     x, y = np.meshgrid(np.arange(-30, 40, 0.1) + 0.05, np.arange(-25, 30, 0.1) + 0.05)
     inside = shapely.contains_xy(star, x, y)

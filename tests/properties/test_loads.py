@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from worlds import differences, hauled, load_state, state
+from worlds import differences, hauled, load_state, outcome, random_world, state, with_loads
 
 EXACT = 1e-9
 # Many steps of a crowd multiply rounding.
@@ -17,7 +17,7 @@ NUDGE, JUMP = 1e-10, 1e-6
 STEPS = 12
 
 seeds = st.integers(0, 2**32 - 1)
-few = settings(max_examples=20)
+few = settings(max_examples=12)
 
 
 def run(world, engine="compiled", steps=STEPS):
@@ -51,6 +51,16 @@ def test_both_engines_move_loads_alike(seed):
 def test_both_engines_move_loads_alike_in_hundreds_of_worlds(seed):
     world = hauled(seed)
     check_same(generic(world, "shapely"), run(world))
+
+
+@few
+@given(seeds)
+def test_both_engines_read_and_do_the_same_in_random_worlds_with_loads(seed):
+    world = with_loads(random_world(seed), seed, 8)
+    oracle, nudged = (outcome(each.model("shapely")) for each in (world, world.nudged(NUDGE)))
+    assume(max(differences(oracle, nudged).values()) < JUMP)
+    found = differences(outcome(world.model()), oracle)
+    assert found == pytest.approx(dict.fromkeys(found, 0.0), abs=EXACT)
 
 
 def test_both_engines_agree_to_the_last_digits_after_one_step():
