@@ -12,8 +12,9 @@ Cutkosky 1996, Int. J. Robotics Research 15, 557-572). How fast is decided by th
 the points where they push it goes as fast as they do, on average, weighted by force; so a load pushed by equal
 robots from one side keeps their pace, and one that turns about a single robot gives way at that robot's pace.
 
-Loads move before the robots do, one after the other, at most half the least radius a step. What stands still
-bears loads without friction. A load that robots cannot give way to goes back to where it was.
+Loads move before the robots do, one after the other in the order in which they were added, at most half the
+least radius of a robot a step, and never one another. What stands still bears a load without friction, so that
+it slides along walls. A load that robots cannot give way to goes back to where it was.
 """
 
 import math

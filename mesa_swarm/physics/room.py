@@ -89,7 +89,9 @@ def _stops(load: Load, solid: BaseGeometry, distance: float) -> list[Stop]:
     if length == 0.0:
         return []
     nx, ny = (qx - px) / length, (qy - py) / length
-    points = [] if load.form.radius else _touching_corners(load.shape.geometry, solid, distance)
+    if load.form.radius:
+        return [Stop(nx, ny, 0.0)]
+    points = _touching_corners(load.shape.geometry, solid, distance)
     return [Stop(nx, ny, (ax - x) * ny - (ay - y) * nx) for ax, ay in points or [(px, py)]]
 
 

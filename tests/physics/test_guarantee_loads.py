@@ -141,6 +141,18 @@ def test_robots_between_two_loads_that_are_pushed_at_each_other_are_not_squeezed
     assert gap == pytest.approx(10, abs=1.0)
 
 
+def test_a_load_that_followed_one_that_is_taken_back_is_taken_back_with_it():
+    model = empty()
+    front = model.add_load(rectangle((350, 100), (389, 200)), resistance=0.5)
+    behind = model.add_load(rectangle((330, 130), (350, 170)), resistance=0.5)
+    model.add_robots(blind(), poses=[(325, 140, 0.0), (325, 160, 0.0), (345, 110, 0.0), (345, 190, 0.0)])
+    model.add_robots(blind(max_speed=0.0), poses=[(394, 150, 0.0)])
+    assert check(model, 10) == pytest.approx(2.0, abs=1e-6)
+    assert not front.moved
+    assert not behind.moved
+    assert (front.pushers, behind.pushers) == (2, 2)
+
+
 def test_several_loads_in_a_row_are_pushed_from_one_end():
     model = empty(600, 200)
     for k in range(4):

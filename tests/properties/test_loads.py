@@ -46,7 +46,7 @@ def test_both_engines_move_loads_alike(seed):
 
 
 @pytest.mark.slow
-@settings(max_examples=500)
+@settings(max_examples=150)
 @given(seeds)
 def test_both_engines_move_loads_alike_in_hundreds_of_worlds(seed):
     world = hauled(seed)
