@@ -187,6 +187,8 @@ def with_loads(world: World, seed: int, n: int) -> World:
 def hauled(seed: int, n: int = 14, size: float = 110.0) -> World:
     """Return a room with loads, and robots free of each other that drive at the nearest one."""
     world = with_loads(crowd(seed, n=n, size=size), seed, 12)
+    if not world.loads:
+        return hauled(seed + 1, n, size)
     rng = np.random.default_rng([seed, 2])
     still = replace(world, commands=np.zeros((n, 2))).model()
     still.step()
