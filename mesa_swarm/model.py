@@ -165,7 +165,7 @@ class SwarmModel(World):
         sense       position, heading, obstacles, fires               distance, kind, radiation, line
         exchange    layer, task, sent_goal, pose, obstacles           heard_layer, heard_task, heard_from, heard_goal
         decide      what robots know (`control.Senses`)               command, layer, task, goal, sent_goal
-        move        command                                           position, heading
+        move        command, loads                                    loads, position, heading
         resolve     position, obstacles, fires                        position, heading, slip, collided, contacts
         burn        position                                          fires' temperature, robots' temperature, fire
         collect     everything                                        datacollector, history
@@ -245,6 +245,8 @@ class SwarmModel(World):
 
     def _move(self) -> None:
         scene, table = self._current_scene(), self.swarm.table
+        for load in self._loads:
+            load.rest()
         if not len(self.swarm):
             return
         if self.swarm.disturbed:
@@ -380,6 +382,8 @@ class SwarmModel(World):
         self.sense()
         digest = blake2b(digest_size=16)
         digest.update(f"{self._completed}".encode())
+        for load in self._loads:
+            digest.update(np.array([*load.pose, load.resistance]))
         for prefix, columns in (("robots", self.swarm.columns), ("fires", self.fires.columns)):
             for name, column in sorted(columns.items()):
                 if name not in NOT_HASHED:

@@ -16,11 +16,13 @@ from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.robots.table import DesignTable
 from mesa_swarm.streams import Streams
 from mesa_swarm.world.arena import Agents, Arena
+from mesa_swarm.world.form import Form
+from mesa_swarm.world.load import Load, checked_resistance
 from mesa_swarm.world.map import RADIUS_OF_UNIT_AREA, Map
 from mesa_swarm.world.obstacle import Obstacle
 from mesa_swarm.world.placement import free_space, place_apart
-from mesa_swarm.world.shapes import Shape
-from mesa_swarm.world.statics import FIRE, OBSTACLE
+from mesa_swarm.world.shapes import Shape, disc
+from mesa_swarm.world.statics import FIRE, LOAD, OBSTACLE
 
 
 class World(mesa.Model):
@@ -48,6 +50,7 @@ class World(mesa.Model):
         self.fires = Fires(check_count("history_every", history_every))
         self.space.attach(self.fires)
         self._obstacles: list[Obstacle] = []
+        self._loads: list[Load] = []
         self._scene: Scene | None = None
         self._scene_table: DesignTable | None = None
         self._burns = False
@@ -63,8 +66,13 @@ class World(mesa.Model):
 
     @property
     def obstacles(self) -> Agents:
-        """The obstacles and ground marks as Mesa agents, in the order in which they were added."""
+        """The obstacles, loads and ground marks as Mesa agents, in the order in which they were added."""
         return Agents(self._obstacles, random=self.random)
+
+    @property
+    def loads(self) -> Agents:
+        """The loads as Mesa agents, in the order in which they were added."""
+        return Agents(self._loads, random=self.random)
 
     def add_robots(
         self,
@@ -127,12 +135,46 @@ class World(mesa.Model):
         >>> SwarmModel(rng=1).add_obstacle(disc((100, 100), 30)).contact
         True
         """
-        if not isinstance(shape, Shape):
-            raise InvalidValueError(f"obstacle is {shape!r:.60}; expected disc(...), rectangle(...) or polygon(...)")
+        _check_shape("obstacle", shape)
+        self._check_clear_of_loads("obstacle", shape)
         obstacle = Obstacle(self.space, self, shape)
         self._obstacles.append(obstacle)
         self.obstacles_changed()
         return obstacle
+
+    def add_load(self, shape: Shape, *, resistance: float) -> Load:
+        """Add a body that robots can push, together if need be, and return its agent.
+
+        Parameters
+        ----------
+        shape : Shape
+            Where it lies at first: within the map, free of obstacles, fires and other loads. Robots that are
+            there are moved to room nearby in the next step.
+        resistance : float
+            How many robots' full pushes it withstands, above 0: it moves only when pushed harder than that. A
+            robot that drives straight into it at its greatest speed gives one full push.
+
+        Raises
+        ------
+        InvalidValueError
+            If it is a mark on the ground, overlaps anything or is not within the map.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel, rectangle
+        >>> SwarmModel(rng=1).add_load(rectangle((100, 100), (140, 120)), resistance=2.5).position
+        array([120., 110.])
+        """
+        _check_shape("load", shape)
+        resistance = checked_resistance(resistance)
+        if not shape.contact:
+            raise InvalidValueError("load is a mark on the ground, which nobody can push; leave contact=False out")
+        self._check_room_for_load(shape)
+        load = Load(self.space, self, shape, resistance)
+        self._obstacles.append(load)
+        self._loads.append(load)
+        self.obstacles_changed()
+        return load
 
     def add_fire(
         self,
@@ -162,6 +204,7 @@ class World(mesa.Model):
         area = (radius / RADIUS_OF_UNIT_AREA) ** 2 if area is None else area
         check_number("area", area, above=0, maximum=1e12)
         check_number("temperature", temperature, above=0, maximum=1)
+        self._check_clear_of_loads("fire", disc(point, radius))
         row = self.fires.add(point, radius, area, temperature)
         fire = Fire(self.space, self, self.fires, row)
         self.fires.agents.append(fire)
@@ -174,7 +217,10 @@ class World(mesa.Model):
         for index in reversed(range(len(self._obstacles))):
             if self._obstacles[index].space is None:
                 del self._obstacles[index]
-                self.swarm.forget_contact(OBSTACLE, index)
+                for kind in (OBSTACLE, LOAD):
+                    self.swarm.forget_contact(kind, index)
+        if self._loads:
+            self._loads = [obstacle for obstacle in self._obstacles if isinstance(obstacle, Load)]
         self._scene = None
         self.swarm.disturbed = True
 
@@ -186,14 +232,36 @@ class World(mesa.Model):
 
     def _current_scene(self) -> Scene:
         table = self.swarm.table
-        if self._scene is None or self._scene_table is not table:
+        if self._scene is None or self._scene_table is not table or self._scene.is_worn:
             shapes = [obstacle.shape for obstacle in self._obstacles]
             discs, temperature = self.fires.discs, self.fires.columns["temperature"]
             sight = float(table.reach.max(initial=0.0))
             touch = max((design.radius for design in table.designs), default=1.0)
-            self._scene = Scene.of(self.map.bounds, shapes, discs, temperature, sight=sight, touch=touch)
+            loads = [(row, body) for row, body in enumerate(self._obstacles) if isinstance(body, Load)]
+            self._scene = Scene.of(self.map.bounds, shapes, discs, temperature, sight=sight, touch=touch, loads=loads)
             self._scene_table = table
         return self._scene
+
+    def _check_room_for_load(self, shape: Shape) -> None:
+        """Refuse a load that is not within the map or overlaps anything but robots."""
+        form, pose = Form.of(shape), (*shape.position.tolist(), 0.0)
+        if not form.is_within(pose, self.map.bounds):
+            raise InvalidValueError(f"load is not within map {self.map.name}, {list(self.map.bounds)}; move it inside")
+        others = [("an obstacle or load", body.shape) for body in self._obstacles if body.contact]
+        others += [("a fire", disc(fire.position, fire.radius)) for fire in self.fires]
+        for name, other in others:
+            if form.overlaps(pose, other):
+                raise InvalidValueError(
+                    f"load overlaps {name} at {other.position.tolist()}; put it where there is room"
+                )
+
+    def _check_clear_of_loads(self, name: str, shape: Shape) -> None:
+        """Refuse an obstacle or a fire that overlaps a load."""
+        for load in self._loads:
+            if shape.contact and load.form.overlaps(load.pose, shape):
+                raise InvalidValueError(
+                    f"{name} overlaps a load at {load.position.tolist()}; put it where there is room"
+                )
 
     def _free_poses(self, design: RobotDesign, n: int) -> tuple[np.ndarray, np.ndarray]:
         shapes = [obstacle.shape for obstacle in self._obstacles]
@@ -236,6 +304,11 @@ class World(mesa.Model):
         if len(names) != n:
             raise InvalidValueError(f"tendency names {len(names)} sides for {n} robots; expected one each")
         return np.array([SIDES[check_choice("tendency", name, SIDES)] for name in names], dtype=float)
+
+
+def _check_shape(name: str, shape: Shape) -> None:
+    if not isinstance(shape, Shape):
+        raise InvalidValueError(f"{name} is {shape!r:.60}; expected disc(...), rectangle(...) or polygon(...)")
 
 
 def _checked_seed(rng):

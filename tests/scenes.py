@@ -4,7 +4,7 @@ import math
 from itertools import combinations
 
 import numpy as np
-from shapely.geometry import Point
+from shapely.geometry import Point, box
 
 from mesa_swarm import AGENT9, Map, RobotDesign, SwarmModel, polygon, rectangle
 from mesa_swarm.control import PASS, behaviour
@@ -77,3 +77,26 @@ def worst_overlap(model: SwarmModel) -> float:
     for (p, r), (q, s) in combinations(zip(model.swarm.position, model.swarm.radius, strict=True), 2):
         worst = max(worst, (r + s - np.hypot(*(p - q))) / min(r, s))
     return worst
+
+
+def worst_load_overlap(model: SwarmModel) -> float:
+    """Return how far any load reaches beyond the border, or into anything but robots, map units, by Shapely."""
+    inside, worst = box(*model.map.bounds), -math.inf
+    for load in model.loads:
+        x_min, y_min, x_max, y_max = load.shape.bounds
+        worst = max(
+            worst, *(np.array([x_max, y_max]) - inside.bounds[2:]), *(inside.bounds[:2] - np.array([x_min, y_min]))
+        )
+        others = [(o.shape.geometry, o.shape.radius) for o in model.obstacles if o is not load and o.contact]
+        others += [(Point(fire.position), fire.radius) for fire in model.fires]
+        worst = max([worst, *(_depth(load.shape, geometry, radius) for geometry, radius in others)])
+    return worst
+
+
+def _depth(shape, geometry, radius: float) -> float:
+    """Return how deep two bodies overlap: of two polygons no less than half of what they share is thick."""
+    if shape.radius or radius:
+        gap = shape.geometry.distance(geometry)
+        return math.inf if gap == 0.0 else shape.radius + radius - gap
+    shared = shape.geometry.intersection(geometry)
+    return 2.0 * shared.area / shared.length if shared.area else -shape.geometry.distance(geometry)

@@ -18,6 +18,7 @@ from mesa_swarm import (
     disc,
     polygon,
 )
+from mesa_swarm.errors import InvalidValueError
 
 BOUNDS = (0.0, 0.0, 200.0, 150.0)
 # No sensor of these designs sticks out farther than this.
@@ -66,6 +67,8 @@ class World:
     design: np.ndarray
     commands: np.ndarray
     tendency: np.ndarray
+    # Centre and radius of a disc, or outline and 0, and the resistance.
+    loads: tuple[tuple[np.ndarray, float, float], ...] = ()
 
     def model(self, engine: str = "compiled", **options: object) -> SwarmModel:
         """Return a model of this world, its robots in order, each at its pose and driven by its command."""
@@ -77,6 +80,8 @@ class World:
         )
         for position, radius, temperature in self.fires:
             model.add_fire(position, radius=radius, temperature=temperature)
+        for points, radius, resistance in self.loads:
+            model.add_load(disc(points, radius) if radius else polygon(points), resistance=resistance)
         for d, pose, side in zip(self.design, self.poses, self.tendency, strict=True):
             model.add_robots(self.designs[d], poses=[pose], tendency="left" if side > 0 else "right")
         model.control = Commanded(self.commands)
@@ -96,6 +101,7 @@ class World:
             discs=[(move(centre), radius, solid) for centre, radius, solid in self.discs],
             polygons=[(move(o), None if h is None else move(h), solid) for o, h, solid in self.polygons],
             fires=[(move(position), radius, temperature) for position, radius, temperature in self.fires],
+            loads=tuple((move(points), radius, resistance) for points, radius, resistance in self.loads),
             poses=np.column_stack([move(self.poses[:, :2]), turn(self.poses[:, 2])]),
         )
 
@@ -160,6 +166,41 @@ def crowd(seed: int, n: int, size: float, design: RobotDesign = AGENT9) -> World
     )
 
 
+def with_loads(world: World, seed: int, n: int) -> World:
+    """Return a world with up to so many light loads, wherever there is room for them; robots may be inside."""
+    rng = np.random.default_rng([seed, n])
+    low, high = np.array(world.bounds[:2]), np.array(world.bounds[2:])
+    model, loads = replace(world.reordered(np.arange(0)), loads=()).model(), []
+    while len(loads) < n:
+        centre, resistance = rng.uniform(low, high), rng.uniform(0.05, 1.2)
+        outline = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * rng.uniform(3, 16, 2)
+        round_one = (centre, float(rng.uniform(4, 12)), resistance)
+        load = round_one if rng.random() < 0.4 else (centre + _turned(outline, rng.uniform(0, 3)), 0.0, resistance)
+        try:
+            model.add_load(disc(*load[:2]) if load[1] else polygon(load[0]), resistance=resistance)
+            loads.append(load)
+        except InvalidValueError:
+            n -= 1
+    return replace(world, loads=tuple(loads))
+
+
+def hauled(seed: int, n: int = 14, size: float = 110.0) -> World:
+    """Return a room with loads, and robots free of each other that drive at the nearest one."""
+    world = with_loads(crowd(seed, n=n, size=size), seed, 12)
+    if not world.loads:
+        return hauled(seed + 1, n, size)
+    rng = np.random.default_rng([seed, 2])
+    still = replace(world, commands=np.zeros((n, 2))).model()
+    still.step()
+    place = still.swarm.position
+    centres = np.array([points.reshape(-1, 2).mean(axis=0) for points, _, _ in world.loads])
+    ways = centres - place[:, None]
+    nearest = ways[np.arange(n), np.hypot(*ways.T).T.argmin(axis=1)]
+    heading = np.arctan2(nearest[:, 1], nearest[:, 0]) + rng.uniform(-0.5, 0.5, n)
+    wheels = 1.0 - rng.uniform(0, 0.3, (n, 2))
+    return replace(world, poses=np.column_stack([place, heading]), commands=wheels * AGENT9.max_speed)
+
+
 def outcome(model: SwarmModel) -> dict[str, np.ndarray]:
     """Return what is read before a step, and where robots are after it."""
     model.sense()
@@ -183,6 +224,21 @@ def differences(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> dict[str,
             apart = np.minimum(apart, 2 * math.pi - apart)
         found[name] = float(apart.max(initial=0.0))
     return found
+
+
+def load_state(model: SwarmModel) -> dict[str, np.ndarray]:
+    """Return where the loads are and what happened to them in the last step."""
+    loads = list(model.loads)
+    return {
+        "load_position": np.array([load.position for load in loads]).reshape(-1, 2),
+        "load_heading": np.array([load.heading for load in loads]),
+        "load_pushers": np.array([load.pushers for load in loads]),
+    }
+
+
+def _turned(points: np.ndarray, angle: float) -> np.ndarray:
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return points @ np.array([[cosine, sine], [-sine, cosine]])
 
 
 def _solid(rng: np.random.Generator) -> bool:

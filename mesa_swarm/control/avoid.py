@@ -10,10 +10,11 @@ from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
 from mesa_swarm.robots.swarm import Swarm
-from mesa_swarm.world.statics import FIRE
+from mesa_swarm.world.statics import FIRE, LOAD
 
 TURNS = ("translational", "stationary")
 FIRES = ("always", "never", "when hot")
+LOADS = ("always", "never")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +34,8 @@ class Avoid:
         corridor where both side sensors are activated.
     fires : str
         Whether burning fires are avoided: "always", "never" or "when hot".
+    loads : str
+        Whether loads are avoided: "always" or "never".
 
     Examples
     --------
@@ -43,6 +46,7 @@ class Avoid:
     distance: float = 15.0
     turn: str = "translational"
     fires: str = "always"
+    loads: str = "always"
     name: str = "Avoid"
 
     def __post_init__(self) -> None:
@@ -50,6 +54,7 @@ class Avoid:
         check_number("Avoid's distance", self.distance, minimum=0, maximum=LARGEST_RANGE)
         check_choice("turn", self.turn, TURNS)
         check_choice("fires", self.fires, FIRES)
+        check_choice("loads", self.loads, LOADS)
 
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
         """Remember nothing."""
@@ -66,6 +71,7 @@ class Avoid:
             senses.forward,
             float(self.distance),
             FIRES.index(self.fires),
+            self.loads == "always",
             -1.0 if self.turn == "stationary" else 0.0,
             command,
             layer,
@@ -81,7 +87,7 @@ class Avoid:
 
 
 @compiled
-def avoid(distance, kind, hot, tendency, max_speed, design, forward, near, fires, inner, command, layer, index):
+def avoid(distance, kind, hot, tendency, max_speed, design, forward, near, fires, loads, inner, command, layer, index):
     """Write the turns of robots that no earlier layer drives; `inner` is the inner wheel's share of speed."""
     for i in range(layer.shape[0]):
         if layer[i] >= 0:
@@ -90,11 +96,11 @@ def avoid(distance, kind, hot, tendency, max_speed, design, forward, near, fires
         front, left, right = forward[d, 0], forward[d, 1], forward[d, 2]
         fears_fire = fires == 0 or (fires == 2 and hot[i])
         turn = 0.0
-        if front >= 0 and is_activated(distance[i, front], kind[i, front], near, fears_fire):
+        if front >= 0 and is_activated(distance[i, front], kind[i, front], near, fears_fire, loads):
             turn = tendency[i]
-        if left >= 0 and is_activated(distance[i, left], kind[i, left], near, fears_fire):
+        if left >= 0 and is_activated(distance[i, left], kind[i, left], near, fears_fire, loads):
             turn = -1.0
-        if right >= 0 and is_activated(distance[i, right], kind[i, right], near, fears_fire):
+        if right >= 0 and is_activated(distance[i, right], kind[i, right], near, fears_fire, loads):
             turn = 1.0
         if turn != 0.0:
             command[i, 0] = max_speed[i] * (inner if turn > 0.0 else 1.0)
@@ -103,12 +109,12 @@ def avoid(distance, kind, hot, tendency, max_speed, design, forward, near, fires
 
 
 @compiled
-def is_activated(distance, kind, near, fears_fire):
+def is_activated(distance, kind, near, fears_fire, fears_load):
     """Tell whether a sensor sees something too near.
 
     Examples
     --------
-    >>> is_activated(-1.0, -1, 15.0, True)
+    >>> is_activated(-1.0, -1, 15.0, True, True)
     False
     """
-    return 0.0 <= distance < near and (fears_fire or kind != FIRE)
+    return 0.0 <= distance < near and (fears_fire or kind != FIRE) and (fears_load or kind != LOAD)

@@ -12,7 +12,7 @@ import numpy as np
 from mesa_swarm.robots.table import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RANGE
 from mesa_swarm.world.shapes import Shape
 
-GROUND, SOLID, MARK, ASHES = "#f7f6f2", "#5f6670", "#1d1f23", "#b4b4ae"
+GROUND, SOLID, LOAD, MARK, ASHES = "#f7f6f2", "#5f6670", "#2e7d5b", "#1d1f23", "#b4b4ae"
 REAR, FRONT, OUTLINE = "#1d4e89", "#bfe5ff", "#0b2545"
 BLIND, SEEING = "#1d4e89", "#f0a03c"
 COLD, HOT = np.array([16, 12, 12]), np.array([232, 28, 20])
@@ -59,6 +59,18 @@ def draw_shapes(shapes: Iterable[Shape], corner: np.ndarray) -> str:
     solid = "".join(_outline(shape, corner) for shape in shapes if shape.contact)
     marks = "".join(_outline(shape, corner) for shape in shapes if not shape.contact)
     return _path("mark", marks, f'fill="{MARK}"') + _path("obstacle", solid, f'fill="{SOLID}"')
+
+
+def draw_loads(shapes: Iterable[Shape], corner: np.ndarray) -> str:
+    """Return loads green, where they lie now, relative to the map's corner.
+
+    Examples
+    --------
+    >>> from mesa_swarm.world.shapes import disc
+    >>> draw_loads([disc((40, 20), 5)], np.zeros(2)).startswith('<path class="load"')
+    True
+    """
+    return _path("load", "".join(_outline(shape, corner) for shape in shapes), f'fill="{LOAD}"')
 
 
 def draw_fires(position: np.ndarray, radius: np.ndarray, temperature: np.ndarray, out: np.ndarray) -> str:

@@ -9,11 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.dashboard.drawing import draw_fires, draw_robots, draw_sectors, draw_shapes, drawing, label_fires
+from mesa_swarm.dashboard.drawing import (
+    draw_fires,
+    draw_loads,
+    draw_robots,
+    draw_sectors,
+    draw_shapes,
+    drawing,
+    label_fires,
+)
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.fire import FireConstants
 from mesa_swarm.model import SwarmModel
 from mesa_swarm.parameters import parameters_of
+from mesa_swarm.world.load import Load
 
 FRAME_TIME = 0.05
 # Parameters that a running model takes at once.
@@ -151,13 +160,14 @@ def _drawn(model: SwarmModel, sectors: bool) -> str:
     swarm, fires = model.swarm, model.fires
     position, burning = swarm.position - corner, fires.position - corner
     layers = [
-        draw_shapes([obstacle.shape for obstacle in model.obstacles], corner),
+        draw_shapes([body.shape for body in model.obstacles if not isinstance(body, Load)], corner),
+        draw_loads([load.shape for load in model.loads], corner),
         draw_fires(burning, fires.radius, fires.temperature, fires.out),
         draw_robots(position, swarm.heading, swarm.radius),
     ]
     if sectors:
         sensors = swarm.table.proximity[swarm.columns["design"]]
-        layers.insert(1, draw_sectors(position, swarm.heading, sensors, swarm.distance))
+        layers.insert(2, draw_sectors(position, swarm.heading, sensors, swarm.distance))
     return drawing(size, layers, label_fires(burning, fires.radius, fires.out, fires.robots, size))
 
 

@@ -1,6 +1,7 @@
 """A picture of the world: map, fires and robots to scale, drawn with matplotlib from arrays."""
 
 import io
+from collections.abc import Sequence
 
 import matplotlib
 import numpy as np
@@ -20,7 +21,7 @@ from mesa_swarm.world.shapes import Shape
 
 # Okabe and Ito's colours, which people with any colour vision can tell apart.
 COOL, HOT, FRONT = "#0072b2", "#d55e00", "#f0e442"
-OBSTACLE, MARK, OUT, SECTOR, INK = "#a8a8a8", "#e2d3b0", "#ececec", "#56b4e9", "#222222"
+OBSTACLE, LOAD, MARK, OUT, SECTOR, INK = "#a8a8a8", "#009e73", "#e2d3b0", "#ececec", "#56b4e9", "#222222"
 PERCEIVED = "#6e6e6e"
 # Black to red; its lightness rises all the way, so that it can be read without seeing red.
 TEMPERATURE = LinearSegmentedColormap.from_list("temperature", ["#000000", "#7f0000", "#ff3b1f"])
@@ -52,6 +53,7 @@ def draw_world(model, axes: Axes, sectors: bool = False) -> None:
     _draw_ground(axes, portrait.bounds)
     _draw_shapes(axes, [s for s in portrait.obstacles if not s.contact], MARK, 1, "marks")
     _draw_shapes(axes, [s for s in portrait.obstacles if s.contact], OBSTACLE, 2, "obstacles")
+    _draw_shapes(axes, portrait.loads, LOAD, 2, "loads")
     _draw_fires(axes, portrait.fires)
     if sectors:
         _draw_sectors(axes, portrait)
@@ -66,7 +68,7 @@ def _draw_ground(axes: Axes, bounds) -> None:
     axes.set(xlabel="x (map units)", ylabel="y (map units)")
 
 
-def _draw_shapes(axes: Axes, shapes: list[Shape], colour: str, height: int, label: str) -> None:
+def _draw_shapes(axes: Axes, shapes: Sequence[Shape], colour: str, height: int, label: str) -> None:
     if shapes:
         paths = [_outline(shape) for shape in shapes]
         axes.add_collection(PathCollection(paths, facecolors=colour, linewidths=0, zorder=height, label=label))
@@ -149,6 +151,7 @@ def legend_of(portrait: Portrait) -> list:
     ['obstacle']
     """
     shown = [("obstacle", OBSTACLE, any(s.contact for s in portrait.obstacles))]
+    shown += [("load", LOAD, bool(portrait.loads))]
     shown += [("ground mark", MARK, any(not s.contact for s in portrait.obstacles))]
     entries = [Patch(color=colour, label=label) for label, colour, seen in shown if seen]
     if len(portrait.robots["hot"]):

@@ -7,6 +7,7 @@ import numpy as np
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.control.perception import centroids
 from mesa_swarm.robots.design import RobotDesign
+from mesa_swarm.world.load import Load
 from mesa_swarm.world.map_parts import Bounds
 from mesa_swarm.world.shapes import Shape
 
@@ -19,7 +20,8 @@ class Portrait:
     ----------
     steps : int
     bounds : (x_min, y_min, x_max, y_max)
-    obstacles : tuple of Shape
+    obstacles, loads : tuples of Shape
+        Loads as they lie now; they are not among the obstacles.
     designs : tuple of RobotDesign
     robots : dict of ndarrays
         position, heading, radius, design and hot, a row a robot; perceived (n, 2), if it was asked for, is where
@@ -35,6 +37,7 @@ class Portrait:
     steps: int
     bounds: Bounds
     obstacles: tuple[Shape, ...]
+    loads: tuple[Shape, ...]
     designs: tuple[RobotDesign, ...]
     robots: dict[str, np.ndarray]
     fires: dict[str, np.ndarray]
@@ -63,7 +66,8 @@ def portrait_of(model, *, perceived: bool = False) -> Portrait:
     return Portrait(
         steps=model.steps,
         bounds=model.map.bounds,
-        obstacles=tuple(obstacle.shape for obstacle in model.obstacles),
+        obstacles=tuple(obstacle.shape for obstacle in model.obstacles if not isinstance(obstacle, Load)),
+        loads=tuple(load.shape for load in model.loads),
         designs=model.swarm.designs,
         robots={**columns, **({"perceived": _perceived(model)} if perceived else {})},
         fires={name: model.fires.columns[name].copy() for name in fires},

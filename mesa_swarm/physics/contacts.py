@@ -18,7 +18,7 @@ class Contacts:
     robot : int64 ndarray, shape (k,)
         unique_id of the robot, ascending.
     kind : int64 ndarray, shape (k,)
-        What it met: 0 obstacle or border, 1 robot, 2 fire.
+        What it met: 0 obstacle or border, 1 robot, 2 fire, 3 load.
     other : int64 ndarray, shape (k,)
         unique_id of what it met, -1 for the border, or for what has been removed since.
     normal : ndarray, shape (k, 2)

@@ -8,6 +8,7 @@ import numpy as np
 
 from mesa_swarm.geometry.grid import Grid, sort_into_cells
 from mesa_swarm.physics.contact import MARGIN, travel
+from mesa_swarm.physics.loads import carry
 from mesa_swarm.physics.motion import achieved_motion, slip_of
 from mesa_swarm.physics.scene import Scene
 from mesa_swarm.physics.sensing import (
@@ -67,7 +68,17 @@ class CompiledEngine:
         columns = swarm.columns
         wheels = self._roll(swarm, draws)
         before, heading_before = columns["position"].copy(), columns["heading"].copy()
-        collided = travel(
+        collided = carry(scene, columns, self._motion, lambda: self._travel(columns, turn_angle))
+        if collided:
+            achieved_motion(
+                before, columns["position"], heading_before, self._extra_turn, columns["collided"], self._motion
+            )
+            wheels = self._achieved_wheels(swarm, wheels)
+        slip_of(columns["command"], wheels, columns["slip"])
+
+    def _travel(self, columns: dict[str, np.ndarray], turn_angle: float) -> int:
+        """Move all robots and return how many collided."""
+        return travel(
             columns["position"],
             columns["heading"],
             self._motion,
@@ -83,12 +94,6 @@ class CompiledEngine:
             columns["contact_depth"],
             self._extra_turn,
         )
-        if collided:
-            achieved_motion(
-                before, columns["position"], heading_before, self._extra_turn, columns["collided"], self._motion
-            )
-            wheels = self._achieved_wheels(swarm, wheels)
-        slip_of(columns["command"], wheels, columns["slip"])
 
     def settle(self, swarm: Swarm, scene: Scene) -> None:
         """Move robots that overlap anything to free room nearby."""
@@ -130,8 +135,19 @@ class CompiledEngine:
             kind,
         )
         if table.exposed or swarm.disturbed:
-            edges, rings, bounds = statics.edges, statics.rings, statics.bounds
-            sense_inside(position, heading, design, table.proximity, table.counts, edges, rings, bounds, distance, kind)
+            sense_inside(
+                position,
+                heading,
+                design,
+                table.proximity,
+                table.counts,
+                statics.edges,
+                statics.kind,
+                statics.rings,
+                statics.bounds,
+                distance,
+                kind,
+            )
         if draws is not None:
             err(distance, design, table.proximity, table.noise, draws, step, columns["error"])
 

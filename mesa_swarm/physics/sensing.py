@@ -239,7 +239,7 @@ def is_nearer(seen, what, distance, kind):
 
 
 @compiled
-def sense_inside(position, heading, design, sensors, counts, edges, rings, bounds, distance, kind):
+def sense_inside(position, heading, design, sensors, counts, edges, edge_kind, rings, bounds, distance, kind):
     """Write 0 for the sensors that are inside a solid polygon or beyond the border."""
     for i in range(position.shape[0]):
         d = design[i]
@@ -248,12 +248,15 @@ def sense_inside(position, heading, design, sensors, counts, edges, rings, bound
             mx, my = sensors[d, s, MOUNT_X], sensors[d, s, MOUNT_Y]
             x = position[i, 0] + cosine * mx - sine * my
             y = position[i, 1] + sine * mx + cosine * my
-            inside = not (bounds[0] < x < bounds[2] and bounds[1] < y < bounds[3])
+            if not (bounds[0] < x < bounds[2] and bounds[1] < y < bounds[3]):
+                distance[i, s], kind[i, s] = 0.0, OBSTACLE
             for p in range(rings.shape[0]):
-                inside = inside or in_polygon(x, y, edges, rings[p, 0], rings[p, 1])
-            if inside:
-                distance[i, s] = 0.0
-                kind[i, s] = OBSTACLE
+                what = edge_kind[rings[p, 0]]
+                nearest = math.inf if kind[i, s] == NOTHING else distance[i, s]
+                if not is_nearer(0.0, what, nearest, kind[i, s]):
+                    continue
+                if in_polygon(x, y, edges, rings[p, 0], rings[p, 1]):
+                    distance[i, s], kind[i, s] = 0.0, what
 
 
 @compiled

@@ -19,7 +19,7 @@ from mesa_swarm.physics.contact import (
 )
 from mesa_swarm.physics.motion import advance, count_pieces
 from mesa_swarm.physics.shapely_solids import Solids
-from mesa_swarm.world.statics import OBSTACLE, ROBOT
+from mesa_swarm.world.statics import ROBOT
 
 # A robot is pushed by others at most this share of its radius at once.
 LONGEST_PUSH = 0.25
@@ -169,7 +169,7 @@ def _touch_of_polygon(point: Point, radius: float, solids: Solids, p: int) -> To
     gap, way = outline.distance(point), shapely.shortest_line(outline, point)
     nearest, centre = shapely.get_coordinates(way)
     flat = not MultiPoint(shapely.get_coordinates(outline)).intersects(Point(nearest))
-    return Touch(radius - gap, (centre - nearest) / gap, flat, OBSTACLE, solids.polygon_owner[p])
+    return Touch(radius - gap, (centre - nearest) / gap, flat, solids.polygon_body[p], solids.polygon_owner[p])
 
 
 def _touch_of_disc(point: Point, radius: float, solids: Solids, k: int) -> Touch:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from mesa_swarm.physics.loads import carry
 from mesa_swarm.physics.motion import achieved_motion, slip_of
 from mesa_swarm.physics.scene import Scene
 from mesa_swarm.physics.sensing import err
@@ -56,7 +57,11 @@ class ShapelyEngine:
         before, heading_before = swarm.position.copy(), swarm.heading.copy()
         wheels = rolling_wheels(swarm, draws)
         motion = motion_of(swarm, wheels)
-        extra_turn = travel(columns, motion, turn_angle, self._solids_of(swarm, scene))
+
+        def go() -> np.ndarray:
+            return travel(columns, motion, turn_angle, self._solids_of(swarm, scene))
+
+        extra_turn = carry(scene, columns, motion, go)
         position, collided = columns["position"], columns["collided"]
         achieved_motion(before, position, heading_before, extra_turn, collided, motion)
         wheels = np.where(collided[:, None], wheels_of(swarm, motion), wheels)
@@ -67,8 +72,8 @@ class ShapelyEngine:
         settle(swarm.columns, scene.bounds, self._solids_of(swarm, scene))
 
     def _solids_of(self, swarm: Swarm, scene: Scene) -> Solids:
-        """Return the scene's solids, collected anew when it has changed."""
-        if self._scene is not scene:
+        """Return the scene's solids, collected anew when it has changed, and always where loads may have moved."""
+        if self._scene is not scene or scene.loads:
             largest = max((design.radius for design in swarm.designs), default=0.0)
             margin = 1.0 + 2.0 * (largest + swarm.table.reach.max(initial=0.0))
             self._scene, self._solids = scene, Solids.of(scene, margin)

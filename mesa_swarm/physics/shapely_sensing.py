@@ -16,7 +16,7 @@ from mesa_swarm.physics.scene import Scene
 from mesa_swarm.physics.shapely_solids import Solids, marked_ground
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.robots.table import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RANGE, RAYS
-from mesa_swarm.world.statics import NOTHING, OBSTACLE, ROBOT
+from mesa_swarm.world.statics import NOTHING, ROBOT
 
 # Between two points of a wedge's fan: its outer edge then stays beyond the range without long spikes.
 WIDEST_STEP = math.radians(60.0)
@@ -70,9 +70,9 @@ def sense_line(swarm: Swarm, scene: Scene, line: np.ndarray) -> None:
 
 def nearest(view: View, solids: Solids, centres: np.ndarray, radii: np.ndarray, kinds: np.ndarray) -> tuple[float, int]:
     """Return distance and kind of the nearest body in a view; of equally near ones the lowest kind."""
-    polygons = solids.polygons[solids.tree.query(view.apex, predicate="dwithin", distance=view.range)]
+    faces = solids.tree.query(view.apex, predicate="dwithin", distance=view.range)
     near = np.flatnonzero(shapely.distance(view.apex, centres) - radii <= view.range)
-    seen = [(distance_to_polygon(view, polygon), OBSTACLE) for polygon in polygons]
+    seen = [(distance_to_polygon(view, solids.polygons[p]), int(solids.polygon_body[p])) for p in faces]
     seen += [(distance_to_disc(view, centres[k], radii[k]), int(kinds[k])) for k in near]
     return min((body for body in seen if body[0] <= view.range), default=(-1.0, NOTHING))
 

@@ -9,7 +9,7 @@ from shapely.geometry.base import BaseGeometry
 
 from mesa_swarm.physics.scene import Scene
 from mesa_swarm.world.shapes import Shape
-from mesa_swarm.world.statics import BORDER, FIRE, OBSTACLE
+from mesa_swarm.world.statics import BORDER, FIRE, LOAD, OBSTACLE
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -22,6 +22,8 @@ class Solids:
         The first is what lies outside the map, as far as any sensor reaches.
     polygon_owner : int64 ndarray
         Index of the obstacle that each polygon is, -1 for the outside.
+    polygon_body : int64 ndarray
+        0 obstacle or the outside, 3 load.
     tree : STRtree
         Over the polygons.
     centres : object ndarray of Point
@@ -30,11 +32,12 @@ class Solids:
     disc_owner : int64 ndarray
         Index of the obstacle or of the fire that each disc is.
     disc_body : int64 ndarray
-        0 obstacle, 2 fire, burning or out.
+        0 obstacle, 2 fire, burning or out, 3 load.
     """
 
     polygons: np.ndarray
     polygon_owner: np.ndarray
+    polygon_body: np.ndarray
     tree: STRtree
     centres: np.ndarray
     radii: np.ndarray
@@ -49,15 +52,16 @@ class Solids:
         polygons.insert(0, (BORDER, outside(scene.bounds, margin)))
         discs = [(i, shape.geometry, shape.radius) for i, shape in solid if shape.is_disc]
         geometries = np.array([geometry for _, geometry in polygons])
-        fires = scene.fires
+        fires, bodies = scene.fires, dict.fromkeys(scene.rows, LOAD)
         return cls(
             polygons=geometries,
             polygon_owner=np.array([i for i, _ in polygons]),
+            polygon_body=np.array([bodies.get(i, OBSTACLE) for i, _ in polygons]),
             tree=STRtree(geometries),
             centres=np.array([*(centre for _, centre, _ in discs), *shapely.points(fires[:, :2])], object),
             radii=np.array([*(radius for _, _, radius in discs), *fires[:, 2]], float),
             disc_owner=np.array([*(i for i, _, _ in discs), *range(len(fires))], np.int64),
-            disc_body=np.repeat([OBSTACLE, FIRE], [len(discs), len(fires)]),
+            disc_body=np.array([*(bodies.get(i, OBSTACLE) for i, _, _ in discs), *[FIRE] * len(fires)], np.int64),
         )
 
     def disc_kinds(self, burning: np.ndarray) -> np.ndarray:

@@ -117,7 +117,7 @@ class Robot(ArenaAgent):
 
     @property
     def kind(self) -> np.ndarray:
-        """What its proximity sensors see: 0 obstacle, 1 robot, 2 fire, -1 nothing."""
+        """What its proximity sensors see: 0 obstacle, 1 robot, 2 fire, 3 load, -1 nothing."""
         return self._read("kind")[: len(self.design.proximity)].copy()
 
     @property

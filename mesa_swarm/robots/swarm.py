@@ -76,7 +76,8 @@ class Swarm:
     heard_from, heard_goal : ndarrays, shape (n, 2)
         Where that robot is, and the nearest goal heard, both in the hearer's frame, NaN for none.
     distance, kind : ndarrays, shape (n, s)
-        What the proximity sensors read: distance, -1 for nothing; 0 obstacle, 1 robot, 2 fire, -1 nothing.
+        What the proximity sensors read: distance, -1 for nothing; 0 obstacle, 1 robot, 2 fire, 3 load,
+        -1 nothing.
     radiation : ndarray, shape (n, q)
     line : bool ndarray, shape (n, l)
     slip : ndarray, shape (n, 2)

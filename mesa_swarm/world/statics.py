@@ -1,4 +1,4 @@
-"""Everything that stands still, as the arrays that the compiled engine works on."""
+"""Everything that stands still during a step, as the arrays that the compiled engine works on."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -31,9 +31,9 @@ class Statics:
     owner : int64 ndarray, shape (m + k,)
         Index of the obstacle or of the fire that an item belongs to, -1 for the border.
     kind : int8 ndarray, shape (m + k,)
-        As sensors see it: 0 obstacle, 2 burning fire.
+        As sensors see it: 0 obstacle, 2 burning fire, 3 load.
     body : int8 ndarray, shape (m + k,)
-        What it is, burning or not: 0 obstacle, 2 fire.
+        What it is, burning or not: 0 obstacle, 2 fire, 3 load.
     rings : int64 ndarray, shape (p, 2)
         First edge, and one past the last, of every solid polygon.
     bounds : ndarray, shape (4,)
@@ -70,6 +70,8 @@ class Statics:
         *,
         sight: float,
         touch: float,
+        loads: Sequence[int] = (),
+        slack: float = 0.0,
     ) -> "Statics":
         """Collect the border, the solid shapes and the fires of a world.
 
@@ -85,6 +87,10 @@ class Statics:
             How far from a robot's centre its sensors reach.
         touch : float
             How near to a robot's centre something must be to be touched within a step.
+        loads : sequence of int
+            Indices of the shapes that are loads.
+        slack : float
+            How far loads may move before they have to be listed anew.
         """
         solid = [(i, shape) for i, shape in enumerate(shapes) if shape.contact]
         edges, edge_owner, rings = _edges_of(solid, _border(bounds))
@@ -92,10 +98,13 @@ class Statics:
         owner = np.concatenate([edge_owner, disc_owner, np.arange(len(fires))])
         body = np.zeros(len(owner), np.int8)
         body[len(owner) - len(fires) :] = FIRE
+        is_load = (body == OBSTACLE) & np.isin(owner, loads)
+        body[is_load] = LOAD
         kind = body.copy()
         kind[len(owner) - len(fires) :][~burning] = OBSTACLE
         discs = np.concatenate([discs, fires.reshape(-1, 3)])
         boxes = _boxes(edges, discs)
+        boxes[is_load] += slack * np.array([-1.0, -1.0, 1.0, 1.0])
         grid = Grid.over(tuple(bounds), touch, FEWEST_CELLS + CELLS_PER_ITEM * len(boxes))
         seen_start, seen_items = list_boxes_by_cell(boxes, sight, grid.numbers)
         # The border is never crossed, so contact tests its four coordinates, not its edges.
@@ -119,6 +128,14 @@ class Statics:
     def mark_burning(self, burning: np.ndarray) -> None:
         """Show fires that are out as the obstacles that they have become."""
         self.kind[len(self.edges) + self.first_fire :] = np.where(burning, FIRE, OBSTACLE)
+
+    def follow(self, index: int, shape: Shape) -> None:
+        """Write where a load lies now, in the rows that it has; its corners are in the order that they had."""
+        rows = np.flatnonzero((self.owner == index) & (self.body == LOAD))
+        if shape.is_disc:
+            self.discs[rows - len(self.edges)] = _discs_of([(index, shape)])[0]
+        else:
+            self.edges[rows] = _edges_of([(index, shape)], np.empty((0, 4)))[0]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -13,7 +13,9 @@ from solara.widgets import HTML
 from mesa_swarm.dashboard import HOST, MODELS, app, launch
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.errors import InvalidValueError, SwarmError, UnknownNameError
+from mesa_swarm.model import SwarmModel
 from mesa_swarm.parameters import Parameter, Slider, parameters_of
+from mesa_swarm.world.shapes import disc
 
 FireFighting = app.model_class("fire_fighting")
 
@@ -122,6 +124,23 @@ def test_playing_stops_by_itself_when_the_model_is_done():
     run.play(lambda: None)
     wait_until(lambda: not run.frame.playing)
     assert run.model.steps == steps
+
+
+def test_loads_are_drawn_where_they_lie_and_not_among_the_obstacles():
+    class Hauling(SwarmModel):
+        def __init__(self, *, rng=None):
+            super().__init__(rng=rng)
+            self.add_load(disc((100, 100), 20), resistance=1)
+
+    run = Session(Hauling)
+    run.step()
+    assert not run.frame.error
+    assert 'class="load"' in run.frame.svg
+    before = run.frame.svg
+    run.model.loads[0].lay((130.0, 100.0, 0.0))
+    run.step()
+    assert run.frame.svg != before
+    assert run.frame.svg.count('class="load"') == 1
 
 
 def test_reset_with_the_same_seed_gives_the_same_run():

@@ -8,6 +8,7 @@ import pytest
 
 from mesa_swarm.dashboard.drawing import (
     draw_fires,
+    draw_loads,
     draw_robots,
     draw_sectors,
     draw_shapes,
@@ -107,6 +108,13 @@ def test_discs_run_the_same_way_round_as_polygons_so_that_overlaps_stay_filled()
     clockwise = np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) < 0
     sweep = round_one[6]
     assert clockwise == (sweep == 0)
+
+
+def test_loads_have_a_colour_of_their_own():
+    layers = [draw_shapes([disc((20, 20), 5)], ORIGIN), draw_loads([disc((60, 20), 5)], ORIGIN)]
+    drawn = elements(drawing((80, 60), layers))
+    assert drawn["load"][0]["fill"] != drawn["obstacle"][0]["fill"]
+    assert numbers(drawn["load"][0]["d"])[:2].tolist() == [55, 20]
 
 
 def test_fires_go_from_black_to_red_with_their_temperature():

@@ -66,6 +66,18 @@ def test_ground_marks_do_not_look_like_obstacles():
     assert near(at(25, 25), colour(pictures.MARK))
 
 
+def test_a_load_has_its_own_colour_and_is_drawn_where_it_lies_now():
+    model = empty_world([rectangle((0, 90), (100, 100))])
+    load = model.add_load(rectangle((20, 40), (40, 60)), resistance=1)
+    load.lay((70.0, 50.0, np.pi / 4))
+    at = pixels(model)
+    for point in [(70, 50), (70, 62), (58, 50)]:
+        assert near(at(*point), colour(pictures.LOAD)), point
+    assert at(30, 50) == at(61, 59) == WHITE
+    assert near(at(50, 95), colour(pictures.OBSTACLE))
+    assert [entry.get_label() for entry in legend_of(portrait_of(model))] == ["obstacle", "load"]
+
+
 def test_the_front_half_of_a_robot_has_another_colour_than_its_back():
     model = empty_world()
     model.add_robots(AGENT9, poses=[(50, 50, np.pi / 2)])

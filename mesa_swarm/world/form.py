@@ -1,0 +1,155 @@
+"""The form of a body that moves: its outline about its own centre, and what follows from it."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from shapely import Point, Polygon
+from shapely.geometry.base import BaseGeometry
+from shapely.geometry.polygon import orient
+
+from mesa_swarm.world.shapes import Shape
+
+# Bodies may overlap by this share of their thickness, and by more at the tips of sharp corners: it is rounding.
+LOOSE = 1e-9
+# How deep the heart lies, as a share of the thickness: enough for lines from the outside to have a direction, and so
+# little that corners of the heart are next to those of the body.
+PITH = 1e-3
+
+Pose = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Form:
+    """What a body is like wherever it lies, as Shapely geometries about its centre.
+
+    Parameters
+    ----------
+    outline : shapely Point or Polygon
+        A Point at the origin is the centre of a disc.
+    radius : float
+        Radius of the disc; 0 for a polygon.
+    core : shapely geometry
+        The body without the skin that may overlap others; a Point for a disc.
+    core_radius : float
+        Radius of the core of a disc; 0 for a polygon.
+    heart : shapely geometry
+        What is left below a thicker skin; never empty. Lines to it tell directions even where bodies touch.
+    reach : float
+        Distance of the centre from the farthest point.
+    thickness : float
+        Radius of the largest disc within.
+    lever : float
+        Mean distance of the points of the body from its centre, see `mean_distance`.
+    """
+
+    outline: Point | Polygon
+    radius: float
+    core: BaseGeometry
+    core_radius: float
+    heart: BaseGeometry
+    reach: float
+    thickness: float
+    lever: float
+
+    @classmethod
+    def of(cls, shape: Shape) -> "Form":
+        """Return the form of a shape.
+
+        Examples
+        --------
+        >>> from mesa_swarm.world.shapes import rectangle
+        >>> round(Form.of(rectangle((100, 100), (130, 140))).reach, 9)
+        25.0
+        """
+        centre = shape.position
+        outline = shapely.transform(shape.geometry, lambda points: points - centre)
+        thickness = shape.radius or shapely.maximum_inscribed_circle(outline).length
+        skin = LOOSE * thickness
+        points = shapely.get_coordinates(outline)
+        return cls(
+            outline=outline,
+            radius=shape.radius,
+            core=outline if shape.is_disc else outline.buffer(-skin, join_style="mitre"),
+            core_radius=shape.radius - skin if shape.is_disc else 0.0,
+            heart=outline if shape.is_disc else outline.buffer(-PITH * thickness, join_style="mitre"),
+            reach=shape.radius + float(np.hypot(*points.T).max()),
+            thickness=thickness,
+            lever=mean_distance(outline, shape.radius),
+        )
+
+    def shape_at(self, pose: Pose) -> Shape:
+        """Return the shape of the body at (x, y, heading)."""
+        return Shape(shapely.normalize(placed(self.outline, pose)), self.radius)
+
+    def body_at(self, pose: Pose) -> Shape:
+        """Return the same with its corners in the same order at every pose, not in normal form."""
+        return Shape(placed(self.outline, pose), self.radius)
+
+    def overlaps(self, pose: Pose, shape: Shape) -> bool:
+        """Tell whether the body, lying there, overlaps a shape by more than rounding."""
+        gap = shapely.distance(placed(self.core, pose), shape.geometry)
+        return bool(gap <= self.core_radius + shape.radius)
+
+    def is_within(self, pose: Pose, bounds: tuple[float, float, float, float]) -> bool:
+        """Tell whether the body, lying there, is within a map."""
+        x_min, y_min, x_max, y_max = placed(self.core, pose).bounds
+        r = self.core_radius
+        return bounds[0] <= x_min - r and bounds[1] <= y_min - r and x_max + r <= bounds[2] and y_max + r <= bounds[3]
+
+
+def placed(geometry: BaseGeometry, pose: Pose) -> BaseGeometry:
+    """Return a geometry about the origin turned by the heading and moved to the place of a pose.
+
+    Examples
+    --------
+    >>> placed(Point(2, 0), (10.0, 5.0, 0.0)).wkt
+    'POINT (12 5)'
+    """
+    x, y, heading = pose
+    cosine, sine = math.cos(heading), math.sin(heading)
+
+    def move(points: np.ndarray) -> np.ndarray:
+        return np.column_stack(
+            [cosine * points[:, 0] - sine * points[:, 1] + x, sine * points[:, 0] + cosine * points[:, 1] + y]
+        )
+
+    return shapely.transform(geometry, move)
+
+
+def mean_distance(outline: Point | Polygon, radius: float) -> float:
+    r"""Return the mean distance of the points of a body from the origin, which is its centre.
+
+    Two thirds of the radius of a disc. A polygon is the sum of the triangles between the origin and each
+    edge, counted negative where the edge runs the other way round: with the distance h of the edge's line
+    from the origin, and azimuths a and b of the edge's ends from the foot of the perpendicular,
+
+    .. math:: \int r\,dA = \frac{h^3}{6} \left[\sec t \tan t + \operatorname{asinh} \tan t\right]_a^b
+
+    Examples
+    --------
+    >>> round(mean_distance(shapely.box(-1, -1, 1, 1), 0.0), 6)  # (sqrt 2 + asinh 1) / 3
+    0.765196
+    """
+    if isinstance(outline, Point):
+        return 2.0 * radius / 3.0
+    polygon = orient(outline)
+    rings = [shapely.get_coordinates(ring) for ring in (polygon.exterior, *polygon.interiors)]
+    moments = [_moment(a, b) for ring in rings for a, b in zip(ring[:-1].tolist(), ring[1:].tolist(), strict=True)]
+    return math.fsum(moments) / polygon.area
+
+
+def _moment(a: tuple[float, float], b: tuple[float, float]) -> float:
+    """Return the integral of the distance from the origin over the triangle between it and an edge."""
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    length = math.hypot(dx, dy)
+    height = (a[0] * b[1] - b[0] * a[1]) / length
+    if height == 0.0:
+        return 0.0
+    begin, end = ((p[0] * dx + p[1] * dy) / (length * abs(height)) for p in (a, b))
+    return height**3 / 6.0 * (_antiderivative(end) - _antiderivative(begin))
+
+
+def _antiderivative(tangent: float) -> float:
+    return tangent * math.hypot(1.0, tangent) + math.asinh(tangent)
