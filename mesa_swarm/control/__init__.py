@@ -11,6 +11,7 @@ from mesa_swarm.control.head_on import HeadOn
 from mesa_swarm.control.layer import Layer, Senses
 from mesa_swarm.control.match_velocity import MatchVelocity
 from mesa_swarm.control.perimeter import Perimeter
+from mesa_swarm.control.push import Push
 from mesa_swarm.control.respond import Respond
 from mesa_swarm.control.subsumption import Subsumption
 from mesa_swarm.control.vector_sum import VectorSum
@@ -31,6 +32,7 @@ __all__ = [
     "MatchVelocity",
     "Moment",
     "Perimeter",
+    "Push",
     "Reason",
     "Respond",
     "Senses",

@@ -1,0 +1,127 @@
+"""Push: move a load to a goal, together with whoever else pushes it (thesis 3.2, 10.2, its future work)."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mesa_swarm.control.layer import Senses
+from mesa_swarm.errors import check_choice, check_number
+from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.robots.reasons import Moment, Reason
+from mesa_swarm.robots.sensors import LARGEST_RANGE
+from mesa_swarm.robots.steering import approach
+from mesa_swarm.robots.swarm import Swarm
+from mesa_swarm.world.statics import LOAD
+
+FROM = ("behind", "anywhere")
+# Going round a load, a robot turns towards it or away from it by at most this much to keep its distance.
+MOST_CORRECTION = 0.6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Push:
+    """Go to the nearest load that is seen and push it; from behind, if there is a goal to bring it to.
+
+    A robot that does not hear the goal's beacon because the load is in between is behind the load, as seen from
+    the goal: it drives at the load and pushes. One that hears the beacon goes round the load, with it on the
+    side of its own tendency, until it does not. Nobody needs to know where the goal is, nor who else pushes
+    (occlusion-based transport: Chen, Gauci, Li, Kolling and Gross 2015, IEEE Transactions on Robotics 31, 307-321).
+
+    It needs a model whose `communication` is a `Radio` with beacons and occlusion, unless it pushes from anywhere.
+    Active when a sensor sees a load; put `Avoid(loads="never")` above.
+
+    Parameters
+    ----------
+    side : str
+        "behind": only when the goal is not heard. "anywhere": always.
+    clearance : float
+        What to keep from the load while going round it, as the sensor reads it, map units, at least 0.
+    critical_angle_degrees : float
+        A load seen farther than this from straight ahead is turned to on the spot, 0 to 180.
+
+    Examples
+    --------
+    >>> Push(side="anywhere").clearance
+    20.0
+    """
+
+    side: str = "behind"
+    clearance: float = 20.0
+    critical_angle_degrees: float = 20.0
+    name: str = "Push"
+
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        check_choice("side", self.side, FROM)
+        check_number("clearance", self.clearance, minimum=0, maximum=LARGEST_RANGE)
+        check_number("Push's critical_angle_degrees", self.critical_angle_degrees, minimum=0, maximum=180)
+
+    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
+        """Remember nothing."""
+
+    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
+        """Drive the robots that see a load."""
+        push(
+            senses.distance,
+            senses.kind,
+            senses.bearing,
+            senses.design,
+            senses.heard_goal,
+            senses.max_speed,
+            senses.radius,
+            senses.tendency,
+            self.side == "anywhere",
+            float(self.clearance),
+            math.radians(self.critical_angle_degrees),
+            command,
+            layer,
+            index,
+        )
+
+    def reason(self, moment: Moment) -> Reason:
+        """Say whether it pushes or goes round, and why."""
+        seeing = moment.nearest(LOAD)
+        hears = bool(np.isfinite(moment.columns["heard_goal"]).all())
+        if self.side == "anywhere":
+            why = "it pushes from anywhere"
+        else:
+            why = "it hears the goal, so it goes round" if hears else "the goal is hidden, so it pushes"
+        return Reason(f"{moment.reading(seeing[0])}; {why}", tuple(seeing))
+
+
+@compiled
+def push(
+    distance, kind, bearing, design, heard_goal, max_speed, radius, tendency, anywhere, clearance, critical_angle,
+    command, layer, index,
+):  # fmt: skip
+    """Write the commands of robots that see a load and are driven by no earlier layer."""
+    for i in range(layer.shape[0]):
+        if layer[i] >= 0:
+            continue
+        nearest = -1
+        for s in range(distance.shape[1]):
+            if kind[i, s] == LOAD and (nearest < 0 or distance[i, s] < distance[i, nearest]):
+                nearest = s
+        if nearest < 0:
+            continue
+        towards = bearing[design[i], nearest]
+        if not anywhere and not math.isnan(heard_goal[i, 0]):
+            towards = way_round(towards, distance[i, nearest], clearance, tendency[i])
+        command[i, 0], command[i, 1] = approach(towards, critical_angle, max_speed[i], radius[i])
+        layer[i] = index
+
+
+@compiled
+def way_round(bearing: float, reading: float, clearance: float, side: float) -> float:
+    """Return the bearing of the way round what is seen at a bearing (rad), with it on the left (side 1) or right (-1).
+
+    Examples
+    --------
+    >>> round(way_round(math.pi / 2, 12.0, 12.0, 1.0), 12) + 0.0
+    0.0
+    """
+    off = (reading - clearance) / max(clearance, 1.0)
+    correction = min(max(off, -MOST_CORRECTION), MOST_CORRECTION)
+    return wrapped(bearing - side * (0.5 * math.pi - correction))

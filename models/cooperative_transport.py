@@ -1,0 +1,94 @@
+"""Cooperative transport: robots that push together what none of them can move alone.
+
+WHAT IS IT? A load lies in the room, too heavy for one robot. Robots that find it push it to a goal, though none of
+them knows where the others are, nor where the load is going.
+
+HOW IT WORKS. A load gives way when the sum of the robots' pushes exceeds its resistance (quasi-static, with an
+ellipsoidal limit surface). A beacon at the goal is heard by whoever is not in the load's shadow. Layers, the first
+that is active drives: Avoid (not of loads), Push (in the shadow push, out of it go round), Explore with random turns.
+
+HOW TO USE IT. `n_robots` and `resistance`: how many full pushes the load withstands. `load` is a disc or a box.
+
+THINGS TO NOTICE. One robot pushes for ever. With as many robots as the resistance asks for the load moves seldom: all
+must be there at once, and push the same way. A box turns.
+
+THINGS TO TRY. Five robots against a resistance of 3.5. Twenty robots: do they help or hinder each other? A box.
+
+EXTENDING IT. Let a robot that has pushed for long without the load moving go round to another place.
+
+REFERENCE. Chen, Gauci, Li, Kolling and Gross, IEEE Transactions on Robotics 31 (2015); thesis, section 3.2.
+"""
+
+from typing import Annotated
+
+import numpy as np
+
+from mesa_swarm import Radio, SwarmModel, all_round, disc, rectangle
+from mesa_swarm.control import Avoid, Explore, Push, Subsumption
+from mesa_swarm.errors import check_choice, check_count
+from mesa_swarm.parameters import Choice, Slider
+
+START, GOAL = (250.0, 300.0), (600.0, 300.0)
+HALF = 25.0
+# The load has arrived when its centre is this near to the goal.
+NEAR = 30.0
+LOADS = {
+    "disc": disc(START, HALF),
+    "box": rectangle((START[0] - HALF, START[1] - HALF), (START[0] + HALF, START[1] + HALF)),
+}
+
+
+class CooperativeTransport(SwarmModel):
+    """Robots that push together what none of them can move alone.
+
+    Stops running when the load has arrived.
+
+    Examples
+    --------
+    >>> CooperativeTransport(n_robots=1, rng=1).run(20).results()["way left"]
+    350.0
+    """
+
+    compares = "n_robots", (1, 5)
+    steps_to_compare = 10_000
+    headline = "arrived at", "brought the load to the goal"
+
+    def __init__(
+        self,
+        *,
+        n_robots: Annotated[int, Slider(1, 50, 1, "robots")] = 5,
+        resistance: Annotated[float, Slider(0.5, 10, 0.1, "full pushes that the load withstands")] = 1.5,
+        load: Annotated[str, Choice(tuple(LOADS), "the shape of the load")] = "disc",
+        sight: Annotated[float, Slider(20, 200, 5, "range of the infrared sensors, map units")] = 150.0,
+        turn_interval: Annotated[int, Slider(0, 1000, 10, "steps between random turns, 0 for none")] = 200,
+        avoid_distance: Annotated[float, Slider(0, 30, 0.5, "what is nearer is too near, map units")] = 3.0,
+        rng=None,
+    ) -> None:
+        super().__init__(map="openspace", rng=rng, model_reporters={"way_left": "way_left", "pushers": "pushers"})
+        self.load = self.add_load(LOADS[check_choice("load", load, LOADS)], resistance=resistance)
+        self.communication = Radio(range=2000.0, state=False, occlusion=True, beacons=(GOAL,))
+        self.add_robots(all_round(12, range=sight), check_count("n_robots", n_robots))
+        self.control = Subsumption(
+            Avoid(distance=avoid_distance, loads="never"), Push(), Explore(turn_interval=turn_interval)
+        )
+        self.arrived_at: int | None = None
+
+    @property
+    def way_left(self) -> float:
+        """Distance of the load's centre from the goal, map units."""
+        return float(np.hypot(*(self.load.position - GOAL)))
+
+    @property
+    def pushers(self) -> int:
+        """How many robots pushed the load in the last step."""
+        return self.load.pushers
+
+    def step(self) -> None:
+        """Advance by one step, and stop running when the load has arrived."""
+        super().step()
+        if self.arrived_at is None and self.way_left <= NEAR:
+            self.arrived_at, self.running = self.steps, False
+
+    def results(self) -> dict[str, float | None]:
+        """Return what a comparison compares: when the load arrived, None if it has not, and the way left."""
+        return {"arrived at": self.arrived_at, "way left": self.way_left}
