@@ -232,7 +232,7 @@ class World(mesa.Model):
 
     def _current_scene(self) -> Scene:
         table = self.swarm.table
-        if self._scene is None or self._scene_table is not table or self._scene.is_worn:
+        if self._scene is None or self._scene_table is not table or (self._loads and self._scene.is_worn):
             shapes = [obstacle.shape for obstacle in self._obstacles]
             discs, temperature = self.fires.discs, self.fires.columns["temperature"]
             sight = float(table.reach.max(initial=0.0))

@@ -68,7 +68,10 @@ class CompiledEngine:
         columns = swarm.columns
         wheels = self._roll(swarm, draws)
         before, heading_before = columns["position"].copy(), columns["heading"].copy()
-        collided = carry(scene, columns, self._motion, lambda: self._travel(columns, turn_angle))
+        if scene.loads:
+            collided = carry(scene, columns, self._motion, lambda: self._travel(columns, turn_angle))
+        else:
+            collided = self._travel(columns, turn_angle)
         if collided:
             achieved_motion(
                 before, columns["position"], heading_before, self._extra_turn, columns["collided"], self._motion

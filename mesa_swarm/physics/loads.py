@@ -76,8 +76,6 @@ def carry(scene: Scene, columns: dict, motion: np.ndarray, travel: Callable[[], 
     travel : function
         Moves all robots through the step, around the loads as they then lie; may be called again.
     """
-    if not scene.loads:
-        return travel()
     position, heading = columns["position"].copy(), columns["heading"].copy()
     before = push_all(scene, columns, motion)
     while True:

@@ -90,7 +90,7 @@ class Scene:
     def is_worn(self) -> bool:
         """Whether a load has moved so far that the scene has to be made anew before the next step."""
         moved = zip(self.loads, self.listed, strict=True)
-        return bool(self.loads) and any(load.farthest_from(pose) > self.slack for load, pose in moved)
+        return any(load.farthest_from(pose) > self.slack for load, pose in moved)
 
     def follow(self, k: int) -> None:
         """Take note that load k lies elsewhere now."""
