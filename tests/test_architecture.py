@@ -22,6 +22,7 @@ FLOORS = {
     "control": 5,
     "fire": 5,
     "world_model.py": 5.5,
+    "observed_world.py": 5.7,
     "model.py": 6,
     "parameters.py": 6,
     "analysis": 7,
@@ -40,6 +41,7 @@ OUTSIDE = {
     4: {"numpy", "shapely"},
     5: {"numpy", "numba"},
     5.5: {"numpy", "mesa"},
+    5.7: {"numpy"},
     6: {"numpy", "mesa"},
     "analysis": {"numpy", "numba", "scipy"},
 }

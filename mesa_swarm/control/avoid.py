@@ -82,7 +82,8 @@ class Avoid:
         """Say which sensor decided: of those that were activated, the last of front, left, right."""
         fears_fire = self.fires == "always" or (self.fires == "when hot" and bool(moment.columns["hot"]))
         asked = [s for s in moment.forward if s >= 0]
-        near = [s for s in asked if is_activated(moment.distance[s], moment.kind[s], self.distance, fears_fire)]
+        fears = fears_fire, self.loads == "always"
+        near = [s for s in asked if is_activated(moment.distance[s], moment.kind[s], self.distance, *fears)]
         return Reason(f"{moment.reading(near[-1])} < {self.distance:g}", tuple(near))
 
 

@@ -19,7 +19,7 @@ from mesa_swarm.world.statics import BORDER, OBSTACLE, ROBOT
 
 # Overlaps below this share of the radius are rounding. A tenth of what is promised.
 SLOP = 1e-7
-MOST_SWEEPS = 32
+MOST_SWEEPS = 128
 MOST_PUSHES = 12
 # Pairs nearer than this share of the least radius are watched while pushing.
 MARGIN = 1.0

@@ -78,6 +78,10 @@ class Snapshots:
         """How many steps are kept."""
         return len(self._rows)
 
+    def clear(self) -> None:
+        """Forget what was kept."""
+        self._rows.clear()
+
     def append(self, step: int) -> None:
         """Keep the swarm as it is now."""
         swarm = self._swarm

@@ -212,3 +212,12 @@ def test_robots_of_unequal_radius_are_each_moved_by_half_the_overlap():
     model.control = Subsumption(ahead(speed=0.0))
     model.step()
     assert model.swarm.position[:, 0] == pytest.approx((99, 113), abs=1e-6)
+
+
+def test_robots_in_a_column_beside_a_wall_do_not_hold_each_other_for_ever():
+    model = empty()
+    model.add_obstacle(rectangle((0, 200), (150, 215)))
+    poses = [(89.7541, 175.2804, 0.3), (90.9119, 185.2321, 0.3), (93.0539, 194.9999999, 0.0)]
+    model.add_robots(blind(), poses=poses)
+    assert drive(model, steps=60) <= PROMISED
+    assert (model.swarm.position[:, 0] > 130).all()
