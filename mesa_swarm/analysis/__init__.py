@@ -3,7 +3,7 @@
 from mesa_swarm.analysis.chain_events import Event
 from mesa_swarm.analysis.chain_history import ChainHistory, follow_chains
 from mesa_swarm.analysis.chains import Chains, chains
-from mesa_swarm.analysis.clusters import Clusters, clusters
+from mesa_swarm.analysis.clusters import Clusters, clusters, kept_together
 from mesa_swarm.analysis.collisions import collision_frequency, cumulative_collisions
 from mesa_swarm.analysis.coverage import coverage, reachable_cells, visited_cells
 from mesa_swarm.analysis.order import directions, milling, neighbour_alignment, polarization
@@ -34,6 +34,7 @@ __all__ = [
     "dispersion",
     "find_pathologies",
     "follow_chains",
+    "kept_together",
     "later_mean",
     "layer_shares",
     "milling",

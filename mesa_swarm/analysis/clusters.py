@@ -1,5 +1,6 @@
 """Groups of robots that stand near each other."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,7 +8,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from mesa_swarm.analysis.arrays import check_length, check_points
+from mesa_swarm.analysis.arrays import check_length, check_points, check_whole
 from mesa_swarm.errors import InvalidValueError, check_count
 
 # A pair takes about 50 bytes: more of them than this would fill a small machine's memory.
@@ -143,3 +144,47 @@ def _ranked(component: np.ndarray, fewest: int) -> Clusters:
     rank = np.full(len(size), -1, np.int64)
     rank[order] = np.arange(len(order))
     return Clusters(label=rank[component], sizes=size[order])
+
+
+def kept_together(before: np.ndarray, after: np.ndarray) -> float:
+    """Return how many of those who were in one group still are: the cohesion of groups over time.
+
+    Of all pairs of robots that were in the same group, the share that is in the same group later (the
+    precision with which the earlier partition predicts the later one: Rand 1971, J. Am. Stat. Assoc. 66).
+
+    Parameters
+    ----------
+    before, after : ndarrays, shape (n,)
+        Number of each robot's group at two times, -1 for none: `Clusters.label`, `Chains.label`, or a row of
+        `ChainHistory.chain`. Numbers need not be the same at both times.
+
+    Returns
+    -------
+    float
+        In [0, 1]; NaN where nobody was in a group with another.
+
+    Raises
+    ------
+    InvalidValueError
+        If the two are not whole numbers of one shape (n,).
+
+    Examples
+    --------
+    Of two groups of two, one is still together::
+
+    >>> kept_together([0, 0, 1, 1, -1], [5, 5, 5, -1, -1])
+    0.5
+    """
+    old = check_whole("before", before, ("n",))
+    new = check_whole("after", after, (len(old),))
+    pairs = _pairs_within(old[old >= 0])
+    both = (old >= 0) & (new >= 0)
+    # A pair is together at both times if it shares both numbers: count the robots with each pair of numbers.
+    _, joint = np.unique(np.column_stack([old[both], new[both]]), axis=0, return_inverse=True)
+    return _pairs_within(joint.ravel()) / pairs if pairs else math.nan
+
+
+def _pairs_within(label: np.ndarray) -> int:
+    """Return how many pairs share a label."""
+    counts = np.unique(label, return_counts=True)[1]
+    return int((counts * (counts - 1) // 2).sum())

@@ -1,11 +1,13 @@
 """Groups: what is linked by steps of at most a distance, whoever counts and wherever the swarm is."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from mesa_swarm.analysis import clusters
+from mesa_swarm.analysis import clusters, kept_together
 from mesa_swarm.errors import InvalidValueError
 
 swarms = st.builds(
@@ -124,3 +126,31 @@ def test_a_distance_that_links_too_many_pairs_to_hold_is_refused_before_memory_i
     position = np.random.default_rng(1).random((8000, 2))
     with pytest.raises(InvalidValueError, match=r"distance is 2, which links about 31996000 pairs of 8000 robots"):
         clusters(position, 2)
+
+
+labels = st.lists(st.integers(-1, 4), min_size=2, max_size=25)
+
+
+@given(labels, st.randoms(use_true_random=False))
+def test_kept_together_counts_the_pairs_that_share_a_group_at_both_times(before, random):
+    after = [random.randint(-1, 3) for _ in before]
+    pairs = [(i, j) for i in range(len(before)) for j in range(i) if before[i] == before[j] >= 0]
+    kept = [after[i] == after[j] >= 0 for i, j in pairs]
+    if pairs:
+        assert kept_together(before, after) == pytest.approx(sum(kept) / len(kept))
+    else:
+        assert math.isnan(kept_together(before, after))
+
+
+@given(labels)
+def test_groups_that_only_merge_or_are_renumbered_are_kept_together(before):
+    merged = [0 if group >= 0 else -1 for group in before]
+    renumbered = [7 - group if group >= 0 else -1 for group in before]
+    for after in (merged, renumbered):
+        share = kept_together(before, after)
+        assert math.isnan(share) or share == 1.0
+
+
+def test_labels_of_another_number_of_robots_are_refused():
+    with pytest.raises(InvalidValueError, match=r"after has the shape \(1,\); expected an array of shape \(2,\)"):
+        kept_together([0, 0], [0])
