@@ -30,6 +30,7 @@ from mesa_swarm.analysis import clusters, nearest_neighbour_distances
 from mesa_swarm.control import Avoid, Explore, Gather, Subsumption
 from mesa_swarm.errors import check_count
 from mesa_swarm.parameters import Choice, Slider
+from mesa_swarm.reporters import held
 
 # Centres of robots of one group are at most this far apart: two robots' width and some air.
 LINK = 25.0
@@ -59,8 +60,7 @@ class Agglomeration(SwarmModel):
         map: Annotated[str, Choice(("openspace", "sparse", "original"), "the world")] = "openspace",
         rng=None,
     ) -> None:
-        reporters = {"groups": "groups", "largest_group": "largest_group", "neighbour_distance": "neighbour_distance"}
-        super().__init__(map=map, rng=rng, model_reporters=reporters)
+        super().__init__(map=map, rng=rng, model_reporters=held("groups", "largest_group", "neighbour_distance"))
         self.add_robots(AGENT9.with_proximity(range=sight), check_count("n_robots", n_robots))
         self.control = Subsumption(
             Avoid(distance=avoid_distance),

@@ -28,6 +28,7 @@ from mesa_swarm.analysis import directions, later_mean, neighbour_alignment, pol
 from mesa_swarm.control import Align, Cohere, Cruise, Separate, VectorSum
 from mesa_swarm.errors import check_count, check_number
 from mesa_swarm.parameters import Choice, Slider
+from mesa_swarm.reporters import held
 
 SENSORS = 12
 
@@ -58,8 +59,7 @@ class Boids(SwarmModel):
         map: Annotated[str, Choice(("openspace", "sparse", "original"), "the world")] = "openspace",
         rng=None,
     ) -> None:
-        reporters = {"alignment": "alignment", "polarization": "polarization"}
-        super().__init__(map=map, rng=rng, model_reporters=reporters)
+        super().__init__(map=map, rng=rng, model_reporters=held("alignment", "polarization"))
         self.sight = check_number("sight", sight, above=0, maximum=1000)
         self._before = np.empty((0, 2))
         boid = all_round(SENSORS, range=sight, name="boid", drive=HolonomicDrive())

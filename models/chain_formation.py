@@ -29,6 +29,7 @@ from mesa_swarm.analysis import Chains, chains
 from mesa_swarm.control import Avoid, Explore, Follow, HeadOn, Subsumption
 from mesa_swarm.errors import check_choice, check_count
 from mesa_swarm.parameters import Choice, Slider
+from mesa_swarm.reporters import held
 
 DESIGNS = {"AGENT3": AGENT3, "AGENT6": AGENT6, "AGENT9": AGENT9}
 SWITCH = ("on", "off")
@@ -60,8 +61,7 @@ class ChainFormation(SwarmModel):
         map: Annotated[str, Choice(("openspace", "sparse", "original"), "the world")] = "openspace",
         rng=None,
     ) -> None:
-        reporters = {"chains": "chains", "mean_chain": "mean_chain", "chained": "chained"}
-        super().__init__(map=map, rng=rng, model_reporters=reporters)
+        super().__init__(map=map, rng=rng, model_reporters=held("chains", "mean_chain", "chained"))
         body = DESIGNS[check_choice("design", design, DESIGNS)].with_proximity(range=sight)
         self.add_robots(body, check_count("n_robots", n_robots))
         self.link_distance = sight + 2.0 * body.radius

@@ -27,6 +27,7 @@ from mesa_swarm.analysis import later_mean, neighbour_alignment, polarization
 from mesa_swarm.control import Avoid, Explore, MatchVelocity, Subsumption
 from mesa_swarm.errors import check_choice, check_count, check_number
 from mesa_swarm.parameters import Choice, Slider
+from mesa_swarm.reporters import held
 
 
 class Flocking(SwarmModel):
@@ -54,8 +55,7 @@ class Flocking(SwarmModel):
         map: Annotated[str, Choice(("openspace", "sparse", "original"), "the world")] = "openspace",
         rng=None,
     ) -> None:
-        reporters = {"alignment": "alignment", "polarization": "polarization"}
-        super().__init__(map=map, rng=rng, model_reporters=reporters)
+        super().__init__(map=map, rng=rng, model_reporters=held("alignment", "polarization"))
         self.sight = check_number("sight", sight, above=0, maximum=1000)
         self.add_robots(all_round(sensors, range=sight), check_count("n_robots", n_robots))
         match = (MatchVelocity(memory=memory),) if check_choice("matching", matching, ("on", "off")) == "on" else ()

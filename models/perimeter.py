@@ -28,6 +28,7 @@ from mesa_swarm import SwarmModel, all_round, control
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import check_count
 from mesa_swarm.parameters import Choice, Slider
+from mesa_swarm.reporters import held
 
 # A full circle of narrow sensors: the ring needs eyes in the back.
 SENSORS = 36
@@ -56,8 +57,7 @@ class Perimeter(SwarmModel):
         map: Annotated[str, Choice(("openspace", "sparse", "original"), "the world")] = "openspace",
         rng=None,
     ) -> None:
-        reporters = {"roundness": "roundness", "outwards": "outwards"}
-        super().__init__(map=map, rng=rng, model_reporters=reporters)
+        super().__init__(map=map, rng=rng, model_reporters=held("roundness", "outwards"))
         self.add_robots(all_round(SENSORS, range=sight), check_count("n_robots", n_robots))
         keep = control.Perimeter(ring=ring, tolerance=tolerance)
         self.control = Subsumption(Avoid(distance=avoid_distance), keep, Explore())

@@ -25,6 +25,7 @@ FLOORS = {
     "observed_world.py": 5.7,
     "model.py": 6,
     "parameters.py": 6,
+    "reporters.py": 6,
     "analysis": 7,
     "models": 7,
     "experiments": 8,

@@ -165,7 +165,7 @@ class Finding:
 
     @property
     def verdict(self) -> str:
-        """ "confirmed", "refuted" (the other way round), or "not confirmed" (the interval holds 0)."""
+        """What came of it: confirmed, refuted (it is the other way round), or not confirmed (the interval holds 0)."""
         if not self.difference.excludes_zero:
             return "not confirmed"
         return "confirmed" if self.difference.estimate > 0 else "refuted"

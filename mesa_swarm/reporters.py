@@ -1,0 +1,55 @@
+"""Reporters that measure now and then, for Mesa's DataCollector, which asks in every step."""
+
+from functools import partial
+
+from mesa_swarm.errors import check_count
+
+
+class Held:
+    """A reporter that reads an attribute of the model every so many steps and reports that value until then.
+
+    Measures of the whole swarm cost more than a step of 50 robots. Mesa collects in every step, and some of
+    its versions need it so; the value in between is the last one measured.
+
+    Parameters
+    ----------
+    name : str
+        Of a property of the model.
+    every : int
+        Steps, at least 1.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> model, groups = SimpleNamespace(steps=1, groups=3), Held("groups", every=10)
+    >>> groups(model)
+    3
+    >>> model.steps, model.groups = 2, 4
+    >>> groups(model)
+    3
+    """
+
+    def __init__(self, name: str, every: int = 10) -> None:
+        self.name = name
+        self.every = check_count("every", every, minimum=1)
+        self._due = -1
+        self._value: object = None
+
+    def __call__(self, model) -> object:
+        """Return the value that was measured last, measured now if it is due."""
+        due = model.steps - model.steps % self.every
+        if due != self._due:
+            self._due, self._value = due, getattr(model, self.name)
+        return self._value
+
+
+def held(*names: str, every: int = 10) -> dict[str, partial]:
+    """Return reporters of these properties by name, for `model_reporters`.
+
+    Examples
+    --------
+    >>> sorted(held("groups", "chained"))
+    ['chained', 'groups']
+    """
+    # Mesa hands the model to functions and partials only; a partial can be pickled with the model.
+    return {name: partial(Held(name, every)) for name in names}
