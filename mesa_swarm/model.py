@@ -152,6 +152,8 @@ class SwarmModel(World):
         self.swarm.columns["command"].fill(0.0)
         self.swarm.columns["layer"].fill(-1)
         self.swarm.hush()
+        if self._snapshots is not None:
+            self._snapshots.forget()
         self._control = None if control is None else control.bound(self.swarm, self.streams)
 
     # ---- the step
@@ -258,6 +260,8 @@ class SwarmModel(World):
     def _burn(self) -> None:
         if not self._burns:
             return
+        if self._snapshots is not None:
+            self._snapshots.note()
         columns, fires, c = self.swarm.columns, self.fires.columns, self.fire_constants
         scene = self._current_scene()
         went_out = burn(
@@ -360,13 +364,13 @@ class SwarmModel(World):
         """
         if not isinstance(robot, Robot) or robot.model is not self:
             raise InvalidValueError(f"robot is {robot!r:.60}; expected one of this model's robots")
-        kept = self._snapshots
+        row, kept = robot.alive(), self._snapshots
         missing = set(DECISIONS) if kept is None else set(DECISIONS) - set(kept.columns)
         if kept is None or missing or not len(kept):
             raise InvalidValueError("nothing was kept to explain; call model.watch() before the steps in question")
         if self._control is None:
             raise InvalidValueError("there is no control to explain; set model.control")
-        return explanation(self._control, self.swarm, kept, robot.alive(), kept.steps[-1] if step is None else step)
+        return explanation(self._control, self.swarm, kept, row, kept.steps[-1] if step is None else step)
 
     def state_hash(self) -> str:
         """Return a fingerprint of the published state: equal for equal runs, on every machine and Python.
