@@ -349,7 +349,9 @@ class SwarmModel(World):
         Raises
         ------
         InvalidValueError
-            If nobody watches, or the step is not kept.
+            If nobody watches, there is no control, or the step is not kept.
+        RemovedRobotError
+            If the robot was removed.
 
         Examples
         --------

@@ -115,7 +115,10 @@ def test_a_trace_goes_through_every_so_many_places(every, points):
 
 @pytest.mark.parametrize(("asked", "there", "drawn"), [(1, 3, 1), (2, 3, 2), (8, 3, 3), (8, 8, 8)])
 def test_as_many_robots_are_traced_as_asked_for_each_in_a_colour_of_its_own(asked, there, drawn):
-    lines = traces_of(trace(AVOIDANCE(n_robots=there, rng=1), steps=20, robots=asked).axes[0])
+    model = AVOIDANCE(n_robots=there, rng=1)
+    lines = traces_of(trace(model, steps=20, robots=asked).axes[0])
+    ends = np.array([line.get_segments()[-1][1] for line in lines])
+    assert (ends == model.swarm.position[:drawn]).all()
     colours = {tuple(line.get_colors()[0][:3]) for line in lines}
     assert len(lines) == len(colours) == drawn
 

@@ -23,14 +23,14 @@ def test_one_robot_never_moves_the_load(seed, load):
     assert model.results() == {"arrived at": None, "way left": GOAL[0] - START[0]}
 
 
-def pushing(n, resistance):
-    """Return the model with so many robots side by side behind the load, heads towards the goal."""
+def pushing(n, resistance, side=math.pi):
+    """Return the model with so many robots side by side behind the load, or on another side of it, facing it."""
     model = CooperativeTransport(n_robots=1, resistance=resistance, rng=1)
     model.remove_robots(model.robots)
     for k in range(n):
-        side = math.pi + (k - (n - 1) / 2) * 0.45
-        place = START[0] + 30.5 * math.cos(side), START[1] + 30.5 * math.sin(side)
-        model.add_robots(all_round(12, range=150), poses=[(*place, 0.0)])
+        azimuth = side + (k - (n - 1) / 2) * 0.45
+        place = START[0] + 30.5 * math.cos(azimuth), START[1] + 30.5 * math.sin(azimuth)
+        model.add_robots(all_round(12, range=150), poses=[(*place, side + math.pi)])
     return model
 
 
@@ -40,6 +40,11 @@ def test_the_load_gives_way_when_there_are_more_pushes_than_it_withstands(n, mov
     assert model.pushers == n
     assert (model.way_left < GOAL[0] - START[0]) == moves
     assert model.load.position[1] == pytest.approx(START[1], abs=3.0)
+
+
+def test_robots_between_the_load_and_the_goal_do_not_push_it_away():
+    model = pushing(3, 1.5, side=0.0).run(60)
+    assert tuple(model.load.position) == START
 
 
 def test_it_stops_when_the_load_is_near_the_goal_and_says_when_that_was():

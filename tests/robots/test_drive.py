@@ -383,6 +383,15 @@ def test_slip_is_told_in_the_frame_of_a_holonomic_robot(heading):
     assert model.swarm.slip[0] == pytest.approx((1 - left[0], (0.5 - left[1]) / 0.5), abs=1e-9)
 
 
+@pytest.mark.parametrize("degrees", [50, 70, -80])
+def test_a_wall_that_a_holonomic_robot_grazes_turns_it_so_that_it_travels_along_the_wall(degrees):
+    direction = math.radians(degrees)
+    model = alone(math.cos(direction), math.sin(direction), 1, (395, 150, 0.0), GLIDER)
+    parallel = math.copysign(math.pi / 2, direction) - direction if abs(degrees) > 60 else 0.0
+    assert model.swarm.heading[0] == pytest.approx(parallel, abs=1e-9)
+    assert model.swarm.position[0] == pytest.approx((395, 150 + math.sin(direction)), abs=1e-9)
+
+
 @pytest.mark.parametrize(("x", "y"), [(3, 0), (0, 3), (2, -2)])
 def test_a_fast_holonomic_robot_is_stopped_by_a_thin_wall_on_any_side(x, y):
     model = empty()
