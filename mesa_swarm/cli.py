@@ -18,6 +18,8 @@ from mesa_swarm.experiments.gallery import model_names
 INTERRUPTED = 130
 # Typer checks limits before anything slow is imported.
 MOST_STEPS = 100_000_000
+# Steps that are kept take memory.
+MOST_KEPT = 1_000_000
 
 app = typer.Typer(
     add_completion=False,
@@ -200,6 +202,20 @@ def picture(
     _work("picture_commands").picture(
         model, setting or [], kind=kind, steps=steps, robots=robots, rng=rng, out=out, progress=not quiet
     )
+
+
+@app.command()
+def diagnose(
+    model: Model,
+    *,
+    setting: Settings = None,
+    steps: Annotated[int, typer.Option(min=1, max=MOST_KEPT, help="How many at most.")] = 2000,
+    rng: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Seed; the same one gives the same run.")] = 1,
+    quiet: Quiet = False,
+) -> None:
+    """Run a model; print where its robots got nowhere: turned to and fro, blocked each other, were stuck."""
+    check_choice("model", model, model_names())
+    _work("diagnose_commands").diagnose(model, setting or [], steps=steps, rng=rng, progress=not quiet)
 
 
 @maps.command("import")

@@ -9,7 +9,8 @@ from types import SimpleNamespace
 import pytest
 
 from mesa_swarm import cli
-from mesa_swarm.experiments import bench, commands
+from mesa_swarm.analysis.pathology import KINDS
+from mesa_swarm.experiments import bench, commands, picture_commands
 from mesa_swarm.experiments.gallery import find_model, model_names
 from mesa_swarm.progress import finishing_time, progress_bar
 from mesa_swarm.world.map import Map, builtin_maps
@@ -126,6 +127,59 @@ def test_map_show_draws_a_picture(typed, tmp_path):
     assert (tmp_path / "drawn" / "sparse.png").read_bytes()[:4] == b"\x89PNG"
 
 
+@pytest.mark.parametrize(("kind", "steps"), [("stages", "0,20"), ("trace", "30"), ("ethogram", "30")])
+def test_picture_draws_a_run_and_prints_where(typed, tmp_path, kind, steps):
+    line = f"picture collision_avoidance --kind {kind} --steps {steps} --set n_robots=3 --quiet"
+    path = Path("results", f"collision_avoidance_{kind}.png")
+    assert typed(line) == (0, f"{path}\n", "")
+    assert (tmp_path / path).read_bytes()[:4] == b"\x89PNG"
+    assert [found.name for found in (tmp_path / "results").iterdir()] == [path.name]
+
+
+def test_picture_takes_robots_a_seed_and_a_file_and_shows_progress(typed, tmp_path, monkeypatch):
+    asked = []
+    real = picture_commands.drawn
+    monkeypatch.setattr(picture_commands, "drawn", lambda *words: (asked.append(words), real(*words))[1])
+    line = "picture collision_avoidance --kind trace --steps 25 --robots 2 --rng 7 --out here/way.PNG"
+    status, out, err = typed(line)
+    assert (status, out) == (0, "here/way.PNG\n")
+    assert "25/25 steps" in err
+    assert (tmp_path / "here" / "way.PNG").exists()
+    ((model, *rest),) = asked
+    assert rest == ["trace", [25], 2, True]
+    assert model.state_hash() == find_model("collision_avoidance")(rng=7).run(25).state_hash()
+
+
+def test_picture_draws_stages_unless_asked_for_another_kind(typed, monkeypatch):
+    monkeypatch.setattr(picture_commands, "STEPS", {"stages": "0,5"})
+    assert typed("picture agglomeration --quiet") == (0, "results/agglomeration_stages.png\n", "")
+
+
+def test_diagnose_finds_nothing_in_collision_avoidance_as_it_comes(typed):
+    status, out, err = typed("diagnose collision_avoidance --quiet")
+    lines = out.splitlines()
+    assert (status, err) == (0, "")
+    assert lines[0].split() == ["steps", "2000"]
+    assert [line.split()[-1] for line in lines if line.split()[:-1] and line.startswith(KINDS)] == ["0"] * len(KINDS)
+    assert lines[-1] == "No pathology was found."
+
+
+def test_diagnose_finds_robots_that_turn_on_the_spot_in_a_corridor(typed):
+    Map(name="corridor", bounds=(0, 0, 300, 22)).save("corridor.toml")
+    line = "diagnose collision_avoidance --set map=corridor.toml --set design=AGENT3 --set n_robots=2 --steps 500"
+    status, out, err = typed(f"{line} --set turn=stationary")
+    ids = [robot.unique_id for robot in find_model("collision_avoidance")(n_robots=2, map="corridor.toml").robots]
+    assert status == 0
+    assert "500/500 steps" in err
+    assert ["corridor", "flip", "2"] in [word.split() for word in out.splitlines()]
+    told = out.splitlines()[-2:]
+    assert sorted(int(sentence.split()[1]) for sentence in told) == ids
+    assert all("turned away from what was near on its left and on its right by turns" in s for s in told)
+    assert all(s.endswith("to 500 (layer 0).") for s in told)
+    assert "layers                         0 Avoid, 1 Explore" in out
+    assert typed(f"{line} --quiet")[1].endswith("No pathology was found.\n")
+
+
 def test_bench_prints_its_report_and_the_paths(typed, tmp_path, monkeypatch):
     monkeypatch.setattr(bench, "TARGETS", {50: 0.06, 200: 0.15, 10_000: 5.0})
     monkeypatch.setattr(bench, "step_seconds", lambda step, repetitions, budget: 1e-4)
@@ -195,6 +249,32 @@ WRONG = {
     "compare fire_fighting --set strategy=A": "set and compared at once",
     "compare fire_fighting --out /dev/null/x": "results cannot be written to '/dev/null/x'",
     "compare fire_fighting --out taken": "results cannot be written to 'taken'",
+    "picture": "Missing argument 'MODEL'",
+    "picture agglomeraton": "did you mean 'agglomeration'",
+    "picture agglomeration --kind stage": "unknown kind 'stage'; did you mean 'stages'?",
+    "picture agglomeration --kind etogram": "did you mean 'ethogram'",
+    "picture agglomeration --steps x": "steps is 'x'; expected steps such as 0,1000,3000",
+    "picture agglomeration --steps 5,": "steps is '5,'",
+    "picture agglomeration --steps 20,10": "expected ascending steps",
+    "picture agglomeration --steps 10000001": "at most 10,000,000",
+    "picture agglomeration --kind trace --steps 5,10": "expected one number of steps",
+    "picture agglomeration --kind trace --steps 0": "steps is 0; expected a whole number at least 1",
+    "picture agglomeration --kind trace --robots 9": "robots is 9; expected a whole number at least 1 and at most 8",
+    "picture agglomeration --kind ethogram --steps 0": "steps is 0; expected a whole number at least 1",
+    "picture agglomeration --kind ethogram --robots 0": "--robots",
+    "picture agglomeration --robots 3": "stages show all of them",
+    "picture agglomeration --out a.jpg": "out is 'a.jpg'; expected the name of a .png file",
+    "picture agglomeration --out /dev/null/a.png": "results cannot be written to '/dev/null'",
+    "picture agglomeration --out taken/a.png": "results cannot be written to 'taken'",
+    "picture agglomeration --set n_robts=3": "did you mean 'n_robots'",
+    "picture agglomeration --rng -1": "--rng",
+    "diagnose": "Missing argument 'MODEL'",
+    "diagnose agglomeraton": "did you mean 'agglomeration'",
+    "diagnose agglomeration --steps 0": "--steps",
+    "diagnose agglomeration --steps 1000001": "--steps",
+    "diagnose agglomeration --set n_robots=many": "expected a whole number",
+    "diagnose collision_avoidance --set map=taken.toml": "taken.toml",
+    "diagnose boids": "robots of the design boid have no wheels left and right",
     "map show": "Missing argument",
     "map show orignal": "did you mean 'original'",
     "map show .": "expected a file that ends in",
@@ -293,7 +373,7 @@ def test_the_program_runs_as_a_process_and_imports_little_for_its_help():
 def test_a_reader_that_has_seen_enough_is_no_error():
     command = f"{sys.executable} -m mesa_swarm.cli list | head -n 1"
     done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False)
-    assert (done.stdout, done.stderr) == ("collision_avoidance\n", "")
+    assert (done.stdout, done.stderr) == (f"{model_names()[0]}\n", "")
 
 
 def test_an_unknown_rate_gives_no_finishing_time():

@@ -81,8 +81,12 @@ class Avoid:
     def reason(self, moment: Moment) -> Reason:
         """Say which sensor decided: of those that were activated, the last of front, left, right."""
         fears_fire = self.fires == "always" or (self.fires == "when hot" and bool(moment.columns["hot"]))
-        asked = [s for s in moment.forward if s >= 0]
         fears = fears_fire, self.loads == "always"
+        asked = [s for s in moment.forward if s >= 0]
+<<<<<<< HEAD
+        fears = fears_fire, self.loads == "always"
+=======
+>>>>>>> h-tests
         near = [s for s in asked if is_activated(moment.distance[s], moment.kind[s], self.distance, *fears)]
         return Reason(f"{moment.reading(near[-1])} < {self.distance:g}", tuple(near))
 

@@ -67,7 +67,7 @@ class Separate:
     def reason(self, moment: Moment) -> Reason:
         """Say what is near."""
         near = [int(s) for s in np.flatnonzero(moment.kind >= 0) if moment.distance[s] < self.distance]
-        seeing = [s for s in near if WHAT[moment.kind[s] != ROBOT] == self.what or self.what == "everything"]
+        seeing = [s for s in near if WHAT[int(moment.kind[s] != ROBOT)] == self.what or self.what == "everything"]
         return Reason("near: " + ", ".join(map(moment.reading, seeing)), tuple(seeing))
 
 

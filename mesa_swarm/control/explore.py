@@ -61,7 +61,8 @@ class Explore:
 
     def reason(self, moment: Moment) -> Reason:
         """Say whether it turns by chance."""
-        turns = moment.command[0] != moment.command[1]
+        left, right = moment.command
+        turns = self.turn_interval > 0 and left == -right != 0.0
         return Reason("a random turn is due" if turns else "nothing else wants to drive")
 
 

@@ -70,7 +70,11 @@ class Perimeter:
         """Say how far the centroid is, and on which side of the ring the robot is."""
         seeing = moment.seeing(ROBOT)
         away = math.hypot(*moment.position_of(seeing))
-        where = "on" if abs(away - self.ring) <= self.tolerance else "outside" if away > self.ring else "inside"
+        off = away - self.ring
+        if abs(off) <= 2.0 * self.tolerance:  # between one and two tolerances it may have settled or not
+            where = "on" if abs(off) <= self.tolerance else "at the edge of"
+        else:
+            where = "outside" if off > 0.0 else "inside"
         words = f"the centroid of the robots it sees is {away:.1f} away: {where} the ring of {self.ring:g}"
         return Reason(words, tuple(seeing))
 

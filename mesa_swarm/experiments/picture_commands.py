@@ -5,7 +5,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from mesa_swarm.errors import InvalidValueError, check_choice
+from mesa_swarm.errors import InvalidValueError, check_choice, check_count
 from mesa_swarm.experiments.files import check_writable, write_whole
 from mesa_swarm.experiments.gallery import find_model
 from mesa_swarm.experiments.pictures import png
@@ -30,6 +30,8 @@ def picture(
 ) -> None:
     """Run a model, write the picture, and print its path."""
     check_choice("kind", kind, KINDS)
+    if robots is not None and kind == "stages":
+        raise InvalidValueError(f"robots is {robots}; stages show all of them; leave it out, or ask for another kind")
     wanted = parsed_steps(STEPS[kind] if steps is None else steps, several=kind == "stages")
     path = checked_png(out or Path("results", f"{model}_{kind}.png"))
     model_class = find_model(model)
@@ -45,7 +47,7 @@ def drawn(model, kind: str, steps: list[int], robots: int | None, progress: bool
     if kind == "trace":
         return trace(model, steps[0], robots=robots or 1, progress=progress)
     model.watch(last=None, columns=("layer",))
-    return ethogram(model.run(steps[0], progress), robots=robots)
+    return ethogram(model.run(check_count("steps", steps[0], minimum=1), progress), robots=robots)
 
 
 def parsed_steps(text: str, several: bool) -> list[int]:

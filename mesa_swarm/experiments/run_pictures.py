@@ -102,7 +102,7 @@ def ethogram(model, *, robots: int | None = None) -> Figure:
     ----------
     model : SwarmModel
     robots : int, optional
-        Only the first so many.
+        Only the first so many, at least 1.
 
     Raises
     ------
@@ -120,6 +120,8 @@ def ethogram(model, *, robots: int | None = None) -> Figure:
     kept = model.watched
     if kept is None or not len(kept) or "layer" not in kept.columns or model.control is None:
         raise InvalidValueError("nothing was kept to draw; call model.watch(last=None) before running the model")
+    if robots is not None:
+        check_count("robots", robots, minimum=1)
     names = [layer.name for layer in model.control.layers]
     return ethogram_figure(kept.steps, kept["layer"][:, :robots], names)
 
@@ -139,7 +141,7 @@ def ethogram_figure(steps: np.ndarray, layer: np.ndarray, names: Sequence[str]) 
     colours = [NO_LAYER, *(LAYER_COLOURS[k % len(LAYER_COLOURS)] for k in range(len(names)))]
     figure = Figure(figsize=(9.0, 2.6 + min(0.13 * n, 5.0)), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(max(1.0, min(0.13 * n, 5.0)), 1.2))
-    edges = steps[0] - 1, steps[-1]
+    edges = 2 * steps[0] - steps[1] if len(steps) > 1 else steps[0] - 1, steps[-1]
     above.imshow(
         layer.T + 1,
         cmap=ListedColormap(colours),
@@ -151,7 +153,8 @@ def ethogram_figure(steps: np.ndarray, layer: np.ndarray, names: Sequence[str]) 
     )
     above.set(ylabel="robot")
     shares = layer_shares(layer, len(names))
-    below.stackplot(steps, shares[:, :-1].T, colors=colours[1:], step="pre")
+    # A share is drawn back to the step before, the first one too.
+    below.stackplot([edges[0], *steps], np.vstack([shares[:1], shares])[:, :-1].T, colors=colours[1:], step="pre")
     below.set(xlabel="step", ylabel="share of robots", xlim=edges, ylim=(0, 1))
     below.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
     shown = [Patch(color=colour, label=name) for colour, name in zip(colours[1:], names, strict=True)]

@@ -23,15 +23,17 @@ DECISIONS = (
     "heard_from",
     "heard_goal",
 )
+# What burning overwrites after robots have decided on it.
+HEAT = ("temperature", "heat", "hot", "fire")
 
 
 class Snapshots:
     """Columns of a swarm as they were after each of the last steps; made by `SwarmModel.watch`.
 
     ``snapshots["position"]`` is an array of shape (k, n, 2): one row a step that was kept, oldest first. The
-    readings, the command and the layer in a row are what robots knew and did in that step, the position is
-    where it took them. When robots are added or removed, what was kept before is dropped: rows would no
-    longer be the same robots.
+    readings, the heat (`temperature`, `heat`, `hot`, `fire`), the command and the layer in a row are what robots
+    knew and did in that step, the position is where it took them. When robots are added or removed, or are given
+    another control, what was kept before is dropped: rows would no longer be the same robots, nor the same layers.
 
     Parameters
     ----------
@@ -70,26 +72,34 @@ class Snapshots:
             if name not in swarm.columns:
                 raise UnknownNameError(unknown_name("column", name, swarm.columns))
         self.every = check_count("every", every, minimum=1)
-        self._rows: deque = deque(maxlen=None if last is None else check_count("last", last, minimum=1))
+        self._kept: deque = deque(maxlen=None if last is None else check_count("last", last, minimum=1))
         self._numbers = swarm.number
         self._version = swarm.version
+        self._noted: dict[str, np.ndarray] = {}
 
     def __len__(self) -> int:
         """How many steps are kept."""
         return len(self._rows)
 
+<<<<<<< HEAD
     def clear(self) -> None:
         """Forget what was kept."""
         self._rows.clear()
+=======
+    def note(self) -> None:
+        """Take note of the heat that robots decided on, before burning overwrites it."""
+        self._noted = {name: self._swarm.columns[name].copy() for name in HEAT if name in self.columns}
+
+    def forget(self) -> None:
+        """Drop what was kept."""
+        self._kept.clear()
+>>>>>>> h-tests
 
     def append(self, step: int) -> None:
         """Keep the swarm as it is now."""
-        swarm = self._swarm
-        if self._version != swarm.version:
-            if not np.array_equal(self._numbers, swarm.number):
-                self._rows.clear()
-            self._version, self._numbers = swarm.version, swarm.number
-        self._rows.append((step, [swarm.columns[name].copy() for name in self.columns]))
+        now, noted = self._swarm.columns, self._noted
+        self._rows.append((step, [noted[name] if name in noted else now[name].copy() for name in self.columns]))
+        self._noted = {}
 
     @property
     def steps(self) -> np.ndarray:
@@ -117,6 +127,16 @@ class Snapshots:
         steps = self.steps
         there = f"kept are {len(steps)} from {steps[0]} to {steps[-1]}" if len(steps) else "nothing is kept yet"
         raise InvalidValueError(f"step {shortened(step)} was not kept; {there}; keep more with watch(last=...)")
+
+    @property
+    def _rows(self) -> deque:
+        """What was kept of the robots that there are now."""
+        swarm = self._swarm
+        if self._version != swarm.version:
+            if not np.array_equal(self._numbers, swarm.number):
+                self.forget()
+            self._version, self._numbers = swarm.version, swarm.number
+        return self._kept
 
     def _place(self, name: str) -> int:
         if name not in self.columns:

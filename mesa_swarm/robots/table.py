@@ -25,7 +25,7 @@ class DesignTable:
     designs : tuple of RobotDesign
     proximity : ndarray, shape (d, s, 9)
         Mount, axis, half angle, range and rays of every proximity sensor, in the body frame.
-    bearing : ndarray, shape (d, s), rad
+    bearing : ndarray, shape (d, s), rad in [-pi, pi]
     counts : int64 ndarray, shape (d,)
         How many proximity sensors each design has.
     noise : ndarray, shape (d, s, 4)
@@ -66,7 +66,7 @@ class DesignTable:
         proximity = _stacked([[_sector(s, d.radius) for s in d.proximity] for d in designs], 9)
         mounts = np.hypot(proximity[..., MOUNT_X], proximity[..., MOUNT_Y])
         radii = np.array([d.radius for d in designs])[:, None]
-        bearings = [[[math.radians(s.bearing_degrees)] for s in d.proximity] for d in designs]
+        bearings = [[[_wrapped(math.radians(s.bearing_degrees))] for s in d.proximity] for d in designs]
         noise = _stacked(
             [[(s.error_probability, s.error_magnitude, s.hold, s.period) for s in d.proximity] for d in designs],
             4,
@@ -89,6 +89,10 @@ class DesignTable:
             slow=bool((noise[..., PERIOD] > 1).any()),
             exposed=bool((mounts > radii * (1 + 1e-9)).any()),
         )
+
+
+def _wrapped(bearing: float) -> float:
+    return math.remainder(bearing, 2 * math.pi)
 
 
 def _sector(sensor, radius: float) -> tuple[float, ...]:

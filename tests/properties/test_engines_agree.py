@@ -6,6 +6,7 @@ is chaotic) is one of very small measure, and is passed over: the tests see to i
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 from mesa_swarm import (
     AGENT3,
     AGENT9,
+    HolonomicDrive,
     Map,
     ProximitySensor,
     RobotDesign,
@@ -23,7 +25,7 @@ from mesa_swarm import (
 )
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.physics import shapely_contact
-from worlds import ODD, crowd, differences, outcome, random_world, state
+from worlds import DESIGNS, ODD, crowd, differences, outcome, random_world, state
 
 ENGINES = ("compiled", "shapely")
 EXACT = 1e-9
@@ -31,10 +33,20 @@ EXACT = 1e-9
 CLOSE = 1e-6
 NUDGE, JUMP = 1e-10, 1e-6
 
+# The same bodies and sensors, on wheels and on rollers.
+MIXED = tuple(design for one in DESIGNS for design in (one, replace(one, drive=HolonomicDrive())))
+
 seeds = st.integers(0, 2**32 - 1)
 # A world takes about a fifth of a second, a jam many times that.
 deep = settings(max_examples=1000)
 long = settings(max_examples=40)
+
+
+def mixed(world):
+    """Return the world with every second robot on rollers."""
+    (design,) = world.designs
+    gliding = replace(design, drive=HolonomicDrive())
+    return replace(world, designs=(design, gliding), design=np.arange(len(world.poses)) % 2)
 
 
 def is_generic(world, oracle):
@@ -71,6 +83,19 @@ def test_both_engines_read_and_do_the_same_in_random_worlds(seed):
     check_agreement(random_world(seed))
 
 
+@settings(max_examples=30)
+@given(seeds)
+def test_both_engines_read_and_do_the_same_in_random_worlds_of_robots_with_wheels_and_without(seed):
+    check_agreement(random_world(seed, designs=MIXED))
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_both_engines_do_the_same_for_thirty_steps_of_a_crowd_with_wheels_and_without(seed):
+    models = [mixed(crowd(seed, n=16, size=110.0)).model(engine) for engine in ENGINES]
+    check_run(models, 30)
+    assert models[0].total_collisions > 50
+
+
 @pytest.mark.slow
 @deep
 @given(seeds)
@@ -78,8 +103,9 @@ def test_both_engines_read_and_do_the_same_in_a_thousand_random_worlds(seed):
     check_agreement(random_world(seed, most_robots=25))
 
 
-def test_hardly_any_random_world_is_not_generic():
-    worlds = [random_world(seed) for seed in range(15)]
+@pytest.mark.parametrize("designs", [DESIGNS, MIXED], ids=["on wheels", "mixed"])
+def test_hardly_any_random_world_is_not_generic(designs):
+    worlds = [random_world(seed, designs=designs) for seed in range(15)]
     generic = [is_generic(world, outcome(world.model("shapely"))) for world in worlds]
     assert sum(generic) >= 14
 

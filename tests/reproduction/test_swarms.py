@@ -62,11 +62,7 @@ class TestChains:
 
     @pytest.mark.parametrize(
         ("claim", "verdict"),
-        zip(
-            claims(),
-            ("refuted", "confirmed", "confirmed", "not confirmed", "confirmed"),
-            strict=True,
-        ),
+        list(zip(claims(), ("refuted", "confirmed", "confirmed", "not confirmed", "confirmed"), strict=True)),
         ids=[claim.words for claim in claims()],
     )
     def test_a_claim_has_the_verdict_that_was_reported(self, claim, verdict):

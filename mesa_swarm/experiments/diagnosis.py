@@ -1,0 +1,63 @@
+"""What a watched model shows of behaviour that gets nowhere."""
+
+from mesa_swarm.analysis.pathology import Pathologies, find_pathologies
+from mesa_swarm.errors import InvalidValueError
+
+NEEDED = ("position", "heading", "command", "layer", "distance", "kind")
+
+
+def pathologies_of(model) -> Pathologies:
+    """Find the episodes in which robots got nowhere, in the steps that `model.watch()` has kept.
+
+    Parameters
+    ----------
+    model : SwarmModel
+        Watched with ``every=1``; with ``last=None`` no step is lost.
+
+    Returns
+    -------
+    Pathologies
+        Its rows are those of `model.swarm`; see `analysis.find_pathologies` for what counts.
+
+    Raises
+    ------
+    InvalidValueError
+        If nothing was kept, columns are missing, steps were left out, or robots have a drive whose commands are
+        not the speeds of wheels left and right.
+
+    Examples
+    --------
+    >>> from mesa_swarm.experiments.gallery import find_model
+    >>> model = find_model("collision_avoidance")(n_robots=3, rng=1)
+    >>> kept = model.watch(last=None)
+    >>> len(pathologies_of(model.run(100)))
+    0
+    """
+    kept, swarm = model.watched, model.swarm
+    missing = [] if kept is None else [name for name in NEEDED if name not in kept.columns]
+    if kept is None or missing or not len(kept):
+        raise InvalidValueError("nothing was kept to diagnose; call model.watch(last=None) before running the model")
+    if kept.every != 1:
+        raise InvalidValueError(f"every {kept.every}th step was kept; expected all of them: watch with every=1")
+    check_wheels(model)
+    return find_pathologies(
+        steps=kept.steps,
+        **{name: kept[name] for name in NEEDED},
+        radius=swarm.radius,
+        max_speed=swarm.max_speed,
+        forward=swarm.table.forward[swarm.design],
+    )
+
+
+def check_wheels(model) -> None:
+    """Refuse a model with robots whose commands are not the speeds of wheels left and right.
+
+    Raises
+    ------
+    InvalidValueError
+    """
+    for design in model.swarm.designs:
+        if not getattr(design.drive, "turns", True):
+            raise InvalidValueError(
+                f"robots of the design {design.name} have no wheels left and right; diagnose those that have"
+            )

@@ -1,0 +1,256 @@
+"""Pictures of a run show the run's own numbers: stages, traces, an ethogram."""
+
+import numpy as np
+import pytest
+from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.colors import to_rgba
+
+from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm.control import PASS, Subsumption, behaviour
+from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.experiments import picture_commands
+from mesa_swarm.experiments.gallery import find_model
+from mesa_swarm.experiments.picture_commands import drawn, parsed_steps
+from mesa_swarm.experiments.pictures import png
+from mesa_swarm.experiments.portrait import portrait_of
+from mesa_swarm.experiments.run_pictures import (
+    LAYER_COLOURS,
+    MOST_TRACES,
+    NO_LAYER,
+    ethogram,
+    ethogram_figure,
+    stages,
+    trace,
+)
+
+AGGLOMERATION, AVOIDANCE = find_model("agglomeration"), find_model("collision_avoidance")
+
+
+def discs_of(axes):
+    """Return where the robots' discs are drawn."""
+    (discs,) = [c for c in axes.collections if isinstance(c, EllipseCollection) and c.get_label() == "robots"]
+    return discs.get_offsets()
+
+
+def traces_of(axes):
+    """Return the lines that are drawn below the robots and above everything else."""
+    return [c for c in axes.collections if isinstance(c, LineCollection) and c.get_zorder() == 4.5]
+
+
+# ---- stages
+
+
+def test_stages_show_where_the_robots_were_at_each_of_the_steps():
+    figure = stages(AGGLOMERATION(n_robots=5, rng=1), steps=(0, 20, 50))
+    assert [axes.get_title() for axes in figure.axes] == [f"Agglomeration, step {k}" for k in (0, 20, 50)]
+    for axes, steps in zip(figure.axes, (0, 20, 50), strict=True):
+        assert (discs_of(axes) == AGGLOMERATION(n_robots=5, rng=1).run(steps).swarm.position).all()
+
+
+def test_a_model_that_has_been_run_may_be_shown_from_where_it_is():
+    model = AGGLOMERATION(n_robots=5, rng=1).run(30)
+    figure = stages(model, steps=(30, 40))
+    assert model.steps == 40
+    assert len(figure.axes) == 2
+
+
+def test_a_model_that_stops_early_is_shown_as_it_stopped():
+    class Short(SwarmModel):
+        def step(self):
+            super().step()
+            self.running = self.steps < 7
+
+    figure = stages(Short(rng=1), steps=(0, 5, 10, 20))
+    assert [axes.get_title() for axes in figure.axes] == ["Short, step 0", "Short, step 5", "Short, step 7"]
+
+
+def perceived_lines(model, **options):
+    (axes,) = stages(model, steps=(0,), **options).axes
+    return [
+        c for c in axes.collections if isinstance(c, LineCollection) and c.get_zorder() != 7 and len(c.get_segments())
+    ]
+
+
+def test_a_line_leads_from_each_robot_that_sees_others_to_where_it_perceives_their_centroid():
+    def three():
+        model = SwarmModel(rng=1)
+        model.add_robots(AGENT9, poses=[(100, 100, 0.0), (130, 100, 0.0), (600, 400, 0.0)])
+        return model
+
+    (lines,) = perceived_lines(three())
+    (segment,) = lines.get_segments()  # the second looks away from the first, the third sees nobody
+    assert segment == pytest.approx(np.array([[100, 100], [125, 100]]))
+    assert perceived_lines(three(), perceived=False) == []
+    assert "perceived" not in portrait_of(three()).robots
+
+
+@pytest.mark.parametrize("steps", [(), (20, 10), (10, 10), (-1,), (2.5,)])
+def test_stages_that_do_not_ascend_are_refused_before_anything_is_run(steps):
+    model = AGGLOMERATION(n_robots=5, rng=1)
+    with pytest.raises(InvalidValueError, match="step"):
+        stages(model, steps=steps)
+    assert model.steps == 0
+
+
+def test_a_step_that_is_past_is_refused():
+    with pytest.raises(InvalidValueError, match="step is 5; expected a whole number at least 10"):
+        stages(AGGLOMERATION(n_robots=5, rng=1).run(10), steps=(5, 20))
+
+
+# ---- traces
+
+
+@pytest.mark.parametrize(("every", "points"), [(1, 60), (5, 12), (7, 8)])
+def test_a_trace_goes_through_every_so_many_places(every, points):
+    figure = trace(AVOIDANCE(n_robots=3, rng=1), steps=60, every=every)
+    (lines,) = traces_of(figure.axes[0])
+    segments = np.array(lines.get_segments())
+    assert segments.shape == (points - 1, 2, 2)
+    assert (segments[1:, 0] == segments[:-1, 1]).all()
+    model = AVOIDANCE(n_robots=3, rng=1)
+    places = [model.run(every).swarm.position[0].copy() for _ in range(points)]
+    assert (segments[:, 0] == places[:-1]).all()
+    assert (segments[-1, 1] == places[-1]).all()
+
+
+@pytest.mark.parametrize(("asked", "there", "drawn"), [(1, 3, 1), (2, 3, 2), (8, 3, 3), (8, 8, 8)])
+def test_as_many_robots_are_traced_as_asked_for_each_in_a_colour_of_its_own(asked, there, drawn):
+    model = AVOIDANCE(n_robots=there, rng=1)
+    lines = traces_of(trace(model, steps=20, robots=asked).axes[0])
+    ends = np.array([line.get_segments()[-1][1] for line in lines])
+    assert (ends == model.swarm.position[:drawn]).all()
+    colours = {tuple(line.get_colors()[0][:3]) for line in lines}
+    assert len(lines) == len(colours) == drawn
+
+
+def test_the_title_tells_how_many_steps_were_traced():
+    assert trace(AVOIDANCE(rng=1).run(30), steps=20).axes[0].get_title() == "CollisionAvoidance, 20 steps"
+
+
+@pytest.mark.parametrize("options", [{"robots": 0}, {"robots": MOST_TRACES + 1}, {"steps": 0}, {"every": 0}])
+def test_a_trace_of_nothing_is_refused_before_anything_is_run(options):
+    model = AVOIDANCE(n_robots=2, rng=1)
+    with pytest.raises(InvalidValueError, match=next(iter(options))):
+        trace(model, **{"steps": 20, **options})
+    assert model.steps == 0
+
+
+# ---- ethograms
+
+
+LAYERS = np.array([[0, 1, -1], [0, 0, -1], [1, 0, 1], [1, 1, 1]])
+
+
+def image_of(figure):
+    """Return the colours of the image, a row a robot, and its extent."""
+    (image,) = figure.axes[0].images
+    return image.to_rgba(image.get_array()), image.get_extent()
+
+
+def test_every_robot_and_step_has_the_colour_of_its_layer():
+    colours, extent = image_of(ethogram_figure(np.arange(1, 5), LAYERS, ["Avoid", "Explore"]))
+    assert extent == [0, 4, 3.5, 0.5]
+    names = [NO_LAYER, *LAYER_COLOURS]
+    for step, row in enumerate(LAYERS):
+        for robot, layer in enumerate(row):
+            assert tuple(colours[robot, step]) == to_rgba(names[layer + 1])
+
+
+def test_the_shares_of_robots_are_stacked_below():
+    figure = ethogram_figure(np.arange(1, 5), LAYERS, ["Avoid", "Explore"])
+    stacks = figure.axes[1].collections
+    assert [tuple(stack.get_facecolor()[0]) for stack in stacks] == [to_rgba(c) for c in LAYER_COLOURS[:2]]
+    # Between two steps the larger of both is found.
+    for step, shares in {0: (1 / 3, 2 / 3), 1: (2 / 3, 2 / 3), 2: (2 / 3, 1), 3: (1 / 3, 1), 4: (0, 1)}.items():
+        tops = [max(y for x, y in stack.get_paths()[0].vertices if x == step) for stack in stacks]
+        assert tops == pytest.approx(shares)
+
+
+def test_no_layer_is_told_in_the_legend_only_where_it_was_so():
+    texts = []
+    for layer in (LAYERS, np.maximum(LAYERS, 0)):
+        (legend,) = ethogram_figure(np.arange(4), layer, ["Avoid", "Explore"]).legends
+        texts.append([text.get_text() for text in legend.get_texts()])
+    assert texts == [["Avoid", "Explore", "no layer: it stands"], ["Avoid", "Explore"]]
+
+
+def test_an_ethogram_of_every_tenth_step_begins_ten_steps_before_its_first():
+    model = AVOIDANCE(n_robots=3, rng=1)
+    model.watch(last=None, every=10)
+    figure = ethogram(model.run(50))
+    assert image_of(figure)[1] == [0, 50, 3.5, 0.5]
+    assert figure.axes[0].images[0].get_array().shape == (3, 5)
+
+
+@pytest.mark.parametrize(("robots", "rows"), [(None, 6), (2, 2), (99, 6)])
+def test_an_ethogram_shows_what_was_kept_of_so_many_robots(robots, rows):
+    model = AVOIDANCE(n_robots=6, map="sparse", rng=1)
+    kept = model.watch(last=None)
+    figure = ethogram(model.run(300), robots=robots)
+    shown = np.asarray(figure.axes[0].images[0].get_array())
+    assert (shown == kept["layer"][:, :rows].T + 1).all()
+    assert set(np.unique(shown)) == {1, 2}
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["Avoid", "Explore"]
+
+
+def test_a_step_alone_and_robots_that_stand_can_be_drawn():
+    @behaviour
+    def silent(me):
+        return PASS if me.max_speed >= 0 else (0.0, 0.0)
+
+    model = SwarmModel(rng=1)
+    model.add_robots(AGENT9, 2)
+    model.control = Subsumption(silent)
+    model.watch()
+    assert png(ethogram(model.run(1)))[:4] == b"\x89PNG"
+
+
+@pytest.mark.parametrize("robots", [0, -1, 1.5])
+def test_an_ethogram_of_no_robots_is_refused(robots):
+    model = AVOIDANCE(n_robots=2, rng=1)
+    model.watch()
+    with pytest.raises(InvalidValueError, match="robots is"):
+        ethogram(model.run(5), robots=robots)
+
+
+def test_where_nothing_was_kept_it_says_what_to_do():
+    unwatched = AVOIDANCE(n_robots=2, rng=1).run(2)
+    unstepped, headings = AVOIDANCE(n_robots=2, rng=1), AVOIDANCE(n_robots=2, rng=1)
+    unstepped.watch()
+    headings.watch(columns=("heading",))
+    undriven = SwarmModel(rng=1)
+    undriven.watch()
+    for model in (unwatched, unstepped, headings.run(2), undriven.run(2)):
+        with pytest.raises(InvalidValueError, match=r"nothing was kept to draw; call model\.watch\(last=None\)"):
+            ethogram(model)
+
+
+# ---- what is typed
+
+
+@pytest.mark.parametrize(("kind", "panels"), [("stages", 2), ("trace", 1), ("ethogram", 2)])
+def test_each_kind_is_drawn_of_a_model_that_is_run_for_it(kind, panels):
+    model = AVOIDANCE(n_robots=3, rng=1)
+    steps = [10, 25] if kind == "stages" else [25]
+    figure = drawn(model, kind, steps, None, progress=False)
+    assert (len(figure.axes), model.steps) == (panels, 25)
+
+
+def test_each_kind_has_steps_of_its_own_that_can_be_read():
+    assert set(picture_commands.STEPS) == set(picture_commands.KINDS)
+    for kind, text in picture_commands.STEPS.items():
+        assert parsed_steps(text, several=kind == "stages")
+
+
+@pytest.mark.parametrize("text", ["", "1,", "a", "-5", "2.5", "1e3", "10000001", "1 2"])
+@pytest.mark.parametrize("several", [True, False])
+def test_what_is_not_steps_is_refused(text, several):
+    with pytest.raises(InvalidValueError, match=r"steps is '.*'; expected .*, at most 10,000,000"):
+        parsed_steps(text, several)
+
+
+def test_several_steps_are_refused_where_one_is_expected():
+    assert parsed_steps(" 5 , 10", several=True) == [5, 10]
+    with pytest.raises(InvalidValueError, match="expected one number of steps"):
+        parsed_steps("5,10", several=False)
