@@ -143,11 +143,7 @@ class SwarmModel(ObservedWorld):
         self.swarm.columns["layer"].fill(-1)
         self.swarm.hush()
         if self._snapshots is not None:
-<<<<<<< HEAD
-            self._snapshots.clear()  # what layer 0 was it is no longer
-=======
-            self._snapshots.forget()
->>>>>>> h-tests
+            self._snapshots.forget()  # what layer 0 was it is no longer
         self._control = None if control is None else control.bound(self.swarm, self.streams)
 
     # ---- the step
@@ -289,111 +285,6 @@ class SwarmModel(ObservedWorld):
             self._snapshots.append(self._completed)
         self.datacollector.collect(self)
 
-<<<<<<< HEAD
-=======
-    # ---- what one reads after the step
-
-    @property
-    def contacts(self) -> "Contacts":
-        """The deepest contact of every robot that collided in the last step."""
-        return Contacts.of(self.swarm, self._obstacles, self.fires.agents)
-
-    def watch(self, last: int | None = 100, *, every: int = 1, columns: tuple[str, ...] = DECISIONS) -> Snapshots:
-        """Keep what robots knew and did from now on, and return where it is kept.
-
-        Watching anew forgets what was kept; `last=None` keeps everything, which takes memory without end.
-
-        Parameters
-        ----------
-        last : int or None
-            How many snapshots to keep.
-        every : int
-            Steps from one to the next.
-        columns : tuple of str
-            Of the swarm, those that `explain` needs by default.
-
-        Examples
-        --------
-        >>> from mesa_swarm import AGENT9, SwarmModel
-        >>> model = SwarmModel(rng=1)
-        >>> kept = model.watch(last=50)
-        >>> len(model.run(60).watched)
-        50
-        """
-        self._snapshots = Snapshots(self.swarm, last=last, every=every, columns=columns)
-        return self._snapshots
-
-    @property
-    def watched(self) -> Snapshots | None:
-        """What `watch` keeps, None if nobody watches."""
-        return self._snapshots
-
-    def explain(self, robot: Robot, step: int | None = None) -> Explanation:
-        """Say why a robot did what it did in the last step, or in one that is still kept: `watch` first.
-
-        Parameters
-        ----------
-        robot : Robot
-            One of `model.robots`.
-        step : int, optional
-
-        Returns
-        -------
-        Explanation
-            As a text one sentence: what the robot did, the layer that won, the readings that triggered it.
-
-        Raises
-        ------
-        InvalidValueError
-            If nobody watches, there is no control, or the step is not kept.
-        RemovedRobotError
-            If the robot was removed.
-
-        Examples
-        --------
-        >>> from mesa_swarm import AGENT9, SwarmModel
-        >>> from mesa_swarm.control import Avoid, Explore, Subsumption
-        >>> model = SwarmModel(rng=1)
-        >>> (robot,) = model.add_robots(AGENT9, poses=[(765, 300, 0.0)], tendency="left")
-        >>> model.control = Subsumption(Avoid(distance=10.5), Explore())
-        >>> kept = model.watch()
-        >>> print(model.run(1).explain(robot))
-        step 1: robot 5 turns left while moving; Avoid: front sensor 10.0 (an obstacle) < 10.5
-        """
-        if not isinstance(robot, Robot) or robot.model is not self:
-            raise InvalidValueError(f"robot is {robot!r:.60}; expected one of this model's robots")
-        row, kept = robot.alive(), self._snapshots
-        missing = set(DECISIONS) if kept is None else set(DECISIONS) - set(kept.columns)
-        if kept is None or missing or not len(kept):
-            raise InvalidValueError("nothing was kept to explain; call model.watch() before the steps in question")
-        if self._control is None:
-            raise InvalidValueError("there is no control to explain; set model.control")
-        return explanation(self._control, self.swarm, kept, row, kept.steps[-1] if step is None else step)
-
-    def state_hash(self) -> str:
-        """Return a fingerprint of the published state: equal for equal runs, on every machine and Python.
-
-        All sensors are read first, so that having looked at the readings or not makes no difference.
-
-        Examples
-        --------
-        >>> from mesa_swarm import SwarmModel
-        >>> SwarmModel(rng=1).state_hash() == SwarmModel(rng=1).state_hash()
-        True
-        """
-        self.sense()
-        digest = blake2b(digest_size=16)
-        digest.update(f"{self._completed}".encode())
-        for load in self._loads:
-            digest.update(np.array([*load.pose, load.resistance]))
-        for prefix, columns in (("robots", self.swarm.columns), ("fires", self.fires.columns)):
-            for name, column in sorted(columns.items()):
-                if name not in NOT_HASHED:
-                    digest.update(f"{prefix}.{name} {column.shape}".encode())
-                    digest.update(np.ascontiguousarray(column + 0 if column.dtype.kind == "f" else column))
-        return digest.hexdigest()
-
->>>>>>> h-tests
     # ---- small parts
 
     def _noise_draws(self) -> np.ndarray | None:

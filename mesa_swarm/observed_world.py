@@ -79,7 +79,9 @@ class ObservedWorld(World):
         Raises
         ------
         InvalidValueError
-            If nobody watches, or the step is not kept.
+            If nobody watches, there is no control, or the step is not kept.
+        RemovedRobotError
+            If the robot was removed.
 
         Examples
         --------
@@ -94,13 +96,13 @@ class ObservedWorld(World):
         """
         if not isinstance(robot, Robot) or robot.model is not self:
             raise InvalidValueError(f"robot is {robot!r:.60}; expected one of this model's robots")
-        kept = self._snapshots
+        row, kept = robot.alive(), self._snapshots
         missing = set(DECISIONS) if kept is None else set(DECISIONS) - set(kept.columns)
         if kept is None or missing or not len(kept):
             raise InvalidValueError("nothing was kept to explain; call model.watch() before the steps in question")
         if self._control is None:
             raise InvalidValueError("there is no control to explain; set model.control")
-        return explanation(self._control, self.swarm, kept, robot.alive(), kept.steps[-1] if step is None else step)
+        return explanation(self._control, self.swarm, kept, row, kept.steps[-1] if step is None else step)
 
     def state_hash(self) -> str:
         """Return a fingerprint of the published state: equal for equal runs, on every machine and Python.

@@ -83,10 +83,7 @@ class Avoid:
         fears_fire = self.fires == "always" or (self.fires == "when hot" and bool(moment.columns["hot"]))
         fears = fears_fire, self.loads == "always"
         asked = [s for s in moment.forward if s >= 0]
-<<<<<<< HEAD
         fears = fears_fire, self.loads == "always"
-=======
->>>>>>> h-tests
         near = [s for s in asked if is_activated(moment.distance[s], moment.kind[s], self.distance, *fears)]
         return Reason(f"{moment.reading(near[-1])} < {self.distance:g}", tuple(near))
 

@@ -81,11 +81,6 @@ class Snapshots:
         """How many steps are kept."""
         return len(self._rows)
 
-<<<<<<< HEAD
-    def clear(self) -> None:
-        """Forget what was kept."""
-        self._rows.clear()
-=======
     def note(self) -> None:
         """Take note of the heat that robots decided on, before burning overwrites it."""
         self._noted = {name: self._swarm.columns[name].copy() for name in HEAT if name in self.columns}
@@ -93,7 +88,6 @@ class Snapshots:
     def forget(self) -> None:
         """Drop what was kept."""
         self._kept.clear()
->>>>>>> h-tests
 
     def append(self, step: int) -> None:
         """Keep the swarm as it is now."""
