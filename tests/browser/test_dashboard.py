@@ -132,7 +132,7 @@ def test_everything_is_in_sight_on_a_small_laptop(page):
 
 def test_a_slider_changes_the_run_and_the_page_says_what_is_impossible(page):
     name = page.locator(".swarm-name span").filter(has_text="join")
-    slider = page.locator("[role=slider]").nth(-3 % page.locator("[role=slider]").count())
+    slider = name.locator("xpath=following::*[@role='slider'][1]")
     slider.press("End")
     wait_until(lambda: name.inner_text() == "join 999")
     assert "expected join below leave" in page.locator(".v-alert").inner_text()

@@ -65,7 +65,7 @@ def test_steps_and_values_are_by_default_what_the_model_says():
 
 
 def test_values_of_a_choice_need_not_be_given():
-    assert checked_plan(AVOID, parameter="design", seeds=1).values == ("AGENT3", "AGENT6", "AGENT9")
+    assert checked_plan(AVOID, parameter="design", seeds=1).values == ("AGENT3", "AGENT6", "AGENT9", "WIDE3")
 
 
 def test_settings_reach_the_model():
