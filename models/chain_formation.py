@@ -61,7 +61,7 @@ class ChainFormation(SwarmModel):
         map: Annotated[str, Choice(("openspace", "sparse", "original"), "the world")] = "openspace",
         rng=None,
     ) -> None:
-        super().__init__(map=map, rng=rng, model_reporters=held("chains", "mean_chain", "chained"))
+        super().__init__(map=map, rng=rng, model_reporters=held("chains", "mean_chain", "chained", every=25))
         body = DESIGNS[check_choice("design", design, DESIGNS)].with_proximity(range=sight)
         self.add_robots(body, check_count("n_robots", n_robots))
         self.link_distance = sight + 2.0 * body.radius
