@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 
 from mesa_swarm.errors import SwarmError, check_choice
-from mesa_swarm.experiments.gallery import model_names
+from mesa_swarm.gallery import model_names
 
 INTERRUPTED = 130
 # Typer checks limits before anything slow is imported.

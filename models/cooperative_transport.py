@@ -65,6 +65,7 @@ class CooperativeTransport(SwarmModel):
         rng=None,
     ) -> None:
         super().__init__(map="openspace", rng=rng, model_reporters={"way_left": "way_left", "pushers": "pushers"})
+        self.add_obstacle(disc(GOAL, NEAR, contact=False))  # a mark on the ground: where the load is to go
         self.load = self.add_load(LOADS[check_choice("load", load, LOADS)], resistance=resistance)
         self.communication = Radio(range=2000.0, state=False, occlusion=True, beacons=(GOAL,))
         self.add_robots(all_round(12, range=sight), check_count("n_robots", n_robots))

@@ -7,13 +7,15 @@ from contextlib import suppress
 from importlib.util import find_spec
 
 from mesa_swarm.errors import SwarmError, check_choice, check_count
+from mesa_swarm.gallery import model_names
 
-MODELS = ("fire_fighting", "collision_avoidance")
+# What the page shows first if nobody says otherwise.
+FIRST = "fire_fighting"
 HOST = "127.0.0.1"
 MODEL_VARIABLE = "MESA_SWARM_MODEL"
 
 
-def launch(model_name: str = "fire_fighting", port: int = 8765, open_browser: bool = True) -> None:
+def launch(model_name: str = FIRST, port: int = 8765, open_browser: bool = True) -> None:
     """Serve the dashboard on this machine until interrupted.
 
     Parameters
@@ -30,7 +32,7 @@ def launch(model_name: str = "fire_fighting", port: int = 8765, open_browser: bo
     SwarmError
         If the model is unknown, the port is taken, or Solara is not installed.
     """
-    check_choice("model", model_name, MODELS)
+    check_choice("model", model_name, model_names())
     _check_port(check_count("port", port, minimum=1, maximum=65535))
     if find_spec("solara") is None:
         raise SwarmError("the dashboard needs Solara; install it with: pip install 'mesa-swarm[dashboard]'")

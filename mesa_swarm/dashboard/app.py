@@ -7,15 +7,15 @@ Every browser session builds its own `Session`; nothing is shared between them.
 import math
 import os
 from collections.abc import Callable
-from importlib import import_module
 from typing import Any
 
 import reacton.ipyvuetify as rv
 import solara
 from solara.server import settings
 
-from mesa_swarm.dashboard import MODEL_VARIABLE, MODELS
+from mesa_swarm.dashboard import FIRST, MODEL_VARIABLE
 from mesa_swarm.dashboard.session import LIVE, Frame, Session
+from mesa_swarm.gallery import find_model, model_names
 from mesa_swarm.parameters import Choice, Parameter, Slider, parameters_of
 
 SPEED = Parameter("speed", Session.speed, int, Slider(1, 100, 1, "steps a frame, up to 20 frames a second"))
@@ -49,18 +49,6 @@ settings.kernel.cull_timeout = "10m"
 settings.theme.show_banner = False
 
 
-def model_class(name: str) -> type:
-    """Return a model by the name of its module: module and class are the same words.
-
-    Examples
-    --------
-    >>> model_class("fire_fighting").__name__
-    'FireFighting'
-    """
-    module = import_module(f"mesa_swarm.models.{name}")
-    return getattr(module, name.title().replace("_", ""))
-
-
 @solara.component
 def Layout(children: list):
     """Show the page and nothing else: no bar of Solara's above it."""
@@ -70,7 +58,7 @@ def Layout(children: list):
 @solara.component
 def Page():
     """Show one model at a time; another one starts from its defaults."""
-    name, choose = solara.use_state(os.environ.get(MODEL_VARIABLE, MODELS[0]))
+    name, choose = solara.use_state(os.environ.get(MODEL_VARIABLE, FIRST))
     solara.Title("mesa_swarm")
     solara.Style(CSS)
     Dashboard(name, choose).key(name)
@@ -82,7 +70,7 @@ def Dashboard(name: str, choose: Callable[[str], None]):
 
     The session's latest frame is what is drawn; `shown` only tells when to draw.
     """
-    session = solara.use_memo(lambda: Session(model_class(name)), [])
+    session = solara.use_memo(lambda: Session(find_model(name)), [])
     shown = solara.use_reactive(session.frame)
     solara.use_effect(lambda: session.pause, [])  # on leaving the page or the model
 
@@ -92,7 +80,7 @@ def Dashboard(name: str, choose: Callable[[str], None]):
     with solara.Div(classes=["swarm"]):
         with solara.Div(classes=["swarm-controls"]):
             solara.HTML(tag="h1", unsafe_innerHTML="mesa_swarm")
-            solara.Select("Model", list(MODELS), name, choose)
+            solara.Select("Model", model_names(), name, choose)
             General(session, redraw)
             solara.HTML(tag="h2", unsafe_innerHTML="Parameters")
             for parameter in parameters_of(session.model_class).values():

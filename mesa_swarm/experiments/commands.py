@@ -7,8 +7,8 @@ from pathlib import Path
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.experiments.compare import checked_jobs, run_plan
 from mesa_swarm.experiments.files import check_writable
-from mesa_swarm.experiments.gallery import description, find_model, model_names
 from mesa_swarm.experiments.plan import checked_plan
+from mesa_swarm.gallery import description, find_model, model_names
 from mesa_swarm.parameters import parameters_of, parsed_settings
 
 

@@ -39,7 +39,7 @@ class Comparison:
 
     Examples
     --------
-    >>> from mesa_swarm.experiments.gallery import find_model
+    >>> from mesa_swarm.gallery import find_model
     >>> comparison = compare(find_model("fire_fighting"), seeds=2, steps=5, jobs=1)
     >>> comparison.column("A", "fires out")
     [0, 0]
@@ -119,7 +119,7 @@ def compare(
 
     Examples
     --------
-    >>> from mesa_swarm.experiments.gallery import find_model
+    >>> from mesa_swarm.gallery import find_model
     >>> compare(find_model("collision_avoidance"), seeds=1, steps=5, jobs=1).runs[0].steps
     5
     """
@@ -149,7 +149,7 @@ def run_plan(plan: Plan, workers: int = 1, progress: bool = False) -> Comparison
 
     Examples
     --------
-    >>> from mesa_swarm.experiments.gallery import find_model
+    >>> from mesa_swarm.gallery import find_model
     >>> len(run_plan(checked_plan(find_model("fire_fighting"), seeds=1, steps=2)).runs)
     2
     """

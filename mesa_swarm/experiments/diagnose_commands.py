@@ -6,7 +6,7 @@ from dataclasses import replace
 from mesa_swarm.analysis.pathology import Pathologies
 from mesa_swarm.experiments.commands import print_pairs
 from mesa_swarm.experiments.diagnosis import NEEDED, check_wheels, pathologies_of
-from mesa_swarm.experiments.gallery import find_model
+from mesa_swarm.gallery import find_model
 from mesa_swarm.parameters import parsed_settings
 
 MOST_TOLD = 20

@@ -27,7 +27,7 @@ def pathologies_of(model) -> Pathologies:
 
     Examples
     --------
-    >>> from mesa_swarm.experiments.gallery import find_model
+    >>> from mesa_swarm.gallery import find_model
     >>> model = find_model("collision_avoidance")(n_robots=3, rng=1)
     >>> kept = model.watch(last=None)
     >>> len(pathologies_of(model.run(100)))

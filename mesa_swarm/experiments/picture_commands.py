@@ -7,9 +7,9 @@ from matplotlib.figure import Figure
 
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count
 from mesa_swarm.experiments.files import check_writable, write_whole
-from mesa_swarm.experiments.gallery import find_model
 from mesa_swarm.experiments.pictures import png
 from mesa_swarm.experiments.run_pictures import ethogram, stages, trace
+from mesa_swarm.gallery import find_model
 from mesa_swarm.parameters import parsed_settings
 
 KINDS = ("stages", "trace", "ethogram")

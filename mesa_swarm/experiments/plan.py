@@ -54,7 +54,7 @@ class Plan:
 
     Examples
     --------
-    >>> from mesa_swarm.experiments.gallery import find_model
+    >>> from mesa_swarm.gallery import find_model
     >>> plan = checked_plan(find_model("fire_fighting"), seeds=2)
     >>> plan.parameter, plan.values, plan.tasks
     ('strategy', ('A', 'B'), [(1, 'A'), (1, 'B'), (2, 'A'), (2, 'B')])

@@ -14,8 +14,8 @@ from mesa_swarm.analysis import (
     nearest_neighbour_distances,
     reachable_cells,
 )
-from mesa_swarm.experiments.gallery import find_model
 from mesa_swarm.experiments.statistics import Interval, mean_interval, paired_difference
+from mesa_swarm.gallery import find_model
 
 Numbers = dict[str, float | None]
 SEEDS = range(40)

@@ -42,7 +42,7 @@ def stages(model, steps: Sequence[int] = (0, 1000, 3000), *, perceived: bool = T
 
     Examples
     --------
-    >>> from mesa_swarm.experiments.gallery import find_model
+    >>> from mesa_swarm.gallery import find_model
     >>> len(stages(find_model("agglomeration")(n_robots=5, rng=1), steps=(0, 20)).axes)
     2
     """
@@ -73,7 +73,7 @@ def trace(model, steps: int = 10_000, *, robots: int = 1, every: int = 5, progre
 
     Examples
     --------
-    >>> from mesa_swarm.experiments.gallery import find_model
+    >>> from mesa_swarm.gallery import find_model
     >>> figure = trace(find_model("collision_avoidance")(rng=1), steps=100)
     >>> figure.axes[0].get_title()
     'CollisionAvoidance, 100 steps'
@@ -111,7 +111,7 @@ def ethogram(model, *, robots: int | None = None) -> Figure:
 
     Examples
     --------
-    >>> from mesa_swarm.experiments.gallery import find_model
+    >>> from mesa_swarm.gallery import find_model
     >>> model = find_model("collision_avoidance")(rng=1)
     >>> kept = model.watch(last=None)
     >>> [axes.get_ylabel() for axes in ethogram(model.run(50)).axes]

@@ -27,8 +27,8 @@ from mesa_swarm.control import (
     behaviour,
 )
 from mesa_swarm.errors import InvalidValueError, RemovedRobotError
-from mesa_swarm.experiments.gallery import find_model, model_names
 from mesa_swarm.fire import FightFire
+from mesa_swarm.gallery import find_model, model_names
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.robots.reasons import Moment
 from scenes import ahead, blind, empty

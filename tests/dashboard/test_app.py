@@ -10,14 +10,15 @@ import pytest
 import solara
 from solara.widgets import HTML
 
-from mesa_swarm.dashboard import HOST, MODELS, app, launch
+from mesa_swarm.dashboard import HOST, app, launch
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.errors import InvalidValueError, SwarmError, UnknownNameError
+from mesa_swarm.gallery import model_names
 from mesa_swarm.model import SwarmModel
 from mesa_swarm.parameters import Parameter, Slider, parameters_of
 from mesa_swarm.world.shapes import disc
 
-FireFighting = app.model_class("fire_fighting")
+FireFighting = app.find_model("fire_fighting")
 
 
 class Page:
@@ -180,8 +181,8 @@ def test_another_model_starts_afresh():
 
 
 def test_drawing_a_slider_leaves_every_default_as_it_is():
-    for name in MODELS:
-        for parameter in parameters_of(app.model_class(name)).values():
+    for name in model_names():
+        for parameter in parameters_of(app.find_model(name)).values():
             if isinstance(parameter.control, Slider):
                 assert app.value_at(0, parameter) == pytest.approx(parameter.default, abs=1e-12)
                 assert type(app.value_at(1, parameter)) is parameter.kind
@@ -236,7 +237,7 @@ class Breaks(FireFighting):
 
 
 def test_an_error_in_a_step_is_shown_and_reset_starts_again(monkeypatch):
-    monkeypatch.setattr(app, "model_class", lambda name: Breaks)
+    monkeypatch.setattr(app, "find_model", lambda name: Breaks)
     with open_page() as page:
         page.click("Play")
         wait_until(page.errors)

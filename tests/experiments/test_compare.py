@@ -8,9 +8,9 @@ from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments.compare import Comparison, compare, run_plan
 from mesa_swarm.experiments.files import check_writable, write_whole
 from mesa_swarm.experiments.findings import finding
-from mesa_swarm.experiments.gallery import class_name, description, find_model, model_names
 from mesa_swarm.experiments.plan import Plan, Run, checked_plan
 from mesa_swarm.experiments.tables import WIDEST, fitting, runs_csv, summary_csv, summary_rows
+from mesa_swarm.gallery import class_name, description, find_model, model_names
 from mesa_swarm.model import SwarmModel
 
 FIRE = find_model("fire_fighting")

@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 from mesa_swarm.experiments import pictures
 from mesa_swarm.experiments.bench import complexity_figure, exponent, step_table, verdict
 from mesa_swarm.experiments.figures import fires_figure, series_figure, window_means
-from mesa_swarm.experiments.gallery import find_model
 from mesa_swarm.experiments.pictures import draw_world, legend_of, png, world_figure
 from mesa_swarm.experiments.portrait import portrait_of
 from mesa_swarm.experiments.workload import AREA_PER_ROBOT, peer_workload
+from mesa_swarm.gallery import find_model
 from mesa_swarm.model import SwarmModel
 from mesa_swarm.robots.design import AGENT9
 from mesa_swarm.world.map import Map

@@ -7,7 +7,7 @@ import pytest
 
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments.compare import compare
-from mesa_swarm.experiments.gallery import find_model, model_names
+from mesa_swarm.gallery import find_model, model_names
 from mesa_swarm.parameters import Choice, Slider, parameters_of
 
 NAMES = model_names()
