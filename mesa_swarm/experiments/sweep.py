@@ -140,7 +140,7 @@ def _survivors(model_class: type, tasks: Iterator[Task], workers: int) -> Iterat
             yield from _together(model_class, _noted([*again], tasks, under_way), under_way, workers)
             return
         except WorkerDiedError:
-            deaths.update(under_way)
+            deaths.update(under_way.keys())  # a mapping would be taken for counts
         again = [task for key, task in under_way.items() if deaths[key] == 1]
         for task in (task for key, task in under_way.items() if deaths[key] > 1):
             yield _alone(model_class, task, deaths)
