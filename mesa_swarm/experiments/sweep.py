@@ -82,6 +82,19 @@ def sweep(
     SwarmError
         Before anything is run, if anything about it is wrong.
 
+    Notes
+    -----
+    On a cluster (``pip install 'mesa-swarm[cluster]'`` on all its machines, the same versions everywhere)::
+
+        dask scheduler                                              # on one machine
+        dask worker tcp://SCHEDULER:8786 --nthreads 1 --nworkers -1  # on every machine
+
+        with Client("tcp://SCHEDULER:8786"), parallel_config(backend="dask"):
+            sweep(FireFighting, {"strategy": ["A", "B"]}, seeds=1000)
+
+    Only the process that calls `sweep` writes files. A worker process that dies is noticed at once, since its
+    connection closes; for machines that vanish set dask's ``distributed.scheduler.worker-ttl`` to 5 s.
+
     Examples
     --------
     >>> import tempfile

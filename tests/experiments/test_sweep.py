@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from importlib.util import find_spec
 from pathlib import Path
 
 import failing_models
@@ -123,6 +124,7 @@ def test_a_worker_that_dies_is_replaced_and_no_run_is_lost(tmp_path):
     assert (made.failed, made.frame()["seed"].tolist()) == (0, [1, 2, 3, 4, 5, 6])
 
 
+@pytest.mark.slow
 def test_a_run_that_always_kills_its_worker_is_recorded_and_the_rest_goes_on(tmp_path):
     settings = {"diary": str(tmp_path / "diary")}
     made = sweep(Dying, seeds=4, steps=1, settings=settings, out=tmp_path, jobs=2)
@@ -152,12 +154,16 @@ def lines_in(ledger):
     return ledger.read_bytes().count(b"\n") if ledger.exists() else 0
 
 
+def environment():
+    """The environment of a process that imports what this one does."""
+    return {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[2]), *sys.path])}
+
+
 def started(tmp_path, folder, seeds):
     script = tmp_path / "driver.py"
     script.write_text(DRIVER)
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
     with (tmp_path / "errors").open("w") as errors:
-        return subprocess.Popen([sys.executable, script, folder, str(seeds)], env=environment, stderr=errors)
+        return subprocess.Popen([sys.executable, script, folder, str(seeds)], env=environment(), stderr=errors)
 
 
 def workers_of(driver):
@@ -208,6 +214,48 @@ def test_a_sweep_whose_driver_and_worker_are_killed_ends_in_the_same_table_byte_
 @pytest.mark.slow
 def test_a_sweep_that_is_killed_again_and_again_ends_in_the_same_table_byte_for_byte(tmp_path):
     check_killed_sweep(tmp_path, seeds=40, kills=10)
+
+
+CLUSTER = """
+import os, signal, sys, threading, time
+from pathlib import Path
+from distributed import Client, LocalCluster
+from joblib import parallel_config
+from mesa_swarm.experiments.gallery import find_model
+from mesa_swarm.experiments.sweep import sweep
+
+def kill_one(process, ledger):
+    while not ledger.exists() or ledger.read_bytes().count(b"\\n") < 3:
+        time.sleep(0.01)
+    os.kill(process, signal.SIGKILL)
+    print("killed at", ledger.read_bytes().count(b"\\n"))
+
+if __name__ == "__main__":
+    out = Path(sys.argv[1])
+    with (
+        LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+        Client(cluster) as client,
+        parallel_config(backend="dask"),
+    ):
+        processes = list(client.run(os.getpid).values())
+        assert os.getpid() not in processes
+        threading.Thread(target=kill_one, args=(processes[0], out / "ledger.jsonl")).start()
+        made = sweep(find_model("fire_fighting"), {"strategy": ["A", "B"]}, seeds=6, steps=2000, out=out)
+        print(made.runs, made.failed, processes[0] in client.run(os.getpid).values())
+"""
+
+
+@pytest.mark.skipif(find_spec("distributed") is None, reason="needs the extra [cluster]")
+def test_the_same_call_on_a_dask_cluster_one_of_whose_workers_is_killed_gives_the_same_bytes(tmp_path):
+    whole = sweep(FIRE, {"strategy": ["A", "B"]}, seeds=6, steps=2000, out=tmp_path / "whole", jobs=1).path
+    script = tmp_path / "cluster.py"
+    script.write_text(CLUSTER)
+    command = [sys.executable, script, tmp_path / "cluster"]
+    done = subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=120, check=False)
+    killed, said = done.stdout.splitlines() or ["", done.stderr]
+    assert said == "12 0 False"
+    assert 3 <= int(killed.removeprefix("killed at ")) < 12
+    assert (tmp_path / "cluster" / "runs.parquet").read_bytes() == whole.read_bytes()
 
 
 # ---- the ledger
