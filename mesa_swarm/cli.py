@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from mesa_swarm.errors import SwarmError, check_choice
+from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice
 from mesa_swarm.gallery import model_names
 
 INTERRUPTED = 130
@@ -29,6 +29,8 @@ app = typer.Typer(
 )
 maps = typer.Typer(help="Look at maps and convert them.", rich_markup_mode=None)
 app.add_typer(maps, name="map")
+
+JOB = ".toml"
 
 Model = Annotated[str, typer.Argument(help="One of those that `mesa-swarm list` shows.", metavar="MODEL")]
 Settings = Annotated[
@@ -139,16 +141,43 @@ def list_models() -> None:
 
 @app.command()
 def run(
-    model: Model,
+    model: Annotated[str, typer.Argument(help="One of `mesa-swarm list`, or a job file.", metavar="MODEL|JOB.toml")],
     *,
     setting: Settings = None,
-    steps: Annotated[int, typer.Option(min=1, max=MOST_STEPS, help="How many at most.")] = 3000,
-    rng: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Seed; the same one gives the same run.")] = 1,
+    steps: Annotated[
+        int | None, typer.Option(min=1, max=MOST_STEPS, help="How many at most; 3000 unless given.")
+    ] = None,
+    rng: Annotated[
+        int | None, typer.Option(min=0, max=2**63 - 1, help="Seed; the same one gives the same run; 1 unless given.")
+    ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Run a model; print its results and final fingerprint."""
+    """Run a model, or the runs of a job file; print the results and final fingerprint of each."""
+    if model.lower().endswith(JOB):
+        _refuse_beside_job({"--set": setting, "--steps": steps, "--rng": rng})
+        _work("job_commands").run(model, progress=not quiet)
+        return
     check_choice("model", model, model_names())
+    steps, rng = 3000 if steps is None else steps, 1 if rng is None else rng
     _work().run(model, setting or [], steps=steps, rng=rng, progress=not quiet)
+
+
+def _refuse_beside_job(options: dict[str, object]) -> None:
+    for name, value in options.items():
+        if value is not None:
+            raise InvalidValueError(f"{name} is given beside a job file, which says so itself; leave it out")
+
+
+@app.command()
+def sweep(
+    job: Annotated[str, typer.Argument(help="A job file, which may have a grid or a sample.", metavar="JOB.toml")],
+    *,
+    jobs: Annotated[int, typer.Option(min=-1, max=1024, help="Processes at a time, -1 for one on each core.")] = -1,
+    out: Annotated[Path | None, typer.Option(help="Folder of the results; by default results/JOB.")] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Do all runs of a job file; go on where an earlier call was interrupted."""
+    _work("job_commands").sweep(job, jobs=jobs, out=out, progress=not quiet)
 
 
 @app.command()

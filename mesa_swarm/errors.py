@@ -33,6 +33,10 @@ class MapError(SwarmError, ValueError):
     """A map file cannot be read; the message names the file and the place."""
 
 
+class JobError(SwarmError, ValueError):
+    """A job file cannot be read or carried out; the message names the file and the place."""
+
+
 class RemovedRobotError(SwarmError, RuntimeError):
     """A handle was used after its robot, obstacle or fire was removed."""
 

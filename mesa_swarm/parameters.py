@@ -10,10 +10,14 @@ from mesa_swarm.errors import (
     InvalidValueError,
     UnknownNameError,
     check_choice,
+    check_count,
     check_number,
+    shortened,
     unknown_name,
 )
-from mesa_swarm.world.map import READABLE
+from mesa_swarm.world.map import READABLE, Map
+
+LARGEST_WHOLE = 10**9
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +89,27 @@ class Parameter:
         if self.kind in (int, float):
             return self._number(text)
         return text
+
+    def checked(self, value: Any) -> Any:
+        """Return a value that a file or a program gives, as the parameter's type.
+
+        Raises
+        ------
+        InvalidValueError, UnknownNameError
+            If it is not of that type, or not one of the names.
+        """
+        if self.name == "map" and isinstance(value, Map):
+            return value
+        if isinstance(self.control, Choice):
+            return check_choice(self.name, value, self.control.options)
+        if self.kind is int and not isinstance(value, bool):
+            return check_count(self.name, value, minimum=-LARGEST_WHOLE, maximum=LARGEST_WHOLE)
+        if self.kind in (int, float):
+            return check_number(self.name, value)
+        if not isinstance(value, self.kind):
+            wanted = {bool: "true or false", str: "a text"}.get(self.kind, f"a {self.kind.__name__}")
+            raise InvalidValueError(f"{self.name} is {shortened(value)}; expected {wanted}")
+        return value
 
     def _number(self, text: str) -> float:
         try:

@@ -214,7 +214,7 @@ WRONG = {
     "lst": "Did you mean 'list'",
     "map shwo original": "Did you mean 'show'",
     "--nope": "No such option: --nope",
-    "run": "Missing argument 'MODEL'",
+    "run": "Missing argument 'MODEL|JOB.toml'",
     "run fire_fighting extra": "unexpected extra argument",
     "run fire_figting": "did you mean 'fire_fighting'",
     "run fire_fighting --stps 3": "--steps",

@@ -1,24 +1,19 @@
 """Compare values of a model's parameter over paired seeds, on all cores."""
 
 import os
-import signal
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import resource_tracker
 from pathlib import Path
-from threading import RLock
 from typing import Any
 
-from joblib import Parallel, cpu_count, delayed
-from joblib.externals.loky import get_reusable_executor
-from tqdm import tqdm
+from joblib import cpu_count
 
 from mesa_swarm.errors import InvalidValueError, check_count
 from mesa_swarm.experiments.figures import comparison_pictures
 from mesa_swarm.experiments.files import check_writable, write_whole
 from mesa_swarm.experiments.findings import finding
 from mesa_swarm.experiments.plan import Plan, Run, checked_plan
+from mesa_swarm.experiments.pool import on_all
 from mesa_swarm.experiments.portrait import Portrait
 from mesa_swarm.experiments.tables import runs_csv, summary_csv, summary_rows, text_table
 from mesa_swarm.progress import progress_bar
@@ -164,37 +159,12 @@ def run_plan(plan: Plan, workers: int = 1, progress: bool = False) -> Comparison
 
 
 def _finished(plan: Plan, tasks: list[tuple[int, Any]], workers: int) -> Iterator[tuple[int, Run]]:
-    """Yield runs as they are done; joblib hands out quick ones in chunks."""
+    """Yield runs as they are done."""
     if workers == 1:
         yield from (_numbered_run(plan, index, task) for index, task in enumerate(tasks))
         return
-    parallel = Parallel(n_jobs=workers, return_as="generator_unordered")
-    try:
-        with _interrupts_held():
-            runs = parallel(delayed(_numbered_run)(plan, index, task) for index, task in enumerate(tasks))
-        yield from runs
-    except BaseException:
-        # Without this, workers would finish what nobody waits for any more.
-        get_reusable_executor().shutdown(wait=True, kill_workers=True)
-        raise
-
-
-@contextmanager
-def _interrupts_held() -> Iterator[None]:
-    """Let Ctrl-C wait while workers start: they inherit this and never hear it; we stop them ourselves."""
-    hold = getattr(signal, "pthread_sigmask", None)
-    if hold is None:  # on Windows
-        yield
-        return
-    resource_tracker.ensure_running()  # else workers start it, which lets Ctrl-C through again
-    before = hold(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        hold(signal.SIG_SETMASK, before)
+    yield from on_all(workers, _numbered_run, ((plan, index, task) for index, task in enumerate(tasks)))
 
 
 def _numbered_run(plan: Plan, index: int, task: tuple[int, Any]) -> tuple[int, Run]:
-    # tqdm's own lock is one between processes, about which Python complains when a worker is stopped by Ctrl-C.
-    tqdm.set_lock(RLock())
     return index, plan.run(*task)

@@ -43,7 +43,7 @@ def read_toml(text: str, source: str) -> dict[str, Any]:
     Traceback (most recent call last):
     mesa_swarm.errors.MapError: hall.toml: Invalid value (at line 1, column 8)
     """
-    table = _parsed(text, source)
+    table = parsed_toml(text, source)
     with naming(source):
         _refuse_unknown_keys(table, TOP_KEYS)
         bounds = _bounds(table)
@@ -94,7 +94,14 @@ def number_text(value: float) -> str:
     return str(int(value)) if value.is_integer() and abs(value) < 2**53 else repr(value)
 
 
-def _parsed(text: str, source: str) -> dict[str, Any]:
+def parsed_toml(text: str, source: str) -> dict[str, Any]:
+    """Return what any TOML text says, or name line and column of the slip in its syntax.
+
+    Examples
+    --------
+    >>> parsed_toml("steps = 3", "job.toml")
+    {'steps': 3}
+    """
     try:
         return tomllib.loads(text)
     except RecursionError:

@@ -1,0 +1,238 @@
+"""An experiment: a model, points in its parameters, seeds and steps; its runs, each with a key of its own."""
+
+import json
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from hashlib import blake2b
+from importlib.metadata import version
+from itertools import islice
+from typing import Any
+
+from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, check_count, shortened
+from mesa_swarm.experiments.plan import DEFAULT_STEPS, MOST_SEEDS, MOST_STEPS, check_results
+from mesa_swarm.experiments.sampling import Sample, grid
+from mesa_swarm.parameters import parameters_of
+from mesa_swarm.world.map import Map, builtin_maps
+
+# Seeds are told apart as floats are, in tables and in TOML of other programs.
+LARGEST_SEED = 2**53 - 1
+MOST_RUNS = 100_000_000
+LONGEST_ERROR = 500
+# So many points may be impossible before an experiment is refused as a whole.
+POINTS_TRIED = 20
+FIXED = ("rng", "steps", "state_hash", "error")
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One run to do: its settings in full, seed and steps, and the key under which it is kept."""
+
+    key: str
+    settings: dict[str, Any]
+    rng: int
+    steps: int
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What came of a run: results, or the error that ended it."""
+
+    steps: int = 0
+    state_hash: str | None = None
+    results: dict[str, float | None] | None = None
+    error: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """What is to be run: every point with every seed. Made by `checked_experiment`.
+
+    Examples
+    --------
+    >>> from mesa_swarm.gallery import find_model
+    >>> two = checked_experiment(find_model("fire_fighting"), {"strategy": ["A", "B"]}, seeds=[7], steps=5)
+    >>> [(task.settings, task.rng) for task in two.tasks()]
+    [({'strategy': 'A'}, 7), ({'strategy': 'B'}, 7)]
+    """
+
+    model_class: type
+    settings: dict[str, Any]
+    points: Sequence[dict[str, Any]]
+    seeds: Sequence[int]
+    steps: int
+    measure: tuple[str, ...] = ()
+    name: str = "run"
+
+    def __len__(self) -> int:
+        """Count the runs."""
+        return len(self.points) * len(self.seeds)
+
+    def tasks(self) -> Iterator[Task]:
+        """Yield the runs in the order of the table: point by point, and of each the seeds."""
+        for point in self.points:
+            settings = {**self.settings, **point}
+            for rng in self.seeds:
+                yield Task(self.key(settings, rng), settings, rng, self.steps)
+
+    def key(self, settings: Mapping[str, Any], rng: int) -> str:
+        """Return the fingerprint of all that decides a run: model, version, every parameter, seed and steps."""
+        defaults = {name: parameter.default for name, parameter in parameters_of(self.model_class).items()}
+        place = f"{self.model_class.__module__}:{self.model_class.__qualname__}"
+        parameters = {name: shown_value(value) for name, value in {**defaults, **settings}.items()}
+        said = [place, version("mesa-swarm"), parameters, rng, self.steps]
+        return blake2b(json.dumps(said, sort_keys=True, default=repr).encode(), digest_size=16).hexdigest()
+
+    @property
+    def columns(self) -> list[str]:
+        """The parameters that are set, in the order of the table."""
+        return list({**self.settings, **(self.points[0] if self.points else {})})
+
+
+def checked_experiment(
+    model_class: type,
+    varied: Mapping[str, Sequence] | Sample | Sequence[Mapping] = (),
+    *,
+    seeds: int | Sequence[int] = 30,
+    steps: int | None = None,
+    settings: Mapping[str, Any] | None = None,
+    measure: Sequence[str] = (),
+    name: str = "run",
+) -> Experiment:
+    """Return an experiment after building its model once.
+
+    Parameters
+    ----------
+    model_class : type
+        A SwarmModel with a method ``results``.
+    varied : mapping, Sample or sequence of mappings
+        A grid (values by parameter), a sample, or settings of your own, point by point.
+    seeds : int or sequence of int
+        Seeds 1, 2, ... seeds, or these; the same at every point.
+    steps : int, optional
+        By default what the model's attribute ``steps_to_compare`` says, else 3,000.
+    settings : mapping, optional
+        Other parameters, the same in all runs.
+    measure : sequence of str
+        The results that are wanted, all of them by default.
+
+    Raises
+    ------
+    SwarmError
+        If anything about it is wrong.
+    """
+    fixed = _checked_settings(model_class, settings or {})
+    points = [_checked_settings(model_class, point) for point in _points(model_class, varied)]
+    for point in points:
+        if point.keys() != points[0].keys():
+            both = f"{shortened(list(points[0]))} and {shortened(list(point))}"
+            raise InvalidValueError(f"points set {both}; expected the same parameters in all")
+    for both in fixed.keys() & points[0].keys():
+        raise InvalidValueError(f"{both} is set and varied at once; leave one out")
+    default = getattr(model_class, "steps_to_compare", DEFAULT_STEPS)
+    steps = check_count("steps", default if steps is None else steps, minimum=1, maximum=MOST_STEPS)
+    experiment = Experiment(model_class, fixed, points, checked_seeds(seeds), steps, tuple(measure), name)
+    check_count("number of runs", len(experiment), minimum=1, maximum=MOST_RUNS)
+    _check_measures(experiment)
+    return experiment
+
+
+def checked_seeds(seeds: object) -> Sequence[int]:
+    """Return seeds 1, 2, ... for a number of them, or those of a list.
+
+    Examples
+    --------
+    >>> list(checked_seeds(3)), checked_seeds([7, 5])
+    ([1, 2, 3], (7, 5))
+    """
+    if isinstance(seeds, (str, bytes)) or not isinstance(seeds, Sequence):
+        return range(1, 1 + check_count("seeds", seeds, minimum=1, maximum=MOST_SEEDS))
+    listed = tuple(check_count("seeds", seed, maximum=LARGEST_SEED) for seed in seeds)
+    check_count("number of seeds", len(listed), minimum=1, maximum=MOST_SEEDS)
+    if len(set(listed)) < len(listed):
+        raise InvalidValueError(f"seeds is {shortened(seeds)}; expected different ones")
+    return listed
+
+
+def carried_out(model_class: type, task: Task) -> Outcome:
+    """Do one run; an error of the model is an outcome too.
+
+    Examples
+    --------
+    >>> from mesa_swarm.gallery import find_model
+    >>> task = Task("", {"n_robots": -1}, rng=1, steps=5)
+    >>> carried_out(find_model("fire_fighting"), task).error
+    'InvalidValueError: n_robots is -1; expected a whole number at least 0 and at most 2147483647'
+    """
+    try:
+        model = model_class(**task.settings, rng=task.rng).run(task.steps)
+        check_results(model_class, model)
+        results = {name: None if value is None else float(value) for name, value in model.results().items()}
+        return Outcome(model.steps, model.state_hash(), results)
+    except (Exception, SystemExit) as error:
+        return Outcome(error=error_in_words(error))
+
+
+def error_in_words(error: BaseException) -> str:
+    """Return an error as one line that is the same whenever it happens.
+
+    Examples
+    --------
+    >>> error_in_words(ValueError("no <Robot object at 0x7f00>"))
+    'ValueError: no <Robot object>'
+    """
+    words = " ".join(re.sub(r" at 0x[0-9a-fA-F]+", "", str(error)).split())
+    return f"{type(error).__name__}: {words}"[:LONGEST_ERROR]
+
+
+def shown_value(value: object) -> object:
+    """Return a parameter's value as it is kept: a map by name and content.
+
+    Examples
+    --------
+    >>> shown_value(Map.load("original")).partition(" ")[0], shown_value(2.5)
+    ('original', 2.5)
+    """
+    if not isinstance(value, Map):
+        return value
+    return f"{value.name} ({blake2b(value.to_toml().encode(), digest_size=8).hexdigest()})"
+
+
+def _points(model_class: type, varied: Mapping | Sample | Sequence[Mapping]) -> Sequence[Mapping]:
+    if isinstance(varied, Sample):
+        return varied.settings(model_class)
+    if isinstance(varied, Mapping):
+        return grid(model_class, varied)
+    return varied or [{}]
+
+
+def _checked_settings(model_class: type, settings: Mapping[str, Any]) -> dict[str, Any]:
+    known, checked = parameters_of(model_class), {}
+    for name, value in settings.items():
+        check_choice(f"parameter of {model_class.__name__}", name, known)
+        is_file = name == "map" and value not in builtin_maps()
+        # Files of maps are read once and here, so that workers elsewhere need none.
+        checked[name] = known[name].checked(Map.load(value) if is_file else value)
+    return checked
+
+
+def _check_measures(experiment: Experiment) -> None:
+    """Refuse results that are unknown, not numbers, or named as a column of the table already is."""
+    model = _first_built(experiment)
+    check_results(experiment.model_class, model)
+    results = model.results()
+    for name in experiment.measure:
+        check_choice(f"result of {experiment.model_class.__name__}", name, results)
+    for name in {*FIXED, *experiment.columns} & results.keys():
+        raise InvalidValueError(f"result {name!r} is named as another column; rename it in results()")
+
+
+def _first_built(experiment: Experiment):
+    """Return the model at the first point at which it can be built: others may fail, and are recorded so."""
+    first_error = None
+    for point in islice(experiment.points, POINTS_TRIED):
+        try:
+            return experiment.model_class(**experiment.settings, **point, rng=experiment.seeds[0])
+        except SwarmError as error:
+            first_error = first_error or error
+    raise first_error or InvalidValueError("there are no points; give at least one")

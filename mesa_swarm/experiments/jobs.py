@@ -1,0 +1,307 @@
+"""Job files: what is to be run, in TOML, checked by pydantic. A job is data; nothing in it is ever executed."""
+
+import os
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from importlib import resources
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import Annotated, Any
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, ValidationInfo
+
+from mesa_swarm.errors import (
+    InvalidValueError,
+    JobError,
+    SwarmError,
+    check_choice,
+    check_count,
+    shortened,
+    unknown_name,
+)
+from mesa_swarm.experiments.experiment import Experiment, checked_experiment, checked_seeds
+from mesa_swarm.experiments.plan import MOST_STEPS
+from mesa_swarm.experiments.sampling import MOST_POINTS, Sample
+from mesa_swarm.gallery import find_model, model_names
+from mesa_swarm.world.map import ALIASES, builtin_maps
+from mesa_swarm.world.map_parts import file_content, text_of
+from mesa_swarm.world.map_toml import parsed_toml
+
+LARGEST_JOB = 1_000_000
+MOST_EXPERIMENTS = 1_000
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,59}")
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """The experiments of a job file, in its order.
+
+    Examples
+    --------
+    >>> job = read_job("fire_fighting_1.toml")
+    >>> job.name, [len(experiment) for experiment in job.experiments]
+    ('fire_fighting_1', [1])
+    """
+
+    name: str
+    experiments: tuple[Experiment, ...]
+
+
+def read_job(path: str | os.PathLike[str]) -> Job:
+    """Return what a job file says, after building the model of every experiment in it once.
+
+    Parameters
+    ----------
+    path : str or Path
+        A .toml file, else the name of one that comes with the package: see `sample_jobs`.
+
+    Raises
+    ------
+    JobError
+        On one line: the file, the table in it, and what is wrong.
+    """
+    file = _found(path)
+    with _naming(file.name):
+        tables = _tables(parsed_toml(text_of(file_content(file, LARGEST_JOB), file.name), file.name))
+        experiments = tuple(_experiment(number, table, file, tables) for number, table in enumerate(tables, start=1))
+        names = [experiment.name for experiment in experiments]
+        for name in names:
+            if names.count(name) > 1:
+                raise InvalidValueError(f"two runs are named {name!r}; give each a name of its own")
+    return Job(file.stem, experiments)
+
+
+def sample_jobs() -> list[str]:
+    """Return the names of the job files that come with the package.
+
+    Examples
+    --------
+    >>> sample_jobs()[0]
+    'agglomeration.toml'
+    """
+    folder = resources.files("mesa_swarm.experiments") / "jobs"
+    return sorted(file.name for file in folder.iterdir() if file.name.endswith(".toml"))
+
+
+def file_within(folder: Path, name: str) -> Path:
+    """Return a file that a job names if it lies in the job's folder, and is reached by no link.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the job file.
+    name : str
+        Relative to the folder.
+
+    Raises
+    ------
+    InvalidValueError
+        If it leads elsewhere, or might.
+
+    Examples
+    --------
+    >>> file_within(Path("/jobs"), "maps/hall.toml").as_posix()
+    '/jobs/maps/hall.toml'
+    >>> file_within(Path("/jobs"), "../hall.toml")
+    Traceback (most recent call last):
+    mesa_swarm.errors.InvalidValueError: '../hall.toml' leads out of the job's folder; put the file into it
+    """
+    parts = PurePosixPath(name).parts
+    windows = PureWindowsPath(name)
+    if name.startswith("/") or windows.drive or windows.root or ".." in (*parts, *windows.parts):
+        raise InvalidValueError(f"{shortened(name)} leads out of the job's folder; put the file into it")
+    path = folder
+    for part in parts:
+        path = path / part
+        if _is_link(path):
+            raise InvalidValueError(f"{shortened(name)} is reached by a link; put the file itself there")
+    return path
+
+
+def _is_link(path: Path) -> bool:
+    try:
+        return path.is_symlink() or path.is_junction() if hasattr(path, "is_junction") else path.is_symlink()
+    except (OSError, ValueError):  # a name too long for the system, or with a null byte: it is no file either
+        return False
+
+
+# ---- the tables of a job file
+
+
+def _field(check, value: Any, info: ValidationInfo) -> Any:
+    return check(info.field_name, value)
+
+
+def _checked_by(check, **limits: Any) -> BeforeValidator:
+    """Return a validator that refuses in this package's words: the check gets the key and the value."""
+    return BeforeValidator(partial(_field, partial(check, **limits)))
+
+
+def _check_name(name: str, value: object) -> str:
+    if not isinstance(value, str) or not NAME.fullmatch(value):
+        wanted = "letters, digits, - and _, at most 60, for it names a folder"
+        raise InvalidValueError(f"{name} is {shortened(value)}; expected {wanted}")
+    return value
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, protected_namespaces=())
+
+
+class SampleTable(_Table):
+    """The keys of `[sample]`: see `Sample`."""
+
+    kind: str
+    points: Annotated[int, _checked_by(check_count, minimum=1, maximum=MOST_POINTS)]
+    ranges: dict[str, Any]
+    rng: Annotated[int, _checked_by(check_count)] = 1
+
+
+class RunTable(_Table):
+    """The keys of one run.
+
+    Parameters
+    ----------
+    name : str, optional
+        Of its folder of results; by default run_1, run_2, ...
+    model : str
+        One of `mesa-swarm list`.
+    map : str, optional
+        A built-in one, or a file in the job's folder.
+    robots : int, optional
+        Short for the parameter n_robots.
+    steps : int, optional
+        At most; by default what the model says.
+    seeds : int or list of int
+        How many (1, 2, ...), or which.
+    measure : list of str, optional
+        The results that are wanted; by default all.
+    parameters, grid, sample : table, optional
+        Fixed values; lists of values; a `SampleTable`.
+    """
+
+    name: Annotated[str | None, _checked_by(_check_name)] = None
+    model: Annotated[str, _checked_by(lambda name, value: check_choice(name, value, model_names()))]
+    map: str | None = None
+    robots: Annotated[int | None, _checked_by(check_count)] = None
+    steps: Annotated[int | None, _checked_by(check_count, minimum=1, maximum=MOST_STEPS)] = None
+    seeds: Annotated[Any, _checked_by(lambda name, value: checked_seeds(value))] = 1
+    measure: list[str] = []
+    parameters: dict[str, Any] = {}
+    grid: dict[str, Any] | None = None
+    sample: SampleTable | None = None
+
+    def settings(self) -> dict[str, Any]:
+        """Return the parameters, with those that have keys of their own."""
+        settings = {"map": self.map, "n_robots": self.robots}
+        own = {name: value for name, value in settings.items() if value is not None}
+        for name in own.keys() & self.parameters.keys():
+            raise InvalidValueError(f"{name} is set twice, by its own key and under parameters; leave one out")
+        return {**own, **self.parameters}
+
+    def varied(self) -> Mapping | Sample:
+        """Return the grid or the sample, an empty grid if there is neither."""
+        if self.sample is None:
+            return self.grid or {}
+        if self.grid is not None:
+            raise InvalidValueError("grid and sample are both given; keep one of them")
+        return Sample(self.sample.kind, self.sample.ranges, self.sample.points, self.sample.rng)
+
+
+def _found(path: str | os.PathLike[str]) -> Path:
+    """Return the path of a job file that is there, or of the sample with this name."""
+    file = Path(path)
+    samples = sample_jobs()
+    try:
+        if file.exists():
+            return file
+    except (OSError, ValueError):  # a name too long for the system, or with a null byte
+        pass
+    if str(path) in samples:
+        return Path(str(resources.files("mesa_swarm.experiments"))) / "jobs" / file.name
+    raise JobError(f"{shortened(str(path))[1:-1]}: no such file; {unknown_name('sample job', file.name, samples)}")
+
+
+@contextmanager
+def _naming(file: str, place: str = "") -> Iterator[None]:
+    """Turn whatever is wrong in a job into a JobError that names the file and the place."""
+    try:
+        yield
+    except JobError:
+        raise
+    except SwarmError as error:
+        words = " ".join(str(error).split())
+        named = "" if words.startswith(f"{file}:") else file  # its own text does so where it is no TOML
+        raise JobError(": ".join(part for part in (named, place, words) if part)) from None
+    except RecursionError:
+        raise JobError(f"{file}: tables or lists are nested too deeply") from None
+
+
+def _tables(job: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the tables of the runs: those of `[[run]]`, else the file is one."""
+    if "run" not in job:
+        return [job]
+    for key in job:
+        if key != "run":
+            raise InvalidValueError(f"{shortened(key)} stands beside [[run]]; move it into the runs")
+    tables = job["run"]
+    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
+        raise InvalidValueError("write [[run]] with double brackets")
+    check_count("number of runs", len(tables), minimum=1, maximum=MOST_EXPERIMENTS)
+    return tables
+
+
+def _experiment(number: int, table: dict[str, Any], file: Path, tables: list) -> Experiment:
+    with _naming(file.name, f"run {number}" if len(tables) > 1 else ""):
+        try:
+            run = RunTable.model_validate(table)
+        except ValidationError as error:
+            raise InvalidValueError(_first_problem(error)) from None
+        settings, varied = _with_maps(run, file.parent)
+        return checked_experiment(
+            find_model(run.model),
+            varied,
+            seeds=run.seeds,
+            steps=run.steps,
+            settings=settings,
+            measure=run.measure,
+            name=run.name or f"run_{number}",
+        )
+
+
+def _first_problem(error: ValidationError) -> str:
+    """Return the worst mistake in words: a misspelt key explains a missing one."""
+    problems = sorted(error.errors(include_url=False), key=lambda problem: problem["type"] != "extra_forbidden")
+    problem = problems[0]
+    place, key = problem["loc"][:-1], problem["loc"][-1]
+    where = "".join(f"[{part}] " for part in place if part == "sample")
+    if problem["type"] == "extra_forbidden":
+        known = SampleTable if place else RunTable
+        return f"{where}{unknown_name('key', key, known.model_fields)}"
+    if problem["type"] == "missing":
+        return f"{where}{key} is missing"
+    if problem["type"] == "value_error":
+        return f"{where}{problem['ctx']['error']}"
+    wanted = problem["msg"].replace("Input should be", "expected").replace("dictionary", "table")
+    keys = {*RunTable.model_fields, *SampleTable.model_fields}
+    name = next(part for part in reversed(problem["loc"]) if part in keys)
+    return f"{where}{name} is {shortened(problem['input'])}; {wanted}"
+
+
+def _with_maps(run: RunTable, folder: Path) -> tuple[dict[str, Any], Mapping | Sample]:
+    """Return settings and grid of a run, with the files of maps looked for in the job's folder."""
+    settings, varied = run.settings(), run.varied()
+    if "map" in settings:
+        settings["map"] = _map_of(settings["map"], folder)
+    if isinstance(varied, Mapping) and isinstance(varied.get("map"), list):
+        varied = {**varied, "map": [_map_of(value, folder) for value in varied["map"]]}
+    return settings, varied
+
+
+def _map_of(value: object, folder: Path) -> object:
+    """Return a map's file in the job's folder, or the name of a built-in one."""
+    if not isinstance(value, str):
+        raise InvalidValueError(f"map is {shortened(value)}; expected the name of a map or of a file")
+    return value if value in (*builtin_maps(), *ALIASES) else file_within(folder, value)

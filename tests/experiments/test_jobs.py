@@ -1,0 +1,284 @@
+import os
+import random
+import string
+from pathlib import Path
+
+import pytest
+
+from mesa_swarm import cli
+from mesa_swarm.errors import JobError
+from mesa_swarm.experiments import jobs
+from mesa_swarm.experiments.jobs import read_job, sample_jobs
+from mesa_swarm.gallery import find_model
+from mesa_swarm.world.map import Map
+
+RICH = """
+[[run]]
+name = "points"
+model = "fire_fighting"
+map = "openspace_fire"
+robots = 5
+steps = 10
+seeds = [3, 4]
+measure = ["fires out"]
+[run.parameters]
+k1 = 0.001
+strategy = "A"
+[run.grid]
+leave = [100.0, 200.0]
+[[run]]
+model = "collision_avoidance"
+steps = 10
+[run.sample]
+kind = "sobol"
+points = 4
+rng = 2
+ranges = { distance = [5.0, 20.0], n_robots = [2, 6] }
+"""
+MODEL = 'model = "fire_fighting"\n'
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Read a text, or bytes, as a job file."""
+
+    def read_text(text):
+        file = tmp_path / "job.toml"
+        file.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return read_job(file)
+
+    return read_text
+
+
+def refused(read, text):
+    with pytest.raises(JobError) as caught:
+        read(text)
+    message = str(caught.value)
+    assert message.startswith("job.toml: ")
+    assert "\n" not in message
+    return message
+
+
+def test_a_job_names_model_map_robots_parameters_steps_seeds_and_measures(read):
+    first, second = read(RICH).experiments
+    assert (first.name, first.model_class, first.steps) == ("points", find_model("fire_fighting"), 10)
+    assert first.settings == {"map": "openspace_fire", "n_robots": 5, "k1": 0.001, "strategy": "A"}
+    assert (tuple(first.points), tuple(first.seeds)) == (({"leave": 100.0}, {"leave": 200.0}), (3, 4))
+    assert first.measure == ("fires out",)
+    assert (second.name, len(second.points), list(second.seeds)) == ("run_2", 4, [1])
+    assert all(5 <= point["distance"] <= 20 and point["n_robots"] in range(2, 7) for point in second.points)
+
+
+def test_steps_are_by_default_what_the_model_says(read):
+    assert read(MODEL).experiments[0].steps == find_model("fire_fighting").steps_to_compare
+
+
+@pytest.mark.parametrize("name", sample_jobs())
+def test_every_sample_job_can_be_read_by_its_name(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert all(len(experiment) == 1 for experiment in read_job(name).experiments)
+
+
+def test_a_file_of_ones_own_comes_before_the_sample_of_its_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("fire_fighting_1.toml").write_text(MODEL + "steps = 7")
+    assert read_job("fire_fighting_1.toml").experiments[0].steps == 7
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('modl = "boids"', "unknown key 'modl'; did you mean 'model'?"),
+        ("steps = 3", "model is missing"),
+        ('model = "fire_figting"', "did you mean 'fire_fighting'?"),
+        (MODEL + "steps = 0", "steps is 0"),
+        (MODEL + "steps = true", "steps is True"),
+        (MODEL + "robots = 2.5", "robots is 2.5"),
+        (MODEL + "robots = 100000", "do not fit"),
+        (MODEL + "seeds = [1, 1]", "expected different ones"),
+        (MODEL + "seeds = []", "number of seeds is 0"),
+        (MODEL + "seeds = [-1]", "seeds is -1"),
+        (MODEL + 'record = "run.arrow"', "unknown key 'record'"),
+        (MODEL + 'measure = ["fires ot"]', "did you mean 'fires out'?"),
+        (MODEL + "measure = [1]", "measure is 1"),
+        (MODEL + "parameters = 3", "parameters is 3"),
+        (MODEL + "[parameters]\nn_robotz = 3", "did you mean 'n_robots'?"),
+        (MODEL + "[parameters]\nk1 = nan", "k1 is nan"),
+        (MODEL + '[parameters]\nk1 = "high"', "k1 is 'high'"),
+        (MODEL + "robots = 3\n[parameters]\nn_robots = 3", "n_robots is set twice"),
+        (MODEL + "robots = 3\n[grid]\nn_robots = [3]", "n_robots is set and varied at once"),
+        (MODEL + "[grid]\nk1 = []", "expected a list of values"),
+        (MODEL + "[grid]\nk1 = [1, 1.0]", "1.0 twice"),
+        (MODEL + "[sample]\npoint = 4", "[sample] unknown key 'point'; did you mean 'points'?"),
+        (MODEL + '[sample]\nkind = "sobol"\npoints = 5\nranges = { k1 = [0, 1] }', "such as 8"),
+        (MODEL + '[sample]\nkind = "sobl"\npoints = 4\nranges = { k1 = [0, 1] }', "did you mean 'sobol'?"),
+        (MODEL + '[sample]\nkind = "sobol"\npoints = 4\nranges = { k1 = [1, 0] }', "width of the range of k1"),
+        (MODEL + '[sample]\nkind = "sobol"\npoints = 4\nranges = { strategy = [1, 0] }', "strategy is no number"),
+        (MODEL + 'name = "a/b"', "it names a folder"),
+        (f"{MODEL}[[run]]\n{MODEL}", "'model' stands beside [[run]]"),
+        ("run = 3", "double brackets"),
+        (f"[[run]]\n{MODEL}[[run]]\n{MODEL}steps = -1", "run 2: steps is -1"),
+        (f'[[run]]\n{MODEL}name = "a"\n[[run]]\n{MODEL}name = "a"', "two runs are named 'a'"),
+        ("steps = ", "Invalid value (at end of document)"),
+        (b"model = \xff", "UTF-8"),
+        ("a" + ".a" * 20_000 + " = 1", "unknown key 'a'"),
+        (MODEL + "steps" + ".a" * 20_000 + " = 1", "nested too deeply"),
+        ("a = " + "[" * 5_000, "nested too deeply"),
+        (MODEL + "steps = " + "9" * 5_000, "4300"),
+    ],
+)
+def test_a_wrong_job_is_refused_in_one_line_that_names_file_and_place(read, text, said):
+    assert said in refused(read, text)
+
+
+def test_a_map_in_the_jobs_folder_is_read_and_kept(read, tmp_path):
+    (tmp_path / "maps").mkdir()
+    Map.load("openspace_fire").save(tmp_path / "maps" / "mine.toml")
+    assert read(MODEL + 'map = "maps/mine.toml"').experiments[0].settings["map"] == Map.load("openspace_fire")
+
+
+WAYS_OUT = (
+    "../mine.toml",
+    "/etc/mine.toml",
+    "maps/../../mine.toml",
+    "C:/mine.toml",
+    "..\\mine.toml",
+    "\\\\host\\a.toml",
+)
+
+
+@pytest.mark.parametrize("table", ["map = '{}'", "parameters = {{ map = '{}' }}", "grid = {{ map = ['{}'] }}"])
+@pytest.mark.parametrize("way", WAYS_OUT)
+def test_a_path_that_leads_out_of_the_jobs_folder_is_refused(read, way, table):
+    assert "leads out of the job's folder" in refused(read, MODEL + table.format(way))
+
+
+@pytest.mark.parametrize("linked", ["mine.toml", "maps"])
+def test_a_path_through_a_link_is_refused(read, tmp_path, linked):
+    away = tmp_path.parent / f"{tmp_path.name}_away"
+    away.mkdir()
+    Map.load("openspace_fire").save(away / "mine.toml")
+    os.symlink(away / "mine.toml" if linked == "mine.toml" else away, tmp_path / linked)
+    name = "mine.toml" if linked == "mine.toml" else "maps/mine.toml"
+    assert "reached by a link" in refused(read, f'{MODEL}map = "{name}"')
+
+
+def test_a_missing_job_suggests_the_nearest_sample():
+    with pytest.raises(JobError, match=r"did you mean 'fire_fighting_1.toml'"):
+        read_job("fire_fihting_1.toml")
+
+
+def mutated(text, chance):
+    """Return a job text with one to three things wrong, or by chance none."""
+    for _ in range(chance.randint(1, 3)):
+        text = chance.choice([without, doubled, spoilt, cut, replaced])(text, chance)
+    return text
+
+
+def without(text, chance):
+    lines = text.splitlines()
+    return "\n".join(lines[:at] + lines[at + 1 :]) if (at := chance.randrange(len(lines) or 1)) < len(lines) else text
+
+
+def doubled(text, chance):
+    lines = text.splitlines() or [""]
+    line = chance.choice(lines)
+    lines.insert(chance.randrange(len(lines)), line)
+    return "\n".join(lines)
+
+
+def spoilt(text, chance):
+    at = chance.randrange(len(text) or 1)
+    return text[:at] + chance.choice([*string.printable, "\0", "\u202e", "é", ""]) + text[at + 1 :]
+
+
+def cut(text, chance):
+    return text[: chance.randrange(len(text) or 1)] if chance.random() < 0.2 else text
+
+
+def replaced(text, chance):
+    lines = text.splitlines() or [""]
+    at = chance.randrange(len(lines))
+    value = chance.choice(
+        [
+            "-1",
+            "nan",
+            "inf",
+            "true",
+            '""',
+            "[]",
+            "{}",
+            "1e400",
+            "1979-05-27",
+            "[[1]]",
+            '"../x.toml"',
+            "9" * 30,
+            '"a\\nb"',
+        ]
+    )
+    lines[at] = f"{lines[at].partition('=')[0]}= {value}"
+    return "\n".join(lines)
+
+
+def check_mutated(read, count, first):
+    bases = [RICH, *(Path(jobs.__file__).with_name("jobs").joinpath(name).read_text() for name in sample_jobs())]
+    fine = 0
+    for number in range(first, first + count):
+        chance = random.Random(number)
+        text = mutated(chance.choice(bases), chance)
+        try:
+            read(text)
+            fine += 1
+        except JobError as error:
+            message = str(error)
+            assert message.startswith("job.toml: "), text
+            assert message.isprintable(), text
+            assert len(message) < 600, text
+    assert 0 < fine < count
+
+
+def test_a_hundred_spoilt_jobs_are_read_or_refused_in_one_clear_line(read):
+    check_mutated(read, 100, first=0)
+
+
+@pytest.mark.slow
+def test_two_thousand_spoilt_jobs_are_read_or_refused_in_one_clear_line(read):
+    check_mutated(read, 2_000, first=100)
+
+
+@pytest.fixture
+def typed(capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+
+    def type_in(line):
+        with pytest.raises(SystemExit) as left:
+            cli.main(line.split())
+        output = capsys.readouterr()
+        return left.value.code or 0, output.out, output.err
+
+    return type_in
+
+
+def test_run_does_every_run_of_a_job_and_prints_what_the_model_alone_says(typed):
+    Path("job.toml").write_text(MODEL + 'robots = 3\nsteps = 20\nseeds = [4, 9]\nmeasure = ["fires out"]')
+    status, out, err = typed("run job.toml --quiet")
+    hashes = [find_model("fire_fighting")(n_robots=3, rng=rng).run(20).state_hash() for rng in (4, 9)]
+    assert (status, err) == (0, "")
+    assert [line.split()[-1] for line in out.splitlines() if line.startswith("state")] == hashes
+    assert out.splitlines()[:3] == ["run_1, rng 4", "steps       20", "fires out   0"]
+
+
+def test_run_refuses_what_the_job_says_itself_and_points_to_sweep(typed):
+    Path("job.toml").write_text(MODEL + "[grid]\nn_robots = [1, 2]")
+    assert "--steps is given beside a job file" in typed("run job.toml --steps 3")[2]
+    status, _, err = typed("run job.toml")
+    assert (status, err) == (2, "mesa-swarm: run_1 has 2 points; do them with: mesa-swarm sweep job.toml\n")
+
+
+def test_sweep_writes_a_table_for_each_run_of_the_queue_and_does_nothing_twice(typed, tmp_path):
+    Path("job.toml").write_text(f"[[run]]\n{MODEL}steps = 5\nseeds = 2\n" * 2)
+    first, again = (typed("sweep job.toml --jobs 1 --quiet") for _ in range(2))
+    paths = [Path("results", "job", name, "runs.parquet") for name in ("run_1", "run_2")]
+    assert first == (0, "".join(f"{path}: 2 runs\n" for path in paths), "")
+    assert again == (0, "".join(f"{path}: 2 runs, 2 of them before\n" for path in paths), "")
+    assert all(path.exists() for path in paths)
