@@ -16,6 +16,7 @@ from mesa_swarm.errors import SwarmError, check_choice
 from mesa_swarm.experiments.gallery import model_names
 
 INTERRUPTED = 130
+DIFFERENT = 1
 # Typer checks limits before anything slow is imported.
 MOST_STEPS = 100_000_000
 
@@ -37,7 +38,7 @@ Folder = Annotated[Path, typer.Option(help="Folder for the table and the picture
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Do what was typed and exit with status 0, 2 for an error or 130 after Ctrl-C.
+    """Do what was typed and exit with status 0, 1 if `verify` finds a difference, 2 for an error, 130 after Ctrl-C.
 
     Parameters
     ----------
@@ -52,19 +53,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
     sys.exit(status)
 
 
-def _typed(words: list[str]) -> None:
-    """Let Typer find the command; --debug may stand anywhere."""
+def _typed(words: list[str]) -> int:
+    """Let Typer find the command and return its exit status; --debug may stand anywhere."""
     command = typer.main.get_command(app)
     arguments = [word for word in words if word != "--debug"]
     status = command.main(arguments, prog_name="mesa-swarm", standalone_mode=False)
     if status == INTERRUPTED:  # newer versions of Typer return this after Ctrl-C, older ones raise Abort
         raise KeyboardInterrupt
     sys.stdout.flush()
+    return status if isinstance(status, int) else 0
 
 
-def _status(work: Callable[[], None], debug: bool) -> int:
+def _status(work: Callable[[], int], debug: bool) -> int:
     try:
-        work()
+        return work()
     except (KeyboardInterrupt, typer.Abort):
         return _complain("interrupted; nothing more was written", INTERRUPTED)
     except BrokenPipeError:  # whoever read the output, such as `head`, has seen enough
@@ -142,11 +144,26 @@ def run(
     setting: Settings = None,
     steps: Annotated[int, typer.Option(min=1, max=MOST_STEPS, help="How many at most.")] = 3000,
     rng: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Seed; the same one gives the same run.")] = 1,
+    record: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write every step to this file, such as run.arrow.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace FILE if it exists.")] = False,
     quiet: Quiet = False,
 ) -> None:
     """Run a model; print its results and final fingerprint."""
     check_choice("model", model, model_names())
-    _work().run(model, setting or [], steps=steps, rng=rng, progress=not quiet)
+    _work().run(model, setting or [], steps=steps, rng=rng, progress=not quiet, record=record, force=force)
+
+
+@app.command()
+def verify(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="What `mesa-swarm run --record` wrote.")],
+    *,
+    quiet: Quiet = False,
+) -> None:
+    """Run a recording again; name the first step and robot that differ (exit status 1), or say that none does."""
+    if not _work("recording_commands").verify(file, progress=not quiet):
+        raise typer.Exit(DIFFERENT)
 
 
 @app.command()

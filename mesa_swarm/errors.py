@@ -33,6 +33,10 @@ class MapError(SwarmError, ValueError):
     """A map file cannot be read; the message names the file and the place."""
 
 
+class RecordingError(SwarmError, RuntimeError):
+    """A recording cannot be written, read or run again; the message names the file."""
+
+
 class RemovedRobotError(SwarmError, RuntimeError):
     """A handle was used after its robot, obstacle or fire was removed."""
 

@@ -1,6 +1,8 @@
 """SwarmModel: a Mesa model of robots in a world, and its step, written once."""
 
 import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import mesa
 import numpy as np
@@ -198,13 +200,66 @@ class SwarmModel(ObservedWorld):
         >>> SwarmModel(rng=1).run(3).steps
         3
         """
-        with progress_bar(check_count("steps", steps), "steps", progress) as bar:
+        with progress_bar(check_count("steps", steps), "steps", progress) as bar, self._closing_if_stopped():
             for _ in range(bar.total):
                 if not self.running:
                     break
                 self.step()
                 bar.update()
         return self
+
+    @contextmanager
+    def _closing_if_stopped(self) -> Iterator[None]:
+        """Close what observes the run if an error or Ctrl-C ends it: what was recorded so far is kept."""
+        try:
+            yield
+        except BaseException:
+            for observer in list(self.observers):
+                observer.close()
+            raise
+
+    def record(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        every: int = 1,
+        columns: Sequence[str] | None = None,
+        exact: bool = False,
+        overwrite: bool = False,
+        rerun: bool = True,
+    ):
+        """Write the model after each of the next steps to a file; see `mesa_swarm.recording.record`.
+
+        Parameters
+        ----------
+        path : str or Path
+        every : int
+            Steps from one row to the next.
+        columns : sequence of str, optional
+            Of the swarm, and "fires", "contacts", "loads"; by default what one needs to look at the run.
+        exact : bool
+            Whether real numbers keep all 64 bits.
+        overwrite : bool
+            Whether a file that is there is replaced.
+        rerun : bool
+            Whether the model must be one that can be run again from what the file says of it.
+
+        Returns
+        -------
+        Recorder
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from mesa_swarm import SwarmModel
+        >>> model = SwarmModel(rng=1)
+        >>> with tempfile.TemporaryDirectory() as folder, model.record(f"{folder}/run.arrow", every=5) as recorder:
+        ...     len(model.run(20) and recorder)
+        4
+        """
+        from mesa_swarm.recording.recorder import record  # noqa: PLC0415 - a floor above, and slow to load
+
+        return record(self, path, every=every, columns=columns, exact=exact, overwrite=overwrite, rerun=rerun)
 
     def _exchange(self) -> None:
         if self._channel is None:
@@ -282,6 +337,8 @@ class SwarmModel(ObservedWorld):
         if self._snapshots is not None and self._completed % self._snapshots.every == 0:
             self._snapshots.append(self._completed)
         self.datacollector.collect(self)
+        for observer in list(self.observers):
+            observer.after_step(self, self._completed)
 
     # ---- small parts
 
