@@ -1,8 +1,6 @@
 """SwarmModel: a Mesa model of robots in a world, and its step, written once."""
 
 import os
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 
 import mesa
 import numpy as np
@@ -11,11 +9,11 @@ from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import BehaviourError, InvalidValueError, check_choice, check_count, check_number, shortened
 from mesa_swarm.fire.burning import burn
 from mesa_swarm.fire.constants import FireConstants, design_constants
-from mesa_swarm.observed_world import ObservedWorld
 from mesa_swarm.physics.engine import CompiledEngine, Engine
 from mesa_swarm.physics.radio import Channel, send_goals
 from mesa_swarm.physics.shapely_engine import ShapelyEngine
 from mesa_swarm.progress import progress_bar
+from mesa_swarm.recorded_world import RecordedWorld
 from mesa_swarm.robots.drive import limit_command
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.world.map import Map
@@ -23,7 +21,7 @@ from mesa_swarm.world.map import Map
 ENGINES: dict[str, type[Engine]] = {"compiled": CompiledEngine, "shapely": ShapelyEngine}
 
 
-class SwarmModel(ObservedWorld):
+class SwarmModel(RecordedWorld):
     """A world of robots, obstacles and fires, advanced step by step.
 
     Parameters
@@ -207,59 +205,6 @@ class SwarmModel(ObservedWorld):
                 self.step()
                 bar.update()
         return self
-
-    @contextmanager
-    def _closing_if_stopped(self) -> Iterator[None]:
-        """Close what observes the run if an error or Ctrl-C ends it: what was recorded so far is kept."""
-        try:
-            yield
-        except BaseException:
-            for observer in list(self.observers):
-                observer.close()
-            raise
-
-    def record(
-        self,
-        path: str | os.PathLike[str],
-        *,
-        every: int = 1,
-        columns: Sequence[str] | None = None,
-        exact: bool = False,
-        overwrite: bool = False,
-        rerun: bool = True,
-    ):
-        """Write the model after each of the next steps to a file; see `mesa_swarm.recording.record`.
-
-        Parameters
-        ----------
-        path : str or Path
-        every : int
-            Steps from one row to the next.
-        columns : sequence of str, optional
-            Of the swarm, and "fires", "contacts", "loads"; by default what one needs to look at the run.
-        exact : bool
-            Whether real numbers keep all 64 bits.
-        overwrite : bool
-            Whether a file that is there is replaced.
-        rerun : bool
-            Whether the model must be one that can be run again from what the file says of it.
-
-        Returns
-        -------
-        Recorder
-
-        Examples
-        --------
-        >>> import tempfile
-        >>> from mesa_swarm import SwarmModel
-        >>> model = SwarmModel(rng=1)
-        >>> with tempfile.TemporaryDirectory() as folder, model.record(f"{folder}/run.arrow", every=5) as recorder:
-        ...     len(model.run(20) and recorder)
-        4
-        """
-        from mesa_swarm.recording.recorder import record  # noqa: PLC0415 - a floor above, and slow to load
-
-        return record(self, path, every=every, columns=columns, exact=exact, overwrite=overwrite, rerun=rerun)
 
     def _exchange(self) -> None:
         if self._channel is None:

@@ -23,6 +23,7 @@ FLOORS = {
     "fire": 5,
     "world_model.py": 5.5,
     "observed_world.py": 5.7,
+    "recorded_world.py": 5.8,
     "model.py": 6,
     "parameters.py": 6,
     "reporters.py": 6,
@@ -33,8 +34,11 @@ FLOORS = {
     "dashboard": 8,
     "cli.py": 9,
 }
-# `model.record(...)` is what people type; it imports what writes when it is called.
-UPWARDS = {("model.py", "mesa_swarm.recording.recorder")}
+# `model.record(...)` and `SwarmModel.resume(...)` are what people type; they import what does it when called.
+UPWARDS = {
+    ("recorded_world.py", "mesa_swarm.recording.recorder"),
+    ("recorded_world.py", "mesa_swarm.recording.resume"),
+}
 # Narrower than a floor: analysis knows arrays, not the model.
 ONLY = {"analysis": {"analysis", "errors.py", "geometry"}}
 OUTSIDE = {
@@ -46,6 +50,7 @@ OUTSIDE = {
     5: {"numpy", "numba"},
     5.5: {"numpy", "mesa"},
     5.7: {"numpy"},
+    5.8: set(),
     6: {"numpy", "mesa"},
     "analysis": {"numpy", "numba", "scipy"},
     "recording": {"numpy", "pandas", "pyarrow"},

@@ -8,7 +8,7 @@ import numpy as np
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.observed_world import ObservedWorld
 from mesa_swarm.progress import progress_bar
-from mesa_swarm.recording.layout import TABLES, Chunk, Layout, population_of
+from mesa_swarm.recording.layout import TABLES, Chunk, Layout
 from mesa_swarm.recording.provenance import rebuilt
 from mesa_swarm.recording.recording import Frame, Recording, chunk_of
 
@@ -84,7 +84,7 @@ def verify(recording: Recording, model_class: type, progress: bool = False) -> V
     return Verification(same=True, rows=len(recording), text=f"all {len(recording)} rows{last} are the same")
 
 
-def started_again(recording: Recording, model_class: type, **changes: object) -> ObservedWorld:
+def started_again(recording: Recording, model_class: type) -> ObservedWorld:
     """Return the model as it was when the recording began.
 
     Raises
@@ -93,10 +93,10 @@ def started_again(recording: Recording, model_class: type, **changes: object) ->
         If its parameters alone do not make that model.
     """
     facts = recording.provenance
-    model = rebuilt(facts, model_class, **changes)
+    model = rebuilt(facts, model_class)
     while model.completed < facts["start"]["step"]:
         model.step()
-    if not changes and model.state_hash() != facts["start"]["state_hash"]:
+    if model.state_hash() != facts["start"]["state_hash"]:
         raise RecordingError(
             f"{recording.path} began with a model that {model_class.__name__}'s parameters alone do not make: "
             "it was changed by hand, or other versions made it; build it in a constructor to run it again"
@@ -104,16 +104,41 @@ def started_again(recording: Recording, model_class: type, **changes: object) ->
     return model
 
 
+def run_to(recording: Recording, model_class: type, step: int) -> ObservedWorld:
+    """Return the model as it was after a step, compared with the recording where that has fingerprints, and there.
+
+    Raises
+    ------
+    RecordingError
+        If what was recorded does not come out.
+    """
+    model = started_again(recording, model_class)
+    layout = Layout(model, recording.columns, recording.provenance["exact"])
+    for row, frame in enumerate(recording):
+        if frame.step > step:
+            break
+        if frame.state_hash is not None or frame.step == step:
+            difference = _difference(row, frame, _again(frame, model, layout))
+            if difference is not None:
+                raise RecordingError(f"{recording.path} does not come out the same when run again: {difference}")
+    while model.completed < step:
+        model.step()
+    return model
+
+
 def _pairs(recording: Recording, model: ObservedWorld, layout: Layout) -> Iterator[tuple[Frame, Frame]]:
     """Run beside the recording: each frame, and what it is now."""
-    chunk = None
     for frame in recording:
-        while model.completed < frame.step:
-            model.step()
-        if chunk is None or chunk.population != population_of(model):
-            chunk = Chunk(layout, model, 1)
-        chunk.put(0, model.completed, model.state_hash() if frame.state_hash is not None else None)
-        yield frame, chunk_of(chunk.batch(1))[0]
+        yield frame, _again(frame, model, layout)
+
+
+def _again(frame: Frame, model: ObservedWorld, layout: Layout) -> Frame:
+    """Run to the step of a frame and return what it is now."""
+    while model.completed < frame.step:
+        model.step()
+    chunk = Chunk(layout, model, 1)
+    chunk.put(0, model.completed, model.state_hash() if frame.state_hash is not None else None)
+    return chunk_of(chunk.batch(1))[0]
 
 
 def _difference(row: int, frame: Frame, again: Frame) -> Verification | None:
