@@ -2,8 +2,7 @@
 
 import os
 import weakref
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
 from types import TracebackType
@@ -68,15 +67,22 @@ class Recorder:
         """Record the model if a row is due; called by the model at the end of each step."""
         if step % self.every or self.closed:
             return
-        with self._stopping():
+        try:
             self._tape.put(model, step)
+        except (RecordingError, OSError):
+            self._abandon()
+            raise
 
     def flush(self) -> None:
         """Write what was recorded so far into the file and have the system put it on the disk."""
-        if not self.closed:
-            with self._stopping():
-                self._tape.flush()
-                self._tape.writer.sync()
+        if self.closed:
+            return
+        try:
+            self._tape.flush()
+            self._tape.writer.sync()
+        except (RecordingError, OSError):
+            self._abandon()
+            raise
 
     def close(self) -> None:
         """Write what is left and end the file; a second time does nothing."""
@@ -85,16 +91,11 @@ class Recorder:
         self._tape.close()
         self._finish.detach()
 
-    @contextmanager
-    def _stopping(self) -> Iterator[None]:
-        """Stop if the file cannot be written: the model may go on, and every step would fail again."""
-        try:
-            yield
-        except (RecordingError, OSError):
-            if self in self._observers:
-                self._observers.remove(self)
-            self._tape.writer.abandon()
-            raise
+    def _abandon(self) -> None:
+        """Stop where the file cannot be written: the model may go on, and every step would fail again."""
+        if self in self._observers:
+            self._observers.remove(self)
+        self._tape.writer.abandon()
 
 
 class _Tape:

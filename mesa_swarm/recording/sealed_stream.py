@@ -136,7 +136,9 @@ class SealedWriter:
 
 def _opened(path: Path, overwrite: bool):
     try:
-        return open(path, "wb" if overwrite else "xb", buffering=0)
+        if overwrite and path.is_file():
+            path.unlink()  # not emptied: whoever reads the old one still has it in memory
+        return open(path, "xb", buffering=0)
     except FileExistsError:
         raise RecordingError(f"{path} exists already; choose another name or ask for overwrite=True") from None
     except (OSError, ValueError) as error:  # ValueError: a null byte in the name

@@ -275,3 +275,12 @@ def test_parts_that_are_parameters_are_told(tmp_path):
     small(fire_constants=constants).record(tmp_path / "run.arrow").close()
     facts = Recording(tmp_path / "run.arrow").provenance
     assert facts["parameters"]["fire_constants"]["FireConstants"]["k2"] == 0.02
+
+
+@pytest.mark.parametrize("exact", [False, True])
+def test_poses_and_temperatures_of_50_robots_over_3000_steps_take_less_than_3_mb(tmp_path, exact):
+    model = FireFighting(n_robots=50, strategy="A", k2=0.001, rng=1)  # the fires last
+    with model.record(tmp_path / "run.arrow", columns=("position", "heading", "temperature"), exact=exact):
+        model.run(3000)
+    assert len(Recording(tmp_path / "run.arrow")) == 3000
+    assert (tmp_path / "run.arrow").stat().st_size < 3_000_000

@@ -1,3 +1,5 @@
+import os
+
 import numpy as np
 import pytest
 
@@ -96,6 +98,18 @@ def test_a_recording_can_be_read_while_it_is_written(tmp_path):
     recorder.close()
     assert (len(early), early.complete) == (10, False)
     assert len(Recording(tmp_path / "run.arrow")) == 15
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows lets nobody replace a file that is read")
+def test_a_recording_that_is_replaced_while_it_is_read_stays_readable(tmp_path):
+    path = tmp_path / "run.arrow"
+    model = FireFighting(rng=1)
+    with model.record(path):
+        model.run(600)
+    old = Recording(path)
+    FireFighting(rng=2).record(path, overwrite=True).close()
+    assert old["position"].shape == (600, 10, 2)
+    assert len(Recording(path)) == 0
 
 
 def test_fires_that_went_out_are_events(tmp_path):
