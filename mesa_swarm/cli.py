@@ -16,6 +16,7 @@ from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice
 from mesa_swarm.gallery import model_names
 
 INTERRUPTED = 130
+DIFFERENT = 1
 # Typer checks limits before anything slow is imported.
 MOST_STEPS = 100_000_000
 # Steps that are kept take memory.
@@ -41,7 +42,7 @@ Folder = Annotated[Path, typer.Option(help="Folder for the table and the picture
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Do what was typed and exit with status 0, 2 for an error or 130 after Ctrl-C.
+    """Do what was typed and exit with status 0, 1 if `verify` finds a difference, 2 for an error, 130 after Ctrl-C.
 
     Parameters
     ----------
@@ -56,19 +57,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
     sys.exit(status)
 
 
-def _typed(words: list[str]) -> None:
-    """Let Typer find the command; --debug may stand anywhere."""
+def _typed(words: list[str]) -> int:
+    """Let Typer find the command and return its exit status; --debug may stand anywhere."""
     command = typer.main.get_command(app)
     arguments = [word for word in words if word != "--debug"]
     status = command.main(arguments, prog_name="mesa-swarm", standalone_mode=False)
     if status == INTERRUPTED:  # newer versions of Typer return this after Ctrl-C, older ones raise Abort
         raise KeyboardInterrupt
     sys.stdout.flush()
+    return status if isinstance(status, int) else 0
 
 
-def _status(work: Callable[[], None], debug: bool) -> int:
+def _status(work: Callable[[], int], debug: bool) -> int:
     try:
-        work()
+        return work()
     except (KeyboardInterrupt, typer.Abort):
         return _complain("interrupted; nothing more was written", INTERRUPTED)
     except BrokenPipeError:  # whoever read the output, such as `head`, has seen enough
@@ -150,16 +152,31 @@ def run(
     rng: Annotated[
         int | None, typer.Option(min=0, max=2**63 - 1, help="Seed; the same one gives the same run; 1 unless given.")
     ] = None,
+    record: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write every step to this file, such as run.arrow.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace FILE if it exists.")] = False,
     quiet: Quiet = False,
 ) -> None:
     """Run a model, or the runs of a job file; print the results and final fingerprint of each."""
     if model.lower().endswith(JOB):
-        _refuse_beside_job({"--set": setting, "--steps": steps, "--rng": rng})
+        _refuse_beside_job({"--set": setting, "--steps": steps, "--rng": rng, "--record": record})
         _work("job_commands").run(model, progress=not quiet)
         return
     check_choice("model", model, model_names())
     steps, rng = 3000 if steps is None else steps, 1 if rng is None else rng
-    _work().run(model, setting or [], steps=steps, rng=rng, progress=not quiet)
+    _work().run(model, setting or [], steps=steps, rng=rng, progress=not quiet, record=record, force=force)
+
+
+@app.command()
+def verify(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="What `mesa-swarm run --record` wrote.")],
+    *,
+    quiet: Quiet = False,
+) -> None:
+    """Run a recording again; name the first step and robot that differ (exit status 1), or say that none does."""
+    if not _work("recording_commands").verify(file, progress=not quiet):
+        raise typer.Exit(DIFFERENT)
 
 
 def _refuse_beside_job(options: dict[str, object]) -> None:

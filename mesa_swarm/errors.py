@@ -37,6 +37,10 @@ class JobError(SwarmError, ValueError):
     """A job file cannot be read or carried out; the message names the file and the place."""
 
 
+class RecordingError(SwarmError, RuntimeError):
+    """A recording cannot be written, read or run again; the message names the file."""
+
+
 class RemovedRobotError(SwarmError, RuntimeError):
     """A handle was used after its robot, obstacle or fire was removed."""
 

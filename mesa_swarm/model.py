@@ -9,11 +9,11 @@ from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import BehaviourError, InvalidValueError, check_choice, check_count, check_number, shortened
 from mesa_swarm.fire.burning import burn
 from mesa_swarm.fire.constants import FireConstants, design_constants
-from mesa_swarm.observed_world import ObservedWorld
 from mesa_swarm.physics.engine import CompiledEngine, Engine
 from mesa_swarm.physics.radio import Channel, send_goals
 from mesa_swarm.physics.shapely_engine import ShapelyEngine
 from mesa_swarm.progress import progress_bar
+from mesa_swarm.recorded_world import RecordedWorld
 from mesa_swarm.robots.drive import limit_command
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.world.map import Map
@@ -21,7 +21,7 @@ from mesa_swarm.world.map import Map
 ENGINES: dict[str, type[Engine]] = {"compiled": CompiledEngine, "shapely": ShapelyEngine}
 
 
-class SwarmModel(ObservedWorld):
+class SwarmModel(RecordedWorld):
     """A world of robots, obstacles and fires, advanced step by step.
 
     Parameters
@@ -198,7 +198,7 @@ class SwarmModel(ObservedWorld):
         >>> SwarmModel(rng=1).run(3).steps
         3
         """
-        with progress_bar(check_count("steps", steps), "steps", progress) as bar:
+        with progress_bar(check_count("steps", steps), "steps", progress) as bar, self._closing_if_stopped():
             for _ in range(bar.total):
                 if not self.running:
                     break
@@ -284,6 +284,8 @@ class SwarmModel(ObservedWorld):
         if self._snapshots is not None and self._completed % self._snapshots.every == 0:
             self._snapshots.append(self._completed)
         self.datacollector.collect(self)
+        for observer in list(self.observers):
+            observer.after_step(self, self._completed)
 
     # ---- small parts
 

@@ -1,5 +1,6 @@
 """ObservedWorld: what one reads of a model after a step: contacts, what was kept, reasons, a fingerprint."""
 
+import os
 from hashlib import blake2b
 
 import numpy as np
@@ -10,10 +11,21 @@ from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.physics.contacts import Contacts
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.snapshots import DECISIONS, Snapshots
+from mesa_swarm.world.map import Map
 from mesa_swarm.world_model import World
 
 # Indices that depend on the order in which things were created say nothing of the state.
 NOT_HASHED = frozenset({"number", "design", "contact_index"})
+
+
+class Observers(list):
+    """What a model calls after each step, `observer.after_step(model, step)`; copies of a model have none.
+
+    What observes one run writes it to one place: two runs there would be a muddle.
+    """
+
+    def __reduce_ex__(self, protocol: int) -> tuple:
+        return Observers, ()
 
 
 class ObservedWorld(World):
@@ -22,6 +34,15 @@ class ObservedWorld(World):
     _control: Arbiter | None = None
     _completed: int = 0
     _snapshots: Snapshots | None = None
+
+    def __init__(self, *, map: str | os.PathLike | Map, rng, history_every: int) -> None:
+        super().__init__(map=map, rng=rng, history_every=history_every)
+        self.observers = Observers()
+
+    @property
+    def completed(self) -> int:
+        """How many steps were taken to their end."""
+        return self._completed
 
     def sense(self) -> None:
         """Read all sensors in the world as it is now."""

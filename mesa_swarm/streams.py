@@ -25,14 +25,14 @@ class Streams:
     """
 
     def __init__(self, seed: np.random.SeedSequence) -> None:
-        self._seed = seed
+        self.seed = seed
         self._streams: dict[str, np.random.Generator] = {}
 
     def __getitem__(self, name: str) -> np.random.Generator:
         """Return the stream of this name, always the same one."""
         if name not in self._streams:
-            key = (*self._seed.spawn_key, crc32(name.encode()))
-            child = np.random.SeedSequence(self._seed.entropy, spawn_key=key)
+            key = (*self.seed.spawn_key, crc32(name.encode()))
+            child = np.random.SeedSequence(self.seed.entropy, spawn_key=key)
             self._streams[name] = np.random.Generator(np.random.PCG64(child))
         return self._streams[name]
 

@@ -38,6 +38,12 @@ class World(mesa.Model):
         Steps between two rows of `fires.history`; 0 keeps none.
     """
 
+    def __new__(cls, *given, **named) -> "World":
+        """Take note of what the outermost constructor was given: a recording tells it, so that it can be run again."""
+        world = super().__new__(cls)
+        world.given = given, named  # before any constructor of a subclass has changed them
+        return world
+
     def __init__(self, *, map: str | os.PathLike | Map, rng, history_every: int) -> None:
         self.map = Map.load(map)
         rng = _checked_seed(rng)
@@ -63,6 +69,11 @@ class World(mesa.Model):
     def robots(self) -> Agents:
         """The robots as Mesa agents, in the order of the swarm's rows."""
         return Agents(self.swarm.agents, random=self.random)
+
+    @property
+    def obstacle_list(self) -> list[Obstacle]:
+        """The obstacles, loads and ground marks as a list, which is quicker to look at; to be read only."""
+        return self._obstacles
 
     @property
     def obstacles(self) -> Agents:

@@ -1,6 +1,7 @@
 """What the commands list, run, compare and dashboard do with what was typed."""
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from importlib import import_module
 from pathlib import Path
 
@@ -22,11 +23,26 @@ def list_models() -> None:
             print(f"      {setting:28} {parameter.help}".rstrip())
 
 
-def run(model: str, settings: Sequence[str], *, steps: int, rng: int, progress: bool) -> None:
-    """Run a model and print what came of it."""
+def run(
+    model: str,
+    settings: Sequence[str],
+    *,
+    steps: int,
+    rng: int,
+    progress: bool,
+    record: Path | None = None,
+    force: bool = False,
+) -> None:
+    """Run a model, record it if asked, and print what came of it."""
     model_class = find_model(model)
     built = model_class(**parsed_settings(model_class, settings), rng=rng)
-    built.run(steps, progress=progress)
+    with built.record(record, overwrite=force) if record else nullcontext():
+        try:
+            built.run(steps, progress=progress)
+        except KeyboardInterrupt:
+            if record:
+                print(f"{built.completed} steps are kept in {record}")
+            raise
     results = built.results() if hasattr(built, "results") else {}
     print_pairs({"steps": built.steps, **results, "state hash": built.state_hash()})
 

@@ -1,0 +1,81 @@
+"""RecordedWorld: the doors to recordings, which are built on the floors above."""
+
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Self
+
+from mesa_swarm.observed_world import ObservedWorld
+
+
+class RecordedWorld(ObservedWorld):
+    """A world that can be written to a file and taken up again; `SwarmModel` makes it step."""
+
+    def record(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        every: int = 1,
+        columns: Sequence[str] | None = None,
+        exact: bool = False,
+        overwrite: bool = False,
+        rerun: bool = True,
+    ):
+        """Write the model after each of the next steps to a file; see `mesa_swarm.recording.record`.
+
+        Parameters
+        ----------
+        path : str or Path
+        every : int
+            Steps from one row to the next.
+        columns : sequence of str, optional
+            Of the swarm, and "fires", "contacts", "loads"; by default what one needs to look at the run.
+        exact : bool
+            Whether real numbers keep all 64 bits.
+        overwrite : bool
+            Whether a file that is there is replaced.
+        rerun : bool
+            Whether the model must be one that can be run again from what the file says of it.
+
+        Returns
+        -------
+        Recorder
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from mesa_swarm import SwarmModel
+        >>> model = SwarmModel(rng=1)
+        >>> with tempfile.TemporaryDirectory() as folder, model.record(f"{folder}/run.arrow", every=5) as recorder:
+        ...     len(model.run(20) and recorder)
+        4
+        """
+        from mesa_swarm.recording.recorder import record  # noqa: PLC0415 - a floor above, and slow to load
+
+        return record(self, path, every=every, columns=columns, exact=exact, overwrite=overwrite, rerun=rerun)
+
+    @classmethod
+    def resume(cls, path: str | os.PathLike[str], *, step: int | None = None, **changes: object) -> Self:
+        """Return the model as it was after a step of a recording; see `mesa_swarm.recording.resume`.
+
+        Parameters
+        ----------
+        path : str or Path
+        step : int, optional
+            By default the last one recorded.
+        **changes
+            Parameters of the model that are other from then on.
+        """
+        from mesa_swarm.recording.resume import resume  # noqa: PLC0415 - a floor above, and slow to load
+
+        return resume(cls, path, step=step, **changes)
+
+    @contextmanager
+    def _closing_if_stopped(self) -> Iterator[None]:
+        """Close what observes the run if an error or Ctrl-C ends it: what was recorded so far is kept."""
+        try:
+            yield
+        except BaseException:
+            for observer in list(self.observers):
+                observer.close()
+            raise

@@ -1,0 +1,230 @@
+"""What a row of a recording holds, as NumPy arrays while it is gathered and as Arrow lists in the file."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pyarrow as pa
+
+from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError, shortened, unknown_name
+from mesa_swarm.observed_world import ObservedWorld
+from mesa_swarm.world.statics import BORDER, FIRE, ROBOT
+
+DEFAULT = ("position", "heading", "command", "layer", "distance", "kind", "temperature", "fires", "contacts", "loads")
+# Columns of the swarm from which the contacts are made when a chunk is written.
+CONTACT = ("collided", "contact_kind", "contact_index", "contact_normal", "contact_depth")
+# Lists of things that are not robots, one field after the other; whole numbers are ids, counts and kinds.
+TABLES = {
+    "fires": ("fire", "x", "y", "radius", "temperature", "robots", "out"),
+    "contacts": ("robot", "kind", "other", "normal_x", "normal_y", "depth"),
+    "loads": ("load", "x", "y", "heading"),
+}
+WHOLE = frozenset({"fire", "robots", "robot", "kind", "other", "load"})
+
+
+class Layout:
+    """Which columns are recorded of a model, and how exactly.
+
+    Parameters
+    ----------
+    model : ObservedWorld
+    columns : sequence of str
+        Names of the swarm's columns, and of "fires", "contacts", "loads".
+    exact : bool
+        Whether real numbers are kept with all their bits instead of 24.
+
+    Raises
+    ------
+    InvalidValueError, UnknownNameError
+        If a name is not one of them.
+    """
+
+    def __init__(self, model: ObservedWorld, columns: Sequence[str], exact: bool) -> None:
+        self.real = np.float64 if exact else np.float32
+        names = _checked_names(columns, (*model.swarm.columns, *TABLES))
+        widths = {name: model.swarm.columns[name].shape[1:] for name in names if name not in TABLES}
+        self.columns = tuple(name for name in widths if 0 not in widths[name])
+        self.tables = tuple(name for name in names if name in TABLES)
+        self.schema = self._schema(model, widths)
+
+    def stored_type(self, dtype: np.dtype) -> np.dtype:
+        """Return the type in which a column is kept: fewer bits where that loses nothing or is asked for."""
+        if dtype.kind == "f":
+            return np.dtype(self.real)
+        return np.dtype(np.int32) if dtype == np.int64 else dtype
+
+    def _schema(self, model: ObservedWorld, widths: dict[str, tuple]) -> pa.Schema:
+        fields = [("step", pa.int64()), ("state_hash", pa.string()), ("robot", pa.list_(pa.int32()))]
+        for name in self.columns:
+            value = pa.from_numpy_dtype(self.stored_type(model.swarm.columns[name].dtype))
+            for width in reversed(widths[name]):
+                value = pa.list_(value, width)
+            fields.append((name, pa.list_(value)))
+        return pa.schema([*fields, *((name, pa.list_(self._struct(name))) for name in self.tables)])
+
+    def _struct(self, table: str) -> pa.DataType:
+        return pa.struct([(field, pa.from_numpy_dtype(self._field_type(field))) for field in TABLES[table]])
+
+    def _field_type(self, field: str) -> np.dtype:
+        return np.dtype(np.bool_ if field == "out" else np.int32 if field in WHOLE else self.real)
+
+
+class Chunk:
+    """Rows on their way into the file, gathered while nothing is added to the model or removed from it.
+
+    Parameters
+    ----------
+    layout : Layout
+    model : ObservedWorld
+    capacity : int
+        Rows.
+
+    Raises
+    ------
+    RecordingError
+        If the swarm no longer has the columns that the file has.
+    """
+
+    def __init__(self, layout: Layout, model: ObservedWorld, capacity: int) -> None:
+        self.layout = layout
+        self.capacity = capacity
+        self.population = population_of(model)
+        self.steps = np.zeros(capacity, np.int64)
+        self.hashes: list[str | None] = [None] * capacity
+        self._robots = _ids(model.swarm.agents)
+        self._obstacles, self._fires, self._loads = (_ids(things) for things in _things(model))
+        self._places = model.fires.discs.astype(layout.real)
+        self._bodies = list(model.loads) if "loads" in layout.tables else []
+        self._load_poses = np.zeros((capacity, len(self._bodies), 3), layout.real)
+        self._robot_rows = self._buffers(model.swarm.columns, layout.columns)
+        self._contact_rows = self._buffers(model.swarm.columns, CONTACT if "contacts" in layout.tables else ())
+        fires = ("temperature", "robots", "out") if "fires" in layout.tables else ()
+        self._fire_rows = self._buffers(model.fires.columns, fires)
+        self._check_widths()
+        self._pairs = [*self._robot_rows.values(), *self._contact_rows.values(), *self._fire_rows.values()]
+
+    @property
+    def row_bytes(self) -> int:
+        """How much a row takes in memory."""
+        return sum(rows.nbytes for _, rows in self._pairs) // self.capacity + 1
+
+    def put(self, row: int, step: int, state_hash: str | None) -> None:
+        """Keep the model as it is now."""
+        for source, rows in self._pairs:
+            rows[row] = source
+        for place, load in enumerate(self._bodies):
+            self._load_poses[row, place] = load.pose
+        self.steps[row] = step
+        self.hashes[row] = state_hash
+
+    def batch(self, rows: int) -> pa.RecordBatch:
+        """Return the first rows as Arrow has them."""
+        arrays = [pa.array(self.steps[:rows]), pa.array(self.hashes[:rows], pa.string())]
+        arrays.append(_listed(np.broadcast_to(self._robots, (rows, len(self._robots)))))
+        arrays += [_listed(kept[:rows]) for _, kept in self._robot_rows.values()]
+        makers = {"fires": self._fire_table, "contacts": self._contact_table, "loads": self._load_table}
+        arrays += [makers[name](rows) for name in self.layout.tables]
+        return pa.record_batch(arrays, schema=self.layout.schema)
+
+    def _buffers(self, columns: dict[str, np.ndarray], names: Sequence[str]) -> dict[str, tuple]:
+        missing = [name for name in names if name not in columns]
+        if missing:
+            raise RecordingError(f"column {missing[0]!r} is gone since the recording began; start another recording")
+        stored = self.layout.stored_type
+        return {
+            name: (columns[name], np.zeros((self.capacity, *columns[name].shape), stored(columns[name].dtype)))
+            for name in names
+        }
+
+    def _check_widths(self) -> None:
+        for name, (source, _) in self._robot_rows.items():
+            wanted = self.layout.schema.field(name).type.value_type
+            if source.ndim == 2 and source.shape[1] != wanted.list_size:
+                raise RecordingError(
+                    f"{name} has {source.shape[1]} values a robot now and had {wanted.list_size} when the recording "
+                    "began; add robots of all designs before model.record(...)"
+                )
+
+    def _fire_table(self, rows: int) -> pa.Array:
+        count = len(self._fires)
+        kept = {name: values[:rows].ravel() for name, (_, values) in self._fire_rows.items()}
+        x, y, radius = (np.tile(self._places[:, i], rows) for i in range(3))
+        values = {"fire": np.tile(self._fires, rows), "x": x, "y": y, "radius": radius, **kept}
+        return self._table("fires", np.full(rows, count), values)
+
+    def _contact_table(self, rows: int) -> pa.Array:
+        kept = {name: values[:rows] for name, (_, values) in self._contact_rows.items()}
+        met = np.nonzero(kept["collided"])
+        kind, index, normal = kept["contact_kind"][met], kept["contact_index"][met], kept["contact_normal"][met]
+        values = {
+            "robot": self._robots[met[1]],
+            "kind": kind,
+            "other": self._ids_of(kind, index),
+            "normal_x": normal[:, 0],
+            "normal_y": normal[:, 1],
+            "depth": kept["contact_depth"][met],
+        }
+        return self._table("contacts", np.count_nonzero(kept["collided"], axis=1), values)
+
+    def _ids_of(self, kind: np.ndarray, index: np.ndarray) -> np.ndarray:
+        """Return the unique_ids of what robots met: -1 for the border."""
+        ids = np.full(len(kind), -1, np.int32)
+        known = index != BORDER
+        for things, chosen in (
+            (self._robots, known & (kind == ROBOT)),
+            (self._fires, known & (kind == FIRE)),
+            (self._obstacles, known & (kind != ROBOT) & (kind != FIRE)),
+        ):
+            ids[chosen] = things[index[chosen]]
+        return ids
+
+    def _load_table(self, rows: int) -> pa.Array:
+        x, y, heading = (self._load_poses[:rows, :, i].ravel() for i in range(3))
+        values = {"load": np.tile(self._loads, rows), "x": x, "y": y, "heading": heading}
+        return self._table("loads", np.full(rows, len(self._loads)), values)
+
+    def _table(self, name: str, counts: np.ndarray, values: dict[str, np.ndarray]) -> pa.Array:
+        wanted = self.layout.schema.field(name).type.value_type
+        arrays = [pa.array(values[field.name], field.type) for field in wanted]
+        struct = pa.StructArray.from_arrays(arrays, fields=list(wanted))
+        return pa.ListArray.from_arrays(np.concatenate([[0], np.cumsum(counts)]).astype(np.int32), struct)
+
+
+def population_of(model: ObservedWorld) -> tuple:
+    """Return what changes whenever a robot, obstacle or fire is added or removed.
+
+    Ids only grow and what is added stands last, so length and last id tell of every change.
+    """
+    obstacles, fires = model.obstacle_list, model.fires.agents
+    return (
+        model.swarm.version,
+        len(obstacles),
+        obstacles[-1].unique_id if obstacles else 0,
+        len(fires),
+        fires[-1].unique_id if fires else 0,
+    )
+
+
+def _things(model: ObservedWorld) -> tuple:
+    return model.obstacle_list, model.fires.agents, list(model.loads)
+
+
+def _ids(things: Sequence) -> np.ndarray:
+    return np.array([thing.unique_id for thing in things], np.int32)
+
+
+def _listed(rows: np.ndarray) -> pa.Array:
+    """Return an array of shape (k, n, ...) as k lists of n values, or of n lists of a fixed length."""
+    count, length = rows.shape[:2]
+    values = pa.array(np.ascontiguousarray(rows).reshape(-1))
+    for width in reversed(rows.shape[2:]):
+        values = pa.FixedSizeListArray.from_arrays(values, width)
+    return pa.ListArray.from_arrays(np.arange(count + 1, dtype=np.int32) * np.int32(length), values)
+
+
+def _checked_names(columns: Sequence[str], known: Sequence[str]) -> tuple[str, ...]:
+    if isinstance(columns, str) or not all(isinstance(name, str) for name in columns):
+        raise InvalidValueError(f"columns is {shortened(columns)}; expected names such as ('position', 'fires')")
+    for name in columns:
+        if name not in known:
+            raise UnknownNameError(unknown_name("column", name, known))
+    return tuple(dict.fromkeys(columns))

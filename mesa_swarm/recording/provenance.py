@@ -1,0 +1,159 @@
+"""Where a recording comes from: model, parameters, map, seed, versions; enough to run it again."""
+
+import inspect
+import json
+import platform
+from dataclasses import asdict
+from importlib.metadata import version
+
+import numpy as np
+
+from mesa_swarm.errors import InvalidValueError, RecordingError, shortened
+from mesa_swarm.fire.constants import FireConstants
+from mesa_swarm.observed_world import ObservedWorld
+from mesa_swarm.robots.radio import Radio
+from mesa_swarm.world.map import Map
+
+FORMAT = 1
+PACKAGES = ("mesa-swarm", "mesa", "numpy", "numba", "shapely", "pyarrow")
+# Objects that parameters may be, besides plain values: written as {name: fields}.
+PARTS = {"FireConstants": FireConstants, "Radio": Radio}
+WHAT_TO_DO = (
+    "record a subclass of SwarmModel that makes it in its constructor from numbers and names, or give rerun=False"
+)
+
+
+def provenance_of(model: ObservedWorld, rerun: bool) -> dict:
+    """Return all that a recording says of its origin, as JSON has it.
+
+    Parameters
+    ----------
+    model : ObservedWorld
+    rerun : bool
+        Whether it must suffice to run the model again.
+
+    Raises
+    ------
+    RecordingError
+        If a parameter cannot be written down.
+
+    Examples
+    --------
+    >>> from mesa_swarm.model import SwarmModel
+    >>> provenance_of(SwarmModel(map="sparse", rng=1), rerun=True)["seed"]
+    1
+    """
+    parameters = parameters_of_run(model)
+    seed = parameters.pop("rng", None)
+    has_map = parameters.pop("map", None) is not None
+    return {
+        "format": FORMAT,
+        "model": {"module": type(model).__module__, "name": type(model).__qualname__},
+        "parameters": {name: _written(name, value, rerun) for name, value in parameters.items()},
+        "takes_map": has_map,
+        "map": model.map.to_toml(),
+        "seed": _written_seed(model, seed, rerun),
+        "versions": {"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},
+        "platform": platform.platform(),
+        "rerun": rerun,
+    }
+
+
+def parameters_of_run(model: ObservedWorld) -> dict:
+    """Return what the model's constructor was given, and the defaults of what it was not given."""
+    given, named = model.given
+    bound = inspect.signature(type(model)).bind(*given, **named)
+    bound.apply_defaults()
+    parameters = dict(bound.arguments)
+    for parameter in bound.signature.parameters.values():
+        if parameter.kind is parameter.VAR_KEYWORD:
+            parameters.update(parameters.pop(parameter.name))
+    return parameters
+
+
+def rebuilt(provenance: dict, model_class: type, **changes: object) -> ObservedWorld:
+    """Return the model as its constructor made it, perhaps with other parameters.
+
+    Raises
+    ------
+    RecordingError
+        If the recording is of another model, or does not say enough.
+    """
+    check_class(provenance, model_class)
+    if not provenance["rerun"]:
+        raise RecordingError("the recording was made with rerun=False and does not tell how to run its model again")
+    arguments = {name: _read(value) for name, value in provenance["parameters"].items()}
+    if provenance["takes_map"]:
+        arguments["map"] = Map.from_toml(provenance["map"], "the recording's map")
+    seed = provenance["seed"]
+    arguments["rng"] = np.random.SeedSequence(**seed) if isinstance(seed, dict) else seed
+    return model_class(**{**arguments, **changes})
+
+
+def check_class(provenance: dict, model_class: type) -> None:
+    """Refuse another class than the one that was recorded."""
+    recorded = provenance["model"]
+    if (model_class.__module__, model_class.__qualname__) != (recorded["module"], recorded["name"]):
+        raise RecordingError(
+            f"the recording is of {recorded['module']}.{recorded['name']}, "
+            f"not of {model_class.__module__}.{model_class.__qualname__}; give its class"
+        )
+
+
+def as_metadata(facts: dict) -> dict[str, str]:
+    """Return facts as the metadata of an Arrow schema: names and JSON texts."""
+    return {name: json.dumps(value) for name, value in facts.items()}
+
+
+def from_metadata(metadata: dict[bytes, bytes] | None, source: object) -> dict:
+    """Return what `as_metadata` wrote, or say that this is no recording.
+
+    Raises
+    ------
+    RecordingError
+    """
+    try:
+        facts = {name.decode(): json.loads(text) for name, text in (metadata or {}).items()}
+    except ValueError:
+        facts = {}
+    if facts.get("format") != FORMAT:
+        shown = shortened(facts.get("format"))
+        raise RecordingError(f"{source} has format {shown}, which this version cannot read; expected {FORMAT}")
+    return facts
+
+
+def _written(name: str, value: object, rerun: bool) -> object:
+    """Return a value as JSON has it."""
+    if isinstance(value, np.generic):
+        value = value.item()
+    for title, part in PARTS.items():
+        if type(value) is part:
+            return {title: asdict(value)}
+    try:
+        return json.loads(json.dumps(value))
+    except (TypeError, ValueError):
+        if not rerun:
+            return {"not recorded": shortened(value)}
+        raise RecordingError(f"{name} is {shortened(value)}, which a recording cannot tell; {WHAT_TO_DO}") from None
+
+
+def _read(value: object) -> object:
+    """Return a value that `_written` wrote."""
+    if isinstance(value, dict) and len(value) == 1:
+        ((title, fields),) = value.items()
+        if title in PARTS and isinstance(fields, dict):
+            try:
+                return PARTS[title](**fields)
+            except TypeError as error:
+                raise InvalidValueError(f"{title} of the recording cannot be made: {error}") from None
+    return value
+
+
+def _written_seed(model: ObservedWorld, seed: object, rerun: bool) -> object:
+    if isinstance(seed, (int, np.integer)):
+        return int(seed)
+    if isinstance(seed, (np.random.Generator, np.random.BitGenerator)) and rerun:
+        raise RecordingError(f"rng is {shortened(seed)}, which a recording cannot tell; give rng a whole number")
+    grown = model.streams.seed
+    entropy = grown.entropy if isinstance(grown.entropy, int) else [int(word) for word in grown.entropy]
+    return {"entropy": entropy, "spawn_key": [int(word) for word in grown.spawn_key]}

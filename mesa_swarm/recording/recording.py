@@ -1,0 +1,273 @@
+"""What reads a recording: frames, whole columns, tables, events."""
+
+import os
+from bisect import bisect_right
+from collections import OrderedDict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError, check_count, shortened, unknown_name
+from mesa_swarm.recording.events import Event, events_of
+from mesa_swarm.recording.layout import TABLES
+from mesa_swarm.recording.provenance import from_metadata
+from mesa_swarm.recording.sealed_stream import SealedReader
+
+# Chunks that are kept decoded, of about 2 MB each.
+MOST_CACHED = 8
+AXES = {"position": ("x", "y"), "command": ("command_left", "command_right")}
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Frame:
+    """What was recorded after one step; ``frame["position"]`` is a column, ``frame["fires"]["x"]`` one of a table.
+
+    Parameters
+    ----------
+    step : int
+    state_hash : str or None
+        The model's fingerprint, in about every hundredth step.
+    robots : int32 ndarray, shape (n,)
+        unique_id of each robot, in the order of all columns.
+    columns : dict of ndarray
+        Columns of shape (n, ...); tables as structured arrays.
+    """
+
+    step: int
+    state_hash: str | None
+    robots: np.ndarray
+    columns: dict[str, np.ndarray]
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        if name not in self.columns:
+            raise UnknownNameError(unknown_name("recorded column", name, self.columns))
+        return self.columns[name]
+
+
+class Recording:
+    """A recorded run. Nothing is decoded before it is asked for; a torn end is passed over.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Attributes
+    ----------
+    path : Path
+    provenance : dict
+        model, parameters, map (as TOML), seed, versions, every, exact, start ...
+    columns : tuple of str
+    complete : bool
+        Whether the recording was closed. If not, its program was killed or still runs.
+    lost : int
+        Bytes at the end that do not make a whole chunk and were passed over.
+
+    Raises
+    ------
+    RecordingError
+        If the file cannot be read, or is damaged at its beginning.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from mesa_swarm.models.fire_fighting import FireFighting
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     model = FireFighting(n_robots=3, rng=1)
+    ...     with model.record(f"{folder}/run.arrow"):
+    ...         end = model.run(30)
+    ...     recording = Recording(f"{folder}/run.arrow")
+    ...     len(recording), recording.at(30)["position"].shape, recording.complete
+    (30, (3, 2), True)
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        if not isinstance(path, (str, os.PathLike)):
+            raise RecordingError(f"path is {shortened(path)}; expected the name of a recording")
+        self.path = Path(path)
+        self._reader = SealedReader(self.path)
+        self.provenance = from_metadata(self._reader.schema.metadata, self.path)
+        self.columns = tuple(self._reader.schema.names[3:])
+        self.complete = self._reader.complete
+        self.lost = 0 if self.complete else self._reader.lost
+        self._ends = list(accumulate(piece.rows for piece in self._reader.pieces))
+        self._firsts = [piece.step for piece in self._reader.pieces]
+        self._chunks: OrderedDict[int, _Chunk] = OrderedDict()
+
+    def __repr__(self) -> str:
+        state = "" if self.complete else ", not closed"
+        return f"<Recording of {self.provenance['model']['name']}, {len(self)} rows{state}: {self.path}>"
+
+    def __len__(self) -> int:
+        """How many steps were recorded."""
+        return self._ends[-1] if self._ends else 0
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Iterate over all frames, oldest first."""
+        for place in range(len(self._ends)):
+            yield from self._chunk(place)
+
+    def __getitem__(self, which: int | str) -> "Frame | np.ndarray":
+        """Return the frame of one row, from the end if negative, or a column at all steps, shape (k, n, ...).
+
+        Raises
+        ------
+        IndexError
+            If there are not so many rows.
+        UnknownNameError, InvalidValueError
+            If there is no such column, or robots came or went, so that it has no shape.
+        """
+        return self._whole(which) if isinstance(which, str) else self._frame(which)
+
+    def at(self, step: int) -> Frame:
+        """Return the frame after one step.
+
+        Raises
+        ------
+        InvalidValueError
+            If that step was not recorded.
+        """
+        step = check_count("step", step)
+        place = bisect_right(self._firsts, step) - 1
+        for frame in self._chunk(place) if place >= 0 else ():
+            if frame.step == step:
+                return frame
+        there = f"recorded are {len(self)} from {self[0].step} to {self[-1].step}" if len(self) else "none is"
+        raise InvalidValueError(f"step {step} was not recorded; {there}")
+
+    @cached_property
+    def steps(self) -> np.ndarray:
+        """The steps that were recorded, int64, shape (k,)."""
+        return np.array([frame.step for frame in self], np.int64)
+
+    @cached_property
+    def hashes(self) -> dict[int, str]:
+        """The model's fingerprints by step."""
+        return {frame.step: frame.state_hash for frame in self if frame.state_hash is not None}
+
+    def to_pandas(self, table: str = "robots") -> pd.DataFrame:
+        """Return a table with one row a robot and step, or a fire, contact or load and step.
+
+        Parameters
+        ----------
+        table : str
+            "robots", "fires", "contacts" or "loads".
+
+        Raises
+        ------
+        UnknownNameError
+            If that was not recorded.
+        """
+        known = ("robots", *(name for name in self.columns if name in TABLES))
+        if table not in known:
+            raise UnknownNameError(unknown_name("recorded table", table, known))
+        parts = [_robot_table(frame) if table == "robots" else _table(frame, table) for frame in self]
+        names = parts[0].keys() if parts else ("step",)
+        return pd.DataFrame({name: np.concatenate([part[name] for part in parts] or [[]]) for name in names})
+
+    def events(self) -> list[Event]:
+        """Return what happened, oldest first: fires that went out, bursts of collisions, groups that merged."""
+        return events_of(self)
+
+    def _frame(self, row: int) -> Frame:
+        count = len(self)
+        place = row + count if row < 0 else row
+        if not 0 <= place < count:
+            raise IndexError(f"row {row} of {count} in {self.path}")
+        chunk = bisect_right(self._ends, place)
+        return self._chunk(chunk)[place - (self._ends[chunk - 1] if chunk else 0)]
+
+    def _whole(self, name: str) -> np.ndarray:
+        if name in TABLES:
+            raise InvalidValueError(f"{name} is a table; read it with to_pandas({name!r}), or frame by frame")
+        if name not in self.columns:
+            raise UnknownNameError(unknown_name("recorded column", name, self.columns))
+        kept = [frame[name] for frame in self]
+        if len({values.shape for values in kept}) > 1:
+            raise InvalidValueError(f"robots came or went in {self.path}; read {name} frame by frame")
+        return np.stack(kept) if kept else np.empty((0, 0))
+
+    def _chunk(self, place: int) -> "_Chunk":
+        if place in self._chunks:
+            self._chunks.move_to_end(place)
+            return self._chunks[place]
+        piece = self._reader.pieces[place]
+        chunk = self._chunks[place] = chunk_of(self._reader.batch(piece))
+        if len(self._chunks) > MOST_CACHED:
+            self._chunks.popitem(last=False)
+        return chunk
+
+
+def chunk_of(batch: pa.RecordBatch) -> "_Chunk":
+    """Return the frames of a batch of rows, to be read by their place in it."""
+    return _Chunk(batch)
+
+
+class _Chunk:
+    """The rows of a chunk as arrays; frames are slices of them."""
+
+    def __init__(self, batch: pa.RecordBatch) -> None:
+        steps, hashes, robots, *columns = batch.columns
+        self._steps, self._hashes = steps.to_numpy(), hashes.to_pylist()
+        self._robots = _Lists(robots)
+        self._columns = {name: _Lists(column) for name, column in zip(batch.schema.names[3:], columns, strict=True)}
+
+    def __len__(self) -> int:
+        return len(self._steps)
+
+    def __getitem__(self, row: int) -> Frame:
+        if row >= len(self):
+            raise IndexError(row)
+        return Frame(
+            step=int(self._steps[row]),
+            state_hash=self._hashes[row],
+            robots=self._robots[row],
+            columns={name: lists[row] for name, lists in self._columns.items()},
+        )
+
+
+class _Lists:
+    """A list column as one array and the places where its lists begin."""
+
+    def __init__(self, column: pa.ListArray) -> None:
+        self._begins = column.offsets.to_numpy().tolist()
+        self._values = _array(column.values)
+        self._values.flags.writeable = False
+
+    def __getitem__(self, row: int) -> np.ndarray:
+        return self._values[self._begins[row] : self._begins[row + 1]]
+
+
+def _array(values: pa.Array) -> np.ndarray:
+    """Return Arrow's values as NumPy's: lists of fixed length as further axes, structs as structured arrays."""
+    if pa.types.is_fixed_size_list(values.type):
+        inner = _array(values.values)
+        return inner.reshape(len(values), values.type.list_size, *inner.shape[1:])
+    if pa.types.is_struct(values.type):
+        parts = {field.name: _array(values.field(i)) for i, field in enumerate(values.type)}
+        table = np.empty(len(values), [(name, part.dtype) for name, part in parts.items()])
+        for name, part in parts.items():
+            table[name] = part
+        return table
+    return np.array(values.to_numpy(zero_copy_only=False))
+
+
+def _robot_table(frame: Frame) -> dict[str, np.ndarray]:
+    flat = {"step": np.full(len(frame.robots), frame.step), "robot": frame.robots}
+    for name, values in frame.columns.items():
+        if name in TABLES:
+            continue
+        parts = values.T if values.ndim > 1 else [values]
+        names = [name] if values.ndim == 1 else AXES.get(name) or [f"{name}_{i}" for i in range(values.shape[1])]
+        flat |= dict(zip(names, parts, strict=True))
+    return flat
+
+
+def _table(frame: Frame, name: str) -> dict[str, np.ndarray]:
+    rows = frame[name]
+    return {"step": np.full(len(rows), frame.step), **{field: rows[field] for field in rows.dtype.names}}

@@ -1,0 +1,186 @@
+"""Going on from any step of a recording, as it was or with other parameters."""
+
+import os
+from copy import deepcopy
+from importlib import import_module
+from pkgutil import iter_modules
+
+import numpy as np
+
+from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError, check_count, shortened, unknown_name
+from mesa_swarm.observed_world import ObservedWorld
+from mesa_swarm.recording.provenance import rebuilt
+from mesa_swarm.recording.recording import Recording
+from mesa_swarm.recording.verify import run_to
+
+MODELS = "mesa_swarm.models"
+# What parameters decide; all other columns are the state of the run.
+OF_PARAMETERS = frozenset({"number", "design", "radius", "max_speed"})
+# What a run changes besides columns, in any model: plain values that no longer are what the constructor made them.
+PLAIN = (bool, int, float, str, np.ndarray, np.generic, type(None))
+# Says which state the new model's own tables were made for.
+OWN = frozenset({"_senses_version", "given"})
+
+
+def resume(base: type, path: str | os.PathLike[str], *, step: int | None = None, **changes: object) -> ObservedWorld:
+    """Return the model as it was after a step of a recording, from which it goes on bit by bit as it did.
+
+    The model is run again from its parameters to that step, and compared with the recording on the way. With
+    other parameters, a second model is made with these and takes over the first one's state: positions,
+    readings, temperatures, what layers remember (by the layer's name), random streams, counters.
+
+    Parameters
+    ----------
+    base : type
+        The class that was recorded, or one that it is derived from.
+    path : str or Path
+    step : int, optional
+        At least the step at which the recording began; by default the last one recorded.
+    **changes
+        Parameters of the model that are other from then on. They must leave the same robots, fires, obstacles
+        and loads.
+
+    Raises
+    ------
+    RecordingError
+        If running again does not give what was recorded.
+    InvalidValueError, UnknownNameError
+        If there is no such step or parameter, or a change makes another world.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from mesa_swarm.model import SwarmModel
+    >>> from mesa_swarm.models.fire_fighting import FireFighting
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     model = FireFighting(strategy="A", rng=1)
+    ...     with model.record(f"{folder}/run.arrow"):
+    ...         end = model.run(40)
+    ...     again = resume(SwarmModel, f"{folder}/run.arrow", step=30)
+    ...     again.run(10).state_hash() == model.state_hash()
+    True
+    """
+    recording = Recording(path)
+    model_class = _class_of(recording, base)
+    unknown = sorted(set(changes) - {*recording.provenance["parameters"], "map"})
+    if unknown:
+        known = recording.provenance["parameters"]
+        raise UnknownNameError(unknown_name(f"parameter of {model_class.__name__}", unknown[0], known))
+    if "map" in changes:
+        raise InvalidValueError("map cannot be changed on the way; resume with other parameters")
+    model = run_to(recording, model_class, _checked_step(recording, step))
+    if not changes:
+        return model
+    fresh = rebuilt(recording.provenance, model_class)
+    changed = rebuilt(recording.provenance, model_class, **changes)
+    take_over(changed, model, fresh)
+    return changed
+
+
+def take_over(new: ObservedWorld, old: ObservedWorld, fresh: ObservedWorld) -> None:
+    """Give a model that has taken no step yet the state of another.
+
+    Parameters
+    ----------
+    new : ObservedWorld
+        With the parameters that count from now on.
+    old : ObservedWorld
+        Whose state it is to have.
+    fresh : ObservedWorld
+        What `old` was before its first step: what differs from it is state, all else came from parameters.
+
+    Raises
+    ------
+    InvalidValueError
+        If the two do not have the same robots, fires, obstacles and loads.
+    """
+    _check_same_things(new, old)
+    new.obstacles_changed()
+    for load, moved in zip(new.loads, old.loads, strict=True):
+        load.lay(moved.pose)
+        load.moved, load.pushers = moved.moved, moved.pushers
+    _take_columns(new, old)
+    _take_fires(new, old)
+    _take_randomness(new, old)
+    _take_plain_values(new, old, fresh)
+    _take_collected(new, old)
+    new.swarm.disturbed = old.swarm.disturbed
+
+
+def _check_same_things(new: ObservedWorld, old: ObservedWorld) -> None:
+    for name in ("robots", "fires", "obstacles", "loads"):
+        there, was = ([thing.unique_id for thing in getattr(model, name)] for model in (new, old))
+        if there != was:
+            raise InvalidValueError(
+                f"the change makes a world with {len(there)} {name} instead of the {len(was)} that there were; "
+                "change parameters that leave them as they are"
+            )
+
+
+def _take_columns(new: ObservedWorld, old: ObservedWorld) -> None:
+    known = {**{_without_place(name): name for name in old.swarm.columns}, **{name: name for name in old.swarm.columns}}
+    for name, column in new.swarm.columns.items():
+        source = known.get(name, known.get(_without_place(name)))
+        if name in OF_PARAMETERS or source is None or old.swarm.columns[source].shape != column.shape:
+            continue
+        column[...] = old.swarm.columns[source]
+
+
+def _without_place(name: str) -> str:
+    """Return the name of a layer's column without the layer's place: another layer may have come before it."""
+    place, dot, rest = name.partition(".")
+    return rest if dot and place.isdigit() else name
+
+
+def _take_fires(new: ObservedWorld, old: ObservedWorld) -> None:
+    for name in ("temperature", "out", "out_step", "robots"):
+        new.fires.columns[name][:] = old.fires.columns[name]
+    every = new.fires.history.every
+    new.fires.history = deepcopy(old.fires.history)
+    new.fires.history.every = every
+
+
+def _take_randomness(new: ObservedWorld, old: ObservedWorld) -> None:
+    for name, state in old.streams.state().items():
+        new.streams[name].bit_generator.state = state
+    new.rng.bit_generator.state = old.rng.bit_generator.state
+    new.random.setstate(old.random.getstate())
+    new.__dict__["_noise"] = old.__dict__["_noise"]  # this step's errors of sensors, which may be drawn already
+
+
+def _take_plain_values(new: ObservedWorld, old: ObservedWorld, fresh: ObservedWorld) -> None:
+    for name, value in old.__dict__.items():
+        if isinstance(value, PLAIN) and name not in OWN and not np.array_equal(value, fresh.__dict__.get(name, new)):
+            new.__dict__[name] = deepcopy(value)
+
+
+def _take_collected(new: ObservedWorld, old: ObservedWorld) -> None:
+    """Take what Mesa collected, unless other parameters collect something else."""
+    if new.datacollector.model_vars.keys() == old.datacollector.model_vars.keys():
+        for name, values in old.datacollector.model_vars.items():
+            new.datacollector.model_vars[name] = list(values)
+
+
+def _checked_step(recording: Recording, step: int | None) -> int:
+    start = recording.provenance["start"]["step"]
+    last = recording[-1].step if len(recording) else start
+    return last if step is None else check_count("step", step, minimum=start, maximum=last)
+
+
+def _class_of(recording: Recording, base: type) -> type:
+    """Return the recorded class: `base`, one derived from it that is loaded, or one that comes with mesa_swarm."""
+    module, name = recording.provenance["model"]["module"], recording.provenance["model"]["name"]
+    shipped = {f"{MODELS}.{found.name}" for found in iter_modules(import_module(MODELS).__path__)}
+    if module in shipped:
+        import_module(module)
+    for model_class in _family(base):
+        if (model_class.__module__, model_class.__qualname__) == (module, name):
+            return model_class
+    raise RecordingError(
+        f"{recording.path} is of {shortened(name)}, which is neither {base.__name__} nor derived from it and loaded; "
+        "import its class and call its resume"
+    )
+
+
+def _family(base: type) -> list[type]:
+    return [base, *(derived for child in base.__subclasses__() for derived in _family(child))]

@@ -1,0 +1,13 @@
+import pytest
+
+from mesa_swarm.models.fire_fighting import FireFighting
+
+
+@pytest.fixture(scope="session")
+def recorded(tmp_path_factory):
+    """Return the path of a closed recording of 600 steps of 12 robots, in three chunks."""
+    path = tmp_path_factory.mktemp("recorded") / "run.arrow"
+    model = FireFighting(n_robots=12, strategy="A", rng=5)
+    with model.record(path):
+        model.run(600)
+    return path

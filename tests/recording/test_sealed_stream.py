@@ -1,0 +1,172 @@
+"""No damage to a file makes a wrong frame: what is read is a prefix of what was written, or a clear error."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+
+import pyarrow as pa
+import pytest
+
+from mesa_swarm.errors import RecordingError
+from mesa_swarm.models.fire_fighting import FireFighting
+from mesa_swarm.recording import Recording, verify
+from mesa_swarm.recording.sealed_stream import END_OF_STREAM, SealedReader
+
+ENDLESS = """
+import sys
+from mesa_swarm.models.fire_fighting import FireFighting
+model = FireFighting(n_robots=12, strategy="A", k2=0.001, rng=5)
+recorder = model.record(sys.argv[1])
+print("begun", flush=True)
+while True:
+    model.run(20)
+    recorder.flush()
+    print(model.steps, flush=True)
+"""
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory):
+    """Return the bytes of a small recording, and its frames' bytes."""
+    path = tmp_path_factory.mktemp("short") / "run.arrow"
+    model = FireFighting(n_robots=2, rng=5)
+    with model.record(path, columns=("position", "fires")) as recorder:
+        for _ in range(4):
+            model.run(5)
+            recorder.flush()
+    return path.read_bytes(), frames_of(Recording(path))
+
+
+def frames_of(recording):
+    return [
+        (frame.step, frame.state_hash, *(frame[name].tobytes() for name in recording.columns)) for frame in recording
+    ]
+
+
+def check_prefix(path, content, whole):
+    """Read damaged bytes: a clear error, or frames that are all right."""
+    path.write_bytes(content)
+    try:
+        read = frames_of(Recording(path))
+    except RecordingError as error:
+        assert str(path) in str(error)
+        assert "\n" not in str(error)
+        return None
+    assert read == whole[: len(read)]
+    return len(read)
+
+
+def test_any_arrow_reader_reads_a_recording(recorded):
+    with pa.OSFile(str(recorded)) as file:
+        table = pa.ipc.open_stream(file).read_all()
+    assert table.num_rows == 600
+    assert table["step"].to_pylist() == list(range(1, 601))
+    assert len(table["position"][0]) == 12
+
+
+def test_a_recording_ends_as_arrow_streams_end(recorded):
+    assert recorded.read_bytes().endswith(END_OF_STREAM)
+    assert Recording(recorded).complete
+
+
+def test_a_recording_that_is_torn_anywhere_in_its_last_chunk_keeps_all_chunks_before(short, tmp_path):
+    content, whole = short
+    path = tmp_path / "torn.arrow"
+    path.write_bytes(content)
+    last = SealedReader(path).pieces[-1]
+    for length in range(last.batch, last.end):
+        assert check_prefix(path, content[:length], whole) == 15
+        recording = Recording(path)
+        assert not recording.complete
+        assert recording.lost == length - last.batch
+
+
+def test_a_recording_that_lacks_its_end_keeps_every_row(short, tmp_path):
+    content, whole = short
+    for missing in range(1, len(END_OF_STREAM) + 1):
+        assert check_prefix(tmp_path / "torn.arrow", content[:-missing], whole) == 20
+        assert not Recording(tmp_path / "torn.arrow").complete
+
+
+def test_a_recording_that_is_torn_in_its_header_is_refused(short, tmp_path):
+    content, whole = short
+    path = tmp_path / "torn.arrow"
+    path.write_bytes(content)
+    first = SealedReader(path).pieces[0].batch
+    for length in range(0, first, 37):
+        assert check_prefix(path, content[:length], whole) is None
+
+
+def flip(short, path, seed, count):
+    content, whole = short
+    draw = random.Random(seed)
+    for _ in range(count):
+        place = draw.randrange(len(content))
+        damaged = bytearray(content)
+        damaged[place] ^= 1 << draw.randrange(8)
+        check_prefix(path, bytes(damaged), whole)
+
+
+def test_a_flipped_bit_never_makes_a_wrong_frame(short, tmp_path):
+    flip(short, tmp_path / "flipped.arrow", seed=1, count=200)
+
+
+@pytest.mark.slow
+def test_a_flipped_bit_never_makes_a_wrong_frame_in_many_tries(short, tmp_path):
+    flip(short, tmp_path / "flipped.arrow", seed=2, count=2000)
+
+
+def test_what_is_not_a_recording_is_refused_in_words(tmp_path):
+    for content in (b"", b"ARROW1\0\0", b"hello" * 1000, b"\xff" * 64, END_OF_STREAM):
+        (tmp_path / "other").write_bytes(content)
+        with pytest.raises(RecordingError, match="is not a recording"):
+            Recording(tmp_path / "other")
+    with pytest.raises(RecordingError, match="No such file"):
+        Recording(tmp_path / "missing.arrow")
+    with pytest.raises(RecordingError, match="cannot be read"):
+        Recording(tmp_path)
+
+
+def test_another_arrow_stream_is_refused_in_words(tmp_path):
+    table = pa.table({"step": [1, 2]})
+    with pa.ipc.new_stream(str(tmp_path / "other.arrow"), table.schema) as writer:
+        writer.write_table(table)
+    with pytest.raises(RecordingError, match="is not a recording"):
+        Recording(tmp_path / "other.arrow")
+
+
+def kill_while_recording(path, seconds):
+    """Start a run, kill it, and return how many steps it said were on disk."""
+    with subprocess.Popen([sys.executable, "-c", ENDLESS, str(path)], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == "begun\n"
+        time.sleep(seconds)
+        process.send_signal(signal.SIGKILL)
+        said = process.stdout.read().split("\n")
+    return int(said[-2]) if len(said) > 1 else 0
+
+
+def check_killed(path, seconds):
+    said = kill_while_recording(path, seconds)
+    recording = Recording(path)
+    assert len(recording) >= said
+    assert recording.steps.tolist() == list(range(1, len(recording) + 1))
+    assert not recording.complete
+    return recording
+
+
+@pytest.mark.skipif(os.name == "nt", reason="there is no SIGKILL")
+def test_a_killed_run_keeps_all_chunks_that_were_written(tmp_path):
+    recording = check_killed(tmp_path / "run.arrow", 0.4)
+    assert len(recording) > 0
+    assert verify(recording, FireFighting).same
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="there is no SIGKILL")
+def test_runs_killed_at_thirty_moments_keep_all_chunks_that_were_written(tmp_path):
+    draw = random.Random(3)
+    for number in range(30):
+        check_killed(tmp_path / f"{number}.arrow", draw.uniform(0.0, 0.8))
