@@ -34,6 +34,8 @@ __all__ = ["RADIUS_OF_UNIT_AREA", "FireSpot", "Map", "builtin_maps"]
 BUILTIN = ("original", "sparse", "openspace", "openspace_fire")
 ALIASES = {"maze": "sparse"}  # the thesis's text calls it maze, its figure sparse
 READABLE = (".toml", ".svg", ".map")
+# Of a path, in messages.
+LONGEST_SHOWN = 120
 WRITABLE = (".toml", ".svg")
 
 
@@ -229,8 +231,7 @@ def _from_file(source: str | os.PathLike[str]) -> Map:
 
 def _existing(source: str | os.PathLike[str]) -> tuple[Path, str]:
     """Return the path and how errors show it; a missing file may be a misspelt built-in name."""
-    shown = shortened(os.fspath(source))[1:-1]
-    path = Path(source)
+    path, shown = Path(source), _end_of(os.fspath(source))
     try:
         exists = path.exists()
     except (OSError, ValueError):  # a name too long for the system, or with a null byte
@@ -241,6 +242,12 @@ def _existing(source: str | os.PathLike[str]) -> tuple[Path, str]:
             raise refusal(shown, "no such file", f"a path is a file; the built-in map is the text {shown!r}")
         raise refusal(shown, "no such file", unknown_name("map", path.stem, names))
     return path, shown
+
+
+def _end_of(path: str) -> str:
+    """Return a path as errors show it: a long one by its end, where the name of the file is."""
+    text = repr(path)[1:-1]
+    return text if len(text) <= LONGEST_SHOWN else f"...{text[-LONGEST_SHOWN:]}"
 
 
 def _known_suffix(path: Path, known: tuple[str, ...]) -> str:

@@ -317,3 +317,13 @@ def test_a_polygon_of_a_hundred_thousand_corners_goes_through_both_formats():
     assert Map.from_svg(svg) == large
     assert time.perf_counter() - start < 2
     assert Map.from_toml(toml) == large
+
+
+def test_a_file_far_down_in_folders_is_named_by_its_end(tmp_path):
+    deep = tmp_path.joinpath(*["folder-with-a-long-name"] * 8)
+    deep.mkdir(parents=True)
+    path = deep / "hall.toml"
+    path.write_bytes(b"\xff")
+    with pytest.raises(MapError, match=r"^\.\.\..*/hall\.toml: ") as error:
+        Map.load(path)
+    assert len(str(error.value)) < 200
