@@ -83,10 +83,10 @@ class Agglomeration(SwarmModel):
         """Mean distance to the nearest other robot, between centres, map units."""
         return float(np.mean(nearest_neighbour_distances(self.swarm.position)))
 
-    def results(self) -> dict[str, float]:
+    def results(self) -> dict[str, float | None]:
         """Return what a comparison compares."""
         return {
             "groups": self.groups,
             "largest group": self.largest_group,
-            "mean distance to the nearest robot": self.neighbour_distance,
+            "mean distance to the nearest robot": self.neighbour_distance if len(self.swarm) > 1 else None,
         }

@@ -19,6 +19,7 @@ EXTENDING IT. Give the flock a predator: a robot of another design that the othe
 REFERENCE. C. W. Reynolds, Flocks, herds and schools: a distributed behavioral model, SIGGRAPH 1987.
 """
 
+from math import isnan
 from typing import Annotated
 
 import numpy as np
@@ -61,9 +62,9 @@ class Boids(SwarmModel):
     ) -> None:
         super().__init__(map=map, rng=rng, model_reporters=held("alignment", "polarization"))
         self.sight = check_number("sight", sight, above=0, maximum=1000)
-        self._before = np.empty((0, 2))
         boid = all_round(SENSORS, range=sight, name="boid", drive=HolonomicDrive())
         self.add_robots(boid, check_count("n_robots", n_robots))
+        self._before = self.swarm.position.copy()
         self.control = VectorSum(
             Separate(distance=separation),
             Align(memory=memory),
@@ -80,7 +81,9 @@ class Boids(SwarmModel):
     @property
     def travel(self) -> np.ndarray:
         """Azimuth in which each robot moved in the last step, rad, nan where it did not, shape (n,)."""
-        return directions(self._before, self.swarm.position)
+        # Who has come or gone since has not travelled yet.
+        before = self._before if len(self._before) == len(self.swarm) else self.swarm.position
+        return directions(before, self.swarm.position)
 
     @property
     def alignment(self) -> float:
@@ -92,6 +95,7 @@ class Boids(SwarmModel):
         """Length of the mean of all directions of travel: 0 for none alike, 1 for all alike."""
         return polarization(self.travel)
 
-    def results(self) -> dict[str, float]:
-        """Return what a comparison compares: means over the second half of the run."""
-        return {name: later_mean(self.datacollector.model_vars[name]) for name in ("alignment", "polarization")}
+    def results(self) -> dict[str, float | None]:
+        """Return what a comparison compares: means over the second half, None for nothing to measure."""
+        means = {name: later_mean(self.datacollector.model_vars[name]) for name in ("alignment", "polarization")}
+        return {name: None if isnan(mean) else mean for name, mean in means.items()}

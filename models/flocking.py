@@ -20,6 +20,7 @@ EXTENDING IT. Put Gather below MatchVelocity, so that flocks hold together. Comp
 REFERENCE. Thesis, section 5.3.4; Vicsek et al., Physical Review Letters 75 (1995), for polarization.
 """
 
+from math import isnan
 from typing import Annotated
 
 from mesa_swarm import SwarmModel, all_round
@@ -71,6 +72,7 @@ class Flocking(SwarmModel):
         """Length of the mean of all headings: 0 for none alike, 1 for all alike."""
         return polarization(self.swarm.heading)
 
-    def results(self) -> dict[str, float]:
-        """Return what a comparison compares: means over the second half of the run."""
-        return {name: later_mean(self.datacollector.model_vars[name]) for name in ("alignment", "polarization")}
+    def results(self) -> dict[str, float | None]:
+        """Return what a comparison compares: means over the second half, None for nothing to measure."""
+        means = {name: later_mean(self.datacollector.model_vars[name]) for name in ("alignment", "polarization")}
+        return {name: None if isnan(mean) else mean for name, mean in means.items()}

@@ -1,7 +1,7 @@
 """Perimeter: robots that form a ring and face outwards.
 
 WHAT IS IT? Musk oxen do it around their calves. Here nobody is inside: robots keep a distance from the centre of those
-that they see, and turn their backs to it. A ring comes out, though none of them can see a ring.
+that they see, and turn their backs to it. A ring comes out, or arcs of several, though none of them can see one.
 
 HOW IT WORKS. Three layers, the first that is active drives. Avoid turns away from what is very near. Perimeter goes
 towards the perceived centroid from outside the ring distance, away from it from inside, and on it turns round

@@ -27,6 +27,9 @@ class Arbiter:
         If something is not a layer, or there is none, or too many.
     """
 
+    # Whether all active layers drive a robot together; else the one that won drives it alone.
+    sums = False
+
     def __init__(self, *layers: Layer) -> None:
         kind = type(self).__name__
         if not 1 <= len(layers) <= MOST_LAYERS:

@@ -85,7 +85,9 @@ class Avoid:
         asked = [s for s in moment.forward if s >= 0]
         fears = fears_fire, self.loads == "always"
         near = [s for s in asked if is_activated(moment.distance[s], moment.kind[s], self.distance, *fears)]
-        return Reason(f"{moment.reading(near[-1])} < {self.distance:g}", tuple(near))
+        rounds_up = round(float(moment.distance[near[-1]]), 1) >= self.distance
+        below = "just under" if rounds_up else "<"
+        return Reason(f"{moment.reading(near[-1])} {below} {self.distance:g}", tuple(near))
 
 
 @compiled

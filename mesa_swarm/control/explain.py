@@ -53,6 +53,10 @@ def explanation(control: Arbiter, swarm: Swarm, snapshots: Snapshots, row: int, 
     moment, won = moment_of(swarm, snapshots.at(step), row)
     layer = control.layers[won] if won >= 0 else None
     reason = Reason("") if layer is None else reason_of(layer, moment)
+    if layer is not None and control.sums:
+        # What the robot did is the sum of all that were active; the reason is that of one of them.
+        why = f" ({reason.words})" if reason.sensors else ""
+        reason = Reason(f"its share of the sum of all active layers is the largest{why}", reason.sensors)
     return Explanation(
         robot=swarm.agents[row].unique_id,
         step=step,

@@ -100,9 +100,10 @@ class HeadOn:
 
     def reason(self, moment: Moment) -> Reason:
         """Say whom it meets."""
-        seeing = moment.nearest(ROBOT, ahead=True)
-        what = f"a robot comes head-on, {moment.reading(seeing[0])}" if seeing else "it met a robot head-on"
-        return Reason(f"{what}: it turns round to lead or to follow", tuple(seeing))
+        front = moment.forward[0]
+        seeing = (front,) if front >= 0 and moment.kind[front] == ROBOT else ()
+        seen = f" ({moment.reading(front)})" if seeing else ""
+        return Reason(f"it met a robot head-on{seen}: it turns round to lead or to follow", seeing)
 
 
 @compiled

@@ -87,7 +87,7 @@ class Push:
         if self.side == "anywhere":
             why = "it pushes from anywhere"
         else:
-            why = "it hears the goal, so it goes round" if hears else "the goal is hidden, so it pushes"
+            why = "it hears the goal, so it goes round" if hears else "it hears no goal, so it pushes"
         return Reason(f"{moment.reading(seeing[0])}; {why}", tuple(seeing))
 
 

@@ -37,10 +37,13 @@ class VectorSum(Arbiter):
     (2.0, 1.0)
     """
 
+    sums = True
+
     def __init__(self, *layers: Layer, weights: Sequence[float] | None = None) -> None:
         super().__init__(*layers)
         given = [1.0] * len(layers) if weights is None else weights
-        if isinstance(given, str) or not hasattr(given, "__len__") or len(given) != len(layers):
+        ordered = isinstance(given, (Sequence, np.ndarray)) and not isinstance(given, str)
+        if not ordered or len(given) != len(layers):
             raise InvalidValueError(f"weights is {shortened(weights)}; expected {len(layers)} numbers, one a layer")
         self.weights = tuple(check_number("weight", weight) for weight in given)
 

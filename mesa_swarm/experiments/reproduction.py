@@ -28,7 +28,14 @@ EARLY, LATE = 1_000, 3_000
 
 
 # A robot that sees all that is ahead of it, is quick, and turns on the spot where it would else touch something.
-EXPLORER = {"design": "WIDE3", "max_speed": 4.0, "distance": 7.0, "spot_distance": 3.5}
+EXPLORER = {
+    "n_robots": 1,
+    "map": "original",
+    "design": "WIDE3",
+    "max_speed": 4.0,
+    "distance": 7.0,
+    "spot_distance": 3.5,
+}
 
 
 def exploration_run(rng: int, steps: int = 60_000, **settings) -> Numbers:
@@ -42,7 +49,7 @@ def exploration_run(rng: int, steps: int = 60_000, **settings) -> Numbers:
     >>> sorted(exploration_run(1, steps=100))
     ['collisions', 'coverage']
     """
-    model = find_model("collision_avoidance")(n_robots=1, map="original", rng=rng, **{**EXPLORER, **settings})
+    model = find_model("collision_avoidance")(rng=rng, **{**EXPLORER, **settings})
     solids = [(obstacle.shape.geometry, obstacle.shape.radius) for obstacle in model.obstacles if obstacle.contact]
     radius, start = float(model.swarm.radius[0]), model.swarm.position[0].copy()
     cells = reachable_cells(model.map.bounds, solids, radius, start)
@@ -136,7 +143,8 @@ class Claim:
 
     def test(self, seeds: Iterable[int] = SEEDS, jobs: int = -1) -> "Finding":
         """Run both sides with the same seeds and return what came of it."""
-        sides = [self.measured(side, list(seeds), jobs) for side in (self.first, self.second)]
+        same = list(seeds)
+        sides = [self.measured(side, same, jobs) for side in (self.first, self.second)]
         difference, pairs = paired_difference(*sides)
         first, second = ([value for value in side if value is not None] for side in sides)
         return Finding(self.words, mean_interval(first), mean_interval(second), difference, pairs)
@@ -152,10 +160,22 @@ _DONE: dict[tuple, list[Numbers]] = {}
 
 def runs_of(run: Callable[..., Numbers], settings: dict, seeds: list[int], jobs: int = -1) -> list[Numbers]:
     """Return what a run gives for every seed; the same runs are done once in a process."""
-    key = (run.__name__, tuple(sorted(settings.items())), tuple(seeds))
+    key = (run, tuple(sorted(settings.items())), tuple(seeds))
     if key not in _DONE:
-        _DONE[key] = Parallel(jobs)(delayed(run)(seed, **settings) for seed in seeds)
+        rows = Parallel(jobs)(delayed(run)(seed, **settings) for seed in seeds)
+        _DONE[key] = [{name: known(value) for name, value in row.items()} for row in rows]
     return _DONE[key]
+
+
+def known(value: float | None) -> float | None:
+    """Return None for what could not be measured.
+
+    Examples
+    --------
+    >>> known(float("nan")), known(0.5)
+    (None, 0.5)
+    """
+    return None if value is None or np.isnan(value) else value
 
 
 @dataclass(frozen=True, slots=True)

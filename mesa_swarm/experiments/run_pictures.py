@@ -13,6 +13,7 @@ from mesa_swarm.analysis import layer_shares
 from mesa_swarm.errors import InvalidValueError, check_count
 from mesa_swarm.experiments.pictures import world_figure
 from mesa_swarm.experiments.portrait import portrait_of
+from mesa_swarm.progress import progress_bar
 
 # Okabe and Ito's colours for layers, in order; white for no layer.
 LAYER_COLOURS = ("#d55e00", "#0072b2", "#009e73", "#e69f00", "#cc79a7", "#56b4e9", "#f0e442", "#000000")
@@ -57,7 +58,7 @@ def stages(model, steps: Sequence[int] = (0, 1000, 3000), *, perceived: bool = T
 
 
 def trace(model, steps: int = 10_000, *, robots: int = 1, every: int = 5, progress: bool = False) -> Figure:
-    """Run a model and return a figure of where its first robots went.
+    """Run a model and return a figure of where its first robots went, each from a square to where it is now.
 
     Parameters
     ----------
@@ -79,18 +80,30 @@ def trace(model, steps: int = 10_000, *, robots: int = 1, every: int = 5, progre
     'CollisionAvoidance, 100 steps'
     """
     count = check_count("robots", robots, minimum=1, maximum=MOST_TRACES)
-    kept = model.watch(last=None, every=every, columns=("position",))
-    first = model.steps
-    model.run(check_count("steps", steps, minimum=1), progress)
+    first, steps = model.steps, check_count("steps", steps, minimum=1)
+    places = _places(model, first + steps, check_count("every", every, minimum=1), progress)
     figure = world_figure({f"{type(model).__name__}, {model.steps - first:,} steps": portrait_of(model)})
     for row in range(min(count, len(model.swarm))):
-        _draw_trace(figure.axes[0], kept["position"][:, row], LAYER_COLOURS[(row + 1) % len(LAYER_COLOURS)])
+        _draw_trace(figure.axes[0], places[:, row], LAYER_COLOURS[(row + 1) % len(LAYER_COLOURS)])
     return figure
+
+
+def _places(model, last: int, every: int, progress: bool) -> np.ndarray:
+    """Run a model until a step; return where its robots were at the start, every so many steps, and at the end."""
+    places = [model.swarm.position.copy()]
+    with progress_bar(last - model.steps, "steps", progress) as bar:
+        while model.steps < last and model.running:
+            before = model.steps
+            model.run(min(every, last - before))
+            bar.update(model.steps - before)
+            places.append(model.swarm.position.copy())
+    return np.array(places)
 
 
 def _draw_trace(axes, points: np.ndarray, colour: str) -> None:
     lines = np.stack([points[:-1], points[1:]], axis=1)
     axes.add_collection(LineCollection(lines, colors=colour, linewidths=0.6, alpha=0.8, zorder=4.5))
+    axes.plot(*points[0], "s", color=colour, markersize=4, zorder=4.6)
 
 
 def ethogram(model, *, robots: int | None = None) -> Figure:

@@ -140,7 +140,9 @@ def _opened(path: Path, overwrite: bool):
             path.unlink()  # not emptied: whoever reads the old one still has it in memory
         return open(path, "xb", buffering=0)
     except FileExistsError:
-        raise RecordingError(f"{path} exists already; choose another name or ask for overwrite=True") from None
+        raise RecordingError(
+            f"{path} exists already; choose another name, or replace it with overwrite=True (--force)"
+        ) from None
     except (OSError, ValueError) as error:  # ValueError: a null byte in the name
         reason = getattr(error, "strerror", None) or error
         raise RecordingError(f"{path} cannot be written: {reason}; choose another place") from None

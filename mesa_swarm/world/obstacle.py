@@ -28,9 +28,10 @@ class Obstacle(ArenaAgent):
 
     def __repr__(self) -> str:
         if self.space is None:
-            return f"<Obstacle {self.unique_id}, removed>"
+            return f"<{type(self).__name__} {self.unique_id}, removed>"
         x, y = (round(float(number), 2) for number in self.position)
-        return f"<Obstacle {self.unique_id}, {self.shape.kind} at ({x}, {y}){'' if self.contact else ', a mark'}>"
+        name = type(self).__name__
+        return f"<{name} {self.unique_id}, {self.shape.kind} at ({x}, {y}){'' if self.contact else ', a mark'}>"
 
     @property
     def contact(self) -> bool:

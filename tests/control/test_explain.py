@@ -6,7 +6,18 @@ import re
 import numpy as np
 import pytest
 
-from mesa_swarm import AGENT3, AGENT9, AGENT_FIRE, HolonomicDrive, ProximitySensor, Radio, RobotDesign, disc
+from mesa_swarm import (
+    AGENT3,
+    AGENT9,
+    AGENT_FIRE,
+    HolonomicDrive,
+    ProximitySensor,
+    Radio,
+    RobotDesign,
+    SwarmModel,
+    all_round,
+    disc,
+)
 from mesa_swarm.control import (
     PASS,
     Align,
@@ -179,8 +190,8 @@ def test_head_on_names_whom_it_meets_or_says_that_it_met_one():
         if why.layer == "HeadOn":
             assert all(model.watched["kind"][-1, 0, list(why.sensors)] == ROBOT)
             reasons.append(why.reason)
-    assert reasons[0].startswith("a robot comes head-on, front sensor ")
-    assert reasons[0].endswith("(a robot): it turns round to lead or to follow")
+    assert reasons[0].startswith("it met a robot head-on (front sensor ")
+    assert reasons[0].endswith("(a robot)): it turns round to lead or to follow")
 
 
 def test_match_velocity_tells_how_many_sensors_see_robots():
@@ -210,7 +221,7 @@ class TestPush:
     def test_pushes_where_the_goal_is_hidden(self):
         why = self.model(100, [(380, 150)])
         assert (why.does, why.sensors) == ("goes ahead at 1", (0,))
-        assert why.reason == "front sensor 70.0 (a load); the goal is hidden, so it pushes"
+        assert why.reason == "front sensor 70.0 (a load); it hears no goal, so it pushes"
 
     def test_goes_round_where_it_hears_the_goal(self):
         why = self.model(100, [(20, 150)])
@@ -444,3 +455,26 @@ def test_without_control_there_is_nothing_to_explain():
     model.run(1)
     with pytest.raises(InvalidValueError, match=r"there is no control to explain; set model\.control"):
         model.explain(first(model))
+
+
+def test_under_a_sum_the_largest_share_is_told_and_not_that_nothing_else_drives():
+    model = empty()
+    model.add_robots(AGENT9, poses=[(380, 150, 0.0)])
+    model.control = VectorSum(Avoid(distance=40), Explore(), weights=(1, 2))
+    model.watch()
+    why = told(model.run(1))
+    assert why.layer == "Explore"
+    assert why.reason == "its share of the sum of all active layers is the largest"
+
+
+@pytest.mark.parametrize("heading_degrees", range(0, 360, 15))
+def test_push_names_the_sensor_that_decides_also_among_equals(heading_degrees):
+    model = SwarmModel(map="openspace", rng=1)
+    model.add_load(disc((300, 300), 20), resistance=9)
+    model.add_robots(all_round(12, range=150), poses=[(240, 300, math.radians(heading_degrees))])
+    model.control = Subsumption(Push(side="anywhere"))
+    model.watch()
+    why = told(model.run(1))
+    bearing = model.swarm.table.bearing[0, why.sensors[0]]
+    turns = 0 if abs(bearing) <= math.radians(20) else math.copysign(1, bearing)
+    assert why.does.split()[1] == {0: "ahead", 1: "left", -1: "right"}[turns]

@@ -100,15 +100,17 @@ def test_a_step_that_is_past_is_refused():
 # ---- traces
 
 
-@pytest.mark.parametrize(("every", "points"), [(1, 60), (5, 12), (7, 8)])
-def test_a_trace_goes_through_every_so_many_places(every, points):
+@pytest.mark.parametrize(("every", "points"), [(1, 61), (5, 13), (7, 10)])
+def test_a_trace_goes_from_the_start_through_every_so_many_places_to_the_end(every, points):
     figure = trace(AVOIDANCE(n_robots=3, rng=1), steps=60, every=every)
     (lines,) = traces_of(figure.axes[0])
     segments = np.array(lines.get_segments())
     assert segments.shape == (points - 1, 2, 2)
     assert (segments[1:, 0] == segments[:-1, 1]).all()
     model = AVOIDANCE(n_robots=3, rng=1)
-    places = [model.run(every).swarm.position[0].copy() for _ in range(points)]
+    places = [model.swarm.position[0].copy()]
+    while model.steps < 60:
+        places.append(model.run(min(every, 60 - model.steps)).swarm.position[0].copy())
     assert (segments[:, 0] == places[:-1]).all()
     assert (segments[-1, 1] == places[-1]).all()
 
@@ -121,6 +123,14 @@ def test_as_many_robots_are_traced_as_asked_for_each_in_a_colour_of_its_own(aske
     assert (ends == model.swarm.position[:drawn]).all()
     colours = {tuple(line.get_colors()[0][:3]) for line in lines}
     assert len(lines) == len(colours) == drawn
+
+
+def test_tracing_leaves_what_is_watched_alone():
+    model = AVOIDANCE(n_robots=3, rng=1)
+    kept = model.watch(last=None)
+    trace(model, steps=20)
+    assert model.watched is kept
+    assert len(kept) == 20
 
 
 def test_the_title_tells_how_many_steps_were_traced():

@@ -33,6 +33,12 @@ class TestEveryModel:
         assert model.steps == STEPS
         assert all(value is None or np.isfinite(value) for value in model.results().values())
 
+    @pytest.mark.parametrize("n_robots", [1, 2])
+    def test_says_in_numbers_what_came_of_few_robots_or_that_there_is_nothing_to_say(self, name, n_robots):
+        lowest = parameters_of(find_model(name))["n_robots"].control.minimum
+        results = find_model(name)(n_robots=max(n_robots, lowest), rng=3).run(3).results()
+        assert all(value is None or np.isfinite(value) for value in results.values())
+
     def test_same_seed_gives_the_same_state(self, name):
         first, second = (find_model(name)(rng=5).run(STEPS).state_hash() for _ in range(2))
         assert first == second
