@@ -95,6 +95,7 @@ def take_over(new: ObservedWorld, old: ObservedWorld, fresh: ObservedWorld) -> N
         If the two do not have the same robots, fires, obstacles and loads.
     """
     _check_same_things(new, old)
+    _set_clock(new, old.steps)
     new.obstacles_changed()
     for load, moved in zip(new.loads, old.loads, strict=True):
         load.lay(moved.pose)
@@ -105,6 +106,16 @@ def take_over(new: ObservedWorld, old: ObservedWorld, fresh: ObservedWorld) -> N
     _take_plain_values(new, old, fresh)
     _take_collected(new, old)
     new.swarm.disturbed = old.swarm.disturbed
+
+
+def _set_clock(model: ObservedWorld, steps: int) -> None:
+    """Let Mesa count so many steps in which nothing happens: its newer versions keep a schedule beside the count."""
+    user_step, model._user_step = model._user_step, lambda: None
+    try:
+        for _ in range(steps - model.steps):
+            model.step()
+    finally:
+        model._user_step = user_step
 
 
 def _check_same_things(new: ObservedWorld, old: ObservedWorld) -> None:
