@@ -83,7 +83,6 @@ class Avoid:
         fears_fire = self.fires == "always" or (self.fires == "when hot" and bool(moment.columns["hot"]))
         fears = fears_fire, self.loads == "always"
         asked = [s for s in moment.forward if s >= 0]
-        fears = fears_fire, self.loads == "always"
         near = [s for s in asked if is_activated(moment.distance[s], moment.kind[s], self.distance, *fears)]
         rounds_up = round(float(moment.distance[near[-1]]), 1) >= self.distance
         below = "just under" if rounds_up else "<"
