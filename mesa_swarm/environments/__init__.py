@@ -1,0 +1,1 @@
+"""PettingZoo and Gymnasium faces of the swarm."""

@@ -1,0 +1,1 @@
+"""Learners: networks, policies, and how they are trained."""

@@ -1,0 +1,1 @@
+"""What browsers draw: frames as bytes, and the script that plays them."""
