@@ -1,45 +1,33 @@
 # ruff: noqa: N802 - Solara's components are named like classes
-"""The page: a world that one can play, and a slider for everything that its model lets one change.
+"""The page: tabs, the panel of controls, and a world that one can play.
 
-Every browser session builds its own `Session`; nothing is shared between them.
+Every browser session builds its own `Session`, and closes it when the page is closed; nothing is shared between them.
 """
 
-import math
 import os
-from collections.abc import Callable
-from typing import Any
+from importlib.resources import files
 
-import reacton.ipyvuetify as rv
 import solara
+import solara.lab
+from reacton import ipyvuetify as rv
 from solara.server import settings
 
 from mesa_swarm.dashboard import FIRST, MODEL_VARIABLE
-from mesa_swarm.dashboard.session import LIVE, Frame, Session
-from mesa_swarm.gallery import find_model, model_names
-from mesa_swarm.parameters import Choice, Parameter, Slider, parameters_of
+from mesa_swarm.dashboard.address import address_from, query_of
+from mesa_swarm.dashboard.canvas_widget import Connection, SwarmCanvas
+from mesa_swarm.dashboard.controls import ControlPanel, Panel
+from mesa_swarm.dashboard.gallery_view import Gallery, title
+from mesa_swarm.dashboard.listeners import use_changes
+from mesa_swarm.dashboard.page_bar import PageBar
+from mesa_swarm.dashboard.session import Session
+from mesa_swarm.gallery import description
 
-SPEED = Parameter("speed", Session.speed, int, Slider(1, 100, 1, "steps a frame, up to 20 frames a second"))
-CSS = """
-.swarm { display: grid; grid-template: 100vh / 300px 1fr; font-size: 14px; line-height: 1.3; }
-.swarm-controls { overflow-y: auto; padding: 10px 16px 20px; border-right: 1px solid #ddd; background: #fafaf8; }
-.swarm-controls h1 { font-size: 20px; margin-bottom: 8px; }
-.swarm-controls h2 { font-size: 15px; margin: 6px 0 2px; border-top: 1px solid #ddd; padding-top: 8px; }
-.swarm-controls small { color: #5c5c5c; display: block; font-size: 12px; }
-.swarm-controls .v-sheet { row-gap: 0 !important; background: none; }
-.swarm-controls .v-text-field__details { display: none; }
-.swarm-controls .v-input { margin: 0 0 4px; padding-top: 0; font-size: 14px; }
-.swarm-controls .v-input__slider { margin: -6px -8px -4px; }
-.swarm-controls .v-input--checkbox .v-messages { display: none; }
-.swarm-name { display: flex; justify-content: space-between; font-weight: 600; margin-top: 5px; }
-.swarm-name i { font-weight: 400; font-size: 12px; color: #8a4b00; }
-.swarm-stage { display: flex; flex-direction: column; min-width: 0; padding: 10px 16px; }
-.swarm-bar { display: flex; flex-wrap: wrap; align-items: center; gap: 6px 24px; margin-bottom: 8px; }
-.swarm-buttons { display: flex; gap: 6px; }
-.swarm-reading { min-width: 64px; color: #5c5c5c; }
-.swarm-reading b { display: block; font-size: 16px; color: #1d1f23; font-variant-numeric: tabular-nums; }
-.swarm-world { flex: 1; min-height: 0; }
-.swarm-world svg { width: 100%; height: 100%; display: block; }
-"""
+CSS = (files("mesa_swarm.dashboard") / "style.css").read_text(encoding="utf-8")
+WATCH, MODELS = "Watch", "Models"
+# What stands beside the canvas, from top to bottom: components that are given the session.
+BESIDE: tuple = ()
+# More tabs: names, and components that are given the session.
+MORE_TABS: dict = {}
 
 # Of itself Solara reports its use, has the browser ask solara.dev whether it works, and keeps a page that vanished
 # without a word (its model plays on) for a day.
@@ -57,157 +45,104 @@ def Layout(children: list):
 
 @solara.component
 def Page():
-    """Show one model at a time; another one starts from its defaults."""
-    name, choose = solara.use_state(os.environ.get(MODEL_VARIABLE, FIRST))
+    """Show what the address asks for."""
+    search = solara.use_router().search
+    asked = solara.use_memo(lambda: address_from(search, os.environ.get(MODEL_VARIABLE, FIRST)), [])
+    session = solara.use_memo(lambda: Session(asked.model, asked.wishes, asked.seed, asked.steps), [])
+    solara.use_effect(lambda: session.close, [])
+    tab, choose_tab = solara.use_state(WATCH)
     solara.Title("mesa_swarm")
     solara.Style(CSS)
-    Dashboard(name, choose).key(name)
+
+    def choose_model(name: str) -> None:
+        session.choose(name)
+        choose_tab(WATCH)
+
+    with rv.Html(tag="main", class_="swarm"):
+        Header(session, tab, choose_tab)
+        if tab == MODELS:
+            Gallery(session.name, choose_model)
+        elif tab in MORE_TABS:
+            MORE_TABS[tab](session)
+        else:
+            Watch(session, asked.fault)
 
 
 @solara.component
-def Dashboard(name: str, choose: Callable[[str], None]):
-    """Show the controls on the left and the world on the right.
-
-    The session's latest frame is what is drawn; `shown` only tells when to draw.
-    """
-    session = solara.use_memo(lambda: Session(find_model(name)), [])
-    shown = solara.use_reactive(session.frame)
-    solara.use_effect(lambda: session.pause, [])  # on leaving the page or the model
-
-    def redraw() -> None:
-        shown.set(session.frame)
-
-    with solara.Div(classes=["swarm"]):
-        with solara.Div(classes=["swarm-controls"]):
-            solara.HTML(tag="h1", unsafe_innerHTML="mesa_swarm")
-            solara.Select("Model", model_names(), name, choose)
-            General(session, redraw)
-            solara.HTML(tag="h2", unsafe_innerHTML="Parameters")
-            for parameter in parameters_of(session.model_class).values():
-                ParameterControl(session, parameter, redraw)
-        Stage(session, shown, redraw)
+def Header(session: Session, tab: str, choose_tab):
+    """Show the name, the tabs and the switch between light and dark."""
+    use_changes(session.changed)
+    with rv.Html(tag="header", class_="swarm-header"):
+        solara.HTML(tag="h1", unsafe_innerHTML="mesa_swarm")
+        with rv.Html(tag="nav", attributes={"aria-label": "Pages"}):
+            for name in (WATCH, MODELS, *MORE_TABS):
+                Tab(name, name == tab, choose_tab).key(name)
+        solara.HTML(
+            tag="p", unsafe_innerHTML=f"<b>{title(session.name)}</b> {description(session.model_class)}"
+        )
+        PageBar.element(query=query_of(session), on_dark=lambda dark: setattr(solara.lab.theme, "dark", dark))
 
 
 @solara.component
-def General(session: Session, redraw: Callable[[], None]):
-    """Show what every model has: speed, seed and whether sectors are drawn."""
-    sectors, set_sectors = solara.use_state(session.sectors)
-    seed, set_seed = solara.use_state(session.seed)
-
-    def change_seed(value: int) -> None:
-        session.seed = value
-        set_seed(value)
-
-    def change_sectors(value: bool) -> None:
-        session.show_sectors(value)
-        set_sectors(value)
-        redraw()
-
-    NumberSlider(SPEED, lambda value: setattr(session, "speed", value))
-    Caption("seed", "", "the same seed gives the same run", live=False)
-    solara.InputInt("", seed, change_seed)
-    solara.Checkbox(label="sensor sectors", value=sectors, on_value=change_sectors)
+def Tab(name: str, chosen: bool, choose_tab):
+    """Show one tab as a button."""
+    about = {"type": "button", "aria-current": "page"} if chosen else {"type": "button"}
+    button = rv.Html(tag="button", children=[name], attributes=about)
+    rv.use_event(button, "click", lambda *_: choose_tab(name))
 
 
 @solara.component
-def ParameterControl(session: Session, parameter: Parameter, redraw: Callable[[], None]):
-    """Show a slider or a list for a parameter that has a range or choices, and nothing for others."""
-
-    def change(value: Any) -> None:
-        session.change(parameter.name, value)
-        redraw()
-
-    if isinstance(parameter.control, Slider):
-        NumberSlider(parameter, change, live=parameter.name in LIVE)
-    elif isinstance(parameter.control, Choice):
-        ChoiceList(parameter, change)
-
-
-@solara.component
-def NumberSlider(parameter: Parameter, on_change: Callable[[float], None], live: bool = True):
-    """Show a slider that counts its steps from the parameter's default.
-
-    The browser moves a slider's value to the nearest step as soon as it is drawn: counted from anywhere else,
-    that would change a default such as k1 = ln 2 / 1000 without being asked.
-    """
-    position, move = solara.use_state(0)
-    slider = parameter.control
-
-    def change(position: int) -> None:
-        move(position)
-        on_change(value_at(position, parameter))
-
-    Caption(parameter.name, f"{value_at(position, parameter):.4g}", slider.help, live)
-    rv.Slider(
-        v_model=position,
-        on_v_model=change,
-        min=math.floor((slider.minimum - parameter.default) / slider.step),
-        max=math.ceil((slider.maximum - parameter.default) / slider.step),
-        step=1,
-        hide_details=True,
-    )
-
-
-def value_at(position: int, parameter: Parameter) -> float:
-    """Return the value so many of its slider's steps from a parameter's default, within the slider's range.
-
-    Examples
-    --------
-    >>> share = Parameter("share", 0.75, float, Slider(0, 1, 0.1))
-    >>> value_at(2, share), value_at(9, share)
-    (0.95, 1.0)
-    """
-    slider = parameter.control
-    value = min(max(parameter.default + position * slider.step, slider.minimum), slider.maximum)
-    return parameter.kind(round(value, 12))
+def Watch(session: Session, fault: str):
+    """Show the controls on the left, the world in the middle, and what tells of it on the right."""
+    classes = ["swarm-watch", "swarm-beside"] if BESIDE else ["swarm-watch"]
+    with solara.Div(classes=classes):
+        Controls(session)
+        with solara.Div(classes=["swarm-middle"]):
+            Trouble(session, fault)
+            World(session)
+        if BESIDE:
+            with solara.Div(classes=["swarm-side"]):
+                for component in BESIDE:
+                    component(session)
 
 
 @solara.component
-def ChoiceList(parameter: Parameter, on_change: Callable[[str], None]):
-    """Show a list of a parameter's choices."""
-    value, set_value = solara.use_state(parameter.default)
-
-    def change(value: str) -> None:
-        set_value(value)
-        on_change(value)
-
-    Caption(parameter.name, "", parameter.help, live=False)
-    solara.Select("", list(parameter.control.options), value, change, dense=True)
+def Controls(session: Session):
+    """Show the panel of controls."""
+    panel = ControlPanel.element()
+    solara.use_effect(lambda: Panel(solara.get_widget(panel), session).close, [])
 
 
 @solara.component
-def Caption(name: str, value: str, explanation: str, live: bool):
-    """Show name, value and explanation of a control, and whether it waits for a reset."""
-    mark = "" if live else "<i>on reset</i>"
-    solara.HTML(classes=["swarm-name"], unsafe_innerHTML=f"<span>{name} {value}</span>{mark}")
-    solara.HTML(tag="small", unsafe_innerHTML=explanation)
+def World(session: Session):
+    """Show the canvas with its buttons."""
+    canvas = SwarmCanvas.element(options={"bar": True, "keys": "page", "toggles": {}})
+
+    def connect():
+        connection = Connection(solara.get_widget(canvas), session, session.reset)
+
+        def part() -> None:
+            session.pause()
+            connection.close()
+
+        return part
+
+    solara.use_effect(connect, [])
 
 
 @solara.component
-def Stage(session: Session, shown: solara.Reactive[Frame], redraw: Callable[[], None]):
-    """Show buttons, numbers, what went wrong, and the world."""
-    shown.get()  # subscribes; the session's frame is never older
-    frame = session.frame
-    with solara.Div(classes=["swarm-stage"]):
-        with solara.Div(classes=["swarm-bar"]):
-            Buttons(session, frame, redraw)
-            for name, value in frame.readings:
-                solara.HTML(classes=["swarm-reading"], unsafe_innerHTML=f"{name}<b>{value}</b>")
-        if frame.error:
-            solara.Error(frame.error, dense=True)
-        solara.HTML(classes=["swarm-world"], unsafe_innerHTML=frame.svg)
+def Trouble(session: Session, fault: str):
+    """Show what went wrong in the model, or with the link, on a card."""
+    use_changes(session.changed)
+    left, leave = solara.use_state(False)
+    if session.error:
+        with rv.Html(tag="section", class_="swarm-trouble", attributes={"role": "alert"}):
+            solara.HTML(tag="h2", unsafe_innerHTML="The model stopped")
+            rv.Html(tag="p", children=[session.error])
+            solara.Button("Reset", session.reset, color="primary")
+    elif fault and not left:
+        with rv.Html(tag="section", class_="swarm-trouble", attributes={"role": "alert"}):
+            solara.HTML(tag="h2", unsafe_innerHTML="The link could not be followed")
+            rv.Html(tag="p", children=[fault])
+            solara.Button("Go on without it", lambda: leave(True))
 
-
-@solara.component
-def Buttons(session: Session, frame: Frame, redraw: Callable[[], None]):
-    """Show play, pause, step and reset."""
-
-    def then_redraw(action: Callable[[], None]) -> Callable[[], None]:
-        return lambda: (action(), redraw())
-
-    with solara.Div(classes=["swarm-buttons"]):
-        play, missing = then_redraw(lambda: session.play(redraw)), not frame.svg
-        solara.Button("Play", play, disabled=frame.playing or missing, color="primary", icon_name="mdi-play")
-        solara.Button("Pause", then_redraw(session.pause), disabled=not frame.playing, icon_name="mdi-pause")
-        solara.Button("Step", then_redraw(session.step), disabled=missing, icon_name="mdi-step-forward")
-        solara.Button("Reset", then_redraw(session.reset), icon_name="mdi-restart")

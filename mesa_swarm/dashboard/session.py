@@ -1,187 +1,232 @@
-"""What one browser session owns: its model, the wishes for the next one, and the thread that plays it."""
+"""What one browser session owns: its model, and the wishes for the next one."""
 
-import threading
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Mapping
+from dataclasses import fields, replace
 from typing import Any
 
-import numpy as np
-
-from mesa_swarm.dashboard.drawing import (
-    draw_fires,
-    draw_loads,
-    draw_robots,
-    draw_sectors,
-    draw_shapes,
-    drawing,
-    label_fires,
-)
-from mesa_swarm.errors import SwarmError
+from mesa_swarm.dashboard.player import Player
+from mesa_swarm.dashboard.readings import in_words
+from mesa_swarm.errors import InvalidValueError, check_count
 from mesa_swarm.fire import FireConstants
+from mesa_swarm.gallery import find_model
 from mesa_swarm.model import SwarmModel
-from mesa_swarm.parameters import parameters_of
-from mesa_swarm.world.load import Load
+from mesa_swarm.parameters import Choice, Parameter, parameters_of
+from mesa_swarm.world.map import Map, builtin_maps
 
-FRAME_TIME = 0.05
 # Parameters that a running model takes at once.
 LIVE = frozenset(field.name for field in fields(FireConstants)) - {"remarks"}
+MOST_ROBOTS = 10_000
+LARGEST_UPLOAD = 1_000_000
+LARGEST_SEED = 2**53 - 1
+USUAL_SPEED = 60.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Frame:
-    """What the page shows: the drawing, the numbers above it, whether it plays, and what went wrong."""
-
-    svg: str = ""
-    readings: tuple[tuple[str, str], ...] = ()
-    playing: bool = False
-    error: str = ""
-
-
-class Session:
-    """A model that one user plays, pauses, steps and resets.
-
-    Nothing here raises: what goes wrong is said in `frame.error`, and `reset` starts again. A thread that has
-    been told to stop takes no further step, so none of an old run reaches the model of a new one.
+class Session(Player):
+    """A model that one user chooses, changes, plays and resets.
 
     Parameters
     ----------
-    model_class : type
-        A model that is built from keywords and `rng`.
+    name : str
+        Of a model of the gallery.
+    wishes : mapping, optional
+        Parameters that are not the model's defaults.
+    seed : int
+        Of everything random, 0 to 2**53 - 1.
+    steps : int
+        Taken before anything is shown.
+    find : function
+        Returns the class of a model by its name.
 
     Attributes
     ----------
+    name : str
+    model_class : type
+    parameters : dict of Parameter
     wishes : dict
-        Parameters of the next model; those in `LIVE` also of the present one.
-    seed, speed, sectors : int, int, bool
-        Of the next model; steps a frame; whether sectors are drawn.
-    frame : Frame
-        The latest.
+        Values of all parameters, for the next model; those in `LIVE` also of the present one.
+    seed : int
+    faults : dict of str
+        What is wrong with a wish, by parameter, or with "seed" or an "upload".
+    built : dict
+        What the present model was built from, and was given since.
+    straight : bool
+        Whether nothing was changed on the way: the same wishes give the same run.
 
     Examples
     --------
-    >>> from mesa_swarm.models.fire_fighting import FireFighting
-    >>> session = Session(FireFighting)
+    >>> session = Session("fire_fighting")
     >>> session.step()
-    >>> session.frame.readings[:2]
-    (('Step', '1'), ('Fires burning', '7 of 7'))
+    >>> session.past.shown.readings[0]
+    ('Fires burning', '7 of 7')
     """
 
-    speed = 5
+    def __init__(
+        self,
+        name: str,
+        wishes: Mapping[str, Any] | None = None,
+        seed: int = 1,
+        steps: int = 0,
+        find: Callable[[str], Callable[..., SwarmModel]] = find_model,
+    ) -> None:
+        self._find = find
+        self.uploads: dict[str, Map] = {}
+        super().__init__()
+        self.loop.speed = USUAL_SPEED
+        self._enter(name, dict(wishes or {}), seed)
+        self.reset(steps)
 
-    def __init__(self, model_class: Callable[..., SwarmModel]) -> None:
-        self.model_class = model_class
-        self.wishes: dict[str, Any] = {name: p.default for name, p in parameters_of(model_class).items()}
-        self.seed, self.sectors = 1, True
-        self.model: SwarmModel | None = None
-        self.frame = Frame()
-        self._lock = threading.RLock()
-        self._stop = threading.Event()
+    @property
+    def waiting(self) -> frozenset[str]:
+        """The parameters that will be as wished only after a reset; "seed" among them."""
+        wished = {**self.wishes, "seed": self.seed}
+        return frozenset(name for name, value in wished.items() if self.built.get(name) != value)
+
+    def choose(self, name: str, wishes: Mapping[str, Any] | None = None) -> None:
+        """Go on with another model, with its defaults but for these wishes."""
+        self.loop.pause()
+        with self.lock:
+            self._enter(name, dict(wishes or {}), self.seed)
         self.reset()
 
-    def reset(self) -> None:
+    def reset(self, steps: int = 0) -> None:
         """Stop, and build a new model as wished; the old one stays where that cannot be."""
-        self.pause()
-        with self._changing():
-            self.model = self.model_class(**self.wishes, rng=self.seed)
+        self.loop.pause()
+        with self.minding():
+            self.error = ""
+            given = {name: self.uploads.get(value, value) if name == "map" else value for name, value in self.wishes.items()}
+            model = self.model_class(**given, rng=self.seed)
+            self.past.clear()
+            self.model, self.built, self.straight = model, {**self.wishes, "seed": self.seed}, True
+            for _ in range(steps):
+                if model.running:
+                    model.step()
+        self.rest()
 
-    def change(self, name: str, value: Any) -> None:
-        """Wish for a parameter, and give it to the present model where it can take it."""
-        with self._changing():
-            self.wishes[name] = value
-            if name in LIVE and self.model is not None:
-                wished = {key: self.wishes[key] for key in LIVE & self.wishes.keys()}
-                self.model.fire_constants = replace(self.model.fire_constants, **wished, remarks=())
-
-    def show_sectors(self, sectors: bool) -> None:
-        """Draw sectors from now on, or no longer."""
-        with self._changing():
-            self.sectors = sectors
-
-    def play(self, redraw: Callable[[], None]) -> None:
-        """Step in a thread until paused, reset, finished or broken; call `redraw` after every frame."""
-        self.pause()
-        self._stop = threading.Event()
-        self.frame = replace(self.frame, playing=True)
-        threading.Thread(target=self._run, args=(self._stop, redraw), name="play", daemon=True).start()
-
-    def pause(self) -> None:
-        """Take no further step."""
-        self._stop.set()
-        with self._lock:
-            self.frame = replace(self.frame, playing=False)
-
-    def step(self) -> None:
-        """Pause, and take one step."""
-        self.pause()
-        with self._changing():
-            self.model.step()
-
-    def _run(self, stop: threading.Event, redraw: Callable[[], None]) -> None:
-        while not stop.is_set():
-            began = time.perf_counter()
-            self._advance(stop)
-            redraw()
-            # A pause even after a slow frame: clicks are served in it.
-            stop.wait(max(FRAME_TIME + began - time.perf_counter(), FRAME_TIME / 4))
-
-    def _advance(self, stop: threading.Event) -> None:
-        with self._lock:
-            if stop.is_set():
-                return
-            with self._changing():
-                for _ in range(self.speed):
-                    if not self.model.running:
-                        stop.set()
-                    if stop.is_set():
-                        break
-                    self.model.step()
-
-    @contextmanager
-    def _changing(self) -> Iterator[None]:
-        """Make a new frame of what is changed within, or of what went wrong."""
-        with self._lock:
-            svg, readings, error = self.frame.svg, self.frame.readings, ""
+    def wish(self, name: str, value: Any) -> None:
+        """Wish for a parameter, as its type, and give it to the present model where that can take it."""
+        with self.lock:
             try:
-                yield
-                svg, readings = _drawn(self.model, self.sectors), _readings(self.model)
-            except Exception as problem:  # whatever a model raises is shown, or the page would be dead
-                self._stop.set()
-                error = _in_words(problem)
-            self.frame = Frame(svg, readings, not self._stop.is_set(), error)
+                self.wishes[name] = self._checked(self.parameters[name], value)
+                self.faults.pop(name, None)
+                self._give()
+            except Exception as problem:  # what is wrong with a wish is said beside it
+                self.faults[name] = in_words(problem)
+        self.show()
+        self.changed.tell()
+
+    def wish_all(self, values: Mapping[str, Any]) -> None:
+        """Wish for several parameters at once."""
+        with self.lock:
+            self.wishes |= {name: self._checked(self.parameters[name], value) for name, value in values.items()}
+            for name in values:
+                self.faults.pop(name, None)
+            self._give()
+        self.show()
+        self.changed.tell()
+
+    def wish_defaults(self) -> None:
+        """Wish for the model's defaults."""
+        self.wish_all({name: parameter.default for name, parameter in self.parameters.items()})
+
+    def set_seed(self, text: str | int) -> None:
+        """Take another seed for the next model."""
+        with self.lock:
+            try:
+                self.seed = _seed(text)
+                self.faults.pop("seed", None)
+            except InvalidValueError as problem:
+                self.faults["seed"] = str(problem)
+        self.changed.tell()
+
+    def upload(self, name: str, content: bytes) -> None:
+        """Take a map from a file that the user hands over, and build the model on it."""
+        with self.lock:
+            try:
+                chart = map_from(name, content)
+            except Exception as problem:  # whatever is in a user's file
+                self.faults["map"] = in_words(problem)
+                chart = None
+            else:
+                self.faults.pop("map", None)
+                known = f"{chart.name} (yours)" if chart.name in builtin_maps() else chart.name
+                self.uploads[known], self.wishes["map"] = chart, known
+        if chart is None:
+            self.changed.tell()
+        else:
+            self.reset()
+
+    def map_names(self) -> list[str]:
+        """Return the maps that may be wished for: the model's own first, then the others, then uploaded ones."""
+        parameter = self.parameters.get("map")
+        own = parameter.control.options if parameter and isinstance(parameter.control, Choice) else ()
+        return list(dict.fromkeys([*own, *builtin_maps(), *self.uploads]))
+
+    def close(self) -> None:
+        """Stop for good, and let go of everything."""
+        super().close()
+        self.uploads.clear()
+
+    def _enter(self, name: str, wishes: dict[str, Any], seed: int) -> None:
+        self.model_class = self._find(name)
+        self.name, self.seed = name, seed
+        self.parameters = parameters_of(self.model_class)
+        self.wishes = {name: parameter.default for name, parameter in self.parameters.items()} | wishes
+        self.faults: dict[str, str] = {}
+        self.built: dict[str, Any] = {}
+        self.model, self.error, self.straight = None, "", True
+        self.past.clear()
+
+    def _checked(self, parameter: Parameter, value: Any) -> Any:
+        if parameter.name == "map":
+            if value in self.map_names():
+                return value
+        elif isinstance(value, str):
+            value = parameter.parse(value)
+        value = parameter.checked(value)
+        if parameter.name == "n_robots":
+            check_count("n_robots", value, maximum=MOST_ROBOTS)
+        return value
+
+    def _give(self) -> None:
+        """Give the present model the wishes that it can take."""
+        if self.model is None:
+            return
+        wished = {name: self.wishes[name] for name in LIVE & self.wishes.keys()}
+        if any(self.built.get(name) != value for name, value in wished.items()):
+            self.model.fire_constants = replace(self.model.fire_constants, **wished, remarks=())
+            self.built |= wished
+            self.straight = self.model.completed == 0 and self.straight
+            self.faults = {name: fault for name, fault in self.faults.items() if name not in wished}
+            self.look_now()
 
 
-def _drawn(model: SwarmModel, sectors: bool) -> str:
-    """Return the drawing of a model; sectors are sensed anew, so that they match the poses that one sees."""
-    model.sense()
-    x_min, y_min, x_max, y_max = model.map.bounds
-    corner, size = np.array([x_min, y_min]), (x_max - x_min, y_max - y_min)
-    swarm, fires = model.swarm, model.fires
-    position, burning = swarm.position - corner, fires.position - corner
-    layers = [
-        draw_shapes([body.shape for body in model.obstacles if not isinstance(body, Load)], corner),
-        draw_loads([load.shape for load in model.loads], corner),
-        draw_fires(burning, fires.radius, fires.temperature, fires.out),
-        draw_robots(position, swarm.heading, swarm.radius),
-    ]
-    if sectors:
-        sensors = swarm.table.proximity[swarm.columns["design"]]
-        layers.insert(2, draw_sectors(position, swarm.heading, sensors, swarm.distance))
-    return drawing(size, layers, label_fires(burning, fires.radius, fires.out, fires.robots, size))
+def map_from(name: str, content: bytes) -> Map:
+    """Return the map in a file that was handed over.
+
+    Raises
+    ------
+    MapError, InvalidValueError
+        If it is too large, of another kind, or not a map.
+
+    Examples
+    --------
+    >>> map_from("hall.svg", b'<svg width="80" height="60"><circle cx="40" cy="20" r="5"/></svg>').name
+    'hall'
+    """
+    if len(content) > LARGEST_UPLOAD:
+        raise InvalidValueError(f"{name:.60} has {len(content):,} bytes; expected at most {LARGEST_UPLOAD:,}")
+    if name.lower().endswith(".svg"):
+        return Map.from_svg(content, name)
+    if name.lower().endswith(".toml"):
+        try:
+            return Map.from_toml(content.decode(), name)
+        except UnicodeDecodeError:
+            raise InvalidValueError(f"{name:.60} is not UTF-8 text; expected a map as TOML") from None
+    raise InvalidValueError(f"{name!r:.60} is no map; expected a file that ends in .svg or .toml")
 
 
-def _readings(model: SwarmModel) -> tuple[tuple[str, str], ...]:
-    """Return the numbers that are shown above the drawing, each with its name."""
-    fires, collisions = model.fires, f"{model.collisions:,} now, {model.total_collisions:,} in all"
-    readings = {"Step": f"{model.steps:,}", "Collisions": collisions}
-    if len(fires):
-        burning, fighting = int((~fires.out).sum()), int((model.swarm.fire >= 0).sum())
-        at_fires = {"Fires burning": f"{burning} of {len(fires)}", "Robots at fires": f"{fighting}"}
-        readings = {"Step": readings["Step"], **at_fires, "Collisions": collisions}
-    return tuple(readings.items())
-
-
-def _in_words(problem: Exception) -> str:
-    line = (str(problem).splitlines() or [""])[0]
-    return line if isinstance(problem, SwarmError) else f"{type(problem).__name__}: {line}; Reset starts again"
+def _seed(text: str | int) -> int:
+    try:
+        return check_count("seed", int(text), maximum=LARGEST_SEED)
+    except ValueError:
+        raise InvalidValueError(f"seed is {text!r:.60}; expected a whole number from 0 on") from None

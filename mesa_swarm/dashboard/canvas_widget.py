@@ -1,0 +1,243 @@
+"""The canvas as a widget: for the dashboard, for notebooks, and for Mesa's own page."""
+
+import threading
+from collections.abc import Callable
+from importlib.resources import files
+
+import anywidget
+import traitlets
+
+from mesa_swarm.dashboard.past import Picture
+from mesa_swarm.dashboard.play_loop import AS_FAST_AS_IT_GOES
+from mesa_swarm.dashboard.player import Player
+
+# Pictures on their way to the browser: one is drawn while the next is made.
+MOST_AHEAD = 2
+SPEEDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 250.0, 500.0, 1000.0, AS_FAST_AS_IT_GOES)
+
+
+def script() -> str:
+    """Return the widget's one module: the canvas, and what stands around it.
+
+    Examples
+    --------
+    >>> "export default" in script()
+    True
+    """
+    canvas, around = files("mesa_swarm.viewing") / "canvas.js", files("mesa_swarm.dashboard") / "player.js"
+    return canvas.read_text(encoding="utf-8") + around.read_text(encoding="utf-8")
+
+
+def style() -> str:
+    """Return the look of the widget.
+
+    Examples
+    --------
+    >>> ".swarm-stage" in style()
+    True
+    """
+    return (files("mesa_swarm.dashboard") / "player.css").read_text(encoding="utf-8")
+
+
+class SwarmCanvas(anywidget.AnyWidget):
+    """A world drawn in the browser, picture after picture.
+
+    Pictures are numbered when they are sent, and the browser says which one it has drawn: no more than
+    `MOST_AHEAD` are on their way, and of those that wait only the latest is kept.
+
+    Parameters
+    ----------
+    options : dict
+        ``bar``: whether there are buttons; ``keys``: "page" where keys pressed anywhere play and step, "own"
+        where only those pressed in the widget do, "" for none; ``toggles``: what is drawn, by name.
+    selected : int or None
+        Id of the robot that is marked.
+
+    Attributes
+    ----------
+    commands : dict
+        What is called, by name, when a button or a key is pressed.
+    still : function or None
+        Returns a PNG, for places where no widget can live.
+    caught_up : function
+        Called when the browser has drawn what it was sent.
+
+    Examples
+    --------
+    >>> canvas = SwarmCanvas()
+    >>> canvas.ready, canvas.selected
+    (False, None)
+    """
+
+    _esm = script()
+    _css = style()
+    options = traitlets.Dict({"bar": True, "keys": "", "toggles": {}}).tag(sync=True)
+    selected = traitlets.Int(None, allow_none=True).tag(sync=True)
+
+    def __init__(self, **traits: object) -> None:
+        super().__init__(**traits)
+        self.commands: dict[str, Callable] = {}
+        self.still: Callable[[], bytes] | None = None
+        self.caught_up: Callable[[], None] = lambda: None
+        self._lock = threading.RLock()
+        self._picture: Picture | None = None
+        self._beside: dict = {}
+        self._state: dict = {}
+        self._world: dict | None = None
+        self._seen = self._waits = False
+        self._pushed = self._sent = self._drawn = 0
+        self.on_msg(lambda _, message, __: self._hear(message))
+
+    @property
+    def ready(self) -> bool:
+        """Whether a browser shows it and has room for another picture."""
+        return self._seen and self._sent - self._drawn < MOST_AHEAD
+
+    def push(self, number: int, picture: Picture, **beside: object) -> None:
+        """Show a picture as soon as the browser has room, unless it was given one of a higher number.
+
+        Parameters
+        ----------
+        number : int
+        picture : Picture
+        **beside
+            What else is told with it.
+        """
+        with self._lock:
+            if number > self._pushed:
+                self._pushed, self._picture, self._beside, self._waits = number, picture, beside, True
+                self._send_picture()
+
+    def tell(self, **state: object) -> None:
+        """Tell the browser whether it is played, how fast, and the like."""
+        with self._lock:
+            changed = {name: value for name, value in state.items() if self._state.get(name) != value}
+            self._state |= changed
+            if changed and self._seen:
+                self.send({"kind": "state", "state": changed})
+
+    def _hear(self, message: dict) -> None:
+        """Do what the browser asks for."""
+        name, value = message.get("do"), message.get("value")
+        if name == "ready":
+            self._begin()
+        elif name == "drawn":
+            with self._lock:
+                self._drawn = max(self._drawn, value)
+                self._send_picture()
+            if self._drawn == self._sent:
+                self.caught_up()
+        elif name in self.commands:
+            self.commands[name](*(() if value is None else (value,)))
+
+    def _begin(self) -> None:
+        """Tell a view that has just been opened all that it must know."""
+        with self._lock:
+            self._seen, self._drawn, self._world = True, self._sent, None
+            self._waits = self._picture is not None
+            self.send({"kind": "state", "state": self._state})
+            self._send_picture()
+
+    def _send_picture(self) -> None:
+        if not self._waits or not self.ready:
+            return
+        picture, self._waits = self._picture, False
+        if picture.world is not self._world:
+            self._world = picture.world
+            self.send({"kind": "world", "world": picture.world})
+        self._sent += 1
+        told = {"step": picture.step, "readings": picture.readings, "fingerprint": picture.fingerprint}
+        self.send({"kind": "picture", "number": self._sent, **told, **self._beside}, [picture.frame])
+
+    def _repr_mimebundle_(self, **wanted: object) -> tuple[dict, dict] | None:
+        """Return the widget, and beside it a picture."""
+        bundle = super()._repr_mimebundle_(**wanted)
+        if bundle is not None and self.still is not None:
+            bundle[0]["image/png"] = self.still()
+        return bundle
+
+
+class Connection:
+    """Lets a canvas show a player, and the canvas's buttons play it.
+
+    Parameters
+    ----------
+    canvas : SwarmCanvas
+    player : Player
+    reset : function, optional
+        What the button of this name does; without, there is none.
+    """
+
+    def __init__(self, canvas: SwarmCanvas, player: Player, reset: Callable[[], None] | None = None) -> None:
+        self.canvas, self.player, self._reset = canvas, player, reset
+        canvas.commands = {name: getattr(player, name) for name in ("toggle", "play", "pause", "step", "back")}
+        canvas.commands |= {"look": player.look, "speed": lambda index: player.set_speed(SPEEDS[index])}
+        if reset is not None:
+            canvas.commands["reset"] = reset
+        self._leave = player.changed.add(self.tell)
+        self.tell()
+        player.add_viewer(self)
+
+    @property
+    def ready(self) -> bool:
+        """Whether the canvas has room for another picture."""
+        return self.canvas.ready
+
+    def push(self, number: int, picture: Picture) -> None:
+        """Hand a picture on, with what the player says of itself."""
+        player, past = self.player, self.player.past
+        kept = {"index": past.index, "length": len(past), "first": past.first_step, "last": past.last_step}
+        self.canvas.push(number, picture, rate=rate_text(player.loop.rate), **kept)
+
+    def tell(self) -> None:
+        """Hand on whether it is played, and how fast."""
+        player = self.player
+        self.canvas.tell(
+            playing=player.playing,
+            finished=player.finished,
+            error=player.error,
+            speed=nearest_speed(player.loop.speed),
+            speeds=[speed_text(speed) for speed in SPEEDS],
+            can_reset=self._reset is not None,
+        )
+
+    def close(self) -> None:
+        """Part them."""
+        self.canvas.commands = {}
+        self._leave()
+        self.player.remove_viewer(self)
+
+
+def nearest_speed(speed: float) -> int:
+    """Return the index in `SPEEDS` of the slowest one that is not slower.
+
+    Examples
+    --------
+    >>> SPEEDS[nearest_speed(55)]
+    60.0
+    """
+    return next(index for index, one in enumerate(SPEEDS) if one >= speed)
+
+
+def speed_text(speed: float) -> str:
+    """Return a speed in words.
+
+    Examples
+    --------
+    >>> speed_text(0.5), speed_text(AS_FAST_AS_IT_GOES)
+    ('0.5 steps/s', 'as fast as it goes')
+    """
+    return "as fast as it goes" if speed == AS_FAST_AS_IT_GOES else f"{speed:,g} steps/s"
+
+
+def rate_text(rate: float) -> str:
+    """Return an achieved rate in words.
+
+    Examples
+    --------
+    >>> rate_text(0.0), rate_text(0.512), rate_text(1234.5)
+    ('at rest', '0.51', '1,234')
+    """
+    if rate == 0.0:
+        return "at rest"
+    return f"{rate:.2g}" if rate < 10 else f"{rate:,.0f}"

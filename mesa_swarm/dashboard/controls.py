@@ -1,0 +1,208 @@
+"""The panel of controls: what there is to set, how it is set now, and what is to be said of it."""
+
+import math
+import secrets
+from importlib.resources import files
+from typing import Any
+
+import anywidget
+import traitlets
+
+from mesa_swarm.dashboard.designer import Designer
+from mesa_swarm.dashboard.session import LIVE, Session
+from mesa_swarm.parameters import Choice, Parameter, Slider
+
+# Groups, each with the beginnings or words of names that belong to it; a name goes to the first that fits.
+GROUPS = {
+    "Robots": ("n_robots", "design", "max_speed", "cruise_speed", "speed", "sight", "sensors"),
+    "World": ("map", "load", "resistance", "initial_temperature", "history_every"),
+    "Fires and heat": ("k1", "k2", "k3", "k4", "leave", "join"),
+    "Communication": ("communication", "communication_range"),
+    "Disturbances": ("slip_probability", "error_probability"),
+}
+OTHERS = "Behaviour"
+ORDER = ("World", "Robots", OTHERS, "Communication", "Fires and heat", "Disturbances")
+LARGEST_RANDOM_SEED = 999_999
+
+
+def _text(name: str) -> str:
+    return (files("mesa_swarm.dashboard") / name).read_text(encoding="utf-8")
+
+
+class ControlPanel(anywidget.AnyWidget):
+    """Sliders, lists and fields in the browser, which tell what the user does to them."""
+
+    _esm = _text("panel.js")
+    _css = _text("panel.css")
+    groups = traitlets.List().tag(sync=True)
+    values = traitlets.Dict().tag(sync=True)
+    notes = traitlets.List().tag(sync=True)
+
+
+class Panel:
+    """Lets a control panel show and change a session.
+
+    Parameters
+    ----------
+    widget : ControlPanel
+    session : Session
+    """
+
+    def __init__(self, widget: ControlPanel, session: Session) -> None:
+        self.widget, self.session = widget, session
+        self.designer = Designer(session)
+        self._leave = session.changed.add(self.refresh)
+        self._model_name = ""
+        self._hear = lambda _, message, buffers: self.act(message, buffers)
+        widget.on_msg(self._hear)
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Show how everything is set."""
+        session = self.session
+        known = (session.name, tuple(session.map_names()))
+        if known != self._model_name:
+            self._model_name = known
+            self.widget.groups = groups_of(session)
+        values = values_of(session) | (self.designer.values() if self.designer.fits else {})
+        self.widget.values = values
+        self.widget.notes = [list(note) for note in self.designer.notes()]
+
+    def act(self, message: dict, buffers: list) -> None:
+        """Do what the user asks for."""
+        session, name, value = self.session, message.get("name", ""), message.get("value")
+        match message.get("do"):
+            case "place" if name in session.parameters:
+                session.wish(name, value_at(int(value), session.parameters[name]))
+            case "place" if name in self.designer.wishes:
+                self.designer.place(name, int(value))
+            case "text" if name == "seed":
+                session.set_seed(str(value))
+            case "text" | "choose" if name in session.parameters:
+                session.wish(name, str(value))
+            case "random":
+                session.set_seed(secrets.randbelow(LARGEST_RANDOM_SEED))
+                session.reset()
+            case "defaults":
+                session.wish_defaults()
+            case "reset":
+                session.reset()
+            case "upload" if buffers and "map" in session.parameters:
+                session.upload(str(name), bytes(buffers[0]))
+
+    def close(self) -> None:
+        """Part them."""
+        self._leave()
+        self.widget.on_msg(self._hear, remove=True)
+
+
+def groups_of(session: Session) -> list[dict[str, Any]]:
+    """Return all controls in groups, as the panel wants them.
+
+    Examples
+    --------
+    >>> [group["title"] for group in groups_of(Session("fire_fighting"))][:3]
+    ['World', 'Robots', 'Behaviour']
+    """
+    groups: dict[str, list] = {title: [] for title in ORDER}
+    for parameter in session.parameters.values():
+        field = field_of(parameter, session)
+        if field:
+            groups[group_of(parameter.name)].append(field)
+    found = [{"title": title, "fields": members} for title, members in groups.items() if members]
+    designer = Designer(session)
+    if designer.fits:
+        found.append({"title": "Design the constants", "fields": designer.fields(), "notes": True})
+    return found
+
+
+def group_of(name: str) -> str:
+    """Return the title of the group that a parameter belongs to.
+
+    Examples
+    --------
+    >>> group_of("k1"), group_of("avoid_distance")
+    ('Fires and heat', 'Behaviour')
+    """
+    return next((title for title, names in GROUPS.items() if name in names), OTHERS)
+
+
+def field_of(parameter: Parameter, session: Session) -> dict[str, Any] | None:
+    """Return one control, None for what the page cannot set."""
+    about = {"name": parameter.name, "label": label_of(parameter.name), "help": parameter.help}
+    about["live"] = parameter.name in LIVE
+    if parameter.name == "map":
+        return {**about, "kind": "choice", "options": session.map_names(), "upload": True}
+    if isinstance(parameter.control, Choice):
+        return {**about, "kind": "choice", "options": list(parameter.control.options)}
+    if isinstance(parameter.control, Slider):
+        low, high = places_of(parameter)
+        return {**about, "kind": "slider", "low": low, "high": high}
+    return None
+
+
+def label_of(name: str) -> str:
+    """Return a parameter's name as people write it.
+
+    Examples
+    --------
+    >>> label_of("n_robots"), label_of("k1"), label_of("avoid_distance")
+    ('robots', 'k1', 'avoid distance')
+    """
+    return name.removeprefix("n_").replace("_", " ")
+
+
+def places_of(parameter: Parameter) -> tuple[int, int]:
+    """Return the places of the ends of a slider, counted in its steps from the default.
+
+    Browsers move a slider to the nearest step: counted from anywhere else, that would change a default such as
+    k1 = ln 2 / 2000 without being asked.
+
+    Examples
+    --------
+    >>> places_of(Parameter("share", 0.75, float, Slider(0, 1, 0.1)))
+    (-8, 3)
+    """
+    slider, default = parameter.control, parameter.default
+    low = math.floor(round((slider.minimum - default) / slider.step, 9))
+    return low, math.ceil(round((slider.maximum - default) / slider.step, 9))
+
+
+def value_at(place: int, parameter: Parameter) -> float:
+    """Return the value at a slider's place, within its range.
+
+    Examples
+    --------
+    >>> share = Parameter("share", 0.75, float, Slider(0, 1, 0.1))
+    >>> value_at(2, share), value_at(9, share)
+    (0.95, 1.0)
+    """
+    slider = parameter.control
+    value = min(max(parameter.default + place * slider.step, slider.minimum), slider.maximum)
+    return parameter.kind(round(value, 12)) if place else parameter.default
+
+
+def place_of(value: float, parameter: Parameter) -> int:
+    """Return the place of a slider that is nearest to a value.
+
+    Examples
+    --------
+    >>> place_of(0.95, Parameter("share", 0.75, float, Slider(0, 1, 0.1)))
+    2
+    """
+    low, high = places_of(parameter)
+    return min(max(round((value - parameter.default) / parameter.control.step), low), high)
+
+
+def values_of(session: Session) -> dict[str, dict[str, Any]]:
+    """Return how each control is set, whether it waits for a reset, and what is wrong with it."""
+    values: dict[str, dict[str, Any]] = {"seed": {"text": str(session.seed)}}
+    for name, parameter in session.parameters.items():
+        value = session.wishes[name]
+        values[name] = {"text": f"{value:.4g}" if isinstance(value, float) else str(value)}
+        if isinstance(parameter.control, Slider):
+            values[name]["place"] = place_of(value, parameter)
+    for name, entry in values.items():
+        entry["waits"] = name in session.waiting
+        entry["fault"] = session.faults.get(name, "")
+    return values

@@ -1,0 +1,147 @@
+/* The controls beside the canvas. Python says what there is (groups), how it is set (values) and what follows from it
+   (notes); what the user does is sent back, and shown only when Python has taken it. */
+
+function make(tag, attributes = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (typeof value === "function") element.addEventListener(name, value);
+    else if (value === true) element.setAttribute(name, "");
+    else if (value !== false && value !== undefined) element.setAttribute(name, value);
+  }
+  element.append(...children);
+  return element;
+}
+
+const LARGEST_UPLOAD = 1_000_000;
+
+class PanelView {
+  #model; #root; #fields = new Map(); #notes = null; #leave = [];
+
+  constructor(model, root) {
+    this.#model = model;
+    this.#root = root;
+    root.classList.add("swarm-panel");
+    for (const [name, act] of [["groups", () => this.#build()], ["values", () => this.#fill()], ["notes", () => this.#say()]]) {
+      model.on(`change:${name}`, act);
+      this.#leave.push(() => model.off(`change:${name}`, act));
+    }
+    this.#build();
+  }
+
+  destroy() {
+    this.#leave.forEach((leave) => leave());
+  }
+
+  #send(message, buffers) {
+    this.#model.send(message, undefined, buffers);
+  }
+
+  #build() {
+    const open = new Set([...this.#root.querySelectorAll("details[open]")].map((one) => one.dataset.title));
+    const fresh = !this.#root.childElementCount;
+    this.#fields = new Map();
+    this.#notes = null;
+    const groups = this.#model.get("groups").map((group, k) => {
+      const shown = fresh ? k < 3 : open.has(group.title);
+      const details = make("details", { open: shown, "data-title": group.title }, make("summary", {}, group.title));
+      details.append(...group.fields.map((field) => this.#field(field)));
+      if (group.notes) details.append((this.#notes = make("ul", { class: "swarm-notes", "aria-live": "polite" })));
+      return details;
+    });
+    const defaults = make("button", { type: "button", click: () => this.#send({ do: "defaults" }) }, "All defaults");
+    this.#root.replaceChildren(this.#run(), ...groups, make("div", { class: "swarm-end" }, defaults));
+    this.#fill();
+    this.#say();
+  }
+
+  #run() {
+    const seed = this.#text("seed", "seed");
+    const random = make("button", { type: "button", click: () => this.#send({ do: "random" }) }, "Random");
+    random.title = "Take a random seed, and reset";
+    const row = make("div", { class: "swarm-row" }, seed, random);
+    const field = this.#frame({ name: "seed", label: "seed", help: "the same seed gives the same run", live: false }, row, seed);
+    return make("div", { class: "swarm-run" }, field);
+  }
+
+  #field(field) {
+    if (field.kind === "choice") return this.#choice(field);
+    const id = `swarm-${field.name}`;
+    const say = () => this.#send({ do: "place", name: field.name, value: Number(slider.value) });
+    const slider = make("input", { type: "range", min: field.low, max: field.high, step: 1, "aria-label": field.label, id, input: say });
+    const text = field.wish ? make("output", { class: "swarm-value", for: id }) : this.#text(field.name, field.label);
+    return this.#frame(field, make("div", { class: "swarm-row" }, slider, text), text, slider);
+  }
+
+  #text(name, label) {
+    const send = () => this.#send({ do: "text", name, value: text.value });
+    const text = make("input", { class: "swarm-value", type: "text", inputmode: "decimal", autocomplete: "off", "aria-label": `${label}, typed`, change: send });
+    return text;
+  }
+
+  #choice(field) {
+    const say = () => this.#send({ do: "choose", name: field.name, value: list.value });
+    const options = field.options.map((name) => make("option", { value: name }, name));
+    const list = make("select", { "aria-label": field.label, change: say }, ...options);
+    const row = make("div", { class: "swarm-row" }, list);
+    if (field.upload) row.append(...this.#upload());
+    return this.#frame(field, row, list);
+  }
+
+  #upload() {
+    const file = make("input", { type: "file", accept: ".svg,.toml", hidden: true, "aria-label": "Map file", change: () => this.#hand(file) });
+    const button = make("button", { type: "button", click: () => file.click() }, "Upload");
+    button.title = "A map as SVG or TOML";
+    return [file, button];
+  }
+
+  async #hand(file) {
+    const [one] = file.files;
+    file.value = "";
+    if (!one) return;
+    if (one.size > LARGEST_UPLOAD) {
+      this.#fault(this.#fields.get("map"), `${one.name} has ${one.size.toLocaleString("en")} bytes; expected at most 1,000,000`);
+      return;
+    }
+    this.#send({ do: "upload", name: one.name }, [await one.arrayBuffer()]);
+  }
+
+  #frame({ name, label, help, live }, row, text, slider) {
+    const mark = make("em", { class: "swarm-mark" }), fault = make("p", { class: "swarm-fault", role: "alert", hidden: true });
+    const note = make("small", {}, help ?? "");
+    const head = make("div", { class: "swarm-label" }, make("span", {}, label), mark);
+    const frame = make("div", { class: "swarm-field", "data-name": name }, head, row, note, fault);
+    this.#fields.set(name, { frame, text, slider, mark, fault, live });
+    return frame;
+  }
+
+  #fill() {
+    const values = this.#model.get("values");
+    for (const [name, field] of this.#fields) {
+      const { text, place, waits, fault } = values[name] ?? { text: "", waits: false, fault: "" };
+      if (field.slider && !field.slider.matches(":active")) field.slider.value = place;
+      field.slider?.setAttribute("aria-valuetext", text);
+      if (field.text.tagName === "OUTPUT") field.text.textContent = text;
+      else if (fault === "" || document.activeElement !== field.text) field.text.value = text;
+      field.mark.textContent = waits ? "waits for reset" : field.live ? "" : "on reset";
+      field.mark.classList.toggle("swarm-waits", Boolean(waits));
+      this.#fault(field, fault);
+    }
+  }
+
+  #fault({ fault, frame }, text) {
+    fault.textContent = text;
+    fault.hidden = !text;
+    frame.classList.toggle("swarm-wrong", Boolean(text));
+  }
+
+  #say() {
+    this.#notes?.replaceChildren(...this.#model.get("notes").map(([kind, text]) => make("li", { class: `swarm-${kind}` }, text)));
+  }
+}
+
+export default {
+  render({ model, el }) {
+    const view = new PanelView(model, el);
+    return () => view.destroy();
+  },
+};

@@ -1,0 +1,94 @@
+"""The last pictures of a run, kept in memory: as many as there is room for."""
+
+from collections import deque
+from dataclasses import dataclass, field
+
+MOST_BYTES = 48_000_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Picture:
+    """What is shown of a model after a step: a packed frame, the world that it is drawn in, numbers beside it."""
+
+    step: int
+    frame: bytes
+    world: dict = field(default_factory=dict, repr=False)
+    readings: tuple[tuple[str, str], ...] = ()
+    fingerprint: str = ""
+
+
+class Past:
+    """Pictures in the order of time, and the one that is looked at.
+
+    Parameters
+    ----------
+    most_bytes : int
+        The oldest go when their frames take more than this; the last two always stay.
+
+    Examples
+    --------
+    >>> past = Past()
+    >>> for step in range(3):
+    ...     past.append(Picture(step, b""))
+    >>> past.back().step, past.back().step, past.back().step, past.forward().step
+    (1, 0, 0, 1)
+    >>> past.is_present
+    False
+    """
+
+    def __init__(self, most_bytes: int = MOST_BYTES) -> None:
+        self.most_bytes = most_bytes
+        self._pictures: deque[Picture] = deque()
+        self._bytes = 0
+        self.index = -1
+
+    def __len__(self) -> int:
+        return len(self._pictures)
+
+    @property
+    def shown(self) -> Picture | None:
+        """The picture that is looked at, None before the first."""
+        return self._pictures[self.index] if self._pictures else None
+
+    @property
+    def first_step(self) -> int:
+        """The step of the earliest picture, 0 if there is none."""
+        return self._pictures[0].step if self._pictures else 0
+
+    @property
+    def last_step(self) -> int:
+        """The step of the latest picture, 0 if there is none."""
+        return self._pictures[-1].step if self._pictures else 0
+
+    @property
+    def is_present(self) -> bool:
+        """Whether the picture that is looked at is the latest."""
+        return self.index == len(self._pictures) - 1
+
+    def append(self, picture: Picture) -> None:
+        """Keep a new picture, and look at it; it replaces one of the same step."""
+        if self._pictures and self._pictures[-1].step == picture.step:
+            self._bytes -= len(self._pictures.pop().frame)
+        self._pictures.append(picture)
+        self._bytes += len(picture.frame)
+        while self._bytes > self.most_bytes and len(self._pictures) > 2:
+            self._bytes -= len(self._pictures.popleft().frame)
+        self.index = len(self._pictures) - 1
+
+    def look(self, index: int) -> Picture | None:
+        """Look at the picture with this index, the nearest one if there is none."""
+        self.index = min(max(index, 0), len(self._pictures) - 1)
+        return self.shown
+
+    def back(self) -> Picture | None:
+        """Look at the picture before."""
+        return self.look(self.index - 1)
+
+    def forward(self) -> Picture | None:
+        """Look at the picture after."""
+        return self.look(self.index + 1)
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._pictures.clear()
+        self._bytes, self.index = 0, -1

@@ -1,0 +1,291 @@
+/* What stands around the canvas of canvas.js, to which this text is appended: buttons, readings, and the talk with
+   Python. All that Python sends comes through one channel, so that it arrives in order: { kind: "world", ... },
+   { kind: "picture", ... } with the frame as its buffer, { kind: "state", ... }. A picture is acknowledged as soon
+   as it is drawn; Python sends no more than two ahead, so that a slow browser leaves some out and lags behind none. */
+
+const ICONS = {
+  play: "M5 3.5v13l11-6.5z", pause: "M5 3.5h3.6v13H5zM11.4 3.5H15v13h-3.6z", step: "M4 3.5l8 6.5-8 6.5zM13 3.5h2.6v13H13z",
+  back: "M16 3.5L8 10l8 6.5zM4.4 3.5H7v13H4.4z", reset: "M10 3a7 7 0 1 1-6.6 4.7l1.9.7A5 5 0 1 0 10 5v3L5.4 4 10 0z",
+  closer: "M9 4h2v5h5v2h-5v5H9v-5H4V9h5z", farther: "M4 9h12v2H4z", fit: "M3 3h5v2H5v3H3zM12 3h5v5h-2V5h-3zM3 12h2v3h3v2H3zM15 12h2v5h-5v-2h3z",
+  follow: "M10 2v3a5 5 0 0 1 5 5h3v1h-3a5 5 0 0 1-4.5 4V18h-1v-3A5 5 0 0 1 5 11H2v-1h3a5 5 0 0 1 5-5zM10 7.5a3 3 0 1 0 0 6 3 3 0 0 0 0-6z",
+  eye: "M10 4.5c4.2 0 7.2 3 8.5 5.5-1.3 2.5-4.3 5.5-8.5 5.5S2.8 12.5 1.5 10C2.8 7.5 5.8 4.5 10 4.5zM10 6.8a3.2 3.2 0 1 0 0 6.4 3.2 3.2 0 0 0 0-6.400z",
+};
+const FASTEST = "as fast as it goes";
+const TYPED_IN = "input, textarea, select, [contenteditable], [role=slider], [role=listbox]";
+
+/** Return an element with attributes and children; a function as attribute listens. */
+function make(tag, attributes = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (typeof value === "function") element.addEventListener(name, value);
+    else if (value === true) element.setAttribute(name, "");
+    else if (value !== false && value !== undefined) element.setAttribute(name, value);
+  }
+  element.append(...children);
+  return element;
+}
+
+function iconButton(icon, label, act, more = {}) {
+  const button = make("button", { type: "button", title: label, "aria-label": label, click: act, ...more });
+  button.innerHTML = `<svg viewBox="0 0 20 20" aria-hidden="true"><path fill-rule="evenodd" d="${ICONS[icon]}"/></svg>`;
+  return button;
+}
+
+function relabel(button, icon, label) {
+  if (button.getAttribute("aria-label") === label) return;
+  button.setAttribute("aria-label", label);
+  button.title = label;
+  button.querySelector("path").setAttribute("d", ICONS[icon]);
+}
+
+/** The theme that surrounds an element: of a Vuetify page, of JupyterLab, else of the system. */
+function themeAround(element) {
+  const page = element.closest(".v-application");
+  if (page) return page.classList.contains("theme--dark") ? "dark" : "light";
+  const lab = document.body.dataset.jpThemeLight;
+  if (lab) return lab === "false" ? "dark" : "light";
+  return matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
+}
+
+function watchTheme(element, act) {
+  const observer = new MutationObserver(act), query = matchMedia("(prefers-color-scheme: dark)");
+  for (const one of [element.closest(".v-application"), document.body]) {
+    if (one) observer.observe(one, { attributes: true, attributeFilter: ["class", "data-jp-theme-light"] });
+  }
+  query.addEventListener("change", act);
+  return () => {
+    observer.disconnect();
+    query.removeEventListener("change", act);
+  };
+}
+
+/** The bar, the canvas and the time line of one view of a widget. */
+class PlayerView {
+  #model; #root; #canvas; #stage = null; #world = null;
+  #state = { playing: false, speed: 0, speeds: [], finished: false, error: "", can_reset: false };
+  #next = null;
+  #asked = 0;
+  #drawn = 0;
+  #leave = [];
+  #parts = {};
+
+  constructor(model, root) {
+    this.#model = model;
+    this.#root = root;
+    root.classList.add("swarm-player");
+    const options = model.get("options");
+    this.#canvas = make("canvas", { tabindex: "0", role: "img", "aria-label": "the world" });
+    this.#build(options);
+    this.#listen(options);
+    this.#retheme();
+    this.#send({ do: "ready" });
+  }
+
+  destroy() {
+    this.#leave.forEach((leave) => leave());
+    cancelAnimationFrame(this.#asked);
+    this.#stage?.destroy();
+  }
+
+  #send(message) {
+    this.#model.send(message);
+  }
+
+  #build({ bar, toggles }) {
+    const parts = this.#parts, act = (name) => () => this.#send({ do: name });
+    parts.play = iconButton("play", "Play", act("toggle"), { class: "swarm-main" });
+    parts.back = iconButton("back", "Step back", act("back"));
+    parts.step = iconButton("step", "Step", act("step"));
+    parts.reset = iconButton("reset", "Reset", act("reset"));
+    const say = () => this.#send({ do: "speed", value: Number(parts.speed.value) });
+    parts.speed = make("input", { type: "range", min: 0, max: 12, step: 1, "aria-label": "Speed", input: say });
+    parts.wished = make("output", {});
+    parts.readings = make("dl", { class: "swarm-readings" });
+    const look = () => this.#send({ do: "look", value: Number(parts.past.value) });
+    parts.past = make("input", { type: "range", min: 0, max: 0, step: 1, "aria-label": "Steps kept in memory", input: look });
+    parts.when = make("span", { class: "swarm-when" });
+    const buttons = make("div", { class: "swarm-buttons", role: "toolbar", "aria-label": "Play" });
+    buttons.append(parts.back, parts.play, parts.step, parts.reset);
+    const speed = make("label", { class: "swarm-speed" }, parts.speed, parts.wished);
+    if (bar) this.#root.append(make("div", { class: "swarm-bar" }, buttons, speed, parts.readings));
+    this.#root.append(make("div", { class: "swarm-stage" }, this.#canvas, this.#tools(toggles), this.#key()));
+    if (bar) this.#root.append(make("div", { class: "swarm-past" }, parts.past, parts.when));
+  }
+
+  #tools(toggles) {
+    const parts = this.#parts, on = { ...Object.fromEntries(TOGGLES.map((one) => [one.name, one.on])), ...toggles };
+    parts.on = on;
+    parts.follow = iconButton("follow", "Follow the selected robot", () => this.#follow(), { "aria-pressed": "false" });
+    const boxes = TOGGLES.map(({ name, label }) => {
+      const box = make("input", { type: "checkbox", change: () => this.#toggle(name, box.checked) });
+      box.checked = on[name];
+      return make("label", {}, box, label);
+    });
+    const summary = make("summary", { title: "What is drawn", "aria-label": "What is drawn" });
+    summary.innerHTML = `<svg viewBox="0 0 20 20" aria-hidden="true"><path fill-rule="evenodd" d="${ICONS.eye}"/></svg>`;
+    parts.menu = make("details", {}, summary, make("div", {}, ...boxes));
+    return make("div", { class: "swarm-tools" },
+      iconButton("closer", "Zoom in", () => this.#stage?.zoom(1.4)),
+      iconButton("farther", "Zoom out", () => this.#stage?.zoom(1 / 1.4)),
+      iconButton("fit", "Show the whole map", () => this.#fit()), parts.follow, parts.menu);
+  }
+
+  #key() {
+    return (this.#parts.key = make("ul", { class: "swarm-key", "aria-label": "Layers" }));
+  }
+
+  #listen({ keys }) {
+    const hear = (message, buffers) => this.#hear(message, buffers), press = (event) => this.#press(event);
+    this.#model.on("msg:custom", hear);
+    this.#leave.push(() => this.#model.off("msg:custom", hear));
+    const choose = () => this.#stage?.select(this.#model.get("selected"));
+    this.#model.on("change:selected", choose);
+    this.#leave.push(() => this.#model.off("change:selected", choose));
+    const where = keys === "page" ? window : this.#root;
+    if (keys) where.addEventListener("keydown", press);
+    this.#leave.push(() => where.removeEventListener("keydown", press));
+    this.#leave.push(watchTheme(this.#root, () => this.#retheme()));
+    const close = (event) => this.#parts.menu.contains(event.target) || (this.#parts.menu.open = false);
+    document.addEventListener("pointerdown", close);
+    this.#leave.push(() => document.removeEventListener("pointerdown", close));
+  }
+
+  #retheme() {
+    const theme = themeAround(this.#root);
+    this.#root.dataset.theme = theme;
+    if (this.#stage) this.#stage.theme = theme;
+    this.#fillKey();
+  }
+
+  #hear(message, buffers) {
+    if (message.kind === "world") this.#enter(message.world);
+    else if (message.kind === "state") this.#settle(message.state);
+    else if (message.kind === "picture") {
+      const bytes = buffers[0];
+      this.#next = { ...message, bytes: new Uint8Array(bytes.buffer ?? bytes, bytes.byteOffset ?? 0, bytes.byteLength) };
+      this.#asked ||= requestAnimationFrame(() => this.#draw());
+    }
+  }
+
+  #enter(world) {
+    const before = this.#stage;
+    before?.destroy();
+    this.#world = world;
+    this.#next = null;
+    const onSelect = (id) => this.#choose(id), onFollow = (id) => this.#followed(id);
+    this.#stage = new Stage(this.#canvas, world, { theme: this.#root.dataset.theme, onSelect, onFollow });
+    for (const [name, on] of Object.entries(this.#parts.on)) this.#stage.set(name, on);
+    this.#stage.select(this.#model.get("selected"));
+    this.#fillKey();
+  }
+
+  #draw() {
+    this.#asked = 0;
+    const picture = this.#next;
+    this.#next = null;
+    if (!picture || !this.#stage) return;
+    this.#stage.show(unpacked(this.#world, picture.bytes));
+    this.#send({ do: "drawn", value: picture.number });
+    this.#tell(picture);
+  }
+
+  #tell({ step, readings, rate, index, length, first, last, fingerprint }) {
+    const root = this.#root, parts = this.#parts;
+    root.dataset.drawn = ++this.#drawn;
+    root.dataset.step = step;
+    root.dataset.fingerprint = fingerprint;
+    const shown = [["Step", step.toLocaleString("en")], ["Steps a second", rate], ...readings];
+    shown.forEach(([name, value], k) => {
+      const row = parts.readings.children[k] ?? parts.readings.appendChild(make("div", {}, make("dt"), make("dd")));
+      if (row.firstChild.textContent !== name) row.firstChild.textContent = name;
+      if (row.lastChild.textContent !== value) row.lastChild.textContent = value;
+    });
+    while (parts.readings.children.length > shown.length) parts.readings.lastChild.remove();
+    parts.past.max = Math.max(length - 1, 0);
+    parts.past.value = index;
+    parts.past.disabled = length < 2;
+    parts.back.disabled = index <= 0;
+    const text = index < length - 1 ? `step ${step} of ${last}, kept from ${first} on` : `kept: steps ${first} to ${last}`;
+    parts.when.textContent = fingerprint ? `${text} · state ${fingerprint.slice(0, 8)}` : text;
+    parts.when.title = fingerprint ? `Fingerprint of the state: ${fingerprint}` : "";
+  }
+
+  #settle(state) {
+    this.#state = { ...this.#state, ...state };
+    const { playing, speed, speeds, finished, error, can_reset: canReset } = this.#state, parts = this.#parts;
+    this.#root.dataset.playing = playing;
+    relabel(parts.play, playing ? "pause" : "play", playing ? "Pause" : "Play");
+    parts.play.disabled = Boolean(error) || finished;
+    parts.step.disabled = Boolean(error);
+    parts.reset.hidden = !canReset;
+    parts.speed.max = speeds.length - 1;
+    if (document.activeElement !== parts.speed || !parts.speed.matches(":active")) parts.speed.value = speed;
+    parts.wished.textContent = speeds[speed] ?? "";
+    parts.speed.setAttribute("aria-valuetext", speeds[speed] ?? "");
+  }
+
+  #fillKey() {
+    const items = this.#stage?.legend() ?? [];
+    this.#parts.key.hidden = !this.#parts.on.layers || !items.length;
+    this.#parts.key.replaceChildren(...items.map(({ name, colour }) => {
+      const dot = make("i");
+      dot.style.background = colour;
+      return make("li", {}, dot, name);
+    }));
+  }
+
+  #choose(id) {
+    this.#model.set("selected", id);
+    this.#model.save_changes();
+    if (this.#stage.followed !== null && id !== null) this.#stage.follow(id);
+  }
+
+  #follow() {
+    const { followed, selected, frame } = this.#stage;
+    const one = followed !== null ? null : selected ?? frame?.ids[0] ?? null;
+    if (one !== null && selected === null) {
+      this.#stage.select(one);
+      this.#choose(one);
+    }
+    this.#stage.follow(one);
+    if (one !== null) this.#closeUp();
+  }
+
+  #closeUp() {
+    const [x0, , x1] = this.#world.bounds, [left] = this.#stage.toCanvas(x0, 0), [right] = this.#stage.toCanvas(x1, 0);
+    if (right - left < 1.5 * this.#canvas.clientWidth) this.#stage.zoom(3);
+  }
+
+  #fit() {
+    this.#stage?.follow(null);
+    this.#stage?.fit();
+  }
+
+  #followed(id) {
+    this.#parts.follow.setAttribute("aria-pressed", id !== null);
+  }
+
+  #toggle(name, on) {
+    this.#parts.on[name] = on;
+    this.#stage?.set(name, on);
+    if (name === "layers") this.#fillKey();
+  }
+
+  #press(event) {
+    const name = { " ": "toggle", ArrowRight: "step", ArrowLeft: "back", r: "reset" }[event.key];
+    const target = event.target instanceof Element ? event.target : document.body;
+    if (!name || event.ctrlKey || event.metaKey || event.altKey || target.closest(TYPED_IN)) return;
+    if (event.key === " " && target.closest("button, summary, a")) return;
+    if (name === "reset" && !this.#state.can_reset) return;
+    event.preventDefault();
+    event.stopPropagation();
+    this.#send({ do: name });
+  }
+}
+
+export default {
+  render({ model, el }) {
+    const view = new PlayerView(model, el);
+    return () => view.destroy();
+  },
+};

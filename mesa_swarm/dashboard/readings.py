@@ -1,0 +1,37 @@
+"""What is said of a model beside its picture, and of what went wrong in it."""
+
+from mesa_swarm.errors import SwarmError
+from mesa_swarm.model import SwarmModel
+
+LONGEST_ERROR = 300
+
+
+def readings_of(model: SwarmModel) -> tuple[tuple[str, str], ...]:
+    """Return the numbers that are shown above the picture, each with its name.
+
+    Examples
+    --------
+    >>> readings_of(SwarmModel(rng=1))
+    (('Robots', '0'), ('Collisions', '0 now, 0 in all'))
+    """
+    fires, collisions = model.fires, f"{model.collisions:,} now, {model.total_collisions:,} in all"
+    if not len(fires):
+        return ("Robots", f"{len(model.swarm):,}"), ("Collisions", collisions)
+    burning, fighting = int((~fires.out).sum()), int((model.swarm.fire >= 0).sum())
+    return (
+        ("Fires burning", f"{burning} of {len(fires)}"),
+        ("Robots at fires", f"{fighting} of {len(model.swarm):,}"),
+        ("Collisions", collisions),
+    )
+
+
+def in_words(problem: Exception) -> str:
+    """Return one line that says what went wrong: ours as they are, others by name.
+
+    Examples
+    --------
+    >>> in_words(ZeroDivisionError("nothing left\\nto share"))
+    'ZeroDivisionError: nothing left'
+    """
+    line = (str(problem).splitlines() or [""])[0][:LONGEST_ERROR]
+    return line if isinstance(problem, SwarmError) else f"{type(problem).__name__}: {line}"
