@@ -304,11 +304,14 @@ def dashboard(
     model: Annotated[str, typer.Argument(help="The model to show first.", metavar="[MODEL]")] = "fire_fighting",
     *,
     port: Annotated[int, typer.Option(min=1, max=65535, help="Where the page is served.")] = 8765,
+    host: Annotated[
+        str, typer.Option(help="Address to listen on; any but this machine's own asks for a token, which is printed.")
+    ] = "127.0.0.1",
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Only serve; open no browser.")] = False,
 ) -> None:
     """Look at a model in the browser."""
     check_choice("model", model, model_names())
-    _work().dashboard(model, port=port, browser=not no_browser)
+    _work().dashboard(model, port=port, browser=not no_browser, host=host)
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Self
 
+from mesa_swarm.errors import SwarmError
 from mesa_swarm.observed_world import ObservedWorld
 
 
@@ -69,6 +70,36 @@ class RecordedWorld(ObservedWorld):
         from mesa_swarm.recording.resume import resume  # noqa: PLC0415 - a floor above, and slow to load
 
         return resume(cls, path, step=step, **changes)
+
+    def show(self, *, speed: float = 60.0, height: int = 560):
+        """Return a widget for notebooks on which the model is seen and played; needs the extra `dashboard`.
+
+        What a program steps is shown as well. Where no widget can live, there is a picture instead.
+
+        Parameters
+        ----------
+        speed : float
+            Steps a second when it is played, above 0, at most 1000.
+        height : int
+            Of the widget, 100 to 10,000 pixels.
+
+        Returns
+        -------
+        SwarmCanvas
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel
+        >>> type(SwarmModel(rng=1).show()).__name__
+        'SwarmCanvas'
+        """
+        try:
+            from mesa_swarm.dashboard.notebook import show  # noqa: PLC0415 - a floor above, and optional
+        except ModuleNotFoundError as error:
+            raise SwarmError(
+                f"show needs {error.name}; install it with: pip install 'mesa-swarm[dashboard]'"
+            ) from error
+        return show(self, speed=speed, height=height)
 
     @contextmanager
     def _closing_if_stopped(self) -> Iterator[None]:

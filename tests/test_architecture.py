@@ -43,6 +43,7 @@ FLOORS = {
 UPWARDS = {
     ("recorded_world.py", "mesa_swarm.recording.recorder"),
     ("recorded_world.py", "mesa_swarm.recording.resume"),
+    ("recorded_world.py", "mesa_swarm.dashboard.notebook"),
 }
 # Narrower than a floor: analysis knows arrays, not the model.
 ONLY = {"analysis": {"analysis", "errors.py", "geometry"}}

@@ -77,9 +77,7 @@ def Header(session: Session, tab: str, choose_tab):
         with rv.Html(tag="nav", attributes={"aria-label": "Pages"}):
             for name in (WATCH, MODELS, *MORE_TABS):
                 Tab(name, name == tab, choose_tab).key(name)
-        solara.HTML(
-            tag="p", unsafe_innerHTML=f"<b>{title(session.name)}</b> {description(session.model_class)}"
-        )
+        solara.HTML(tag="p", unsafe_innerHTML=f"<b>{title(session.name)}</b> {description(session.model_class)}")
         PageBar.element(query=query_of(session), on_dark=lambda dark: setattr(solara.lab.theme, "dark", dark))
 
 
@@ -145,4 +143,3 @@ def Trouble(session: Session, fault: str):
             solara.HTML(tag="h2", unsafe_innerHTML="The link could not be followed")
             rv.Html(tag="p", children=[fault])
             solara.Button("Go on without it", lambda: leave(True))
-

@@ -13,7 +13,13 @@ WISHES = {
     "growth_time": ("growth time", "steps in which a fire that is left alone grows from T = 0 to 1", 100, 50, 10_000),
     "robots": ("robots needed", "so many put out a fire of the largest size ...", 0.5, 0.5, 20),
     "extinguish_time": ("extinguish time", "... in so many steps", 50, 50, 10_000),
-    "balance_temperature": ("balance temperature", "of the largest fire, where heating and cooling balance", 0.05, 0.05, 0.95),
+    "balance_temperature": (
+        "balance temperature",
+        "of the largest fire: heating and cooling balance",
+        0.05,
+        0.05,
+        0.95,
+    ),
     "stay_time": ("stay", "steps that a cold robot can stay at the largest fire at T = 1", 10, 10, 1000),
     "rest_time": ("rest", "steps that a robot rests before it fights again", 10, 10, 1000),
 }
@@ -83,7 +89,16 @@ class Designer:
     def fields(self) -> list[dict[str, Any]]:
         """Return the sliders of the wishes."""
         return [
-            {"name": name, "label": label, "help": text, "kind": "slider", "live": True, "wish": True, "low": 0, "high": _places(name)}
+            {
+                "name": name,
+                "label": label,
+                "help": text,
+                "kind": "slider",
+                "live": True,
+                "wish": True,
+                "low": 0,
+                "high": _places(name),
+            }
             for name, (label, text, *_) in WISHES.items()
         ]
 
@@ -94,10 +109,12 @@ class Designer:
 
     def values(self) -> dict[str, dict[str, Any]]:
         """Return how the sliders are set."""
-        return {
-            name: {"text": f"{value:g}", "place": round((value - WISHES[name][2]) / WISHES[name][3]), "fault": "", "waits": False}
-            for name, value in self.wishes.items()
-        }
+        return {name: self._value(name, value) for name, value in self.wishes.items()}
+
+    @staticmethod
+    def _value(name: str, value: float) -> dict[str, Any]:
+        _, _, least, step, _ = WISHES[name]
+        return {"text": f"{value:g}", "place": round((value - least) / step), "fault": "", "waits": False}
 
     def _designed(self) -> tuple[FireConstants, tuple[str, ...]]:
         model = self.session.model
@@ -105,9 +122,7 @@ class Designer:
         start = float(self.session.wishes.get("initial_temperature", 1.0))
         with _SILENCE, warnings.catch_warnings(record=True) as heard:
             warnings.simplefilter("always", FireConstantsWarning)
-            constants = design_constants(
-                **self.wishes, initial_temperature=start, area=largest, largest_area=largest
-            )
+            constants = design_constants(**self.wishes, initial_temperature=start, area=largest, largest_area=largest)
         return constants, tuple(str(warning.message) for warning in heard)
 
 

@@ -16,6 +16,8 @@ from mesa_swarm.world.load import Load
 
 # Pictures show models after so many steps, when something can be seen of what they do.
 STEPS = 800
+# In so small a picture robots to scale are specks.
+LARGER = 1.4
 _DRAWING = threading.Lock()
 
 
@@ -39,7 +41,7 @@ def drawn(model: SwarmModel) -> str:
         draw_shapes([body.shape for body in model.obstacle_list if not isinstance(body, Load)], corner),
         draw_loads([load.shape for load in model.loads], corner),
         draw_fires(fires.position - corner, fires.radius, fires.temperature, fires.out),
-        draw_robots(swarm.position - corner, swarm.heading, swarm.radius),
+        draw_robots(swarm.position - corner, swarm.heading, LARGER * swarm.radius),
     ]
     return drawing((x_max - x_min, y_max - y_min), layers)
 

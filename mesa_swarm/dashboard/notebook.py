@@ -36,9 +36,9 @@ class Watcher:
     def catch_up(self) -> None:
         """Show the last step, if it was not."""
         player = self._player
-        if not player.playing and player.model is not None and player.past.is_present:
-            if player.model.completed != player.past.last_step:
-                player.rest()
+        is_behind = player.model is not None and player.model.completed != player.past.last_step
+        if is_behind and player.past.is_present and not player.playing:
+            player.rest()
 
     def close(self) -> None:
         """Leave it as it is: there is nothing to close."""

@@ -26,11 +26,11 @@ def readings_of(model: SwarmModel) -> tuple[tuple[str, str], ...]:
 
 
 def in_words(problem: Exception) -> str:
-    """Return one line that says what went wrong: ours as they are, others by name.
+    r"""Return one line that says what went wrong: ours as they are, others by name.
 
     Examples
     --------
-    >>> in_words(ZeroDivisionError("nothing left\\nto share"))
+    >>> in_words(ZeroDivisionError("nothing left\nto share"))
     'ZeroDivisionError: nothing left'
     """
     line = (str(problem).splitlines() or [""])[0][:LONGEST_ERROR]

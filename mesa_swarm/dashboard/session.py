@@ -93,7 +93,9 @@ class Session(Player):
         self.loop.pause()
         with self.minding():
             self.error = ""
-            given = {name: self.uploads.get(value, value) if name == "map" else value for name, value in self.wishes.items()}
+            given = dict(self.wishes)
+            if given.get("map") in self.uploads:
+                given["map"] = self.uploads[given["map"]]
             model = self.model_class(**given, rng=self.seed)
             self.past.clear()
             self.model, self.built, self.straight = model, {**self.wishes, "seed": self.seed}, True
