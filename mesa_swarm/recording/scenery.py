@@ -4,19 +4,20 @@ import math
 
 import numpy as np
 
-from mesa_swarm.model import SwarmModel
+from mesa_swarm.observed_world import ObservedWorld
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.sensors import mount_of
 from mesa_swarm.world.load import Load
 from mesa_swarm.world.shapes import Shape
 
 
-def scenery_of(model: SwarmModel) -> dict:
+def scenery_of(model: ObservedWorld) -> dict:
     """Return what one must know to draw a model, besides what changes from step to step, as JSON has it.
 
     Parameters
     ----------
-    model : SwarmModel
+    model : ObservedWorld
+        Any `SwarmModel`.
 
     Returns
     -------
@@ -27,7 +28,7 @@ def scenery_of(model: SwarmModel) -> dict:
 
     Examples
     --------
-    >>> from mesa_swarm import AGENT3
+    >>> from mesa_swarm import AGENT3, SwarmModel
     >>> model = SwarmModel(rng=1)
     >>> robots = model.add_robots(AGENT3, 2)
     >>> scenery = scenery_of(model)

@@ -49,7 +49,7 @@ const THEMES = {
   light: {
     outside: "#e9e7e1", ground: "#faf9f6", edge: "#8c9097", solid: "#646b75", mark: "#26282d", load: "#2e7d5b",
     ashes: "#b9b8b1", cold: [16, 12, 12], hot: [232, 28, 20], flame: "#8a1710", onFire: "#ffffff", onAshes: "#3a3a38",
-    rear: "#1d4e89", front: "#bfe5ff", outline: "#0b2545", blind: "rgba(29,78,137,.075)", seeing: "rgba(240,150,40,.5)",
+    rear: "#1d4e89", front: "#bfe5ff", outline: "#0b2545", blind: "rgba(29,78,137,.075)", seeing: "rgba(240,150,40,.42)",
     perceived: "#77777a", trail: "rgba(29,78,137,.30)", contact: "#c2185b", heat: "rgba(225,50,20,.38)",
     message: "#7b3fb3", chosen: "#c2006b", travel: "#0b2545", text: "#55585e",
   },
@@ -57,7 +57,7 @@ const THEMES = {
     outside: "#101216", ground: "#1c2027", edge: "#5a626e", solid: "#7d8794", mark: "#3d4655", load: "#48a97f",
     ashes: "#6d6d69", cold: [8, 5, 5], hot: [240, 52, 38], flame: "#ff8a5c", onFire: "#ffffff", onAshes: "#111111",
     rear: "#3b82d6", front: "#e8f4ff", outline: "#060c16", blind: "rgba(110,175,255,.085)",
-    seeing: "rgba(255,180,70,.5)", perceived: "#b4b4b8", trail: "rgba(120,180,255,.34)", contact: "#ff5c9a",
+    seeing: "rgba(255,180,70,.42)", perceived: "#b4b4b8", trail: "rgba(120,180,255,.34)", contact: "#ff5c9a",
     heat: "rgba(255,80,40,.42)", message: "#c9a0ff", chosen: "#ff6fb5", travel: "#e8f4ff", text: "#a9afb9",
   },
 };

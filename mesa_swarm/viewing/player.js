@@ -430,6 +430,13 @@ class Player {
     }
   }
 
+  /** Take away the switches of what this world has none of. */
+  hideIdleToggles() {
+    const { counts } = this.stage.frame ?? { counts: {} };
+    const idle = [...(counts.fires ? [] : ["heat", "labels"]), ...(counts.sensors ? [] : ["sectors", "perceived"])];
+    for (const name of idle) document.querySelector(`#toggles [name="${name}"]`)?.parentElement.remove();
+  }
+
   toggleItem(name, label, on) {
     const item = document.createElement("label"), box = document.createElement("input");
     box.type = "checkbox";
@@ -539,6 +546,7 @@ async function start() {
   player.tellState();
   globalThis.mesaSwarmReplay = player;
   await player.goTo(0);
+  player.hideIdleToggles();
   player.showEvents(about.embedded ? about.events : await (await fetch("events")).json());
   document.documentElement.dataset.ready = "true";
 }

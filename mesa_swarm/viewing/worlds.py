@@ -93,8 +93,14 @@ def _world(scenery: dict, chart: Map, columns: Iterable[str]) -> dict:
         "leave": scenery["leave"],
         "reach": max(ranges, default=0.0) or 1.0,
         "fastest": max(design["max_speed"] for design in designs) or 1.0,
-        "columns": [dict(zip(("name", "table", "width", "type"), (name, *COLUMNS[name]), strict=True)) for name in columns],
+        "columns": [
+            dict(zip(("name", "table", "width", "type"), (name, *COLUMNS[name]), strict=True)) for name in columns
+        ],
     }
+
+
+def _column(name: str, table: str, width: int | str, kind: str) -> dict:
+    return {"name": name, "table": table, "width": width, "type": kind}
 
 
 def _usual_scenery(recording: Recording, chart: Map) -> dict:
