@@ -6,6 +6,11 @@ from pathlib import Path
 
 from hypothesis import HealthCheck, settings
 
+
+def pytest_addoption(parser):
+    parser.addoption("--screenshots", metavar="DIR", help="where browser tests write pictures for a person to look at")
+
+
 sys.path.insert(0, str(Path(__file__).parent))
 
 # The first example of a property may compile a kernel, so that there is no deadline.

@@ -50,8 +50,8 @@ def address_from(query: str | None, first: str) -> Address:
     --------
     >>> address_from("model=fire_fighting&strategy=A&seed=7", "boids")
     Address(model='fire_fighting', wishes={'strategy': 'A'}, seed=7, steps=0, fault='')
-    >>> address_from("model=fire_fihgting", "boids").fault
-    "model is 'fire_fihgting'; did you mean 'fire_fighting'?"
+    >>> address_from("model=fire_fihgting", "boids").fault[:59]
+    "unknown model 'fire_fihgting'; did you mean 'fire_fighting'"
     """
     try:
         return _asked(dict(parse_qsl((query or "")[:LONGEST])), first)

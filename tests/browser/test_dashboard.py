@@ -1,103 +1,18 @@
-"""The dashboard in a real browser: it plays, nothing leaves the machine, and nothing is wrong in the console."""
+"""The dashboard in a real browser: it plays, it does what its controls say, and nothing leaves the machine."""
 
-import signal
-import socket
-import subprocess
-import sys
 import time
-import urllib.request
 from pathlib import Path
-from urllib.parse import urlsplit
 
 import pytest
+from visits import wait_until
 
-from mesa_swarm.dashboard import HOST
+from mesa_swarm.gallery import model_names
 
-CHROMIUM = Path("/usr/bin/chromium")
-FLAGS = [
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-]
-LAUNCH = "import sys; from mesa_swarm.dashboard import launch; launch(port=int(sys.argv[1]), open_browser=False)"
-
-pytestmark = pytest.mark.skipif(not CHROMIUM.exists(), reason=f"there is no {CHROMIUM} (Debian: apt install chromium)")
-sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is missing (pip install playwright)")
-
-
-@pytest.fixture(scope="module")
-def server():
-    with socket.socket() as free:
-        free.bind((HOST, 0))
-        port = free.getsockname()[1]
-    process = subprocess.Popen([sys.executable, "-c", LAUNCH, str(port)], stdout=subprocess.DEVNULL)
-    try:
-        wait_until(lambda: answers(port), 60)
-        yield process, f"http://{HOST}:{port}/"
-        process.send_signal(signal.SIGINT)
-        assert process.wait(20) == 0, "Ctrl-C is how one ends it: no error"
-    finally:
-        process.kill()
-
-
-@pytest.fixture(scope="module")
-def chromium(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("profile")
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch_persistent_context(
-            folder, executable_path=CHROMIUM, args=FLAGS, viewport={"width": 1366, "height": 768}
-        )
-        browser.set_default_timeout(30_000)
-        yield browser
-        browser.close()
-
-
-@pytest.fixture
-def page(server, chromium):
-    """A page that has drawn its world, and notes what it asks for and complains of."""
-    page = chromium.new_page()
-    page.requests, page.complaints = [], []
-    page.on("request", lambda request: page.requests.append(request.url))
-    page.on("websocket", lambda connection: page.requests.append(connection.url))
-    page.on("console", lambda message: message.type == "error" and page.complaints.append(message.text))
-    page.on("pageerror", lambda error: page.complaints.append(str(error)))
-    page.goto(server[1])
-    page.wait_for_selector(".swarm-world svg")
-    yield page
-    page.close()
-
-
-def answers(port: int) -> bool:
-    try:
-        with urllib.request.urlopen(f"http://{HOST}:{port}/readyz", timeout=1):
-            return True
-    except OSError:
-        return False
-
-
-def wait_until(condition, seconds: float = 20.0) -> None:
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "waited in vain"
-        time.sleep(0.1)
-
-
-def click(page, label: str) -> None:
-    page.get_by_role("button", name=label, exact=True).click()
-
-
-def step(page) -> int:
-    return int(page.locator(".swarm-reading b").first.inner_text().replace(",", ""))
-
-
-def rests(page) -> bool:
-    before = step(page)
-    page.wait_for_timeout(400)
-    return step(page) == before
+NAMELESS = """[...document.querySelectorAll("button, input, select, summary, canvas")]
+    .filter((one) => !one.hidden && !one.getAttribute("aria-label") && !one.textContent.trim() && !one.labels?.length)
+    .map((one) => one.outerHTML)"""
+REACHED = "document.activeElement.getAttribute('aria-label') ?? document.activeElement.textContent"
+HALL = b'<svg xmlns="http://www.w3.org/2000/svg" width="800" height="600"><circle cx="400" cy="300" r="80"/></svg>'
 
 
 def seconds_of_processor(process) -> float:
@@ -105,64 +20,212 @@ def seconds_of_processor(process) -> float:
     return sum(map(int, ticks)) / 100
 
 
-def test_it_plays_pauses_steps_and_resets_without_a_word_to_the_outside(page):
-    click(page, "Play")
-    wait_until(lambda: step(page) > 20)
-    click(page, "Pause")
-    wait_until(lambda: rests(page))
-    before = step(page)
-    click(page, "Step")
-    wait_until(lambda: step(page) == before + 1)
-    click(page, "Reset")
-    wait_until(lambda: step(page) == 0)
-    assert {urlsplit(url).hostname for url in page.requests if not url.startswith(("data:", "blob:"))} == {HOST}
-    assert page.complaints == []
+def choose_model(visitor, name: str) -> None:
+    visitor.press("Models")
+    visitor.page.locator(".swarm-card").filter(has_text=name.replace("_", " ").capitalize()).click()
+    visitor.page.wait_for_function(f"location.search.includes('model={name}')")
+    visitor.wait_for_step(0)
 
 
-def test_everything_is_in_sight_on_a_small_laptop(page):
-    for selector in (".swarm-world svg", ".swarm-buttons", ".swarm-bar"):
+def hand_over(visitor, name: str, content: bytes) -> None:
+    file = {"name": name, "mimeType": "image/svg+xml", "buffer": content}
+    visitor.page.set_input_files(".swarm-panel input[type=file]", file)
+
+
+def test_every_model_of_the_gallery_plays_pauses_steps_and_resets(visitor):
+    for name in model_names():
+        choose_model(visitor, name)
+        visitor.press("Play")
+        visitor.wait("+player.step > 5")
+        visitor.press("Pause")
+        visitor.wait("player.playing === 'false' && player.fingerprint !== ''")
+        before = visitor.step
+        visitor.press("Step")
+        visitor.wait_for_step(before + 1)
+        visitor.press("Step back")
+        visitor.wait_for_step(before)
+        visitor.press("Reset")
+        visitor.wait_for_step(0)
+
+
+def test_a_seed_that_is_typed_gives_the_same_frames_again_after_a_reset(visitor):
+    seed = visitor.field("seed").locator("input")
+    seed.fill("7")
+    seed.press("Enter")
+    visitor.page.wait_for_selector(".swarm-field[data-name=seed] .swarm-waits")
+    runs = []
+    for _ in range(2):
+        visitor.press("Reset")
+        visitor.wait_for_step(0)
+        frames = []
+        for step in range(1, 6):
+            visitor.press("Step")
+            visitor.wait_for_step(step)
+            frames.append((visitor.about("fingerprint"), visitor.image()))
+        runs.append(frames)
+    assert runs[0] == runs[1]
+    assert len({fingerprint for fingerprint, _ in runs[0]}) == 5
+    assert "seed=7" in visitor.page.url
+
+
+def test_a_link_shows_the_same_state_again(visit):
+    first = visit("?model=flocking&n_robots=30&sight=80.0&seed=11")
+    for step in range(1, 4):
+        first.press("Step")
+        first.wait_for_step(step)
+    first.page.wait_for_function("location.search.includes('step=3')")
+    second = visit(first.page.url.partition("?")[1] + first.page.url.partition("?")[2])
+    second.wait_for_step(3)
+    assert second.about("fingerprint") == first.about("fingerprint")
+    assert second.reading("Robots") == "30"
+
+
+def test_a_link_that_cannot_be_followed_says_why(visit):
+    visitor = visit("?model=fire_fighting&n_robotz=3")
+    assert "did you mean 'n_robots'" in visitor.page.locator(".swarm-trouble").inner_text()
+    visitor.press("Go on without it")
+    visitor.page.wait_for_selector(".swarm-trouble", state="detached")
+
+
+def test_sliders_change_the_run_at_once_or_on_reset_as_they_say(visitor):
+    robots = visitor.field("n_robots")
+    assert robots.locator(".swarm-mark").inner_text() == "on reset"
+    robots.get_by_role("slider").press("ArrowRight")
+    visitor.page.wait_for_selector(".swarm-field[data-name=n_robots] .swarm-waits")
+    assert visitor.reading("Robots at fires").endswith("of 10")
+    visitor.press("Reset")
+    wait_until(lambda: visitor.reading("Robots at fires").endswith("of 11"))
+    visitor.open_group("Fires and heat")
+    k1 = visitor.field("k1")
+    assert k1.locator(".swarm-mark").inner_text() == ""
+    k1.get_by_role("slider").press("End")
+    wait_until(lambda: k1.locator("input[type=text]").input_value() == "0.003")
+    visitor.page.wait_for_function("location.search.includes('k1=0.003')")
+
+
+def test_what_is_impossible_is_said_beside_the_control(visitor):
+    visitor.open_group("Fires and heat")
+    join = visitor.field("join")
+    join.get_by_role("slider").press("End")
+    wait_until(lambda: "expected join below leave" in join.locator(".swarm-fault").inner_text())
+    join.get_by_role("slider").press("Home")
+    join.locator(".swarm-fault").wait_for(state="hidden")
+    robots = visitor.field("n_robots").locator("input[type=text]")
+    robots.fill("20000")
+    robots.press("Enter")
+    wait_until(lambda: "at most 10000" in visitor.field("n_robots").locator(".swarm-fault").inner_text())
+
+
+def test_wished_for_properties_set_the_constants_and_warn_live(visitor):
+    visitor.open_group("Design the constants")
+    visitor.open_group("Fires and heat")
+    visitor.field("robots").get_by_role("slider").press("Home")
+    wait_until(lambda: visitor.page.locator(".swarm-notes .swarm-warning").count() > 0)
+    assert "one robot suffices" in visitor.page.locator(".swarm-warning").first.inner_text()
+    growth = visitor.field("growth_time").get_by_role("slider")
+    growth.press("Home")
+    wait_until(lambda: visitor.field("k1").locator("input[type=text]").input_value() == "0.006931")
+
+
+def test_keys_play_and_step_but_not_while_one_types(visitor):
+    press = visitor.page.keyboard.press
+    press("ArrowRight")
+    visitor.wait_for_step(1)
+    press("ArrowRight")
+    visitor.wait_for_step(2)
+    press("ArrowLeft")
+    visitor.wait_for_step(1)
+    press("r")
+    visitor.wait_for_step(0)
+    press(" ")
+    visitor.wait("player.playing === 'true' && +player.step > 3")
+    press(" ")
+    visitor.wait("player.playing === 'false'")
+    press("r")
+    visitor.wait_for_step(0)
+    seed = visitor.field("seed").locator("input")
+    seed.focus()
+    seed.press("ArrowRight")
+    seed.press(" ")
+    assert (visitor.step, visitor.about("playing")) == (0, "false")
+
+
+def test_a_map_is_uploaded_and_what_is_none_is_said_in_one_line(visit):
+    visitor = visit("?model=boids")
+    visitor.page.set_input_files(
+        ".swarm-panel input[type=file]", {"name": "hall.svg", "mimeType": "image/svg+xml", "buffer": HALL}
+    )
+    wait_until(lambda: visitor.field("map").locator("select").input_value() == "hall")
+    visitor.wait_for_step(0)
+    hand_over(visitor, "hall.svg", b"<svg")
+    wait_until(lambda: visitor.field("map").locator(".swarm-fault").inner_text().startswith("hall.svg: line 1"))
+    hand_over(visitor, "large.svg", b" " * 1_000_001)
+    wait_until(lambda: "expected at most 1,000,000" in visitor.field("map").locator(".swarm-fault").inner_text())
+
+
+def test_a_model_that_cannot_be_built_shows_a_card_with_a_reset_button(visitor):
+    visitor.field("map").locator("select").select_option("sparse")
+    visitor.press("Reset")
+    card = visitor.page.locator(".swarm-trouble")
+    wait_until(lambda: "map sparse has no fires" in card.inner_text())
+    visitor.field("map").locator("select").select_option("openspace_fire")
+    card.get_by_role("button").click()
+    card.wait_for(state="detached")
+    visitor.press("Step")
+    visitor.wait_for_step(1)
+
+
+def test_a_robot_is_selected_by_a_click_and_followed(visit):
+    visitor = visit("?model=boids")
+    follow = visitor.page.get_by_role("button", name="Follow the selected robot")
+    before = visitor.image()
+    follow.click()
+    assert follow.get_attribute("aria-pressed") == "true"
+    assert visitor.image() != before
+    visitor.press("Show the whole map")
+    assert follow.get_attribute("aria-pressed") == "false"
+
+
+def test_everything_is_in_sight_on_a_small_laptop_and_has_a_name(visitor):
+    page = visitor.page
+    for selector in (".swarm-stage canvas", ".swarm-buttons", ".swarm-readings", ".swarm-past", ".swarm-theme"):
         box = page.locator(selector).bounding_box()
-        assert box["x"] >= 0
-        assert box["y"] >= 0
+        assert min(box["x"], box["y"]) >= 0
         assert box["x"] + box["width"] <= 1366
         assert box["y"] + box["height"] <= 768
-    assert page.locator(".swarm-world svg").bounding_box()["height"] > 600
+    assert page.locator(".swarm-stage canvas").bounding_box()["height"] > 550
     assert page.evaluate("document.documentElement.scrollHeight <= innerHeight")
+    nameless = page.evaluate(NAMELESS)
+    assert nameless == []
 
 
-def test_a_slider_changes_the_run_and_the_page_says_what_is_impossible(page):
-    name = page.locator(".swarm-name span").filter(has_text="join")
-    slider = name.locator("xpath=following::*[@role='slider'][1]")
-    slider.press("End")
-    wait_until(lambda: name.inner_text() == "join 999")
-    assert "expected join below leave" in page.locator(".v-alert").inner_text()
-    slider.press("Home")
-    wait_until(lambda: name.inner_text() == "join 0")
-    wait_until(lambda: page.locator(".v-alert").count() == 0)
+def test_everything_is_reached_by_the_tab_key(visitor):
+    page = visitor.page
+    reached = set()
+    for _ in range(60):
+        page.keyboard.press("Tab")
+        reached.add(
+            page.evaluate("document.activeElement.getAttribute('aria-label') ?? document.activeElement.textContent")
+        )
+    assert {"Models", "Play", "Step", "Reset", "Speed", "robots", "strategy", "Random", "Zoom in"} <= reached
 
 
-def test_two_pages_do_not_share_a_model(page, chromium, server):
-    other = chromium.new_page()
-    other.goto(server[1])
-    other.wait_for_selector(".swarm-world svg")
-    click(page, "Step")
-    wait_until(lambda: step(page) == 1)
-    assert step(other) == 0
-    other.close()
-
-
-def test_walls_that_overlap_stay_filled(page):
-    assert page.evaluate(
-        "(() => { const wall = document.querySelector('.obstacle'), point = wall.ownerSVGElement.createSVGPoint();"
-        "point.x = point.y = 10; return wall.isPointInFill(point); })()"
-    )
+def test_play_and_pause_pressed_quickly_leave_it_as_the_last_one_says(visitor):
+    for _ in range(15):
+        visitor.page.keyboard.press(" ")
+    visitor.wait("player.playing === 'true' && +player.step > 3")
+    visitor.page.keyboard.press(" ")
+    visitor.wait("player.playing === 'false' && player.fingerprint !== ''")
+    at_rest = visitor.step
+    visitor.press("Step")
+    visitor.wait_for_step(at_rest + 1)
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processor time is read from /proc, which is missing")
-def test_a_page_that_is_closed_plays_no_more(page, server):
-    click(page, "Play")
-    wait_until(lambda: step(page) > 20)
-    page.close()
+def test_a_page_that_is_closed_plays_no_more(visitor, server):
+    visitor.press("Play")
+    visitor.wait("+player.step > 20")
+    visitor.page.close()
 
     def is_idle() -> bool:
         before = seconds_of_processor(server[0])

@@ -1,0 +1,99 @@
+"""Pages of the dashboard in a real browser, as tests visit them."""
+
+import json
+import socket
+import time
+import urllib.request
+from pathlib import Path
+
+HOST = "127.0.0.1"
+CHROMIUM = Path("/usr/bin/chromium")
+FLAGS = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+LAUNCH = "import sys; from mesa_swarm.dashboard import launch; launch(port=int(sys.argv[1]), open_browser=False)"
+PATIENCE = 30.0
+
+
+def wait_until(condition, seconds: float = PATIENCE) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.05)
+
+
+def free_port() -> int:
+    with socket.socket() as free:
+        free.bind((HOST, 0))
+        return free.getsockname()[1]
+
+
+def answers(port: int) -> bool:
+    try:
+        with urllib.request.urlopen(f"http://{HOST}:{port}/readyz", timeout=1):
+            return True
+    except OSError:
+        return False
+
+
+class Visit:
+    """One user's page."""
+
+    def __init__(self, context, address: str) -> None:
+        self.context, self.page = context, context.new_page()
+        self.asked: list[str] = []
+        self.complaints: list[str] = []
+        page = self.page
+        page.set_default_timeout(PATIENCE * 1000)
+        page.on("request", lambda request: self._note(request.url))
+        page.on("websocket", lambda connection: self._note(connection.url))
+        page.on("console", lambda message: message.type == "error" and self.complaints.append(message.text))
+        page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        page.goto(address)
+        page.wait_for_selector(".swarm-player[data-drawn]")
+
+    def _note(self, url: str) -> None:
+        if not url.startswith(("data:", "blob:")):
+            self.asked.append(url)
+
+    def about(self, name: str) -> str:
+        """Return what the player says of itself: step, drawn, playing, fingerprint."""
+        return self.page.locator(".swarm-player").get_attribute(f"data-{name}")
+
+    @property
+    def step(self) -> int:
+        return int(self.about("step"))
+
+    def wait(self, expression: str) -> None:
+        """Wait until a condition on `player`, the player's data, holds in the page."""
+        player = "document.querySelector('.swarm-player')?.dataset"
+        self.page.wait_for_function(f"(() => {{ const player = {player}; return player && ({expression}); }})()")
+
+    def wait_for_step(self, step: int) -> None:
+        """Wait until this step is shown at rest."""
+        self.wait(f"player.step === '{step}' && player.playing === 'false' && player.fingerprint !== ''")
+
+    def press(self, label: str) -> None:
+        self.page.get_by_role("button", name=label, exact=True).click()
+
+    def field(self, name: str):
+        return self.page.locator(f".swarm-field[data-name={json.dumps(name)}]")
+
+    def open_group(self, title: str) -> None:
+        group = self.page.locator(f"details[data-title={json.dumps(title)}]")
+        if group.get_attribute("open") is None:
+            group.locator("summary").click()
+
+    def reading(self, name: str) -> str:
+        row = self.page.locator(".swarm-readings div").filter(has=self.page.locator("dt", has_text=name))
+        return row.locator("dd").first.inner_text()
+
+    def image(self) -> str:
+        """Return what is drawn, as text."""
+        return self.page.evaluate("document.querySelector('.swarm-stage canvas').toDataURL()")
