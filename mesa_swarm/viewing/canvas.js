@@ -5,6 +5,7 @@
      stage.show(unpacked(world, bytes));  // the same from the bytes of `packed_frame`
      stage.set("sectors", false);         // one of TOGGLES
      stage.theme = "dark";
+     stage.world = another;               // when things that stand still, designs or layers have changed
      stage.fit(); stage.zoom(1.5); stage.follow(id); stage.select(id);
      stage.legend();                      // [{ name, colour }] of the layers that drive robots
      stage.destroy();
@@ -75,7 +76,7 @@ const NARROWEST = 4;
 export function unpacked(world, bytes) {
   const buffer = bytes.buffer ?? bytes;
   let at = bytes.byteOffset ?? 0;
-  if (at % 4) return unpacked(world, bytes.slice());
+  if (at % 4) return unpacked(world, new Uint8Array(buffer, at, bytes.byteLength).slice());
   const [step, robots, sensors, fires, loads, contacts] = new Int32Array(buffer, at, 6);
   const counts = { robots, sensors, fires, loads, contacts };
   const kinds = { f4: Float32Array, i4: Int32Array, i1: Int8Array };
@@ -116,9 +117,7 @@ export class Stage {
     this.#theme = theme;
     this.onSelect = onSelect;
     this.onFollow = onFollow;
-    this.#designs = world.designs.map((design) => ({ ...design, rows: design.sensors.map(sensorRow) }));
-    this.#shapes = world.shapes.map((shape) => ({ path: pathOf(shape), mark: shape.mark }));
-    this.#loads = world.loads.map(pathOf);
+    this.#prepare();
     this.#listen();
     this.#observer = new ResizeObserver(() => this.resize());
     this.#observer.observe(canvas);
@@ -126,6 +125,16 @@ export class Stage {
   }
 
   get world() { return this.#world; }
+  set world(world) {
+    const moved = String(world.bounds) !== String(this.#world.bounds);
+    this.#world = world;
+    this.#frame = this.#still = null;
+    this.#trail = [];
+    this.#prepare();
+    if (moved) this.fit();
+    else this.draw();
+  }
+
   get frame() { return this.#frame; }
   get selected() { return this.#chosen; }
   get followed() { return this.#followed; }
@@ -242,6 +251,13 @@ export class Stage {
 
   get #colours() { return THEMES[this.#theme]; }
   get #pixel() { return 1 / this.#view.scale; }
+
+  #prepare() {
+    const { designs, shapes, loads } = this.#world;
+    this.#designs = designs.map((design) => ({ ...design, rows: design.sensors.map(sensorRow) }));
+    this.#shapes = shapes.map((shape) => ({ path: pathOf(shape), mark: shape.mark }));
+    this.#loads = loads.map(pathOf);
+  }
 
   #look(view) {
     this.#view = view;

@@ -267,9 +267,14 @@ def test_bytes_of_a_live_model_are_drawn_as_they_are(blank):
     sensors, contacts = model.swarm.distance.shape[1], int(model.swarm.collided.sum())
     counts = {"robots": 12, "sensors": sensors, "fires": 7, "loads": 0, "contacts": contacts}
     assert blank.evaluate("frame.counts") == counts
+    shifted = "new DataView(Uint8Array.from([0, ...new Uint8Array(frame.ids.buffer)]).buffer, 1)"
+    assert blank.evaluate(f"[...module.unpacked(stage.world, {shifted}).pose]") == pose.ravel().astype(float).tolist()
     x, y = blank.evaluate("stage.toCanvas(frame.pose[0], frame.pose[1])")
     blank.locator("#world").click(position={"x": x, "y": y})
     assert blank.evaluate("stage.selected") == model.robots[0].unique_id
+    blank.evaluate("stage.world = { ...stage.world, bounds: [0, 0, 100, 100] }")
+    x, y = blank.evaluate("stage.toCanvas(50, 50)")
+    assert (x, y) == (500, 350)
 
 
 def test_a_load_is_drawn_where_it_was_pushed_to(blank, tmp_path):
