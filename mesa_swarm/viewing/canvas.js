@@ -66,6 +66,7 @@ const TAU = 2 * Math.PI;
 const ROBOT = 1;
 // More robots in sight than this are drawn without sectors and the like, and plainer.
 const MOST_DETAILED = 2000;
+const BATCH = 32;
 const TRAIL_POINTS = 48;
 const TRAIL_EVERY = 2;
 // Frames farther apart in time belong to different stretches of the run.
@@ -387,20 +388,18 @@ export class Stage {
 
   #drawSectors(frame, rows) {
     const context = this.#context, width = frame.counts.sensors, { distance, pose } = frame;
-    const blind = new Path2D(), seeing = new Path2D();
+    const blind = new Batch(context, this.#colours.blind), seeing = new Batch(context, this.#colours.seeing);
     for (const i of rows) {
       const x = pose[3 * i], y = pose[3 * i + 1], heading = pose[3 * i + 2];
       const cos = Math.cos(heading), sin = Math.sin(heading), sensors = this.#design(frame, i).rows;
       for (let s = 0; s < sensors.length && s < width; s++) {
         const { mx, my, bearing, half, range } = sensors[s], read = distance[width * i + s];
         const px = x + cos * mx - sin * my, py = y + sin * mx + cos * my;
-        addSector(read >= 0 ? seeing : blind, px, py, read >= 0 ? read : range, heading + bearing, half);
+        addSector((read >= 0 ? seeing : blind).next(), px, py, read >= 0 ? read : range, heading + bearing, half);
       }
     }
-    context.fillStyle = this.#colours.blind;
-    context.fill(blind);
-    context.fillStyle = this.#colours.seeing;
-    context.fill(seeing);
+    blind.fill();
+    seeing.fill();
   }
 
   #drawHeat(frame, rows) {
@@ -689,6 +688,29 @@ function reachOf(design) {
 function disc(path, x, y, r) {
   path.moveTo(x + r, y);
   path.arc(x, y, r, 0, TAU);
+}
+
+/** Many parts in one colour, filled some at a time: thousands in one path take three times as long. */
+class Batch {
+  #context; #colour; #path = new Path2D(); #count = 0;
+
+  constructor(context, colour) {
+    this.#context = context;
+    this.#colour = colour;
+  }
+
+  /** Return the path to which the next part is to be added. */
+  next() {
+    if (this.#count++ === BATCH) this.fill();
+    return this.#path;
+  }
+
+  fill() {
+    this.#context.fillStyle = this.#colour;
+    this.#context.fill(this.#path);
+    this.#path = new Path2D();
+    this.#count = 1;
+  }
 }
 
 function addSector(path, x, y, range, azimuth, half) {
