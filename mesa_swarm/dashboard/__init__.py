@@ -3,8 +3,10 @@
 import os
 import secrets
 import socket
-import sys
+import threading
+import time
 import warnings
+import webbrowser
 from contextlib import suppress
 from importlib.util import find_spec
 
@@ -16,7 +18,9 @@ FIRST = "fire_fighting"
 HOST = "127.0.0.1"
 HERE = (HOST, "localhost", "::1")
 MODEL_VARIABLE = "MESA_SWARM_MODEL"
+TOKEN_VARIABLE = "MESA_SWARM_TOKEN"
 APP = "mesa_swarm.dashboard.app"
+SERVER = "solara.server.starlette:app"
 
 
 def launch(model_name: str = FIRST, port: int = 8765, open_browser: bool = True, host: str = HOST) -> None:
@@ -43,20 +47,35 @@ def launch(model_name: str = FIRST, port: int = 8765, open_browser: bool = True,
     _check_port(host, check_count("port", port, minimum=1, maximum=65535))
     if find_spec("solara") is None:
         raise SwarmError("the dashboard needs Solara; install it with: pip install 'mesa-swarm[dashboard]'")
-    from click import Abort  # noqa: PLC0415 - comes with Solara
-    from solara.__main__ import cli  # noqa: PLC0415 - heavy, and optional
-
     os.environ[MODEL_VARIABLE] = model_name
     # It says so of every plain http page that is not called localhost.
     warnings.filterwarnings("ignore", message="Cookies with samesite=none", category=UserWarning)
-    token = "" if host in HERE else os.environ.get("MESA_SWARM_TOKEN") or secrets.token_urlsafe(24)
+    token = "" if host in HERE else os.environ.get(TOKEN_VARIABLE) or secrets.token_urlsafe(24)
     _stand_guard(token)
-    if token:
-        print(f"mesa-swarm: open http://{socket.gethostname()}:{port}/?token={token}", file=sys.stderr, flush=True)
-    browser = "--open" if open_browser and not token else "--no-open"
-    place = ["--host", host, "--port", str(port), browser]
-    with suppress(Abort):  # Ctrl-C
-        cli(["run", APP, *place, "--production", "--no-check-version"], standalone_mode=False)
+    name = socket.gethostname() if token else f"[{host}]" if ":" in host else host
+    address = f"http://{name}:{port}/" + (f"?token={token}" if token else "")
+    print(f"mesa-swarm: the dashboard is at {address} (Ctrl-C ends it)", flush=True)
+    _serve(host, port, address if open_browser else "")
+
+
+def _serve(host: str, port: int, address: str) -> None:
+    """Serve until Ctrl-C; open the address, if there is one, as soon as it answers."""
+    import uvicorn  # noqa: PLC0415 - comes with Solara
+
+    # Packing frames smaller costs more time than sending them as they are.
+    server = uvicorn.Server(
+        uvicorn.Config(SERVER, host=host, port=port, log_level="warning", ws_per_message_deflate=False)
+    )
+    if address:
+        threading.Thread(target=_open_when_served, args=(server, address), daemon=True).start()
+    with suppress(KeyboardInterrupt):
+        server.run()
+
+
+def _open_when_served(server, address: str) -> None:
+    while not server.started and not server.should_exit:
+        time.sleep(0.1)
+    webbrowser.open(address)
 
 
 def _stand_guard(token: str) -> None:

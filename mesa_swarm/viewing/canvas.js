@@ -66,6 +66,10 @@ const TAU = 2 * Math.PI;
 const ROBOT = 1;
 // More robots in sight than this are drawn without sectors and the like, and plainer.
 const MOST_DETAILED = 2000;
+// More sectors in sight than this, and only those that see something are drawn.
+const MOST_BLIND = 2000;
+// All trails in sight together have so many points: of many robots they are shorter.
+const MOST_TRAIL = 6000;
 const BATCH = 32;
 const TRAIL_POINTS = 48;
 const TRAIL_EVERY = 2;
@@ -378,22 +382,25 @@ export class Stage {
     context.strokeStyle = this.#colours.trail;
     context.lineWidth = 1.6 * this.#pixel;
     context.lineJoin = "bevel";
-    context.beginPath();
-    for (const i of rows) {
+    const first = Math.max(0, trail.length - Math.ceil(MOST_TRAIL / rows.length));
+    rows.forEach((i, k) => {
+      if (k % BATCH === 0) context.beginPath();
       context.moveTo(now[3 * i], now[3 * i + 1]);
-      for (let k = trail.length - 1; k >= 0; k--) context.lineTo(trail[k].pose[3 * i], trail[k].pose[3 * i + 1]);
-    }
-    context.stroke();
+      for (let m = trail.length - 1; m >= first; m--) context.lineTo(trail[m].pose[3 * i], trail[m].pose[3 * i + 1]);
+      if (k % BATCH === BATCH - 1 || k === rows.length - 1) context.stroke();
+    });
   }
 
   #drawSectors(frame, rows) {
     const context = this.#context, width = frame.counts.sensors, { distance, pose } = frame;
+    const all = rows.length * width <= MOST_BLIND;
     const blind = new Batch(context, this.#colours.blind), seeing = new Batch(context, this.#colours.seeing);
     for (const i of rows) {
       const x = pose[3 * i], y = pose[3 * i + 1], heading = pose[3 * i + 2];
       const cos = Math.cos(heading), sin = Math.sin(heading), sensors = this.#design(frame, i).rows;
       for (let s = 0; s < sensors.length && s < width; s++) {
         const { mx, my, bearing, half, range } = sensors[s], read = distance[width * i + s];
+        if (read < 0 && !all) continue;
         const px = x + cos * mx - sin * my, py = y + sin * mx + cos * my;
         addSector((read >= 0 ? seeing : blind).next(), px, py, read >= 0 ? read : range, heading + bearing, half);
       }
