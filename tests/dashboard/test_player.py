@@ -1,0 +1,204 @@
+"""A model that is played: speed, pictures of the past, errors, and threads that stop when they are told to."""
+
+import threading
+import time
+
+import pytest
+
+from mesa_swarm.dashboard.past import Past, Picture
+from mesa_swarm.dashboard.play_loop import AS_FAST_AS_IT_GOES, PlayLoop
+from mesa_swarm.dashboard.player import Player
+from mesa_swarm.models.collision_avoidance import CollisionAvoidance
+from mesa_swarm.models.fire_fighting import FireFighting
+
+
+class Spectator:
+    """A viewer that keeps what it is shown."""
+
+    def __init__(self, ready: bool = True) -> None:
+        self.ready, self.seen = ready, []
+
+    def push(self, number: int, picture: Picture) -> None:
+        self.seen.append((number, picture.step))
+
+
+class Breaks(CollisionAvoidance):
+    """Breaks in its fourth step."""
+
+    def step(self) -> None:
+        if self.steps == 3:
+            raise ZeroDivisionError("nothing left\nto share")
+        super().step()
+
+
+def wait_until(condition, seconds: float = 10.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.005)
+
+
+def players() -> list[threading.Thread]:
+    return [thread for thread in threading.enumerate() if thread.name == "play"]
+
+
+def test_what_is_kept_is_bounded_and_the_oldest_goes_first():
+    past = Past(most_bytes=1000)
+    for step in range(50):
+        past.append(Picture(step, b"x" * 100))
+    assert (len(past), past.first_step, past.last_step, past.shown.step) == (10, 40, 49, 49)
+    past.append(Picture(50, b"x" * 5000))
+    assert len(past) == 2
+
+
+def test_a_picture_replaces_one_of_the_same_step():
+    past = Past()
+    past.append(Picture(0, b"a"))
+    past.append(Picture(0, b"b", fingerprint="mark"))
+    assert (len(past), past.shown.fingerprint) == (1, "mark")
+
+
+@pytest.mark.parametrize("speed", [40.0, 200.0])
+def test_it_plays_as_fast_as_it_is_told(speed):
+    steps = []
+    loop = PlayLoop(lambda stop: steps.append(0) or not stop.is_set(), lambda: None, lambda: None)
+    loop.speed = speed
+    began = time.perf_counter()
+    loop.play()
+    wait_until(lambda: len(steps) >= speed / 2)
+    seconds = time.perf_counter() - began
+    loop.pause()
+    assert seconds == pytest.approx(0.5, rel=0.6)
+
+
+def test_slow_motion_takes_its_first_step_at_once_and_answers_pause_quickly():
+    steps = []
+    loop = PlayLoop(lambda stop: steps.append(0) or not stop.is_set(), lambda: None, lambda: None)
+    loop.speed = 0.5
+    loop.play()
+    wait_until(lambda: len(steps) == 1, 1.0)
+    loop.pause()
+    wait_until(lambda: not players(), 1.0)
+    assert len(steps) == 1
+
+
+def test_play_advances_until_pause_and_tells_the_rate():
+    player = Player(CollisionAvoidance(rng=1))
+    player.loop.speed = AS_FAST_AS_IT_GOES
+    player.play()
+    wait_until(lambda: player.model.steps > 200 and player.loop.rate > 0)
+    player.pause()
+    at_rest = player.model.steps
+    assert (player.playing, player.loop.rate, player.past.shown.step) == (False, 0.0, at_rest)
+    wait_until(lambda: not players())
+    assert player.model.steps == at_rest
+
+
+def test_play_and_pause_in_quick_succession_never_step_after_pause():
+    player = Player(CollisionAvoidance(rng=1))
+    player.loop.speed = AS_FAST_AS_IT_GOES
+    for _ in range(100):
+        player.play()
+        player.pause()
+        at_rest = player.model.steps
+        assert not player.playing
+        assert player.model.steps == at_rest
+    wait_until(lambda: not players())
+
+
+def test_steps_go_back_through_what_is_kept_and_forward_to_the_present():
+    player = Player(CollisionAvoidance(rng=1))
+    for _ in range(3):
+        player.step()
+    marks = [player.past.shown.fingerprint]
+    player.back()
+    player.back()
+    assert (player.past.shown.step, player.model.steps) == (1, 3)
+    player.step()
+    assert (player.past.shown.step, player.model.steps) == (2, 3)
+    player.step()
+    player.step()
+    assert (player.past.shown.step, player.model.steps) == (4, 4)
+    assert player.past.shown.fingerprint not in marks
+
+
+def test_play_from_the_past_goes_on_into_the_present():
+    player = Player(CollisionAvoidance(rng=1))
+    for _ in range(5):
+        player.step()
+    player.look(0)
+    player.play()
+    wait_until(lambda: player.model.steps > 10)
+    player.pause()
+    assert player.past.is_present
+
+
+def test_looking_at_a_run_does_not_change_it():
+    watched, alone = Player(FireFighting(rng=1)), FireFighting(rng=1)
+    for _ in range(30):
+        watched.step()
+    watched.back()
+    assert watched.model.state_hash() == alone.run(30).state_hash()
+
+
+def test_playing_stops_by_itself_when_the_model_is_done():
+    player = Player(FireFighting(initial_temperature=0.01, n_robots=50, rng=1))
+    player.loop.speed = AS_FAST_AS_IT_GOES
+    player.play()
+    wait_until(lambda: not player.playing)
+    assert player.finished
+    assert player.past.shown.readings[0] == ("Fires burning", "0 of 7")
+    steps = player.model.steps
+    player.play()
+    assert not player.playing
+    assert player.model.steps == steps
+
+
+def test_an_error_in_a_step_is_said_and_the_model_left_alone():
+    player = Player(Breaks(rng=1))
+    told = []
+    player.changed.add(lambda: told.append(player.error))
+    player.loop.speed = AS_FAST_AS_IT_GOES
+    player.play()
+    wait_until(lambda: told and told[-1])
+    assert player.error == "ZeroDivisionError: nothing left"
+    wait_until(lambda: not players())
+    player.step()
+    player.play()
+    assert (player.model.steps, player.playing) == (3, False)
+
+
+def test_viewers_that_are_busy_are_not_waited_for_and_see_the_end():
+    player, busy = Player(CollisionAvoidance(rng=1)), Spectator(ready=False)
+    player.add_viewer(busy)
+    player.play()
+    wait_until(lambda: player.model.steps > 5)
+    player.pause()
+    assert busy.seen[-1][1] == player.model.steps
+    assert len(busy.seen) < 5
+    numbers = [number for number, _ in busy.seen]
+    assert numbers == sorted(set(numbers))
+
+
+def test_a_robot_that_is_added_changes_the_world_that_is_drawn():
+    player = Player(CollisionAvoidance(rng=1))
+    before = player.past.shown.world
+    player.step()
+    assert player.past.shown.world is before
+    with player.lock:
+        player.model.remove_robots(list(player.model.robots)[:1])
+    player.step()
+    assert player.past.shown.world is not before
+
+
+def test_closing_lets_go_of_everything():
+    player, spectator = Player(CollisionAvoidance(rng=1)), Spectator()
+    player.add_viewer(spectator)
+    player.play()
+    player.close()
+    seen = len(spectator.seen)
+    wait_until(lambda: not players())
+    player.step()
+    player.play()
+    player.pause()
+    assert (player.model, len(player.past), player.error, len(spectator.seen)) == (None, 0, "", seen)
