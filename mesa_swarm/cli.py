@@ -42,7 +42,9 @@ Folder = Annotated[Path, typer.Option(help="Folder for the table and the picture
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Do what was typed and exit with status 0, 1 if `verify` finds a difference, 2 for an error, 130 after Ctrl-C.
+    """Do what was typed and exit with status 0, 2 for an error, 130 after Ctrl-C.
+
+    With 1 if `verify` finds a difference, or a run of a job fails.
 
     Parameters
     ----------
@@ -153,15 +155,17 @@ def run(
         int | None, typer.Option(min=0, max=2**63 - 1, help="Seed; the same one gives the same run; 1 unless given.")
     ] = None,
     record: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write every step to this file, such as run.arrow.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Write every step to it; {seed} and {name} are filled in."),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace FILE if it exists.")] = False,
     quiet: Quiet = False,
 ) -> None:
     """Run a model, or the runs of a job file; print the results and final fingerprint of each."""
     if model.lower().endswith(JOB):
-        _refuse_beside_job({"--set": setting, "--steps": steps, "--rng": rng, "--record": record})
-        _work("job_commands").run(model, progress=not quiet)
+        _refuse_beside_job({"--set": setting, "--steps": steps, "--rng": rng})
+        if not _work("job_commands").run(model, progress=not quiet, record=record, force=force):
+            raise typer.Exit(DIFFERENT)
         return
     check_choice("model", model, model_names())
     steps, rng = 3000 if steps is None else steps, 1 if rng is None else rng
@@ -191,10 +195,18 @@ def sweep(
     *,
     jobs: Annotated[int, typer.Option(min=-1, max=1024, help="Processes at a time, -1 for one on each core.")] = -1,
     out: Annotated[Path | None, typer.Option(help="Folder of the results; by default results/JOB.")] = None,
+    record: Annotated[bool, typer.Option("--record", help="Record every run, to recordings/ in that folder.")] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Only say how many runs there are, and how many are done.")
+    ] = False,
     quiet: Quiet = False,
 ) -> None:
     """Do all runs of a job file; go on where an earlier call was interrupted."""
-    _work("job_commands").sweep(job, jobs=jobs, out=out, progress=not quiet)
+    work = _work("job_commands")
+    if dry_run:
+        work.plan(job, out=out, record=record)
+        return
+    work.sweep(job, jobs=jobs, out=out, record=record, progress=not quiet)
 
 
 @app.command()

@@ -2,7 +2,8 @@
 
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from hashlib import blake2b
 from importlib.metadata import version
@@ -154,8 +155,25 @@ def checked_seeds(seeds: object) -> Sequence[int]:
     return listed
 
 
-def carried_out(model_class: type, task: Task) -> Outcome:
+def carried_out(
+    model_class: type,
+    task: Task,
+    observed: Callable[[Any], AbstractContextManager] = nullcontext,
+    progress: bool = False,
+    beyond: tuple[type[Exception], ...] = (),
+) -> Outcome:
     """Do one run; an error of the model is an outcome too.
+
+    Parameters
+    ----------
+    model_class : type
+    task : Task
+    observed : callable
+        Called with the model; what it returns is entered while the model runs, such as a recorder.
+    progress : bool
+        Whether to show a bar of its steps.
+    beyond : tuple of exception classes
+        These are raised: they are no fault of the run.
 
     Examples
     --------
@@ -165,10 +183,14 @@ def carried_out(model_class: type, task: Task) -> Outcome:
     'InvalidValueError: n_robots is -1; expected a whole number at least 0 and at most 2147483647'
     """
     try:
-        model = model_class(**task.settings, rng=task.rng).run(task.steps)
+        model = model_class(**task.settings, rng=task.rng)
+        with observed(model):
+            model.run(task.steps, progress=progress)
         check_results(model_class, model)
         results = {name: None if value is None else float(value) for name, value in model.results().items()}
         return Outcome(model.steps, model.state_hash(), results)
+    except beyond:
+        raise
     except (Exception, SystemExit) as error:
         return Outcome(error=error_in_words(error))
 
@@ -218,7 +240,7 @@ def _checked_settings(model_class: type, settings: Mapping[str, Any]) -> dict[st
 
 def _check_measures(experiment: Experiment) -> None:
     """Refuse results that are unknown, not numbers, or named as a column of the table already is."""
-    model = _first_built(experiment)
+    model = first_built(experiment)
     check_results(experiment.model_class, model)
     results = model.results()
     for name in experiment.measure:
@@ -227,7 +249,7 @@ def _check_measures(experiment: Experiment) -> None:
         raise InvalidValueError(f"result {name!r} is named as another column; rename it in results()")
 
 
-def _first_built(experiment: Experiment):
+def first_built(experiment: Experiment):
     """Return the model at the first point at which it can be built: others may fail, and are recorded so."""
     first_error = None
     for point in islice(experiment.points, POINTS_TRIED):
