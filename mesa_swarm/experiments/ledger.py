@@ -4,6 +4,7 @@ import json
 import os
 from array import array
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from threading import Lock
@@ -79,13 +80,17 @@ class Ledger:
             return self._place(key) is not None
 
     def append(self, key: str, outcome: Outcome) -> None:
-        """Write down what came of a run, and wait until the disk has it."""
+        """Write down what came of a run, and wait until the disk has it.
+
+        Raises
+        ------
+        InvalidValueError
+            If the disk does not take it. Nothing of it is left then.
+        """
         text = json.dumps({"key": key, **asdict(outcome)}, ensure_ascii=False).encode()
         with self._lock:
             place = self._file.seek(0, os.SEEK_END)
-            self._file.write(b"%08x %s\n" % (crc32(text), text))
-            self._file.flush()
-            os.fsync(self._file.fileno())
+            self._put(b"%08x %s\n" % (crc32(text), text), place)
             self._late.setdefault(bytes.fromhex(key), place)
             if len(self._late) > max(1024, len(self._keys) // 8):
                 self._sort_in()
@@ -101,6 +106,20 @@ class Ledger:
         if kept is None:
             raise InvalidValueError(f"{self.path} was changed while it was read; run the sweep again")
         return Outcome(**{name: value for name, value in kept.items() if name != "key"})
+
+    def _put(self, line: bytes, place: int) -> None:
+        """Write past the file's buffer, which would keep what the disk does not take and try again when closed."""
+        left = memoryview(line)
+        try:
+            while left:
+                left = left[os.write(self._file.fileno(), left) :]
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            with suppress(OSError):  # a torn line is cut off when the ledger is next opened
+                os.truncate(self.path, place)
+            raise InvalidValueError(
+                f"{self.path} cannot be written: {error.strerror}; runs before are kept, make room and sweep again"
+            ) from None
 
     def _place(self, key: str) -> int | None:
         wanted = bytes.fromhex(key)

@@ -105,7 +105,10 @@ def recorded(model: ObservedWorld, path: Path, options: Mapping[str, Any], overw
     ...     [file.name for file in Path(home, "runs").iterdir()]
     ['1.arrow']
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RecordingError(f"{path.parent} cannot be made: {error.strerror}; choose another place") from None
     with model.record(path, **options, overwrite=overwrite):
         yield
 

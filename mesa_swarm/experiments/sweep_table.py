@@ -11,6 +11,7 @@ from typing import Any
 import pyarrow as pa
 from pyarrow import parquet
 
+from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.experiments.experiment import Experiment, Outcome, Task, shown_value
 from mesa_swarm.experiments.ledger import Ledger
 from mesa_swarm.experiments.run_records import Archive
@@ -33,6 +34,11 @@ def write_table(experiment: Experiment, ledger: Ledger, path: Path, archive: Arc
         Of the Parquet file. Columns: the parameters that are set, `rng`, `steps`, `state_hash`, the results, `error`.
     archive : Archive, optional
         If there is one, `recording` names each run's file in it.
+
+    Raises
+    ------
+    InvalidValueError
+        If it cannot be written. The runs are in the ledger, and are not done again.
     """
     schema = _schema(experiment, ledger)
     if archive is not None:
@@ -44,6 +50,9 @@ def write_table(experiment: Experiment, ledger: Ledger, path: Path, archive: Arc
                 writer.write_table(pa.Table.from_pylist(rows, schema=schema))
         _sync(draft)
         os.replace(draft, path)
+    except OSError as error:
+        reason = os.strerror(error.errno) if error.errno else error  # Arrow's own text is a long one
+        raise InvalidValueError(f"{path} cannot be written: {reason}; make room and sweep again") from None
     finally:
         with suppress(OSError):
             draft.unlink(missing_ok=True)

@@ -66,7 +66,12 @@ class SealedWriter:
         self._last_seal = b""
         self._file = _opened(path, overwrite)
         self.sealed = Sealed(0, 0)
-        self._append(_stream_of(schema), 0, 0)
+        try:
+            self._append(_stream_of(schema), 0, 0)
+        except RecordingError:
+            self._file.close()
+            path.unlink()  # an empty file would stand in the way of the next attempt
+            raise
 
     @property
     def closed(self) -> bool:
