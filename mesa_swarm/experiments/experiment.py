@@ -10,13 +10,11 @@ from itertools import islice
 from typing import Any
 
 from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, check_count, shortened
-from mesa_swarm.experiments.plan import DEFAULT_STEPS, MOST_SEEDS, MOST_STEPS, check_results
+from mesa_swarm.experiments.plan import DEFAULT_STEPS, MOST_STEPS, check_results, checked_seeds
 from mesa_swarm.experiments.sampling import Sample, grid
 from mesa_swarm.parameters import parameters_of
 from mesa_swarm.world.map import Map, builtin_maps
 
-# Seeds are told apart as floats are, in tables and in TOML of other programs.
-LARGEST_SEED = 2**53 - 1
 MOST_RUNS = 100_000_000
 LONGEST_ERROR = 500
 # So many points may be impossible before an experiment is refused as a whole.
@@ -135,23 +133,6 @@ def checked_experiment(
     check_count("number of runs", len(experiment), minimum=1, maximum=MOST_RUNS)
     _check_measures(experiment)
     return experiment
-
-
-def checked_seeds(seeds: object) -> Sequence[int]:
-    """Return seeds 1, 2, ... for a number of them, or those of a list.
-
-    Examples
-    --------
-    >>> list(checked_seeds(3)), checked_seeds([7, 5])
-    ([1, 2, 3], (7, 5))
-    """
-    if isinstance(seeds, (str, bytes)) or not isinstance(seeds, Sequence):
-        return range(1, 1 + check_count("seeds", seeds, minimum=1, maximum=MOST_SEEDS))
-    listed = tuple(check_count("seeds", seed, maximum=LARGEST_SEED) for seed in seeds)
-    check_count("number of seeds", len(listed), minimum=1, maximum=MOST_SEEDS)
-    if len(set(listed)) < len(listed):
-        raise InvalidValueError(f"seeds is {shortened(seeds)}; expected different ones")
-    return listed
 
 
 def carried_out(model_class: type, task: Task) -> Outcome:
