@@ -191,10 +191,11 @@ def sweep(
     *,
     jobs: Annotated[int, typer.Option(min=-1, max=1024, help="Processes at a time, -1 for one on each core.")] = -1,
     out: Annotated[Path | None, typer.Option(help="Folder of the results; by default results/JOB.")] = None,
+    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Do runs again that ended in an error.")] = False,
     quiet: Quiet = False,
 ) -> None:
     """Do all runs of a job file; go on where an earlier call was interrupted."""
-    _work("job_commands").sweep(job, jobs=jobs, out=out, progress=not quiet)
+    _work("job_commands").sweep(job, jobs=jobs, out=out, progress=not quiet, retry_failed=retry_failed)
 
 
 @app.command()

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FixedLocator, MaxNLocator, StrMethodFormatter
 
 from mesa_swarm.experiments.pictures import COOL, HOT, INK
-from mesa_swarm.experiments.statistics import Interval, bootstrap_mean, pair_differences, summarised
+from mesa_swarm.experiments.statistics import TIME, Interval, bootstrap_mean, pair_differences, summarised
 
 PAIR = "#8a8a8a"
 # Of a screen that is shown to a class: 16 to 9, letters that can be read from the last row.
@@ -19,6 +19,8 @@ TITLE, TEXT = 17, 14
 MOST_ROWS = 12
 # Half the width over which the pairs of one value are spread, as a part of the way to the next value.
 SPREAD = 0.28
+# How far beside its runs a mean stands, likewise; and how far beyond all numbers what has none, as a part of them.
+ASIDE, LANE = 0.14, 0.12
 
 
 def main_measure(comparison) -> str:
@@ -36,7 +38,8 @@ def comparison_figure(comparison, measures: Sequence[str]) -> Figure:
     """Return a figure with a row for each measure: on the left all runs, on the right differences on the same seed.
 
     A thin line is a seed. Rings are means, and bars their 95 % intervals, beside the runs and not upon them. An
-    interval of the differences that does not meet the line at 0 is drawn in orange.
+    interval of the differences that does not meet the line at 0 is drawn in orange. Times that never came stand on a
+    dotted line beyond all others.
 
     Parameters
     ----------
@@ -59,37 +62,79 @@ def comparison_figure(comparison, measures: Sequence[str]) -> Figure:
 
 def _draw_runs(axes: Axes, comparison, measure: str) -> None:
     """Draw every run, those of one seed joined, and the mean under each value."""
-    values = comparison.plan.values
-    places = places_of(values)
-    columns = np.array([_numbers(comparison.column(value, measure)) for value in values])
-    faint = min(0.8, 8 / max(columns.shape[1], 1) + 0.12)
-    axes.plot(places, columns, "-", color=PAIR, linewidth=0.8, alpha=faint)
-    axes.plot(places, columns, "o", color=PAIR, markersize=4, alpha=faint)
-    aside = _aside(places)
-    for i, (place, value) in enumerate(zip(places, values, strict=True)):
-        mean = summarised(comparison.column(value, measure)).mean
-        _draw_interval(axes, place + (aside if i else -aside), mean, COOL)
+    plan = comparison.plan
+    places = places_of(plan.values)
+    columns = np.array([_numbers(comparison.column(value, measure)) for value in plan.values])
+    if measure.endswith(TIME) and np.isnan(columns).any():
+        lane = _lane(columns, 1)
+        columns = np.where(np.isnan(columns), lane, columns)
+        _name_lane(axes, lane, f"not by step {plan.steps:,}")
+    faint = min(0.8, 8 / columns.shape[1] + 0.12)
+    axes.plot(places, columns, "o-", color=PAIR, linewidth=0.8, markersize=5, alpha=faint)
+    nearest = float(np.diff(np.sort(places)).min())
+    for i, (place, value) in enumerate(zip(places, plan.values, strict=True)):
+        aside = ASIDE * nearest * (1 if i else -1)  # the first to the left, where no lines are
+        _draw_interval(axes, place + aside, summarised(comparison.column(value, measure)).mean, COOL)
+    axes.set_xlim(places.min() - 0.3 * nearest, places.max() + 0.3 * nearest)
     axes.set_title(_wrapped(measure), fontsize=TEXT)
-    _label_values(axes, comparison, measure, places, values)
+    _label_values(axes, comparison, measure, places, plan.values)
 
 
 def _draw_differences(axes: Axes, comparison, measure: str) -> None:
     """Draw the difference of every pair, and their mean, under each value but the first."""
     first, *others = comparison.plan.values
-    places = places_of(comparison.plan.values)[1:]
-    reach = SPREAD * (np.diff(places_of(comparison.plan.values)).min())
+    everywhere = places_of(comparison.plan.values)
+    reach = SPREAD * float(np.diff(np.sort(everywhere)).min())
     base = comparison.column(first, measure)
+    pairs = {value: _pairs(base, comparison.column(value, measure), measure) for value in others}
+    axes.yaxis.set_major_locator(MaxNLocator(6))
+    _name_lanes(axes, pairs, first)
+    lanes = [_lane(np.concatenate([[0.0], *pairs.values()]), side) for side in (-1, 1)]
     axes.axhline(0, color=INK, linewidth=1.2)
-    for place, value in zip(places, others, strict=True):
-        differences = np.sort(pair_differences(base, comparison.column(value, measure)))
-        axes.plot(place + spread_out(len(differences), reach), differences, "o", color=PAIR, markersize=5, alpha=0.7)
-        mean = bootstrap_mean(differences)
+    for place, (value, differences) in zip(everywhere[1:], pairs.items(), strict=True):
+        heights = np.clip(differences, *lanes)
+        axes.plot(place + spread_out(len(heights), reach), heights, "o", color=PAIR, markersize=6, alpha=0.7)
+        mean = bootstrap_mean(pair_differences(base, comparison.column(value, measure)))
         _draw_interval(axes, place + 1.5 * reach, mean, HOT if mean.excludes_zero else COOL)
+    axes.set_xlim(everywhere[1:].min() - 2 * reach, everywhere[1:].max() + 2.5 * reach)
     axes.set_title(f"minus {comparison.plan.parameter} {first}, on the same seed", fontsize=TEXT)
-    axes.margins(x=0.15)
-    low, high = places[0] - 2 * reach, places[-1] + 2.5 * reach
-    axes.set_xlim(low, high)
-    _label_values(axes, comparison, measure, places, others, paired=True)
+    _label_values(axes, comparison, measure, everywhere[1:], others, paired=True)
+
+
+def _pairs(base: Sequence[float | None], column: Sequence[float | None], measure: str) -> np.ndarray:
+    """Return the differences in rising order; of times infinite ones too, where one of the two never came."""
+    differences = np.array(pair_differences(base, column), float)
+    if measure.endswith(TIME):
+        never = [(a is None) - (b is None) for a, b in zip(base, column, strict=True)]
+        differences = np.concatenate([differences, [-np.inf * side for side in never if side]])
+    return np.sort(differences)
+
+
+def _name_lanes(axes: Axes, pairs: dict[Any, np.ndarray], first: Any) -> None:
+    """Say where the pairs are of which one never came."""
+    together = np.concatenate([[0.0], *pairs.values()])
+    other = next(iter(pairs)) if len(pairs) == 1 else "this"
+    for side, never in ((-1, first), (1, other)):
+        if (together == side * np.inf).any():
+            _name_lane(axes, _lane(together, side), f"never with {never}")
+    if not np.isfinite(together[1:]).any():
+        axes.yaxis.set_major_locator(FixedLocator([0]))
+        axes.text(0.5, 0.6, "on no seed with both", transform=axes.transAxes, ha="center", fontsize=TEXT)
+
+
+def _lane(numbers: np.ndarray, side: int) -> float:
+    """Return where to draw what has no number: beyond all that have one."""
+    finite = numbers[np.isfinite(numbers)]
+    low, high = (finite.min(), finite.max()) if finite.size else (0.0, 1.0)
+    beyond = LANE * ((high - low) or 1.0)
+    return float(high + beyond if side > 0 else low - beyond)
+
+
+def _name_lane(axes: Axes, lane: float, text: str) -> None:
+    axes.axhline(lane, color=INK, linewidth=0.8, linestyle=":")
+    above = ("axes fraction", "data")
+    axes.annotate(text, (0.5, lane), (0, 6), above, "offset points", ha="center", fontsize=TEXT - 2)
+    axes.margins(y=0.12)
 
 
 def places_of(values: Sequence[Any]) -> np.ndarray:
@@ -122,11 +167,6 @@ def spread_out(n: int, reach: float) -> np.ndarray:
     return np.linspace(-reach, reach, n) if n > 1 else np.zeros(n)
 
 
-def _aside(places: np.ndarray) -> float:
-    """Return how far beside the runs a mean is drawn."""
-    return 0.12 * float(np.diff(places).min())
-
-
 def _draw_interval(axes: Axes, place: float, interval: Interval, colour: str) -> None:
     if np.isnan(interval.estimate):
         return
@@ -145,7 +185,7 @@ def _label_values(
     axes.set_xticks(places, labels, **turned)
     axes.set_xlabel(plan.parameter, fontsize=TEXT)
     axes.tick_params(labelsize=TEXT - 2)
-    axes.yaxis.set_major_locator(MaxNLocator(6))
+    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:,.6g}"))
     axes.spines[["top", "right"]].set_visible(False)
 
 
@@ -153,7 +193,7 @@ def _count(comparison, measure: str, value: Any, paired: bool) -> str:
     column = comparison.column(value, measure)
     first = comparison.column(comparison.plan.values[0], measure)
     n = len(pair_differences(first, column)) if paired else sum(number is not None for number in column)
-    return f"\nin {n} of {len(column)}" if n < len(column) else ""
+    return f"\n{n} of {len(column)} {'pairs' if paired else 'runs'}" if n < len(column) else ""
 
 
 def _numbers(column: Sequence[float | None]) -> list[float]:

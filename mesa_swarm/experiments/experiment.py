@@ -12,6 +12,7 @@ from typing import Any
 from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, check_count, shortened
 from mesa_swarm.experiments.plan import DEFAULT_STEPS, MOST_STEPS, check_results, checked_seeds
 from mesa_swarm.experiments.sampling import Sample, grid
+from mesa_swarm.experiments.source import source_hash
 from mesa_swarm.parameters import parameters_of
 from mesa_swarm.world.map import Map, builtin_maps
 
@@ -61,6 +62,7 @@ class Experiment:
     steps: int
     measure: tuple[str, ...] = ()
     name: str = "run"
+    source: str = ""
 
     def __len__(self) -> int:
         """Count the runs."""
@@ -74,11 +76,11 @@ class Experiment:
                 yield Task(self.key(settings, rng), settings, rng, self.steps)
 
     def key(self, settings: Mapping[str, Any], rng: int) -> str:
-        """Return the fingerprint of all that decides a run: model, version, every parameter, seed and steps."""
+        """Return the fingerprint of all that decides a run: model, source, version, parameters, seed and steps."""
         defaults = {name: parameter.default for name, parameter in parameters_of(self.model_class).items()}
         place = f"{self.model_class.__module__}:{self.model_class.__qualname__}"
         parameters = {name: shown_value(value) for name, value in {**defaults, **settings}.items()}
-        said = [place, version("mesa-swarm"), parameters, rng, self.steps]
+        said = [place, self.source, version("mesa-swarm"), parameters, rng, self.steps]
         return blake2b(json.dumps(said, sort_keys=True, default=repr).encode(), digest_size=16).hexdigest()
 
     @property
@@ -129,7 +131,9 @@ def checked_experiment(
         raise InvalidValueError(f"{both} is set and varied at once; leave one out")
     default = getattr(model_class, "steps_to_compare", DEFAULT_STEPS)
     steps = check_count("steps", default if steps is None else steps, minimum=1, maximum=MOST_STEPS)
-    experiment = Experiment(model_class, fixed, points, checked_seeds(seeds), steps, tuple(measure), name)
+    experiment = Experiment(
+        model_class, fixed, points, checked_seeds(seeds), steps, tuple(measure), name, source_hash(model_class)
+    )
     check_count("number of runs", len(experiment), minimum=1, maximum=MOST_RUNS)
     _check_measures(experiment)
     return experiment

@@ -82,9 +82,10 @@ def _difference(comparison, measure: str, low: Any, high: Any) -> str:
     mean = bootstrap_mean(differences)
     larger, seeds = superiority(*columns, times=measure.endswith(TIME))
     times = "later" if measure.endswith(TIME) else "larger"
+    share = f"{100 * larger.estimate:.0f} % of {seeds} seeds ({percent(larger)})"
     return (
-        f"a difference of {in_words(mean)} over {len(differences)} paired seeds, {times} with {high} on "
-        f"{percent(larger)} of {seeds}: {_verdict(len(differences), mean.excludes_zero)}"
+        f"a difference of {in_words(mean)} over {len(differences)} paired seeds, {times} with {high} on {share}: "
+        f"{_verdict(len(differences), mean.excludes_zero)}"
     )
 
 

@@ -35,14 +35,14 @@ def run(path: str, *, progress: bool) -> None:
         raise InvalidValueError(f"{failed} of {len(queue)} runs ended in an error; see above")
 
 
-def sweep(path: str, *, jobs: int, out: Path | None, progress: bool) -> None:
+def sweep(path: str, *, jobs: int, out: Path | None, progress: bool, retry_failed: bool = False) -> None:
     """Do all runs of a job on several processes, each experiment in a folder of its own, and print the paths."""
     job = read_job(path)
     folder = check_writable(out or Path("results", job.name))
     workers = checked_jobs(jobs)
     for experiment in job.experiments:
         home = folder if len(job.experiments) == 1 else folder / experiment.name
-        made = run_experiment(experiment, home, workers, progress)
+        made = run_experiment(experiment, home, workers, progress, retry_failed)
         before = f", {made.done_before:,} of them before" if made.done_before else ""
         failed = f", {made.failed:,} ended in an error" if made.failed else ""
         print(f"{made.path}: {made.runs:,} runs{before}{failed}", flush=True)

@@ -170,7 +170,7 @@ def expanded(n: int, confidence: float = CONFIDENCE) -> float:
     Examples
     --------
     >>> round(expanded(10), 4), round(expanded(1000), 4)
-    (0.9829, 0.9503)
+    (0.9829, 0.9504)
     """
     return 1 - 2 * float(ndtr(-math.sqrt(n / (n - 1)) * stdtrit(n - 1, 0.5 + confidence / 2)))
 

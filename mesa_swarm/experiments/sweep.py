@@ -16,6 +16,7 @@ from mesa_swarm.experiments.ledger import Ledger
 from mesa_swarm.experiments.pool import WorkerDiedError, is_remote, on_all
 from mesa_swarm.experiments.sampling import Sample
 from mesa_swarm.experiments.sweep_table import write_table
+from mesa_swarm.gallery import find_model
 from mesa_swarm.progress import progress_bar
 
 LEDGER = "ledger.jsonl"
@@ -47,7 +48,7 @@ class Sweep:
 
 
 def sweep(
-    model_class: type,
+    model: type | str,
     varied: Mapping[str, Sequence] | Sample | Sequence[Mapping] = (),
     *,
     seeds: int | Sequence[int] = 30,
@@ -57,18 +58,19 @@ def sweep(
     out: str | os.PathLike[str] = "results",
     jobs: int = -1,
     progress: bool = False,
+    retry_failed: bool = False,
 ) -> Sweep:
     """Run a model at every point of a grid or sample with every seed, and write a table of what came of it.
 
     Each finished run is on the disk before the next is waited for. A sweep that was interrupted, or whose process
     or workers were killed, goes on where it was when it is called again with the same folder; runs that another
     sweep has done there are not done again. A run that ends in an error is recorded with it. A run whose worker
-    dies is tried again, three times in all.
+    dies is tried again, three times in all. Runs of code that was changed since are other runs (`source_hash`).
 
     Parameters
     ----------
-    model_class, varied, seeds, steps, settings, measure
-        See `checked_experiment`.
+    model, varied, seeds, steps, settings, measure
+        See `checked_experiment`; the model may be the name of one of the gallery.
     out : path
         Folder of the ledger and the table.
     jobs : int
@@ -76,6 +78,8 @@ def sweep(
         `joblib.parallel_config(backend="dask")` the workers of the cluster do the work.
     progress : bool
         Whether to show a bar with the time left, in a terminal or notebook.
+    retry_failed : bool
+        Whether to do again what ended in an error before.
 
     Raises
     ------
@@ -98,18 +102,20 @@ def sweep(
     Examples
     --------
     >>> import tempfile
-    >>> from mesa_swarm.gallery import find_model
     >>> with tempfile.TemporaryDirectory() as home:
-    ...     made = sweep(find_model("fire_fighting"), {"n_robots": [2, 3]}, seeds=2, steps=5, out=home, jobs=1)
+    ...     made = sweep("fire_fighting", {"n_robots": [2, 3]}, seeds=2, steps=5, out=home, jobs=1)
     ...     made.runs, made.failed, made.frame()["n_robots"].tolist()
     (4, 0, [2, 2, 3, 3])
     """
     workers = checked_jobs(jobs)
+    model_class = find_model(model) if isinstance(model, str) else model
     experiment = checked_experiment(model_class, varied, seeds=seeds, steps=steps, settings=settings, measure=measure)
-    return run_experiment(experiment, check_writable(out), workers, progress)
+    return run_experiment(experiment, check_writable(out), workers, progress, retry_failed)
 
 
-def run_experiment(experiment: Experiment, folder: Path, workers: int = 1, progress: bool = False) -> Sweep:
+def run_experiment(
+    experiment: Experiment, folder: Path, workers: int = 1, progress: bool = False, retry_failed: bool = False
+) -> Sweep:
     """Do what is left of an experiment, and write its table.
 
     Parameters
@@ -119,9 +125,9 @@ def run_experiment(experiment: Experiment, folder: Path, workers: int = 1, progr
         Of the ledger and the table.
     workers : int
         Processes, from `checked_jobs`.
-    progress : bool
+    progress, retry_failed : bool
     """
-    with Ledger(folder / LEDGER) as ledger:
+    with Ledger(folder / LEDGER, retry_failed=retry_failed) as ledger:
         before = sum(task.key in ledger for task in experiment.tasks())
         with progress_bar(len(experiment), "runs", progress) as bar:
             bar.initial = bar.n = before
