@@ -209,6 +209,26 @@ def test_a_worker_that_dies_is_replaced_and_no_run_is_lost(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_sweep_adds_less_than_20_ms_to_a_run(tmp_path, jobs):
+    sweep(FIRE, seeds=4, steps=30, out=tmp_path / "warm", jobs=jobs)  # starts workers, loads kernels
+
+    def seconds(work):
+        start = time.perf_counter()
+        work()
+        return time.perf_counter() - start
+
+    runs = 100
+    rounds = []
+    for i in range(3):  # the machine may be busy: of three rounds the best counts
+        bare = seconds(lambda: [FIRE(rng=rng).run(30).results() for rng in range(1, runs + 1)])
+        swept = seconds(lambda i=i: sweep(FIRE, seeds=runs, steps=30, out=tmp_path / str(i), jobs=jobs))
+        rounds.append((swept - bare) / runs)
+    print(f"{jobs} jobs: {[f'{1000 * extra:.2f}' for extra in rounds]} ms a run")
+    assert min(rounds) < 0.020
+
+
+@pytest.mark.slow
 def test_a_run_that_always_kills_its_worker_is_recorded_and_the_rest_goes_on(tmp_path):
     settings = {"diary": str(tmp_path / "diary")}
     made = sweep(Dying, seeds=4, steps=1, settings=settings, out=tmp_path, jobs=2)
