@@ -4,6 +4,7 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from hashlib import blake2b
 from importlib.metadata import version
 from itertools import islice
@@ -80,7 +81,7 @@ class Experiment:
         defaults = {name: parameter.default for name, parameter in parameters_of(self.model_class).items()}
         place = f"{self.model_class.__module__}:{self.model_class.__qualname__}"
         parameters = {name: shown_value(value) for name, value in {**defaults, **settings}.items()}
-        said = [place, self.source, version("mesa-swarm"), parameters, rng, self.steps]
+        said = [place, self.source, _version(), parameters, rng, self.steps]
         return blake2b(json.dumps(said, sort_keys=True, default=repr).encode(), digest_size=16).hexdigest()
 
     @property
@@ -181,6 +182,12 @@ def shown_value(value: object) -> object:
     if not isinstance(value, Map):
         return value
     return f"{value.name} ({blake2b(value.to_toml().encode(), digest_size=8).hexdigest()})"
+
+
+@cache
+def _version() -> str:
+    """Return ours; looking it up takes a millisecond, and each run asks several times."""
+    return version("mesa-swarm")
 
 
 def _points(model_class: type, varied: Mapping | Sample | Sequence[Mapping]) -> Sequence[Mapping]:
