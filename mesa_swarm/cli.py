@@ -199,6 +199,7 @@ def sweep(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Only say how many runs there are, and how many are done.")
     ] = False,
+    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Do runs again that ended in an error.")] = False,
     quiet: Quiet = False,
 ) -> None:
     """Do all runs of a job file; go on where an earlier call was interrupted."""
@@ -206,7 +207,7 @@ def sweep(
     if dry_run:
         work.plan(job, out=out, record=record)
         return
-    work.sweep(job, jobs=jobs, out=out, record=record, progress=not quiet)
+    work.sweep(job, jobs=jobs, out=out, record=record, progress=not quiet, retry_failed=retry_failed)
 
 
 @app.command()

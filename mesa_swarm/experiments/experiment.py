@@ -5,19 +5,19 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
+from functools import cache
 from hashlib import blake2b
 from importlib.metadata import version
 from itertools import islice
 from typing import Any
 
 from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, check_count, shortened
-from mesa_swarm.experiments.plan import DEFAULT_STEPS, MOST_SEEDS, MOST_STEPS, check_results
+from mesa_swarm.experiments.plan import DEFAULT_STEPS, MOST_STEPS, check_results, checked_seeds
 from mesa_swarm.experiments.sampling import Sample, grid
+from mesa_swarm.experiments.source import source_hash
 from mesa_swarm.parameters import parameters_of
 from mesa_swarm.world.map import Map, builtin_maps
 
-# Seeds are told apart as floats are, in tables and in TOML of other programs.
-LARGEST_SEED = 2**53 - 1
 MOST_RUNS = 100_000_000
 LONGEST_ERROR = 500
 # So many points may be impossible before an experiment is refused as a whole.
@@ -64,6 +64,7 @@ class Experiment:
     steps: int
     measure: tuple[str, ...] = ()
     name: str = "run"
+    source: str = ""
 
     def __len__(self) -> int:
         """Count the runs."""
@@ -77,11 +78,11 @@ class Experiment:
                 yield Task(self.key(settings, rng), settings, rng, self.steps)
 
     def key(self, settings: Mapping[str, Any], rng: int) -> str:
-        """Return the fingerprint of all that decides a run: model, version, every parameter, seed and steps."""
+        """Return the fingerprint of all that decides a run: model, source, version, parameters, seed and steps."""
         defaults = {name: parameter.default for name, parameter in parameters_of(self.model_class).items()}
         place = f"{self.model_class.__module__}:{self.model_class.__qualname__}"
         parameters = {name: shown_value(value) for name, value in {**defaults, **settings}.items()}
-        said = [place, version("mesa-swarm"), parameters, rng, self.steps]
+        said = [place, self.source, _version(), parameters, rng, self.steps]
         return blake2b(json.dumps(said, sort_keys=True, default=repr).encode(), digest_size=16).hexdigest()
 
     @property
@@ -132,27 +133,12 @@ def checked_experiment(
         raise InvalidValueError(f"{both} is set and varied at once; leave one out")
     default = getattr(model_class, "steps_to_compare", DEFAULT_STEPS)
     steps = check_count("steps", default if steps is None else steps, minimum=1, maximum=MOST_STEPS)
-    experiment = Experiment(model_class, fixed, points, checked_seeds(seeds), steps, tuple(measure), name)
+    experiment = Experiment(
+        model_class, fixed, points, checked_seeds(seeds), steps, tuple(measure), name, source_hash(model_class)
+    )
     check_count("number of runs", len(experiment), minimum=1, maximum=MOST_RUNS)
     _check_measures(experiment)
     return experiment
-
-
-def checked_seeds(seeds: object) -> Sequence[int]:
-    """Return seeds 1, 2, ... for a number of them, or those of a list.
-
-    Examples
-    --------
-    >>> list(checked_seeds(3)), checked_seeds([7, 5])
-    ([1, 2, 3], (7, 5))
-    """
-    if isinstance(seeds, (str, bytes)) or not isinstance(seeds, Sequence):
-        return range(1, 1 + check_count("seeds", seeds, minimum=1, maximum=MOST_SEEDS))
-    listed = tuple(check_count("seeds", seed, maximum=LARGEST_SEED) for seed in seeds)
-    check_count("number of seeds", len(listed), minimum=1, maximum=MOST_SEEDS)
-    if len(set(listed)) < len(listed):
-        raise InvalidValueError(f"seeds is {shortened(seeds)}; expected different ones")
-    return listed
 
 
 def carried_out(
@@ -218,6 +204,12 @@ def shown_value(value: object) -> object:
     if not isinstance(value, Map):
         return value
     return f"{value.name} ({blake2b(value.to_toml().encode(), digest_size=8).hexdigest()})"
+
+
+@cache
+def _version() -> str:
+    """Return ours; looking it up takes a millisecond, and each run asks several times."""
+    return version("mesa-swarm")
 
 
 def _points(model_class: type, varied: Mapping | Sample | Sequence[Mapping]) -> Sequence[Mapping]:

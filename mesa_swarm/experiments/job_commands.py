@@ -98,13 +98,15 @@ def _tell(one: _Run, outcome: Outcome) -> None:
     print_pairs({"steps": outcome.steps, **results, "state hash": outcome.state_hash, **written})
 
 
-def sweep(path: str, *, jobs: int, out: Path | None, record: bool = False, progress: bool) -> None:
+def sweep(
+    path: str, *, jobs: int, out: Path | None, record: bool = False, progress: bool, retry_failed: bool = False
+) -> None:
     """Do all runs of a job on several processes, each experiment in a folder of its own, and print the paths."""
     job, folder = _job_and_folder(path, out)
     check_writable(folder)
     workers = checked_jobs(jobs)
     for experiment, home, options in _parts(job, folder, record):
-        made = run_experiment(experiment, home, workers, progress, options)
+        made = run_experiment(experiment, home, workers, progress, options, retry_failed)
         before = f", {made.done_before:,} of them before" if made.done_before else ""
         failed = f", {made.failed:,} ended in an error" if made.failed else ""
         print(f"{made.path}: {made.runs:,} runs{before}{failed}", flush=True)

@@ -20,6 +20,7 @@ from mesa_swarm.experiments.pool import WorkerDiedError, is_remote, on_all
 from mesa_swarm.experiments.run_records import Archive, check_options
 from mesa_swarm.experiments.sampling import Sample
 from mesa_swarm.experiments.sweep_table import write_table
+from mesa_swarm.gallery import find_model
 from mesa_swarm.progress import progress_bar
 
 LEDGER = "ledger.jsonl"
@@ -52,7 +53,7 @@ class Sweep:
 
 
 def sweep(
-    model_class: type,
+    model: type | str,
     varied: Mapping[str, Sequence] | Sample | Sequence[Mapping] = (),
     *,
     seeds: int | Sequence[int] = 30,
@@ -63,18 +64,19 @@ def sweep(
     jobs: int = -1,
     record: Mapping[str, Any] | None = None,
     progress: bool = False,
+    retry_failed: bool = False,
 ) -> Sweep:
     """Run a model at every point of a grid or sample with every seed, and write a table of what came of it.
 
     Each finished run is on the disk before the next is waited for. A sweep that was interrupted, or whose process
     or workers were killed, goes on where it was when it is called again with the same folder; runs that another
     sweep has done there are not done again. A run that ends in an error is recorded with it. A run whose worker
-    dies is tried again, three times in all.
+    dies is tried again, three times in all. Runs of code that was changed since are other runs (`source_hash`).
 
     Parameters
     ----------
-    model_class, varied, seeds, steps, settings, measure
-        See `checked_experiment`.
+    model, varied, seeds, steps, settings, measure
+        See `checked_experiment`; the model may be the name of one of the gallery.
     out : path
         Folder of the ledger and the table.
     jobs : int
@@ -86,6 +88,8 @@ def sweep(
         with the names. Runs that were done before but not recorded are done again.
     progress : bool
         Whether to show a bar with the time left, in a terminal or notebook.
+    retry_failed : bool
+        Whether to do again what ended in an error before.
 
     Raises
     ------
@@ -109,17 +113,17 @@ def sweep(
     Examples
     --------
     >>> import tempfile
-    >>> from mesa_swarm.gallery import find_model
     >>> with tempfile.TemporaryDirectory() as home:
-    ...     made = sweep(find_model("fire_fighting"), {"n_robots": [2, 3]}, seeds=2, steps=5, out=home, jobs=1)
+    ...     made = sweep("fire_fighting", {"n_robots": [2, 3]}, seeds=2, steps=5, out=home, jobs=1)
     ...     made.runs, made.failed, made.frame()["n_robots"].tolist()
     (4, 0, [2, 2, 3, 3])
     """
     workers = checked_jobs(jobs)
+    model_class = find_model(model) if isinstance(model, str) else model
     experiment = checked_experiment(model_class, varied, seeds=seeds, steps=steps, settings=settings, measure=measure)
     if record is not None:
         check_options(record, experiment)
-    return run_experiment(experiment, check_writable(out), workers, progress, record)
+    return run_experiment(experiment, check_writable(out), workers, progress, record, retry_failed)
 
 
 def run_experiment(
@@ -128,6 +132,7 @@ def run_experiment(
     workers: int = 1,
     progress: bool = False,
     record: Mapping[str, Any] | None = None,
+    retry_failed: bool = False,
 ) -> Sweep:
     """Do what is left of an experiment, and write its table.
 
@@ -141,9 +146,10 @@ def run_experiment(
     progress : bool
     record : mapping, optional
         Options of a recording of every run; see `sweep`.
+    retry_failed : bool
     """
     archive = None if record is None else Archive(folder / RECORDINGS, record)
-    with Ledger(folder / LEDGER) as ledger:
+    with Ledger(folder / LEDGER, retry_failed=retry_failed) as ledger:
         before = sum(_is_done(task.key, ledger, archive) for task in experiment.tasks())
         with progress_bar(len(experiment), "runs", progress) as bar:
             bar.initial = bar.n = before
