@@ -183,6 +183,17 @@ def verify(
         raise typer.Exit(DIFFERENT)
 
 
+@app.command()
+def replay(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="What `mesa-swarm run --record` wrote.")],
+    *,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Where the page is served; 0 is any free one.")] = 0,
+    no_browser: Annotated[bool, typer.Option("--no-browser", help="Only serve, and print the address.")] = False,
+) -> None:
+    """Play a recording in the browser: at any speed, to and fro, from event to event."""
+    _work("replay_commands").replay(file, port=port, browser=not no_browser)
+
+
 def _refuse_beside_job(options: dict[str, object]) -> None:
     for name, value in options.items():
         if value is not None:

@@ -11,6 +11,7 @@ import numpy as np
 from mesa_swarm.errors import InvalidValueError, RecordingError, shortened
 from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.observed_world import ObservedWorld
+from mesa_swarm.recording.scenery import scenery_of
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.world.map import Map
 
@@ -52,6 +53,7 @@ def provenance_of(model: ObservedWorld, rerun: bool) -> dict:
         "parameters": {name: _written(name, value, rerun) for name, value in parameters.items()},
         "takes_map": has_map,
         "map": model.map.to_toml(),
+        "scenery": scenery_of(model),
         "seed": _written_seed(model, seed, rerun),
         "versions": {"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},
         "platform": platform.platform(),

@@ -107,6 +107,13 @@ class Recording:
         """How many steps were recorded."""
         return self._ends[-1] if self._ends else 0
 
+    @cached_property
+    def intact(self) -> int:
+        """How many rows can be read before the first that is damaged; all chunks are checked for it."""
+        torn = (place for place, piece in enumerate(self._reader.pieces) if not self._reader.is_whole(piece))
+        damaged = next(torn, len(self._ends))
+        return self._ends[damaged - 1] if damaged else 0
+
     def __iter__(self) -> Iterator[Frame]:
         """Iterate over all frames, oldest first."""
         for place in range(len(self._ends)):

@@ -186,10 +186,10 @@ class SealedReader:
         self.path = path
         self._bytes = pa.py_buffer(_mapped(path))
         found = list(self._found())
-        if not found or found[0].batch != 0 or not self._fits(found[0]):
+        if not found or found[0].batch != 0 or not self.is_whole(found[0]):
             raise RecordingError(f"{path} is not a recording, or its beginning is damaged; choose another file")
         self.schema = pa.ipc.read_schema(self._message(0))
-        if len(found) > 1 and not self._fits(found[-1]):  # a power cut may leave holes before the end
+        if len(found) > 1 and not self.is_whole(found[-1]):  # a power cut may leave holes before the end
             found.pop()
         self.pieces = found[1:]
         self.lost = self._bytes.size - found[-1].end
@@ -203,9 +203,14 @@ class SealedReader:
         RecordingError
             If its bytes are not what was sealed.
         """
-        if not self._fits(piece):
+        if not self.is_whole(piece):
             raise RecordingError(f"{self.path} is damaged from step {piece.step} on; earlier rows are whole")
         return pa.ipc.read_record_batch(self._message(piece.batch), self.schema)
+
+    def is_whole(self, piece: Piece) -> bool:
+        """Tell whether the bytes of a piece are what was sealed."""
+        crc = zlib.crc32(self._bytes[piece.begin : piece.seal])
+        return zlib.crc32(f"{piece.rows} {piece.step}".encode(), crc) == piece.crc
 
     def _found(self) -> Iterator[Piece]:
         begin = batch = 0
@@ -230,10 +235,6 @@ class SealedReader:
 
     def _message(self, at: int) -> pa.Message:
         return pa.ipc.read_message(pa.BufferReader(self._bytes[at:]))
-
-    def _fits(self, piece: Piece) -> bool:
-        crc = zlib.crc32(self._bytes[piece.begin : piece.seal])
-        return zlib.crc32(f"{piece.rows} {piece.step}".encode(), crc) == piece.crc
 
 
 def _mapped(path: Path) -> mmap.mmap | bytes:

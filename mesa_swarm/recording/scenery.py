@@ -1,0 +1,100 @@
+"""What a recording says of what robots and things look like: designs, obstacles, loads, layers."""
+
+import math
+
+import numpy as np
+
+from mesa_swarm.observed_world import ObservedWorld
+from mesa_swarm.robots.design import RobotDesign
+from mesa_swarm.robots.sensors import mount_of
+from mesa_swarm.world.load import Load
+from mesa_swarm.world.shapes import Shape
+
+
+def scenery_of(model: ObservedWorld) -> dict:
+    """Return what one must know to draw a model, besides what changes from step to step, as JSON has it.
+
+    Parameters
+    ----------
+    model : ObservedWorld
+        Any `SwarmModel`.
+
+    Returns
+    -------
+    dict
+        ``designs``; ``robots``, rows [first id, last id, index of their design]; ``shapes`` of obstacles and
+        ground marks on the map; ``loads``, shapes about their own centres; ``layers``, names in the order of
+        the column `layer`; ``leave``, the temperature at which a robot is too hot.
+
+    Examples
+    --------
+    >>> from mesa_swarm import AGENT3, SwarmModel
+    >>> model = SwarmModel(rng=1)
+    >>> robots = model.add_robots(AGENT3, 2)
+    >>> scenery = scenery_of(model)
+    >>> scenery["robots"], scenery["designs"][0]["radius"], scenery["shapes"][0]["rings"][0][0]
+    ([[5, 6, 0]], 5.0, [0.0, 0.0])
+    """
+    layers = () if model.control is None else model.control.layers
+    still = [obstacle.shape for obstacle in model.obstacle_list if not isinstance(obstacle, Load)]
+    return {
+        "designs": [_written_design(design) for design in model.swarm.designs],
+        "robots": _runs([robot.unique_id for robot in model.swarm.agents], model.swarm.design.tolist()),
+        "shapes": [written_shape(shape) for shape in still],
+        "loads": [{"id": load.unique_id, **_written_form(load)} for load in model.loads],
+        "layers": [layer.name for layer in layers],
+        "leave": model.fire_constants.leave,
+    }
+
+
+def written_shape(shape: Shape) -> dict:
+    """Return a disc as x, y and radius, a polygon as its rings.
+
+    Examples
+    --------
+    >>> from mesa_swarm.world.shapes import disc
+    >>> written_shape(disc((1, 2), 3, contact=False))
+    {'disc': [1.0, 2.0, 3.0], 'mark': True}
+    """
+    return {**_written_geometry(shape.geometry, shape.radius), **({} if shape.contact else {"mark": True})}
+
+
+def _written_form(load: Load) -> dict:
+    return _written_geometry(load.form.outline, load.form.radius)
+
+
+def _written_geometry(geometry, radius: float) -> dict:
+    """Return a Shapely point with its radius, or a polygon, as JSON has it."""
+    if geometry.geom_type == "Point":
+        return {"disc": [geometry.x, geometry.y, radius]}
+    rings = (geometry.exterior, *geometry.interiors)
+    return {"rings": [np.asarray(ring.coords)[:-1].tolist() for ring in rings]}
+
+
+def _written_design(design: RobotDesign) -> dict:
+    return {
+        "name": design.name,
+        "radius": design.radius,
+        "max_speed": design.max_speed,
+        "holonomic": not getattr(design.drive, "turns", True),
+        "sensors": [
+            [
+                *mount_of(sensor, design.radius),
+                math.radians(sensor.bearing_degrees),
+                math.radians(sensor.field_of_view_degrees) / 2,
+                sensor.range,
+            ]
+            for sensor in design.proximity
+        ],
+    }
+
+
+def _runs(ids: list[int], designs: list[int]) -> list[list[int]]:
+    """Return stretches of robots of one design: [first id, last id, design]."""
+    runs: list[list[int]] = []
+    for one, design in zip(ids, designs, strict=True):
+        if runs and runs[-1][2] == design:
+            runs[-1][1] = one
+        else:
+            runs.append([one, one, design])
+    return runs

@@ -1,0 +1,731 @@
+/* A swarm drawn to scale on a 2D canvas. One module, no dependencies, no build step.
+
+     const stage = new Stage(canvas, world, { theme: "light", onSelect: (id) => ... });
+     stage.show(frame);                   // draws; frames in the order of time leave trails
+     stage.show(unpacked(world, bytes));  // the same from the bytes of `packed_frame`
+     stage.set("sectors", false);         // one of TOGGLES
+     stage.theme = "dark";
+     stage.world = another;               // when things that stand still, designs or layers have changed
+     stage.fit(); stage.zoom(1.5); stage.follow(id); stage.select(id);
+     stage.legend();                      // [{ name, colour }] of the layers that drive robots
+     stage.destroy();
+
+   The wheel zooms, dragging pans, a click selects. The canvas is drawn at the size that CSS gives it.
+
+   world (JSON, made by `world_of_model` and `world_of_recording` in viewing/worlds.py):
+     bounds      [x_min, y_min, x_max, y_max], map units, y up
+     shapes      [{ disc: [x, y, r] } or { rings: [[[x, y], ...], ...] }, each with mark: true on the ground]
+     loads       the same about their own centres
+     designs     [{ name, radius, holonomic, sensors: [[mount_x, mount_y, bearing, half_angle, range], ...] }]
+     layers      names; the column layer holds indices into them
+     columns     [{ name, table, width, type }] of a packed frame, in its order
+
+   frame: step, counts { robots, sensors, fires, loads, contacts }, and typed arrays, row after row:
+     ids         Int32, unique_id of each robot
+     pose        Float32, x, y, heading (rad)
+     distance    Float32, one a proximity sensor, below 0 for nothing; kind: Int8, 0 obstacle, 1 robot, 2 fire, 3 load
+     command     Float32, the two numbers that drive the robot; heat: Float32, 1 is too hot
+     layer       Int8, -1 none; design: Int8
+     heard       Float32, x, y of the robot that was heard, NaN for none
+     fires       Float32, x, y, radius, temperature, robots, 1 if out
+     loads       Float32, index in world.loads, x, y, heading
+     contacts    Float32, row of the robot, azimuth from it to what it met
+   Columns other than ids and pose may be missing. */
+
+export const TOGGLES = [
+  { name: "sectors", label: "Sensor sectors", on: true },
+  { name: "perceived", label: "Perceived centroid", on: false },
+  { name: "trails", label: "Trails", on: true },
+  { name: "contacts", label: "Contacts", on: true },
+  { name: "layers", label: "Winning layer", on: true },
+  { name: "heat", label: "Hot robots", on: true },
+  { name: "messages", label: "Messages", on: true },
+  { name: "labels", label: "Robots at fires", on: true },
+];
+
+// Colours that people with any colour vision tell apart (Okabe and Ito 2008).
+export const LAYER_COLOURS = ["#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442", "#0072b2", "#999999"];
+
+const THEMES = {
+  light: {
+    outside: "#e9e7e1", ground: "#faf9f6", edge: "#8c9097", solid: "#646b75", mark: "#26282d", load: "#2e7d5b",
+    ashes: "#b9b8b1", cold: [16, 12, 12], hot: [232, 28, 20], flame: "#8a1710", onFire: "#ffffff", onAshes: "#3a3a38",
+    rear: "#1d4e89", front: "#bfe5ff", outline: "#0b2545", blind: "rgba(29,78,137,.075)", seeing: "rgba(240,150,40,.42)",
+    perceived: "#77777a", trail: "rgba(29,78,137,.30)", contact: "#c2185b", heat: "rgba(225,50,20,.38)",
+    message: "#7b3fb3", chosen: "#c2006b", travel: "#0b2545", text: "#55585e",
+  },
+  dark: {
+    outside: "#101216", ground: "#1c2027", edge: "#5a626e", solid: "#7d8794", mark: "#3d4655", load: "#48a97f",
+    ashes: "#6d6d69", cold: [8, 5, 5], hot: [240, 52, 38], flame: "#ff8a5c", onFire: "#ffffff", onAshes: "#111111",
+    rear: "#3b82d6", front: "#e8f4ff", outline: "#060c16", blind: "rgba(110,175,255,.085)",
+    seeing: "rgba(255,180,70,.42)", perceived: "#b4b4b8", trail: "rgba(120,180,255,.34)", contact: "#ff5c9a",
+    heat: "rgba(255,80,40,.42)", message: "#c9a0ff", chosen: "#ff6fb5", travel: "#e8f4ff", text: "#a9afb9",
+  },
+};
+const TAU = 2 * Math.PI;
+const ROBOT = 1;
+// More robots in sight than this are drawn without sectors and the like, and plainer.
+const MOST_DETAILED = 2000;
+const TRAIL_POINTS = 48;
+const TRAIL_EVERY = 2;
+// Frames farther apart in time belong to different stretches of the run.
+const LONGEST_GAP = 200;
+const NARROWEST = 4;
+
+/** Return the frame that these bytes hold, as views into them. */
+export function unpacked(world, bytes) {
+  const buffer = bytes.buffer ?? bytes;
+  let at = bytes.byteOffset ?? 0;
+  if (at % 4) return unpacked(world, new Uint8Array(buffer, at, bytes.byteLength).slice());
+  const [step, robots, sensors, fires, loads, contacts] = new Int32Array(buffer, at, 6);
+  const counts = { robots, sensors, fires, loads, contacts };
+  const kinds = { f4: Float32Array, i4: Int32Array, i1: Int8Array };
+  const frame = { step, counts };
+  at += 24;
+  for (const { name, table, width, type } of world.columns) {
+    const length = counts[table] * (width === "sensors" ? sensors : width);
+    frame[name] = new kinds[type](buffer, at, length);
+    at += frame[name].byteLength;
+  }
+  return frame;
+}
+
+/** A canvas on which a world is drawn. */
+export class Stage {
+  #canvas; #context; #world; #designs; #shapes; #loads;
+  #frame = null;
+  #view = null;
+  #fitted = true;
+  #width = 0; #height = 0; #ratio = 1;
+  #still = null;
+  #trail = [];
+  #toggles = Object.fromEntries(TOGGLES.map(({ name, on }) => [name, on]));
+  #theme = "light";
+  #chosen = null;
+  #followed = null;
+  #pointers = new Map();
+  #moved = 0;
+  #spread = 0;
+  #listeners = new AbortController();
+  #observer;
+  #asked = 0;
+
+  constructor(canvas, world, { theme = "light", onSelect = () => {}, onFollow = () => {} } = {}) {
+    this.#canvas = canvas;
+    this.#context = canvas.getContext("2d");
+    this.#world = world;
+    this.#theme = theme;
+    this.onSelect = onSelect;
+    this.onFollow = onFollow;
+    this.#prepare();
+    this.#listen();
+    this.#observer = new ResizeObserver(() => this.resize());
+    this.#observer.observe(canvas);
+    this.resize();
+  }
+
+  get world() { return this.#world; }
+  set world(world) {
+    const moved = String(world.bounds) !== String(this.#world.bounds);
+    this.#world = world;
+    this.#frame = this.#still = null;
+    this.#trail = [];
+    this.#prepare();
+    if (moved) this.fit();
+    else this.draw();
+  }
+
+  get frame() { return this.#frame; }
+  get selected() { return this.#chosen; }
+  get followed() { return this.#followed; }
+  get toggles() { return { ...this.#toggles }; }
+  get theme() { return this.#theme; }
+  set theme(name) {
+    this.#theme = name in THEMES ? name : "light";
+    this.#still = null;
+    this.draw();
+  }
+
+  /** Draw a frame now. */
+  show(frame) {
+    this.#remember(frame);
+    this.#frame = frame;
+    this.draw();
+  }
+
+  /** Show or hide one of TOGGLES. */
+  set(name, on) {
+    this.#toggles[name] = Boolean(on);
+    this.draw();
+  }
+
+  /** Show the whole map. */
+  fit() {
+    const [x0, y0, x1, y1] = this.#world.bounds;
+    const scale = 0.97 * Math.min(this.#width / (x1 - x0), this.#height / (y1 - y0));
+    this.#look({ x: (x0 + x1) / 2, y: (y0 + y1) / 2, scale });
+    this.#fitted = true;
+  }
+
+  /** Zoom by a factor about a point of the canvas, by default its middle. */
+  zoom(factor, [px, py] = [this.#width / 2, this.#height / 2]) {
+    const { x, y, scale } = this.#view, [x0, y0, x1, y1] = this.#world.bounds;
+    const widest = 0.3 * Math.min(this.#width / (x1 - x0), this.#height / (y1 - y0));
+    const next = Math.min(Math.max(scale * factor, widest), Math.max(this.#width, this.#height) / NARROWEST);
+    const shift = 1 / scale - 1 / next;
+    this.#look({ x: x + (px - this.#width / 2) * shift, y: y - (py - this.#height / 2) * shift, scale: next });
+  }
+
+  /** Keep the robot with this id in the middle from now on, or null for none. */
+  follow(id) {
+    this.#followed = id;
+    this.onFollow(id);
+    this.draw();
+  }
+
+  /** Mark the robot with this id, or null for none; without calling back. */
+  select(id) {
+    this.#chosen = id;
+    this.draw();
+  }
+
+  /** Return the layers and the colours of their rings. */
+  legend() {
+    return this.#world.layers.map((name, index) => ({ name, colour: layerColour(index) }));
+  }
+
+  /** Return where on the canvas a point of the map is, in CSS pixels. */
+  toCanvas(x, y) {
+    const view = this.#view;
+    return [this.#width / 2 + (x - view.x) * view.scale, this.#height / 2 - (y - view.y) * view.scale];
+  }
+
+  /** Take note of a new size; called by itself when CSS changes it. */
+  resize() {
+    const { clientWidth, clientHeight } = this.#canvas;
+    this.#width = Math.max(clientWidth, 1);
+    this.#height = Math.max(clientHeight, 1);
+    this.#ratio = Math.min(globalThis.devicePixelRatio || 1, 3);
+    const size = [Math.round(this.#width * this.#ratio), Math.round(this.#height * this.#ratio)];
+    if (this.#canvas.width !== size[0] || this.#canvas.height !== size[1]) {
+      [this.#canvas.width, this.#canvas.height] = size;
+    }
+    this.#still = null;
+    if (this.#fitted || this.#view === null) this.fit();
+    else this.draw();
+  }
+
+  /** Stop listening. */
+  destroy() {
+    this.#listeners.abort();
+    this.#observer.disconnect();
+    cancelAnimationFrame(this.#asked);
+  }
+
+  /** Draw anew. */
+  draw() {
+    if (this.#view === null) return;
+    this.#keepInSight();
+    const context = this.#context;
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.drawImage(this.#background(), 0, 0);
+    if (this.#frame === null) return;
+    const frame = this.#frame, rows = this.#rowsInSight(frame), detailed = rows.length <= MOST_DETAILED;
+    const on = this.#toggles;
+    this.#toMap(context);
+    this.#drawFires(frame);
+    this.#drawLoads(frame);
+    if (on.trails && detailed) this.#drawTrails(rows);
+    if (on.sectors && detailed && frame.distance) this.#drawSectors(frame, rows);
+    if (on.heat && frame.heat) this.#drawHeat(frame, rows);
+    if (on.messages && frame.heard) this.#drawMessages(frame, rows);
+    if (on.perceived && detailed && frame.kind) this.#drawPerceived(frame, rows);
+    if (detailed) this.#drawBodies(frame, rows);
+    else this.#drawPlainly(frame, rows);
+    if (on.layers && detailed && frame.layer) this.#drawLayers(frame, rows);
+    if (detailed) this.#drawTravel(frame, rows);
+    if (on.contacts && frame.contacts) this.#drawContacts(frame);
+    this.#drawChosen(frame);
+    if (on.labels) this.#drawLabels(frame);
+  }
+
+  get #colours() { return THEMES[this.#theme]; }
+  get #pixel() { return 1 / this.#view.scale; }
+
+  #prepare() {
+    const { designs, shapes, loads } = this.#world;
+    this.#designs = designs.map((design) => ({ ...design, rows: design.sensors.map(sensorRow) }));
+    this.#shapes = shapes.map((shape) => ({ path: pathOf(shape), mark: shape.mark }));
+    this.#loads = loads.map(pathOf);
+  }
+
+  #look(view) {
+    this.#view = view;
+    this.#fitted = false;
+    this.#still = null;
+    this.draw();
+  }
+
+  #toMap(context) {
+    const { x, y, scale } = this.#view, s = scale * this.#ratio;
+    const left = (this.#width / 2) * this.#ratio - x * s, top = (this.#height / 2) * this.#ratio + y * s;
+    context.setTransform(s, 0, 0, -s, left, top);
+  }
+
+  #keepInSight() {
+    const frame = this.#frame, row = this.#followed === null || !frame ? -1 : frame.ids.indexOf(this.#followed);
+    if (row < 0) return;
+    const x = frame.pose[3 * row], y = frame.pose[3 * row + 1];
+    if (x === this.#view.x && y === this.#view.y) return;
+    this.#view = { ...this.#view, x, y };
+    this.#fitted = false;
+    this.#still = null;
+  }
+
+  /** Return what stands still, drawn when the view last changed. */
+  #background() {
+    if (this.#still) return this.#still;
+    const still = document.createElement("canvas"), colours = this.#colours;
+    still.width = this.#canvas.width;
+    still.height = this.#canvas.height;
+    const context = still.getContext("2d", { alpha: false });
+    context.fillStyle = colours.outside;
+    context.fillRect(0, 0, still.width, still.height);
+    this.#toMap(context);
+    const [x0, y0, x1, y1] = this.#world.bounds;
+    context.fillStyle = colours.ground;
+    context.fillRect(x0, y0, x1 - x0, y1 - y0);
+    for (const wanted of [true, false]) {
+      context.fillStyle = wanted ? colours.mark : colours.solid;
+      for (const { path, mark } of this.#shapes) if (Boolean(mark) === wanted) context.fill(path, "evenodd");
+    }
+    context.strokeStyle = colours.edge;
+    context.lineWidth = 1.5 * this.#pixel;
+    context.strokeRect(x0, y0, x1 - x0, y1 - y0);
+    this.#drawScale(context);
+    return (this.#still = still);
+  }
+
+  #drawScale(context) {
+    const ratio = this.#ratio, length = roundLength(110 * this.#pixel), pixels = length * this.#view.scale;
+    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    const x = 14, y = this.#height - 14, text = `${Number(length.toPrecision(2))} units`;
+    context.font = "600 12px system-ui, sans-serif";
+    context.fillStyle = this.#colours.ground;
+    context.globalAlpha = 0.85;
+    context.fillRect(x - 7, y - 22, Math.max(pixels, context.measureText(text).width) + 14, 30);
+    context.globalAlpha = 1;
+    context.strokeStyle = context.fillStyle = this.#colours.text;
+    context.lineWidth = 1.5;
+    context.beginPath();
+    context.moveTo(x, y - 4);
+    context.lineTo(x, y);
+    context.lineTo(x + pixels, y);
+    context.lineTo(x + pixels, y - 4);
+    context.stroke();
+    context.fillText(text, x, y - 8);
+  }
+
+  #rowsInSight({ counts, pose }) {
+    const { x, y, scale } = this.#view, rows = [];
+    const margin = this.#world.designs.reduce((most, design) => Math.max(most, reachOf(design)), 10);
+    const w = this.#width / 2 / scale + margin, h = this.#height / 2 / scale + margin;
+    for (let i = 0; i < counts.robots; i++) {
+      if (Math.abs(pose[3 * i] - x) <= w && Math.abs(pose[3 * i + 1] - y) <= h) rows.push(i);
+    }
+    return rows;
+  }
+
+  #design(frame, row) {
+    return this.#designs[frame.design ? frame.design[row] : 0] ?? this.#designs[0];
+  }
+
+  #drawFires({ fires, counts }) {
+    const context = this.#context, colours = this.#colours;
+    context.lineWidth = 1.5 * this.#pixel;
+    for (let i = 0; i < counts.fires; i++) {
+      const [x, y, r, temperature, , out] = fires.subarray(6 * i, 6 * i + 6);
+      context.beginPath();
+      context.arc(x, y, r, 0, TAU);
+      context.fillStyle = out ? colours.ashes : mixed(colours.cold, colours.hot, temperature);
+      context.fill();
+      if (!out) {
+        context.strokeStyle = colours.flame;
+        context.stroke();
+      }
+    }
+  }
+
+  #drawLoads({ loads, counts }) {
+    const context = this.#context;
+    for (let i = 0; i < counts.loads; i++) {
+      const [index, x, y, heading] = loads.subarray(4 * i, 4 * i + 4);
+      if (!this.#loads[index]) continue;
+      context.save();
+      context.translate(x, y);
+      context.rotate(heading);
+      context.fillStyle = this.#colours.load;
+      context.fill(this.#loads[index], "evenodd");
+      context.restore();
+    }
+  }
+
+  #drawTrails(rows) {
+    const context = this.#context, trail = this.#trail;
+    if (trail.length < 2) return;
+    const now = this.#frame.pose;
+    context.strokeStyle = this.#colours.trail;
+    context.lineWidth = 1.6 * this.#pixel;
+    context.lineJoin = "bevel";
+    context.beginPath();
+    for (const i of rows) {
+      context.moveTo(now[3 * i], now[3 * i + 1]);
+      for (let k = trail.length - 1; k >= 0; k--) context.lineTo(trail[k].pose[3 * i], trail[k].pose[3 * i + 1]);
+    }
+    context.stroke();
+  }
+
+  #drawSectors(frame, rows) {
+    const context = this.#context, width = frame.counts.sensors, { distance, pose } = frame;
+    const blind = new Path2D(), seeing = new Path2D();
+    for (const i of rows) {
+      const x = pose[3 * i], y = pose[3 * i + 1], heading = pose[3 * i + 2];
+      const cos = Math.cos(heading), sin = Math.sin(heading), sensors = this.#design(frame, i).rows;
+      for (let s = 0; s < sensors.length && s < width; s++) {
+        const { mx, my, bearing, half, range } = sensors[s], read = distance[width * i + s];
+        const px = x + cos * mx - sin * my, py = y + sin * mx + cos * my;
+        addSector(read >= 0 ? seeing : blind, px, py, read >= 0 ? read : range, heading + bearing, half);
+      }
+    }
+    context.fillStyle = this.#colours.blind;
+    context.fill(blind);
+    context.fillStyle = this.#colours.seeing;
+    context.fill(seeing);
+  }
+
+  #drawHeat(frame, rows) {
+    const context = this.#context;
+    context.fillStyle = this.#colours.heat;
+    context.beginPath();
+    for (const i of rows) {
+      const heat = Math.min(frame.heat[i], 1.2);
+      if (heat < 0.02) continue;
+      const x = frame.pose[3 * i], y = frame.pose[3 * i + 1];
+      disc(context, x, y, this.#design(frame, i).radius * (1.15 + 1.1 * heat));
+    }
+    context.fill();
+  }
+
+  #drawMessages(frame, rows) {
+    const context = this.#context;
+    context.strokeStyle = this.#colours.message;
+    context.lineWidth = 1.25 * this.#pixel;
+    context.setLineDash([6 * this.#pixel, 4 * this.#pixel]);
+    context.beginPath();
+    for (const i of rows) {
+      const x = frame.heard[2 * i], y = frame.heard[2 * i + 1];
+      if (x !== x) continue;
+      context.moveTo(frame.pose[3 * i], frame.pose[3 * i + 1]);
+      context.lineTo(x, y);
+    }
+    context.stroke();
+    context.setLineDash([]);
+  }
+
+  #drawPerceived(frame, rows) {
+    const context = this.#context, dot = 2.2 * this.#pixel;
+    context.strokeStyle = context.fillStyle = this.#colours.perceived;
+    context.lineWidth = 1.5 * this.#pixel;
+    const lines = new Path2D(), dots = new Path2D();
+    for (const i of rows) {
+      const centroid = perceived(frame, i, this.#design(frame, i).rows);
+      if (!centroid) continue;
+      lines.moveTo(frame.pose[3 * i], frame.pose[3 * i + 1]);
+      lines.lineTo(...centroid);
+      disc(dots, ...centroid, dot);
+    }
+    context.stroke(lines);
+    context.fill(dots);
+  }
+
+  #drawBodies(frame, rows) {
+    const context = this.#context, { pose } = frame, colours = this.#colours;
+    const rear = new Path2D(), front = new Path2D(), edge = new Path2D();
+    for (const i of rows) {
+      const x = pose[3 * i], y = pose[3 * i + 1], h = pose[3 * i + 2], r = this.#design(frame, i).radius;
+      const cos = r * Math.cos(h), sin = r * Math.sin(h);
+      rear.moveTo(x - sin, y + cos);
+      rear.arc(x, y, r, h + TAU / 4, h + (3 * TAU) / 4);
+      front.moveTo(x + sin, y - cos);
+      front.arc(x, y, r, h - TAU / 4, h + TAU / 4);
+      disc(edge, x, y, r);
+      edge.moveTo(x, y);
+      edge.lineTo(x + cos, y + sin);
+    }
+    context.fillStyle = colours.rear;
+    context.fill(rear);
+    context.fillStyle = colours.front;
+    context.fill(front);
+    context.strokeStyle = colours.outline;
+    context.lineWidth = 1.1 * this.#pixel;
+    context.stroke(edge);
+  }
+
+  /** Draw many robots: discs in the colour of their layer, and a line ahead if there is room for one. */
+  #drawPlainly(frame, rows) {
+    const context = this.#context, { pose } = frame, coloured = this.#toggles.layers && frame.layer;
+    const groups = new Map();
+    for (const i of rows) {
+      const layer = coloured ? frame.layer[i] : -1;
+      if (!groups.has(layer)) groups.set(layer, []);
+      groups.get(layer).push(i);
+    }
+    const small = this.#designs[0].radius * this.#view.scale < 3.5;
+    for (const [layer, members] of groups) {
+      context.fillStyle = layer < 0 ? this.#colours.rear : layerColour(layer);
+      if (small) this.#fillSquares(frame, members);
+      else this.#fillDiscs(frame, members);
+    }
+    if (small) return;
+    context.strokeStyle = this.#colours.outline;
+    context.lineWidth = 1.2 * this.#pixel;
+    context.beginPath();
+    for (const i of rows) {
+      const x = pose[3 * i], y = pose[3 * i + 1], h = pose[3 * i + 2], r = this.#design(frame, i).radius;
+      context.moveTo(x, y);
+      context.lineTo(x + r * Math.cos(h), y + r * Math.sin(h));
+    }
+    context.stroke();
+  }
+
+  #fillSquares(frame, rows) {
+    const context = this.#context, least = 0.8 * this.#pixel;
+    for (const i of rows) {
+      const r = Math.max(0.886 * this.#design(frame, i).radius, least);
+      context.fillRect(frame.pose[3 * i] - r, frame.pose[3 * i + 1] - r, 2 * r, 2 * r);
+    }
+  }
+
+  #fillDiscs(frame, rows) {
+    const path = new Path2D();
+    for (const i of rows) disc(path, frame.pose[3 * i], frame.pose[3 * i + 1], this.#design(frame, i).radius);
+    this.#context.fill(path);
+  }
+
+  #drawLayers(frame, rows) {
+    const context = this.#context, rings = new Map(), width = Math.max(0.24 * this.#designs[0].radius, 1.6 * this.#pixel);
+    for (const i of rows) {
+      const layer = frame.layer[i];
+      if (layer < 0) continue;
+      if (!rings.has(layer)) rings.set(layer, new Path2D());
+      const r = this.#design(frame, i).radius + width / 2 + 0.4 * this.#pixel;
+      disc(rings.get(layer), frame.pose[3 * i], frame.pose[3 * i + 1], r);
+    }
+    context.lineWidth = width;
+    for (const [layer, path] of rings) {
+      context.strokeStyle = layerColour(layer);
+      context.stroke(path);
+    }
+  }
+
+  /** Draw where robots go that do not go where they look. */
+  #drawTravel(frame, rows) {
+    if (!frame.command || !this.#designs.some((design) => design.holonomic)) return;
+    const path = new Path2D();
+    for (const i of rows) {
+      const design = this.#design(frame, i), ahead = frame.command[2 * i], left = frame.command[2 * i + 1];
+      if (!design.holonomic || Math.hypot(ahead, left) < 1e-3) continue;
+      const azimuth = frame.pose[3 * i + 2] + Math.atan2(left, ahead), r = design.radius;
+      addArrow(path, frame.pose[3 * i], frame.pose[3 * i + 1], azimuth, 1.45 * r, 2.5 * r);
+    }
+    this.#context.fillStyle = this.#colours.travel;
+    this.#context.fill(path);
+  }
+
+  #drawContacts(frame) {
+    const context = this.#context, path = new Path2D();
+    for (let k = 0; k < frame.counts.contacts; k++) {
+      const i = frame.contacts[2 * k], azimuth = frame.contacts[2 * k + 1], r = this.#design(frame, i).radius;
+      const x = frame.pose[3 * i], y = frame.pose[3 * i + 1];
+      path.moveTo(x + 1.1 * r * Math.cos(azimuth - 0.75), y + 1.1 * r * Math.sin(azimuth - 0.75));
+      path.arc(x, y, 1.1 * r, azimuth - 0.75, azimuth + 0.75);
+    }
+    context.strokeStyle = this.#colours.contact;
+    context.lineWidth = Math.max(0.4 * this.#designs[0].radius, 2.5 * this.#pixel);
+    context.stroke(path);
+  }
+
+  #drawChosen(frame) {
+    const row = this.#chosen === null ? -1 : frame.ids.indexOf(this.#chosen);
+    if (row < 0) return;
+    const context = this.#context, r = this.#design(frame, row).radius;
+    context.strokeStyle = this.#colours.chosen;
+    context.lineWidth = 2.5 * this.#pixel;
+    context.beginPath();
+    disc(context, frame.pose[3 * row], frame.pose[3 * row + 1], 1.7 * r + 4 * this.#pixel);
+    context.stroke();
+  }
+
+  #drawLabels({ fires, counts }) {
+    const context = this.#context, ratio = this.#ratio;
+    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    for (let i = 0; i < counts.fires; i++) {
+      const [x, y, r, , robots, out] = fires.subarray(6 * i, 6 * i + 6), size = Math.min(r * this.#view.scale, 22);
+      if (size < 7) continue;
+      context.font = `600 ${out ? 0.85 * size : size}px system-ui, sans-serif`;
+      context.fillStyle = out ? this.#colours.onAshes : this.#colours.onFire;
+      context.fillText(out ? "out" : String(robots), ...this.toCanvas(x, y));
+    }
+  }
+
+  /** Keep where robots were: of earlier frames only, and of the same robots. */
+  #remember(frame) {
+    const last = this.#frame;
+    if (last === null || last.step === frame.step) return;
+    const trail = this.#trail;
+    while (trail.length && trail.at(-1).step >= frame.step) trail.pop();
+    const gap = Math.abs(frame.step - last.step);
+    if (gap > LONGEST_GAP || !sameIds(last.ids, frame.ids)) this.#trail = [];
+    else if (frame.step > last.step && (!trail.length || last.step - trail.at(-1).step >= TRAIL_EVERY)) {
+      trail.push({ step: last.step, pose: last.pose });
+      if (trail.length > TRAIL_POINTS) trail.shift();
+    }
+  }
+
+  #listen() {
+    const canvas = this.#canvas, { signal } = this.#listeners;
+    const listen = (name, act) => canvas.addEventListener(name, act, { signal, passive: false });
+    canvas.style.touchAction = "none";
+    listen("wheel", (event) => {
+      event.preventDefault();
+      const lines = event.deltaMode === 1 ? 20 : 1;
+      this.zoom(Math.exp(-0.0015 * lines * event.deltaY), this.#point(event));
+    });
+    listen("pointerdown", (event) => {
+      canvas.setPointerCapture(event.pointerId);
+      this.#pointers.set(event.pointerId, this.#point(event));
+      if (this.#pointers.size === 1) this.#moved = 0;
+      this.#spread = 0;
+    });
+    listen("pointermove", (event) => this.#drag(event));
+    listen("pointerup", (event) => {
+      this.#pointers.delete(event.pointerId);
+      this.#spread = 0;
+      if (this.#moved <= 4) this.#pick(this.#point(event));
+    });
+    listen("pointercancel", (event) => this.#pointers.delete(event.pointerId));
+    listen("dblclick", () => this.fit());
+  }
+
+  #point(event) {
+    const box = this.#canvas.getBoundingClientRect();
+    return [event.clientX - box.left, event.clientY - box.top];
+  }
+
+  #drag(event) {
+    const before = this.#pointers.get(event.pointerId), now = this.#point(event);
+    if (!before) return;
+    this.#pointers.set(event.pointerId, now);
+    const dx = now[0] - before[0], dy = now[1] - before[1];
+    this.#moved += Math.hypot(dx, dy);
+    if (this.#pointers.size > 1) return this.#pinch();
+    if (this.#moved <= 4) return undefined;
+    if (this.#followed !== null) this.follow(null);
+    const { x, y, scale } = this.#view;
+    return this.#look({ x: x - dx / scale, y: y + dy / scale, scale });
+  }
+
+  #pinch() {
+    const [[ax, ay], [bx, by]] = this.#pointers.values(), spread = Math.hypot(ax - bx, ay - by);
+    if (this.#spread) this.zoom(spread / this.#spread, [(ax + bx) / 2, (ay + by) / 2]);
+    this.#spread = spread;
+  }
+
+  #pick([px, py]) {
+    const frame = this.#frame;
+    if (!frame) return;
+    let best = null, least = Infinity;
+    for (let i = 0; i < frame.counts.robots; i++) {
+      const [x, y] = this.toCanvas(frame.pose[3 * i], frame.pose[3 * i + 1]), distance = Math.hypot(x - px, y - py);
+      if (distance < least && distance <= Math.max(this.#design(frame, i).radius * this.#view.scale, 9)) {
+        [best, least] = [frame.ids[i], distance];
+      }
+    }
+    this.select(best);
+    this.onSelect(best);
+  }
+}
+
+/** Return where on the map a robot perceives the centroid of the robots that it sees, or null. */
+export function perceived(frame, row, sensors) {
+  const width = frame.counts.sensors, heading = frame.pose[3 * row + 2];
+  let count = 0, x = 0, y = 0;
+  for (let s = 0; s < sensors.length && s < width; s++) {
+    if (frame.kind[width * row + s] !== ROBOT) continue;
+    const { mx, my, bearing } = sensors[s], distance = frame.distance[width * row + s];
+    count += 1;
+    x += mx + distance * Math.cos(bearing);
+    y += my + distance * Math.sin(bearing);
+  }
+  if (!count) return null;
+  const cos = Math.cos(heading) / count, sin = Math.sin(heading) / count;
+  return [frame.pose[3 * row] + cos * x - sin * y, frame.pose[3 * row + 1] + sin * x + cos * y];
+}
+
+function sensorRow([mx, my, bearing, half, range]) {
+  return { mx, my, bearing, half, range };
+}
+
+function layerColour(index) {
+  return LAYER_COLOURS[index % LAYER_COLOURS.length];
+}
+
+function reachOf(design) {
+  return design.radius + design.sensors.reduce((most, [, , , , range]) => Math.max(most, range), 0);
+}
+
+function disc(path, x, y, r) {
+  path.moveTo(x + r, y);
+  path.arc(x, y, r, 0, TAU);
+}
+
+function addSector(path, x, y, range, azimuth, half) {
+  if (half >= Math.PI) return disc(path, x, y, range);
+  path.moveTo(x, y);
+  path.arc(x, y, range, azimuth - half, azimuth + half);
+  return path.closePath();
+}
+
+function addArrow(path, x, y, azimuth, from, to) {
+  const cos = Math.cos(azimuth), sin = Math.sin(azimuth), side = 0.6 * (to - from);
+  path.moveTo(x + to * cos, y + to * sin);
+  path.lineTo(x + from * cos - side * sin, y + from * sin + side * cos);
+  path.lineTo(x + from * cos + side * sin, y + from * sin - side * cos);
+  path.closePath();
+}
+
+function pathOf({ disc: round, rings = [] }) {
+  const path = new Path2D();
+  if (round) disc(path, ...round);
+  for (const ring of rings) {
+    ring.forEach(([x, y], k) => (k ? path.lineTo(x, y) : path.moveTo(x, y)));
+    path.closePath();
+  }
+  return path;
+}
+
+function mixed(cold, hot, share) {
+  const t = Math.min(Math.max(share, 0), 1);
+  return `rgb(${cold.map((from, k) => Math.round(from + t * (hot[k] - from))).join(" ")})`;
+}
+
+function roundLength(length) {
+  const power = 10 ** Math.floor(Math.log10(length)), digit = length / power;
+  return power * (digit >= 5 ? 5 : digit >= 2 ? 2 : 1);
+}
+
+function sameIds(one, two) {
+  return one.length === two.length && one.every((id, k) => id === two[k]);
+}

@@ -1,0 +1,155 @@
+"""Many moments as few bytes: rounded, as differences from step to step, deflated.
+
+What rounding leaves out: positions are right to within half of 1/65535 of the map's width or height, headings to
+half of 1/65536 of a turn, distances to half of 1/254 of the longest sensor's range, commands to half of 1/127 of
+the fastest design's speed, heat to half of 1/200 (at most 1.275), temperatures of fires to half of 1/255, azimuths
+of contacts to half of 1/256 of a turn. More than 255 robots at a fire are 255.
+
+A chunk is a zlib stream of segments, within which nothing is added or removed. A segment is, little-endian:
+
+1. int32: rows, robots, sensors, fires, loads, contacts in all rows;
+2. int32: the step of each row, the robots' ids, the loads' indices, the row of the robot of each contact;
+3. float32: x, y and radius of each fire;
+4. tracks: columns of unsigned whole numbers, each of them a table (rows, values), see `_coded`;
+5. zeros up to a multiple of four bytes.
+"""
+
+import zlib
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+
+from mesa_swarm.viewing.moments import Moment
+
+TURN = 2 * np.pi
+NOTHING, NOWHERE = 255, 65535
+HEAT_STEPS = 200
+LEVEL = 9
+# A pose goes on as it went; all else stays as it is.
+GOES_ON, STAYS = 2, 1
+
+
+def packed_chunk(moments: Iterable[Moment], world: dict) -> bytes:
+    """Return moments in the order of time as one chunk.
+
+    Parameters
+    ----------
+    moments : iterable of Moment
+    world : dict
+        Of `world_of_recording` or `world_of_model`.
+
+    Examples
+    --------
+    >>> from mesa_swarm.model import SwarmModel
+    >>> from mesa_swarm.viewing.moments import moment_of_model
+    >>> from mesa_swarm.viewing.worlds import world_of_model
+    >>> model = SwarmModel(rng=1)
+    >>> world = world_of_model(model)
+    >>> len(zlib.decompress(packed_chunk([moment_of_model(model, world)], world)))
+    32
+    """
+    return zlib.compress(b"".join(_segment(part, world) for part in _segments(moments)), LEVEL)
+
+
+def _segments(moments: Iterable[Moment]) -> Iterator[list[Moment]]:
+    """Cut where robots, fires or loads are added or removed."""
+    segment: list[Moment] = []
+    for moment in moments:
+        if segment and _population(moment) != _population(segment[-1]):
+            yield segment
+            segment = []
+        segment.append(moment)
+    if segment:
+        yield segment
+
+
+def _population(moment: Moment) -> tuple:
+    columns = moment.columns
+    things = columns["ids"], columns["fires"][:, :3], columns["loads"][:, 0], columns["design"]
+    return moment.sensors, *(values.tobytes() for values in things)
+
+
+def _segment(moments: Sequence[Moment], world: dict) -> bytes:
+    first, contacts = moments[0].columns, np.concatenate([moment.columns["contacts"] for moment in moments])
+    counts = [len(first["ids"]), moments[0].sensors, len(first["fires"]), len(first["loads"]), len(contacts)]
+    whole = [
+        [len(moments), *counts],
+        [moment.step for moment in moments],
+        first["ids"].ravel(),
+        first["loads"][:, 0],
+        contacts[:, 0],
+    ]
+    parts = [np.asarray(values).astype("<i4").tobytes() for values in whole]
+    parts.append(first["fires"][:, :3].astype("<f4").tobytes())
+    parts += [_coded(track, order) for track, order in _tracks(moments, contacts[:, 1], world)]
+    length = sum(map(len, parts))
+    return b"".join([*parts, bytes(-length % 4)])
+
+
+def _tracks(moments: Sequence[Moment], azimuths: np.ndarray, world: dict) -> Iterator[tuple[np.ndarray, int]]:
+    """Iterate over the tracks of a segment, and how each is foretold."""
+    rounded = {
+        "distance": lambda values: _shares(values, world["reach"], NOTHING - 1, NOTHING),
+        "command": lambda values: _whole(values / world["fastest"] * 127 + 128, np.uint8),
+        "heat": lambda values: _whole(values * HEAT_STEPS, np.uint8),
+        "heard": lambda values: _places(values, world["bounds"]),
+    }
+    yield _poses(_column(moments, "pose"), world["bounds"]), GOES_ON
+    for column in world["columns"]:
+        name = column["name"]
+        if name in rounded:
+            yield rounded[name](_column(moments, name)), STAYS
+        elif column["type"] == "i1":
+            yield _column(moments, name).astype(np.uint8), STAYS
+    fires = _column(moments, "fires")[..., 3:] * [255, 1, 1]
+    yield _whole(fires, np.uint8), STAYS
+    yield _poses(_column(moments, "loads")[..., 1:], world["bounds"]), GOES_ON
+    yield np.array([[len(moment.columns["contacts"])] for moment in moments], np.uint16), STAYS
+    yield _turns(azimuths, 256).astype(np.uint8)[:, None], STAYS
+
+
+def _coded(track: np.ndarray, order: int) -> bytes:
+    """Return the differences of each value from what it was, as many times over as the order says.
+
+    Modulo 256 or 65536; all steps of the first value, then of the second ...; of two bytes all low ones first.
+    """
+    if not track.size:
+        return b""
+    table = track.reshape(len(track), -1)
+    for _ in range(order):
+        table = np.diff(table, axis=0, prepend=np.zeros((1, table.shape[1]), table.dtype))
+    planes = np.ascontiguousarray(table.T).astype(f"<u{table.itemsize}").view(np.uint8).reshape(-1, table.itemsize)
+    return planes.T.tobytes()
+
+
+def _column(moments: Sequence[Moment], name: str) -> np.ndarray:
+    return np.stack([moment.columns[name] for moment in moments]).astype(
+        float if moments[0].columns[name].dtype.kind == "f" else moments[0].columns[name].dtype
+    )
+
+
+def _poses(poses: np.ndarray, bounds: Sequence[float]) -> np.ndarray:
+    turns = _turns(poses[..., 2:], 65536).astype(np.uint16)
+    return np.concatenate([_on_map(poses[..., :2], bounds, 65535), turns], axis=-1)
+
+
+def _places(places: np.ndarray, bounds: Sequence[float]) -> np.ndarray:
+    nowhere = np.isnan(places)
+    return np.where(nowhere, np.uint16(NOWHERE), _on_map(np.where(nowhere, 0.0, places), bounds, NOWHERE - 1))
+
+
+def _on_map(places: np.ndarray, bounds: Sequence[float], most: int) -> np.ndarray:
+    low, high = np.array(bounds).reshape(2, 2)
+    return np.rint(np.clip((places - low) / (high - low), 0, 1) * most).astype(np.uint16)
+
+
+def _turns(azimuth: np.ndarray, steps: int) -> np.ndarray:
+    return np.rint(azimuth / TURN * steps).astype(np.int64) % steps
+
+
+def _shares(values: np.ndarray, largest: float, steps: int, nothing: int) -> np.ndarray:
+    return np.where(values < 0, nothing, np.clip(np.rint(values / largest * steps), 0, steps)).astype(np.uint8)
+
+
+def _whole(values: np.ndarray, dtype: type) -> np.ndarray:
+    return np.clip(np.rint(values), 0, np.iinfo(dtype).max).astype(dtype)

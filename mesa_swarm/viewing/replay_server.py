@@ -1,0 +1,113 @@
+"""The replay page on a small server of this machine, which hands out chunks of frames as they are asked for."""
+
+import json
+import secrets
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+from mesa_swarm.errors import SwarmError
+from mesa_swarm.viewing.reel import Reel
+from mesa_swarm.viewing.replay_page import page_of
+
+HOST = "127.0.0.1"
+TOKEN_BYTES = 18
+LONGEST_PLACE = 9
+HTML, JSON, BYTES, TEXT = "text/html; charset=utf-8", "application/json", "application/octet-stream", "text/plain"
+HEADERS = {
+    "Cache-Control": "no-store",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "X-Frame-Options": "DENY",
+}
+
+
+class ReplayServer(ThreadingHTTPServer):
+    """Serves one recording on 127.0.0.1, to those who know the address, which holds a random token.
+
+    Other sites cannot read it: they do not know the token, and a name of theirs that leads to this machine (DNS
+    rebinding) is not the one that is answered to. `serve_forever` serves until `shutdown` or Ctrl-C.
+
+    Parameters
+    ----------
+    reel : Reel
+    port : int
+        0 for any that is free.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from mesa_swarm.model import SwarmModel
+    >>> from mesa_swarm.recording import Recording
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     model = SwarmModel(rng=1)
+    ...     with model.record(f"{folder}/run.arrow"):
+    ...         end = model.run(3)
+    ...     with ReplayServer(Reel(Recording(f"{folder}/run.arrow"))) as server:
+    ...         server.address.startswith("http://127.0.0.1:")
+    True
+    """
+
+    daemon_threads = True
+
+    def __init__(self, reel: Reel, port: int = 0) -> None:
+        self.reel = reel
+        self.page = page_of({**reel.about, "embedded": False}, []).encode()
+        self.token = secrets.token_urlsafe(TOKEN_BYTES)
+        super().__init__((HOST, port), Handler)
+
+    @property
+    def host(self) -> str:
+        """Name and port, as browsers name them in their requests."""
+        return f"{HOST}:{self.server_address[1]}"
+
+    @property
+    def address(self) -> str:
+        """Where the page is."""
+        return f"http://{self.host}/{self.token}/"
+
+    def handle_error(self, request: object, client_address: object) -> None:
+        """Say nothing of a browser that went away."""
+
+
+class Handler(BaseHTTPRequestHandler):
+    """Answers one request: the page, a chunk, the events, and nothing else."""
+
+    server: ReplayServer
+    server_version = "mesa-swarm"
+    sys_version = ""
+    protocol_version = "HTTP/1.1"
+    timeout = 60
+
+    def do_GET(self) -> None:
+        """Send what is asked for."""
+        try:
+            status, kind, content = self._answer()
+        except SwarmError as error:
+            status, kind, content = HTTPStatus.INTERNAL_SERVER_ERROR, TEXT, str(error).encode()
+        self.send_response(status)
+        for name, value in {**HEADERS, "Content-Type": kind, "Content-Length": str(len(content))}.items():
+            self.send_header(name, value)
+        self.end_headers()
+        self.wfile.write(content)
+
+    def log_message(self, *words: object) -> None:
+        """Be silent: the terminal is for the user."""
+
+    def _answer(self) -> tuple[HTTPStatus, str, bytes]:
+        reel, begin = self.server.reel, f"/{self.server.token}/"
+        known = secrets.compare_digest(self.path[: len(begin)].encode(), begin.encode())
+        if self.headers.get("Host") != self.server.host or not known:
+            return HTTPStatus.FORBIDDEN, TEXT, b"This address is not the one that mesa-swarm replay has printed."
+        match self.path[len(begin) :].split("/"):
+            case [""]:
+                return HTTPStatus.OK, HTML, self.server.page
+            case ["events"]:
+                return HTTPStatus.OK, JSON, json.dumps(reel.events).encode()
+            case ["chunk", place] if _is_number(place) and int(place) < reel.chunks:
+                return HTTPStatus.OK, BYTES, reel.chunk(int(place))
+        return HTTPStatus.NOT_FOUND, TEXT, b"There is no such thing here."
+
+
+def _is_number(text: str) -> bool:
+    return text.isascii() and text.isdigit() and len(text) <= LONGEST_PLACE

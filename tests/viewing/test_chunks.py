@@ -1,0 +1,127 @@
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm.recording import Recording
+from mesa_swarm.viewing.chunks import _coded, packed_chunk
+from mesa_swarm.viewing.moments import Moment, moment_of_frame, moment_of_model
+from mesa_swarm.viewing.worlds import COLUMNS, world_of_model, world_of_recording
+from unpacking import Reader, unpacked_chunk
+
+WORLD = {
+    "bounds": [-50.0, 10.0, 750.0, 610.0],
+    "reach": 60.0,
+    "fastest": 2.0,
+    "columns": [
+        {"name": name, "table": table, "width": width, "type": kind} for name, (table, width, kind) in COLUMNS.items()
+    ],
+}
+
+
+def check(moments, frames, world):
+    """Assert that frames are the moments to within what the format promises."""
+    width, height = np.subtract(world["bounds"][2:], world["bounds"][:2])
+    within = {
+        "distance": world["reach"] / 254 / 2,
+        "command": world["fastest"] / 127 / 2,
+        "heat": 0.5 / 200,
+        "heard": max(width, height) / 65534 / 2,
+        "fires": 0.5 / 255,
+    }
+    slack = 1 + 1e-4  # float32
+    assert len(moments) == len(frames)
+    for moment, (step, columns) in zip(moments, frames, strict=True):
+        assert step == moment.step
+        for name in columns:
+            given, got = moment.columns[name].astype(float), columns[name].astype(float)
+            assert given.shape == got.shape, name
+            if name in ("pose", "loads"):
+                check_poses(given[:, -3:], got[:, -3:], width, height)
+            elif name == "contacts":
+                np.testing.assert_array_equal(given[:, 0], got[:, 0])
+                assert (np.abs(np.sin((given[:, 1] - got[:, 1]) / 2)) <= np.pi / 256 / 2 * slack).all()
+            else:
+                np.testing.assert_allclose(got, given, rtol=0, atol=within.get(name, 0) * slack, err_msg=name)
+
+
+def check_poses(given, got, width, height):
+    slack = 1e-4  # float32 at 800
+    assert (np.abs(given[:, 0] - got[:, 0]) <= width / 65535 / 2 + slack).all()
+    assert (np.abs(given[:, 1] - got[:, 1]) <= height / 65535 / 2 + slack).all()
+    assert (np.abs(np.sin((given[:, 2] - got[:, 2]) / 2)) <= np.pi / 65536 / 2 + 1e-6).all()
+
+
+@given(
+    table=st.sampled_from([np.uint8, np.uint16]).flatmap(
+        lambda kind: arrays(kind, st.tuples(st.integers(1, 9), st.integers(0, 5)))
+    ),
+    order=st.integers(1, 2),
+)
+def test_tracks_come_back_as_they_were(table, order):
+    reader = Reader(_coded(table, order))
+    again = reader.track(*table.shape, table.dtype.type, order)
+    np.testing.assert_array_equal(again, table)
+    assert reader.at == len(reader.data)
+
+
+@st.composite
+def moment_lists(draw):
+    """Draw a few moments of a world in which robots may come and go, with values up to their limits."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    sensors, f, k = (draw(st.integers(0, 3)) for _ in range(3))
+    fires, n, moments = rng.uniform(10, 600, (f, 3)).astype(np.float32), draw(st.integers(0, 4)), []
+    for step in range(draw(st.integers(1, 8))):
+        n = draw(st.integers(0, 4)) if draw(st.integers(0, 3)) == 0 else n
+        moments.append(drawn_moment(rng, step, n, sensors, fires, k))
+    return moments
+
+
+def drawn_moment(rng, step, n, sensors, fires, k):
+    low, high = np.array(WORLD["bounds"]).reshape(2, 2)
+
+    def poses(count):
+        return np.column_stack([rng.uniform(low, high, (count, 2)), rng.uniform(-np.pi, np.pi, count)])
+
+    seen, heard, met = rng.random((n, sensors)) < 0.5, rng.random((n, 1)) < 0.5, rng.integers(0, n + 1)
+    burning = np.column_stack([rng.random(len(fires)), rng.integers(0, 9, len(fires)), rng.integers(0, 2, len(fires))])
+    columns = {
+        "ids": np.arange(n)[:, None] + 7,
+        "pose": poses(n),
+        "distance": np.where(seen, rng.choice([0.0, 60.0, 31.7], (n, sensors)), -1.0),
+        "kind": np.where(seen, rng.integers(0, 4, (n, sensors)), -1),
+        "command": rng.uniform(-2, 2, (n, 2)),
+        "heat": rng.uniform(0, 1.2, (n, 1)),
+        "heard": np.where(heard, rng.uniform(low, high, (n, 2)), np.nan),
+        "layer": rng.integers(-1, 5, (n, 1)),
+        "design": np.zeros((n, 1)),
+        "fires": np.column_stack([fires, burning]),
+        "loads": np.column_stack([np.arange(k), poses(k)]),
+        "contacts": np.column_stack([np.arange(met), rng.uniform(-np.pi, np.pi, met)]),
+    }
+    typed = {name: values.astype(f"<{COLUMNS[name][2]}") for name, values in columns.items()}
+    return Moment(step=step, sensors=sensors, columns=typed)
+
+
+@settings(max_examples=60, deadline=None)
+@given(moments=moment_lists())
+def test_chunks_keep_moments_to_the_stated_precision_also_when_robots_come_and_go(moments):
+    check(moments, unpacked_chunk(packed_chunk(moments, WORLD), WORLD), WORLD)
+
+
+def test_chunks_of_recordings_keep_their_frames(fires, transport):
+    for path in (fires, transport):
+        recording = Recording(path)
+        world = world_of_recording(recording)
+        moments = [moment_of_frame(frame, world) for frame in recording]
+        check(moments, unpacked_chunk(packed_chunk(moments, world), world), world)
+
+
+def test_positions_are_right_to_the_promised_fraction_of_the_map_after_any_number_of_steps():
+    model = SwarmModel(rng=1)
+    model.add_robots(AGENT9, poses=[(33.337, 44.441, 3.1415)])
+    world = world_of_model(model)
+    moment = moment_of_model(model, world)
+    frames = unpacked_chunk(packed_chunk([moment] * 1000, world), world)
+    check([moment] * 1000, frames, world)

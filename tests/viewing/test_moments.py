@@ -1,0 +1,114 @@
+import numpy as np
+
+from mesa_swarm import AGENT3, AGENT9, Radio, SwarmModel, disc, polygon
+from mesa_swarm.control import Avoid, Explore, Respond, Subsumption
+from mesa_swarm.models.cooperative_transport import CooperativeTransport
+from mesa_swarm.models.fire_fighting import FireFighting
+from mesa_swarm.recording import Recording
+from mesa_swarm.viewing.moments import design_of, moment_of_frame, moment_of_model, packed_frame
+from mesa_swarm.viewing.worlds import world_of_model, world_of_recording
+from unpacking import unpacked_frame
+
+
+def seen(model):
+    """Return the columns of a model as a browser gets them."""
+    world = world_of_model(model)
+    step, columns = unpacked_frame(packed_frame(moment_of_model(model, world), world), world)
+    assert step == model.completed
+    return columns
+
+
+def test_a_packed_frame_holds_what_the_model_has_to_the_last_bit_of_32():
+    model = FireFighting(n_robots=12, rng=3).run(150)
+    columns, swarm, fires = seen(model), model.swarm, model.fires
+    expected = {
+        "ids": np.array([[robot.unique_id] for robot in model.robots], np.int32),
+        "pose": np.column_stack([swarm.position, swarm.heading]).astype(np.float32),
+        "distance": swarm.distance.astype(np.float32),
+        "kind": swarm.kind,
+        "command": swarm.command.astype(np.float32),
+        "layer": swarm.layer[:, None].astype(np.int8),
+        "heat": (swarm.temperature / model.fire_constants.leave)[:, None].astype(np.float32),
+        "fires": np.column_stack([fires.position, fires.radius, fires.temperature, fires.robots, fires.out]).astype(
+            np.float32
+        ),
+    }
+    for name, values in expected.items():
+        assert columns[name].tobytes() == np.ascontiguousarray(values).tobytes(), name
+
+
+def test_recorded_and_live_frames_show_the_same(tmp_path):
+    model = CooperativeTransport(n_robots=12, load="box", resistance=0.5, rng=1)
+    with model.record(tmp_path / "run.arrow"):
+        model.run(80)
+    recording = Recording(tmp_path / "run.arrow")
+    world, live = world_of_recording(recording), seen(model)
+    step, replayed = unpacked_frame(packed_frame(moment_of_frame(recording.at(80), world), world), world)
+    assert step == 80
+    assert replayed.keys() == live.keys() - {"heard"}
+    for name in replayed.keys() - {"distance", "kind"}:  # sensors were read before the step, here after it
+        np.testing.assert_array_equal(replayed[name], live[name], name)
+    assert {key: world[key] for key in world if key != "columns"} == {
+        key: value for key, value in world_of_model(model).items() if key != "columns"
+    }
+
+
+def test_looking_at_a_model_changes_nothing():
+    looked_at, alone = FireFighting(rng=1), FireFighting(rng=1)
+    for _ in range(30):
+        looked_at.step()
+        alone.step()
+        seen(looked_at)
+    assert looked_at.state_hash() == alone.state_hash()
+
+
+def test_a_contact_points_from_the_robot_to_what_it_met():
+    model = SwarmModel(map="openspace", rng=1)
+    model.add_robots(AGENT9, poses=[(300, 300, 0.0), (310.5, 300, np.pi)])
+    model.control = Subsumption(Explore())
+    for _ in range(3):
+        model.step()
+    contacts = seen(model)["contacts"]
+    np.testing.assert_allclose(contacts[contacts[:, 0] == 0, 1], [0.0], atol=1e-6)
+    np.testing.assert_allclose(np.abs(contacts[contacts[:, 0] == 1, 1]), [np.pi], atol=1e-6)
+
+
+def test_a_message_comes_from_where_the_robot_stands_that_was_heard():
+    model = SwarmModel(map="openspace_fire", rng=1, communication=Radio(range=2000.0))
+    model.add_robots(AGENT9, 8)
+    model.control = Subsumption(Avoid(), Respond(to="goal"), Explore())
+    model.swarm.columns["heard_from"][0] = 30.0, 0.0
+    x, y, heading = seen(model)["pose"][0]
+    heard = seen(model)["heard"]
+    np.testing.assert_allclose(heard[0], [x + 30 * np.cos(heading), y + 30 * np.sin(heading)], rtol=1e-5)
+    assert np.isnan(heard[1:]).all()
+
+
+def test_the_world_knows_every_robots_design_and_what_was_added_by_hand():
+    model = SwarmModel(map="openspace", rng=1)
+    model.add_robots(AGENT9, 2)
+    model.add_robots(AGENT3, 3)
+    model.add_robots(AGENT9, 1)
+    model.add_obstacle(disc((400, 300), 20, contact=False))
+    holed = polygon([(100, 100), (200, 100), (200, 200)], [[(150, 110), (190, 110), (190, 150)]])
+    model.add_obstacle(holed)
+    world = world_of_model(model)
+    assert [len(design["sensors"]) for design in world["designs"]] == [len(AGENT9.sensors), len(AGENT3.sensors)]
+    assert seen(model)["design"].ravel().tolist() == [0, 0, 1, 1, 1, 0]
+    mark, solid = world["shapes"][-2:]
+    assert mark == {"disc": [400.0, 300.0, 20.0], "mark": True}
+    assert [len(ring) for ring in solid["rings"]] == [3, 3]
+
+
+def test_robots_that_came_later_than_the_world_have_the_first_design():
+    assert design_of(np.array([1, 4, 9]), {"robots": [[4, 5, 1]]}).tolist() == [0, 1, 0]
+
+
+def test_sensors_of_the_world_are_those_of_the_engine():
+    model = SwarmModel(rng=1)
+    model.add_robots(AGENT9, 1)
+    rows, table = world_of_model(model)["designs"][0]["sensors"], model.swarm.table.proximity[0]
+    for (mx, my, bearing, half, reach), row in zip(rows, table, strict=True):
+        np.testing.assert_allclose(
+            [mx, my, np.cos(bearing), np.sin(bearing), reach, half], row[[0, 1, 2, 3, 6, 8]], atol=1e-12
+        )
