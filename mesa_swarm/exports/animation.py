@@ -143,12 +143,12 @@ class Animation:
                 pictures.OUT if dead else to_hex(pictures.TEMPERATURE(t)) for t, dead in zip(heat, out, strict=True)
             ]
             inks = [SHADE if dead else "#ffffff" for dead in out]
-            at, r = self._numbers(x, y), self._numbers(radius)
+            at, r, size = self._numbers(x, y), self._numbers(radius), min(0.9 * radius, self._size[0] / 36)
             yield (
                 f'<g class="fire" transform="translate({at}) scale(1 -1)">{self._shown(track)}'
                 f'<circle r="{r}" fill="{colours[0]}" stroke="{SHADE}" stroke-width="{radius / 20:.3g}">'
                 f"{self._clock.jumping('fill', colours)}</circle>"
-                f'<text font-size="{min(0.9 * radius, self._size[0] / 36):.3g}" text-anchor="middle" dy=".35em" fill="{inks[0]}">'
+                f'<text font-size="{size:.3g}" text-anchor="middle" dy=".35em" fill="{inks[0]}">'
                 f"{self._clock.jumping('fill', inks)}{place}</text></g>"
             )
 

@@ -12,7 +12,6 @@ from mesa_swarm.experiments.files import draft_of
 from mesa_swarm.exports.look import Look
 from mesa_swarm.exports.portraits import Portraits
 from mesa_swarm.exports.screen import EDGE, PAPER, Screen, film_frames
-from mesa_swarm.exports.trails import TRAIL
 
 END = b";"
 KEEP = 1
@@ -73,19 +72,20 @@ def palette() -> Image.Image:
     >>> palette().mode
     'P'
     """
-    heat = [tuple(colour[:3]) for colour in pictures.TEMPERATURE(np.linspace(0, 1, 48))]
     flat = [pictures.COOL, pictures.HOT, pictures.FRONT, pictures.OBSTACLE, pictures.LOAD, pictures.MARK]
-    flat += [pictures.OUT, pictures.SECTOR, TRAIL, EDGE, "#555555"]
-    paper, ink = np.array(to_rgb(PAPER)), np.array(to_rgb(pictures.INK))
-    mixed = [
-        share * np.array(to_rgb(c)) + (1 - share) * ground for c in flat for share in BETWEEN for ground in (paper, ink)
-    ]
+    flat += [pictures.SECTOR, EDGE, "#555555"]
+    paper, ink, front = (np.array(to_rgb(colour)) for colour in (PAPER, pictures.INK, pictures.FRONT))
+    exact = [to_rgb(colour) for colour in (*flat, PAPER, pictures.INK, pictures.OUT)]
+    heat = [colour[:3] for colour in pictures.TEMPERATURE(np.linspace(0, 1, 48))]
     # Pillow takes the colour nearest to a small cube of them: greys near the paper would take its place.
     greys = [(grey, grey, grey) for grey in np.linspace(0, 0.88, 40)]
-    cool, front, hot = (np.array(to_rgb(c)) for c in (pictures.COOL, pictures.FRONT, pictures.HOT))
-    halves = [share * back + (1 - share) * front for back in (cool, hot) for share in BETWEEN]
-    exact = [to_rgb(c) for c in (*flat, PAPER, pictures.INK)]
-    table = np.rint(255 * np.array([*exact, *heat, *greys, *mixed, *halves])).astype(np.uint8)[:256]
+    mixed = [_mixed(colour, ground) for colour in flat for ground in (paper, ink)]
+    mixed += [_mixed(back, front) for back in (pictures.COOL, pictures.HOT)]
+    table = np.rint(255 * np.concatenate([exact, heat, greys, *mixed])).astype(np.uint8)[:256]
     image = Image.new("P", (1, 1))
     image.putpalette(np.resize(table, (256, 3)).tobytes())
     return image
+
+
+def _mixed(colour: str, ground: np.ndarray) -> np.ndarray:
+    return np.array([share * np.array(to_rgb(colour)) + (1 - share) * ground for share in BETWEEN])

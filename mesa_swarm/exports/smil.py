@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from math import floor
 
 import numpy as np
 
@@ -32,7 +33,7 @@ class Clock:
 
         Examples
         --------
-        >>> Clock(moments=2, seconds=1.0).moving("translate", np.array([[0.0, 1.0], [2.5, 1.0]]), 1)[-66:]
+        >>> Clock(moments=2, seconds=1.0).moving("translate", np.array([[0.0, 1.0], [2.5, 1.0]]), 1)[-71:]
         'type="translate" values="0 1;2.5 1" dur="1s" repeatCount="indefinite"/>'
         """
         texts = [number_row(row, digits) for row in rows.tolist()]
@@ -46,13 +47,14 @@ class Clock:
 
         Examples
         --------
-        >>> Clock(moments=3, seconds=2.0).jumping("fill", ["red", "red", "blue"])[:80]
-        '<animate attributeName="fill" calcMode="discrete" values="red;blue" keyTimes="0;1'
+        >>> Clock(moments=3, seconds=2.0).jumping("fill", ["red", "red", "blue"])[49:80]
+        'values="red;blue" keyTimes="0;1'
         """
         kept = [i for i in range(len(values)) if i == 0 or values[i] != values[i - 1]]
         if len(kept) == 1:
             return ""
-        times = ";".join(f"{i / (self.moments - 1):.6g}" for i in kept)
+        # Rounded down: at its moment a value counts already, as it does in what moves.
+        times = ";".join(f"{floor(1e5 * i / (self.moments - 1)) / 1e5:.5g}" for i in kept)
         shown = ";".join(values[i] for i in kept)
         return (
             f'<{tag} attributeName="{name}"{more} calcMode="discrete" values="{shown}" keyTimes="{times}" '
