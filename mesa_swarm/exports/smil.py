@@ -47,7 +47,7 @@ class Clock:
 
         Examples
         --------
-        >>> Clock(moments=3, seconds=2.0).jumping("fill", ["red", "red", "blue"])[49:80]
+        >>> Clock(moments=3, seconds=2.0).jumping("fill", ["red", "red", "blue"])[50:81]
         'values="red;blue" keyTimes="0;1'
         """
         kept = [i for i in range(len(values)) if i == 0 or values[i] != values[i - 1]]

@@ -13,9 +13,9 @@ def recorded(model, path, steps, **more):
 
 @pytest.fixture(scope="session")
 def run(tmp_path_factory):
-    """Return a closed recording of 300 steps of 6 robots and 7 fires, in two chunks."""
+    """Return a closed recording of 300 steps of 15 robots and 7 fires, in two chunks."""
     path = tmp_path_factory.mktemp("run") / "run.arrow"
-    return recorded(FireFighting(n_robots=6, strategy="A", rng=5), path, 300)
+    return recorded(FireFighting(n_robots=15, strategy="A", rng=1), path, 300)
 
 
 @pytest.fixture(scope="session")

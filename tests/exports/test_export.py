@@ -22,15 +22,15 @@ def test_one_still_has_the_name_that_was_asked_for_and_several_their_steps_too(r
     assert export(run, tmp_path / "a.svg") == [tmp_path / "a.svg"]
     written = export(run, tmp_path / "b.svg", steps=[300, 0])
     assert [path.name for path in written] == ["b_0.svg", "b_300.svg"]
-    assert export(run, tmp_path / "c.svg", every=100, sheet=True) == [tmp_path / "c.svg"]
+    assert export(run, tmp_path / "c.svg", every=150, sheet=True) == [tmp_path / "c.svg"]
     assert names(tmp_path) == ["a.svg", "b_0.svg", "b_300.svg", "c.svg"]
-    for step in (0, 100, 200, 300):
+    for step in (0, 150, 300):
         assert f"step {step}".encode() in (tmp_path / "c.svg").read_bytes()
 
 
 def test_the_same_recording_gives_the_same_bytes(run, tmp_path):
-    for ending in ENDINGS:
-        more = {"steps": [7]} if ending in ("png", "svg", "csv", "parquet") else {"last": 4}
+    for ending in ("svg", "gif", "mp4", "parquet"):
+        more = {"steps": [7]} if ending in ("svg", "parquet") else {"last": 4}
         first, second = (
             export(run, tmp_path / f"{name}.{ending}", **more)[0].read_bytes() for name in ("first", "second")
         )
@@ -143,7 +143,7 @@ def test_of_a_torn_recording_what_is_whole_is_exported_with_a_warning(run, tmp_p
     with pytest.warns(ExportWarning, match=r"was not closed: its 256 whole rows are exported"):
         export(torn, tmp_path / "a.csv")
     table = Recording(torn).to_pandas()
-    assert len((tmp_path / "a.csv").read_text().splitlines()) == len(table) + 1 == 256 * 6 + 1
+    assert len((tmp_path / "a.csv").read_text().splitlines()) == len(table) + 1 == 256 * 15 + 1
 
 
 def test_of_a_recording_that_is_damaged_on_the_way_the_rows_before_are_exported(run, tmp_path):
@@ -155,7 +155,7 @@ def test_of_a_recording_that_is_damaged_on_the_way_the_rows_before_are_exported(
         warnings.simplefilter("always")
         export(tmp_path / "hurt.arrow", tmp_path / "a.csv")
     assert any("256" in str(warning.message) for warning in told)
-    assert len((tmp_path / "a.csv").read_text().splitlines()) == 256 * 6 + 1
+    assert len((tmp_path / "a.csv").read_text().splitlines()) == 256 * 15 + 1
 
 
 def test_an_empty_recording_and_what_is_none_are_refused(tmp_path):

@@ -33,8 +33,8 @@ def check_robots(pixels, portrait, tolerance):
         left = np.array([-np.sin(heading), np.cos(heading)])
         ahead = np.array([np.cos(heading), np.sin(heading)])
         # Beside the line that shows the heading, and away from the rim.
-        for along, wanted in ((2.0, pictures.FRONT), (-2.5, pictures.HOT if hot else pictures.COOL)):
-            x, y = position + along * ahead + 1.5 * left
+        for along, wanted in ((1.7, pictures.FRONT), (-2.0, pictures.HOT if hot else pictures.COOL)):
+            x, y = position + along * ahead + 2.2 * left
             seen = pixels[int(height - MARGIN - y), int(MARGIN + x)].astype(float)
             assert np.abs(seen[:3] - colour(wanted)).max() <= tolerance, (position, along)
 
@@ -112,12 +112,6 @@ def local_flags(content, size):
         at += 1
 
 
-def test_without_every_films_are_thinned_evenly(run, tmp_path):
-    (path,) = export(run, tmp_path / "a.gif", size=(64, 64))
-    with Image.open(path) as image:
-        assert image.n_frames == 151  # 301 steps would be one too many
-
-
 def drawing(path):
     return ET.fromstring(path.read_text())
 
@@ -149,19 +143,25 @@ def test_robots_in_an_animated_drawing_never_spin_round_the_long_way(run, tmp_pa
     for node in drawing(path).findall(f".//{SVG}g[@class='robot']"):
         turn = next(a for a in node.findall(f"{SVG}animateTransform") if a.get("type") == "rotate")
         degrees = np.array([float(value) for value in turn.get("values").split(";")])
-        assert np.abs(np.diff(degrees)).max() <= 180
+        assert np.abs(np.diff(degrees)).max(initial=0) <= 180
+
+
+def fill_at(node, share):
+    """Return a colour that jumps, at this share of the whole time."""
+    animation = node.find(f"{SVG}animate")
+    if animation is None:
+        return node.get("fill")
+    times = [float(time) for time in animation.get("keyTimes").split(";")]
+    return animation.get("values").split(";")[sum(time <= share for time in times) - 1]
 
 
 def test_fires_change_their_colour_when_their_temperature_did(run, tmp_path):
     (path,) = export(run, tmp_path / "a.svg", animate=True, every=2, last=300)
     fires = drawing(path).findall(f".//{SVG}g[@class='fire']")
     assert len(fires) == 7
-    changed = [node.find(f"{SVG}circle/{SVG}animate") for node in fires]
     for place in (0, 60, 149):
-        for row, animation in enumerate(changed):
-            times = [float(time) for time in animation.get("keyTimes").split(";")]
-            now = sum(time <= place / 150 for time in times) - 1
-            shown = 255 * np.array(to_rgb(animation.get("values").split(";")[now]))
+        for row, node in enumerate(fires):
+            shown = 255 * np.array(to_rgb(fill_at(node.find(f"{SVG}circle"), place / 150)))
             fire = (run.at(2 * place) if place else run.at(1))["fires"][row]
             wanted = to_rgb(pictures.OUT) if fire["out"] else pictures.TEMPERATURE(float(fire["temperature"]))
             assert np.abs(shown - 255 * np.array(wanted[:3])).max() <= (1 if place else 3)

@@ -22,12 +22,12 @@ def same(shown, wanted):
 
 @pytest.mark.parametrize("step", [0, 1, 130, 300])
 def test_the_portrait_of_a_recorded_step_is_that_of_the_model(run, step):
-    model = FireFighting(n_robots=6, strategy="A", rng=5).run(step)
+    model = FireFighting(n_robots=15, strategy="A", rng=1).run(step)
     same(Portraits(Rows(run)).at(step), portrait_of(model))
 
 
 def test_who_is_too_hot_follows_from_the_temperatures(run):
-    model = FireFighting(n_robots=6, strategy="A", rng=5)
+    model = FireFighting(n_robots=15, strategy="A", rng=1)
     portraits = Portraits(Rows(run))
     wanted = [model.run(1).swarm.columns["hot"].copy() for _ in range(300)]
     shown = [portraits.hot(portraits.frame(step)) for step in range(1, 301)]
