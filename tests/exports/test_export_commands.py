@@ -27,7 +27,7 @@ def test_what_was_written_is_printed_and_progress_shown_with_the_time_left(typed
 
 
 def test_options_have_the_names_that_one_expects(typed, tmp_path):
-    line = "out.gif --from 10 --to 20 --every 5 --fps 10 --size 80x60 --trails 5 --sectors --quiet"
+    line = "out.gif --from 10 --to 20 --every 5 --fps 10 --size 80x64 --trails 5 --sectors --quiet"
     assert typed(line) == (0, "out.gif\n", "")
     assert typed("out.svg --animate --to 4 --quiet") == (0, "out.svg\n", "")
     assert "<animateTransform" in (tmp_path / "out.svg").read_text()
@@ -62,6 +62,7 @@ def test_files_are_replaced_only_by_force(typed, tmp_path):
     assert typed("a.csv --quiet --force")[0] == 0
 
 
+@pytest.mark.filterwarnings("default")
 def test_a_torn_recording_is_exported_as_far_as_it_is_whole_and_this_is_said(typed, tmp_path, run):
     (tmp_path / "torn.arrow").write_bytes(run.path.read_bytes()[:-200])
     status, out, err = typed("a.csv --quiet", "torn.arrow")
