@@ -104,9 +104,9 @@ def _show_warning(message: Warning | str, *where: object) -> None:
     print(f"mesa-swarm: warning: {' '.join(str(message).split())}", file=sys.stderr)
 
 
-def _work(module: str = "commands"):
+def _work(module: str = "commands", folder: str = "experiments"):
     """Import what does the work only when it is to be done, so that --help and misspelt names are quick."""
-    return import_module(f"mesa_swarm.experiments.{module}")
+    return import_module(f"mesa_swarm.{folder}.{module}")
 
 
 def _print_version(wanted: bool) -> None:
@@ -192,6 +192,47 @@ def replay(
 ) -> None:
     """Play a recording in the browser: at any speed, to and fro, from event to event."""
     _work("replay_commands").replay(file, port=port, browser=not no_browser)
+
+
+@app.command()
+def export(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="What `mesa-swarm run --record` wrote.")],
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="A .png .svg .gif .mp4 .html .csv or .parquet file.")],
+    *,
+    steps: Annotated[
+        str | None, typer.Option(metavar="A,B,...", help="Stills or rows of these steps; stills: else the last.")
+    ] = None,
+    every: Annotated[int | None, typer.Option(min=1, max=MOST_STEPS, help="All steps that are multiples.")] = None,
+    first: Annotated[int | None, typer.Option("--from", min=0, max=MOST_STEPS, help="No steps before.")] = None,
+    last: Annotated[int | None, typer.Option("--to", min=0, max=MOST_STEPS, help="No steps after.")] = None,
+    sheet: Annotated[bool, typer.Option("--sheet", help="Several stills on one sheet.")] = False,
+    animate: Annotated[bool, typer.Option("--animate", help="Make an .svg move.")] = False,
+    fps: Annotated[float | None, typer.Option(min=1, max=120, help="Frames a second of what moves.")] = None,
+    size: Annotated[str | None, typer.Option(metavar="WIDTHxHEIGHT", help="Pixels of a .png .gif or .mp4.")] = None,
+    sectors: Annotated[bool, typer.Option("--sectors", help="Draw where proximity sensors look.")] = False,
+    trails: Annotated[int, typer.Option(min=0, max=MOST_KEPT, help="Draw ways over so many steps.")] = 0,
+    table: Annotated[str | None, typer.Option(help="robots, fires, contacts or loads, as .csv or .parquet.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace files that exist.")] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Write a recording as pictures, a film, a page or a table, by the ending of OUT."""
+    _work("export_commands", "exports").export(
+        file,
+        out,
+        steps=steps,
+        every=every,
+        first=first,
+        last=last,
+        sheet=sheet,
+        animate=animate,
+        fps=fps,
+        size=size,
+        sectors=sectors,
+        trails=trails,
+        table=table,
+        force=force,
+        progress=not quiet,
+    )
 
 
 def _refuse_beside_job(options: dict[str, object]) -> None:

@@ -3,7 +3,7 @@
 import os
 from bisect import bisect_right
 from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
@@ -170,12 +170,14 @@ class Recording:
         UnknownNameError
             If that was not recorded.
         """
+        return table_of(self, self.checked_table(table))
+
+    def checked_table(self, table: str) -> str:
+        """Return the name of a table if it was recorded, else say which were."""
         known = ("robots", *(name for name in self.columns if name in TABLES))
         if table not in known:
             raise UnknownNameError(unknown_name("recorded table", table, known))
-        parts = [_robot_table(frame) if table == "robots" else _table(frame, table) for frame in self]
-        names = parts[0].keys() if parts else ("step",)
-        return pd.DataFrame({name: np.concatenate([part[name] for part in parts] or [[]]) for name in names})
+        return table
 
     def events(self) -> list[Event]:
         """Return what happened, oldest first: fires that went out, bursts of collisions, groups that merged."""
@@ -208,6 +210,20 @@ class Recording:
         if len(self._chunks) > MOST_CACHED:
             self._chunks.popitem(last=False)
         return chunk
+
+
+def table_of(frames: Iterable[Frame], table: str) -> pd.DataFrame:
+    """Return the rows of frames as a table, see `Recording.to_pandas`.
+
+    Parameters
+    ----------
+    frames : iterable of Frame
+    table : str
+        "robots", "fires", "contacts" or "loads".
+    """
+    parts = [_robot_table(frame) if table == "robots" else _table(frame, table) for frame in frames]
+    names = parts[0].keys() if parts else ("step",)
+    return pd.DataFrame({name: np.concatenate([part[name] for part in parts] or [[]]) for name in names})
 
 
 def chunk_of(batch: pa.RecordBatch) -> "_Chunk":
