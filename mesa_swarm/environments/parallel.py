@@ -90,9 +90,8 @@ class ParallelSwarmEnv(ParallelEnv):
         observations, rewards, terminations, truncations, infos : dicts by agent
         """
         world, agents = self._running(), self.agents
-        world.advance(shares(self.task.actions, self._told(actions), (len(agents),)))
         reward = np.empty(len(agents))
-        world.reward(reward)
+        world.advance(shares(self.task.actions, self._told(actions), reward.shape), reward)
         finished, out_of_time = world.finished, world.out_of_time
         if finished or out_of_time:
             self.agents = []

@@ -78,9 +78,8 @@ class RobotEnv(Env):
         info : dict
         """
         world = self._running()
-        world.advance(shares(self.task.actions, [action], (1,)))
         reward = np.empty(1)
-        world.reward(reward)
+        world.advance(shares(self.task.actions, [action], reward.shape), reward)
         finished = world.finished
         return self._observation(), float(reward[0]), finished, world.out_of_time and not finished, {}
 

@@ -10,7 +10,7 @@ from mesa_swarm.model import SwarmModel
 
 
 class TaskWorld(SwarmModel):
-    """A world for one episode: `advance`, then read `observe`, `reward`, `finished` and `out_of_time`.
+    """A world for one episode: `advance`, then `observe`, `finished` and `out_of_time`.
 
     Its DataCollector collects nothing, so that millions of steps take no memory.
 
@@ -26,9 +26,8 @@ class TaskWorld(SwarmModel):
     --------
     >>> from mesa_swarm.environments import CollisionAvoidance
     >>> world = TaskWorld(task=CollisionAvoidance(n_robots=3, map="openspace"), commanded=2, rng=1)
-    >>> world.advance(np.ones((2, 2)))
     >>> reward = np.empty(2)
-    >>> world.reward(reward)
+    >>> world.advance(np.ones((2, 2)), reward)
     >>> reward
     array([1., 1.])
     """
@@ -56,16 +55,20 @@ class TaskWorld(SwarmModel):
         """Whether the episode's steps are used up."""
         return self.steps >= self.task.max_steps
 
-    def advance(self, shares: np.ndarray) -> None:
-        """Take a step in which the commanded robots drive at these shares (k, 2) of their greatest speed."""
+    def advance(self, shares: np.ndarray, reward: np.ndarray) -> None:
+        """Take a step, and write what it was worth to each commanded robot.
+
+        Parameters
+        ----------
+        shares : ndarray, shape (k, 2)
+            What their wheels do, as shares of the greatest speed.
+        reward : ndarray, shape (k,), written
+        """
         np.multiply(shares, self.task.design.max_speed, out=self._wheels)
         self.step()
         self.sense()
+        self._score.reward(reward)
 
     def observe(self, out: np.ndarray) -> None:
         """Write what the commanded robots are told, shape (k, width)."""
         self._observer.observe(self.swarm.columns, out)
-
-    def reward(self, out: np.ndarray) -> None:
-        """Write what the last step was worth to them, shape (k,); ask once a step."""
-        self._score.reward(out)

@@ -90,8 +90,7 @@ class VectorSwarmEnv:
         wheels = shares(self.task.actions, actions, (self.n_worlds, self.commanded))
         reward = np.empty((self.n_worlds, self.commanded))
         for world, told, row in zip(self.worlds, wheels, reward, strict=True):
-            world.advance(told)
-            world.reward(row)
+            world.advance(told, row)
         observations = self._observations()
         terminated = np.array([world.finished for world in self.worlds])
         truncated = np.array([world.out_of_time for world in self.worlds]) & ~terminated
