@@ -59,19 +59,16 @@ class ExtinguishingScore:
         self._model = model
         self._worth = put_out, work, step_cost
         self._fought = np.full(count, -1)
-        self._out = model.fires.out.copy()
 
     @property
     def finished(self) -> bool:
         """Whether all fires are out."""
-        return bool(self._out.all())
+        return bool(self._model.fires.out.all())
 
     def reward(self, out: np.ndarray) -> None:
         """Write what the last step was worth."""
-        model = self._model
-        extinguishing(
-            model.swarm.columns["fire"], model.fires.columns["out"], *self._worth, self._fought, self._out, out
-        )
+        out_now, fire = self._model.fires.columns["out"], self._model.swarm.columns["fire"]
+        extinguishing(fire, out_now, *self._worth, self._fought, out)
 
 
 @compiled
@@ -95,14 +92,13 @@ def finding(fire, arrival, step_cost, found, reward):
 
 
 @compiled
-def extinguishing(fire, out, put_out, work, step_cost, fought, was_out, reward):
-    """Write -step_cost, `work` more while fighting, `put_out` more if what it fought before went out; take notes."""
+def extinguishing(fire, out, put_out, work, step_cost, fought, reward):
+    """Write -step_cost, `work` more while fighting, `put_out` more if what it fought is out; note what it fights."""
     for i in range(reward.shape[0]):
         before = fought[i]
         reward[i] = -step_cost
         if fire[i] >= 0:
             reward[i] += work
-        if before >= 0 and out[before] and not was_out[before]:
+        if before >= 0 and out[before]:  # now only: nobody fights what is out
             reward[i] += put_out
         fought[i] = fire[i]
-    was_out[:] = out

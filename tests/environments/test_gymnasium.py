@@ -91,6 +91,15 @@ def test_all_robots_of_many_worlds_lie_flat():
         assert infos.keys() - {"_final_obs"} == final.keys()
 
 
+def test_all_robots_of_a_world_whose_task_is_done_end_and_no_others():
+    env = RobotVectorEnv(FindFires(n_robots=3), n_worlds=2)
+    env.reset(seed=1)
+    env.swarms.worlds[0]._score.found[:] = True
+    _, _, terminated, truncated, infos = env.step(np.zeros((6, 2)))
+    assert terminated.tolist() == infos["_final_obs"].tolist() == [True] * 3 + [False] * 3
+    assert not truncated.any()
+
+
 def test_the_commanded_robot_is_told_from_the_others_in_the_picture():
     env = RobotEnv(CollisionAvoidance(n_robots=3), render_mode="rgb_array")
     env.reset(seed=1)

@@ -77,6 +77,13 @@ def test_all_robots_end_together():
     assert not any(truncations.values())
 
 
+def test_a_done_task_is_terminated_and_not_truncated_though_its_time_is_up():
+    env = find_fires_v0.parallel_env(n_robots=1, max_steps=1)
+    env.reset(seed=1)
+    env.world._score.found[:] = True
+    assert env.step({"robot_0": (0, 0)})[2:4] == ({"robot_0": True}, {"robot_0": False})
+
+
 def test_spaces_hold_what_comes_and_goes():
     env = extinguish_fires_v0.parallel_env(n_robots=2)
     observations, _ = env.reset(seed=1)
