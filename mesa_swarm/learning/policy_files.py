@@ -97,7 +97,7 @@ def load_policy(path: str | os.PathLike[str]) -> Policy:
 
 def _policy_of(file: Path, header: dict, arrays: dict[str, np.ndarray]) -> Policy:
     family = header.get("family")
-    if family not in FAMILIES:
+    if not isinstance(family, str) or family not in FAMILIES:
         raise _refusal(file, f"its family is {shortened(family)}; known: {', '.join(FAMILIES)}")
     for name, array in arrays.items():
         if array.dtype != np.float64 or not np.isfinite(array).all():

@@ -8,34 +8,27 @@ import numpy as np
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import (
     InvalidValueError,
-    LearningError,
-    check_choice,
-    check_number,
     shortened,
 )
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import (
     ACTION_NAMES,
     ACTIONS,
-    ENCODINGS,
     best_of,
     chosen,
     ranges_of,
     write_inputs,
 )
-from mesa_swarm.learning.memory import Memory
+from mesa_swarm.learning.learner import Learner, cool
 from mesa_swarm.learning.networks import back_propagate, forward
 from mesa_swarm.learning.q_policy import QPolicy, check_start
 from mesa_swarm.learning.rewards import REWARDS, rewarded
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm
 
-# What a policy tells of how it was trained.
-TOLD = ("reward", "alpha", "eta", "gamma", "beta", "critical", "shared", "self_adjusting")
-
 
 @dataclass(kw_only=True)
-class QLearning:
+class QLearning(Learner):
     """Learn in every step which of a few actions pays, and choose by what was learned; always active.
 
     Each robot has a network for each action, of its sensors' readings, twice as many hidden units as
@@ -118,49 +111,14 @@ class QLearning:
 
     def __post_init__(self) -> None:
         """Check the parameters."""
-        check_choice("reward", self.reward, REWARDS)
-        check_choice("encoding", self.encoding, ENCODINGS)
         if self.actions not in (4, 8):
             raise InvalidValueError(f"actions is {shortened(self.actions)}; expected 4 or 8")
-        for name in ("alpha", "eta", "beta"):
-            check_number(name, getattr(self, name), minimum=0, maximum=1)
-        check_number("gamma", self.gamma, minimum=0, maximum=0.999)
-        for name in ("first_temperature", "last_temperature"):
-            check_number(name, getattr(self, name), above=0, maximum=1e6)
-        for name in ("critical", "bump_rate"):
-            check_number(name, getattr(self, name), above=0, maximum=1)
-        check_number("bump_window", self.bump_window, minimum=1, maximum=1e9)
-        check_number("bump_distance", self.bump_distance, minimum=0, maximum=1e6)
+        self._check_rates()
         check_start(self.start, self.actions, self.encoding)
 
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
         """Remember each robot's networks, its last inputs, action and reward, its temperature and recent bumps."""
-        per_sensor, count = ENCODINGS[self.encoding], self.actions
-        self._swarm, self._rng = swarm, rng
-        self._memory = Memory(swarm, prefix, count, per_sensor, self.start)
-        self._prefix = prefix
-        for name, shape, dtype, initial in (
-            ("inputs", (per_sensor, "proximity"), np.float64, 1.0),
-            ("action", (), np.int64, -1),
-            ("reward", (), np.float64, 0.0),
-            ("temperature", (), np.float64, self.first_temperature),
-            ("bumps", (), np.float64, self.bump_rate),
-            ("lessons", (), np.int64, 0),
-        ):
-            swarm.remember(f"{prefix}.{name}", shape, dtype, initial)
-
-    def _column(self, name: str) -> np.ndarray:
-        return self._swarm.columns[f"{self._prefix}.{name}"]
-
-    @property
-    def temperature(self) -> np.ndarray:
-        """Of every robot's choice (n,); a copy."""
-        return self._column("temperature").copy()
-
-    @property
-    def last_reward(self) -> np.ndarray:
-        """What every robot got for its last action (n,); a copy."""
-        return self._column("reward").copy()
+        self._remember(swarm, prefix, rng, self.actions, {"action": ((), np.int64, -1)})
 
     def policy(self, **training: str | float) -> QPolicy:
         """Return what the robots have learned so far, all of them, as a policy that no longer learns.
@@ -175,18 +133,7 @@ class QLearning:
         LearningError
             If there are no robots, or they have not all the same sensors.
         """
-        self._memory.give_birth(self._rng, self.shared)
-        lessons = int(self._column("lessons").sum())
-        told = {name: getattr(self, name) for name in TOLD}
-        return QPolicy(
-            sensors=self._memory.sensors(),
-            networks=self._memory.networks(1 if self.shared else len(self._swarm)),
-            actions=self.actions,
-            encoding=self.encoding,
-            temperature=float(self._column("temperature").mean()),
-            steps=lessons + (self.start.steps if self.start else 0),
-            training={**told, "robots": len(self._swarm), "lessons": lessons, **training},
-        )
+        return QPolicy(actions=self.actions, **self._learned(training))
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Learn from the last action, and choose the next one for robots that no other layer drives.
@@ -223,13 +170,6 @@ class QLearning:
             self._memory.share()
         if diverged >= 0:
             raise self._divergence(diverged)
-
-    def _divergence(self, row: int) -> LearningError:
-        robot = self._swarm.agents[row]
-        return LearningError(
-            f"{self.name} diverged for robot {robot.unique_id} in step {robot.model.steps}: its values are not "
-            "finite; lower eta, alpha or gamma"
-        )
 
     def reason(self, moment: Moment) -> Reason:
         """Say which action it chose, and what is nearest."""
@@ -288,19 +228,3 @@ def learn_and_choose(
         for k in range(inputs.shape[1]):
             inputs[i, k] = now[0, k]
     return diverged
-
-
-@compiled
-def cool(distance, i, temperature, bumps, cooling, bumping, self_adjusting):
-    """Set the temperature of robot i by the clock, or by how often it bumped."""
-    beta, first, last = cooling
-    usual, forgetting, near = bumping
-    bumped = 0.0
-    for s in range(distance.shape[1]):
-        if 0.0 <= distance[i, s] <= near:
-            bumped = 1.0
-    bumps[i] += forgetting * (bumped - bumps[i])
-    if self_adjusting:
-        temperature[i] = last + (first - last) * min(1.0, bumps[i] / usual)
-    else:
-        temperature[i] -= beta * (temperature[i] - last)

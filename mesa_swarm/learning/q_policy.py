@@ -137,7 +137,9 @@ class QPolicy:
         if sorted(arrays) != sorted(PARTS) or sorted(settings) != ["actions", "encoding", "temperature"]:
             raise InvalidValueError(f"a q policy has {', '.join(arrays)}; expected {', '.join(PARTS)}")
         networks = Networks(*(arrays[part] for part in PARTS))
-        return cls(sensors=sensors, networks=networks, steps=steps, training=training, **settings)
+        known = {**settings, "actions": check_count("actions", settings["actions"])}
+        known["temperature"] = check_number("temperature", settings["temperature"])
+        return cls(sensors=sensors, networks=networks, steps=steps, training=training, **known)
 
 
 def check_start(start: QPolicy | None, actions: int, encoding: str) -> None:
