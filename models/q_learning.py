@@ -16,7 +16,7 @@ fires and loads from obstacles.
 THINGS TO NOTICE. Most collisions happen in the first thousand steps. Some come back, long after: what a network
 learns of one situation changes what it says of others. With beta 0.005 collisions end sooner than with 0.0001.
 
-THINGS TO TRY. Reward (a): why do robots quiver? Four actions: what happens beside a wall? gamma 0.9: at what
+THINGS TO TRY. Reward (a): why do robots quiver? Eight actions: are there more collisions, and why? gamma 0.9: at what
 distance do robots turn? A single robot: does it learn as well without the others?
 
 EXTENDING IT. Put `Avoid(distance=3)` above the learner, as a reflex.
@@ -55,7 +55,7 @@ class QLearning(SwarmModel):
         *,
         n_robots: Annotated[int, Slider(1, 100, 1, "robots")] = 15,
         reward: Annotated[str, Choice(("a", "b", "c"), "what is paid for, see above")] = "b",
-        actions: Annotated[int, Slider(4, 8, 4, "what robots can do: 8, or the first 4 of them")] = 8,
+        actions: Annotated[int, Slider(4, 8, 4, "what robots can do: 8, or the first 4 of them")] = 4,
         beta: Annotated[float, Slider(0, 0.01, 1e-4, "share by which T nears its end in each step")] = 1e-4,
         alpha: Annotated[float, Slider(0, 1, 0.05, "how much of a new experience counts")] = 0.4,
         eta: Annotated[float, Slider(0, 1, 0.05, "learning rate of the networks")] = 0.1,

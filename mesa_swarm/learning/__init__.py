@@ -6,6 +6,9 @@ from mesa_swarm.learning.policy_files import load_policy, save_policy
 from mesa_swarm.learning.q_learning import QLearning
 from mesa_swarm.learning.q_policy import QPolicy
 from mesa_swarm.learning.rewards import reward
+from mesa_swarm.learning.wire_fitting import wire_value
+from mesa_swarm.learning.wire_learning import WireFittedQ
+from mesa_swarm.learning.wire_policy import WirePolicy
 
 __all__ = [
     "Networks",
@@ -14,8 +17,11 @@ __all__ = [
     "QLearning",
     "QPolicy",
     "SensorLayout",
+    "WireFittedQ",
+    "WirePolicy",
     "fit",
     "load_policy",
     "reward",
     "save_policy",
+    "wire_value",
 ]

@@ -5,9 +5,8 @@ import math
 import numpy as np
 
 from mesa_swarm.errors import LearningError
-from mesa_swarm.learning.networks import Networks
-from mesa_swarm.learning.policy import SensorLayout
-from mesa_swarm.learning.q_policy import PARTS, QPolicy
+from mesa_swarm.learning.networks import PARTS, Networks
+from mesa_swarm.learning.policy import Policy, SensorLayout
 from mesa_swarm.robots.swarm import Swarm
 
 
@@ -26,7 +25,7 @@ class Memory:
         Networks a robot.
     per_sensor : int
         Inputs a proximity sensor.
-    start : QPolicy, optional
+    start : QPolicy or WirePolicy, optional
         What robots know when they are born.
 
     Raises
@@ -35,7 +34,7 @@ class Memory:
         If robots have other sensors than `start` was trained with.
     """
 
-    def __init__(self, swarm: Swarm, prefix: str, count: int, per_sensor: int, start: QPolicy | None) -> None:
+    def __init__(self, swarm: Swarm, prefix: str, count: int, per_sensor: int, start: Policy | None) -> None:
         self._swarm, self._prefix, self._count, self._start = swarm, prefix, count, start
         self._check_start()
         units = (2, "proximity")

@@ -10,6 +10,7 @@ from mesa_swarm.geometry.compiled import compiled
 
 # Of the thesis's regression (6.4); for robots it used 0.1 (8.3).
 REGRESSION_RATE = 0.5
+PARTS = ("inner", "inner_bias", "outer", "outer_bias")
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,6 +155,26 @@ def fit(
         for shown in order.T:
             stack.learn(points[shown, :1], points[shown, 1], rate)
     return stack
+
+
+def check_networks(networks: Networks, inputs: int, group: int) -> None:
+    """Refuse networks that are not groups of so many, with so many inputs, and with finite weights.
+
+    Raises
+    ------
+    InvalidValueError
+    """
+    inner = networks.inner
+    m, k, h = inner.shape if inner.ndim == 3 else (0, -1, 0)
+    wanted = ((m, k, h), (m, h), (m, h), (m,))
+    fits = m and m % group == 0 and k == inputs
+    if not fits or any(w.shape != s for w, s in zip(networks.weights, wanted, strict=True)):
+        raise InvalidValueError(
+            f"networks have the shapes {[w.shape for w in networks.weights]}; expected {inputs} inputs "
+            f"and {group} networks a robot"
+        )
+    if not all(np.isfinite(w).all() for w in networks.weights):
+        raise InvalidValueError("networks hold weights that are not finite; train them anew")
 
 
 @compiled

@@ -8,11 +8,9 @@ import numpy as np
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number, shortened
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import ACTIONS, ENCODINGS, best_of, chosen, write_inputs
-from mesa_swarm.learning.networks import Networks, forward
+from mesa_swarm.learning.networks import PARTS, Networks, check_networks, forward
 from mesa_swarm.learning.policy import SensorLayout
 from mesa_swarm.robots.design import RobotDesign
-
-PARTS = ("inner", "inner_bias", "outer", "outer_bias")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -64,17 +62,7 @@ class QPolicy:
             raise InvalidValueError(f"actions is {self.actions!r:.60}; expected 4 or 8")
         check_number("temperature", self.temperature, above=0)
         check_count("steps", self.steps, maximum=2**62)
-        inner = self.networks.inner
-        m, k, h = inner.shape if inner.ndim == 3 else (0, -1, 0)
-        wanted = ((m, k, h), (m, h), (m, h), (m,))
-        fits = m and m % self.actions == 0 and k == inputs
-        if not fits or any(w.shape != s for w, s in zip(self.networks.weights, wanted, strict=True)):
-            raise InvalidValueError(
-                f"networks have the shapes {[w.shape for w in self.networks.weights]}; expected {inputs} inputs "
-                f"and {self.actions} networks a robot"
-            )
-        if not all(np.isfinite(w).all() for w in self.networks.weights):
-            raise InvalidValueError("networks hold weights that are not finite; train them anew")
+        check_networks(self.networks, inputs, self.actions)
 
     @classmethod
     def untrained(cls, design: RobotDesign, *, rng: np.random.Generator, copies: int = 1, **options) -> "QPolicy":
