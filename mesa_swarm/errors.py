@@ -53,6 +53,10 @@ class BehaviourError(SwarmError, RuntimeError):
     """A rule returned something that no wheel can do."""
 
 
+class LearningError(SwarmError, RuntimeError):
+    """What was learned is unusable, or nothing was learned yet."""
+
+
 class UncompiledBehaviourWarning(UserWarning):
     """A rule could not be compiled and runs as plain Python."""
 
