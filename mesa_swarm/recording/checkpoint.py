@@ -10,7 +10,7 @@ from mesa_swarm.control.arbiter import MOST_LAYERS
 from mesa_swarm.errors import RecordingError, SwarmError, shortened
 from mesa_swarm.observed_world import ObservedWorld
 from mesa_swarm.recording.clock import has_own_events, set_clock
-from mesa_swarm.recording.collected import Path, collected_to_json, joined, lay_collected
+from mesa_swarm.recording.collected import Path, collected_to_json, joined, lay_collected, reporters_of
 from mesa_swarm.recording.container import Checkpoint
 from mesa_swarm.recording.parts import control_from_json, control_to_json, part_from_json, part_to_json
 from mesa_swarm.recording.plain import Packed
@@ -19,13 +19,20 @@ from mesa_swarm.recording.things import lay_things, things_to_json
 # What is stored in a way of its own, or follows from what is stored, or says only how the model is being looked at.
 # First Mesa's, then ours.
 HANDLED = frozenset(
-    "steps step rng _rng random _seed _user_step _agents _agents_by_type _all_agents subscribers _batch_context "
-    "_suppress _time agent_id_counter _simulator _event_list _event_generators _scenario _default_schedule "
-    "data_registry given _engine map streams space swarm fires _obstacles _loads _scene _scene_table observers "
-    "_channel _fire_constants _senses _senses_version _sensed _noise datacollector _control _snapshots".split()
+    (
+        *("steps", "step", "rng", "_rng", "random", "_seed", "_user_step", "_agents", "_agents_by_type", "_all_agents"),
+        *("subscribers", "_batch_context", "_suppress", "_time", "agent_id_counter", "_simulator", "_event_list"),
+        *("_event_generators", "_scenario", "_default_schedule", "data_registry"),
+        *("given", "_engine", "map", "streams", "space", "swarm", "fires", "_obstacles", "_loads", "_scene"),
+        *("_scene_table", "observers", "_channel", "_fire_constants", "_senses", "_senses_version", "_sensed"),
+        *("_noise", "datacollector", "_control", "_snapshots"),
+    )
 )
 OF_THINGS = frozenset(
-    "model unique_id space _mesa_index pos swarm row fires shape form pose _resistance moved pushers".split()
+    (
+        *("model", "unique_id", "space", "_mesa_index", "pos", "swarm", "row", "fires", "shape", "form", "pose"),
+        *("_resistance", "moved", "pushers"),
+    )
 )
 # Bit generators whose state no number can break.
 GENERATORS = ("PCG64", "PCG64DXSM")
@@ -126,6 +133,9 @@ def checkpoint_of(model: ObservedWorld, since: dict[Path, int] | None = None) ->
         "control_state": _control_state(model, told),
         "randomness": _randomness(model, told),
         "collected": collected_to_json(model, told, since or {}),
+        "reporters": {
+            name: told.pack(reporter.checkpoint(), f"reporter {name}") for name, reporter in reporters_of(model).items()
+        },
         "attributes": {n: _attribute(v, n, told) for n, v in model.__dict__.items() if n not in HANDLED},
         "of_things": _of_things(model, told),
     }
@@ -174,6 +184,8 @@ def _restore(model: ObservedWorld, checkpoint: Checkpoint, earlier: Sequence[Che
     _lay_history(model, facts["history"])
     parts = [(part.facts["collected"], _Told(model, part.arrays)) for part in earlier]
     lay_collected(model, joined([*parts, (facts["collected"], told)]))
+    for name, reporter in reporters_of(model).items():
+        reporter.restore(told.unpack(facts["reporters"][name]))
     model.obstacles_changed()
     model.swarm.version += 1
     model._sensed = None

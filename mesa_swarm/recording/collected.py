@@ -32,6 +32,12 @@ def lengths_of(model: ObservedWorld) -> dict[Path, int]:
     return {path: len(values) for path, values in series_of(model).items()}
 
 
+def reporters_of(model: ObservedWorld) -> dict[str, object]:
+    """Return the reporters that remember something, and say so by `checkpoint` and `restore`, by name."""
+    found = {name: getattr(r, "func", r) for name, r in model.datacollector.model_reporters.items()}
+    return {name: reporter for name, reporter in found.items() if hasattr(reporter, "checkpoint")}
+
+
 def collected_to_json(model: ObservedWorld, packed: Packed, since: dict[Path, int]) -> list:
     """Return what came since the series had these lengths: for each its path, where it goes on, and the values.
 

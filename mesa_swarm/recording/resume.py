@@ -11,6 +11,7 @@ from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameErro
 from mesa_swarm.observed_world import ObservedWorld
 from mesa_swarm.recording.checkpoint import restore
 from mesa_swarm.recording.clock import set_clock
+from mesa_swarm.recording.collected import reporters_of
 from mesa_swarm.recording.provenance import rebuilt
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.verify import last_same, run_to, started_again
@@ -198,6 +199,10 @@ def _take_collected(new: ObservedWorld, old: ObservedWorld) -> None:
     if new.datacollector.model_vars.keys() == old.datacollector.model_vars.keys():
         for name, values in old.datacollector.model_vars.items():
             new.datacollector.model_vars[name] = list(values)
+        kept = reporters_of(old)
+        for name, reporter in reporters_of(new).items():
+            if name in kept:
+                reporter.restore(kept[name].checkpoint())
 
 
 def _checked_step(recording: Recording, step: int | None) -> int:
