@@ -12,7 +12,7 @@ ATOMS = (bool, int, str, float, type(None))
 # An array of these kinds is its bytes: bool, whole, real and complex numbers, bytes, text, dates and durations.
 KINDS = frozenset("biufcSUmM")
 DEEPEST = 100
-MADE_OF_LISTS: dict[str, Callable] = {"tuple": tuple, "set": set, "frozenset": frozenset}
+MADE_OF_LISTS: dict[str, Callable] = {kind.__name__: kind for kind in (list, tuple, set, frozenset, deque)}
 
 
 class Packed:
@@ -52,21 +52,24 @@ class Packed:
             return value
         if isinstance(value, (np.ndarray, np.generic)):
             return {"array" if kind is np.ndarray else "number": self._kept(value, what)}
-        if kind is list:
-            return [self.pack(item, what, depth + 1) for item in value]
-        if kind is dict:
-            pairs = [[self.pack(part, what, depth + 1) for part in pair] for pair in value.items()]
-            return {"dict": pairs}
-        if kind is deque:
-            return {"deque": [self.pack(item, what, depth + 1) for item in value], "longest": value.maxlen}
         if kind is bytes:
             return {"bytes": base64.b64encode(value).decode()}
         if kind is complex:
             return {"complex": [value.real, value.imag]}
-        if kind.__name__ in MADE_OF_LISTS and MADE_OF_LISTS[kind.__name__] is kind:
-            items = value if kind is tuple else sorted(value, key=repr)
-            return {kind.__name__: [self.pack(item, what, depth + 1) for item in items]}
-        raise RecordingError(f"{what} is {shortened(value)}, which cannot be stored")
+        return self._packed(value, what, depth + 1)
+
+    def _packed(self, value: object, what: str, depth: int) -> object:
+        """Return what holds other values as JSON has it."""
+        kind = type(value)
+        if kind is dict:
+            return {"dict": [[self.pack(part, what, depth) for part in pair] for pair in value.items()]}
+        if MADE_OF_LISTS.get(kind.__name__) is not kind:
+            raise RecordingError(f"{what} is {shortened(value)}, which cannot be stored")
+        ordered = sorted(value, key=repr) if kind in (set, frozenset) else value
+        items = [self.pack(item, what, depth) for item in ordered]
+        if kind is list:
+            return items
+        return {kind.__name__: items, **({"longest": value.maxlen} if kind is deque else {})}
 
     def unpack(self, told: object) -> object:
         """Return the value that `pack` told.

@@ -1,9 +1,10 @@
 """Arrow IPC streams whose pieces are sealed: what was torn or flipped is found before it is believed.
 
-A sealed stream is an ordinary Arrow IPC stream, which any tool reads. What is no row, a checkpoint for example, is
-carried by the metadata of a batch of no rows. After the schema, and after each record batch, stands a batch of no rows whose metadata are the seal: a CRC-32 of all bytes since the last seal began, the
+A sealed stream is an ordinary Arrow IPC stream, which any tool reads. After the schema, and after each record
+batch, stands a batch of no rows whose metadata are the seal: a CRC-32 of all bytes since the last seal began, the
 number of rows, and the step of the first one. A seal is written with what it seals, so whatever is followed by
-a seal that fits is whole.
+a seal that fits is whole. What is no row, a checkpoint for example, is carried by the metadata of a batch of no
+rows, sealed likewise.
 """
 
 import base64
