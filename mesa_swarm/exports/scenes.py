@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mesa_swarm.errors import SwarmError
+from mesa_swarm.errors import RecordingError, SwarmError
 from mesa_swarm.experiments.recording_commands import class_of
 from mesa_swarm.model import SwarmModel
 from mesa_swarm.recording.layout import Chunk, Layout
@@ -15,7 +15,7 @@ from mesa_swarm.world.form import Form
 from mesa_swarm.world.load import Load
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.map_parts import Bounds
-from mesa_swarm.world.shapes import Shape
+from mesa_swarm.world.shapes import Shape, disc, polygon
 
 # Of whom nothing else is known: a body of the usual size, without sensors.
 UNKNOWN = RobotDesign(name="unknown", radius=5.0)
@@ -60,8 +60,9 @@ class Scene:
 def scene_of(recording: Recording) -> Scene:
     """Return what a recording's pictures need besides its rows, from its model as the constructor makes it.
 
-    Only models that come with mesa_swarm are made: a file cannot make anybody import other code. Of others there
-    is what the map says, and robots are drawn with a radius of 5.
+    Only models that come with mesa_swarm are made: a file cannot make anybody import other code. Of others, and of
+    models that were changed by hand, there is what the recording says of their scenery; in recordings of older
+    versions, which do not, what the map says, and robots are drawn with a radius of 5.
 
     Parameters
     ----------
@@ -82,31 +83,51 @@ def scene_of(recording: Recording) -> Scene:
     try:
         model = rebuilt(recording.provenance, class_of(recording))
     except SwarmError:
-        return _bare_scene(recording)
-    return _scene_of_model(recording, model)
+        return _scene_as_told(recording)
+    start = recording.provenance["start"]
+    if model.completed == start["step"] and model.state_hash() == start["state_hash"]:
+        return _scene_of_model(recording, model)
+    return _scene_as_told(recording)
 
 
-def _bare_scene(recording: Recording) -> Scene:
+def _scene_as_told(recording: Recording) -> Scene:
+    """Return what the recording itself says of a model that cannot be made again, or was changed by hand."""
+    told = recording.provenance.get("scenery", {})
     world = Map.from_toml(recording.provenance["map"], "the recording's map")
     name = recording.provenance["model"]["name"]
+    try:
+        obstacles = tuple(_shape(one) for one in told["shapes"]) if told else world.obstacles
+        forms = {one["id"]: Form.of(_shape(one)) for one in told.get("loads", ())}
+        designs = [RobotDesign(name=one["name"], radius=one["radius"]) for one in told.get("designs", ())]
+        runs = [(range(first, last + 1), which) for first, last, which in told.get("robots", ())]
+        robots = {one: (designs[which].radius, which) for ids, which in runs for one in ids}
+        leave = float(told.get("leave", np.inf))
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError):
+        raise RecordingError(f"{recording.path} does not say clearly what its world looks like") from None
     return Scene(
         name=name,
         bounds=world.bounds,
-        obstacles=world.obstacles,
-        forms={},
-        designs=(UNKNOWN,),
-        robots={},
-        leave=np.inf,
-        join=np.inf,
+        obstacles=obstacles,
+        forms=forms,
+        designs=(*designs, UNKNOWN),
+        robots=robots,
+        leave=leave,
+        join=leave,
         start=None,
-        note=f"{name} cannot be made again: all robots are drawn with a radius of {UNKNOWN.radius:g}, "
-        "obstacles as they are on the map, loads not at all",
+        note=_note(recording, robots),
     )
 
 
+def _shape(told: dict) -> Shape:
+    contact = not told.get("mark", False)
+    if "disc" in told:
+        x, y, radius = told["disc"]
+        return disc((x, y), radius, contact=contact)
+    shell, *holes = told["rings"]
+    return polygon(shell, holes, contact=contact)
+
+
 def _scene_of_model(recording: Recording, model: SwarmModel) -> Scene:
-    start = recording.provenance["start"]
-    known = model.completed == start["step"] and model.state_hash() == start["state_hash"]
     swarm = model.swarm
     rows = zip(swarm.agents, swarm.radius.tolist(), swarm.columns["design"].tolist(), strict=True)
     robots = {robot.unique_id: (radius, design) for robot, radius, design in rows}
@@ -119,8 +140,8 @@ def _scene_of_model(recording: Recording, model: SwarmModel) -> Scene:
         robots=robots,
         leave=model.fire_constants.leave,
         join=model.fire_constants.join,
-        start=_frame_of(recording, model) if known else None,
-        note="" if known or not _has_others(recording, robots) else _note_on_others(),
+        start=_frame_of(recording, model),
+        note="",
     )
 
 
@@ -131,13 +152,13 @@ def _frame_of(recording: Recording, model: SwarmModel) -> Frame:
     return chunk_of(chunk.batch(1))[0]
 
 
-def _has_others(recording: Recording, robots: dict) -> bool:
-    """Tell whether robots run that the constructor did not make."""
-    return bool(len(recording)) and not set(recording[0].robots.tolist()) <= robots.keys()
-
-
-def _note_on_others() -> str:
-    return (
-        f"robots were added by hand: they are drawn with a radius of {UNKNOWN.radius:g}, and obstacles that were "
-        "added are not shown"
-    )
+def _note(recording: Recording, known: dict) -> str:
+    """Say what cannot be drawn as it was."""
+    if "scenery" not in recording.provenance:
+        return (
+            f"{recording.provenance['model']['name']} cannot be made again: all robots are drawn with a radius of "
+            f"{UNKNOWN.radius:g}, obstacles as they are on the map, loads not at all"
+        )
+    if len(recording) and not {*recording[0].robots.tolist(), *recording[-1].robots.tolist()} <= known.keys():
+        return f"robots that were added while this was recorded are drawn with a radius of {UNKNOWN.radius:g}"
+    return ""

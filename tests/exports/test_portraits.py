@@ -1,7 +1,9 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from mesa_swarm import AGENT9, Map, SwarmModel, rectangle
+from mesa_swarm import AGENT9, Map, SwarmModel, disc, rectangle
 from mesa_swarm.errors import ExportWarning
 from mesa_swarm.experiments.portrait import portrait_of
 from mesa_swarm.exports.portraits import Portraits, Rows
@@ -52,7 +54,7 @@ def test_robots_that_come_and_go_keep_their_own_bodies(tmp_path):
         first.remove()
         model.add_robots(AGENT9, poses=[(150, 50, 2.0)])
         model.run(3)
-    with pytest.warns(ExportWarning, match="robots were added by hand"):
+    with pytest.warns(ExportWarning, match="robots that were added while this was recorded"):
         portraits = Portraits(Rows(Recording(tmp_path / "run.arrow")))
     assert portraits.steps.tolist() == [1, 2, 3, 4, 5, 6]
     assert portraits.at(3).robots["position"].tolist() == [[50, 50], [90, 50]]
@@ -62,21 +64,22 @@ def test_robots_that_come_and_go_keep_their_own_bodies(tmp_path):
     assert [trail[:, 0].tolist() for trail in trails_of(portraits, 5, 4)] == [[90] * 5, [150] * 2]
 
 
-def test_of_a_model_of_ones_own_there_is_what_the_map_says(tmp_path):
+def test_a_model_of_ones_own_is_drawn_as_its_recording_says(tmp_path):
     class Own(SwarmModel):
         """A model that no file can make anybody import."""
 
         def __init__(self, rng=None):
             super().__init__(map="sparse", rng=rng)
-            self.add_robots(AGENT9, 2)
+            self.add_robots(replace(AGENT9, radius=8.0), 2)
+            self.add_obstacle(disc((400, 300), 20))
 
     model = Own(rng=3)
     with model.record(tmp_path / "run.arrow"):
         model.run(4)
-    with pytest.warns(ExportWarning, match=r"cannot be made again: all robots are drawn with a radius of 5"):
-        portraits = Portraits(Rows(Recording(tmp_path / "run.arrow")))
+    portraits = Portraits(Rows(Recording(tmp_path / "run.arrow")))
     assert portraits.steps.tolist() == [1, 2, 3, 4]
-    assert portraits.at(4).obstacles == Map.load("sparse").obstacles
+    assert portraits.at(4).obstacles == tuple(body.shape for body in model.obstacles)
+    assert portraits.at(4).robots["radius"].tolist() == [8, 8]
     np.testing.assert_allclose(portraits.at(4).robots["position"], model.swarm.position, rtol=1e-6)
 
 
