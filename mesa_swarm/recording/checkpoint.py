@@ -34,6 +34,13 @@ OF_THINGS = frozenset(
         *("_resistance", "moved", "pushers"),
     )
 )
+# Attributes that every model has and computes with.
+OF_EVERY_MODEL = {
+    **dict.fromkeys(("_burns", "running"), (bool, np.bool_)),
+    **dict.fromkeys(("collisions", "total_collisions", "_completed"), (int,)),
+    **dict.fromkeys(("_turn_angle", "extinguish_range"), (float, int, np.float64)),
+}
+LARGEST_NUMBER = 1e15
 # Bit generators whose state no number can break.
 GENERATORS = ("PCG64", "PCG64DXSM")
 OURS = ("mesa_swarm.control.", "mesa_swarm.fire.")
@@ -317,6 +324,10 @@ def _lay_attributes(model: ObservedWorld, facts: dict, told: Packed) -> None:
         del model.__dict__[name]
     for name, value in attributes.items():
         model.__dict__[name] = _value(model.__dict__.get(name), name, value, told)
+    for name, kinds in OF_EVERY_MODEL.items():
+        value = model.__dict__.get(name)
+        if type(value) not in kinds or not 0 <= value < LARGEST_NUMBER:
+            raise RecordingError(f"{name} is {shortened(value)}")
     agents = {agent.unique_id: agent for agent in model.agents}
     for unique_id, values in facts["of_things"]:
         for name, value in values.items():
