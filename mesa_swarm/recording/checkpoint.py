@@ -15,6 +15,7 @@ from mesa_swarm.recording.container import Checkpoint
 from mesa_swarm.recording.parts import control_from_json, control_to_json, part_from_json, part_to_json
 from mesa_swarm.recording.plain import Packed
 from mesa_swarm.recording.things import lay_things, things_to_json
+from mesa_swarm.robots.design import LARGEST_RADIUS
 
 # What is stored in a way of its own, or follows from what is stored, or says only how the model is being looked at.
 # First Mesa's, then ours.
@@ -34,6 +35,13 @@ OF_THINGS = frozenset(
         *("_resistance", "moved", "pushers"),
     )
 )
+# Attributes that every model has and computes with.
+OF_EVERY_MODEL = {
+    **dict.fromkeys(("_burns", "running"), (bool, np.bool_)),
+    **dict.fromkeys(("collisions", "total_collisions", "_completed"), (int,)),
+    **dict.fromkeys(("_turn_angle", "extinguish_range"), (float, int, np.float64)),
+}
+LARGEST_NUMBER = 1e15
 # Bit generators whose state no number can break.
 GENERATORS = ("PCG64", "PCG64DXSM")
 OURS = ("mesa_swarm.control.", "mesa_swarm.fire.")
@@ -211,17 +219,25 @@ def _lay_columns(columns: dict[str, np.ndarray], told: dict, packed: Packed) -> 
 
 def _check_columns(model: ObservedWorld) -> None:
     """Refuse what compiled functions, which check nothing, would take for a row of an array or a place."""
-    robots, fires = model.swarm.columns, model.fires.columns
-    low, high = np.reshape(model.map.bounds, (2, 2))
-    for columns in (robots, fires):
-        within = (columns["position"] >= low) & (columns["position"] <= high)
-        if not within.all() or not (columns["radius"] > 0).all():
-            raise RecordingError("something lies outside the map, or has no size")
-    for name, count in (("design", len(model.swarm.designs)), ("fire", len(model.fires)), ("layer", MOST_LAYERS)):
+    robots, fires, designs = model.swarm.columns, model.fires.columns, model.swarm.designs
+    for name, count in (("design", len(designs)), ("fire", len(model.fires)), ("layer", MOST_LAYERS)):
         if not ((robots[name] >= (0 if name == "design" else -1)) & (robots[name] < count)).all():
             raise RecordingError(f"column {name} names one that there is not")
-    if not np.isfinite(robots["heading"]).all() or len(np.unique(robots["number"])) != len(model.swarm):
-        raise RecordingError("a robot looks nowhere, or two have the same number")
+    radius, fastest = (np.array([getattr(d, name) for d in designs]) for name in ("radius", "max_speed"))
+    low, high = np.reshape(model.map.bounds, (2, 2))
+    own = robots["design"]
+    sound = {
+        "position": all(((c["position"] >= low) & (c["position"] <= high)).all() for c in (robots, fires)),
+        "heading": np.isfinite(robots["heading"]).all(),
+        "number": len(np.unique(robots["number"])) == len(model.swarm),
+        "command": np.isfinite(robots["command"]).all(),
+        "radius": not len(own) or (robots["radius"] == radius[own]).all(),
+        "max_speed": not len(own) or ((robots["max_speed"] >= 0) & (robots["max_speed"] <= fastest[own])).all(),
+        "radius of fires": ((fires["radius"] > 0) & (fires["radius"] <= LARGEST_RADIUS)).all(),
+    }
+    wrong = [name for name, fits in sound.items() if not fits]
+    if wrong:
+        raise RecordingError(f"column {wrong[0]} holds what cannot be")
 
 
 def _lay_history(model: ObservedWorld, told: list) -> None:
@@ -317,6 +333,10 @@ def _lay_attributes(model: ObservedWorld, facts: dict, told: Packed) -> None:
         del model.__dict__[name]
     for name, value in attributes.items():
         model.__dict__[name] = _value(model.__dict__.get(name), name, value, told)
+    for name, kinds in OF_EVERY_MODEL.items():
+        value = getattr(model, name, None)
+        if type(value) not in kinds or not 0 <= value < LARGEST_NUMBER:
+            raise RecordingError(f"{name} is {shortened(value)}")
     agents = {agent.unique_id: agent for agent in model.agents}
     for unique_id, values in facts["of_things"]:
         for name, value in values.items():

@@ -89,7 +89,7 @@ class Packed:
             raise RecordingError(f"{shortened(told)} is no stored value") from None
 
     def _unpacked(self, told: dict) -> object:
-        name, given = next(iter(told.items()))
+        name, given = list(told.items())[0]  # noqa: RUF015 - an IndexError is told in words, StopIteration is not
         if name in ("array", "number"):
             array = self._array(given)
             return array.copy() if name == "array" else array[()]

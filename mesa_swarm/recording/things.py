@@ -85,7 +85,7 @@ def lay_things(model: ObservedWorld, told: dict) -> None:
     model.swarm._resize(np.arange(len(model.swarm)), 0)
     for obstacle in model.obstacle_list:
         if isinstance(obstacle, Load):
-            _lay_load(obstacle, obstacles[obstacle.unique_id])
+            _lay_load(obstacle, obstacles[obstacle.unique_id], model.map.bounds)
     model.obstacles_changed()
 
 
@@ -202,11 +202,12 @@ def _check_same(model: ObservedWorld, told: dict, obstacles: dict) -> None:
             raise RecordingError(f"obstacle {obstacle.unique_id} is another than it was")
 
 
-def _lay_load(load: Load, told: dict) -> None:
+def _lay_load(load: Load, told: dict, bounds: tuple[float, float, float, float]) -> None:
     load.resistance = told["resistance"]
     x, y, heading = map(float, told["pose"])
-    if not np.isfinite([x, y, heading]).all():
-        raise RecordingError(f"load {load.unique_id} lies nowhere")
+    x_min, y_min, x_max, y_max = bounds
+    if not (x_min <= x <= x_max and y_min <= y <= y_max and abs(heading) <= np.pi):
+        raise RecordingError(f"load {load.unique_id} lies outside the map")
     load.lay((x, y, heading))
     load.moved, load.pushers = bool(told["moved"]), _id(told["pushers"])
 

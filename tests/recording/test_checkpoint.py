@@ -255,16 +255,15 @@ def test_facts_that_somebody_changed_are_refused_or_do_no_harm_in_many_tries():
     check_hostile(2, 2000)
 
 
-def test_indices_out_of_their_tables_are_refused():
-    for name, value in (
-        ("design", 7),
-        ("fire", 70),
-        ("layer", 999),
-        ("heading", np.nan),
-        ("radius", 0.0),
-        ("number", 0),
-    ):
-        model = FireFighting(rng=1).run(3)
-        model.swarm.columns[name][2:4] = value
-        with pytest.raises(RecordingError):
-            restore(FireFighting(rng=1), stored(model))
+WRONG = {"design": 7, "fire": 70, "layer": 999, "heading": np.nan, "radius": 0.0, "number": 0, "position": 1e300,
+         "max_speed": 1e9, "command": np.inf}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_columns_that_compiled_functions_cannot_take_are_refused(name):
+    checkpoint = stored(FireFighting(rng=1).run(3))
+    place = checkpoint.facts["columns"][name]["array"]
+    checkpoint.arrays[place] = checkpoint.arrays[place].copy()
+    checkpoint.arrays[place][2:4] = WRONG[name]
+    with pytest.raises(RecordingError, match=f"column {name}"):
+        restore(FireFighting(rng=1), checkpoint)
