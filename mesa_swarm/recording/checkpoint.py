@@ -6,7 +6,6 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from mesa.agent import Agent
 
-from mesa_swarm.control.arbiter import MOST_LAYERS
 from mesa_swarm.errors import RecordingError, SwarmError, shortened
 from mesa_swarm.observed_world import ObservedWorld
 from mesa_swarm.recording.clock import has_own_events, set_clock
@@ -14,8 +13,8 @@ from mesa_swarm.recording.collected import Path, collected_to_json, joined, lay_
 from mesa_swarm.recording.container import Checkpoint
 from mesa_swarm.recording.parts import control_from_json, control_to_json, part_from_json, part_to_json
 from mesa_swarm.recording.plain import Packed
+from mesa_swarm.recording.stored_columns import check_columns, lay_columns, lay_history
 from mesa_swarm.recording.things import lay_things, things_to_json
-from mesa_swarm.robots.design import LARGEST_RADIUS
 
 # What is stored in a way of its own, or follows from what is stored, or says only how the model is being looked at.
 # First Mesa's, then ours.
@@ -186,10 +185,10 @@ def _restore(model: ObservedWorld, checkpoint: Checkpoint, earlier: Sequence[Che
     _lay_control(model, facts, told)
     set_clock(model, facts["steps"])
     _lay_attributes(model, facts, told)
-    _lay_columns(model.swarm.columns, facts["columns"], told)
-    _lay_columns(model.fires.columns, facts["fires"], told)
-    _check_columns(model)
-    _lay_history(model, facts["history"])
+    lay_columns(model.swarm.columns, facts["columns"], told)
+    lay_columns(model.fires.columns, facts["fires"], told)
+    check_columns(model)
+    lay_history(model, facts["history"])
     parts = [(part.facts["collected"], _Told(model, part.arrays)) for part in earlier]
     lay_collected(model, joined([*parts, (facts["collected"], told)]))
     for name, reporter in reporters_of(model).items():
@@ -199,54 +198,6 @@ def _restore(model: ObservedWorld, checkpoint: Checkpoint, earlier: Sequence[Che
     model._sensed = None
     _lay_randomness(model, facts["randomness"], told)
     model.swarm.disturbed = bool(facts["disturbed"])
-
-
-# ---- columns
-
-
-def _lay_columns(columns: dict[str, np.ndarray], told: dict, packed: Packed) -> None:
-    if told.keys() != columns.keys():
-        odd = sorted(told.keys() ^ columns.keys())
-        raise RecordingError(f"column {shortened(odd[0])} is only in one of the two")
-    values = {name: packed.unpack(column) for name, column in told.items()}
-    for name, column in columns.items():
-        value = values[name]
-        if not isinstance(value, np.ndarray) or value.dtype != column.dtype or value.shape != column.shape:
-            raise RecordingError(f"column {name} has another form")
-    for name, column in columns.items():
-        column[...] = values[name]
-
-
-def _check_columns(model: ObservedWorld) -> None:
-    """Refuse what compiled functions, which check nothing, would take for a row of an array or a place."""
-    robots, fires, designs = model.swarm.columns, model.fires.columns, model.swarm.designs
-    for name, count in (("design", len(designs)), ("fire", len(model.fires)), ("layer", MOST_LAYERS)):
-        if not ((robots[name] >= (0 if name == "design" else -1)) & (robots[name] < count)).all():
-            raise RecordingError(f"column {name} names one that there is not")
-    radius, fastest = (np.array([getattr(d, name) for d in designs]) for name in ("radius", "max_speed"))
-    low, high = np.reshape(model.map.bounds, (2, 2))
-    own = robots["design"]
-    sound = {
-        "position": all(((c["position"] >= low) & (c["position"] <= high)).all() for c in (robots, fires)),
-        "heading": np.isfinite(robots["heading"]).all(),
-        "number": len(np.unique(robots["number"])) == len(model.swarm),
-        "command": np.isfinite(robots["command"]).all(),
-        "radius": not len(own) or (robots["radius"] == radius[own]).all(),
-        "max_speed": not len(own) or ((robots["max_speed"] >= 0) & (robots["max_speed"] <= fastest[own])).all(),
-        "radius of fires": ((fires["radius"] > 0) & (fires["radius"] <= LARGEST_RADIUS)).all(),
-    }
-    wrong = [name for name, fits in sound.items() if not fits]
-    if wrong:
-        raise RecordingError(f"column {wrong[0]} holds what cannot be")
-
-
-def _lay_history(model: ObservedWorld, told: list) -> None:
-    history = model.fires.history
-    every, places, fires = told
-    numbers = all(type(number) is int and number >= 0 for number in (every, fires, *places))
-    if not numbers or len(places) != len(model.fires) or any(place >= fires for place in places) or fires > 1e7:
-        raise RecordingError("the history of fires is none")
-    history.every, history._places, history._fires = every, list(places), fires
 
 
 # ---- control

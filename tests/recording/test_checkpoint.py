@@ -150,7 +150,7 @@ class Own(SwarmModel):
     """A model with attributes, a layer and a learner of its own, and more to do when a step is done."""
 
     def __init__(self, *, rng=None):
-        super().__init__(map="sparse", rng=rng, agent_reporters={"heading": "heading"})
+        super().__init__(map="sparse", rng=rng, agent_reporters={"x": lambda agent: float(agent.position[0])})
         self.add_robots(AGENT9, 4)
         self.control = Subsumption(timid, Counting())
         self.learner, self.dice = Learner(), self.streams["dice"]
