@@ -19,15 +19,18 @@ _HOME = {
     "ProximitySensor": "robots.sensors",
     "RadiationSensor": "robots.sensors",
     "Radio": "robots.radio",
+    "Recording": "recording.recording",
     "RobotDesign": "robots.design",
     "Shape": "world.shapes",
     "SwarmModel": "model",
     "all_round": "robots.design",
     "bump_sensor": "robots.sensors",
+    "compare": "experiments.compare",
     "disc": "world.shapes",
     "laser_sensor": "robots.sensors",
     "polygon": "world.shapes",
     "rectangle": "world.shapes",
+    "sweep": "experiments.sweep",
 }
 
 __all__ = [
@@ -42,15 +45,18 @@ __all__ = [
     "ProximitySensor",
     "RadiationSensor",
     "Radio",
+    "Recording",
     "RobotDesign",
     "Shape",
     "SwarmModel",
     "all_round",
     "bump_sensor",
+    "compare",
     "disc",
     "laser_sensor",
     "polygon",
     "rectangle",
+    "sweep",
 ]
 
 

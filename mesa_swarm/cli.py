@@ -42,7 +42,9 @@ Folder = Annotated[Path, typer.Option(help="Folder for the table and the picture
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Do what was typed and exit with status 0, 1 if `verify` finds a difference, 2 for an error, 130 after Ctrl-C.
+    """Do what was typed and exit with status 0, 2 for an error, 130 after Ctrl-C.
+
+    With 1 if `verify` finds a difference, or a run of a job fails.
 
     Parameters
     ----------
@@ -102,9 +104,9 @@ def _show_warning(message: Warning | str, *where: object) -> None:
     print(f"mesa-swarm: warning: {' '.join(str(message).split())}", file=sys.stderr)
 
 
-def _work(module: str = "commands"):
+def _work(module: str = "commands", folder: str = "experiments"):
     """Import what does the work only when it is to be done, so that --help and misspelt names are quick."""
-    return import_module(f"mesa_swarm.experiments.{module}")
+    return import_module(f"mesa_swarm.{folder}.{module}")
 
 
 def _print_version(wanted: bool) -> None:
@@ -153,15 +155,17 @@ def run(
         int | None, typer.Option(min=0, max=2**63 - 1, help="Seed; the same one gives the same run; 1 unless given.")
     ] = None,
     record: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write every step to this file, such as run.arrow.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Write every step to it; {seed} and {name} are filled in."),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace FILE if it exists.")] = False,
     quiet: Quiet = False,
 ) -> None:
     """Run a model, or the runs of a job file; print the results and final fingerprint of each."""
     if model.lower().endswith(JOB):
-        _refuse_beside_job({"--set": setting, "--steps": steps, "--rng": rng, "--record": record})
-        _work("job_commands").run(model, progress=not quiet)
+        _refuse_beside_job({"--set": setting, "--steps": steps, "--rng": rng})
+        if not _work("job_commands").run(model, progress=not quiet, record=record, force=force):
+            raise typer.Exit(DIFFERENT)
         return
     check_choice("model", model, model_names())
     steps, rng = 3000 if steps is None else steps, 1 if rng is None else rng
@@ -190,6 +194,47 @@ def replay(
     _work("replay_commands").replay(file, port=port, browser=not no_browser)
 
 
+@app.command()
+def export(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="What `mesa-swarm run --record` wrote.")],
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="A .png .svg .gif .mp4 .html .csv or .parquet file.")],
+    *,
+    steps: Annotated[
+        str | None, typer.Option(metavar="A,B,...", help="Stills or rows of these steps; stills: else the last.")
+    ] = None,
+    every: Annotated[int | None, typer.Option(min=1, max=MOST_STEPS, help="All steps that are multiples.")] = None,
+    first: Annotated[int | None, typer.Option("--from", min=0, max=MOST_STEPS, help="No steps before.")] = None,
+    last: Annotated[int | None, typer.Option("--to", min=0, max=MOST_STEPS, help="No steps after.")] = None,
+    sheet: Annotated[bool, typer.Option("--sheet", help="Several stills on one sheet.")] = False,
+    animate: Annotated[bool, typer.Option("--animate", help="Make an .svg move.")] = False,
+    fps: Annotated[float | None, typer.Option(min=1, max=120, help="Frames a second of what moves.")] = None,
+    size: Annotated[str | None, typer.Option(metavar="WIDTHxHEIGHT", help="Pixels of a .png .gif or .mp4.")] = None,
+    sectors: Annotated[bool, typer.Option("--sectors", help="Draw where proximity sensors look.")] = False,
+    trails: Annotated[int, typer.Option(min=0, max=MOST_KEPT, help="Draw ways over so many steps.")] = 0,
+    table: Annotated[str | None, typer.Option(help="robots, fires, contacts or loads, as .csv or .parquet.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace files that exist.")] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Write a recording as pictures, a film, a page or a table, by the ending of OUT."""
+    _work("export_commands", "exports").export(
+        file,
+        out,
+        steps=steps,
+        every=every,
+        first=first,
+        last=last,
+        sheet=sheet,
+        animate=animate,
+        fps=fps,
+        size=size,
+        sectors=sectors,
+        trails=trails,
+        table=table,
+        force=force,
+        progress=not quiet,
+    )
+
+
 def _refuse_beside_job(options: dict[str, object]) -> None:
     for name, value in options.items():
         if value is not None:
@@ -202,10 +247,19 @@ def sweep(
     *,
     jobs: Annotated[int, typer.Option(min=-1, max=1024, help="Processes at a time, -1 for one on each core.")] = -1,
     out: Annotated[Path | None, typer.Option(help="Folder of the results; by default results/JOB.")] = None,
+    record: Annotated[bool, typer.Option("--record", help="Record every run, to recordings/ in that folder.")] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Only say how many runs there are, and how many are done.")
+    ] = False,
+    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Do runs again that ended in an error.")] = False,
     quiet: Quiet = False,
 ) -> None:
     """Do all runs of a job file; go on where an earlier call was interrupted."""
-    _work("job_commands").sweep(job, jobs=jobs, out=out, progress=not quiet)
+    work = _work("job_commands")
+    if dry_run:
+        work.plan(job, out=out, record=record)
+        return
+    work.sweep(job, jobs=jobs, out=out, record=record, progress=not quiet, retry_failed=retry_failed)
 
 
 @app.command()

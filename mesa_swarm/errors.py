@@ -41,6 +41,10 @@ class RecordingError(SwarmError, RuntimeError):
     """A recording cannot be written, read or run again; the message names the file."""
 
 
+class ExportError(SwarmError, RuntimeError):
+    """A picture, film, page or table of a recording cannot be written; the message names the file."""
+
+
 class RemovedRobotError(SwarmError, RuntimeError):
     """A handle was used after its robot, obstacle or fire was removed."""
 
@@ -49,8 +53,16 @@ class BehaviourError(SwarmError, RuntimeError):
     """A rule returned something that no wheel can do."""
 
 
+class LearningError(SwarmError, RuntimeError):
+    """What was learned is unusable, or nothing was learned yet."""
+
+
 class UncompiledBehaviourWarning(UserWarning):
     """A rule could not be compiled and runs as plain Python."""
+
+
+class ExportWarning(UserWarning):
+    """What was exported shows less than what happened in the run."""
 
 
 class FireConstantsWarning(UserWarning):

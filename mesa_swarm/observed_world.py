@@ -21,6 +21,9 @@ NOT_HASHED = frozenset({"number", "design", "contact_index"})
 class Observers(list):
     """What a model calls after each step, `observer.after_step(model, step)`; copies of a model have none.
 
+    That is at the end of SwarmModel's step, to which a class may add more of its own. An observer that has
+    `between_steps(model)` is called once more when all is done.
+
     What observes one run writes it to one place: two runs there would be a muddle.
     """
 
@@ -38,11 +41,31 @@ class ObservedWorld(World):
     def __init__(self, *, map: str | os.PathLike | Map, rng, history_every: int) -> None:
         super().__init__(map=map, rng=rng, history_every=history_every)
         self.observers = Observers()
+        self._user_step = self._whole_step  # what Mesa calls in its own wrapping of a step
 
     @property
     def completed(self) -> int:
         """How many steps were taken to their end."""
         return self._completed
+
+    def _whole_step(self, *given, **named) -> None:
+        """Take the step that the class says, of which this class's own is a part, and tell observers of its end."""
+        try:
+            type(self).step(self, *given, **named)
+        except BaseException:
+            self._schedule_again()
+            raise
+        for observer in list(self.observers):
+            between_steps = getattr(observer, "between_steps", None)
+            if between_steps is not None:
+                between_steps(self)
+
+    def _schedule_again(self) -> None:
+        """Let Mesa 3.5 take a step after one that failed, as Mesa 3.3 does: its schedule ends with an error."""
+        schedule = getattr(self, "_default_schedule", None)
+        if schedule is not None:
+            schedule.pause()
+            schedule.resume()
 
     def sense(self) -> None:
         """Read all sensors in the world as it is now."""

@@ -21,6 +21,7 @@ class RecordedWorld(ObservedWorld):
         exact: bool = False,
         overwrite: bool = False,
         rerun: bool = True,
+        checkpoint_every: int = 1000,
     ):
         """Write the model after each of the next steps to a file; see `mesa_swarm.recording.record`.
 
@@ -37,6 +38,8 @@ class RecordedWorld(ObservedWorld):
             Whether a file that is there is replaced.
         rerun : bool
             Whether the model must be one that can be run again from what the file says of it.
+        checkpoint_every : int
+            Steps from one checkpoint, from which `resume` goes on, to the next; 0 stores none.
 
         Returns
         -------
@@ -53,7 +56,16 @@ class RecordedWorld(ObservedWorld):
         """
         from mesa_swarm.recording.recorder import record  # noqa: PLC0415 - a floor above, and slow to load
 
-        return record(self, path, every=every, columns=columns, exact=exact, overwrite=overwrite, rerun=rerun)
+        return record(
+            self,
+            path,
+            every=every,
+            columns=columns,
+            exact=exact,
+            overwrite=overwrite,
+            rerun=rerun,
+            checkpoint_every=checkpoint_every,
+        )
 
     @classmethod
     def resume(cls, path: str | os.PathLike[str], *, step: int | None = None, **changes: object) -> Self:

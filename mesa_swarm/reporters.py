@@ -42,6 +42,14 @@ class Held:
             self._due, self._value = due, getattr(model, self.name)
         return self._value
 
+    def checkpoint(self) -> dict:
+        """Return what was measured last, and when."""
+        return {"due": self._due, "value": self._value}
+
+    def restore(self, state: dict) -> None:
+        """Take back what `checkpoint` returned."""
+        self._due, self._value = state["due"], state["value"]
+
 
 def held(*names: str, every: int = 10) -> dict[str, partial]:
     """Return reporters of these properties by name, for `model_reporters`.

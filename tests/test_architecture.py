@@ -60,7 +60,7 @@ OUTSIDE = {
     5.8: set(),
     6: {"numpy", "mesa"},
     "analysis": {"numpy", "numba", "scipy"},
-    "recording": {"numpy", "pandas", "pyarrow"},
+    "recording": {"numpy", "pandas", "pyarrow", "mesa", "shapely"},
     "viewing": {"numpy"},
 }
 STANDARD = {"__future__", *__import__("sys").stdlib_module_names}

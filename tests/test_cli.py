@@ -82,10 +82,10 @@ def test_compare_prints_a_table_paths_and_a_finding_and_writes_the_files(typed, 
     folder = Path("results", "compare_fire_fighting")
     assert (status, err) == (0, "")
     assert out.startswith("FireFighting: 2 paired seeds, at most 30 steps each")
-    assert out.splitlines()[-1].startswith("Strategy ")
+    assert out.splitlines()[-1].startswith("With strategy ")
     written = {str(folder / path.name) for path in (tmp_path / folder).iterdir()}
     assert written <= set(out.splitlines())
-    assert len(written) == 5
+    assert len(written) == 7
 
 
 def test_compare_takes_another_parameter_values_settings_and_folder(typed, tmp_path):

@@ -504,3 +504,17 @@ def test_a_design_with_a_sensor_of_the_longest_range_sees_across_the_world():
     model.add_robots(RobotDesign(sensors=(ProximitySensor(range=1e6),)), poses=[(100, 150, 0.0)])
     model.sense()
     assert model.swarm.distance.tolist() == [[295.0]]
+
+
+def test_a_model_goes_on_after_a_step_that_failed():
+    class Stumbles(SwarmModel):
+        def step(self):
+            if self.steps == 3:
+                raise RuntimeError
+            super().step()
+
+    model = Stumbles(rng=1).run(2)
+    with pytest.raises(RuntimeError):
+        model.step()
+    model.run(3)
+    assert (model.steps, model.completed) == (6, 5)

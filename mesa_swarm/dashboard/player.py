@@ -179,6 +179,7 @@ class Player:
     def _play_step(self, stop: threading.Event) -> bool:
         with self.minding():
             return not stop.is_set() and not self.finished and self._advance()
+        self.rest()  # it broke, which has stopped the thread already
         return False
 
     def _advance(self) -> bool:

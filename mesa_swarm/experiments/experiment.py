@@ -2,21 +2,22 @@
 
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
+from functools import cache
 from hashlib import blake2b
 from importlib.metadata import version
 from itertools import islice
 from typing import Any
 
 from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, check_count, shortened
-from mesa_swarm.experiments.plan import DEFAULT_STEPS, MOST_SEEDS, MOST_STEPS, check_results
+from mesa_swarm.experiments.plan import DEFAULT_STEPS, MOST_STEPS, check_results, checked_seeds
 from mesa_swarm.experiments.sampling import Sample, grid
+from mesa_swarm.experiments.source import source_hash
 from mesa_swarm.parameters import parameters_of
 from mesa_swarm.world.map import Map, builtin_maps
 
-# Seeds are told apart as floats are, in tables and in TOML of other programs.
-LARGEST_SEED = 2**53 - 1
 MOST_RUNS = 100_000_000
 LONGEST_ERROR = 500
 # So many points may be impossible before an experiment is refused as a whole.
@@ -63,6 +64,7 @@ class Experiment:
     steps: int
     measure: tuple[str, ...] = ()
     name: str = "run"
+    source: str = ""
 
     def __len__(self) -> int:
         """Count the runs."""
@@ -76,11 +78,11 @@ class Experiment:
                 yield Task(self.key(settings, rng), settings, rng, self.steps)
 
     def key(self, settings: Mapping[str, Any], rng: int) -> str:
-        """Return the fingerprint of all that decides a run: model, version, every parameter, seed and steps."""
+        """Return the fingerprint of all that decides a run: model, source, version, parameters, seed and steps."""
         defaults = {name: parameter.default for name, parameter in parameters_of(self.model_class).items()}
         place = f"{self.model_class.__module__}:{self.model_class.__qualname__}"
         parameters = {name: shown_value(value) for name, value in {**defaults, **settings}.items()}
-        said = [place, version("mesa-swarm"), parameters, rng, self.steps]
+        said = [place, self.source, _version(), parameters, rng, self.steps]
         return blake2b(json.dumps(said, sort_keys=True, default=repr).encode(), digest_size=16).hexdigest()
 
     @property
@@ -131,31 +133,33 @@ def checked_experiment(
         raise InvalidValueError(f"{both} is set and varied at once; leave one out")
     default = getattr(model_class, "steps_to_compare", DEFAULT_STEPS)
     steps = check_count("steps", default if steps is None else steps, minimum=1, maximum=MOST_STEPS)
-    experiment = Experiment(model_class, fixed, points, checked_seeds(seeds), steps, tuple(measure), name)
+    experiment = Experiment(
+        model_class, fixed, points, checked_seeds(seeds), steps, tuple(measure), name, source_hash(model_class)
+    )
     check_count("number of runs", len(experiment), minimum=1, maximum=MOST_RUNS)
     _check_measures(experiment)
     return experiment
 
 
-def checked_seeds(seeds: object) -> Sequence[int]:
-    """Return seeds 1, 2, ... for a number of them, or those of a list.
-
-    Examples
-    --------
-    >>> list(checked_seeds(3)), checked_seeds([7, 5])
-    ([1, 2, 3], (7, 5))
-    """
-    if isinstance(seeds, (str, bytes)) or not isinstance(seeds, Sequence):
-        return range(1, 1 + check_count("seeds", seeds, minimum=1, maximum=MOST_SEEDS))
-    listed = tuple(check_count("seeds", seed, maximum=LARGEST_SEED) for seed in seeds)
-    check_count("number of seeds", len(listed), minimum=1, maximum=MOST_SEEDS)
-    if len(set(listed)) < len(listed):
-        raise InvalidValueError(f"seeds is {shortened(seeds)}; expected different ones")
-    return listed
-
-
-def carried_out(model_class: type, task: Task) -> Outcome:
+def carried_out(
+    model_class: type,
+    task: Task,
+    observed: Callable[[Any], AbstractContextManager] = nullcontext,
+    progress: bool = False,
+    beyond: tuple[type[Exception], ...] = (),
+) -> Outcome:
     """Do one run; an error of the model is an outcome too.
+
+    Parameters
+    ----------
+    model_class : type
+    task : Task
+    observed : callable
+        Called with the model; what it returns is entered while the model runs, such as a recorder.
+    progress : bool
+        Whether to show a bar of its steps.
+    beyond : tuple of exception classes
+        These are raised: they are no fault of the run.
 
     Examples
     --------
@@ -165,10 +169,14 @@ def carried_out(model_class: type, task: Task) -> Outcome:
     'InvalidValueError: n_robots is -1; expected a whole number at least 0 and at most 2147483647'
     """
     try:
-        model = model_class(**task.settings, rng=task.rng).run(task.steps)
+        model = model_class(**task.settings, rng=task.rng)
+        with observed(model):
+            model.run(task.steps, progress=progress)
         check_results(model_class, model)
         results = {name: None if value is None else float(value) for name, value in model.results().items()}
         return Outcome(model.steps, model.state_hash(), results)
+    except beyond:
+        raise
     except (Exception, SystemExit) as error:
         return Outcome(error=error_in_words(error))
 
@@ -198,6 +206,12 @@ def shown_value(value: object) -> object:
     return f"{value.name} ({blake2b(value.to_toml().encode(), digest_size=8).hexdigest()})"
 
 
+@cache
+def _version() -> str:
+    """Return ours; looking it up takes a millisecond, and each run asks several times."""
+    return version("mesa-swarm")
+
+
 def _points(model_class: type, varied: Mapping | Sample | Sequence[Mapping]) -> Sequence[Mapping]:
     if isinstance(varied, Sample):
         return varied.settings(model_class)
@@ -218,7 +232,7 @@ def _checked_settings(model_class: type, settings: Mapping[str, Any]) -> dict[st
 
 def _check_measures(experiment: Experiment) -> None:
     """Refuse results that are unknown, not numbers, or named as a column of the table already is."""
-    model = _first_built(experiment)
+    model = first_built(experiment)
     check_results(experiment.model_class, model)
     results = model.results()
     for name in experiment.measure:
@@ -227,7 +241,7 @@ def _check_measures(experiment: Experiment) -> None:
         raise InvalidValueError(f"result {name!r} is named as another column; rename it in results()")
 
 
-def _first_built(experiment: Experiment):
+def first_built(experiment: Experiment):
     """Return the model at the first point at which it can be built: others may fail, and are recorded so."""
     first_error = None
     for point in islice(experiment.points, POINTS_TRIED):

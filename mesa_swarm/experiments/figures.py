@@ -5,6 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, StrMethodFormatter
 
+from mesa_swarm.experiments.comparison_figures import comparison_figure, main_measure
 from mesa_swarm.experiments.pictures import COOL, INK, png, world_figure
 from mesa_swarm.experiments.portrait import Portrait
 
@@ -14,7 +15,7 @@ MOST_PICTURED = 6
 
 
 def comparison_pictures(comparison) -> dict[str, bytes]:
-    """Return the PNGs of a comparison by file name; of the first seed, and of its first six values.
+    """Return the PNGs of a comparison by file name: of all pairs, and of the first seed under its first six values.
 
     Parameters
     ----------
@@ -22,11 +23,14 @@ def comparison_pictures(comparison) -> dict[str, bytes]:
     """
     plan = comparison.plan
     portraits = {
-        f"{plan.model_class.__name__}, {plan.parameter} {value}, seed 1": portrait
+        f"{plan.model_class.__name__}, {plan.parameter} {value}, seed {plan.seeds[0]}": portrait
         for value, portrait in list(comparison.portraits.items())[:MOST_PICTURED]
     }
     worlds = {f"{title}, step {portrait.steps:,}": portrait for title, portrait in portraits.items()}
-    pictures = {"final_state.png": world_figure(worlds)}
+    pictures = {"comparison.png": comparison_figure(comparison, [main_measure(comparison)])}
+    if len(comparison.measures) > 1:
+        pictures["comparison_all.png"] = comparison_figure(comparison, comparison.measures)
+    pictures["final_state.png"] = world_figure(worlds)
     if all(portrait.history["robots"].size for portrait in portraits.values()):
         pictures["robots_at_fires.png"] = fires_figure(portraits)
     else:

@@ -2,7 +2,8 @@
 
 import os
 import uuid
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryFile
 
@@ -51,15 +52,32 @@ def write_whole(path: Path, content: str | bytes) -> Path:
     ...     write_whole(Path(home) / "a" / "b.txt", "all of it").read_text()
     'all of it'
     """
+    with draft_of(path) as draft:
+        draft.write_bytes(content.encode() if isinstance(content, str) else content)
+    return path
+
+
+@contextmanager
+def draft_of(path: Path) -> Iterator[Path]:
+    """Yield another name in a file's folder; what was written there gets the file's name if nothing goes wrong.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as home:
+    ...     with draft_of(Path(home) / "b.txt") as draft:
+    ...         length = draft.write_text("all of it")
+    ...     [path.name for path in Path(home).iterdir()]
+    ['b.txt']
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     draft = path.with_name(f".{uuid.uuid4().hex}.draft")
     try:
-        draft.write_bytes(content.encode() if isinstance(content, str) else content)
+        yield draft
         os.replace(draft, path)
     finally:
         with suppress(OSError):  # else it would hide why writing failed
             draft.unlink(missing_ok=True)
-    return path
 
 
 def _remove_empty(folders: list[Path]) -> None:

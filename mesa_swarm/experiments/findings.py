@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from mesa_swarm.experiments.statistics import paired_difference, summarised
+from mesa_swarm.experiments.statistics import FEWEST, TIME, bootstrap_mean, pair_differences, summarised, superiority
 from mesa_swarm.experiments.tables import in_words, percent
 
 ONE_SEED = "one seed says nothing about others"
@@ -33,7 +33,7 @@ def _about_event(comparison, measure: str, words: str) -> str:
     ]
     best, worst = shares[order[0]], shares[order[-1]]
     clear = not best.share.meets(worst.share)
-    verdict = "no difference was seen" if best.happened == worst.happened else _verdict(plan.seeds, clear)
+    verdict = "no difference was seen" if best.happened == worst.happened else _verdict(len(plan.seeds), clear)
     extremes = _chosen(len(order))
     return f"{', '.join(texts)}: {verdict}{extremes}{_most_different(comparison, measure, order)}."
 
@@ -41,8 +41,8 @@ def _about_event(comparison, measure: str, words: str) -> str:
 def _share_text(parameter: str, value: Any, summary, words: str) -> str:
     count = f"in {summary.happened} of {summary.runs} runs (95 % interval {percent(summary.share)})"
     if words:
-        return f"{parameter.capitalize()} {value} {words} {count}"
-    return f"{value} in {summary.happened} of {summary.runs} ({percent(summary.share)})"
+        return f"With {parameter} {value} the swarm {words} {count}"
+    return f"with {value} in {summary.happened} of {summary.runs} ({percent(summary.share)})"
 
 
 def _most_different(comparison, headline: str, order: list) -> str:
@@ -69,17 +69,31 @@ def _about_number(comparison, measure: str) -> str:
     low, high = (pick(seen, key=lambda value: means[value].estimate) for pick in (min, max))
     if low == high:
         return f"{measure} was {in_words(means[low])} with every {plan.parameter}: no difference was seen."
-    difference, pairs = paired_difference(comparison.column(low, measure), comparison.column(high, measure))
     return (
         f"{measure} was {in_words(means[high])} with {plan.parameter} {high} and {in_words(means[low])} with {low}, "
-        f"a difference of {in_words(difference)} over {pairs} paired seeds: "
-        f"{_verdict(pairs, difference.excludes_zero)}{_chosen(len(plan.values))}."
+        f"{_difference(comparison, measure, low, high)}{_chosen(len(plan.values))}."
+    )
+
+
+def _difference(comparison, measure: str, low: Any, high: Any) -> str:
+    """Say by how much a measure is larger under one value than another, on how many seeds, and what that shows."""
+    columns = comparison.column(low, measure), comparison.column(high, measure)
+    differences = pair_differences(*columns)
+    mean = bootstrap_mean(differences)
+    larger, seeds = superiority(*columns, times=measure.endswith(TIME))
+    times = "later" if measure.endswith(TIME) else "larger"
+    share = f"{100 * larger.estimate:.0f} % of {seeds} seeds ({percent(larger)})"
+    return (
+        f"a difference of {in_words(mean)} over {len(differences)} paired seeds, {times} with {high} on {share}: "
+        f"{_verdict(len(differences), mean.excludes_zero)}"
     )
 
 
 def _verdict(seeds: int, clear: bool) -> str:
     if seeds < 2:
         return ONE_SEED
+    if seeds < FEWEST and not clear:
+        return f"{seeds} seeds are too few to tell which is larger"
     return "a clear difference" if clear else "these seeds do not settle which is larger"
 
 

@@ -1,58 +1,133 @@
 """What the commands run and sweep do with a job file."""
 
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import nullcontext
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.errors import InvalidValueError, SwarmError
 from mesa_swarm.experiments.commands import print_pairs
 from mesa_swarm.experiments.compare import checked_jobs
-from mesa_swarm.experiments.experiment import Experiment, Task, carried_out
+from mesa_swarm.experiments.experiment import Experiment, Outcome, Task, carried_out, error_in_words
 from mesa_swarm.experiments.files import check_writable
-from mesa_swarm.experiments.jobs import read_job
-from mesa_swarm.experiments.sweep import run_experiment
-from mesa_swarm.progress import progress_bar
+from mesa_swarm.experiments.jobs import Job, read_job, recorded_to
+from mesa_swarm.experiments.run_records import RunRecords, recorded
+from mesa_swarm.experiments.sweep import done_before, run_experiment
 
 
-def run(path: str, *, progress: bool) -> None:
-    """Do the runs of a job one after the other, and print what came of each."""
-    job = read_job(path)
+@dataclass(frozen=True, slots=True)
+class _Run:
+    """A run of the queue, and the file it is recorded to, if any."""
+
+    experiment: Experiment
+    task: Task
+    records: RunRecords | None
+
+    @property
+    def file(self) -> Path | None:
+        """Looked for anew each time: somebody may have put a link there meanwhile."""
+        return self.records and self.records.path(self.experiment.name, self.task.rng)
+
+    def observer(self, force: bool) -> Callable:
+        """Return what is entered around the run."""
+        if self.records is None:
+            return nullcontext
+        return partial(recorded, path=self.file, options=self.records.options, overwrite=force)
+
+    def __str__(self) -> str:
+        return f"{self.experiment.name}, rng {self.task.rng}"
+
+
+def run(path: str, *, progress: bool, record: Path | None = None, force: bool = False) -> bool:
+    """Do the runs of a job one after the other, print what came of each, and return whether none failed.
+
+    Parameters
+    ----------
+    path : str
+        Of the job file.
+    progress : bool
+        Whether to show a bar for each run.
+    record : Path, optional
+        Where to record them, whatever the job says.
+    force : bool
+        Whether recordings that are there are replaced. Else the runs that would have to are not done.
+    """
+    job = read_job(path) if record is None else recorded_to(read_job(path), record)
     for experiment in job.experiments:
         if len(experiment.points) > 1:
             raise InvalidValueError(
                 f"{experiment.name} has {len(experiment.points)} points; do them with: mesa-swarm sweep {path}"
             )
-    queue = [(experiment, task) for experiment in job.experiments for task in experiment.tasks()]
+    queue = [
+        _Run(experiment, task, records)
+        for experiment, records in zip(job.experiments, job.records, strict=True)
+        for task in experiment.tasks()
+    ]
     failed = 0
-    with progress_bar(len(queue), "runs", progress) as bar:
-        bar.refresh()
-        for number, (experiment, task) in enumerate(queue):
-            said = _said(experiment, task)
-            bar.clear()
-            print("\n" * bool(number) + f"{experiment.name}, rng {task.rng}")
-            print_pairs(said)
-            failed += "error" in said
-            bar.update()
-    if failed:
-        raise InvalidValueError(f"{failed} of {len(queue)} runs ended in an error; see above")
+    for number, one in enumerate(queue):
+        print("\n" * bool(number) + str(one), flush=True)
+        outcome = _outcome(one, progress, force)
+        failed += outcome.error is not None
+        _tell(one, outcome)
+    return not failed
 
 
-def sweep(path: str, *, jobs: int, out: Path | None, progress: bool) -> None:
+def _outcome(one: _Run, progress: bool, force: bool) -> Outcome:
+    """Do a run, recorded if its job says so; what was recorded of it before Ctrl-C stays."""
+    try:
+        observed = one.observer(force)
+    except SwarmError as error:
+        return Outcome(error=error_in_words(error))
+    try:
+        return carried_out(one.experiment.model_class, one.task, observed, progress)
+    except KeyboardInterrupt:
+        if one.file is not None:
+            print(f"what was recorded so far is kept in {one.file}")
+        raise
+
+
+def _tell(one: _Run, outcome: Outcome) -> None:
+    """Print what came of a run; an error is one line where errors go."""
+    if outcome.error is not None:
+        print(f"mesa-swarm: {one}: {outcome.error}", file=sys.stderr, flush=True)
+        return
+    results = {name: outcome.results[name] for name in one.experiment.measure or outcome.results}
+    written = {} if one.file is None else {"recording": one.file}
+    print_pairs({"steps": outcome.steps, **results, "state hash": outcome.state_hash, **written})
+
+
+def sweep(
+    path: str, *, jobs: int, out: Path | None, record: bool = False, progress: bool, retry_failed: bool = False
+) -> None:
     """Do all runs of a job on several processes, each experiment in a folder of its own, and print the paths."""
-    job = read_job(path)
-    folder = check_writable(out or Path("results", job.name))
+    job, folder = _job_and_folder(path, out)
+    check_writable(folder)
     workers = checked_jobs(jobs)
-    for experiment in job.experiments:
-        home = folder if len(job.experiments) == 1 else folder / experiment.name
-        made = run_experiment(experiment, home, workers, progress)
+    for experiment, home, options in _parts(job, folder, record):
+        made = run_experiment(experiment, home, workers, progress, options, retry_failed)
         before = f", {made.done_before:,} of them before" if made.done_before else ""
         failed = f", {made.failed:,} ended in an error" if made.failed else ""
         print(f"{made.path}: {made.runs:,} runs{before}{failed}", flush=True)
 
 
-def _said(experiment: Experiment, task: Task) -> dict[str, object]:
-    """Return what came of a run, as pairs to print."""
-    outcome = carried_out(experiment.model_class, task)
-    if outcome.error is not None:
-        return {"error": outcome.error}
-    wanted = experiment.measure or outcome.results
-    results = {name: outcome.results[name] for name in wanted}
-    return {"steps": outcome.steps, **results, "state hash": outcome.state_hash}
+def plan(path: str, *, out: Path | None, record: bool = False) -> None:
+    """Print how many runs a sweep of a job would do, and how many are done; write nothing."""
+    job, folder = _job_and_folder(path, out)
+    for experiment, home, options in _parts(job, folder, record):
+        runs, done = len(experiment), done_before(experiment, home, options)
+        size = f"{len(experiment.points):,} points x {len(experiment.seeds):,} seeds, {experiment.steps:,} steps each"
+        print(f"{home}: {runs:,} runs ({size}), {done:,} done, {runs - done:,} to do")
+
+
+def _job_and_folder(path: str, out: Path | None) -> tuple[Job, Path]:
+    job = read_job(path)
+    return job, out or Path("results", job.name)
+
+
+def _parts(job: Job, folder: Path, record: bool) -> Iterator[tuple[Experiment, Path, dict | None]]:
+    """Yield the experiments of a job, the folder of each, and the options of its recordings if it is recorded."""
+    for experiment, records in zip(job.experiments, job.records, strict=True):
+        home = folder if len(job.experiments) == 1 else folder / experiment.name
+        yield experiment, home, dict(records.options if records else {}) if record else None

@@ -2,12 +2,12 @@
 
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib import resources
-from pathlib import Path, PurePosixPath, PureWindowsPath
+from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, ValidationInfo
@@ -22,7 +22,9 @@ from mesa_swarm.errors import (
     unknown_name,
 )
 from mesa_swarm.experiments.experiment import Experiment, checked_experiment, checked_seeds
+from mesa_swarm.experiments.job_files import file_within
 from mesa_swarm.experiments.plan import MOST_STEPS
+from mesa_swarm.experiments.run_records import OPTIONS, RunRecords
 from mesa_swarm.experiments.sampling import MOST_POINTS, Sample
 from mesa_swarm.gallery import find_model, model_names
 from mesa_swarm.world.map import ALIASES, builtin_maps
@@ -31,12 +33,13 @@ from mesa_swarm.world.map_toml import parsed_toml
 
 LARGEST_JOB = 1_000_000
 MOST_EXPERIMENTS = 1_000
+MOST_RECORDINGS = 10_000
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,59}")
 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """The experiments of a job file, in its order.
+    """The experiments of a job file, in its order, and how each is recorded, None if it is not.
 
     Examples
     --------
@@ -47,6 +50,7 @@ class Job:
 
     name: str
     experiments: tuple[Experiment, ...]
+    records: tuple[RunRecords | None, ...]
 
 
 def read_job(path: str | os.PathLike[str]) -> Job:
@@ -65,12 +69,37 @@ def read_job(path: str | os.PathLike[str]) -> Job:
     file = _found(path)
     with _naming(file.name):
         tables = _tables(parsed_toml(text_of(file_content(file, LARGEST_JOB), file.name), file.name))
-        experiments = tuple(_experiment(number, table, file, tables) for number, table in enumerate(tables, start=1))
-        names = [experiment.name for experiment in experiments]
-        for name in names:
-            if names.count(name) > 1:
-                raise InvalidValueError(f"two runs are named {name!r}; give each a name of its own")
-    return Job(file.stem, experiments)
+        runs = [_run(number, table, file, tables) for number, table in enumerate(tables, start=1)]
+        job = Job(file.stem, *zip(*runs, strict=True))
+        _check_names("two runs are named", [experiment.name for experiment in job.experiments])
+        return _with_different_recordings(job)
+
+
+def recorded_to(job: Job, file: Path) -> Job:
+    """Return a job whose runs are recorded to files of this name; the options that it has for that stay.
+
+    Parameters
+    ----------
+    job : Job
+    file : Path
+        ``{seed}`` and ``{name}`` in its name stand for each run's. Its folder may be any.
+
+    Raises
+    ------
+    SwarmError
+
+    Examples
+    --------
+    >>> job = recorded_to(read_job("fire_fighting_1.toml"), Path("/runs/{name}.arrow"))
+    >>> job.records[0].path("first", 1).as_posix()
+    '/runs/first.arrow'
+    """
+    records = []
+    for experiment, before in zip(job.experiments, job.records, strict=True):
+        options = before.options if before else {}
+        records.append(RunRecords(folder=file.parent, file=file.name, options=options))
+        records[-1].check(experiment)
+    return _with_different_recordings(replace(job, records=tuple(records)))
 
 
 def sample_jobs() -> list[str]:
@@ -83,48 +112,6 @@ def sample_jobs() -> list[str]:
     """
     folder = resources.files("mesa_swarm.experiments") / "jobs"
     return sorted(file.name for file in folder.iterdir() if file.name.endswith(".toml"))
-
-
-def file_within(folder: Path, name: str) -> Path:
-    """Return a file that a job names if it lies in the job's folder, and is reached by no link.
-
-    Parameters
-    ----------
-    folder : Path
-        Of the job file.
-    name : str
-        Relative to the folder.
-
-    Raises
-    ------
-    InvalidValueError
-        If it leads elsewhere, or might.
-
-    Examples
-    --------
-    >>> file_within(Path("/jobs"), "maps/hall.toml").as_posix()
-    '/jobs/maps/hall.toml'
-    >>> file_within(Path("/jobs"), "../hall.toml")
-    Traceback (most recent call last):
-    mesa_swarm.errors.InvalidValueError: '../hall.toml' leads out of the job's folder; put the file into it
-    """
-    parts = PurePosixPath(name).parts
-    windows = PureWindowsPath(name)
-    if name.startswith("/") or windows.drive or windows.root or ".." in (*parts, *windows.parts):
-        raise InvalidValueError(f"{shortened(name)} leads out of the job's folder; put the file into it")
-    path = folder
-    for part in parts:
-        path = path / part
-        if _is_link(path):
-            raise InvalidValueError(f"{shortened(name)} is reached by a link; put the file itself there")
-    return path
-
-
-def _is_link(path: Path) -> bool:
-    try:
-        return path.is_symlink() or path.is_junction() if hasattr(path, "is_junction") else path.is_symlink()
-    except (OSError, ValueError):  # a name too long for the system, or with a null byte: it is no file either
-        return False
 
 
 # ---- the tables of a job file
@@ -159,6 +146,42 @@ class SampleTable(_Table):
     rng: Annotated[int, _checked_by(check_count)] = 1
 
 
+def _as_table(value: Any) -> Any:
+    """Return the name of a file as the table that it is short for."""
+    return {"file": value} if isinstance(value, str) else value
+
+
+class RecordTable(_Table):
+    """The keys of `[record]`: a file for each run, and options that `record` takes.
+
+    Parameters
+    ----------
+    file : str
+        Relative to the job's folder; ``{seed}`` and ``{name}`` stand for the seed and the run's name.
+    every : int
+        Steps from one row to the next.
+    columns : list of str, optional
+        By default what one needs to look at the run.
+    exact : bool
+        Whether real numbers keep all 64 bits.
+    """
+
+    model_config = ConfigDict(extra="allow")
+
+    file: str
+    every: Annotated[int, _checked_by(check_count, minimum=1)] = 1
+    columns: list[str] | None = None
+    exact: bool = False
+
+    def options(self) -> dict[str, Any]:
+        """Return what is passed on to `record`, which knows more options than are listed here."""
+        given = {**dict(self), **self.model_extra}
+        for key in given:
+            if key != "file" and key not in OPTIONS:
+                raise InvalidValueError(f"[record] {unknown_name('key', key, ('file', *OPTIONS))}")
+        return {key: value for key, value in given.items() if key != "file"}
+
+
 class RunTable(_Table):
     """The keys of one run.
 
@@ -180,6 +203,8 @@ class RunTable(_Table):
         The results that are wanted; by default all.
     parameters, grid, sample : table, optional
         Fixed values; lists of values; a `SampleTable`.
+    record : str or table, optional
+        A file to record to, or a `RecordTable`.
     """
 
     name: Annotated[str | None, _checked_by(_check_name)] = None
@@ -192,6 +217,7 @@ class RunTable(_Table):
     parameters: dict[str, Any] = {}
     grid: dict[str, Any] | None = None
     sample: SampleTable | None = None
+    record: Annotated[RecordTable | None, BeforeValidator(_as_table)] = None
 
     def settings(self) -> dict[str, Any]:
         """Return the parameters, with those that have keys of their own."""
@@ -208,6 +234,14 @@ class RunTable(_Table):
         if self.grid is not None:
             raise InvalidValueError("grid and sample are both given; keep one of them")
         return Sample(self.sample.kind, self.sample.ranges, self.sample.points, self.sample.rng)
+
+    def records(self, folder: Path, experiment: Experiment) -> RunRecords | None:
+        """Return how its runs are recorded, checked; None if they are not."""
+        if self.record is None:
+            return None
+        records = RunRecords(folder=folder, file=self.record.file, options=self.record.options())
+        records.check(experiment)
+        return records
 
 
 def _found(path: str | os.PathLike[str]) -> Path:
@@ -253,14 +287,36 @@ def _tables(job: dict[str, Any]) -> list[dict[str, Any]]:
     return tables
 
 
-def _experiment(number: int, table: dict[str, Any], file: Path, tables: list) -> Experiment:
+def _check_names(what: str, names: Iterable[object]) -> None:
+    seen = set()
+    for name in names:
+        if name in seen:
+            raise InvalidValueError(f"{what} {shortened(name)}; give each a name of its own")
+        seen.add(name)
+
+
+def _with_different_recordings(job: Job) -> Job:
+    _check_names("two runs are recorded to", _recordings(job))
+    return job
+
+
+def _recordings(job: Job) -> Iterator[str]:
+    """Yield the files of all recordings as systems see them that take small letters for capitals."""
+    for experiment, records in zip(job.experiments, job.records, strict=True):
+        if records is not None:
+            count = check_count("number of recordings", len(experiment.seeds), maximum=MOST_RECORDINGS)
+            for seed in experiment.seeds[:count]:
+                yield records.path(experiment.name, seed).as_posix().lower()
+
+
+def _run(number: int, table: dict[str, Any], file: Path, tables: list) -> tuple[Experiment, RunRecords | None]:
     with _naming(file.name, f"run {number}" if len(tables) > 1 else ""):
         try:
             run = RunTable.model_validate(table)
         except ValidationError as error:
             raise InvalidValueError(_first_problem(error)) from None
         settings, varied = _with_maps(run, file.parent)
-        return checked_experiment(
+        experiment = checked_experiment(
             find_model(run.model),
             varied,
             seeds=run.seeds,
@@ -269,6 +325,7 @@ def _experiment(number: int, table: dict[str, Any], file: Path, tables: list) ->
             measure=run.measure,
             name=run.name or f"run_{number}",
         )
+        return experiment, run.records(file.parent, experiment)
 
 
 def _first_problem(error: ValidationError) -> str:
@@ -276,7 +333,7 @@ def _first_problem(error: ValidationError) -> str:
     problems = sorted(error.errors(include_url=False), key=lambda problem: problem["type"] != "extra_forbidden")
     problem = problems[0]
     place, key = problem["loc"][:-1], problem["loc"][-1]
-    where = "".join(f"[{part}] " for part in place if part == "sample")
+    where = "".join(f"[{part}] " for part in place if part in ("sample", "record"))
     if problem["type"] == "extra_forbidden":
         known = SampleTable if place else RunTable
         return f"{where}{unknown_name('key', key, known.model_fields)}"
@@ -285,7 +342,8 @@ def _first_problem(error: ValidationError) -> str:
     if problem["type"] == "value_error":
         return f"{where}{problem['ctx']['error']}"
     wanted = problem["msg"].replace("Input should be", "expected").replace("dictionary", "table")
-    keys = {*RunTable.model_fields, *SampleTable.model_fields}
+    wanted = re.sub(r" or instance of \w+", "", wanted)
+    keys = {*RunTable.model_fields, *SampleTable.model_fields, *RecordTable.model_fields}
     name = next(part for part in reversed(problem["loc"]) if part in keys)
     return f"{where}{name} is {shortened(problem['input'])}; {wanted}"
 

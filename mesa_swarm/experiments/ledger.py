@@ -4,6 +4,7 @@ import json
 import os
 from array import array
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from threading import Lock
@@ -28,7 +29,7 @@ class Ledger:
 
     A line is written in one piece and synced to the disk before anybody is told that the run is done. A line that
     a kill tore apart is cut off when the ledger is opened again; one that the disk spoilt fails its checksum and
-    counts as never written. Of two lines with one key the first counts. One process at a time may write.
+    counts as never written. Of two lines with one key the last counts. One process at a time may write.
 
     Memory grows by 24 bytes a run: its key, and where its line begins.
 
@@ -36,6 +37,8 @@ class Ledger:
     ----------
     path : Path
         Created if it is missing.
+    retry_failed : bool
+        Whether runs that ended in an error count as not done.
 
     Raises
     ------
@@ -51,14 +54,14 @@ class Ledger:
     ({'groups': 2.0}, False)
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, retry_failed: bool = False) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         self.path = path
         self._lock = Lock()  # joblib asks what is left in a thread of its own
         self._file = open(path, "a+b")  # noqa: SIM115 - closed by close
         try:
             self._keep_others_out()
-            self._read()
+            self._read(retry_failed)
         except BaseException:
             self.close()
             raise
@@ -79,14 +82,18 @@ class Ledger:
             return self._place(key) is not None
 
     def append(self, key: str, outcome: Outcome) -> None:
-        """Write down what came of a run, and wait until the disk has it."""
+        """Write down what came of a run, and wait until the disk has it.
+
+        Raises
+        ------
+        InvalidValueError
+            If the disk does not take it. Nothing of it is left then.
+        """
         text = json.dumps({"key": key, **asdict(outcome)}, ensure_ascii=False).encode()
         with self._lock:
             place = self._file.seek(0, os.SEEK_END)
-            self._file.write(b"%08x %s\n" % (crc32(text), text))
-            self._file.flush()
-            os.fsync(self._file.fileno())
-            self._late.setdefault(bytes.fromhex(key), place)
+            self._put(b"%08x %s\n" % (crc32(text), text), place)
+            self._late[bytes.fromhex(key)] = place
             if len(self._late) > max(1024, len(self._keys) // 8):
                 self._sort_in()
 
@@ -102,19 +109,35 @@ class Ledger:
             raise InvalidValueError(f"{self.path} was changed while it was read; run the sweep again")
         return Outcome(**{name: value for name, value in kept.items() if name != "key"})
 
+    def _put(self, line: bytes, place: int) -> None:
+        """Write past the file's buffer, which would keep what the disk does not take and try again when closed."""
+        left = memoryview(line)
+        try:
+            while left:
+                left = left[os.write(self._file.fileno(), left) :]
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            with suppress(OSError):  # a torn line is cut off when the ledger is next opened
+                os.truncate(self.path, place)
+            raise InvalidValueError(
+                f"{self.path} cannot be written: {error.strerror}; runs before are kept, make room and sweep again"
+            ) from None
+
     def _place(self, key: str) -> int | None:
         wanted = bytes.fromhex(key)
         if wanted in self._late:
             return self._late[wanted]
-        index = np.searchsorted(self._keys, np.array([wanted], f"S{KEY_BYTES}"))[0]
+        index = np.searchsorted(self._keys, np.array([wanted], f"S{KEY_BYTES}"), side="right")[0] - 1
         # NumPy drops zeros at the end of such texts.
-        if index == len(self._keys) or self._keys[index].ljust(KEY_BYTES, b"\0") != wanted:
+        if index < 0 or self._keys[index].ljust(KEY_BYTES, b"\0") != wanted:
             return None
         return int(self._places[index])
 
-    def _read(self) -> None:
+    def _read(self, retry_failed: bool) -> None:
         keys, places = bytearray(), array("q")
         for place, kept in self._entries():
+            if retry_failed and kept["error"] is not None:
+                continue
             keys += bytes.fromhex(kept["key"])
             places.append(place)
         self._late: dict[bytes, int] = {}
@@ -143,7 +166,7 @@ class Ledger:
         self._order()
 
     def _order(self) -> None:
-        order = np.argsort(self._keys, kind="stable")  # of equal keys the first line stays first
+        order = np.argsort(self._keys, kind="stable")  # of equal keys the last line stays last
         self._keys, self._places = self._keys[order], self._places[order]
 
     def _keep_others_out(self) -> None:

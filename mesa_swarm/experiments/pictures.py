@@ -50,9 +50,19 @@ def draw_world(model, axes: Axes, sectors: bool = False) -> None:
     'x (map units)'
     """
     portrait = model if isinstance(model, Portrait) else portrait_of(model)
+    draw_what_stands(axes, portrait)
+    draw_what_changes(axes, portrait, sectors)
+
+
+def draw_what_stands(axes: Axes, portrait: Portrait) -> None:
+    """Draw the ground, obstacles and marks, which a film shows behind all its frames."""
     _draw_ground(axes, portrait.bounds)
     _draw_shapes(axes, [s for s in portrait.obstacles if not s.contact], MARK, 1, "marks")
     _draw_shapes(axes, [s for s in portrait.obstacles if s.contact], OBSTACLE, 2, "obstacles")
+
+
+def draw_what_changes(axes: Axes, portrait: Portrait, sectors: bool = False) -> None:
+    """Draw loads, fires and robots."""
     _draw_shapes(axes, portrait.loads, LOAD, 2, "loads")
     _draw_fires(axes, portrait.fires)
     if sectors:
@@ -106,12 +116,21 @@ def _draw_robots(axes: Axes, robots: dict[str, np.ndarray]) -> None:
         return
     backs = np.where(robots["hot"], HOT, COOL)
     _discs(axes, position, radius, backs, 5, label="robots")
-    degrees = np.degrees(heading)
-    fronts = [Wedge(p, 0.92 * r, d - 90, d + 90) for p, r, d in zip(position, radius, degrees, strict=True)]
-    axes.add_collection(PatchCollection(fronts, facecolors=FRONT, linewidths=0, zorder=6, label="fronts"))
-    tips = position + radius[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
+    ahead = radius[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
+    fronts = _half_discs(position, 0.92 * ahead)
+    axes.add_collection(PathCollection(fronts, facecolors=FRONT, linewidths=0, zorder=6, label="fronts"))
+    tips = position + ahead
     lines = LineCollection(np.stack([position, tips], axis=1), colors=INK, linewidths=0.7, zorder=7)
     axes.add_collection(lines)
+
+
+def _half_discs(position: np.ndarray, ahead: np.ndarray) -> list[Path]:
+    """Return half discs about positions, of the length of `ahead` and towards it; films have many of them."""
+    half = Path.wedge(-90, 90)
+    left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
+    x, y = half.vertices[:, :1], half.vertices[:, 1:]
+    outlines = position[:, None] + x * ahead[:, None] + y * left[:, None]
+    return [Path(outline, half.codes) for outline in outlines]
 
 
 def _draw_perceived(axes: Axes, robots: dict[str, np.ndarray]) -> None:

@@ -1,7 +1,7 @@
 """What a comparison will do, checked before any of it is done."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,9 +14,12 @@ from mesa_swarm.errors import (
     unknown_name,
 )
 from mesa_swarm.experiments.portrait import Portrait, portrait_of
+from mesa_swarm.gallery import find_model
 from mesa_swarm.parameters import Choice, parameters_of
 
 MOST_SEEDS = 100_000
+# Seeds are told apart as floats are, in tables and in TOML of other programs.
+LARGEST_SEED = 2**53 - 1
 MOST_STEPS = 100_000_000
 MOST_VALUES = 100
 DEFAULT_STEPS = 3_000
@@ -63,14 +66,15 @@ class Plan:
     model_class: type
     parameter: str
     values: tuple
-    seeds: int
+    seeds: Sequence[int]
     steps: int
     settings: dict[str, Any]
+    measures: tuple[str, ...] = ()
 
     @property
     def tasks(self) -> list[tuple[int, Any]]:
         """Seed and value of every run; every value meets the same seeds."""
-        return [(rng, value) for rng in range(1, self.seeds + 1) for value in self.values]
+        return [(rng, value) for rng in self.seeds for value in self.values]
 
     def built(self, rng: int, value: Any):
         """Return the model of one run, before its first step."""
@@ -79,52 +83,97 @@ class Plan:
     def run(self, rng: int, value: Any) -> Run:
         """Do one run."""
         model = self.built(rng, value).run(self.steps)
-        portrait = portrait_of(model) if rng == 1 else None
-        return Run(value, rng, model.steps, model.state_hash(), model.results(), portrait)
+        portrait = portrait_of(model) if rng == self.seeds[0] else None
+        results = model.results()
+        kept = {name: results[name] for name in self.measures} if self.measures else results
+        return Run(value, rng, model.steps, model.state_hash(), kept, portrait)
 
 
 def checked_plan(
-    model_class: type,
-    *,
+    model: type | str,
     parameter: str | None = None,
     values: Iterable | None = None,
-    seeds: int = 30,
+    seeds: int | Sequence[int] = 30,
+    *,
     steps: int | None = None,
     settings: Mapping[str, Any] | None = None,
+    measures: Sequence[str] = (),
 ) -> Plan:
     """Return the plan of a comparison, after building the model once with every value.
 
     Parameters
     ----------
-    model_class : type
-        A SwarmModel with a method ``results``.
+    model : type or str
+        A SwarmModel with a method ``results``, or the name of one of the gallery.
     parameter, values
         By default what the model's attribute ``compares`` says; the values of another parameter may be left
         out if it has a `Choice`.
-    seeds : int
-        Each value is run with rng 1, 2, ... seeds; 1 to 100,000.
+    seeds : int or sequence of int
+        Each value is run with rng 1, 2, ... seeds, or with these; at most 100,000.
     steps : int
         By default what the model's attribute ``steps_to_compare`` says, else 3,000.
     settings : mapping
         Other parameters, the same in all runs.
+    measures : sequence of str
+        The results that are compared, in this order; all of them by default.
 
     Raises
     ------
     SwarmError
         If anything about it is wrong.
     """
+    model_class = find_model(model) if isinstance(model, str) else model
+    if not isinstance(model_class, type):
+        raise InvalidValueError(f"model is {shortened(model)}; expected a class or the name of a model")
     settings = dict(settings or {})
     default = getattr(model_class, "steps_to_compare", DEFAULT_STEPS)
     plan = Plan(
         model_class,
         *_checked_values(model_class, parameter, values, settings),
-        check_count("seeds", seeds, minimum=1, maximum=MOST_SEEDS),
+        checked_seeds(seeds),
         check_count("steps", default if steps is None else steps, minimum=1, maximum=MOST_STEPS),
         settings,
+        checked_measures(measures),
     )
     for value in plan.values:
-        check_results(model_class, plan.built(1, value))
+        built = plan.built(plan.seeds[0], value)
+        check_results(model_class, built)
+        for name in plan.measures:
+            check_choice(f"result of {model_class.__name__}", name, built.results())
     return plan
+
+
+def checked_seeds(seeds: object) -> Sequence[int]:
+    """Return seeds 1, 2, ... for a number of them, or those of a list.
+
+    Examples
+    --------
+    >>> list(checked_seeds(3)), checked_seeds([7, 5])
+    ([1, 2, 3], (7, 5))
+    """
+    if isinstance(seeds, (str, bytes)) or not isinstance(seeds, Sequence):
+        return range(1, 1 + check_count("seeds", seeds, minimum=1, maximum=MOST_SEEDS))
+    listed = tuple(check_count("seeds", seed, maximum=LARGEST_SEED) for seed in seeds)
+    check_count("number of seeds", len(listed), minimum=1, maximum=MOST_SEEDS)
+    if len(set(listed)) < len(listed):
+        raise InvalidValueError(f"seeds is {shortened(seeds)}; expected different ones")
+    return listed
+
+
+def checked_measures(measures: object) -> tuple[str, ...]:
+    """Return the names of results that are wanted, refused if one is there twice or if it is one text.
+
+    Examples
+    --------
+    >>> checked_measures(["fires out"])
+    ('fires out',)
+    """
+    if isinstance(measures, str) or not isinstance(measures, Iterable):
+        raise InvalidValueError(f"measures is {shortened(measures)}; expected a list of names, such as ['fires out']")
+    names = tuple(measures)
+    if len(set(names)) < len(names):
+        raise InvalidValueError(f"measures is {shortened(names)}; expected different ones")
+    return names
 
 
 def check_results(model_class: type, model) -> None:

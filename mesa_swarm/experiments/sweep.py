@@ -2,9 +2,12 @@
 
 import os
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from shutil import copyfile
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pandas as pd
@@ -14,12 +17,15 @@ from mesa_swarm.experiments.experiment import Experiment, Outcome, Task, carried
 from mesa_swarm.experiments.files import check_writable
 from mesa_swarm.experiments.ledger import Ledger
 from mesa_swarm.experiments.pool import WorkerDiedError, is_remote, on_all
+from mesa_swarm.experiments.run_records import Archive, check_options
 from mesa_swarm.experiments.sampling import Sample
 from mesa_swarm.experiments.sweep_table import write_table
+from mesa_swarm.gallery import find_model
 from mesa_swarm.progress import progress_bar
 
 LEDGER = "ledger.jsonl"
 TABLE = "runs.parquet"
+RECORDINGS = "recordings"
 # A run under way when its worker died is tried again beside others, and from then on alone, to see who is to blame.
 TRIES = 3
 
@@ -47,7 +53,7 @@ class Sweep:
 
 
 def sweep(
-    model_class: type,
+    model: type | str,
     varied: Mapping[str, Sequence] | Sample | Sequence[Mapping] = (),
     *,
     seeds: int | Sequence[int] = 30,
@@ -56,26 +62,34 @@ def sweep(
     measure: Sequence[str] = (),
     out: str | os.PathLike[str] = "results",
     jobs: int = -1,
+    record: Mapping[str, Any] | None = None,
     progress: bool = False,
+    retry_failed: bool = False,
 ) -> Sweep:
     """Run a model at every point of a grid or sample with every seed, and write a table of what came of it.
 
     Each finished run is on the disk before the next is waited for. A sweep that was interrupted, or whose process
     or workers were killed, goes on where it was when it is called again with the same folder; runs that another
     sweep has done there are not done again. A run that ends in an error is recorded with it. A run whose worker
-    dies is tried again, three times in all.
+    dies is tried again, three times in all. Runs of code that was changed since are other runs (`source_hash`).
 
     Parameters
     ----------
-    model_class, varied, seeds, steps, settings, measure
-        See `checked_experiment`.
+    model, varied, seeds, steps, settings, measure
+        See `checked_experiment`; the model may be the name of one of the gallery.
     out : path
         Folder of the ledger and the table.
     jobs : int
         Processes on this machine; -1 for one on each core, 1 for this one. Inside
         `joblib.parallel_config(backend="dask")` the workers of the cluster do the work.
+    record : mapping, optional
+        Whether every run is recorded, with these options of `mesa_swarm.recording.record` ({} for its defaults), to
+        ``recordings/KEY.arrow`` in that folder, which all workers must be able to reach. The table gets a column
+        with the names. Runs that were done before but not recorded are done again.
     progress : bool
         Whether to show a bar with the time left, in a terminal or notebook.
+    retry_failed : bool
+        Whether to do again what ended in an error before.
 
     Raises
     ------
@@ -92,24 +106,34 @@ def sweep(
         with Client("tcp://SCHEDULER:8786"), parallel_config(backend="dask"):
             sweep(FireFighting, {"strategy": ["A", "B"]}, seeds=1000)
 
-    Only the process that calls `sweep` writes files. A worker process that dies is noticed at once, since its
-    connection closes; for machines that vanish set dask's ``distributed.scheduler.worker-ttl`` to 5 s.
+    Only the process that calls `sweep` writes files, except for recordings. A worker process that dies is noticed
+    at once, since its connection closes; that machines vanish, only if the scheduler has a ``worker-ttl``: see
+    docs/sweeps.md.
 
     Examples
     --------
     >>> import tempfile
-    >>> from mesa_swarm.gallery import find_model
     >>> with tempfile.TemporaryDirectory() as home:
-    ...     made = sweep(find_model("fire_fighting"), {"n_robots": [2, 3]}, seeds=2, steps=5, out=home, jobs=1)
+    ...     made = sweep("fire_fighting", {"n_robots": [2, 3]}, seeds=2, steps=5, out=home, jobs=1)
     ...     made.runs, made.failed, made.frame()["n_robots"].tolist()
     (4, 0, [2, 2, 3, 3])
     """
     workers = checked_jobs(jobs)
+    model_class = find_model(model) if isinstance(model, str) else model
     experiment = checked_experiment(model_class, varied, seeds=seeds, steps=steps, settings=settings, measure=measure)
-    return run_experiment(experiment, check_writable(out), workers, progress)
+    if record is not None:
+        check_options(record, experiment)
+    return run_experiment(experiment, check_writable(out), workers, progress, record, retry_failed)
 
 
-def run_experiment(experiment: Experiment, folder: Path, workers: int = 1, progress: bool = False) -> Sweep:
+def run_experiment(
+    experiment: Experiment,
+    folder: Path,
+    workers: int = 1,
+    progress: bool = False,
+    record: Mapping[str, Any] | None = None,
+    retry_failed: bool = False,
+) -> Sweep:
     """Do what is left of an experiment, and write its table.
 
     Parameters
@@ -120,49 +144,90 @@ def run_experiment(experiment: Experiment, folder: Path, workers: int = 1, progr
     workers : int
         Processes, from `checked_jobs`.
     progress : bool
+    record : mapping, optional
+        Options of a recording of every run; see `sweep`.
+    retry_failed : bool
     """
-    with Ledger(folder / LEDGER) as ledger:
-        before = sum(task.key in ledger for task in experiment.tasks())
+    archive = None if record is None else Archive(folder / RECORDINGS, record)
+    with Ledger(folder / LEDGER, retry_failed=retry_failed) as ledger:
+        before = sum(_is_done(task.key, ledger, archive) for task in experiment.tasks())
         with progress_bar(len(experiment), "runs", progress) as bar:
             bar.initial = bar.n = before
             bar.refresh()
-            for task, outcome in _outcomes(experiment, ledger, workers):
-                ledger.append(task.key, outcome)
+            for task, outcome in _outcomes(experiment, ledger, workers, archive):
+                if task.key not in ledger:  # else it was done before, and now recorded
+                    ledger.append(task.key, outcome)
                 bar.update()
-        path = write_table(experiment, ledger, folder / TABLE)
+        path = write_table(experiment, ledger, folder / TABLE, archive)
         failed = sum(ledger.outcome(task.key).error is not None for task in experiment.tasks())
     return Sweep(path, len(experiment), failed, before)
 
 
-def _outcomes(experiment: Experiment, ledger: Ledger, workers: int) -> Iterator[tuple[Task, Outcome]]:
+def done_before(experiment: Experiment, folder: Path, record: Mapping[str, Any] | None = None) -> int:
+    """Return how many runs of an experiment are done in a folder, without changing anything there.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    folder : Path
+    record : mapping, optional
+        If given, runs that were not recorded do not count.
+
+    Examples
+    --------
+    >>> from mesa_swarm.gallery import find_model
+    >>> done_before(checked_experiment(find_model("fire_fighting"), seeds=2, steps=5), Path("nowhere"))
+    0
+    """
+    if not (folder / LEDGER).exists():
+        return 0
+    archive = None if record is None else Archive(folder / RECORDINGS, record)
+    with TemporaryDirectory() as home:
+        copy = copyfile(folder / LEDGER, Path(home, LEDGER))  # a ledger mends itself when it is opened
+        with Ledger(copy) as ledger:
+            return sum(_is_done(task.key, ledger, archive) for task in experiment.tasks())
+
+
+def _is_done(key: str, ledger: Ledger, archive: Archive | None) -> bool:
+    """Whether a run need not be done; one that failed may have no recording."""
+    if archive is None or archive.file(key).exists():
+        return key in ledger
+    outcome = ledger.outcome(key)
+    return outcome is not None and outcome.error is not None
+
+
+def _outcomes(
+    experiment: Experiment, ledger: Ledger, workers: int, archive: Archive | None
+) -> Iterator[tuple[Task, Outcome]]:
     """Yield the runs that are left as they are done."""
-    left = (task for task in experiment.tasks() if task.key not in ledger)
+    left = (task for task in experiment.tasks() if not _is_done(task.key, ledger, archive))
+    work = partial(_done, experiment.model_class, archive)
     if workers == 1 and not is_remote():
-        yield from (_done(experiment.model_class, task) for task in left)
+        yield from map(work, left)
         return
-    yield from _survivors(experiment.model_class, left, workers)
+    yield from _survivors(work, left, workers)
 
 
-def _survivors(model_class: type, tasks: Iterator[Task], workers: int) -> Iterator[tuple[Task, Outcome]]:
+def _survivors(work: Callable, tasks: Iterator[Task], workers: int) -> Iterator[tuple[Task, Outcome]]:
     """Yield runs as they are done, and go on when workers die."""
     deaths: Counter[str] = Counter()
     again: list[Task] = []
     while True:
         under_way: dict[str, Task] = {}
         try:
-            yield from _together(model_class, _noted([*again], tasks, under_way), under_way, workers)
+            yield from _together(work, _noted([*again], tasks, under_way), under_way, workers)
             return
         except WorkerDiedError:
             deaths.update(under_way.keys())  # a mapping would be taken for counts
         again = [task for key, task in under_way.items() if deaths[key] == 1]
         for task in (task for key, task in under_way.items() if deaths[key] > 1):
-            yield _alone(model_class, task, deaths)
+            yield _alone(work, task, deaths)
 
 
 def _together(
-    model_class: type, tasks: Iterator[Task], under_way: dict[str, Task], workers: int
+    work: Callable, tasks: Iterator[Task], under_way: dict[str, Task], workers: int
 ) -> Iterator[tuple[Task, Outcome]]:
-    for task, outcome in on_all(workers, _done, ((model_class, task) for task in tasks)):
+    for task, outcome in on_all(workers, work, ((task,) for task in tasks)):
         yield task, outcome
         del under_way[task.key]  # by now it is in the ledger
 
@@ -176,16 +241,18 @@ def _noted(again: list[Task], tasks: Iterator[Task], under_way: dict[str, Task])
                 yield task
 
 
-def _alone(model_class: type, task: Task, deaths: Counter[str]) -> tuple[Task, Outcome]:
+def _alone(work: Callable, task: Task, deaths: Counter[str]) -> tuple[Task, Outcome]:
     """Try a run with nothing beside it, so that nobody else can be to blame."""
     while deaths[task.key] < TRIES:
         try:
-            (done,) = on_all(2, _done, [(model_class, task)])  # two, since one would be this very process
+            (done,) = on_all(2, work, [(task,)])  # two, since one would be this very process
             return done
         except WorkerDiedError:
             deaths[task.key] += 1
     return task, Outcome(error=f"WorkerDiedError: the process died in each of {TRIES} tries")
 
 
-def _done(model_class: type, task: Task) -> tuple[Task, Outcome]:
-    return task, carried_out(model_class, task)
+def _done(model_class: type, archive: Archive | None, task: Task) -> tuple[Task, Outcome]:
+    if archive is None:
+        return task, carried_out(model_class, task)
+    return task, archive.carried_out(model_class, task)

@@ -11,15 +11,18 @@ from typing import Any
 import pyarrow as pa
 from pyarrow import parquet
 
+from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.experiments.experiment import Experiment, Outcome, Task, shown_value
 from mesa_swarm.experiments.ledger import Ledger
+from mesa_swarm.experiments.run_records import Archive
 from mesa_swarm.parameters import parameters_of
 
 ROWS_AT_ONCE = 10_000
+RECORDING = "recording"
 TYPES = {bool: pa.bool_(), int: pa.int64(), float: pa.float64()}
 
 
-def write_table(experiment: Experiment, ledger: Ledger, path: Path) -> Path:
+def write_table(experiment: Experiment, ledger: Ledger, path: Path, archive: Archive | None = None) -> Path:
     """Write one row a run, in the experiment's order, whole or not at all; never more than 10,000 are in memory.
 
     Parameters
@@ -29,15 +32,27 @@ def write_table(experiment: Experiment, ledger: Ledger, path: Path) -> Path:
     ledger : Ledger
     path : Path
         Of the Parquet file. Columns: the parameters that are set, `rng`, `steps`, `state_hash`, the results, `error`.
+    archive : Archive, optional
+        If there is one, `recording` names each run's file in it.
+
+    Raises
+    ------
+    InvalidValueError
+        If it cannot be written. The runs are in the ledger, and are not done again.
     """
     schema = _schema(experiment, ledger)
+    if archive is not None:
+        schema = schema.append(pa.field(RECORDING, pa.string()))
     draft = path.with_name(f".{uuid.uuid4().hex}.draft")
     try:
         with parquet.ParquetWriter(draft, schema) as writer:
-            for rows in _batches(_row(*pair) for pair in _done(experiment, ledger)):
+            for rows in _batches(_row(*pair, archive) for pair in _done(experiment, ledger)):
                 writer.write_table(pa.Table.from_pylist(rows, schema=schema))
         _sync(draft)
         os.replace(draft, path)
+    except OSError as error:
+        reason = os.strerror(error.errno) if error.errno else error  # Arrow's own text is a long one
+        raise InvalidValueError(f"{path} cannot be written: {reason}; make room and sweep again") from None
     finally:
         with suppress(OSError):
             draft.unlink(missing_ok=True)
@@ -63,7 +78,7 @@ def _done(experiment: Experiment, ledger: Ledger) -> Iterator[tuple[Task, Outcom
             yield task, outcome
 
 
-def _row(task: Task, outcome: Outcome) -> dict[str, Any]:
+def _row(task: Task, outcome: Outcome, archive: Archive | None) -> dict[str, Any]:
     settings = {name: shown_value(value) for name, value in task.settings.items()}
     failed = outcome.error is not None
     fixed = {
@@ -72,7 +87,9 @@ def _row(task: Task, outcome: Outcome) -> dict[str, Any]:
         "state_hash": outcome.state_hash,
         "error": outcome.error,
     }
-    return {**settings, **fixed, **(outcome.results or {})}
+    kept = archive is not None and archive.file(task.key).exists()
+    recording = {RECORDING: archive.file(task.key).name} if kept else {}
+    return {**settings, **fixed, **(outcome.results or {}), **recording}
 
 
 def _batches(rows: Iterable[dict]) -> Iterator[list[dict]]:

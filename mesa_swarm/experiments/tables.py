@@ -7,7 +7,16 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from mesa_swarm.experiments.statistics import Interval, Summary, paired_difference, summarised
+from mesa_swarm.experiments.statistics import (
+    FEWEST,
+    TIME,
+    Interval,
+    Summary,
+    bootstrap_mean,
+    pair_differences,
+    summarised,
+    superiority,
+)
 
 WIDEST = 100
 GAP = "  "
@@ -27,13 +36,18 @@ class Row:
         Of the measure to that under the first value, over the `pairs` seeds in which both happened; None for
         the first value itself.
     pairs : int
+    larger : Interval or None
+        Share of the `ranked` seeds on which it was larger than under the first value, ties half: see `superiority`.
+    ranked : int
     """
 
     measure: str
     value: Any
     summary: Summary
-    difference: Interval | None
-    pairs: int
+    difference: Interval | None = None
+    pairs: int = 0
+    larger: Interval | None = None
+    ranked: int = 0
 
 
 def summary_rows(comparison) -> list[Row]:
@@ -52,8 +66,11 @@ def summary_rows(comparison) -> list[Row]:
 
 
 def _row(measure: str, value: Any, base: Sequence, column: Sequence, compared: bool) -> Row:
-    difference, pairs = paired_difference(base, column) if compared else (None, 0)
-    return Row(measure, value, summarised(column), difference, pairs)
+    if not compared:
+        return Row(measure, value, summarised(column))
+    differences = pair_differences(base, column)
+    larger, ranked = superiority(base, column, times=measure.endswith(TIME))
+    return Row(measure, value, summarised(column), bootstrap_mean(differences), len(differences), larger, ranked)
 
 
 def text_table(comparison) -> str:
@@ -65,38 +82,52 @@ def text_table(comparison) -> str:
     """
     plan, rows = comparison.plan, summary_rows(comparison)
     some_missing = any(row.summary.happened < row.summary.runs for row in rows)
-    header = ["", plan.parameter, "in runs", "mean [95 %]", f"minus {plan.values[0]} [95 %]"]
-    cells = [header, *(_cells(row, row.value == plan.values[0]) for row in rows)]
-    columns = [0, 1, 2, 3, 4] if some_missing else [0, 1, 3, 4]
+    first, seeds = plan.values[0], len(plan.seeds)
+    header = ["", plan.parameter, "in runs", "mean [95 %]", f"minus {first} [95 %]", "larger on [95 %]"]
+    cells = [header, *(_cells(row, row.value == first) for row in rows)]
+    columns = [0, 1, 2, 3, 4, 5] if some_missing else [0, 1, 3, 4, 5]
     lines = fitting([[line[c] for c in columns] for line in cells])
     title = (
-        f"{plan.model_class.__name__}: {plan.seeds} paired {'seed' if plan.seeds == 1 else 'seeds'}, "
+        f"{plan.model_class.__name__}: {seeds} paired {'seed' if seeds == 1 else 'seeds'}, "
         f"at most {plan.steps:,} steps each"
     )
-    return "\n".join([title, "", *lines, "", *_notes(rows, some_missing)])
+    return "\n".join([title, "", *lines, "", *_notes(rows, first, some_missing)])
 
 
-def _notes(rows: list[Row], some_missing: bool) -> list[str]:
-    notes = ["Means and differences on the same seeds: Student's t."]
+def _notes(rows: list[Row], first: Any, some_missing: bool) -> list[str]:
+    notes = [
+        f"Means, and differences from {first} on the same seeds: bootstrap (BCa) over seeds.",
+        f"larger on: the share of seeds on which it was larger than with {first}, ties half: Wilson.",
+    ]
     if some_missing:
-        notes[0] = "in runs: in how many it happened, share by Wilson. Means: over those, Student's t."
-        notes.append("Differences: Student's t over the seeds in which it happened under both.")
-    if any(row.summary.happened == 1 for row in rows):
-        notes.append("One run alone has no interval.")
+        notes.insert(0, "in runs: in how many it happened, share by Wilson; means are over those.")
+        notes[1] = f"Differences from {first}: over seeds on which it happened under both. Bootstrap (BCa)."
+        notes.append("A time ('... at') that never came is larger than any; anything else that is missing is left out.")
+    if any(0 < n < FEWEST for row in rows for n in (row.summary.happened, row.pairs)):
+        notes.append(f"Means and differences of fewer than {FEWEST} have no interval.")
     return notes
 
 
 def _cells(row: Row, first: bool) -> list[str]:
     summary = row.summary
     share = f"{summary.happened}/{summary.runs} [{percent(summary.share)}]"
-    difference = "" if row.difference is None else in_words(row.difference, signed=True)
     return [
         row.measure[:WIDEST] if first else "",
         str(row.value)[:16],
         share,
         in_words(summary.mean),
-        difference,
+        "" if row.difference is None else _difference(row),
+        "" if row.larger is None else _larger(row.larger),
     ]
+
+
+def _difference(row: Row) -> str:
+    counted = f" ({row.pairs} pairs)" if 0 < row.pairs < row.summary.runs else ""
+    return in_words(row.difference, signed=True) + counted
+
+
+def _larger(share: Interval) -> str:
+    return "-" if math.isnan(share.estimate) else f"{100 * share.estimate:.0f} % [{percent(share)}]"
 
 
 def percent(share: Interval) -> str:
@@ -184,17 +215,20 @@ def summary_csv(rows: list[Row]) -> str:
     """Return one line a measure and value, with all limits."""
     header = ["measure", "value", "runs", "happened", "share", "share_low", "share_high"]
     header += ["mean", "mean_low", "mean_high", "pairs", "difference", "difference_low", "difference_high"]
+    header += ["ranked", "larger", "larger_low", "larger_high"]
     return csv_text([header, *map(_numbers, rows)])
 
 
 def _numbers(row: Row) -> list:
     summary = row.summary
-    limits = [_blank(x) for interval in (summary.share, summary.mean, row.difference) for x in _triple(interval)]
-    return [row.measure, row.value, summary.runs, summary.happened, *limits[:6], row.pairs, *limits[6:]]
+    share, mean, difference, larger = map(_triple, (summary.share, summary.mean, row.difference, row.larger))
+    counts = [row.measure, row.value, summary.runs, summary.happened]
+    return [*counts, *share, *mean, row.pairs, *difference, row.ranked, *larger]
 
 
 def _triple(interval: Interval | None) -> tuple:
-    return (None,) * 3 if interval is None else (interval.estimate, interval.low, interval.high)
+    limits = (None,) * 3 if interval is None else (interval.estimate, interval.low, interval.high)
+    return tuple(map(_blank, limits))
 
 
 def _blank(number: float | None) -> float | None:

@@ -1,1 +1,5 @@
-"""Recordings as pictures, films, pages and tables."""
+"""Recordings as pictures, films, pages and tables: see `export`."""
+
+from mesa_swarm.exports.export import export
+
+__all__ = ["export"]

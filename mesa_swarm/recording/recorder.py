@@ -1,6 +1,8 @@
 """What writes a recording while its model runs."""
 
+import json
 import os
+import sys
 import weakref
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,11 +11,17 @@ from types import TracebackType
 
 from mesa_swarm.errors import RecordingError, check_count, shortened
 from mesa_swarm.observed_world import ObservedWorld
+from mesa_swarm.recording.checkpoint import checkpoint_of
+from mesa_swarm.recording.collected import Path as SeriesPath
+from mesa_swarm.recording.collected import lengths_of
+from mesa_swarm.recording.container import to_bytes
 from mesa_swarm.recording.layout import DEFAULT, Chunk, Layout, population_of
 from mesa_swarm.recording.provenance import as_metadata, provenance_of
-from mesa_swarm.recording.sealed_stream import SealedWriter
+from mesa_swarm.recording.sealed_stream import CHANGE, CHECKPOINT, SealedWriter
+from mesa_swarm.recording.things import summary
 
 HASH_EVERY = 100
+CHECKPOINT_EVERY = 1000
 # A chunk ends with whichever comes first. Larger ones make finding a frame slow, smaller ones make the file large.
 MOST_ROWS = 256
 MOST_BYTES = 2_000_000
@@ -31,16 +39,32 @@ class Recorder:
         Steps from one row to the next.
     layout : Layout
     writer : SealedWriter
+    checkpoint_every : int
+        Fewest steps from one checkpoint to the next; 0 for none.
 
     Attributes
     ----------
     path : Path
     """
 
-    def __init__(self, model: ObservedWorld, path: Path, every: int, layout: Layout, writer: SealedWriter) -> None:
+    def __init__(
+        self,
+        model: ObservedWorld,
+        path: Path,
+        every: int,
+        layout: Layout,
+        writer: SealedWriter,
+        checkpoint_every: int = 0,
+    ) -> None:
         self.path = path
         self.every = every
         self._tape = _Tape(layout, writer)
+        self._checkpoints = _Checkpoints(self._tape, checkpoint_every)
+        try:
+            self._checkpoints.put_if_due(model)
+        except (RecordingError, OSError):
+            writer.abandon()
+            raise
         self._observers = model.observers
         self._observers.append(self)
         self._finish = weakref.finalize(self, _close_silently, self._tape)
@@ -72,6 +96,26 @@ class Recorder:
         except (RecordingError, OSError):
             self._abandon()
             raise
+
+    def between_steps(self, model: ObservedWorld) -> None:
+        """Store a checkpoint if one is due; called by the model when nothing of the step is left to do."""
+        if self.closed or model.completed < self._checkpoints.due:
+            return
+        try:
+            self._checkpoints.put_if_due(model)
+        except (RecordingError, OSError):
+            self._abandon()
+            raise
+
+    @property
+    def checkpoints(self) -> tuple[int, ...]:
+        """The steps of which the complete state was stored."""
+        return tuple(self._checkpoints.steps)
+
+    @property
+    def why_no_checkpoint(self) -> str:
+        """What could not be stored when a checkpoint was due last; an empty text if all could."""
+        return self._checkpoints.why_not
 
     def flush(self) -> None:
         """Write what was recorded so far into the file and have the system put it on the disk."""
@@ -118,6 +162,8 @@ class _Tape:
         chunk = self._chunk
         if chunk is None or chunk.population != population_of(model):
             self.flush()
+            if chunk is not None:
+                self.attach(CHANGE, json.dumps(summary(model)).encode(), step)
             chunk = self._chunk = self._new_chunk(model)
         state_hash = None
         if step // HASH_EVERY != self._hashed:
@@ -127,6 +173,11 @@ class _Tape:
         self.rows += 1
         if row + 1 == chunk.capacity or perf_counter() - self._written_at > MOST_SECONDS:
             self.flush()
+
+    def attach(self, name: str, content: bytes, step: int) -> None:
+        """Write what is no row, after all rows before it."""
+        self.flush()
+        self.writer.attach(name, content, step)
 
     def flush(self) -> None:
         """Write the pending rows as one chunk."""
@@ -154,6 +205,33 @@ class _Tape:
         return Chunk(self._layout, model, max(1, min(MOST_ROWS, MOST_BYTES // row_bytes)))
 
 
+class _Checkpoints:
+    """Complete states, stored every so many steps; what is collected over the steps is told from one to the next."""
+
+    def __init__(self, tape: _Tape, every: int) -> None:
+        self.steps: list[int] = []
+        self.why_not = ""
+        self.due = 0 if every else sys.maxsize
+        self._tape = tape
+        self._every = every
+        self._since: dict[SeriesPath, int] = {}
+
+    def put_if_due(self, model: ObservedWorld) -> None:
+        """Store the model as it is now, unless it holds what cannot be stored."""
+        step = model.completed
+        if step < self.due:
+            return
+        self.due = step + self._every
+        try:
+            content = to_bytes(checkpoint_of(model, self._since))
+        except RecordingError as error:
+            self.why_not = str(error)
+            return
+        self._tape.attach(CHECKPOINT, content, step)
+        self.why_not, self._since = "", lengths_of(model)
+        self.steps.append(step)
+
+
 def _close_silently(tape: _Tape) -> None:
     """Close at exit, when nobody is left whom an error would reach."""
     try:
@@ -171,6 +249,7 @@ def record(
     exact: bool = False,
     overwrite: bool = False,
     rerun: bool = True,
+    checkpoint_every: int = CHECKPOINT_EVERY,
 ) -> Recorder:
     """Write the model after each of the next steps to a file, from which `Recording` reads.
 
@@ -195,6 +274,10 @@ def record(
         Whether a file that is there is replaced.
     rerun : bool
         Whether the model must be one that can be run again from what the file says of it.
+    checkpoint_every : int
+        Steps from one checkpoint, the complete state, to the next; 0 stores none. With them `resume` need not
+        run all steps again, and goes on from models that were changed by hand. A model that holds what cannot
+        be stored is recorded without, see `Recorder.why_no_checkpoint`.
 
     Returns
     -------
@@ -221,17 +304,29 @@ def record(
     20
     """
     every = check_count("every", every, minimum=1)
+    checkpoint_every = check_count("checkpoint_every", checkpoint_every)
     layout = Layout(model, DEFAULT if columns is None else columns, exact)
     facts = provenance_of(model, rerun)
     facts |= {
         "every": every,
         "exact": bool(exact),
         "hash_every": HASH_EVERY,
+        "checkpoint_every": checkpoint_every,
+        "why_no_checkpoint": _why_not(model) if checkpoint_every else "checkpoint_every is 0",
         "start": {"step": model.completed, "state_hash": model.state_hash()},
     }
     target = _checked_path(path)
     writer = SealedWriter(target, layout.schema.with_metadata(as_metadata(facts)), overwrite)
-    return Recorder(model, target, every, layout, writer)
+    return Recorder(model, target, every, layout, writer, checkpoint_every)
+
+
+def _why_not(model: ObservedWorld) -> str:
+    """Return what cannot be stored of a model, an empty text if all can."""
+    try:
+        checkpoint_of(model, lengths_of(model))
+    except RecordingError as error:
+        return str(error)
+    return ""
 
 
 def _checked_path(path: object) -> Path:

@@ -1,9 +1,10 @@
 """What reads a recording: frames, whole columns, tables, events."""
 
+import json
 import os
 from bisect import bisect_right
 from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
@@ -14,10 +15,11 @@ import pandas as pd
 import pyarrow as pa
 
 from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError, check_count, shortened, unknown_name
+from mesa_swarm.recording.container import Checkpoint, from_bytes
 from mesa_swarm.recording.events import Event, events_of
 from mesa_swarm.recording.layout import TABLES
 from mesa_swarm.recording.provenance import from_metadata
-from mesa_swarm.recording.sealed_stream import SealedReader
+from mesa_swarm.recording.sealed_stream import CHANGE, CHECKPOINT, Piece, SealedReader
 
 # Chunks that are kept decoded, of about 2 MB each.
 MOST_CACHED = 8
@@ -157,6 +159,41 @@ class Recording:
         """The model's fingerprints by step."""
         return {frame.step: frame.state_hash for frame in self if frame.state_hash is not None}
 
+    @cached_property
+    def checkpoints(self) -> tuple[int, ...]:
+        """The steps of which the complete state was stored, from which `resume` goes on."""
+        return tuple(piece.step for piece in self._attached(CHECKPOINT))
+
+    def checkpoint(self, place: int) -> Checkpoint:
+        """Return one of the stored states.
+
+        Raises
+        ------
+        RecordingError
+            If it is damaged.
+        """
+        piece = self._attached(CHECKPOINT)[place]
+        checkpoint = from_bytes(self._reader.content(piece))
+        if checkpoint.step != piece.step:
+            raise RecordingError(f"{self.path} has a checkpoint of step {piece.step} that is of another step")
+        return checkpoint
+
+    @cached_property
+    def changes(self) -> dict[int, list]:
+        """What there was when robots, obstacles or fires had come or gone, by the first step after it.
+
+        Of each three kinds how many, and the last unique_id.
+        """
+        pieces = self._attached(CHANGE)
+        try:
+            return {piece.step: json.loads(self._reader.content(piece)) for piece in pieces}
+        except (ValueError, RecursionError):
+            raise RecordingError(f"{self.path} is damaged where it tells what came and went") from None
+
+    def row_after(self, step: int) -> int:
+        """Return the first row of a later step, `len` if there is none."""
+        return int(np.searchsorted(self.steps, step, side="right"))
+
     def to_pandas(self, table: str = "robots") -> pd.DataFrame:
         """Return a table with one row a robot and step, or a fire, contact or load and step.
 
@@ -170,16 +207,21 @@ class Recording:
         UnknownNameError
             If that was not recorded.
         """
+        return table_of(self, self.checked_table(table))
+
+    def checked_table(self, table: str) -> str:
+        """Return the name of a table if it was recorded, else say which were."""
         known = ("robots", *(name for name in self.columns if name in TABLES))
         if table not in known:
             raise UnknownNameError(unknown_name("recorded table", table, known))
-        parts = [_robot_table(frame) if table == "robots" else _table(frame, table) for frame in self]
-        names = parts[0].keys() if parts else ("step",)
-        return pd.DataFrame({name: np.concatenate([part[name] for part in parts] or [[]]) for name in names})
+        return table
 
     def events(self) -> list[Event]:
         """Return what happened, oldest first: fires that went out, bursts of collisions, groups that merged."""
         return events_of(self)
+
+    def _attached(self, name: str) -> list[Piece]:
+        return [piece for piece in self._reader.attached if self._reader.name(piece) == name]
 
     def _frame(self, row: int) -> Frame:
         count = len(self)
@@ -208,6 +250,20 @@ class Recording:
         if len(self._chunks) > MOST_CACHED:
             self._chunks.popitem(last=False)
         return chunk
+
+
+def table_of(frames: Iterable[Frame], table: str) -> pd.DataFrame:
+    """Return the rows of frames as a table, see `Recording.to_pandas`.
+
+    Parameters
+    ----------
+    frames : iterable of Frame
+    table : str
+        "robots", "fires", "contacts" or "loads".
+    """
+    parts = [_robot_table(frame) if table == "robots" else _table(frame, table) for frame in frames]
+    names = parts[0].keys() if parts else ("step",)
+    return pd.DataFrame({name: np.concatenate([part[name] for part in parts] or [[]]) for name in names})
 
 
 def chunk_of(batch: pa.RecordBatch) -> "_Chunk":

@@ -9,9 +9,12 @@ import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError, check_count, shortened, unknown_name
 from mesa_swarm.observed_world import ObservedWorld
+from mesa_swarm.recording.checkpoint import restore
+from mesa_swarm.recording.clock import set_clock
+from mesa_swarm.recording.collected import reporters_of
 from mesa_swarm.recording.provenance import rebuilt
 from mesa_swarm.recording.recording import Recording
-from mesa_swarm.recording.verify import run_to
+from mesa_swarm.recording.verify import last_same, run_to, started_again
 
 MODELS = "mesa_swarm.models"
 # What parameters decide; all other columns are the state of the run.
@@ -25,8 +28,9 @@ OWN = frozenset({"_senses_version", "given"})
 def resume(base: type, path: str | os.PathLike[str], *, step: int | None = None, **changes: object) -> ObservedWorld:
     """Return the model as it was after a step of a recording, from which it goes on bit by bit as it did.
 
-    The model is run again from its parameters to that step, and compared with the recording on the way. With
-    other parameters, a second model is made with these and takes over the first one's state: positions,
+    The nearest checkpoint at or before the step is restored, and the model runs from there to the step, compared
+    with the recording on the way; where there is no checkpoint it is run again from its parameters. With other
+    parameters, a second model is made with these and takes over the first one's state: positions,
     readings, temperatures, what layers remember (by the layer's name), random streams, counters.
 
     Parameters
@@ -43,7 +47,8 @@ def resume(base: type, path: str | os.PathLike[str], *, step: int | None = None,
     Raises
     ------
     RecordingError
-        If running again does not give what was recorded.
+        If running again does not give what was recorded, as after a change by hand that no checkpoint follows; the
+        nearest steps that work are named.
     InvalidValueError, UnknownNameError
         If there is no such step or parameter, or a change makes another world.
 
@@ -68,13 +73,47 @@ def resume(base: type, path: str | os.PathLike[str], *, step: int | None = None,
         raise UnknownNameError(unknown_name(f"parameter of {model_class.__name__}", unknown[0], known))
     if "map" in changes:
         raise InvalidValueError("map cannot be changed on the way; resume with other parameters")
-    model = run_to(recording, model_class, _checked_step(recording, step))
+    model = state_at(recording, model_class, _checked_step(recording, step))
     if not changes:
         return model
     fresh = rebuilt(recording.provenance, model_class)
     changed = rebuilt(recording.provenance, model_class, **changes)
     take_over(changed, model, fresh)
     return changed
+
+
+def state_at(recording: Recording, model_class: type, step: int) -> ObservedWorld:
+    """Return the model as it was after a step of a recording: from the last checkpoint before it that is whole.
+
+    Without any the model is run again from its parameters.
+
+    Raises
+    ------
+    RecordingError
+        If what was recorded does not come out; the nearest steps from which one can go on are named.
+    """
+    model = _nearest(recording, model_class, step) or started_again(recording, model_class)
+    begin = model.completed
+    try:
+        run_to(recording, model, step)
+    except RecordingError as error:
+        again = _nearest(recording, model_class, begin) or started_again(recording, model_class)
+        steps = [last_same(recording, again, step), *(kept for kept in recording.checkpoints if kept > step)][:2]
+        there = " and ".join(map(str, steps))
+        raise RecordingError(f"{recording.path} {error}; the nearest steps to resume from are {there}") from None
+    return model
+
+
+def _nearest(recording: Recording, model_class: type, step: int) -> ObservedWorld | None:
+    """Return a model with the state of the last whole checkpoint at or before a step, None if there is none."""
+    usable = [place for place, kept in enumerate(recording.checkpoints) if kept <= step]
+    for last in reversed(usable):
+        try:
+            states = [recording.checkpoint(place) for place in range(last + 1)]
+        except RecordingError:  # damaged: an earlier one, or running again, gives the same, only later
+            continue
+        return restore(rebuilt(recording.provenance, model_class), states[-1], states[:-1])
+    return None
 
 
 def take_over(new: ObservedWorld, old: ObservedWorld, fresh: ObservedWorld) -> None:
@@ -95,7 +134,7 @@ def take_over(new: ObservedWorld, old: ObservedWorld, fresh: ObservedWorld) -> N
         If the two do not have the same robots, fires, obstacles and loads.
     """
     _check_same_things(new, old)
-    _set_clock(new, old.steps)
+    set_clock(new, old.steps)
     new.obstacles_changed()
     for load, moved in zip(new.loads, old.loads, strict=True):
         load.lay(moved.pose)
@@ -106,16 +145,6 @@ def take_over(new: ObservedWorld, old: ObservedWorld, fresh: ObservedWorld) -> N
     _take_plain_values(new, old, fresh)
     _take_collected(new, old)
     new.swarm.disturbed = old.swarm.disturbed
-
-
-def _set_clock(model: ObservedWorld, steps: int) -> None:
-    """Let Mesa count so many steps in which nothing happens: its newer versions keep a schedule beside the count."""
-    user_step, model._user_step = model._user_step, lambda: None
-    try:
-        for _ in range(steps - model.steps):
-            model.step()
-    finally:
-        model._user_step = user_step
 
 
 def _check_same_things(new: ObservedWorld, old: ObservedWorld) -> None:
@@ -170,6 +199,10 @@ def _take_collected(new: ObservedWorld, old: ObservedWorld) -> None:
     if new.datacollector.model_vars.keys() == old.datacollector.model_vars.keys():
         for name, values in old.datacollector.model_vars.items():
             new.datacollector.model_vars[name] = list(values)
+        kept = reporters_of(old)
+        for name, reporter in reporters_of(new).items():
+            if name in kept:
+                reporter.restore(kept[name].checkpoint())
 
 
 def _checked_step(recording: Recording, step: int | None) -> int:

@@ -3,9 +3,12 @@
 A sealed stream is an ordinary Arrow IPC stream, which any tool reads. After the schema, and after each record
 batch, stands a batch of no rows whose metadata are the seal: a CRC-32 of all bytes since the last seal began, the
 number of rows, and the step of the first one. A seal is written with what it seals, so whatever is followed by
-a seal that fits is whole.
+a seal that fits is whole. What is no row, a checkpoint for example, is carried by the metadata of a batch of no
+rows, sealed likewise.
 """
 
+import base64
+import binascii
 import mmap
 import os
 import re
@@ -19,6 +22,9 @@ import pyarrow as pa
 from mesa_swarm.errors import RecordingError
 
 SEAL = re.compile(rb"crc32=([0-9a-f]{8}) rows=(\d{1,18}) step=(-?\d{1,18});")
+# What pieces without rows carry.
+CHECKPOINT, CHANGE = "checkpoint", "change"
+NAME = re.compile(rb"\0(checkpoint|change)\0")
 END_OF_STREAM = b"\xff\xff\xff\xff\x00\x00\x00\x00"
 # Level 1: higher ones cost a step more than they save on disk.
 ZSTD = pa.ipc.IpcWriteOptions(compression=pa.Codec("zstd", compression_level=1))
@@ -62,11 +68,17 @@ class SealedWriter:
     def __init__(self, path: Path, schema: pa.Schema, overwrite: bool) -> None:
         self.path = path
         self._bare = schema.remove_metadata()
+        self._empty = pa.RecordBatch.from_pylist([], schema=self._bare)
         self._head = len(_stream_of(self._bare))
         self._last_seal = b""
         self._file = _opened(path, overwrite)
         self.sealed = Sealed(0, 0)
-        self._append(_stream_of(schema), 0, 0)
+        try:
+            self._append(_stream_of(schema), 0, 0)
+        except RecordingError:
+            self._file.close()
+            path.unlink()  # an empty file would stand in the way of the next attempt
+            raise
 
     @property
     def closed(self) -> bool:
@@ -82,6 +94,17 @@ class SealedWriter:
             If it cannot be written; what was sealed before stays.
         """
         self._append(self._message(batch), batch.num_rows, step)
+
+    def attach(self, name: str, content: bytes, step: int) -> None:
+        """Write a piece of no rows that carries these bytes, which tools that know nothing of them pass over.
+
+        Raises
+        ------
+        RecordingError
+            If it cannot be written.
+        """
+        words = base64.b64encode(content)  # metadata are texts for other readers
+        self._append(self._message(self._empty, {name: words}), 0, step)
 
     def sync(self) -> None:
         """Have the system put what was written on the disk, where a power cut cannot reach it."""
@@ -104,8 +127,7 @@ class SealedWriter:
     def _append(self, message: bytes, rows: int, step: int) -> None:
         crc = zlib.crc32(f"{rows} {step}".encode(), zlib.crc32(message, zlib.crc32(self._last_seal)))
         words = f"crc32={crc:08x} rows={rows} step={step};"
-        empty = self._bare.empty_table().to_batches() or [pa.RecordBatch.from_pylist([], schema=self._bare)]
-        seal = self._message(empty[0], {"seal": words})
+        seal = self._message(self._empty, {"seal": words})
         self._put(message + seal)
         self._last_seal = seal
         self.sealed = Sealed(self.sealed.end + len(message) + len(seal), self.sealed.rows + rows)
@@ -168,6 +190,9 @@ class SealedReader:
     ----------
     schema : pyarrow.Schema
     pieces : list of Piece
+        With rows.
+    attached : list of Piece
+        Without rows: `content` returns what they carry.
     complete : bool
         Whether the stream was closed and nothing is missing at its end.
 
@@ -186,7 +211,8 @@ class SealedReader:
         self.schema = pa.ipc.read_schema(self._message(0))
         if len(found) > 1 and not self.is_whole(found[-1]):  # a power cut may leave holes before the end
             found.pop()
-        self.pieces = found[1:]
+        self.pieces = [piece for piece in found[1:] if piece.rows]
+        self.attached = [piece for piece in found[1:] if not piece.rows]
         self.lost = self._bytes.size - found[-1].end
         self.complete = self._bytes[found[-1].end :].to_pybytes() == END_OF_STREAM
 
@@ -206,6 +232,29 @@ class SealedReader:
         """Tell whether the bytes of a piece are what was sealed."""
         crc = zlib.crc32(self._bytes[piece.begin : piece.seal])
         return zlib.crc32(f"{piece.rows} {piece.step}".encode(), crc) == piece.crc
+
+    def name(self, piece: Piece) -> str:
+        """Return what a piece without rows carries; read without being checked."""
+        names = NAME.findall(self._message(piece.batch).metadata.to_pybytes())
+        return names[0].decode() if names else ""
+
+    def content(self, piece: Piece) -> bytes:
+        """Return the bytes that a piece without rows carries.
+
+        Raises
+        ------
+        RecordingError
+            If they are not what was sealed.
+        """
+        damage = f"{self.path} is damaged at what it carries for step {piece.step}"
+        if not self.is_whole(piece):
+            raise RecordingError(damage)
+        try:
+            sink = pa.BufferReader(self.schema.serialize().to_pybytes() + self._message(piece.batch).serialize())
+            _, carried = pa.ipc.open_stream(sink).read_next_batch_with_custom_metadata()
+            return base64.b64decode(carried[self.name(piece)], validate=True)
+        except (KeyError, TypeError, OSError, StopIteration, binascii.Error, pa.ArrowException):
+            raise RecordingError(damage) from None
 
     def _found(self) -> Iterator[Piece]:
         begin = batch = 0

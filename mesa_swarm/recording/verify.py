@@ -11,6 +11,7 @@ from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.layout import TABLES, Chunk, Layout
 from mesa_swarm.recording.provenance import rebuilt
 from mesa_swarm.recording.recording import Frame, Recording, chunk_of
+from mesa_swarm.recording.things import summary
 
 MOST_NAMED = 3
 
@@ -104,26 +105,58 @@ def started_again(recording: Recording, model_class: type) -> ObservedWorld:
     return model
 
 
-def run_to(recording: Recording, model_class: type, step: int) -> ObservedWorld:
-    """Return the model as it was after a step, compared with the recording where that has fingerprints, and there.
+def run_to(recording: Recording, model: ObservedWorld, step: int) -> None:
+    """Run a model that is as it was at some step of a recording to a later one, compared with what was recorded.
+
+    Rows are compared where they have fingerprints, and the last one; what came and went in between, always.
 
     Raises
     ------
     RecordingError
         If what was recorded does not come out.
     """
-    model = started_again(recording, model_class)
     layout = Layout(model, recording.columns, recording.provenance["exact"])
-    for row, frame in enumerate(recording):
+    begin = model.completed
+    for row in range(recording.row_after(begin), len(recording)):
+        frame = recording[row]
         if frame.step > step:
             break
+        _check_change(recording, model, frame.step)
         if frame.state_hash is not None or frame.step == step:
             difference = _difference(row, frame, _again(frame, model, layout))
             if difference is not None:
-                raise RecordingError(f"{recording.path} does not come out the same when run again: {difference}")
+                raise RecordingError(f"does not come out the same when run again: {difference}")
     while model.completed < step:
         model.step()
-    return model
+
+
+def last_same(recording: Recording, model: ObservedWorld, step: int) -> int:
+    """Run a model beside a recording, and return the last step, at most the given one, at which all is the same."""
+    layout = Layout(model, recording.columns, recording.provenance["exact"])
+    same = model.completed
+    for row in range(recording.row_after(same), len(recording)):
+        frame = recording[row]
+        try:
+            _check_change(recording, model, frame.step)
+        except RecordingError:
+            return same
+        if frame.step > step or _difference(row, frame, _again(frame, model, layout)) is not None:
+            return same
+        same = frame.step
+    return same
+
+
+def _check_change(recording: Recording, model: ObservedWorld, step: int) -> None:
+    """Run to a step after which other robots, obstacles or fires were recorded, and see whether they are there."""
+    if step not in recording.changes:
+        return
+    while model.completed < step:
+        model.step()
+    if summary(model) != recording.changes[step]:
+        raise RecordingError(
+            f"does not come out the same when run again: step {step} is the first with robots, obstacles or fires "
+            "that were added or removed by hand"
+        )
 
 
 def _pairs(recording: Recording, model: ObservedWorld, layout: Layout) -> Iterator[tuple[Frame, Frame]]:

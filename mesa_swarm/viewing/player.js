@@ -235,6 +235,8 @@ class Player {
   }
 
   get last() { return this.about.rows - 1; }
+  /** The row that was asked for last; keys go on from there, although it may not be at hand yet. */
+  get wanted() { return this.#wanted; }
   get step() { return this.about.first + this.row * this.about.every; }
   rowOf(step) { return Math.round((step - this.about.first) / this.about.every); }
 
@@ -285,13 +287,13 @@ class Player {
 
   stepBy(rows) {
     this.pause();
-    return this.goTo(this.row + rows);
+    return this.goTo(this.wanted + rows);
   }
 
   /** Go to the next event after this row, or the last before it. */
   jump(direction) {
     const rows = this.events.map((event) => this.rowOf(event.step));
-    const there = direction > 0 ? rows.find((row) => row > this.row) : rows.findLast((row) => row < this.row);
+    const there = direction > 0 ? rows.find((row) => row > this.wanted) : rows.findLast((row) => row < this.wanted);
     return there === undefined ? Promise.resolve() : this.goTo(there);
   }
 

@@ -64,19 +64,24 @@ class Form:
         25.0
         """
         centre = shape.position
-        outline = shapely.transform(shape.geometry, lambda points: points - centre)
-        thickness = shape.radius or shapely.maximum_inscribed_circle(outline).length
+        return cls.about_origin(shapely.transform(shape.geometry, lambda points: points - centre), shape.radius)
+
+    @classmethod
+    def about_origin(cls, outline: Point | Polygon, radius: float) -> "Form":
+        """Return the form of an outline that lies about the origin already."""
+        is_disc = isinstance(outline, Point)
+        thickness = radius or shapely.maximum_inscribed_circle(outline).length
         skin = LOOSE * thickness
         points = shapely.get_coordinates(outline)
         return cls(
             outline=outline,
-            radius=shape.radius,
-            core=outline if shape.is_disc else outline.buffer(-skin, join_style="mitre"),
-            core_radius=shape.radius - skin if shape.is_disc else 0.0,
-            heart=outline if shape.is_disc else outline.buffer(-PITH * thickness, join_style="mitre"),
-            reach=shape.radius + float(np.hypot(*points.T).max()),
+            radius=radius,
+            core=outline if is_disc else outline.buffer(-skin, join_style="mitre"),
+            core_radius=radius - skin if is_disc else 0.0,
+            heart=outline if is_disc else outline.buffer(-PITH * thickness, join_style="mitre"),
+            reach=radius + float(np.hypot(*points.T).max()),
             thickness=thickness,
-            lever=mean_distance(outline, shape.radius),
+            lever=mean_distance(outline, radius),
         )
 
     def shape_at(self, pose: Pose) -> Shape:

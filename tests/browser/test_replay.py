@@ -116,7 +116,7 @@ def assert_shows(page, frame):
 def press(page, *keys):
     for key in keys:
         page.keyboard.press(key)
-        page.evaluate("mesaSwarmReplay.goTo(mesaSwarmReplay.row)")
+    until(page, "mesaSwarmReplay.row === mesaSwarmReplay.wanted")
 
 
 def test_it_plays_from_disk_to_the_end_and_stops(page):
@@ -151,6 +151,17 @@ def test_keys_step_forth_and_back_and_to_the_ends(page, recorded):
     assert_shows(page, recording[STEPS - 3])
     press(page, "Home", "ArrowRight", "Shift+ArrowRight")
     assert_shows(page, recording[11])
+
+
+def test_keys_go_on_from_the_row_asked_for_though_it_is_not_at_hand_yet(page):
+    asked = """
+        for (const key of ["End", "ArrowLeft", "ArrowLeft"])
+            document.body.dispatchEvent(new KeyboardEvent("keydown", { key, bubbles: true }));
+        mesaSwarmReplay.wanted;
+    """
+    assert page.evaluate(asked) == STEPS - 3
+    until(page, "mesaSwarmReplay.row === mesaSwarmReplay.wanted")
+    assert step(page) == STEPS - 2
 
 
 def test_events_are_listed_marked_and_jumped_to(page, recorded):

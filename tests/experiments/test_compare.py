@@ -1,13 +1,18 @@
 import csv
 import io
+from importlib import import_module
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import mesa_swarm
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments.compare import Comparison, compare, run_plan
+from mesa_swarm.experiments.comparison_figures import comparison_figure
 from mesa_swarm.experiments.files import check_writable, write_whole
 from mesa_swarm.experiments.findings import finding
+from mesa_swarm.experiments.pictures import png
 from mesa_swarm.experiments.plan import Plan, Run, checked_plan
 from mesa_swarm.experiments.tables import WIDEST, fitting, runs_csv, summary_csv, summary_rows
 from mesa_swarm.gallery import class_name, description, find_model, model_names
@@ -25,10 +30,10 @@ def comparison():
 def made_up(columns, model_class=FIRE, parameter="strategy"):
     """A comparison of results that are given by value and measure."""
     values = tuple(columns)
-    seeds = len(next(iter(columns[values[0]].values())))
+    seeds = range(1, 1 + len(next(iter(columns[values[0]].values()))))
     runs = [
         Run(value, rng, 100, "hash", {name: column[rng - 1] for name, column in columns[value].items()})
-        for rng in range(1, seeds + 1)
+        for rng in seeds
         for value in values
     ]
     return Comparison(Plan(model_class, parameter, values, seeds, 100, {}), tuple(runs))
@@ -60,7 +65,7 @@ def test_portraits_are_kept_of_the_first_seed_only(comparison):
 
 def test_steps_and_values_are_by_default_what_the_model_says():
     plan = checked_plan(FIRE)
-    assert (plan.parameter, plan.values, plan.steps, plan.seeds) == ("strategy", ("A", "B"), 15_000, 30)
+    assert (plan.parameter, plan.values, plan.steps, plan.seeds) == ("strategy", ("A", "B"), 15_000, range(1, 31))
     assert checked_plan(AVOID, seeds=1).steps == 3_000
 
 
@@ -89,6 +94,13 @@ def test_settings_reach_the_model():
         ({"values": ["A"]}, "1 values of strategy"),
         ({"values": ["A", "A"]}, "expected different ones"),
         ({"values": ["A", "C"]}, "unknown strategy 'C'"),
+        ({"seeds": []}, "number of seeds is 0"),
+        ({"seeds": [1, 1]}, "expected different ones"),
+        ({"seeds": [1.5]}, "seeds is 1.5"),
+        ({"seeds": "12"}, "seeds is '12'"),
+        ({"measures": ["fires"]}, "did you mean 'fires out'"),
+        ({"measures": "fires out"}, "expected a list of names"),
+        ({"measures": ["fires out", "fires out"]}, "expected different ones"),
         ({"settings": {"strategy": "A"}}, "set and compared at once"),
         ({"settings": {"n_robotz": 3}}, "did you mean 'n_robots'"),
         ({"settings": {"k1": float("inf")}}, "k1 is inf"),
@@ -98,6 +110,29 @@ def test_a_wrong_comparison_is_refused_in_one_line_before_it_is_run(wrong, said)
     with pytest.raises(SwarmError, match=said) as caught:
         compare(FIRE, **wrong)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("model", "said"), [("fire_figting", "did you mean 'fire_fighting'"), (7, "model is 7; expected a class")]
+)
+def test_what_is_not_a_model_is_refused_in_one_line(model, said):
+    with pytest.raises(SwarmError, match=said):
+        compare(model)
+
+
+def test_a_comparison_can_be_asked_for_by_position_by_name_and_with_seeds_of_ones_own():
+    by_class = compare(FIRE, "strategy", ("A", "B"), range(3), steps=20, measures=["fires out"], jobs=1)
+    by_name = mesa_swarm.compare("fire_fighting", "strategy", ["A", "B"], [0, 1, 2], steps=20, jobs=1)
+    assert [run.state_hash for run in by_class.runs] == [run.state_hash for run in by_name.runs]
+    assert [run.rng for run in by_class.runs[::2]] == [0, 1, 2]
+    assert by_class.measures == ["fires out"]
+    assert list(by_class.portraits) == ["A", "B"]
+
+
+def test_the_function_at_the_root_hides_no_module():
+    assert import_module("mesa_swarm.experiments.sweep").sweep is mesa_swarm.sweep
+    assert import_module("mesa_swarm.experiments.compare").compare is mesa_swarm.compare
+    assert mesa_swarm.Recording is import_module("mesa_swarm.recording").Recording
 
 
 def test_a_model_without_results_is_refused():
@@ -126,7 +161,7 @@ def test_results_that_are_not_numbers_are_refused():
 
 
 def test_an_error_within_a_run_reaches_the_caller_from_other_processes():
-    plan = Plan(FIRE, "n_robots", (5, 10**9), 2, 5, {})
+    plan = Plan(FIRE, "n_robots", (5, 10**9), (1, 2), 5, {})
     with pytest.raises(SwarmError, match="do not fit"):
         run_plan(plan, 2)
 
@@ -172,15 +207,62 @@ def test_the_finding_about_fires_counts_runs_and_calls_a_clear_difference_clear(
     out = {"fires out": [7] * 30, "fire 2 (largest) out at": [100] * 30, "all fires out at": [200] * 30}
     left = {"fires out": [6] * 30, "fire 2 (largest) out at": [None] * 30, "all fires out at": [None] * 25 + [300] * 5}
     text = finding(made_up({"A": left, "B": out}))
-    assert text.startswith("Strategy B put out all fires in 30 of 30 runs (95 % interval 89-100 %), A in 5 of 30")
+    assert text.startswith(
+        "With strategy B the swarm put out all fires in 30 of 30 runs (95 % interval 89-100 %), with A in 5 of 30"
+    )
     assert "a clear difference; most different is 'fire 2 (largest) out': in 30 runs with B, in 0 with A." in text
     assert "\n" not in text
 
 
 def test_the_finding_does_not_claim_what_the_intervals_do_not_bear_out():
-    first = {"all fires out at": [1, 2, None, None]}
-    second = {"all fires out at": [1, 2, 3, None]}
+    first = {"all fires out at": [1, 2, None, None] * 2}
+    second = {"all fires out at": [1, 2, 3, None] * 2}
     assert "do not settle which is larger" in finding(made_up({"A": first, "B": second}))
+
+
+def test_few_seeds_are_said_to_be_too_few():
+    few = made_up({"a": {"hits": [1, 2, 3]}, "b": {"hits": [5, 6, 7]}}, AVOID, "turn")
+    assert "3 seeds are too few to tell which is larger" in finding(few)
+    assert "Means and differences of fewer than 6 have no interval." in few.table()
+
+
+def test_a_parameter_keeps_its_name_at_the_head_of_the_finding():
+    columns = {4: {"all fires out at": [None] * 6}, 9: {"all fires out at": [50] * 6}}
+    assert finding(made_up(columns, FIRE, "n_robots")).startswith("With n_robots 9 the swarm put out all fires in 6 of")
+
+
+def test_a_time_that_never_came_is_later_than_any_and_counts_in_no_difference():
+    columns = {"A": {"task done at": [None, 10, 10, None]}, "B": {"task done at": [5, 10, None, None]}}
+    row = summary_rows(made_up(columns))[1]
+    assert (row.pairs, row.difference.estimate) == (1, 0.0)
+    assert (row.ranked, row.larger.estimate) == (4, (0 + 0.5 + 1 + 0.5) / 4)
+
+
+def test_another_number_that_is_missing_is_left_out_and_the_pairs_are_counted():
+    columns = {"A": {"spread": [None, 1.0, 2.0]}, "B": {"spread": [5.0, 3.0, 3.0]}}
+    comparison = made_up(columns)
+    row = summary_rows(comparison)[1]
+    assert (row.pairs, row.ranked, row.larger.estimate) == (2, 2, 1.0)
+    assert "(2 pairs)" in comparison.table()
+
+
+def test_each_value_is_compared_with_the_first():
+    columns = {n: {"hits": [n + k for k in range(8)]} for n in (4, 8, 16)}
+    rows = summary_rows(made_up(columns, FIRE, "n_robots"))
+    assert [row.difference and row.difference.estimate for row in rows] == [None, 4.0, 12.0]
+
+
+def test_the_intervals_of_times_do_not_reach_below_zero():
+    times = {"A": {"out at": [1, 1, 2, 1, 3, 400]}, "B": {"out at": [2, 1, 1, 2, 1, 3]}}
+    assert all(row.summary.mean.low >= 1 for row in summary_rows(made_up(times)))
+
+
+def test_the_same_runs_give_the_same_table_and_pictures_byte_for_byte():
+    numbers = np.random.default_rng(3).exponential(100, (2, 30)).tolist()
+    first, second = (made_up({"A": {"a at": numbers[0]}, "B": {"a at": numbers[1]}}) for _ in range(2))
+    assert first.table() == second.table()
+    assert summary_csv(summary_rows(first)) == summary_csv(summary_rows(second))
+    assert png(comparison_figure(first, ["a at"])) == png(comparison_figure(second, ["a at"]))
 
 
 def test_the_finding_says_when_there_is_no_difference():
@@ -199,7 +281,7 @@ def test_the_finding_about_numbers_uses_the_paired_difference():
     base = [10.0 * k for k in range(10)]
     higher = [x + 1 + 0.01 * k for k, x in enumerate(base)]
     text = finding(made_up({"a": {"hits": base}, "b": {"hits": higher}}, AVOID, "turn"))
-    assert "over 10 paired seeds: a clear difference." in text
+    assert "over 10 paired seeds, larger with b on 100 % of 10 seeds (72-100 %): a clear difference." in text
     assert "with turn b" in text
 
 
@@ -211,6 +293,7 @@ def test_the_finding_about_what_never_happened_compares_nothing():
 def test_saving_writes_tables_and_pictures_whole(comparison, tmp_path):
     paths = comparison.save(tmp_path / "new" / "folder")
     names = {"runs.csv", "summary.csv", "finding.txt", "final_state.png", "robots_at_fires.png"}
+    names |= {"comparison.png", "comparison_all.png"}
     assert {path.name for path in paths} == names
     assert set(Path(tmp_path / "new" / "folder").iterdir()) == set(paths)
     assert (tmp_path / "new" / "folder" / "finding.txt").read_text() == f"{comparison.finding()}\n"

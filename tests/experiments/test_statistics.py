@@ -7,11 +7,19 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from mesa_swarm.experiments.statistics import (
+    BOOTSTRAP_SEED,
+    FEWEST,
+    MOST_RESAMPLED,
+    RESAMPLES,
     Interval,
+    bootstrap_mean,
+    expanded,
     mean_interval,
+    pair_differences,
     paired_difference,
     share_interval,
     summarised,
+    superiority,
 )
 
 numbers = st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=40)
@@ -51,6 +59,154 @@ def test_mean_interval_covers_the_true_mean_in_about_95_percent_of_samples():
     samples = rng.normal(5.0, 2.0, (2000, 8))
     covered = [interval.low <= 5.0 <= interval.high for interval in map(mean_interval, samples)]
     assert 0.935 < np.mean(covered) < 0.965
+
+
+# ---- the bootstrap
+
+
+@pytest.mark.parametrize("n", [6, 20, 200])
+@pytest.mark.parametrize("spread", ["normal", "exponential", "cauchy"])
+def test_bootstrap_mean_is_scipys_bca_at_the_expanded_confidence(n, spread):
+    rng = np.random.default_rng(n)
+    sample = {"normal": rng.normal, "exponential": rng.exponential, "cauchy": rng.standard_cauchy}[spread](size=n)
+    twin = stats.bootstrap(
+        (sample,),
+        np.mean,
+        n_resamples=RESAMPLES,
+        confidence_level=expanded(n),
+        method="BCa",
+        rng=np.random.default_rng(BOOTSTRAP_SEED),
+    ).confidence_interval
+    interval = bootstrap_mean(sample)
+    assert (interval.low, interval.high) == pytest.approx((twin.low, twin.high), rel=1e-9)
+
+
+def test_the_expansion_makes_of_normal_quantiles_those_of_t():
+    z = stats.norm.ppf((1 + expanded(9)) / 2)
+    assert z == pytest.approx(math.sqrt(9 / 8) * stats.t.ppf(0.975, 8))
+
+
+@given(st.lists(st.floats(-1e6, 1e6), min_size=FEWEST, max_size=30))
+@settings(max_examples=50, deadline=None)
+def test_bootstrap_limits_keep_within_the_numbers_and_around_the_mean(values):
+    interval = bootstrap_mean(values)
+    slack = 1e-9 * max(map(abs, values))
+    assert min(values) - slack <= interval.low <= interval.high <= max(values) + slack
+    assert interval.low - slack <= interval.estimate <= interval.high + slack
+
+
+@given(st.lists(st.integers(-1000, 1000), min_size=FEWEST, max_size=20), st.integers(1, 50), st.integers(-99, 99))
+@settings(max_examples=50, deadline=None)
+def test_bootstrap_limits_go_with_the_unit_and_its_zero(values, scale, shift):
+    plain, moved = bootstrap_mean(values), bootstrap_mean([scale * x + shift for x in values])
+    expected = scale * plain.low + shift, scale * plain.high + shift
+    assert (moved.low, moved.high) == pytest.approx(expected, rel=1e-9, abs=1e-6)
+
+
+def test_bootstrap_of_equal_numbers_is_that_number():
+    assert bootstrap_mean([0.1] * 7) == Interval(0.1, 0.1, 0.1)
+
+
+@pytest.mark.parametrize("n", range(1, FEWEST))
+def test_fewer_than_six_numbers_have_a_mean_and_no_limits(n):
+    interval = bootstrap_mean(list(range(n)))
+    assert interval.estimate == (n - 1) / 2
+    assert math.isnan(interval.low)
+    assert not interval.excludes_zero
+
+
+def test_bootstrap_of_nothing_is_nan():
+    assert math.isnan(bootstrap_mean([]).estimate)
+
+
+def test_six_is_the_first_number_of_pairs_whose_signs_can_tell():
+    all_alike = [stats.binomtest(n, n, 0.5).pvalue for n in (FEWEST - 1, FEWEST)]
+    assert all_alike[0] > 0.05 > all_alike[1]
+
+
+def test_where_the_bootstrap_hands_over_to_student_both_say_the_same():
+    sample = np.random.default_rng(4).exponential(size=MOST_RESAMPLED + 1)
+    before, after = bootstrap_mean(sample[:-1]), bootstrap_mean(sample)
+    assert after == mean_interval(sample)
+    width = after.high - after.low
+    assert abs(before.low - after.low) < 0.05 * width
+    assert abs(before.high - after.high) < 0.08 * width
+
+
+def test_the_bootstrap_touches_no_random_numbers_but_its_own():
+    np.random.seed(7)  # noqa: NPY002 - the global one is meant
+    before = np.random.get_state()[1].tolist()  # noqa: NPY002
+    assert bootstrap_mean([1.0, 2, 3, 4, 5, 9]) == bootstrap_mean([1.0, 2, 3, 4, 5, 9])
+    assert np.random.get_state()[1].tolist() == before  # noqa: NPY002
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("spread", "mean", "n", "least"),
+    [
+        ("normal", 0.0, 8, 0.93),
+        ("normal", 0.0, 30, 0.935),
+        ("exponential", 1.0, 12, 0.90),
+        ("exponential", 1.0, 30, 0.925),
+    ],
+)
+def test_bootstrap_covers_the_true_mean_in_about_95_percent_of_samples(spread, mean, n, least):
+    rng = np.random.default_rng(1)
+    samples = rng.normal(size=(2000, n)) if spread == "normal" else rng.exponential(size=(2000, n))
+    covered = [interval.low <= mean <= interval.high for interval in map(bootstrap_mean, samples)]
+    assert least < np.mean(covered) < 0.975
+
+
+# ---- the effect size
+
+
+@given(st.lists(st.tuples(st.integers(0, 5), st.integers(0, 5)), min_size=1, max_size=40))
+@settings(max_examples=100, deadline=None)
+def test_superiority_counts_wins_and_half_of_the_ties(pairs):
+    first, second = zip(*pairs, strict=True)
+    larger, n = superiority(first, second)
+    signs = np.sign(np.subtract(second, first))
+    assert n == len(pairs)
+    assert larger.estimate == pytest.approx((1 + signs.mean()) / 2)
+    assert 0 <= larger.low <= larger.estimate <= larger.high <= 1
+
+
+def test_superiority_without_ties_is_the_sign_tests_share_with_wilsons_interval():
+    larger, n = superiority([0] * 10, [1] * 7 + [-1] * 3)
+    assert (larger, n) == (share_interval(7, 10), 10)
+
+
+def test_superiority_the_other_way_round_is_what_is_left_to_one():
+    first, second = [1, 5, None, 7, 2], [2, 5, 3, None, 1]
+    for times in (False, True):
+        one, other = superiority(first, second, times=times)[0], superiority(second, first, times=times)[0]
+        assert one.estimate + other.estimate == pytest.approx(1)
+        assert one.low + other.high == pytest.approx(1)
+
+
+def test_superiority_of_normal_differences_is_the_closed_form():
+    # McGraw and Wong: the normal distribution's function at the mean difference over its standard deviation
+    rng = np.random.default_rng(5)
+    larger, _ = superiority(np.zeros(20_000).tolist(), rng.normal(0.5, 1.0, 20_000).tolist())
+    assert larger.low < stats.norm.cdf(0.5) < larger.high
+
+
+def test_a_time_that_never_came_is_later_than_any_and_two_of_them_tie():
+    larger, n = superiority([None, 5, None], [3, None, None], times=True)
+    assert (larger.estimate, n) == ((0 + 1 + 0.5) / 3, 3)
+
+
+def test_superiority_of_no_pairs_is_nan():
+    larger, n = superiority([None], [3])
+    assert math.isnan(larger.estimate)
+    assert n == 0
+
+
+def test_pair_differences_are_second_minus_first():
+    assert pair_differences([1, None, 3], [5, 1, 1]) == [4, -2]
+
+
+# ---- shares, pairs, summaries
 
 
 @given(st.integers(1, 200), st.data())

@@ -1,0 +1,105 @@
+"""Pictures of a world as arrays of pixels, with NumPy alone: what stands is drawn once, the rest in every picture."""
+
+import numpy as np
+import shapely
+
+from mesa_swarm.errors import check_choice
+from mesa_swarm.model import SwarmModel
+from mesa_swarm.world.map import Map
+from mesa_swarm.world.shapes import Shape
+
+METADATA = {"render_modes": ["rgb_array"], "render_fps": 50}
+LONGEST_SIDE = 640
+
+# As in the project's other pictures: Okabe and Ito's colours.
+GROUND, SOLID, MARK, ASHES = (255, 255, 255), (168, 168, 168), (226, 211, 176), (236, 236, 236)
+COOL, HOT, FRONT, INK = (0, 114, 178), (213, 94, 0), (240, 228, 66), (34, 34, 34)
+# Fires go from black to red with their temperature.
+COLDEST, HOTTEST = np.array([0.0, 0.0, 0.0]), np.array([255.0, 59.0, 31.0])
+
+
+def checked_mode(render_mode: str | None) -> str | None:
+    """Return a render mode that there is: "rgb_array" or None."""
+    return None if render_mode is None else check_choice("render_mode", render_mode, METADATA["render_modes"])
+
+
+class Camera:
+    """Takes pictures of worlds on one map, everything to scale, y up.
+
+    The front half of a robot is yellow, its back blue, or vermilion while it is too hot to fight; a robot that is
+    commanded among others that are not has a dark rim. Fires go from black to red with their temperature and are pale
+    once they are out.
+
+    Parameters
+    ----------
+    map : Map
+    longest_side : int
+        Pixels.
+
+    Examples
+    --------
+    >>> from mesa_swarm.environments import FindFires
+    >>> from mesa_swarm.environments.task_world import TaskWorld
+    >>> task = FindFires(n_robots=2)
+    >>> Camera(task.map).picture(TaskWorld(task=task, commanded=1, rng=1)).shape
+    (480, 640, 3)
+    """
+
+    def __init__(self, map: Map, longest_side: int = LONGEST_SIDE) -> None:
+        self._map = map
+        self._scale = longest_side / max(map.width, map.height)
+        self._size = tuple(max(round(side * self._scale), 1) for side in (map.height, map.width))
+        self._ground: np.ndarray | None = None
+
+    def picture(self, world: SwarmModel) -> np.ndarray:
+        """Return the world as it is, uint8, shape (height, width, 3)."""
+        if self._ground is None:
+            self._ground = self._drawn_ground()
+        pixels = self._ground.copy()
+        fires, robots = world.fires.columns, world.swarm.columns
+        warm = COLDEST + fires["temperature"][:, None] * (HOTTEST - COLDEST)
+        colours = np.where(fires["out"][:, None], ASHES, warm)
+        for centre, radius, colour in zip(fires["position"], fires["radius"], colours, strict=True):
+            self._disc(pixels, centre, radius, colour)
+        for i in range(len(world.swarm)):
+            self._robot(pixels, robots, i, rim=i < world.commanded < len(world.swarm))
+        return pixels[::-1].round().astype(np.uint8)
+
+    def _robot(self, pixels: np.ndarray, robots: dict[str, np.ndarray], i: int, *, rim: bool) -> None:
+        centre, radius, heading = robots["position"][i], robots["radius"][i], robots["heading"][i]
+        if rim:
+            self._disc(pixels, centre, 1.5 * radius, INK)
+        self._disc(pixels, centre, radius, HOT if robots["hot"][i] else COOL)
+        self._disc(pixels, centre, radius, FRONT, ahead=(np.cos(heading), np.sin(heading)))
+
+    def _disc(self, pixels: np.ndarray, centre: np.ndarray, radius: float, colour, ahead=None) -> None:
+        """Blend a disc into the pixels, or the half of it that is ahead; edges are as soft as a pixel is wide."""
+        x, y = (np.asarray(centre) - self._map.bounds[:2]) * self._scale
+        size = radius * self._scale
+        rows, columns = (_span(at, size, most) for at, most in zip((y, x), self._size, strict=True))
+        dy, dx = np.arange(*rows)[:, None] + 0.5 - y, np.arange(*columns) + 0.5 - x
+        cover = np.clip(size + 0.5 - np.hypot(dx, dy), 0.0, 1.0)
+        if ahead is not None:
+            cover *= np.clip(dx * ahead[0] + dy * ahead[1] + 0.5, 0.0, 1.0)
+        window = pixels[slice(*rows), slice(*columns)]
+        window += cover[..., None] * (np.asarray(colour) - window)
+
+    def _drawn_ground(self) -> np.ndarray:
+        pixels = np.full((*self._size, 3), GROUND, np.float32)
+        for shape in sorted(self._map.obstacles, key=lambda shape: shape.contact):  # marks lie below what stands
+            self._fill(pixels, shape, SOLID if shape.contact else MARK)
+        return pixels
+
+    def _fill(self, pixels: np.ndarray, shape: Shape, colour) -> None:
+        if shape.is_disc:
+            self._disc(pixels, shape.position, shape.radius, colour)
+            return
+        x, y = ((np.arange(n) + 0.5) / self._scale for n in self._size[::-1])
+        x_min, y_min = self._map.bounds[:2]
+        shapely.prepare(shape.geometry)
+        pixels[shapely.contains_xy(shape.geometry, *np.meshgrid(x + x_min, y + y_min))] = colour
+
+
+def _span(at: float, size: float, most: int) -> tuple[int, int]:
+    """Return the first pixel that a disc may touch in one direction, and one past the last."""
+    return max(int(at - size - 1), 0), max(min(int(at + size + 2), most), 0)

@@ -1,0 +1,56 @@
+"""Commanded: the layer through which a learner drives robots."""
+
+import numpy as np
+
+from mesa_swarm.control.layer import Senses
+from mesa_swarm.errors import check_count
+from mesa_swarm.robots.reasons import Moment, Reason
+from mesa_swarm.robots.swarm import Swarm
+
+
+class Commanded:
+    """Drive the first robots of a swarm as told from outside; the layers below drive the others.
+
+    Until somebody writes to `wheels`, the commanded robots stand still.
+
+    Parameters
+    ----------
+    count : int
+        How many robots are commanded, at least 1.
+
+    Attributes
+    ----------
+    wheels : ndarray, shape (count, 2)
+        Rim speeds left and right, map units a step; what is written here is driven in the next steps. It is
+        there once the layer belongs to a swarm: ``model.control.layers[0].wheels``.
+
+    Examples
+    --------
+    >>> from mesa_swarm.control import Subsumption
+    >>> from mesa_swarm.model import SwarmModel
+    >>> from mesa_swarm.robots.design import AGENT9
+    >>> model = SwarmModel(rng=1)
+    >>> robots = model.add_robots(AGENT9, poses=[(100, 100, 0.0)])
+    >>> model.control = Subsumption(Commanded(1))
+    >>> model.control.layers[0].wheels[:] = 0.5
+    >>> model.run(2).swarm.position
+    array([[101., 100.]])
+    """
+
+    name = "Commanded"
+
+    def __init__(self, count: int) -> None:
+        self.count = check_count("count", count, minimum=1)
+
+    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
+        """Make room for the commands: a copy of this layer belongs to each swarm."""
+        self.wheels = np.zeros((self.count, 2))
+
+    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
+        """Hand on what was told; this is the uppermost layer."""
+        command[: self.count] = self.wheels
+        layer[: self.count] = index
+
+    def reason(self, moment: Moment) -> Reason:
+        """Say that nobody in here decided."""
+        return Reason("it was told so from outside")

@@ -1,0 +1,34 @@
+"""The environments by name, for Gymnasium."""
+
+from mesa_swarm.environments.extra import need
+
+NAMESPACE = "MesaSwarm"
+# The task by Gymnasium's name of the environment.
+REGISTERED = {
+    "CollisionAvoidance-v0": "collision_avoidance",
+    "FindFires-v0": "find_fires",
+    "ExtinguishFires-v0": "extinguish_fires",
+}
+
+
+def register() -> None:
+    """Make the environments known to ``gymnasium.make`` and ``make_vec``; twice does no harm.
+
+    Examples
+    --------
+    >>> register()
+    >>> import gymnasium
+    >>> gymnasium.make("MesaSwarm/FindFires-v0", n_robots=3).unwrapped.task.n_robots
+    3
+    """
+    need("gymnasium")
+    from gymnasium.envs import registration  # noqa: PLC0415 - heavy, and optional
+
+    for name, task in REGISTERED.items():
+        if f"{NAMESPACE}/{name}" not in registration.registry:
+            registration.register(
+                f"{NAMESPACE}/{name}",
+                "mesa_swarm.environments.robot_env:robot_env",
+                vector_entry_point="mesa_swarm.environments.robot_vector:robot_vector_env",
+                kwargs={"task": task},
+            )

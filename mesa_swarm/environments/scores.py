@@ -1,0 +1,104 @@
+"""What a step was worth to each robot, told from what can be read after it."""
+
+from typing import Protocol
+
+import numpy as np
+
+from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.model import SwarmModel
+
+
+class Score(Protocol):
+    """Judges one world's steps; it remembers what it must of earlier ones."""
+
+    @property
+    def finished(self) -> bool:
+        """Whether the task is done."""
+
+    def reward(self, out: np.ndarray) -> None:
+        """Write what the step that was just taken was worth to the first robots, as many as `out` (k,) has rows."""
+
+
+class DrivingScore:
+    """Forward speed as a share of the greatest, less `collision_cost` for a collision; never finished."""
+
+    finished = False
+
+    def __init__(self, model: SwarmModel, *, collision_cost: float) -> None:
+        self._model = model
+        self._cost = collision_cost
+
+    def reward(self, out: np.ndarray) -> None:
+        """Write what the last step was worth."""
+        columns = self._model.swarm.columns
+        driving(columns["command"], columns["max_speed"], columns["collided"], self._cost, out)
+
+
+class FindingScore:
+    """`arrival` for the first time that a robot is at a fire, less `step_cost` a step; finished when all are found."""
+
+    def __init__(self, model: SwarmModel, count: int, *, arrival: float, step_cost: float) -> None:
+        self._model = model
+        self._worth = arrival, step_cost
+        self.found = np.zeros((count, len(model.fires)), bool)
+
+    @property
+    def finished(self) -> bool:
+        """Whether each fire was found by a robot of those that are judged."""
+        return bool(self.found.any(axis=0).all())
+
+    def reward(self, out: np.ndarray) -> None:
+        """Write what the last step was worth."""
+        finding(self._model.swarm.columns["fire"], *self._worth, self.found, out)
+
+
+class ExtinguishingScore:
+    """`put_out` to all that fought a fire when it went out, `work` a step of fighting, less `step_cost` a step."""
+
+    def __init__(self, model: SwarmModel, count: int, *, put_out: float, work: float, step_cost: float) -> None:
+        self._model = model
+        self._worth = put_out, work, step_cost
+        self._fought = np.full(count, -1)
+
+    @property
+    def finished(self) -> bool:
+        """Whether all fires are out."""
+        return bool(self._model.fires.out.all())
+
+    def reward(self, out: np.ndarray) -> None:
+        """Write what the last step was worth."""
+        out_now, fire = self._model.fires.columns["out"], self._model.swarm.columns["fire"]
+        extinguishing(fire, out_now, *self._worth, self._fought, out)
+
+
+@compiled
+def driving(command, max_speed, collided, collision_cost, reward):
+    """Write (left + right) / (2 max_speed) - collision_cost if the robot collided."""
+    for i in range(reward.shape[0]):
+        forward = 0.5 * (command[i, 0] + command[i, 1])
+        reward[i] = forward / max_speed[i] if max_speed[i] > 0.0 else 0.0
+        if collided[i]:
+            reward[i] -= collision_cost
+
+
+@compiled
+def finding(fire, arrival, step_cost, found, reward):
+    """Write -step_cost, and `arrival` more at a fire that is new to the robot; note which it has found."""
+    for i in range(reward.shape[0]):
+        reward[i] = -step_cost
+        if fire[i] >= 0 and not found[i, fire[i]]:
+            found[i, fire[i]] = True
+            reward[i] += arrival
+
+
+@compiled
+def extinguishing(fire, out, put_out, work, step_cost, fought, reward):
+    """Write -step_cost, `work` more while fighting, `put_out` more if what it fought is out; note what it fights."""
+    for i in range(reward.shape[0]):
+        before = fought[i]
+        reward[i] = -step_cost
+        if fire[i] >= 0:
+            reward[i] += work
+        if before >= 0 and out[before]:  # now only: nobody fights what is out
+            reward[i] += put_out
+        fought[i] = fire[i]

@@ -1,0 +1,35 @@
+"""A task's observations and actions as Gymnasium's spaces."""
+
+import numpy as np
+
+from mesa_swarm.environments.actions import CONTINUOUS
+from mesa_swarm.environments.extra import need
+from mesa_swarm.environments.tasks import Task
+
+need("gymnasium")
+
+from gymnasium.spaces import Box, Discrete, Space  # noqa: E402 - said first what is missing
+
+
+def observation_space(task: Task) -> Box:
+    """Return the space of one robot's observations.
+
+    Examples
+    --------
+    >>> from mesa_swarm.environments import FindFires
+    >>> observation_space(FindFires()).shape
+    (37,)
+    """
+    return Box(0.0, 1.0, (task.observer().width,), np.float32)
+
+
+def action_space(task: Task) -> Space:
+    """Return the space of one robot's actions.
+
+    Examples
+    --------
+    >>> from mesa_swarm.environments import FindFires
+    >>> action_space(FindFires()), action_space(FindFires(actions=4))
+    (Box(-1.0, 1.0, (2,), float32), Discrete(4))
+    """
+    return Box(-1.0, 1.0, (2,), np.float32) if task.actions == CONTINUOUS else Discrete(task.actions)

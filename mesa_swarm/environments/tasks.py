@@ -1,0 +1,250 @@
+"""The tasks: which world, who is in it, what a step is worth, and when it is over."""
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+
+from mesa_swarm.control import Avoid, Explore, Layer
+from mesa_swarm.environments.actions import checked_choice
+from mesa_swarm.environments.observation import Observer
+from mesa_swarm.environments.scores import DrivingScore, ExtinguishingScore, FindingScore, Score
+from mesa_swarm.errors import InvalidValueError, UnknownNameError, check_count, check_number, unknown_name
+from mesa_swarm.fire import FightFire, FireConstants, design_constants
+from mesa_swarm.model import SwarmModel
+from mesa_swarm.robots.design import AGENT9, AGENT_FIRE, RobotDesign
+from mesa_swarm.world.map import Map
+
+LARGEST_REWARD = 1e6
+# Fires that neither grow nor can be put out, nor heat anybody: what is searched for stays where it is.
+LASTING = FireConstants(k1=1e-9, k2=1e-12, k3=0.0, k4=0.0, leave=1.0, join=0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """What all tasks have in common; see `CollisionAvoidance`, `FindFires` and `ExtinguishFires`.
+
+    Parameters
+    ----------
+    n_robots : int
+        At least 1, at free random poses of their own in every episode.
+    map : str, path or Map
+    design : RobotDesign
+        Of all robots, with at least one proximity sensor.
+    encoding : str
+        What robots are told of what they see: "distance", or "typed": the kinds of things as well, see `Observer`.
+    actions : "continuous", 4 or 8
+        What they may be told to do: two wheel speeds from -1 to 1, shares of the greatest; or the number of one of
+        the thesis's actions (8.1).
+    max_steps : int
+        Of an episode, which is truncated then.
+
+    Raises
+    ------
+    InvalidValueError, UnknownNameError, MapError
+        If a value is wrong.
+    """
+
+    n_robots: int = 15
+    map: str | os.PathLike | Map = "original"
+    design: RobotDesign = AGENT9
+    encoding: str = "distance"
+    actions: str | int = "continuous"
+    max_steps: int = 1000
+
+    def __post_init__(self) -> None:
+        """Check every value, and read the map once."""
+        check_count("n_robots", self.n_robots, minimum=1)
+        check_count("max_steps", self.max_steps, minimum=1)
+        checked_choice(self.actions)
+        object.__setattr__(self, "map", Map.load(self.map))
+        if not isinstance(self.design, RobotDesign):
+            raise InvalidValueError(f"design is {self.design!r:.60}; expected a RobotDesign such as AGENT9")
+        self.observer()
+
+    @classmethod
+    def of(cls, parameters: Mapping[str, object]) -> "Task":
+        """Return the task with these parameters, or name the one that it does not have.
+
+        Examples
+        --------
+        >>> CollisionAvoidance.of({"n_robots": 3}).n_robots
+        3
+        """
+        known = [field.name for field in fields(cls)]
+        for name in parameters:
+            if name not in known:
+                raise UnknownNameError(unknown_name(f"parameter of {cls.__name__}", name, known))
+        return cls(**parameters)
+
+    @property
+    def constants(self) -> FireConstants:
+        """How its fires burn."""
+        return LASTING
+
+    def observer(self) -> Observer:
+        """Return what tells robots of their readings."""
+        return Observer(self.design, encoding=self.encoding)
+
+    def others(self) -> tuple[Layer, ...]:
+        """Return the layers that drive the robots that no learner commands."""
+        return Avoid(), Explore()
+
+    def score(self, model: SwarmModel, count: int) -> Score:
+        """Return what judges the first `count` robots of a new world."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, kw_only=True)
+class CollisionAvoidance(Task):
+    """Drive forward and touch nothing.
+
+    A step is worth (m_L + m_R) / (2 max_speed), and `collision_cost` less if the robot overlapped anything in it:
+    to push on at a wall is worth 1 - `collision_cost`, to spin on the spot 0.
+
+    Parameters
+    ----------
+    n_robots, map, design, encoding, actions, max_steps
+        As for `Task`.
+    collision_cost : float
+        At least 0.
+
+    Examples
+    --------
+    >>> CollisionAvoidance(n_robots=50, actions=8).encoding
+    'distance'
+    """
+
+    collision_cost: float = 2.0
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        super().__post_init__()
+        check_number("collision_cost", self.collision_cost, minimum=0, maximum=LARGEST_REWARD)
+
+    def score(self, model: SwarmModel, count: int) -> Score:
+        """Return what judges the first `count` robots of a new world."""
+        return DrivingScore(model, collision_cost=self.collision_cost)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FireTask(Task):
+    """What tasks with fires have in common: a map with fires, and a small cost of every step.
+
+    Parameters
+    ----------
+    n_robots, map, design, encoding, actions, max_steps
+        As for `Task`.
+    step_cost : float
+        At least 0.
+    """
+
+    n_robots: int = 10
+    map: str | os.PathLike | Map = "openspace_fire"
+    design: RobotDesign = AGENT_FIRE
+    encoding: str = "typed"
+    max_steps: int = 2000
+    step_cost: float = 0.01
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        super().__post_init__()
+        check_number("step_cost", self.step_cost, minimum=0, maximum=LARGEST_REWARD)
+        if not self.map.fires:
+            raise InvalidValueError(f"map {self.map.name} has no fires; choose one with fires, such as openspace_fire")
+
+
+@dataclass(frozen=True, kw_only=True)
+class FindFires(FireTask):
+    """Find the fires, each of which stays as it is.
+
+    A step costs `step_cost`; a robot's first step at a fire, its body within 10 of the fire's edge, is worth
+    `arrival` more, once for every robot and fire. Finished when each fire was found by a robot that is commanded.
+
+    Parameters
+    ----------
+    n_robots, map, design, encoding, actions, max_steps, step_cost
+        As for `FireTask`.
+    arrival : float
+        At least 0.
+
+    Examples
+    --------
+    >>> FindFires().map.name
+    'openspace_fire'
+    """
+
+    arrival: float = 10.0
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        super().__post_init__()
+        check_number("arrival", self.arrival, minimum=0, maximum=LARGEST_REWARD)
+
+    def score(self, model: SwarmModel, count: int) -> Score:
+        """Return what judges the first `count` robots of a new world."""
+        return FindingScore(model, count, arrival=self.arrival, step_cost=self.step_cost)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExtinguishFires(FireTask):
+    """Put all fires out, the largest of which takes more than one robot.
+
+    A step costs `step_cost` and is worth `work` more to a robot that extinguishes; when a fire goes out, the step is
+    worth `put_out` more to each robot that was fighting it. Finished when all fires are out. Robots are told of
+    their own heat as well. Robots that are not commanded use the thesis's strategy B.
+
+    Keep `work` small: a robot that keeps a fire burning is paid for it again and again.
+
+    Parameters
+    ----------
+    n_robots, map, design, encoding, actions, max_steps, step_cost
+        As for `FireTask`.
+    put_out, work : float
+        At least 0.
+    fire_constants : FireConstants, optional
+        `design_constants()` by default.
+
+    Examples
+    --------
+    >>> ExtinguishFires().observer().width
+    41
+    """
+
+    max_steps: int = 5000
+    put_out: float = 10.0
+    work: float = 0.05
+    fire_constants: FireConstants | None = None
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        constants = design_constants() if self.fire_constants is None else self.fire_constants
+        if not isinstance(constants, FireConstants):
+            raise InvalidValueError(f"fire_constants is {constants!r:.60}; expected what design_constants() returns")
+        object.__setattr__(self, "fire_constants", constants)
+        super().__post_init__()
+        check_number("put_out", self.put_out, minimum=0, maximum=LARGEST_REWARD)
+        check_number("work", self.work, minimum=0, maximum=LARGEST_REWARD)
+
+    @property
+    def constants(self) -> FireConstants:
+        """How its fires burn."""
+        return self.fire_constants
+
+    def observer(self) -> Observer:
+        """Return what tells robots of their readings and of their heat."""
+        return Observer(self.design, encoding=self.encoding, body=True, leave=self.fire_constants.leave)
+
+    def others(self) -> tuple[Layer, ...]:
+        """Return the layers of strategy B."""
+        return Avoid(fires="never"), FightFire(strategy="B"), Explore()
+
+    def score(self, model: SwarmModel, count: int) -> Score:
+        """Return what judges the first `count` robots of a new world."""
+        return ExtinguishingScore(model, count, put_out=self.put_out, work=self.work, step_cost=self.step_cost)
+
+
+TASKS: dict[str, type[Task]] = {
+    "collision_avoidance": CollisionAvoidance,
+    "find_fires": FindFires,
+    "extinguish_fires": ExtinguishFires,
+}

@@ -1,0 +1,152 @@
+"""Recordings of the runs of a job or a sweep: to which file, and what of each run."""
+
+import inspect
+import os
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from mesa_swarm.errors import InvalidValueError, RecordingError, check_choice, shortened, unknown_name
+from mesa_swarm.experiments.experiment import Experiment, Outcome, Task, carried_out, first_built
+from mesa_swarm.experiments.job_files import SUFFIX, recording_within
+from mesa_swarm.observed_world import ObservedWorld
+from mesa_swarm.recording.recorder import record
+
+PLACES = ("name", "seed")
+PLACE = re.compile(r"\{([^{}]*)\}")
+# What a job says of a recording is passed on to `record`; these are not the job's to say.
+OPTIONS = tuple(
+    name for name in inspect.signature(record).parameters if name not in ("model", "path", "overwrite", "rerun")
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunRecords:
+    """Where and how the runs of an experiment are recorded.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the job file; recordings stay under it.
+    file : str
+        Relative to the folder; ``{seed}`` and ``{name}`` stand for the run's seed and its experiment's name.
+    options : mapping
+        What `mesa_swarm.recording.record` takes: every, columns, exact ...
+
+    Raises
+    ------
+    InvalidValueError, UnknownNameError
+
+    Examples
+    --------
+    >>> RunRecords(folder=Path("/jobs"), file="runs/{seed}.arrow").path("run_1", 7).as_posix()
+    '/jobs/runs/7.arrow'
+    """
+
+    folder: Path
+    file: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check the name with places filled in, so that braces left over are refused too."""
+        for place in PLACE.findall(self.file):
+            if place not in PLACES:
+                raise InvalidValueError(unknown_name("place in the name of a recording", place, PLACES))
+        self.path("name", 1)
+
+    def path(self, name: str, seed: int) -> Path:
+        """Return the file of one run."""
+        filled = {"name": name, "seed": str(seed)}
+        return recording_within(self.folder, PLACE.sub(lambda place: filled[place[1]], self.file))
+
+    def check(self, experiment: Experiment) -> None:
+        """Refuse options that cannot be, and one file for several runs.
+
+        Raises
+        ------
+        SwarmError
+        """
+        if len(experiment.seeds) > 1 and "{seed}" not in self.file:
+            raise InvalidValueError(
+                f"{len(experiment.seeds)} runs would be recorded to {shortened(self.file)}; put {{seed}} into its name"
+            )
+        check_options(self.options, experiment)
+
+
+def check_options(options: Mapping[str, Any], experiment: Experiment) -> None:
+    """Refuse options of a recording that `record` would not take for this experiment, by recording nothing.
+
+    Raises
+    ------
+    SwarmError
+    """
+    for name in options:
+        check_choice("option of a recording", name, OPTIONS)
+    with TemporaryDirectory() as folder:
+        first_built(experiment).record(Path(folder, "trial.arrow"), **options).close()
+
+
+@contextmanager
+def recorded(model: ObservedWorld, path: Path, options: Mapping[str, Any], overwrite: bool = False) -> Iterator[None]:
+    """Record a model to a file, in a folder that is made if it is missing, while the context lasts.
+
+    Examples
+    --------
+    >>> from mesa_swarm import SwarmModel
+    >>> model = SwarmModel(rng=1)
+    >>> with TemporaryDirectory() as home:
+    ...     with recorded(model, Path(home, "runs", "1.arrow"), {"every": 2}):
+    ...         end = model.run(4)
+    ...     [file.name for file in Path(home, "runs").iterdir()]
+    ['1.arrow']
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RecordingError(f"{path.parent} cannot be made: {error.strerror}; choose another place") from None
+    with model.record(path, **options, overwrite=overwrite):
+        yield
+
+
+@dataclass(frozen=True, slots=True)
+class Archive:
+    """The recordings of a sweep: one file a run, named by the run's key, so that none is in the way of another.
+
+    Parameters
+    ----------
+    folder : Path
+    options : mapping
+        What `mesa_swarm.recording.record` takes.
+
+    Examples
+    --------
+    >>> Archive(Path("recordings"), {}).file("0a").name
+    '0a.arrow'
+    """
+
+    folder: Path
+    options: Mapping[str, Any]
+
+    def file(self, key: str) -> Path:
+        """Return the file of a run, which is there when all of it was recorded."""
+        return self.folder / f"{key}{SUFFIX}"
+
+    def carried_out(self, model_class: type, task: Task) -> Outcome:
+        """Do a run and keep its recording; that of a run that fails ends where it failed.
+
+        Raises
+        ------
+        RecordingError
+            If the recording cannot be written: that is no fault of the run, which is to be done again.
+        """
+        draft = self.folder / f".{task.key}.draft"
+        kept = partial(recorded, path=draft, options=self.options, overwrite=True)
+        outcome = carried_out(model_class, task, kept, beyond=(RecordingError,))
+        if draft.exists():
+            os.replace(draft, self.file(task.key))
+        return outcome

@@ -1,0 +1,138 @@
+"""What a learner may do, how it chooses, and what it knows: actions, Boltzmann's choice, inputs of networks."""
+
+import math
+
+import numpy as np
+
+from mesa_swarm.errors import InvalidValueError, check_number, shortened
+from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.robots.table import RANGE
+from mesa_swarm.world.statics import FIRE, LOAD, ROBOT
+
+# Left and right wheel as shares of max_speed (thesis 8.1); `actions=4` keeps the first four.
+ACTIONS = np.array(
+    [(-1, -1), (-1, 1), (1, -1), (1, 1), (-1, 0), (0, -1), (1, 0), (0, 1)],
+    dtype=np.float64,
+)
+ACTIONS.flags.writeable = False
+ACTION_NAMES = (
+    "back",
+    "left on the spot",
+    "right on the spot",
+    "forward",
+    "backward right",
+    "backward left",
+    "forward right",
+    "forward left",
+)
+# How many inputs a sensor gives: its distance; and whether it sees a robot, a fire, a load.
+ENCODINGS = {"distance": 1, "typed": 4}
+
+
+def boltzmann(values: np.ndarray, temperature: float) -> np.ndarray:
+    """Return how probably each action is chosen: ``P_i = exp(Q_i / T) / sum_j exp(Q_j / T)`` (7.4).
+
+    Parameters
+    ----------
+    values : ndarray, shape (a,)
+        Finite; a difference of any size does not overflow, since the largest is taken off first.
+    temperature : float
+        Above 0; the higher, the more is left to chance.
+
+    Returns
+    -------
+    ndarray, shape (a,)
+        Sums to 1.
+
+    Raises
+    ------
+    InvalidValueError
+
+    Examples
+    --------
+    >>> boltzmann([3.0, 2.0, 1.0], 1.0).round(3)
+    array([0.665, 0.245, 0.09 ])
+    >>> boltzmann([3000.0, 2000.0], 0.2)
+    array([1., 0.])
+    """
+    array = np.asarray(values, dtype=float)
+    if array.ndim != 1 or not len(array) or not np.isfinite(array).all():
+        raise InvalidValueError(f"values is {shortened(values)}; expected a row of finite numbers")
+    shares = np.exp((array - array.max()) / check_number("temperature", temperature, above=0))
+    return shares / shares.sum()
+
+
+def temperature_at(step: float, *, beta: float, first: float = 1.0, last: float = 0.2) -> float:
+    """Return the temperature of the choice after so many steps: ``T_c + (T_0 - T_c) (1 - beta)^t`` (8.3).
+
+    Parameters
+    ----------
+    step : int
+    beta : float
+        0 to 1.
+    first, last : float
+        T_0 and T_c, above 0.
+
+    Examples
+    --------
+    >>> round(temperature_at(33_000, beta=1e-4), 4)
+    0.2295
+    """
+    check_number("step", step, minimum=0)
+    check_number("beta", beta, minimum=0, maximum=1)
+    check_number("first", first, above=0)
+    check_number("last", last, above=0)
+    return last + (first - last) * (1.0 - beta) ** step
+
+
+@compiled
+def chosen(values, temperature, chance):
+    """Return the action that Boltzmann's probabilities give to a number from 0 to 1."""
+    best = values[0]
+    for a in range(1, values.shape[0]):
+        best = max(best, values[a])
+    total = 0.0
+    for a in range(values.shape[0]):
+        total += math.exp((values[a] - best) / temperature)
+    left = chance * total
+    for a in range(values.shape[0]):
+        left -= math.exp((values[a] - best) / temperature)
+        if left < 0.0:
+            return a
+    return best_of(values)  # chance so near to 1 that rounding ate the rest
+
+
+@compiled
+def best_of(values):
+    """Return the action of the largest value; of equals the first."""
+    best = 0
+    for a in range(1, values.shape[0]):
+        if values[a] > values[best]:
+            best = a
+    return best
+
+
+@compiled
+def write_inputs(distance, kind, ranges, i, d, inputs, row):
+    """Write what robot i of design d reads into a row of inputs; return the least reading as a share of its range.
+
+    A sensor that sees nothing gives 1, as far as can be: -1 would mean nearer than touching.
+    """
+    sensors = distance.shape[1]
+    nearest = 1.0
+    for s in range(sensors):
+        share = 1.0
+        if distance[i, s] >= 0.0 and ranges[d, s] > 0.0:
+            share = min(distance[i, s] / ranges[d, s], 1.0)
+        inputs[row, s] = share
+        nearest = min(nearest, share)
+        if inputs.shape[1] > sensors:
+            inputs[row, sensors + s] = 1.0 if kind[i, s] == ROBOT else 0.0
+            inputs[row, 2 * sensors + s] = 1.0 if kind[i, s] == FIRE else 0.0
+            inputs[row, 3 * sensors + s] = 1.0 if kind[i, s] == LOAD else 0.0
+    return nearest
+
+
+def ranges_of(sensors: np.ndarray) -> np.ndarray:
+    """Return the range of every proximity sensor (d, s), of a table of designs (d, s, 9)."""
+    return np.ascontiguousarray(sensors[:, :, RANGE])

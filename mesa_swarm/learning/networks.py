@@ -1,0 +1,227 @@
+"""Stacks of small networks: one hidden layer of tanh, one linear output, back-propagation (thesis chapter 6)."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
+from mesa_swarm.geometry.compiled import compiled
+
+# Of the thesis's regression (6.4); for robots it used 0.1 (8.3).
+REGRESSION_RATE = 0.5
+PARTS = ("inner", "inner_bias", "outer", "outer_bias")
+
+
+@dataclass(frozen=True, eq=False)
+class Networks:
+    """Networks of one form, stacked; the arrays change when they learn.
+
+    ``y = b + sum_h v_h tanh(c_h + sum_k w_kh x_k)``: b and c_h are the weights of the bias units, which
+    always say 1 (thesis 6.1).
+
+    Parameters
+    ----------
+    inner : ndarray, shape (m, k, h)
+        From k inputs to h hidden units.
+    inner_bias, outer : ndarrays, shape (m, h)
+    outer_bias : ndarray, shape (m,)
+
+    Examples
+    --------
+    >>> Networks.random(3, inputs=9, rng=np.random.default_rng(1)).inner.shape
+    (3, 9, 18)
+    """
+
+    inner: np.ndarray
+    inner_bias: np.ndarray
+    outer: np.ndarray
+    outer_bias: np.ndarray
+
+    @classmethod
+    def random(cls, count: int, *, inputs: int, rng: np.random.Generator, hidden: int | None = None) -> "Networks":
+        """Return networks with small random weights: uniform within 1 / sqrt(weights that feed the node) (6.4).
+
+        Parameters
+        ----------
+        count, inputs : int
+            At least 1.
+        rng : numpy.random.Generator
+        hidden : int, optional
+            Hidden units, twice the inputs by default (thesis 8.1).
+        """
+        m, k = check_count("count", count, minimum=1), check_count("inputs", inputs, minimum=1)
+        h = 2 * k if hidden is None else check_count("hidden", hidden, minimum=1)
+        low, high = 1 / math.sqrt(k + 1), 1 / math.sqrt(h + 1)
+        shapes = [((m, k, h), low), ((m, h), low), ((m, h), high), ((m,), high)]
+        return cls(*(rng.uniform(-limit, limit, shape) for shape, limit in shapes))
+
+    @property
+    def weights(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """The four arrays, as the compiled functions take them."""
+        return self.inner, self.inner_bias, self.outer, self.outer_bias
+
+    def outputs(self, inputs: np.ndarray) -> np.ndarray:
+        """Return what every network says of its own inputs.
+
+        Parameters
+        ----------
+        inputs : ndarray, shape (m, k)
+
+        Returns
+        -------
+        ndarray, shape (m,)
+
+        Raises
+        ------
+        InvalidValueError
+            If the inputs have another shape, or are not finite.
+        """
+        given, out = self._checked("inputs", inputs, self.inner.shape[:2]), np.empty(len(self.inner))
+        say(*self.weights, given, out)
+        return out
+
+    def learn(self, inputs: np.ndarray, targets: np.ndarray, rate: float = REGRESSION_RATE) -> np.ndarray:
+        """Take one step of gradient descent on ``(target - y)^2 / 2`` in every network (6.2).
+
+        Parameters
+        ----------
+        inputs : ndarray, shape (m, k)
+        targets : ndarray, shape (m,)
+        rate : float
+            Learning rate eta, 0 to 1.
+
+        Returns
+        -------
+        ndarray, shape (m,)
+            The errors ``target - y`` before the step.
+        """
+        given = self._checked("inputs", inputs, self.inner.shape[:2])
+        wanted = self._checked("targets", targets, self.outer_bias.shape)
+        errors = np.empty(len(wanted))
+        descend(*self.weights, given, wanted, check_number("rate", rate, minimum=0, maximum=1), errors)
+        return errors
+
+    def _checked(self, name: str, values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+        try:
+            array = np.ascontiguousarray(values, dtype=float)
+        except (TypeError, ValueError):
+            array = np.empty(0)
+        if array.shape != shape or not np.isfinite(array).all():
+            raise InvalidValueError(f"{name} is {shortened(values)}; expected finite numbers of shape {shape}")
+        return array
+
+
+def fit(
+    x: np.ndarray,
+    y: np.ndarray,
+    *,
+    rng: np.random.Generator,
+    networks: int = 1,
+    hidden: int = 2,
+    presentations: int = 200,
+    rate: float = REGRESSION_RATE,
+) -> Networks:
+    """Fit networks of one input to noisy points: the thesis's demonstration of regression (6.3).
+
+    Every point is presented so often, in an order drawn anew for each network and round.
+
+    Parameters
+    ----------
+    x, y : ndarrays, shape (p,)
+        Finite; both of order 1.
+    rng : numpy.random.Generator
+    networks : int
+        How many are fitted, each from other random weights.
+    hidden, presentations : int
+    rate : float
+        Learning rate.
+
+    Returns
+    -------
+    Networks
+
+    Examples
+    --------
+    >>> x = np.linspace(-1, 1, 20)
+    >>> fitted = fit(x, np.tanh(2 * x), rng=np.random.default_rng(1))
+    >>> abs(fitted.outputs([[0.5]])[0] - np.tanh(1.0)) < 0.1
+    np.True_
+    """
+    stack = Networks.random(networks, inputs=1, hidden=hidden, rng=rng)
+    points = np.column_stack([x, y])
+    for _ in range(check_count("presentations", presentations)):
+        order = rng.permuted(np.tile(np.arange(len(points)), (networks, 1)), axis=1)
+        for shown in order.T:
+            stack.learn(points[shown, :1], points[shown, 1], rate)
+    return stack
+
+
+def check_networks(networks: Networks, inputs: int, group: int) -> None:
+    """Refuse networks that are not groups of so many, with so many inputs, and with finite weights.
+
+    Raises
+    ------
+    InvalidValueError
+    """
+    inner = networks.inner
+    m, k, h = inner.shape if inner.ndim == 3 else (0, -1, 0)
+    wanted = ((m, k, h), (m, h), (m, h), (m,))
+    fits = m and m % group == 0 and k == inputs
+    if not fits or any(w.shape != s for w, s in zip(networks.weights, wanted, strict=True)):
+        raise InvalidValueError(
+            f"networks have the shapes {[w.shape for w in networks.weights]}; expected {inputs} inputs "
+            f"and {group} networks a robot"
+        )
+    if not all(np.isfinite(w).all() for w in networks.weights):
+        raise InvalidValueError("networks hold weights that are not finite; train them anew")
+
+
+@compiled
+def say(inner, inner_bias, outer, outer_bias, inputs, out):
+    """Write the output of every network for its own row of inputs (m, k)."""
+    hidden = np.empty(inner.shape[2])
+    for m in range(inner.shape[0]):
+        out[m] = forward(inner, inner_bias, outer, outer_bias, m, inputs, m, hidden)
+
+
+@compiled
+def descend(inner, inner_bias, outer, outer_bias, inputs, targets, rate, errors):
+    """Take one step of gradient descent in every network; write the errors before it."""
+    hidden = np.empty(inner.shape[2])
+    for m in range(inner.shape[0]):
+        errors[m] = targets[m] - forward(inner, inner_bias, outer, outer_bias, m, inputs, m, hidden)
+        back_propagate(inner, inner_bias, outer, outer_bias, m, inputs, m, hidden, rate * errors[m])
+
+
+@compiled
+def forward(inner, inner_bias, outer, outer_bias, m, inputs, i, hidden):
+    """Return the output of network m for row i of the inputs; `hidden` is left with what its hidden units say."""
+    units = hidden.shape[0]
+    for h in range(units):
+        hidden[h] = inner_bias[m, h]
+    for k in range(inner.shape[1]):
+        x = inputs[i, k]
+        for h in range(units):
+            hidden[h] += inner[m, k, h] * x
+    y = outer_bias[m]
+    for h in range(units):
+        hidden[h] = math.tanh(hidden[h])
+        y += outer[m, h] * hidden[h]
+    return y
+
+
+@compiled
+def back_propagate(inner, inner_bias, outer, outer_bias, m, inputs, i, hidden, step):
+    """Add ``step * dy/dw`` to every weight w of network m; `hidden` is what `forward` left, and is overwritten."""
+    units = hidden.shape[0]
+    outer_bias[m] += step
+    for h in range(units):
+        said = hidden[h]
+        hidden[h] = step * outer[m, h] * (1.0 - said * said)
+        outer[m, h] += step * said
+        inner_bias[m, h] += hidden[h]
+    for k in range(inner.shape[1]):
+        x = inputs[i, k]
+        for h in range(units):
+            inner[m, k, h] += hidden[h] * x

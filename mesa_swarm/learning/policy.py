@@ -1,0 +1,223 @@
+"""What a trained controller is: readings in, wheel commands out; and the layer that drives robots by it."""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
+
+import numpy as np
+
+from mesa_swarm.control.layer import Senses
+from mesa_swarm.errors import InvalidValueError, LearningError, shortened
+from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.robots.design import RobotDesign
+from mesa_swarm.robots.reasons import Moment, Reason
+from mesa_swarm.robots.swarm import Swarm
+
+
+@dataclass(frozen=True, slots=True)
+class SensorLayout:
+    """The proximity sensors that a policy was trained with, in the order of its readings.
+
+    Parameters
+    ----------
+    bearings, ranges, fields_of_view : tuples of float, one a sensor
+        Degrees, map units, degrees.
+
+    Examples
+    --------
+    >>> from mesa_swarm import AGENT3
+    >>> SensorLayout.of(AGENT3).bearings
+    (0.0, 40.0, -40.0)
+    """
+
+    bearings: tuple[float, ...]
+    ranges: tuple[float, ...]
+    fields_of_view: tuple[float, ...]
+
+    @classmethod
+    def of(cls, design: RobotDesign) -> "SensorLayout":
+        """Return the layout of a design."""
+        eyes = design.proximity
+        return cls(
+            tuple(float(s.bearing_degrees) for s in eyes),
+            tuple(float(s.range) for s in eyes),
+            tuple(float(s.field_of_view_degrees) for s in eyes),
+        )
+
+    def __len__(self) -> int:
+        """How many sensors there are."""
+        return len(self.bearings)
+
+    def check(self, design: RobotDesign) -> None:
+        """Refuse a design whose proximity sensors are others.
+
+        Raises
+        ------
+        LearningError
+        """
+        other = SensorLayout.of(design)
+        if other == self:
+            return
+        if len(other) != len(self):
+            what = f"{len(self)} proximity sensors and {design.name} has {len(other)}"
+        else:
+            first = next(i for i in range(len(self)) if other._row(i) != self._row(i))
+            what = f"{_told(self._row(first))} as sensor {first} and {design.name} has {_told(other._row(first))}"
+        raise LearningError(f"the policy was trained with {what}; use the design that it was trained with")
+
+    def check_readings(self, readings: np.ndarray, kinds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return readings and kinds (n, s) as arrays, or refuse them.
+
+        Raises
+        ------
+        InvalidValueError
+            If they have not one value a sensor, or a reading is not finite.
+        """
+        try:
+            distance, kind = np.ascontiguousarray(readings, np.float64), np.ascontiguousarray(kinds, np.int8)
+        except (TypeError, ValueError, OverflowError):
+            distance = kind = np.empty(0)
+        if distance.ndim != 2 or distance.shape[1] != len(self) or distance.shape != kind.shape:
+            raise InvalidValueError(
+                f"readings are {shortened(np.shape(readings))} and kinds {shortened(np.shape(kinds))}; "
+                f"expected numbers, n rows of {len(self)} of both"
+            )
+        if not np.isfinite(distance).all():
+            raise InvalidValueError("readings hold NaN or infinity; expected finite distances, -1 for nothing seen")
+        return distance, kind
+
+    def _row(self, i: int) -> tuple[float, float, float]:
+        return self.bearings[i], self.ranges[i], self.fields_of_view[i]
+
+
+def _told(row: tuple[float, float, float]) -> str:
+    return "one at {:g} degrees, range {:g}, field of view {:g} degrees".format(*row)
+
+
+class Policy(Protocol):
+    """A controller that was trained, or can be: readings in, wheel commands out.
+
+    What learners of all families make, what files hold, and what `PolicyLayer` drives robots by. A policy does
+    not change when it acts.
+    """
+
+    family: ClassVar[str]  # by which files know it, see `learning.policy_files`
+    sensors: SensorLayout
+    steps: int  # robot-steps of training; 0 is untrained
+    training: dict  # where it comes from, and figures of its training: texts and numbers by name
+
+    def act(self, readings: np.ndarray, kinds: np.ndarray, chance: np.ndarray | None = None) -> np.ndarray:
+        """Return wheel commands as shares of max_speed.
+
+        Parameters
+        ----------
+        readings : ndarray, shape (n, s), map units
+            Of the proximity sensors, -1 for nothing seen.
+        kinds : int ndarray, shape (n, s)
+            0 obstacle, 1 robot, 2 fire, 3 load, -1 nothing.
+        chance : ndarray, shape (n,), optional
+            Numbers from 0 to 1, from which a policy that tries things draws; without them it does what it holds
+            best.
+
+        Returns
+        -------
+        ndarray, shape (n, 2)
+            Left and right wheel, in [-1, 1].
+
+        Raises
+        ------
+        InvalidValueError
+            If the readings are not those of its sensors.
+        """
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Return what was learned, by name: finite float64 arrays."""
+
+    def settings(self) -> dict:
+        """Return all else that it takes to act: texts and finite numbers by name."""
+
+    @classmethod
+    def restored(
+        cls, sensors: SensorLayout, steps: int, training: dict, settings: dict, arrays: dict[str, np.ndarray]
+    ) -> "Policy":
+        """Return the policy of these parts, or raise an error of ours if they do not fit together."""
+
+
+@dataclass(kw_only=True)
+class PolicyLayer:
+    """Drive by a policy that no longer learns; always active.
+
+    Parameters
+    ----------
+    policy : Policy
+    greedy : bool
+        Whether robots always do what the policy holds best, or leave to chance what the policy leaves to it.
+    explore : bool
+        Whether an untrained policy may drive.
+
+    Raises
+    ------
+    InvalidValueError
+        If `policy` is not one.
+    LearningError
+        If it is untrained and not told to explore; when robots have other sensors than it was trained with.
+
+    Examples
+    --------
+    >>> from mesa_swarm import AGENT9
+    >>> from mesa_swarm.learning.q_policy import QPolicy
+    >>> PolicyLayer(policy=QPolicy.untrained(AGENT9, rng=np.random.default_rng(1)))
+    Traceback (most recent call last):
+        ...
+    mesa_swarm.errors.LearningError: the policy is untrained; train it first, or let it explore with explore=True
+    """
+
+    policy: Policy
+    greedy: bool = False
+    explore: bool = False
+    name: str = "Policy"
+
+    def __post_init__(self) -> None:
+        """Check the policy."""
+        if isinstance(self.policy, type) or not callable(getattr(self.policy, "act", None)):
+            raise InvalidValueError(f"policy is {shortened(self.policy)}; expected what load_policy() returns")
+        if not self.policy.steps and not self.explore:
+            raise LearningError("the policy is untrained; train it first, or let it explore with explore=True")
+
+    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
+        """Remember nothing; check that the robots are of a kind that the policy knows."""
+        self._swarm, self._rng, self._known = swarm, rng, 0
+        self._check_designs()
+
+    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
+        """Drive the robots that no earlier layer drives.
+
+        Raises
+        ------
+        LearningError
+            If robots with other sensors were added.
+        """
+        if len(self._swarm.designs) != self._known:
+            self._check_designs()
+        chance = None if self.greedy else self._rng.random(len(layer))
+        drive(self.policy.act(senses.distance, senses.kind, chance), senses.max_speed, command, layer, index)
+
+    def reason(self, moment: Moment) -> Reason:
+        """Say what the policy saw."""
+        near = tuple(s for s in np.flatnonzero(moment.kind >= 0).tolist() if math.isfinite(moment.distance[s]))
+        return Reason("its policy acts on " + (", ".join(map(moment.reading, near)) or "nothing in sight"), near)
+
+    def _check_designs(self) -> None:
+        for design in self._swarm.designs:
+            self.policy.sensors.check(design)
+        self._known = len(self._swarm.designs)
+
+
+@compiled
+def drive(shares, max_speed, command, layer, index):
+    """Write the commands of robots that no layer drives yet; `shares` (n, 2) of their max_speed."""
+    for i in range(layer.shape[0]):
+        if layer[i] < 0:
+            command[i, 0] = shares[i, 0] * max_speed[i]
+            command[i, 1] = shares[i, 1] * max_speed[i]
+            layer[i] = index

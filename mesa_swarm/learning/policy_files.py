@@ -1,0 +1,164 @@
+"""Policies as files: saved whole, and read without ever running what is in them."""
+
+import json
+import os
+import uuid
+import zipfile
+from contextlib import suppress
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from mesa_swarm.errors import LearningError, check_count, check_number, shortened
+from mesa_swarm.learning.policy import Policy, SensorLayout
+from mesa_swarm.learning.q_policy import QPolicy
+from mesa_swarm.learning.wire_policy import WirePolicy
+
+FORMAT = "mesa_swarm policy 1"
+HEADER = "header"
+# Who reads what: a family of policies that is to be kept in files has its line here.
+FAMILIES: dict[str, type[Policy]] = {family.family: family for family in (QPolicy, WirePolicy)}
+# A policy of 1,000 robots takes 13 MB; what is far beyond that is none.
+LARGEST_BYTES = 1 << 28
+LONGEST_HEADER = 1 << 20
+MOST_ARRAYS = 64
+
+
+def save_policy(policy: Policy, path: str | os.PathLike[str]) -> Path:
+    """Write a policy to a file, whole or not at all, and return its path.
+
+    The file is NumPy's .npz without pickles: the arrays, and a header of JSON with the family, the sensors, the
+    settings, and where the policy comes from.
+
+    Parameters
+    ----------
+    policy : Policy
+    path : str or Path
+        Ends with .npz.
+
+    Raises
+    ------
+    LearningError
+        If the file cannot be written, or its name ends otherwise.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from mesa_swarm import AGENT3
+    >>> policy = QPolicy.untrained(AGENT3, rng=np.random.default_rng(1))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     load_policy(save_policy(policy, f"{folder}/mine.npz")).sensors == policy.sensors
+    True
+    """
+    file = Path(path)
+    if file.suffix != ".npz":
+        raise LearningError(f"{file.name} does not end with .npz; give the policy such a name")
+    header = {
+        "format": FORMAT,
+        "family": policy.family,
+        "sensors": asdict(policy.sensors),
+        "steps": policy.steps,
+        "training": {"numpy": np.__version__, **policy.training},
+        "settings": policy.settings(),
+    }
+    try:
+        _write_whole(file, json.dumps(header, allow_nan=False), policy.arrays())
+    except OSError as error:
+        raise LearningError(f"{file} cannot be written: {error.strerror or error}") from None
+    except (TypeError, ValueError):
+        raise LearningError("the policy's training holds what is no text or finite number; leave it out") from None
+    return file
+
+
+def load_policy(path: str | os.PathLike[str]) -> Policy:
+    """Return the policy in a file.
+
+    Raises
+    ------
+    LearningError
+        If there is no such file, or it is damaged, hostile, or not a policy.
+    """
+    file = Path(path)
+    try:
+        with zipfile.ZipFile(file) as archive:
+            _check_members(file, archive)
+        with np.load(file, allow_pickle=False) as found:
+            arrays = {name: found[name] for name in found.files}
+    except FileNotFoundError:
+        raise LearningError(f"there is no policy {file}; save one with save_policy") from None
+    except LearningError:
+        raise
+    except OSError as error:
+        raise LearningError(f"{file} cannot be read: {error.strerror or error}") from None
+    except Exception as error:  # of zip, zlib and NumPy, as many kinds as there are kinds of damage
+        raise _refusal(file, f"it is damaged ({type(error).__name__})") from None
+    return _policy_of(file, _header_of(file, arrays), arrays)
+
+
+def _policy_of(file: Path, header: dict, arrays: dict[str, np.ndarray]) -> Policy:
+    family = header.get("family")
+    if not isinstance(family, str) or family not in FAMILIES:
+        raise _refusal(file, f"its family is {shortened(family)}; known: {', '.join(FAMILIES)}")
+    for name, array in arrays.items():
+        if array.dtype != np.float64 or not np.isfinite(array).all():
+            raise _refusal(file, f"its {shortened(name)} holds other things than finite numbers")
+    try:
+        sensors = _sensors_of(header["sensors"])
+        steps = check_count("steps", header["steps"], maximum=2**62)
+        training, settings = _plain(header["training"]), _plain(header["settings"])
+        return FAMILIES[family].restored(sensors, steps, training, settings, arrays)
+    except (KeyError, TypeError, ValueError) as error:
+        raise _refusal(file, f"{error}" if isinstance(error, ValueError) else "its header is incomplete") from None
+
+
+def _sensors_of(rows: dict) -> SensorLayout:
+    names = ("bearings", "ranges", "fields_of_view")
+    layout = SensorLayout(*(tuple(check_number(name, v) for v in rows[name]) for name in names))
+    if len({len(rows[name]) for name in names}) > 1:
+        raise ValueError("its sensors are not as many bearings as ranges and fields of view")
+    return layout
+
+
+def _plain(values: dict) -> dict:
+    """Return what is a table of texts, numbers, and the like."""
+    if not isinstance(values, dict):
+        raise TypeError
+    return values
+
+
+def _header_of(file: Path, arrays: dict[str, np.ndarray]) -> dict:
+    raw = arrays.pop(HEADER, None)
+    if raw is None or raw.dtype != np.uint8 or raw.ndim != 1 or raw.size > LONGEST_HEADER:
+        raise _refusal(file, "it has no header")
+    try:
+        header = json.loads(raw.tobytes())
+    except (ValueError, RecursionError):
+        raise _refusal(file, "its header is not JSON") from None
+    if not isinstance(header, dict) or header.get("format") != FORMAT:
+        raise _refusal(file, f"its format is not {FORMAT!r}")
+    return header
+
+
+def _check_members(file: Path, archive: zipfile.ZipFile) -> None:
+    """Refuse what would fill the memory before anything is unpacked."""
+    members = archive.infolist()
+    if len(members) > MOST_ARRAYS or sum(member.file_size for member in members) > LARGEST_BYTES:
+        raise _refusal(file, f"it unpacks to more than {MOST_ARRAYS} arrays or {LARGEST_BYTES >> 20} MB")
+    if len({member.filename for member in members}) < len(members):
+        raise _refusal(file, "it holds two arrays of one name")
+
+
+def _refusal(file: Path, why: str) -> LearningError:
+    return LearningError(f"{file} is no policy that can be used: {' '.join(why.split())[:300]}")
+
+
+def _write_whole(file: Path, header: str, arrays: dict[str, np.ndarray]) -> None:
+    draft = file.with_name(f".{uuid.uuid4().hex}.draft")
+    try:
+        with draft.open("wb") as part:
+            np.savez_compressed(part, **{HEADER: np.frombuffer(header.encode(), np.uint8)}, **arrays)
+        os.replace(draft, file)
+    finally:
+        with suppress(OSError):
+            draft.unlink(missing_ok=True)

@@ -1,0 +1,230 @@
+"""QLearning: robots that teach themselves to drive fast and touch nothing (thesis chapters 7 and 8)."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mesa_swarm.control.layer import Senses
+from mesa_swarm.errors import (
+    InvalidValueError,
+    shortened,
+)
+from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.learning.actions import (
+    ACTION_NAMES,
+    ACTIONS,
+    best_of,
+    chosen,
+    ranges_of,
+    write_inputs,
+)
+from mesa_swarm.learning.learner import Learner, cool
+from mesa_swarm.learning.networks import back_propagate, forward
+from mesa_swarm.learning.q_policy import QPolicy, check_start
+from mesa_swarm.learning.rewards import REWARDS, rewarded
+from mesa_swarm.robots.reasons import Moment, Reason
+from mesa_swarm.robots.swarm import Swarm
+
+
+@dataclass(kw_only=True)
+class QLearning(Learner):
+    """Learn in every step which of a few actions pays, and choose by what was learned; always active.
+
+    Each robot has a network for each action, of its sensors' readings, twice as many hidden units as
+    proximity sensors, and one output, Q(s, a). In every step, without episodes, the network of the action
+    that was taken makes one step of back-propagation towards ``Q + alpha (r + gamma max_a' Q(s', a') - Q)``
+    (7.3), where s' and the reward r are what the action led to. Then an action is chosen by Boltzmann's
+    probabilities (7.4) at a temperature that falls to its end: ``T <- T - beta (T - T_c)`` (8.3).
+
+    What is learned is in columns of the swarm, one row a robot. In a `Subsumption` a robot learns of its own
+    actions only, not of those of layers above.
+
+    Parameters
+    ----------
+    reward : str
+        "a", "b" or "c", see `learning.rewards`.
+    actions : int
+        8, or the first 4 of them: back, left and right on the spot, forward.
+    encoding : str
+        "distance", as in the thesis, or "typed": also whether a sensor sees a robot, a fire or a load.
+    alpha : float
+        How much of a new experience counts, 0 to 1.
+    eta : float
+        Rate of back-propagation, 0 to 1.
+    gamma : float
+        What the next step's value counts, 0 to below 1.
+    beta : float
+        How fast the temperature falls, 0 to 1.
+    first_temperature, last_temperature : float
+        T_0 and T_c, above 0.
+    critical : float
+        Reading, as a share of the range, below which the reward tells only of nearness; above 0, at most 1.
+    shared : bool
+        Whether all robots learn with one set of networks: their experiences are taken one after the other, in
+        the order of the robots' ids.
+    self_adjusting : bool
+        Whether a robot sets its temperature by how often it bumped lately, instead of by the clock:
+        ``T = T_c + (T_0 - T_c) min(1, b / bump_rate)``, where b is the share of recent steps, about the last
+        `bump_window`, that ended with a reading of at most `bump_distance`.
+    bump_rate : float
+        Share of steps, above 0, at most 1.
+    bump_window : int
+        Steps, at least 1.
+    bump_distance : float
+        Map units, at least 0.
+    frozen : bool
+        Whether it only acts, at the temperature that each robot has, and learns nothing.
+    start : QPolicy, optional
+        What robots know when they are born, small random weights by default: the way to go on with a saved
+        policy. The k-th robot ever made gets set ``k % copies``, or all the first one where networks are shared.
+
+    Raises
+    ------
+    InvalidValueError, UnknownNameError
+        If a value is out of its range, or `start` has other actions or another encoding.
+
+    Examples
+    --------
+    >>> QLearning(reward="b", beta=5e-3).gamma
+    0.7
+    """
+
+    reward: str = "b"
+    actions: int = 8
+    encoding: str = "distance"
+    alpha: float = 0.4
+    eta: float = 0.1
+    gamma: float = 0.7
+    beta: float = 1e-4
+    first_temperature: float = 1.0
+    last_temperature: float = 0.2
+    critical: float = 0.4
+    shared: bool = False
+    self_adjusting: bool = False
+    bump_rate: float = 0.02
+    bump_window: int = 1000
+    bump_distance: float = 0.5
+    frozen: bool = False
+    start: QPolicy | None = None
+    name: str = "QLearning"
+
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        if self.actions not in (4, 8):
+            raise InvalidValueError(f"actions is {shortened(self.actions)}; expected 4 or 8")
+        self._check_rates()
+        check_start(self.start, self.actions, self.encoding)
+
+    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
+        """Remember each robot's networks, its last inputs, action and reward, its temperature and recent bumps."""
+        self._remember(swarm, prefix, rng, self.actions, {"action": ((), np.int64, -1)})
+
+    def policy(self, **training: str | float) -> QPolicy:
+        """Return what the robots have learned so far, all of them, as a policy that no longer learns.
+
+        Parameters
+        ----------
+        **training
+            Figures to keep with it, such as ``collisions=0.4``.
+
+        Raises
+        ------
+        LearningError
+            If there are no robots, or they have not all the same sensors.
+        """
+        return QPolicy(actions=self.actions, **self._learned(training))
+
+    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
+        """Learn from the last action, and choose the next one for robots that no other layer drives.
+
+        Raises
+        ------
+        LearningError
+            If what a robot has learned is no longer finite; all that was learned before is kept.
+        """
+        robots = len(layer)
+        self._memory.give_birth(self._rng, self.shared)
+        inputs = self._column("inputs")
+        diverged = learn_and_choose(
+            senses.distance,
+            senses.kind,
+            ranges_of(senses.sensors),
+            senses.design,
+            senses.max_speed,
+            self._memory.weights,
+            inputs.reshape(robots, math.prod(inputs.shape[1:])),
+            tuple(map(self._column, ("action", "lessons"))),
+            tuple(map(self._column, ("reward", "temperature", "bumps"))),
+            self._rng.random(robots),
+            REWARDS.index(self.reward),
+            (float(self.alpha * self.eta), float(self.gamma), float(self.critical)),
+            (float(self.beta), float(self.first_temperature), float(self.last_temperature)),
+            (float(self.bump_rate), 1.0 / self.bump_window, float(self.bump_distance)),
+            (bool(self.shared), bool(self.self_adjusting), bool(self.frozen)),
+            command,
+            layer,
+            index,
+        )
+        if self.shared and not self.frozen:
+            self._memory.share()
+        if diverged >= 0:
+            raise self._divergence(diverged)
+
+    def reason(self, moment: Moment) -> Reason:
+        """Say which action it chose, and what is nearest."""
+        speeds = moment.command / max(float(np.abs(moment.command).max()), 1e-300)
+        action = ACTION_NAMES[int(np.argmin(np.abs(ACTIONS - speeds).sum(axis=1)))]
+        seen = np.flatnonzero(moment.kind >= 0)
+        nearest = seen[np.argmin(moment.distance[seen])] if len(seen) else -1
+        near = (int(nearest),) if nearest >= 0 else ()
+        beside = f" with {moment.reading(near[0])}" if near else " with nothing in sight"
+        return Reason(f"it chose {action}, by what it learned and by chance,{beside}", near)
+
+
+@compiled
+def learn_and_choose(
+    distance, kind, ranges, design, max_speed, weights, inputs, counts, memory, chance,
+    reward, rates, cooling, bumping, options, command, layer, index,
+):  # fmt: skip
+    """Learn from the last action and choose the next; return a robot whose values are not finite, or -1."""
+    inner, inner_bias, outer, outer_bias = weights
+    action, lessons = counts
+    rewards, temperature, bumps = memory
+    rate, gamma, critical = rates
+    shared, self_adjusting, frozen = options
+    robots = layer.shape[0]
+    count = outer_bias.shape[0] // max(robots, 1)
+    now, hidden = np.empty((1, inputs.shape[1])), np.empty(inner.shape[2])
+    values = np.empty(count)
+    diverged = -1
+    for i in range(robots):
+        first = 0 if shared else i * count
+        nearest = write_inputs(distance, kind, ranges, i, design[i], now, 0)
+        for a in range(count):
+            values[a] = forward(inner, inner_bias, outer, outer_bias, first + a, now, 0, hidden)
+        a = action[i]
+        if a >= 0:
+            rewards[i] = rewarded(reward, nearest, ACTIONS[a, 0], ACTIONS[a, 1], critical)
+        if a >= 0 and not frozen:
+            m = first + a
+            wanted = rewards[i] + gamma * values[best_of(values)]
+            step = rate * (wanted - forward(inner, inner_bias, outer, outer_bias, m, inputs, i, hidden))
+            if not math.isfinite(step):
+                diverged = i if diverged < 0 else diverged
+                step = 0.0
+            else:
+                back_propagate(inner, inner_bias, outer, outer_bias, m, inputs, i, hidden, step)
+                lessons[i] += 1
+            values[a] = forward(inner, inner_bias, outer, outer_bias, m, now, 0, hidden)
+        if not frozen:
+            cool(distance, i, temperature, bumps, cooling, bumping, self_adjusting)
+        action[i] = -1
+        if layer[i] < 0:
+            action[i] = chosen(values, temperature[i], chance[i])
+            command[i, 0] = max_speed[i] * ACTIONS[action[i], 0]
+            command[i, 1] = max_speed[i] * ACTIONS[action[i], 1]
+            layer[i] = index
+        for k in range(inputs.shape[1]):
+            inputs[i, k] = now[0, k]
+    return diverged

@@ -1,0 +1,63 @@
+"""Rewards (a), (b), (c): drive fast and keep away from things (thesis 8.2)."""
+
+import math
+
+from mesa_swarm.errors import check_choice, check_number
+from mesa_swarm.geometry.compiled import compiled
+
+REWARDS = ("a", "b", "c")
+
+
+def reward(kind: str, nearest: float, left: float, right: float, critical: float = 0.4) -> float:
+    """Return the reward for what an action has led to.
+
+    With i the nearest reading afterwards, d the critical distance and ``q = (e - 1) / d``: below d it is
+    ``ln(q i + 1) - 1``, from -1 when touching to 0 at d. From d on
+
+    - (a) ``(left + right) / 2`` (8.5);
+    - (b) 1 for both wheels ahead at full speed, -1 for all other actions of the thesis (8.6), and in between
+      for what is in between: ``max(2 min(left, right) - 1, -1)``;
+    - (c) that of (b), blended in linearly from 0 at d to all of it at 2 d: no leap at d (thesis 8.3).
+
+    Parameters
+    ----------
+    kind : str
+        "a", "b" or "c".
+    nearest : float
+        The least reading as a share of its sensor's range, 0 to 1; 1 when nothing is seen.
+    left, right : float
+        What the wheels were told, as shares of max_speed, -1 to 1.
+    critical : float
+        Share of the range, above 0, at most 1.
+
+    Returns
+    -------
+    float
+        In [-1, 1].
+
+    Raises
+    ------
+    InvalidValueError, UnknownNameError
+
+    Examples
+    --------
+    >>> reward("b", 1.0, 1, 1), reward("b", 1.0, 1, 0), reward("a", 1.0, 1, 0), reward("c", 0.6, 1, 1)
+    (1.0, -1.0, 0.5, 0.5)
+    """
+    number = REWARDS.index(check_choice("reward", kind, REWARDS))
+    check_number("nearest", nearest, minimum=0, maximum=1)
+    for name, wheel in (("left", left), ("right", right)):
+        check_number(name, wheel, minimum=-1, maximum=1)
+    check_number("critical", critical, above=0, maximum=1)
+    return round(rewarded(number, float(nearest), float(left), float(right), float(critical)), 15)
+
+
+@compiled
+def rewarded(kind, nearest, left, right, critical):
+    """Return the reward; `kind` is an index into `REWARDS`."""
+    if nearest < critical:
+        return math.log((math.e - 1.0) / critical * nearest + 1.0) - 1.0
+    if kind == 0:
+        return 0.5 * (left + right)
+    ahead = max(2.0 * min(left, right) - 1.0, -1.0)
+    return ahead if kind == 1 else ahead * min((nearest - critical) / critical, 1.0)

@@ -1,0 +1,187 @@
+"""WireFittedQ: Q-learning with continuous actions, by wire fitting (thesis 7.3.2, 10.3)."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mesa_swarm.control.layer import Senses
+from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
+from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.learning.actions import best_of, chosen, ranges_of, write_inputs
+from mesa_swarm.learning.learner import Learner, cool
+from mesa_swarm.learning.networks import back_propagate
+from mesa_swarm.learning.rewards import REWARDS, rewarded
+from mesa_swarm.learning.wire_fitting import SMOOTHING, TINY, interpolate
+from mesa_swarm.learning.wire_policy import OUTPUTS, STARTS, WirePolicy, propose
+from mesa_swarm.robots.swarm import Swarm
+
+
+@dataclass(kw_only=True)
+class WireFittedQ(Learner):
+    """Learn which wheel commands pay, any between full speed back and full speed ahead; always active.
+
+    Networks propose a few actions, the wires, and say what each is worth; what lies between is interpolated, see
+    `wire_fitting.wire_value`. Every step, Q(s, u) of the action u that was taken is moved by back-propagation
+    through the interpolation towards ``Q + alpha (r + gamma q_max(s') - Q)``. A wire is chosen by Boltzmann's
+    probabilities, and a normal error of `jitter` times the temperature added to each wheel.
+
+    Parameters
+    ----------
+    wires : int
+        1 to 8; they begin near the thesis's actions, in their order.
+    jitter : float
+        Share of max_speed at temperature 1, at least 0.
+    reward, encoding, alpha, eta, gamma, beta, first_temperature, last_temperature, critical, shared, \
+self_adjusting, bump_rate, bump_window, bump_distance, frozen
+        As for `QLearning`.
+    start : WirePolicy, optional
+        What robots know when they are born.
+
+    Raises
+    ------
+    InvalidValueError, UnknownNameError
+
+    Examples
+    --------
+    >>> WireFittedQ(wires=5).reward
+    'c'
+    """
+
+    wires: int = 4
+    jitter: float = 0.2
+    reward: str = "c"
+    encoding: str = "distance"
+    alpha: float = 0.4
+    eta: float = 0.1
+    gamma: float = 0.7
+    beta: float = 1e-4
+    first_temperature: float = 1.0
+    last_temperature: float = 0.2
+    critical: float = 0.4
+    shared: bool = False
+    self_adjusting: bool = False
+    bump_rate: float = 0.02
+    bump_window: int = 1000
+    bump_distance: float = 0.5
+    frozen: bool = False
+    start: WirePolicy | None = None
+    name: str = "WireFittedQ"
+
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        check_count("wires", self.wires, minimum=1, maximum=len(STARTS))
+        check_number("jitter", self.jitter, minimum=0, maximum=10)
+        self._check_rates()
+        start = self.start
+        if start is not None and not isinstance(start, WirePolicy):
+            raise InvalidValueError(f"start is {shortened(start)}; expected a WirePolicy, as load_policy() returns it")
+        if start is not None and (start.wires, start.encoding) != (self.wires, self.encoding):
+            raise InvalidValueError(f"start has {start.wires} wires, encoding {start.encoding!r}; expected the same")
+
+    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
+        """Remember each robot's networks, its last inputs, action and reward, its temperature and recent bumps."""
+        self._remember(swarm, prefix, rng, OUTPUTS * self.wires, {"action": ((2,), np.float64, math.nan)})
+
+    def policy(self, **training: str | float) -> WirePolicy:
+        """Return what the robots have learned so far as a policy that no longer learns; see `QLearning.policy`."""
+        return WirePolicy(wires=self.wires, **self._learned(training))
+
+    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
+        """Learn from the last action, and choose the next one for robots that no other layer drives.
+
+        Raises
+        ------
+        LearningError
+            If what a robot has learned is no longer finite; all that was learned before is kept.
+        """
+        robots = len(layer)
+        self._memory.give_birth(self._rng, self.shared)
+        inputs = self._column("inputs")
+        diverged = learn_wires(
+            senses.distance,
+            senses.kind,
+            ranges_of(senses.sensors),
+            senses.design,
+            senses.max_speed,
+            self._memory.weights,
+            inputs.reshape(robots, math.prod(inputs.shape[1:])),
+            self._column("action"),
+            self._column("lessons"),
+            tuple(map(self._column, ("reward", "temperature", "bumps"))),
+            self._rng.random(robots),
+            self.jitter * self._rng.normal(size=(robots, 2)),
+            REWARDS.index(self.reward),
+            (float(self.alpha * self.eta), float(self.gamma), float(self.critical)),
+            (float(self.beta), float(self.first_temperature), float(self.last_temperature)),
+            (float(self.bump_rate), 1.0 / self.bump_window, float(self.bump_distance)),
+            (bool(self.shared), bool(self.self_adjusting), bool(self.frozen)),
+            self.wires,
+            command,
+            layer,
+            index,
+        )
+        if self.shared and not self.frozen:
+            self._memory.share()
+        if diverged >= 0:
+            raise self._divergence(diverged)
+
+
+@compiled
+def learn_wires(
+    distance, kind, ranges, design, max_speed, weights, inputs, action, lessons, memory, chance, errors,
+    reward, rates, cooling, bumping, options, wires, command, layer, index,
+):  # fmt: skip
+    """Learn from the last action and choose the next; return a robot whose values are not finite, or -1."""
+    rewards, temperature, bumps = memory
+    rate, gamma, critical = rates
+    shared, self_adjusting, frozen = options
+    now, hidden = np.empty((1, inputs.shape[1])), np.empty((OUTPUTS * wires, weights[0].shape[2]))
+    ends, values = np.empty((wires, 2)), np.empty(wires)
+    diverged = -1
+    for i in range(layer.shape[0]):
+        first = 0 if shared else i * OUTPUTS * wires
+        nearest = write_inputs(distance, kind, ranges, i, design[i], now, 0)
+        propose(weights, first, now, 0, hidden, ends, values)
+        if not math.isnan(action[i, 0]):
+            rewards[i] = rewarded(reward, nearest, action[i, 0], action[i, 1], critical)
+            wanted = rewards[i] + gamma * values[best_of(values)]
+            if not frozen and not learn_one(weights, first, inputs, i, hidden, ends, values, action, wanted, rate):
+                diverged = i if diverged < 0 else diverged
+            elif not frozen:
+                lessons[i] += 1
+            propose(weights, first, now, 0, hidden, ends, values)
+        if not frozen:
+            cool(distance, i, temperature, bumps, cooling, bumping, self_adjusting)
+        action[i, 0] = math.nan
+        if layer[i] < 0:
+            w = chosen(values, temperature[i], chance[i])
+            for side in range(2):
+                tried = ends[w, side] + temperature[i] * errors[i, side]
+                action[i, side] = min(max(tried, -1.0), 1.0)
+                command[i, side] = max_speed[i] * action[i, side]
+            layer[i] = index
+        for k in range(inputs.shape[1]):
+            inputs[i, k] = now[0, k]
+    return diverged
+
+
+@compiled
+def learn_one(weights, first, inputs, i, hidden, ends, values, action, wanted, rate):
+    """Move Q of what robot i did towards what is wanted; return whether that was finite, else nothing is changed."""
+    inner, inner_bias, outer, outer_bias = weights
+    wires = values.shape[0]
+    propose(weights, first, inputs, i, hidden, ends, values)
+    by_end, by_value = np.empty((wires, 2)), np.empty(wires)
+    value = interpolate(action[i, 0], action[i, 1], ends, values, SMOOTHING, TINY, by_end, by_value)
+    step = rate * (wanted - value)
+    if not math.isfinite(step):
+        return False
+    for w in range(wires):
+        for side in range(2):
+            m = OUTPUTS * w + side
+            slope = by_end[w, side] * (1.0 - ends[w, side] * ends[w, side])
+            back_propagate(inner, inner_bias, outer, outer_bias, first + m, inputs, i, hidden[m], step * slope)
+        m = OUTPUTS * w + 2
+        back_propagate(inner, inner_bias, outer, outer_bias, first + m, inputs, i, hidden[m], step * by_value[w])
+    return True

@@ -1,0 +1,367 @@
+"""The complete state of a model between two steps, and a model that is given it back."""
+
+from collections.abc import Sequence
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from mesa.agent import Agent
+
+from mesa_swarm.errors import RecordingError, SwarmError, shortened
+from mesa_swarm.observed_world import ObservedWorld
+from mesa_swarm.recording.clock import has_own_events, set_clock
+from mesa_swarm.recording.collected import Path, collected_to_json, joined, lay_collected, reporters_of
+from mesa_swarm.recording.container import Checkpoint
+from mesa_swarm.recording.parts import control_from_json, control_to_json, part_from_json, part_to_json
+from mesa_swarm.recording.plain import Packed
+from mesa_swarm.recording.stored_columns import check_columns, lay_columns, lay_history
+from mesa_swarm.recording.things import lay_things, things_to_json
+
+# What is stored in a way of its own, or follows from what is stored, or says only how the model is being looked at.
+# First Mesa's, then ours.
+HANDLED = frozenset(
+    (
+        *("steps", "step", "rng", "_rng", "random", "_seed", "_user_step", "_agents", "_agents_by_type", "_all_agents"),
+        *("subscribers", "_batch_context", "_suppress", "_time", "agent_id_counter", "_simulator", "_event_list"),
+        *("_event_generators", "_scenario", "_default_schedule", "data_registry"),
+        *("given", "_engine", "map", "streams", "space", "swarm", "fires", "_obstacles", "_loads", "_scene"),
+        *("_scene_table", "observers", "_channel", "_fire_constants", "_senses", "_senses_version", "_sensed"),
+        *("_noise", "datacollector", "_control", "_snapshots"),
+    )
+)
+OF_THINGS = frozenset(
+    (
+        *("model", "unique_id", "space", "_mesa_index", "pos", "swarm", "row", "fires", "shape", "form", "pose"),
+        *("_resistance", "moved", "pushers"),
+    )
+)
+# Attributes that every model has and computes with.
+OF_EVERY_MODEL = {
+    **dict.fromkeys(("_burns", "running"), (bool, np.bool_)),
+    **dict.fromkeys(("collisions", "total_collisions", "_completed"), (int,)),
+    **dict.fromkeys(("_turn_angle", "extinguish_range"), (float, int, np.float64)),
+}
+LARGEST_NUMBER = 1e15
+# Bit generators whose state no number can break.
+GENERATORS = ("PCG64", "PCG64DXSM")
+OURS = ("mesa_swarm.control.", "mesa_swarm.fire.")
+
+
+@runtime_checkable
+class Checkpointed(Protocol):
+    """What keeps a state of its own, a learner for example: an attribute of the model, or a layer of its control.
+
+    A layer that remembers in columns of the swarm (`Swarm.remember`), and in nothing else, needs neither.
+
+    Examples
+    --------
+    >>> class Counter:
+    ...     seen = 0
+    ...     def checkpoint(self):
+    ...         return {"seen": self.seen}
+    ...     def restore(self, state):
+    ...         self.seen = state["seen"]
+    >>> isinstance(Counter(), Checkpointed)
+    True
+    """
+
+    def checkpoint(self) -> dict:
+        """Return all that a later step depends on: arrays and plain values (`plain.Packed`) by name."""
+
+    def restore(self, state: dict) -> None:
+        """Take back what `checkpoint` returned."""
+
+
+class _Told(Packed):
+    """Plain values of a model, in which its agents may stand: told by their unique_ids."""
+
+    def __init__(self, model: ObservedWorld, arrays: list[np.ndarray] | None = None) -> None:
+        super().__init__(arrays)
+        self._model = model
+        self._agents: dict[int, Agent] | None = None
+
+    def pack(self, value: object, what: str = "a value", depth: int = 0) -> object:
+        """Return a value as JSON has it."""
+        if isinstance(value, Agent):
+            if value not in self._model.agents:
+                raise RecordingError(f"{what} refers to an agent that is not in the model, which cannot be stored")
+            return {"agent": value.unique_id}
+        return super().pack(value, what, depth)
+
+    def unpack(self, told: object) -> object:
+        """Return the value that `pack` told."""
+        if isinstance(told, dict) and "agent" in told:
+            if self._agents is None:
+                self._agents = {agent.unique_id: agent for agent in self._model.agents}
+            return self._agents[told["agent"]]
+        return super().unpack(told)
+
+
+def checkpoint_of(model: ObservedWorld, since: dict[Path, int] | None = None) -> Checkpoint:
+    """Return the complete state of a model, between two steps.
+
+    Stored are the swarm, obstacles, loads, fires, radio, control, all random streams, Mesa's counters, what was
+    collected, and all other attributes of the model that are plain, or have `checkpoint` and `restore`. What
+    `watch` keeps is not.
+
+    Parameters
+    ----------
+    model : ObservedWorld
+    since : dict, optional
+        How much was collected at the last checkpoint (`lengths_of`): only what came since is stored. By
+        default all.
+
+    Raises
+    ------
+    RecordingError
+        If something cannot be stored; it says what.
+
+    Examples
+    --------
+    >>> from mesa_swarm.models.fire_fighting import FireFighting
+    >>> model = FireFighting(rng=1).run(20)
+    >>> again = restore(FireFighting(rng=2), checkpoint_of(model))
+    >>> again.run(10).state_hash() == model.run(10).state_hash()
+    True
+    """
+    state_hash = model.state_hash()  # reads the sensors, as their next use does
+    if has_own_events(model):
+        raise RecordingError("Mesa's schedule holds events besides the step, which cannot be stored")
+    told = _Told(model)
+    facts = {
+        "steps": model.steps,
+        "things": things_to_json(model),
+        "columns": {name: told.pack(column) for name, column in sorted(model.swarm.columns.items())},
+        "disturbed": model.swarm.disturbed,
+        "fires": {name: told.pack(column) for name, column in model.fires.columns.items()},
+        "history": [model.fires.history.every, list(model.fires.history._places), model.fires.history._fires],
+        "constants": part_to_json(model.fire_constants),
+        "radio": part_to_json(model.communication),
+        "control": control_to_json(model.control),
+        "control_state": _control_state(model, told),
+        "randomness": _randomness(model, told),
+        "collected": collected_to_json(model, told, since or {}),
+        "reporters": {
+            name: told.pack(reporter.checkpoint(), f"reporter {name}") for name, reporter in reporters_of(model).items()
+        },
+        "attributes": {n: _attribute(v, n, told) for n, v in model.__dict__.items() if n not in HANDLED},
+        "of_things": _of_things(model, told),
+    }
+    return Checkpoint(step=model.completed, state_hash=state_hash, facts=facts, arrays=told.arrays)
+
+
+def restore(model: ObservedWorld, checkpoint: Checkpoint, earlier: Sequence[Checkpoint] = ()) -> ObservedWorld:
+    """Give a model that its constructor has just made the state of a checkpoint, and return it.
+
+    Parameters
+    ----------
+    model : ObservedWorld
+        Of the class that was stored.
+    checkpoint : Checkpoint
+    earlier : sequence of Checkpoint
+        Those before it in the same recording, whose collected rows it goes on from.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be taken over, or what comes out is not what was stored.
+    """
+    where = f"the checkpoint of step {checkpoint.step}"
+    try:
+        _restore(model, checkpoint, earlier)
+        state_hash = model.state_hash()
+    except (SwarmError, ArithmeticError, AttributeError, LookupError, MemoryError, RecursionError, TypeError,
+            ValueError) as error:  # fmt: skip
+        words = " ".join(str(error).split())
+        raise RecordingError(f"{where} cannot be restored: {words[:200] or type(error).__name__}") from None
+    if state_hash != checkpoint.state_hash or model.completed != checkpoint.step:
+        raise RecordingError(f"{where} does not give the state that was stored: another version wrote it")
+    return model
+
+
+def _restore(model: ObservedWorld, checkpoint: Checkpoint, earlier: Sequence[Checkpoint]) -> None:
+    facts, told = checkpoint.facts, _Told(model, checkpoint.arrays)
+    lay_things(model, facts["things"])
+    model.fire_constants = part_from_json(facts["constants"])
+    _lay_control(model, facts, told)
+    set_clock(model, facts["steps"])
+    _lay_attributes(model, facts, told)
+    lay_columns(model.swarm.columns, facts["columns"], told)
+    lay_columns(model.fires.columns, facts["fires"], told)
+    check_columns(model)
+    lay_history(model, facts["history"])
+    parts = [(part.facts["collected"], _Told(model, part.arrays)) for part in earlier]
+    lay_collected(model, joined([*parts, (facts["collected"], told)]))
+    for name, reporter in reporters_of(model).items():
+        reporter.restore(told.unpack(facts["reporters"][name]))
+    model.obstacles_changed()
+    model.swarm.version += 1
+    model._sensed = None
+    _lay_randomness(model, facts["randomness"], told)
+    model.swarm.disturbed = bool(facts["disturbed"])
+
+
+# ---- control
+
+
+def _control_state(model: ObservedWorld, told: Packed) -> list:
+    if model.control is None:
+        return []
+    arbiter = model.control
+    keeps = {} if type(arbiter).__module__.startswith(OURS) else vars(arbiter)
+    own = {name: value for name, value in keeps.items() if name not in ("layers", "weights")}
+    return [_inner(own, type(arbiter).__name__, told), *(_layer_state(layer, told) for layer in arbiter.layers)]
+
+
+def _layer_state(layer: object, told: Packed) -> object:
+    if isinstance(layer, Checkpointed):
+        return {"own": told.pack(layer.checkpoint(), f"layer {layer.name}")}
+    if type(layer).__module__.startswith(OURS):
+        return None
+    return _inner(getattr(layer, "__dict__", {}), f"layer {getattr(layer, 'name', '')}", told)
+
+
+def _inner(values: dict, what: str, told: Packed) -> dict:
+    swarm = told._model.swarm
+    return {n: _attribute(v, f"{what}'s {n}", told) for n, v in values.items() if v is not swarm}
+
+
+def _lay_control(model: ObservedWorld, facts: dict, told: Packed) -> None:
+    """Give the model the radio and the control that it had, unless its constructor has made the same."""
+    radio = part_from_json(facts["radio"])
+    if model.communication != radio:
+        model.communication = radio
+    if control_to_json(model.control) != facts["control"]:
+        model.control = control_from_json(facts["control"])
+    states = facts["control_state"]
+    if model.control is None:
+        return
+    arbiter, *layers = states
+    _lay_inner(model.control, arbiter, told)
+    for layer, state in zip(model.control.layers, layers, strict=True):
+        _lay_layer(layer, state, told)
+
+
+def _lay_layer(layer: object, state: object, told: Packed) -> None:
+    if isinstance(layer, Checkpointed):
+        layer.restore(told.unpack(state["own"]))
+    elif state is not None:
+        _lay_inner(layer, state, told)
+
+
+def _lay_inner(owner: object, state: dict, told: Packed) -> None:
+    if state and type(owner).__module__.startswith(OURS):
+        raise RecordingError(f"{type(owner).__name__} has no state of its own")
+    for name, value in state.items():
+        object.__setattr__(owner, name, _value(getattr(owner, name, None), name, value, told))
+
+
+# ---- attributes
+
+
+def _attribute(value: object, name: str, told: Packed) -> object:
+    """Return an attribute as JSON has it: plain, a random generator, or what keeps a state of its own."""
+    if isinstance(value, np.random.Generator):
+        return {"generator": _generator(value, name, told)}
+    if isinstance(value, Checkpointed) and not isinstance(value, type):
+        return {"own": told.pack(value.checkpoint(), name)}
+    for column, own in told._model.swarm.columns.items():
+        if value is own:
+            return {"column": column}
+    try:
+        return {"plain": told.pack(value, name)}
+    except RecordingError as error:
+        try:
+            return {"part": part_to_json(value)}
+        except RecordingError:
+            raise RecordingError(f"{error}; give its class checkpoint() and restore(state)") from None
+
+
+def _lay_attributes(model: ObservedWorld, facts: dict, told: Packed) -> None:
+    attributes = facts["attributes"]
+    if HANDLED & attributes.keys():
+        raise RecordingError("it has attributes that are no state")
+    for name in [name for name in model.__dict__ if name not in HANDLED and name not in attributes]:
+        del model.__dict__[name]
+    for name, value in attributes.items():
+        model.__dict__[name] = _value(model.__dict__.get(name), name, value, told)
+    for name, kinds in OF_EVERY_MODEL.items():
+        value = getattr(model, name, None)
+        if type(value) not in kinds or not 0 <= value < LARGEST_NUMBER:
+            raise RecordingError(f"{name} is {shortened(value)}")
+    agents = {agent.unique_id: agent for agent in model.agents}
+    for unique_id, values in facts["of_things"]:
+        for name, value in values.items():
+            if name in OF_THINGS:
+                raise RecordingError("it has attributes that are no state")
+            agents[unique_id].__dict__[name] = _value(None, name, value, told)
+
+
+def _value(now: object, name: str, told_value: dict, told: Packed) -> object:
+    ((kind, value),) = told_value.items()
+    if kind == "generator":
+        if not isinstance(now, np.random.Generator):
+            raise RecordingError(f"{name} is no random generator")
+        now.bit_generator.state = _checked_state(told.unpack(value))
+        return now
+    if kind == "own":
+        if not isinstance(now, Checkpointed):
+            raise RecordingError(f"{name} has no checkpoint() and restore(state)")
+        now.restore(told.unpack(value))
+        return now
+    if kind == "column":
+        return told._model.swarm.columns[value]
+    return part_from_json(value) if kind == "part" else told.unpack(value)
+
+
+def _of_things(model: ObservedWorld, told: Packed) -> list:
+    """Return what people have written onto robots and other agents."""
+    extra = []
+    for agent in model.agents:
+        names = [name for name in agent.__dict__ if name not in OF_THINGS]
+        if names:
+            what = f"{type(agent).__name__} {agent.unique_id}'s "
+            own = {name: {"plain": told.pack(agent.__dict__[name], what + name)} for name in names}
+            extra.append([agent.unique_id, own])
+    return extra
+
+
+# ---- randomness
+
+
+def _randomness(model: ObservedWorld, told: Packed) -> dict:
+    version, words, gauss = model.random.getstate()
+    noise = model._noise
+    return {
+        "streams": {name: told.pack(state) for name, state in model.streams.state().items()},
+        "rng": _generator(model.rng, "rng", told),
+        "random": [version, told.pack(np.array(words, np.uint32)), gauss],
+        "noise": None if noise is None else told.pack(noise),
+    }
+
+
+def _lay_randomness(model: ObservedWorld, facts: dict, told: Packed) -> None:
+    for name, state in facts["streams"].items():
+        model.streams[name].bit_generator.state = _checked_state(told.unpack(state))
+    model.rng.bit_generator.state = _checked_state(told.unpack(facts["rng"]))
+    version, words, gauss = facts["random"]
+    model.random.setstate((version, tuple(told.unpack(words).tolist()), gauss))
+    noise = told.unpack(facts["noise"])
+    if noise is not None:
+        _, before, draws = noise
+        _checked_state(before)
+        if not isinstance(draws, np.ndarray) or draws.dtype != float:
+            raise RecordingError("the noise of sensors is none")
+    model._noise = noise
+
+
+def _generator(generator: np.random.Generator, name: str, told: Packed) -> object:
+    state = generator.bit_generator.state
+    if state["bit_generator"] not in GENERATORS:
+        raise RecordingError(f"{name} is a {state['bit_generator']}, which cannot be stored; take PCG64")
+    return told.pack(state)
+
+
+def _checked_state(state: object) -> dict:
+    if not isinstance(state, dict) or state.get("bit_generator") not in GENERATORS:
+        raise RecordingError("a random stream has no state that is one")
+    return state

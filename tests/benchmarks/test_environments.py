@@ -1,0 +1,34 @@
+import numpy as np
+import pytest
+
+from mesa_swarm.environments import CollisionAvoidance, ExtinguishFires, FindFires, VectorSwarmEnv
+from mesa_swarm.environments.parallel import ParallelSwarmEnv
+
+TASKS = [CollisionAvoidance, FindFires, ExtinguishFires]
+ROBOTS, WORLDS = 50, 16
+ROUND = 30
+
+
+def actions(*shape: int) -> np.ndarray:
+    """Return wheel speeds that drive forward more than back, for a round of steps."""
+    return np.random.default_rng(0).uniform(-0.2, 1, (ROUND, *shape, 2)).astype(np.float32)
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_robot_steps_through_arrays(benchmark, task):
+    env = VectorSwarmEnv(task(n_robots=ROBOTS), n_worlds=WORLDS)
+    env.reset(seed=1)
+    told = actions(WORLDS, ROBOTS)
+    benchmark(lambda: [env.step(row) for row in told])
+    if benchmark.stats is not None:  # None where benchmarks are off
+        benchmark.extra_info["robot-steps/s"] = ROUND * WORLDS * ROBOTS / benchmark.stats["median"]
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_robot_steps_through_pettingzoo(benchmark, task):
+    env = ParallelSwarmEnv(task(n_robots=ROBOTS, max_steps=10**9), name="timed_v0")
+    env.reset(seed=1)
+    told = [dict(zip(env.agents, row, strict=True)) for row in actions(ROBOTS)]
+    benchmark(lambda: [env.step(row) for row in told])
+    if benchmark.stats is not None:  # None where benchmarks are off
+        benchmark.extra_info["robot-steps/s"] = ROUND * ROBOTS / benchmark.stats["median"]

@@ -1,0 +1,41 @@
+"""Disks that are small or read-only, also for root, whom no file mode stops."""
+
+import os
+import subprocess
+from contextlib import contextmanager
+
+import pytest
+
+
+@contextmanager
+def small_disk(folder, kilobytes):
+    """Put a disk of so many kilobytes in the place of a folder."""
+    folder.mkdir()
+    _mount("-t", "tmpfs", "-o", f"size={kilobytes}k", "tmpfs", folder)
+    try:
+        yield folder
+    finally:
+        subprocess.run(["umount", "-l", folder], check=True)
+
+
+@contextmanager
+def read_only(folder):
+    """Let nobody write to a folder."""
+    if os.name == "nt":
+        pytest.skip("needs POSIX")
+    if os.geteuid():
+        folder.chmod(0o500)
+        yield folder
+        folder.chmod(0o700)
+        return
+    _mount("--bind", folder, folder)
+    try:
+        _mount("-o", "remount,ro,bind", folder)
+        yield folder
+    finally:
+        subprocess.run(["umount", "-l", folder], check=True)
+
+
+def _mount(*words):
+    if not hasattr(os, "geteuid") or os.geteuid() or subprocess.run(["mount", *words], check=False).returncode:
+        pytest.skip("may not mount")

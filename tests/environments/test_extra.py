@@ -1,0 +1,38 @@
+import subprocess
+import sys
+
+import pytest
+
+from mesa_swarm.environments.extra import need
+from mesa_swarm.errors import SwarmError
+
+WITHOUT = """
+import sys
+from importlib.machinery import PathFinder
+find = PathFinder.find_spec
+hidden = {"gymnasium", "pettingzoo"}
+PathFinder.find_spec = classmethod(lambda c, name, *more: None if name.split(".")[0] in hidden else find(name, *more))
+import numpy as np
+from mesa_swarm.environments import CollisionAvoidance, VectorSwarmEnv
+env = VectorSwarmEnv(CollisionAvoidance(n_robots=2, map="openspace"), n_worlds=2)
+env.reset(seed=1)
+print(env.step(np.ones((2, 2, 2)))[1].sum())
+for name in ("ParallelSwarmEnv", "RobotEnv", "RobotVectorEnv"):
+    try:
+        getattr(sys.modules["mesa_swarm.environments"], name)
+    except Exception as error:
+        print(f"{type(error).__name__}: {error}")
+"""
+
+
+def test_a_package_that_is_missing_is_asked_for_in_one_line():
+    with pytest.raises(
+        SwarmError, match=r"^this environment needs nothere; install it with: pip install 'mesa-swarm\["
+    ):
+        need("nothere")
+
+
+def test_without_the_extra_arrays_work_and_the_faces_say_what_to_install():
+    done = subprocess.run([sys.executable, "-c", WITHOUT], capture_output=True, text=True, check=True)
+    line = "SwarmError: this environment needs gymnasium; install it with: pip install 'mesa-swarm[rl]'"
+    assert done.stdout.splitlines() == ["4.0", line, line, line]

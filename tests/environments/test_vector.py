@@ -1,0 +1,123 @@
+import numpy as np
+import pytest
+
+from mesa_swarm.environments import CollisionAvoidance, ExtinguishFires, FindFires, VectorSwarmEnv
+from mesa_swarm.errors import InvalidValueError, PlacementError, SwarmError
+
+TASKS = [
+    CollisionAvoidance(n_robots=8, max_steps=300),
+    FindFires(n_robots=8, max_steps=300),
+    ExtinguishFires(n_robots=8, max_steps=300),
+]
+
+
+def told(env: VectorSwarmEnv, steps: int, seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(-0.2, 1, (steps, env.n_worlds, env.commanded, 2))
+
+
+def played(env: VectorSwarmEnv, actions: np.ndarray, seed) -> list[np.ndarray]:
+    """Return all that an environment says, as bytes can be compared."""
+    heard = [env.reset(seed=seed)]
+    for action in actions:
+        *arrays, infos = env.step(action)
+        heard += [*arrays, *infos.values()]
+    return heard
+
+
+def same(one: list[np.ndarray], other: list[np.ndarray]) -> bool:
+    return len(one) == len(other) and all(a.tobytes() == b.tobytes() for a, b in zip(one, other, strict=True))
+
+
+@pytest.mark.parametrize("task", TASKS, ids=lambda task: type(task).__name__)
+def test_a_thousand_steps_are_the_same_bits_for_the_same_seed_and_others_for_another(task):
+    env, twin = (VectorSwarmEnv(task, n_worlds=2) for _ in range(2))
+    actions = told(env, 1000)
+    first = played(env, actions, 5)
+    assert same(first, played(twin, actions, 5))
+    assert same(first, played(env, actions, 5))
+    assert not same(first[:50], played(twin, actions[:20], 6)[:50])
+
+
+def test_without_a_seed_the_stream_of_episodes_goes_on():
+    env, twin = (VectorSwarmEnv(TASKS[0], n_worlds=2) for _ in range(2))
+    one, other = ([e.reset(seed=4), e.reset(), e.reset()] for e in (env, twin))
+    assert same(one, other)
+    assert not np.array_equal(one[0], one[1])
+    assert not np.array_equal(one[1], one[2])
+
+
+def test_without_any_seed_two_environments_differ():
+    first, second = (VectorSwarmEnv(TASKS[0], n_worlds=1).reset() for _ in range(2))
+    assert not np.array_equal(first, second)
+
+
+def test_a_world_is_the_same_alone_and_among_others():
+    many, alone = VectorSwarmEnv(TASKS[0], n_worlds=3), VectorSwarmEnv(TASKS[0], n_worlds=1)
+    actions = told(many, 320)
+    together, one = played(many, actions, 10), played(alone, actions[:, 2:], 12)
+    assert same([array[2:] for array in together], one)
+    assert same(together, played(VectorSwarmEnv(TASKS[0], n_worlds=3), actions, [10, 11, 12]))
+
+
+def test_an_episode_that_ends_hands_over_what_was_seen_last_and_starts_anew():
+    env = VectorSwarmEnv(CollisionAvoidance(n_robots=3, max_steps=5), n_worlds=2)
+    env.reset(seed=1)
+    old = env.worlds[1]
+    for step in range(1, 6):
+        observations, _, terminated, truncated, infos = env.step(np.ones((2, 3, 2)))
+        assert truncated.tolist() == [step == 5] * 2
+        assert not terminated.any()
+        assert bool(infos) == (step == 5)
+    seen = np.empty((3, 9), np.float32)
+    old.observe(seen)
+    assert np.array_equal(infos["final_obs"][1], seen)
+    env.worlds[1].observe(seen)
+    assert env.worlds[1].steps == 0
+    assert np.array_equal(observations[1], seen)
+
+
+def test_only_the_world_whose_task_is_done_starts_anew():
+    env = VectorSwarmEnv(FindFires(n_robots=1, max_steps=50), n_worlds=2)
+    env.reset(seed=1)
+    env.worlds[0]._score.found[:] = True
+    kept = env.worlds[1]
+    _, _, terminated, truncated, infos = env.step(np.zeros((2, 1, 2)))
+    assert terminated.tolist() == [True, False]
+    assert truncated.tolist() == [False, False]
+    assert env.worlds[1] is kept
+    assert env.worlds[0].steps == 0
+    assert infos["final_obs"].shape == (2, 1, 37)
+
+
+def test_a_done_task_is_terminated_and_not_truncated_though_its_time_is_up():
+    env = VectorSwarmEnv(FindFires(n_robots=1, max_steps=1), n_worlds=1)
+    env.reset(seed=1)
+    env.worlds[0]._score.found[:] = True
+    assert [bool(flag[0]) for flag in env.step(np.zeros((1, 1, 2)))[2:4]] == [True, False]
+
+
+def test_what_was_handed_out_does_not_change_later():
+    env = VectorSwarmEnv(TASKS[0], n_worlds=2)
+    first = env.reset(seed=1)
+    copy = first.copy()
+    second = env.step(np.ones((2, 8, 2)))
+    kept = [array.copy() for array in second[:4]]
+    env.step(np.ones((2, 8, 2)))
+    assert np.array_equal(first, copy)
+    assert same(list(second[:4]), kept)
+
+
+@pytest.mark.parametrize("seed", [-1, "a", 1.5, [1], [1, -2], True])
+def test_wrong_seeds_are_refused(seed):
+    with pytest.raises(InvalidValueError, match=r"^seed "):
+        VectorSwarmEnv(TASKS[0], n_worlds=2).reset(seed=seed)
+
+
+def test_a_step_before_the_first_episode_is_refused():
+    with pytest.raises(SwarmError, match=r"call reset\(\) before step\(\)$"):
+        VectorSwarmEnv(TASKS[0], n_worlds=2).step(np.zeros((2, 8, 2)))
+
+
+def test_more_robots_than_fit_are_refused():
+    with pytest.raises(PlacementError, match=r"would; ask for fewer or a larger map$"):
+        VectorSwarmEnv(CollisionAvoidance(n_robots=50_000), n_worlds=1).reset()

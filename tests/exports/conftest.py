@@ -1,0 +1,30 @@
+import pytest
+
+from mesa_swarm.models.cooperative_transport import CooperativeTransport
+from mesa_swarm.models.fire_fighting import FireFighting
+from mesa_swarm.recording import Recording
+
+
+def recorded(model, path, steps, **more):
+    with model.record(path, **more):
+        model.run(steps)
+    return Recording(path)
+
+
+@pytest.fixture(scope="session")
+def run(tmp_path_factory):
+    """Return a closed recording of 300 steps of 15 robots and 7 fires, in two chunks."""
+    path = tmp_path_factory.mktemp("run") / "run.arrow"
+    return recorded(FireFighting(n_robots=15, strategy="A", rng=1), path, 300)
+
+
+@pytest.fixture(scope="session")
+def pushed(tmp_path_factory):
+    """Return a recording of a load that was moved by hand after 20 of 40 steps."""
+    path = tmp_path_factory.mktemp("pushed") / "run.arrow"
+    model = CooperativeTransport(n_robots=3, load="box", rng=2)
+    with model.record(path):
+        model.run(20)
+        model.loads[0].lay((400.0, 200.0, 0.5))
+        model.run(20)
+    return Recording(path)

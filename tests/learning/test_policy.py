@@ -1,0 +1,283 @@
+"""Policies: act, are kept in files, are gone on with and shared; wrong and hostile files are refused in one line."""
+
+import io
+import json
+import pickle
+import zipfile
+
+import numpy as np
+import pytest
+
+from mesa_swarm import AGENT3, AGENT9, SwarmModel
+from mesa_swarm.control import Avoid, Subsumption
+from mesa_swarm.errors import InvalidValueError, LearningError, SwarmError
+from mesa_swarm.learning import PolicyLayer, QLearning, QPolicy, load_policy, policy_files, save_policy
+from mesa_swarm.learning.actions import ACTIONS
+
+
+def trained(steps=30, robots=3, rng=1, **options):
+    model = SwarmModel(map="original", rng=rng)
+    model.add_robots(AGENT9, robots)
+    model.control = Subsumption(QLearning(**options))
+    return model.run(steps)
+
+
+def learned(model, **training):
+    return model.control.layers[0].policy(**training)
+
+
+def driven(layer, design=AGENT9, rng=2, robots=3):
+    model = SwarmModel(map="original", rng=rng)
+    model.add_robots(design, robots)
+    model.control = Subsumption(layer)
+    return model
+
+
+@pytest.fixture
+def policy():
+    return learned(trained())
+
+
+@pytest.fixture
+def file(policy, tmp_path):
+    return save_policy(policy, tmp_path / "mine.npz")
+
+
+def test_a_policy_is_what_the_robots_learned_and_does_not_change_with_them():
+    model = trained()
+    policy = learned(model, collisions=0.5)
+    before = policy.networks.inner.copy()
+    model.run(20)
+    assert (policy.networks.inner == before).all()
+    assert (policy.copies, policy.steps) == (3, 3 * 29)
+    assert {"reward": "b", "collisions": 0.5, "robots": 3}.items() <= policy.training.items()
+
+
+def test_acts_for_any_number_of_robots_and_every_robot_by_its_own_networks(policy):
+    rng = np.random.default_rng(1)
+    readings, kinds = rng.uniform(0, 50, (7, 9)), np.zeros((7, 9))
+    commands = policy.act(readings, kinds)
+    for i in range(7):
+        assert policy.of_robot(i % 3).act(readings[i : i + 1], kinds[i : i + 1]).tolist() == [commands[i].tolist()]
+    assert policy.act(np.empty((0, 9)), np.empty((0, 9))).shape == (0, 2)
+
+
+def test_without_chances_it_does_what_is_worth_most(policy):
+    readings, kinds = np.full((3, 9), -1.0), np.full((3, 9), -1)
+    assert (policy.act(readings, kinds) == ACTIONS[policy.values(readings, kinds).argmax(axis=1)]).all()
+    tried = {tuple(policy.act(readings, kinds, np.full(3, c))[0]) for c in np.linspace(0, 0.999, 50)}
+    assert len(tried) > 1
+
+
+def test_a_layer_drives_as_the_frozen_learner_does():
+    model = trained(robots=2)
+    policy = learned(model)
+    model.control.layers[0].frozen = True
+    model.step()
+    values = policy.values(model.swarm.distance, model.swarm.kind)
+    assert values.shape == (2, 8)
+    other = driven(PolicyLayer(policy=policy, greedy=True), robots=2).run(1)
+    wanted = policy.act(other.swarm.distance, other.swarm.kind)
+    assert (other.swarm.command == wanted * AGENT9.max_speed).all()
+
+
+def test_a_layer_leaves_robots_to_layers_above_and_says_why_it_drove(policy):
+    model = SwarmModel(map="original", rng=1)
+    model.add_robots(AGENT9, 10)
+    model.control = Subsumption(Avoid(distance=20), PolicyLayer(policy=policy))
+    model.watch()
+    model.run(200)
+    assert 0 < model.watched["layer"].mean() < 1
+    for robot in model.robots:
+        assert len(str(model.explain(robot))) < 1500
+
+
+def test_a_layer_gives_the_same_bits_with_the_same_seed(policy):
+    hashes = {driven(PolicyLayer(policy=policy)).run(50).state_hash() for _ in range(2)}
+    assert len(hashes) == 1
+
+
+def test_a_file_gives_back_all_of_it(policy, file):
+    again = load_policy(file)
+    assert all((a == b).all() for a, b in zip(again.networks.weights, policy.networks.weights, strict=True))
+    assert (again.sensors, again.steps, again.settings()) == (policy.sensors, policy.steps, policy.settings())
+    assert policy.training.items() <= again.training.items()
+    assert [path.name for path in file.parent.iterdir()] == ["mine.npz"]
+
+
+def test_learning_goes_on_where_a_saved_policy_left_off(policy, file):
+    model = driven(QLearning(start=load_policy(file)))
+    again = learned(model)
+    assert all((a == b).all() for a, b in zip(again.networks.weights, policy.networks.weights, strict=True))
+    assert learned(model.run(11)).steps == policy.steps + 3 * 10
+
+
+def test_one_robots_knowledge_can_be_shared_with_all(policy):
+    model = driven(QLearning(start=policy.of_robot(1), frozen=True), robots=5).run(1)
+    networks = learned(model).networks.inner.reshape(5, 8, 9, 18)
+    assert (networks == policy.networks.inner[8:16]).all()
+
+
+def test_an_untrained_policy_refuses_unless_told_to_explore():
+    policy = QPolicy.untrained(AGENT9, rng=np.random.default_rng(1))
+    with pytest.raises(LearningError, match="the policy is untrained"):
+        PolicyLayer(policy=policy)
+    assert driven(PolicyLayer(policy=policy, explore=True)).run(3).steps == 3
+
+
+def test_robots_with_other_sensors_are_refused_now_and_later(policy):
+    with pytest.raises(LearningError, match="trained with 9 proximity sensors and AGENT3 has 3"):
+        driven(PolicyLayer(policy=policy), design=AGENT3)
+    with pytest.raises(LearningError, match=r"range 50, .* and AGENT9 has one at 0 degrees, range 40"):
+        driven(PolicyLayer(policy=policy), design=AGENT9.with_proximity(range=40))
+    with pytest.raises(LearningError, match="trained with"):
+        driven(QLearning(start=policy), design=AGENT3)
+    model = driven(PolicyLayer(policy=policy))
+    model.add_robots(AGENT3, 1)
+    with pytest.raises(LearningError, match="trained with"):
+        model.step()
+
+
+@pytest.mark.parametrize(
+    ("readings", "kinds"),
+    [
+        (np.zeros((2, 3)), np.zeros((2, 3))),
+        (np.zeros(9), np.zeros(9)),
+        (np.zeros((2, 9)), np.zeros((3, 9))),
+        (np.full((2, 9), np.nan), np.zeros((2, 9))),
+        ("far", "robot"),
+    ],
+)
+def test_readings_of_another_shape_or_not_finite_are_refused(policy, readings, kinds):
+    with pytest.raises(InvalidValueError) as caught:
+        policy.act(readings, kinds)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_start_of_another_kind_is_refused(policy):
+    with pytest.raises(InvalidValueError, match="start has 8 actions"):
+        QLearning(start=policy, actions=4)
+
+
+# ---- files that are no policies
+
+
+def remade(file, **changes):
+    """Write the file again with some of its arrays or the header changed; None leaves one out."""
+    with np.load(file) as found:
+        arrays = {name: found[name] for name in found.files}
+    header = json.loads(arrays["header"].tobytes())
+    for name, value in changes.items():
+        if name in header:
+            header[name] = value
+        else:
+            arrays[name] = value
+    if "header" not in changes:
+        arrays["header"] = np.frombuffer(json.dumps(header).encode(), np.uint8)
+    np.savez(file, **{name: array for name, array in arrays.items() if array is not None})
+
+
+def refused(file):
+    with pytest.raises(LearningError) as caught:
+        load_policy(file)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert len(message) < 1000
+    return message
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"format": "other"}, "format"),
+        ({"family": "tea"}, "'tea'; known: q, wires"),
+        ({"family": ["q"]}, "family"),
+        ({"sensors": {"bearings": [0]}}, "incomplete"),
+        ({"sensors": None}, "incomplete"),
+        ({"sensors": {"bearings": [0], "ranges": [1, 2], "fields_of_view": [1]}}, "not as many"),
+        ({"sensors": {"bearings": [0], "ranges": [1], "fields_of_view": [1]}}, "expected 1 inputs"),
+        ({"steps": -1}, "steps is -1"),
+        ({"training": 5}, "incomplete"),
+        ({"settings": {"actions": 8}}, "q policy"),
+        ({"settings": {"actions": 7, "encoding": "distance", "temperature": 1}}, "actions is 7"),
+        ({"settings": {"actions": 8, "encoding": "distance", "temperature": 0}}, "temperature is 0"),
+        ({"settings": {"actions": 8, "encoding": "distance", "temperature": "hot"}}, "temperature is 'hot'"),
+        ({"settings": {"actions": 8, "encoding": [], "temperature": 1}}, "encoding"),
+        ({"outer": None}, "q policy has"),
+        ({"outer": np.zeros(3)}, "have the shapes"),
+        ({"outer": np.full((24, 18), np.nan)}, "finite"),
+        ({"outer": np.zeros((24, 18), complex)}, "finite numbers"),
+        ({"outer": np.array(["a"])}, "finite numbers"),
+        ({"header": None}, "no header"),
+        ({"header": np.zeros(3)}, "no header"),
+        ({"header": np.frombuffer(b"[" * 10_000, np.uint8)}, "not JSON"),
+        ({"header": np.frombuffer(b"[1]", np.uint8)}, "format"),
+    ],
+)
+def test_a_changed_file_is_refused_in_one_line(file, changes, says):
+    remade(file, **changes)
+    assert says in refused(file)
+
+
+def test_what_is_no_file_or_no_archive_is_refused(tmp_path):
+    assert "there is no policy" in refused(tmp_path / "none.npz")
+    (tmp_path / "text.npz").write_text("a policy, honestly")
+    assert "damaged" in refused(tmp_path / "text.npz")
+    assert "cannot be read" in refused(tmp_path)
+
+
+class Bomb:
+    """Something that would run when unpickled."""
+
+    def __reduce__(self):
+        return print, ("unpickled",)
+
+
+def test_pickles_are_never_loaded(file, capsys):
+    np.savez(file, header=np.array([Bomb()], dtype=object))
+    refused(file)
+    file.write_bytes(pickle.dumps(Bomb()))
+    refused(file)
+    assert capsys.readouterr().out == ""
+
+
+def test_a_file_that_would_fill_the_memory_is_refused_before_it_is_unpacked(file, monkeypatch):
+    monkeypatch.setattr(policy_files, "LARGEST_BYTES", 1000)
+    assert "unpacks to more than" in refused(file)
+
+
+def test_any_flipped_byte_or_cut_is_refused_or_changes_nothing(file, policy):
+    whole = file.read_bytes()
+    rng = np.random.default_rng(1)
+    for place in rng.integers(0, len(whole), 60):
+        file.write_bytes(whole[:place])
+        refused(file)
+        file.write_bytes(whole[:place] + bytes([whole[place] ^ 0x55]) + whole[place + 1 :])
+        try:
+            again = load_policy(file)
+        except SwarmError as error:
+            assert "\n" not in str(error)
+        else:
+            assert (again.networks.inner == policy.networks.inner).all()
+
+
+def test_members_of_one_name_twice_are_refused(file):
+    buffer = io.BytesIO()
+    np.save(buffer, np.zeros(3))
+    with pytest.warns(UserWarning, match="Duplicate"), zipfile.ZipFile(file, "a") as archive:
+        archive.writestr("outer.npy", buffer.getvalue())
+    assert "two arrays of one name" in refused(file)
+
+
+@pytest.mark.parametrize("name", ["mine.txt", "no/such/folder/mine.npz"])
+def test_a_file_that_cannot_be_written_is_refused(policy, tmp_path, name):
+    with pytest.raises(LearningError) as caught:
+        save_policy(policy, tmp_path / name)
+    assert "\n" not in str(caught.value)
+
+
+def test_training_figures_that_json_does_not_know_are_refused(policy, tmp_path):
+    wrong = learned(trained(steps=2), curve=np.zeros(3))
+    with pytest.raises(LearningError, match="no text or finite number"):
+        save_policy(wrong, tmp_path / "a.npz")
+    assert not list(tmp_path.iterdir())

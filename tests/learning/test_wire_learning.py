@@ -1,0 +1,112 @@
+"""WireFittedQ: back-propagation through the interpolation, bounds, files, and what is refused."""
+
+import copy
+
+import numpy as np
+import pytest
+
+from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm.control import Subsumption
+from mesa_swarm.errors import LearningError, SwarmError
+from mesa_swarm.learning import Networks, PolicyLayer, QLearning, WireFittedQ, load_policy, save_policy
+from mesa_swarm.learning.wire_learning import learn_one
+from mesa_swarm.learning.wire_policy import STARTS, propose
+
+
+def learning(robots=3, rng=1, **options):
+    model = SwarmModel(map="original", rng=rng)
+    model.add_robots(AGENT9, robots)
+    model.control = Subsumption(WireFittedQ(**options))
+    return model
+
+
+def plain_value(networks, inputs, action, wires, c=0.1, eps=0.01):
+    """Q of an action by NumPy alone, from the networks on."""
+    said = networks.outer_bias + (
+        networks.outer * np.tanh(np.einsum("k,mkh->mh", inputs, networks.inner) + networks.inner_bias)
+    ).sum(axis=1)
+    ends = np.tanh(said.reshape(wires, 3)[:, :2] + np.arctanh(STARTS[:wires]))
+    values = said.reshape(wires, 3)[:, 2]
+    away = ((action - ends) ** 2).sum(axis=1) + c * (values.max() - values) + eps
+    return (values / away).sum() / (1 / away).sum()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_step_goes_along_the_gradient_that_finite_differences_find(seed):
+    rng, wires, rate, tiny = np.random.default_rng(seed), 3, 1e-3, 1e-6
+    networks = Networks.random(3 * wires, inputs=4, hidden=5, rng=rng)
+    inputs, action = rng.uniform(0, 1, (1, 4)), rng.uniform(-1, 1, (1, 2))
+    gap = 1.5 - plain_value(networks, inputs[0], action[0], wires)
+    slopes = []
+    for weights in networks.weights:
+        slope = np.zeros_like(weights)
+        for place in np.ndindex(weights.shape):
+            before, sides = weights[place], []
+            for side in (tiny, -tiny):
+                weights[place] = before + side
+                sides.append(plain_value(networks, inputs[0], action[0], wires))
+            weights[place] = before
+            slope[place] = (sides[0] - sides[1]) / (2 * tiny)
+        slopes.append(slope)
+    before = [weights.copy() for weights in networks.weights]
+    hidden, ends, values = np.empty((9, 5)), np.empty((wires, 2)), np.empty(wires)
+    assert learn_one(networks.weights, 0, inputs, 0, hidden, ends, values, action, 1.5, rate)
+    for old, new, slope in zip(before, networks.weights, slopes, strict=True):
+        assert new - old == pytest.approx(rate * gap * slope, abs=1e-8)
+
+
+def test_wires_begin_near_the_actions_of_the_thesis():
+    networks = Networks(np.zeros((12, 9, 18)), np.zeros((12, 18)), np.zeros((12, 18)), np.zeros(12))
+    ends, values = np.empty((4, 2)), np.empty(4)
+    propose(networks.weights, 0, np.ones((1, 9)), 0, np.empty((12, 18)), ends, values)
+    assert ends == pytest.approx(STARTS[:4])
+
+
+def test_commands_are_any_within_full_speed():
+    model = learning(robots=5)
+    seen = []
+    for _ in range(60):
+        model.step()
+        seen.append(model.swarm.command.copy())
+    assert np.abs(seen).max() <= AGENT9.max_speed
+    assert len(np.unique(seen)) > 400
+
+
+def test_learns_shared_and_typed_and_goes_on_in_copies():
+    model = learning(shared=True, encoding="typed", self_adjusting=True, wires=2).run(20)
+    inner = model.swarm.columns["0.WireFittedQ.inner"]
+    assert (inner == inner[:1]).all()
+    assert copy.deepcopy(model).run(10).state_hash() == model.run(10).state_hash()
+
+
+def test_a_policy_of_it_is_saved_drives_and_is_gone_on_with(tmp_path):
+    model = learning().run(30)
+    policy = load_policy(save_policy(model.control.layers[0].policy(), tmp_path / "wires.npz"))
+    actions, values = policy.proposals(model.swarm.distance, model.swarm.kind)
+    best = actions[np.arange(3), values.argmax(axis=1)]
+    assert policy.act(model.swarm.distance, model.swarm.kind).tolist() == best.tolist()
+    again = learning(start=policy).control.layers[0].policy()
+    assert (again.networks.inner == policy.networks.inner).all()
+    model.control = Subsumption(PolicyLayer(policy=policy))
+    assert np.isfinite(model.run(5).swarm.command).all()
+    with pytest.raises(SwarmError, match="expected a QPolicy"):
+        QLearning(start=policy)
+
+
+def test_divergence_is_told_and_nothing_is_lost():
+    model = learning().run(3)
+    model.swarm.columns["0.WireFittedQ.reward"][:] = 0.0
+    model.swarm.columns["0.WireFittedQ.outer_bias"][1, 2] = np.nan
+    before = model.swarm.columns["0.WireFittedQ.inner"][1].copy()
+    with pytest.raises(LearningError, match=f"robot {model.robots[1].unique_id} in step 4"):
+        model.step()
+    assert (model.swarm.columns["0.WireFittedQ.inner"][1] == before).all()
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"wires": 0}, {"wires": 9}, {"jitter": -1}, {"reward": "d"}, {"gamma": 1}, {"start": 3}, {"eta": "x"}]
+)
+def test_nonsense_is_refused_in_one_line(wrong):
+    with pytest.raises(SwarmError) as caught:
+        WireFittedQ(**wrong)
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,157 @@
+import random
+
+import pyarrow as pa
+import pytest
+
+from mesa_swarm import AGENT9, SwarmModel, disc
+from mesa_swarm.control import Avoid, Explore, Subsumption
+from mesa_swarm.errors import InvalidValueError, RecordingError
+from mesa_swarm.models.fire_fighting import FireFighting
+from mesa_swarm.recording import Recording, verify
+from mesa_swarm.recording.sealed_stream import SealedReader
+
+
+@pytest.fixture(scope="module")
+def changed(tmp_path_factory):
+    """Return a recording with changes by hand at steps 150 and 250, checkpoints every 100, and the fingerprint."""
+    path, model = tmp_path_factory.mktemp("changed") / "run.arrow", FireFighting(rng=4)
+    with model.record(path, checkpoint_every=100):
+        model.run(150)
+        model.add_obstacle(disc((200, 200), 15))
+        model.robots[2].remove()
+        model.run(100)
+        model.robots[0].heading = 0.5
+        model.run(100)
+    return path, model.state_hash()
+
+
+def check_random_steps(path, steps, count, every):
+    draw, hashes, model = random.Random(1), [], FireFighting(n_robots=12, rng=7)
+    with model.record(path, checkpoint_every=every):
+        for _ in range(steps):
+            model.step()
+            hashes.append(model.state_hash())
+    for step in draw.sample(range(1, steps), count):
+        again = SwarmModel.resume(path, step=step)
+        assert (again.steps, again.state_hash()) == (step, hashes[step - 1])
+        last = min(step + 30, steps)
+        for _ in range(step, last):  # not run: it stops when all fires are out
+            again.step()
+        assert again.state_hash() == hashes[last - 1]
+
+
+def test_resumed_at_random_steps_the_run_is_the_uninterrupted_one(tmp_path):
+    check_random_steps(tmp_path / "run.arrow", 300, 8, 70)
+
+
+@pytest.mark.slow
+def test_resumed_at_thirty_random_steps_the_run_is_the_uninterrupted_one(tmp_path):
+    check_random_steps(tmp_path / "run.arrow", 3000, 30, 500)
+
+
+def test_few_steps_are_run_to_resume(tmp_path, monkeypatch):
+    model = FireFighting(rng=1)
+    with model.record(tmp_path / "run.arrow", checkpoint_every=100) as recorder:
+        model.run(380)
+    assert recorder.checkpoints == Recording(recorder.path).checkpoints == (0, 100, 200, 300)
+    taken, step = [], FireFighting.step
+    monkeypatch.setattr(FireFighting, "step", lambda self: (taken.append(1), step(self))[1])
+    assert SwarmModel.resume(recorder.path, step=370).steps == 370
+    assert len(taken) == 70
+
+
+@pytest.mark.parametrize("step", [200, 249, 300, 350])
+def test_after_a_change_by_hand_one_resumes_from_the_next_checkpoint(changed, step):
+    path, state_hash = changed
+    again = SwarmModel.resume(path, step=step)
+    assert len(again.robots) == 9
+    assert step < 250 or again.run(350 - step).state_hash() == state_hash
+
+
+@pytest.mark.parametrize(("step", "words"), [(151, "150 and 200"), (199, "150 and 200"), (251, "250 and 300")])
+def test_between_a_change_by_hand_and_the_next_checkpoint_the_nearest_steps_are_named(changed, step, words):
+    with pytest.raises(RecordingError, match=f"the nearest steps to resume from are {words}$"):
+        SwarmModel.resume(changed[0], step=step)
+    assert SwarmModel.resume(changed[0], step=150).steps == 150
+
+
+def test_verify_still_runs_from_the_beginning_and_says_where_it_differs(changed):
+    assert verify(Recording(changed[0]), FireFighting).step == 151
+
+
+def test_parameters_may_change_where_nothing_was_changed_by_hand(changed):
+    assert SwarmModel.resume(changed[0], step=120, strategy="A").run(5).steps == 125
+    with pytest.raises(InvalidValueError, match="10 robots instead of the 9"):
+        SwarmModel.resume(changed[0], step=350, strategy="A")
+
+
+def test_a_model_that_was_made_by_hand_is_resumed(tmp_path):
+    model = SwarmModel(rng=2)
+    model.add_robots(AGENT9, 5)
+    model.control = Subsumption(Avoid(distance=15), Explore())
+    model.run(7)
+    with model.record(tmp_path / "run.arrow"):
+        model.run(40)
+    assert SwarmModel.resume(tmp_path / "run.arrow", step=7).run(40).state_hash() == model.state_hash()
+
+
+def test_without_checkpoints_a_run_is_resumed_from_its_beginning(tmp_path):
+    model = FireFighting(rng=1)
+    with model.record(tmp_path / "run.arrow", checkpoint_every=0):
+        model.run(60)
+    recording = Recording(tmp_path / "run.arrow")
+    assert recording.checkpoints == ()
+    assert recording.provenance["why_no_checkpoint"] == "checkpoint_every is 0"
+    assert SwarmModel.resume(tmp_path / "run.arrow", step=30).run(30).state_hash() == model.state_hash()
+
+
+class Befriended(FireFighting):
+    """A model that holds what cannot be stored."""
+
+    def __init__(self, *, rng=None):
+        super().__init__(rng=rng)
+        self.friend = object()
+
+
+def test_a_model_that_cannot_be_stored_says_why_and_is_run_again(tmp_path):
+    model = Befriended(rng=1)
+    with model.record(tmp_path / "run.arrow") as recorder:
+        model.run(30)
+    assert recorder.checkpoints == ()
+    assert recorder.why_no_checkpoint.startswith("friend is <object")
+    assert Recording(recorder.path).provenance["why_no_checkpoint"] == recorder.why_no_checkpoint
+    assert Befriended.resume(recorder.path, step=20).run(10).state_hash() == model.state_hash()
+
+
+def test_a_torn_recording_resumes_from_its_last_whole_checkpoint(tmp_path):
+    path, model = tmp_path / "run.arrow", FireFighting(rng=1)
+    with model.record(path, checkpoint_every=50):
+        model.run(120)
+    content = path.read_bytes()
+    reader = SealedReader(path)
+    last = reader.attached[-1]
+    path.write_bytes(content[: last.end - 9])
+    assert Recording(path).checkpoints == (0, 50)
+    assert SwarmModel.resume(path).run(20).state_hash() == model.state_hash()
+    flipped = bytearray(content)
+    flipped[last.begin + (last.end - last.begin) // 2] ^= 1
+    path.write_bytes(flipped)
+    assert SwarmModel.resume(path, step=100).run(20).state_hash() == model.state_hash()
+
+
+def test_any_arrow_reader_opens_a_recording_with_checkpoints(tmp_path):
+    model = FireFighting(rng=1)
+    with model.record(tmp_path / "run.arrow", checkpoint_every=10):
+        model.run(35)
+    with pa.ipc.open_stream(str(tmp_path / "run.arrow")) as reader:
+        assert reader.read_all()["step"].to_pylist() == list(range(1, 36))
+
+
+def test_the_file_does_not_grow_with_the_square_of_the_run(tmp_path):
+    sizes = []
+    model = FireFighting(n_robots=2, history_every=1, rng=1)
+    with model.record(tmp_path / "run.arrow", checkpoint_every=100, columns=("layer",)):
+        model.run(1200)
+    reader = SealedReader(tmp_path / "run.arrow")
+    sizes = [len(reader.content(piece)) for piece in reader.attached]
+    assert max(sizes[-3:]) < 1.5 * min(sizes[1:4])
