@@ -18,7 +18,8 @@ FLAGS = [
     "--disable-sync",
 ]
 LAUNCH = "import sys; from mesa_swarm.dashboard import launch; launch(port=int(sys.argv[1]), open_browser=False)"
-PATIENCE = 30.0
+# Kernels that are not in the cache take so long.
+PATIENCE = 120.0
 
 
 def wait_until(condition, seconds: float = PATIENCE) -> None:
@@ -63,7 +64,7 @@ class Visit:
             self.asked.append(url)
 
     def about(self, name: str) -> str:
-        """Return what the player says of itself: step, drawn, playing, fingerprint."""
+        """Return what the player says of itself: step, drawn, playing, rest, fingerprint."""
         return self.page.locator(".swarm-player").get_attribute(f"data-{name}")
 
     @property
@@ -77,7 +78,7 @@ class Visit:
 
     def wait_for_step(self, step: int) -> None:
         """Wait until this step is shown at rest."""
-        self.wait(f"player.step === '{step}' && player.playing === 'false' && player.fingerprint !== ''")
+        self.wait(f"player.step === '{step}' && player.rest === 'true'")
 
     def press(self, label: str) -> None:
         self.page.get_by_role("button", name=label, exact=True).click()

@@ -85,7 +85,7 @@ class SwarmCanvas(anywidget.AnyWidget):
         self._state: dict = {}
         self._world: dict | None = None
         self._seen = self._waits = False
-        self._pushed = self._sent = self._drawn = 0
+        self._pushed = self._sent = self._drawn = 0  # the player's numbers, then this canvas's own
         self.on_msg(lambda _, message, __: self._hear(message))
 
     @property
@@ -109,8 +109,9 @@ class SwarmCanvas(anywidget.AnyWidget):
                 self._send_picture()
 
     def tell(self, **state: object) -> None:
-        """Tell the browser whether it is played, how fast, and the like."""
+        """Tell the browser whether it is played, how fast, and the like, and which picture belongs to that."""
         with self._lock:
+            state["newest"] = self._pushed
             changed = {name: value for name, value in state.items() if self._state.get(name) != value}
             self._state |= changed
             if changed and self._seen:
@@ -147,7 +148,8 @@ class SwarmCanvas(anywidget.AnyWidget):
             self.send({"kind": "world", "world": picture.world})
         self._sent += 1
         told = {"step": picture.step, "readings": picture.readings, "fingerprint": picture.fingerprint}
-        self.send({"kind": "picture", "number": self._sent, **told, **self._beside}, [picture.frame])
+        numbers = {"number": self._sent, "pushed": self._pushed}
+        self.send({"kind": "picture", **numbers, **told, **self._beside}, [picture.frame])
 
     def _repr_mimebundle_(self, **wanted: object) -> tuple[dict, dict] | None:
         """Return the widget, and beside it a picture."""

@@ -65,11 +65,12 @@ function watchTheme(element, act) {
 /** The bar, the canvas and the time line of one view of a widget. */
 class PlayerView {
   #model; #root; #canvas; #stage = null; #world = null;
-  #state = { playing: false, speed: 0, speeds: [], finished: false, error: "", can_reset: false };
+  #state = { playing: false, speed: 0, speeds: [], finished: false, error: "", can_reset: false, newest: 0 };
   #next = null;
   #asked = 0;
   #drawn = 0;
   #told = 0;
+  #shown = { pushed: 0, fingerprint: "" };
   #leave = [];
   #parts = {};
 
@@ -191,11 +192,13 @@ class PlayerView {
     this.#stage.show(unpacked(this.#world, picture.bytes));
     this.#send({ do: "drawn", value: picture.number });
     this.#root.dataset.drawn = ++this.#drawn;
+    this.#shown = picture;
     const now = performance.now();
     if (picture.fingerprint || now - this.#told > 1000 * TELL_EVERY) {
       this.#told = now;
       this.#tell(picture);
     }
+    this.#tellRest();
   }
 
   #tell({ step, readings, rate, index, length, first, last, fingerprint }) {
@@ -218,10 +221,17 @@ class PlayerView {
     parts.when.title = fingerprint ? `Fingerprint of the state: ${fingerprint}` : "";
   }
 
+  /** Say whether what is shown is at rest: that it is not played may be known before its last picture comes. */
+  #tellRest() {
+    const { playing, newest } = this.#state, { pushed, fingerprint } = this.#shown;
+    this.#root.dataset.rest = Boolean(!playing && fingerprint && pushed >= newest);
+  }
+
   #settle(state) {
     this.#state = { ...this.#state, ...state };
     const { playing, speed, speeds, finished, error, can_reset: canReset } = this.#state, parts = this.#parts;
     this.#root.dataset.playing = playing;
+    this.#tellRest();
     relabel(parts.play, playing ? "pause" : "play", playing ? "Pause" : "Play");
     parts.play.disabled = Boolean(error) || finished;
     parts.step.disabled = Boolean(error);

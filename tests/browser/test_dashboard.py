@@ -38,7 +38,7 @@ def test_every_model_of_the_gallery_plays_pauses_steps_and_resets(visitor):
         visitor.press("Play")
         visitor.wait("+player.step > 5")
         visitor.press("Pause")
-        visitor.wait("player.playing === 'false' && player.fingerprint !== ''")
+        visitor.wait("player.rest === 'true'")
         before = visitor.step
         visitor.press("Step")
         visitor.wait_for_step(before + 1)
@@ -140,7 +140,7 @@ def test_keys_play_and_step_but_not_while_one_types(visitor):
     press(" ")
     visitor.wait("player.playing === 'true' && +player.step > 3")
     press(" ")
-    visitor.wait("player.playing === 'false'")
+    visitor.wait("player.rest === 'true'")
     press("r")
     visitor.wait_for_step(0)
     seed = visitor.field("seed").locator("input")
@@ -215,7 +215,7 @@ def test_play_and_pause_pressed_quickly_leave_it_as_the_last_one_says(visitor):
         visitor.page.keyboard.press(" ")
     visitor.wait("player.playing === 'true' && +player.step > 3")
     visitor.page.keyboard.press(" ")
-    visitor.wait("player.playing === 'false' && player.fingerprint !== ''")
+    visitor.wait("player.rest === 'true'")
     at_rest = visitor.step
     visitor.press("Step")
     visitor.wait_for_step(at_rest + 1)
