@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 from typing import Any
 
+from mesa_swarm.dashboard.inspection import watch_closely
 from mesa_swarm.dashboard.player import Player
 from mesa_swarm.dashboard.readings import in_words
 from mesa_swarm.dashboard.series import Series
@@ -103,6 +104,7 @@ class Session(Player):
             model = self.model_class(**given, rng=self.seed)
             self.past.clear()
             self.series.follow(model)
+            watch_closely(model)
             self.model, self.built, self.straight = model, {**self.wishes, "seed": self.seed}, True
             for _ in range(steps):
                 if model.running:
