@@ -176,7 +176,9 @@ class Connection:
         canvas.commands |= {"look": player.look, "speed": lambda index: player.set_speed(SPEEDS[index])}
         if reset is not None:
             canvas.commands["reset"] = reset
-        self._leave = player.changed.add(self.tell)
+        self._leaves = [player.changed.add(self.tell), player.selection.add(self._mark)]
+        canvas.observe(self._choose, "selected")
+        self._mark()
         self.tell()
         player.add_viewer(self)
 
@@ -206,8 +208,16 @@ class Connection:
     def close(self) -> None:
         """Part them."""
         self.canvas.commands = {}
-        self._leave()
+        for leave in self._leaves:
+            leave()
+        self.canvas.unobserve(self._choose, "selected")
         self.player.remove_viewer(self)
+
+    def _mark(self) -> None:
+        self.canvas.selected = self.player.selected
+
+    def _choose(self, change: dict) -> None:
+        self.player.select(change["new"])
 
 
 def nearest_speed(speed: float) -> int:

@@ -4,8 +4,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 from typing import Any
 
+from mesa_swarm.dashboard.inspection import watch_closely
 from mesa_swarm.dashboard.player import Player
 from mesa_swarm.dashboard.readings import in_words
+from mesa_swarm.dashboard.series import Series
 from mesa_swarm.errors import InvalidValueError, check_count
 from mesa_swarm.fire import FireConstants
 from mesa_swarm.gallery import find_model
@@ -49,6 +51,8 @@ class Session(Player):
         What is wrong with a wish, by parameter, or with "seed" or an "upload".
     built : dict
         What the present model was built from, and was given since.
+    series : Series
+        What was measured of the present model.
     straight : bool
         Whether nothing was changed on the way: the same wishes give the same run.
 
@@ -70,6 +74,7 @@ class Session(Player):
     ) -> None:
         self._find = find
         self.uploads: dict[str, Map] = {}
+        self.series = Series()
         super().__init__()
         self.loop.speed = USUAL_SPEED
         self._enter(name, dict(wishes or {}), seed)
@@ -98,6 +103,8 @@ class Session(Player):
                 given["map"] = self.uploads[given["map"]]
             model = self.model_class(**given, rng=self.seed)
             self.past.clear()
+            self.series.follow(model)
+            watch_closely(model)
             self.model, self.built, self.straight = model, {**self.wishes, "seed": self.seed}, True
             for _ in range(steps):
                 if model.running:
@@ -166,6 +173,7 @@ class Session(Player):
     def close(self) -> None:
         """Stop for good, and let go of everything."""
         super().close()
+        self.series.follow(None)
         self.uploads.clear()
 
     def _enter(self, name: str, wishes: dict[str, Any], seed: int) -> None:
