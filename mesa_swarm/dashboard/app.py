@@ -17,6 +17,7 @@ from mesa_swarm.dashboard.address import address_from, query_of
 from mesa_swarm.dashboard.canvas_widget import Connection, SwarmCanvas
 from mesa_swarm.dashboard.charts import Charts
 from mesa_swarm.dashboard.controls import ControlPanel, Panel
+from mesa_swarm.dashboard.export_view import ExportView
 from mesa_swarm.dashboard.gallery_view import Gallery, title
 from mesa_swarm.dashboard.inspector import InspectorView
 from mesa_swarm.dashboard.listeners import use_changes
@@ -28,7 +29,7 @@ from mesa_swarm.gallery import description
 CSS = (files("mesa_swarm.dashboard") / "style.css").read_text(encoding="utf-8")
 WATCH, MODELS = "Watch", "Models"
 # What stands beside the canvas, from top to bottom: components that are given the session.
-BESIDE: tuple = (InspectorView, Charts)
+BESIDE: tuple = (InspectorView, Charts, ExportView)
 # More tabs: names, and components that are given the session.
 MORE_TABS: dict = {}
 

@@ -102,8 +102,8 @@ class InspectorView {
     parts.pose.addEventListener("submit", (event) => (event.preventDefault(), this.#move()));
     parts.pose.addEventListener("focusout", () => setTimeout(() => this.#tell()));
     parts.fault = part("p", { class: "swarm-fault", role: "alert", hidden: true });
-    parts.beside = part("div", { class: "swarm-known" }, parts.why, parts.facts);
-    parts.all = part("div", {}, parts.when, part("div", { class: "swarm-closely" }, parts.picture, parts.beside), parts.worth, parts.pose);
+    parts.beside = part("div", { class: "swarm-known" }, parts.why);
+    parts.all = part("div", {}, parts.when, part("div", { class: "swarm-closely" }, parts.picture, parts.beside), parts.facts, parts.worth, parts.pose);
     root.append(part("div", { class: "swarm-head" }, parts.title, steps), parts.hint, parts.all, parts.fault);
   }
 
@@ -114,7 +114,7 @@ class InspectorView {
     parts.title.textContent = some ? `Robot ${told.id}` : "Robot";
     if (!some) return;
     parts.when.textContent = told.known ? (told.layer || told.does ? `What it read and did in ${told.when}` : `What it reads ${told.when}`) : told.when;
-    for (const name of ["picture", "beside", "worth", "pose"]) parts[name].hidden = !told.known;
+    for (const name of ["picture", "beside", "facts", "worth", "pose"]) parts[name].hidden = !told.known;
     if (!told.known) return;
     parts.picture.replaceChildren(diagram(told));
     parts.why.replaceChildren(...(told.does ? [part("b", {}, told.layer || "No layer"), part("span", {}, ` ${told.does}${told.reason ? `: ${told.reason}` : ""}`)] : []));

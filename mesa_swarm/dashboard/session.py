@@ -98,10 +98,7 @@ class Session(Player):
         self.loop.pause()
         with self.minding():
             self.error = ""
-            given = dict(self.wishes)
-            if given.get("map") in self.uploads:
-                given["map"] = self.uploads[given["map"]]
-            model = self.model_class(**given, rng=self.seed)
+            model = self._made({**self.wishes, "seed": self.seed})
             self.past.clear()
             self.series.follow(model)
             watch_closely(model)
@@ -110,6 +107,11 @@ class Session(Player):
                 if model.running:
                     model.step()
         self.rest()
+
+    def remade(self) -> SwarmModel:
+        """Return a model as the present one was at its start; if the run is `straight`, it takes the same steps."""
+        with self.lock:
+            return self._made(self.built)
 
     def wish(self, name: str, value: Any) -> None:
         """Wish for a parameter, as its type, and give it to the present model where that can take it."""
@@ -185,6 +187,13 @@ class Session(Player):
         self.built: dict[str, Any] = {}
         self.model, self.error, self.straight = None, "", True
         self.past.clear()
+
+    def _made(self, given: Mapping[str, Any]) -> SwarmModel:
+        """Return a model of these parameters, of which "seed" is one."""
+        named = {name: value for name, value in given.items() if name != "seed"}
+        if named.get("map") in self.uploads:
+            named["map"] = self.uploads[named["map"]]
+        return self.model_class(**named, rng=given["seed"])
 
     def _checked(self, parameter: Parameter, value: Any) -> Any:
         if parameter.name == "map":
