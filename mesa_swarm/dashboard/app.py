@@ -15,10 +15,12 @@ from solara.server import settings
 from mesa_swarm.dashboard import FIRST, MODEL_VARIABLE
 from mesa_swarm.dashboard.address import address_from, query_of
 from mesa_swarm.dashboard.canvas_widget import Connection, SwarmCanvas
+from mesa_swarm.dashboard.compare_view import Compare
 from mesa_swarm.dashboard.controls import ControlPanel, Panel
 from mesa_swarm.dashboard.gallery_view import Gallery, title
 from mesa_swarm.dashboard.listeners import use_changes
 from mesa_swarm.dashboard.page_bar import PageBar
+from mesa_swarm.dashboard.replay_view import Replay
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.gallery import description
 
@@ -27,7 +29,7 @@ WATCH, MODELS = "Watch", "Models"
 # What stands beside the canvas, from top to bottom: components that are given the session.
 BESIDE: tuple = ()
 # More tabs: names, and components that are given the session.
-MORE_TABS: dict = {}
+MORE_TABS: dict = {"Compare": Compare, "Replay": Replay}
 
 # Of itself Solara reports its use, has the browser ask solara.dev whether it works, and keeps a page that vanished
 # without a word (its model plays on) for a day.
@@ -49,8 +51,9 @@ def Page():
     search = solara.use_router().search
     asked = solara.use_memo(lambda: address_from(search, os.environ.get(MODEL_VARIABLE, FIRST)), [])
     session = solara.use_memo(lambda: Session(asked.model, asked.wishes, asked.seed, asked.steps), [])
-    solara.use_effect(lambda: session.close, [])
     tab, choose_tab = solara.use_state(WATCH)
+    solara.use_effect(lambda: session.close, [])
+    solara.use_effect(lambda: session.adopted.add(lambda: choose_tab(WATCH)), [])
     solara.Title("mesa_swarm")
     solara.Style(CSS)
 
