@@ -102,7 +102,8 @@ def _value_field(comparing: Comparing, name: str) -> dict[str, Any]:
     field = field_of(parameter, comparing.session)
     at_once = not isinstance(parameter.control, Slider)
     label = f"{label_of(parameter.name)} in {name}"
-    return {**field, "name": name, "label": label, "upload": False, "live": at_once}
+    said = field["help"] if name == NAMES[0] else ""
+    return {**field, "name": name, "label": label, "help": said, "upload": False, "live": at_once}
 
 
 def _run_fields() -> list[dict[str, Any]]:

@@ -68,11 +68,12 @@ def Compare(session: Session):
             Start(comparing, lambda: choose_below(OVER_SEEDS))
         with solara.Div(classes=["swarm-middle", "swarm-pair"]):
             Trouble(comparing)
-            Clock(comparing)
+            with solara.Div(classes=["swarm-clock"]):
+                Clock(comparing)
             with solara.Div(classes=["swarm-worlds"]):
                 for index in range(len(NAMES)):
                     World(comparing, index).key(NAMES[index])
-            with solara.Div(classes=["swarm-below"]):
+            with solara.Div(classes=["swarm-below", "swarm-tall"] if below == OVER_SEEDS else ["swarm-below"]):
                 with rv.Html(tag="nav", class_="swarm-tabs", attributes={"aria-label": "Results"}):
                     for name in (OVER_TIME, OVER_SEEDS):
                         Button(name, lambda name=name: choose_below(name), pressed=name == below).key(name)
@@ -157,9 +158,9 @@ def Image(picture: bytes, name: str, class_: str):
     """Show a PNG."""
     if picture:
         source = f"data:image/png;base64,{base64.b64encode(picture).decode()}"
-        rv.Html(tag="img", class_=f"swarm-figure {class_}", attributes={"src": source, "alt": name})
+        rv.Html(tag="img", class_=f"swarm-figure {class_}", attributes={"src": source, "alt": name}).key("picture")
     else:
-        rv.Html(tag="p", class_="swarm-hint", children=["drawing ..."])
+        rv.Html(tag="p", class_="swarm-hint", children=["drawing ..."]).key("hint")
 
 
 @solara.component

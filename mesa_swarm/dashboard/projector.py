@@ -35,13 +35,11 @@ class RecordedPast:
     @property
     def shown(self) -> Picture | None:
         """The picture of the row that is looked at, None if there are no rows."""
-        self.read()
-        return self._last[1] if self._last else None
-
-    def read(self) -> None:
-        """Read the row that is looked at, unless it was read last."""
-        if self._rows and (self._last is None or self._last[0] != self.index):
+        if not self._rows:
+            return None
+        if self._last is None or self._last[0] != self.index:
             self._last = self.index, picture_of(self._recording[self.index], self._world)
+        return self._last[1]
 
     @property
     def is_present(self) -> bool:
@@ -164,9 +162,11 @@ class Projector(Player):
     def _push(self) -> None:
         """Show what is looked at, and say so if it cannot be read."""
         with self.minding():
-            self.past.read()
-        if not self.error:
-            super()._push()
+            self._number += 1
+            number, picture = self._number, self.past.shown
+        if not self.error and picture is not None:
+            for viewer in self.viewers:
+                viewer.push(number, picture)
 
 
 def picture_of(frame: Frame, world: dict) -> Picture:
