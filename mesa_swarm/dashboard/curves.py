@@ -18,9 +18,11 @@ from mesa_swarm.experiments.portrait import portrait_of
 # Not drawn more often, s: a drawing takes a tenth of that.
 EVERY = 0.5
 MOST_PANELS = 3
+# What every model reports is drawn last.
+LAST = ("total_collisions", "collisions")
 # A line has so many corners at most; each is the mean of the steps between.
 CORNERS = 300
-SIZE, DOTS_PER_INCH = (10.4, 2.3), 150
+SIZE, DOTS_PER_INCH = (10.4, 2.05), 150
 STYLES = ((COOL, "-"), (HOT, "--"))
 _DRAWING = threading.Lock()
 
@@ -49,15 +51,27 @@ def curves_png(series: Sequence[Series], labels: Sequence[str]) -> bytes:
     >>> curves_png([{"fires": np.array([7, 6])}, {"fires": np.array([7, 7])}], ["A", "B"])[1:4]
     b'PNG'
     """
-    names = list(dict.fromkeys(name for one in series for name in one))[:MOST_PANELS]
+    names = main_reports(series)
     with _DRAWING:
         figure = Figure(figsize=SIZE)
         panels = figure.subplots(1, max(len(names), 1), squeeze=False)[0]
-        figure.subplots_adjust(left=0.045, right=0.99, top=0.8, bottom=0.2, wspace=0.14)
+        figure.subplots_adjust(left=0.045, right=0.985, top=0.8, bottom=0.22, wspace=0.17)
         for name, axes in zip(names, panels, strict=False):
             _draw(axes, name, series, labels)
         figure.legend(*panels[0].get_legend_handles_labels(), loc="upper right", ncols=2, fontsize=10, frameon=False)
         return _png(figure)
+
+
+def main_reports(series: Sequence[Series]) -> list[str]:
+    """Return the names of what is drawn: what the model itself reports before what all models do.
+
+    Examples
+    --------
+    >>> main_reports([{"collisions": np.array([0]), "groups": np.array([1])}])
+    ['groups', 'collisions']
+    """
+    names = dict.fromkeys(name for one in series for name in one)
+    return sorted(names, key=lambda name: LAST.index(name) if name in LAST else -1)[:MOST_PANELS]
 
 
 def _draw(axes: Axes, name: str, series: Sequence[Series], labels: Sequence[str]) -> None:
@@ -73,6 +87,8 @@ def _draw(axes: Axes, name: str, series: Sequence[Series], labels: Sequence[str]
     axes.grid(axis="y", color="#dddddd", linewidth=0.7)
     axes.spines[["top", "right"]].set_visible(False)
     axes.set_xlim(left=0)
+    if all(one[name].min(initial=0.0) >= 0.0 for one in series if name in one):
+        axes.set_ylim(bottom=0.0, top=None if axes.dataLim.y1 > 0 else 1.0)
 
 
 def _png(figure: Figure) -> bytes:

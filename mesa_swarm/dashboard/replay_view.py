@@ -92,13 +92,14 @@ def Replay(session: Session):
                 rv.Html(tag="p", class_="swarm-hint", children=[NOTHING_OPEN])
         if projector:
             with solara.Div(classes=["swarm-side"]):
+                Events(replaying).key(f"events {id(projector)}")
                 Branch(replaying).key(f"branch {id(projector)}")
-                Events(replaying)
 
 
 @solara.component
 def Recordings(replaying: Replaying):
     """Show what can be opened, and what is open."""
+    use_changes(replaying.changed)
     solara.HTML(tag="h2", unsafe_innerHTML="Recordings")
     picker = FilePicker.element(label="Upload a recording", accept=ENDING)
     solara.use_effect(lambda: Upload(solara.get_widget(picker), replaying).close, [])
@@ -169,6 +170,7 @@ def Trouble(projector: Projector):
 @solara.component
 def Branch(replaying: Replaying):
     """Show the way from the step that is looked at to a run that goes on."""
+    use_changes(replaying.changed)
     solara.HTML(tag="h2", unsafe_innerHTML="Branch from here")
     if replaying.model_name:
         rv.Html(tag="p", class_="swarm-hint", children=[BRANCHING])
@@ -198,6 +200,7 @@ def _changed(replaying: Replaying) -> str:
 @solara.component
 def Events(replaying: Replaying):
     """Show what happened, to jump to."""
+    use_changes(replaying.changed)
     solara.HTML(tag="h2", unsafe_innerHTML="Events")
     projector, events = replaying.projector, replaying.events
     if not events:
@@ -206,6 +209,6 @@ def Events(replaying: Replaying):
         return
     if len(events) > MOST_EVENTS:
         rv.Html(tag="p", class_="swarm-hint", children=[f"The first {MOST_EVENTS} of {len(events):,}."])
-    with solara.Div(classes=["swarm-list"]):
+    with solara.Div(classes=["swarm-list", "swarm-events"]):
         for place, event in enumerate(events[:MOST_EVENTS]):
             Item(f"{event.step:,}", lambda step=event.step: projector.look_at(step), event.text).key(f"{place}")

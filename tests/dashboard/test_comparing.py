@@ -14,7 +14,7 @@ from mesa_swarm.dashboard import many_runs
 from mesa_swarm.dashboard.compare_panel import ComparePanel, groups_of, values_of
 from mesa_swarm.dashboard.comparing import Comparing
 from mesa_swarm.dashboard.controls import ControlPanel
-from mesa_swarm.dashboard.curves import CurveThread, curves_png, series_of
+from mesa_swarm.dashboard.curves import CurveThread, curves_png, main_reports, series_of
 from mesa_swarm.dashboard.many_runs import MOST_AT_ONCE, ManyRuns, workers_for
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.errors import SwarmError
@@ -114,7 +114,8 @@ def test_the_chart_has_a_line_for_each_world(comparing):
     for _ in range(10):
         comparing.pair.step()
     first, second = series_of(comparing.pair)
-    assert first.keys() == second.keys() == {"fires_burning", "robots_at_fires"}
+    assert first.keys() == second.keys()
+    assert main_reports([first, second]) == ["fires_burning", "robots_at_fires", "total_collisions"]
     assert len(first["fires_burning"]) == 10
     pixels = np.asarray(Image.open(io.BytesIO(curves_png([first, second], ["one", "two"]))).convert("RGB")).astype(int)
     for colour in ((0, 114, 178), (213, 94, 0)):
