@@ -61,7 +61,9 @@ class SideView:
 def Compare(session: Session):
     """Show what is compared on the left, two worlds in the middle, and below them what comes of it."""
     comparing = solara.use_memo(lambda: session.companion(Comparing), [])
+    use_changes(comparing.runs.changed)
     below, choose_below = solara.use_state(OVER_SEEDS if comparing.runs.total else OVER_TIME)
+    is_tall = below == OVER_SEEDS and comparing.runs.report is not None
     with solara.Div(classes=["swarm-watch"]):
         with solara.Div(classes=["swarm-set"]):
             Choices(comparing)
@@ -73,7 +75,7 @@ def Compare(session: Session):
             with solara.Div(classes=["swarm-worlds"]):
                 for index in range(len(NAMES)):
                     World(comparing, index).key(NAMES[index])
-            with solara.Div(classes=["swarm-below", "swarm-tall"] if below == OVER_SEEDS else ["swarm-below"]):
+            with solara.Div(classes=["swarm-below", "swarm-tall"] if is_tall else ["swarm-below"]):
                 with rv.Html(tag="nav", class_="swarm-tabs", attributes={"aria-label": "Results"}):
                     for name in (OVER_TIME, OVER_SEEDS):
                         Button(name, lambda name=name: choose_below(name), pressed=name == below).key(name)
@@ -178,8 +180,7 @@ def Start(comparing: Comparing, on_start):
         if runs.running:
             about = {"max": str(runs.total), "value": str(runs.done), "aria-label": "Runs done"}
             rv.Html(tag="progress", attributes=about)
-            text = f"{runs.done} of {runs.total} runs" + (f", {runs.left}" if runs.left else "")
-            rv.Html(tag="p", children=[text])
+            rv.Html(tag="p", children=[f"{runs.done} of {runs.total} runs, {runs.left or 'starting ...'}"])
             Button("Cancel", runs.cancel)
         else:
             Button(f"Compare over {comparing.seeds} seeds", start, "swarm-do")

@@ -55,10 +55,11 @@ def curves_png(series: Sequence[Series], labels: Sequence[str]) -> bytes:
     with _DRAWING:
         figure = Figure(figsize=SIZE)
         panels = figure.subplots(1, max(len(names), 1), squeeze=False)[0]
-        figure.subplots_adjust(left=0.045, right=0.985, top=0.8, bottom=0.22, wspace=0.17)
+        figure.subplots_adjust(left=0.045, right=0.985, top=0.77, bottom=0.22, wspace=0.17)
         for name, axes in zip(names, panels, strict=False):
             _draw(axes, name, series, labels)
-        figure.legend(*panels[0].get_legend_handles_labels(), loc="upper right", ncols=2, fontsize=10, frameon=False)
+        lines = panels[0].get_legend_handles_labels()
+        figure.legend(*lines, loc="upper right", bbox_to_anchor=(1.0, 1.04), ncols=2, fontsize=9.5, frameon=False)
         return _png(figure)
 
 
@@ -82,7 +83,8 @@ def _draw(axes: Axes, name: str, series: Sequence[Series], labels: Sequence[str]
     axes.set_xlabel("step", fontsize=9, labelpad=1)
     axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     axes.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
-    axes.yaxis.set_major_locator(MaxNLocator(5))
+    counts = all(one[name].dtype.kind in "bui" for one in series if name in one)
+    axes.yaxis.set_major_locator(MaxNLocator(4, integer=counts, min_n_ticks=1))
     axes.tick_params(labelsize=9)
     axes.grid(axis="y", color="#dddddd", linewidth=0.7)
     axes.spines[["top", "right"]].set_visible(False)

@@ -6,7 +6,7 @@ from reacton import ipyvuetify as rv
 
 from mesa_swarm.dashboard.buttons import Button, Item
 from mesa_swarm.dashboard.canvas_widget import Connection, SwarmCanvas
-from mesa_swarm.dashboard.controls import ControlPanel, field_of, place_of, value_at
+from mesa_swarm.dashboard.controls import ControlPanel, field_of, label_of, place_of, value_at
 from mesa_swarm.dashboard.file_picker import FilePicker, Upload
 from mesa_swarm.dashboard.gallery_view import title
 from mesa_swarm.dashboard.listeners import use_changes
@@ -41,7 +41,8 @@ class BranchPanel:
         self._leave = replaying.changed.add(self.refresh)
         self._hear = lambda _, message, __: self.act(message)
         widget.on_msg(self._hear)
-        fields = [field_of(self.known[name], replaying.session) for name in replaying.parameters]
+        # With more or fewer robots nothing could go on from where it was.
+        fields = [field_of(self.known[name], replaying.session) for name in replaying.parameters if name != "n_robots"]
         widget.groups = [
             {"title": "With other parameters", "fields": [field | {"live": True} for field in fields if field]}
         ]
@@ -135,7 +136,7 @@ def About(replaying: Replaying):
     solara.HTML(tag="h2", unsafe_innerHTML="What it is of")
     with rv.Html(tag="dl", class_="swarm-facts"):
         for name, value in facts.items():
-            rv.Html(tag="dt", children=[name.replace("_", " ")])
+            rv.Html(tag="dt", children=[label_of(name)])
             rv.Html(tag="dd", children=[f"{value!s:.60}"])
 
 
