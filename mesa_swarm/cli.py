@@ -372,11 +372,14 @@ def dashboard(
     host: Annotated[
         str, typer.Option(help="Address to listen on; any but this machine's own asks for a token, which is printed.")
     ] = "127.0.0.1",
+    recordings: Annotated[
+        Path | None, typer.Option(metavar="PATH", help="A recording, or a folder of them, to replay on the page.")
+    ] = None,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Only serve; open no browser.")] = False,
 ) -> None:
     """Look at a model in the browser."""
     check_choice("model", model, model_names())
-    _work().dashboard(model, port=port, browser=not no_browser, host=host)
+    _work().dashboard(model, port=port, browser=not no_browser, host=host, recordings=recordings)
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ from mesa_swarm.dashboard import FIRST, MODEL_VARIABLE
 from mesa_swarm.dashboard.address import address_from, query_of
 from mesa_swarm.dashboard.canvas_widget import Connection, SwarmCanvas
 from mesa_swarm.dashboard.charts import Charts
+from mesa_swarm.dashboard.compare_view import Compare
 from mesa_swarm.dashboard.controls import ControlPanel, Panel
 from mesa_swarm.dashboard.export_view import ExportView
 from mesa_swarm.dashboard.gallery_view import Gallery, title
@@ -23,6 +24,7 @@ from mesa_swarm.dashboard.inspector import InspectorView
 from mesa_swarm.dashboard.listeners import use_changes
 from mesa_swarm.dashboard.page_bar import PageBar
 from mesa_swarm.dashboard.places import Places
+from mesa_swarm.dashboard.replay_view import Replay
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.gallery import description
 
@@ -31,7 +33,7 @@ WATCH, MODELS = "Watch", "Models"
 # What stands beside the canvas, from top to bottom: components that are given the session.
 BESIDE: tuple = (InspectorView, Charts, ExportView)
 # More tabs: names, and components that are given the session.
-MORE_TABS: dict = {}
+MORE_TABS: dict = {"Compare": Compare, "Replay": Replay}
 
 PLACES = Places()
 
@@ -78,8 +80,9 @@ def Room():
     search = solara.use_router().search
     asked = solara.use_memo(lambda: address_from(search, os.environ.get(MODEL_VARIABLE, FIRST)), [])
     session = solara.use_memo(lambda: Session(asked.model, asked.wishes, asked.seed, asked.steps), [])
-    solara.use_effect(lambda: session.close, [])
     tab, choose_tab = solara.use_state(WATCH)
+    solara.use_effect(lambda: session.close, [])
+    solara.use_effect(lambda: session.adopted.add(lambda: choose_tab(WATCH)), [])
 
     def choose_model(name: str) -> None:
         session.choose(name)

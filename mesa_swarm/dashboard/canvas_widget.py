@@ -49,7 +49,8 @@ class SwarmCanvas(anywidget.AnyWidget):
     ----------
     options : dict
         ``bar``: whether there are buttons; ``keys``: "page" where keys pressed anywhere play and step, "own"
-        where only those pressed in the widget do, "" for none; ``toggles``: what is drawn, by name.
+        where only those pressed in the widget do, "" for none; ``toggles``: what is drawn, by name; ``head``:
+        whether a caption and the readings stand above it; ``stage``: False for buttons without a picture.
     selected : int or None
         Id of the robot that is marked.
 
@@ -191,7 +192,8 @@ class Connection:
         """Hand a picture on, with what the player says of itself."""
         player, past = self.player, self.player.past
         kept = {"index": past.index, "length": len(past), "first": past.first_step, "last": past.last_step}
-        self.canvas.push(number, picture, rate=rate_text(player.loop.rate), **kept)
+        rest = not player.playing
+        self.canvas.push(number, picture, rate=rate_text(player.loop.rate), rest=rest, **kept)
 
     def tell(self) -> None:
         """Hand on whether it is played, and how fast."""

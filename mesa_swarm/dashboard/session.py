@@ -2,9 +2,10 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
-from typing import Any
+from typing import Any, Protocol
 
 from mesa_swarm.dashboard.inspection import watch_closely
+from mesa_swarm.dashboard.listeners import Listeners
 from mesa_swarm.dashboard.player import Player
 from mesa_swarm.dashboard.readings import in_words
 from mesa_swarm.dashboard.series import Series
@@ -21,6 +22,13 @@ MOST_ROBOTS = 10_000
 LARGEST_UPLOAD = 1_000_000
 LARGEST_SEED = 2**53 - 1
 USUAL_SPEED = 60.0
+
+
+class Companion(Protocol):
+    """What a tab of the page keeps for a session, also while another tab is looked at."""
+
+    def close(self) -> None:
+        """Stop, and let go of everything."""
 
 
 class Session(Player):
@@ -55,6 +63,8 @@ class Session(Player):
         What was measured of the present model.
     straight : bool
         Whether nothing was changed on the way: the same wishes give the same run.
+    adopted : Listeners
+        Told when it goes on with a model that was built elsewhere.
 
     Examples
     --------
@@ -75,6 +85,8 @@ class Session(Player):
         self._find = find
         self.uploads: dict[str, Map] = {}
         self.series = Series()
+        self.adopted = Listeners()
+        self._companions: dict[Callable, Companion] = {}
         super().__init__()
         self.loop.speed = USUAL_SPEED
         self._enter(name, dict(wishes or {}), seed)
@@ -172,10 +184,45 @@ class Session(Player):
         own = parameter.control.options if parameter and isinstance(parameter.control, Choice) else ()
         return list(dict.fromkeys([*own, *builtin_maps(), *self.uploads]))
 
+    def adopt(self, model: SwarmModel, name: str, wishes: Mapping[str, Any], seed: int) -> None:
+        """Stop, and go on with a model that was built elsewhere and has taken steps.
+
+        Parameters
+        ----------
+        model : SwarmModel
+        name : str
+            Under which its class is found.
+        wishes : mapping
+            The parameters from which a reset builds it anew; a Map is kept as if it had been uploaded.
+        seed : int
+        """
+        self.loop.pause()
+        with self.lock:
+            given = dict(wishes)
+            if isinstance(given.get("map"), Map):
+                chart = given["map"]
+                given["map"] = f"{chart.name} (recorded)"
+                self.uploads[given["map"]] = chart
+            self._enter(name, given, seed)
+            self.model, self.built, self.straight = model, {**self.wishes, "seed": seed}, False
+        self.rest()
+        self.adopted.tell()
+
+    def companion(self, kind: Callable[["Session"], "Companion"]) -> "Companion":
+        """Return the one companion of this kind, made when it is first asked for, and closed with the session."""
+        with self.lock:
+            if kind not in self._companions:
+                self._companions[kind] = kind(self)
+            return self._companions[kind]
+
     def close(self) -> None:
         """Stop for good, and let go of everything."""
         super().close()
         self.series.follow(None)
+        self.adopted.clear()
+        for companion in self._companions.values():
+            companion.close()
+        self._companions.clear()
         self.uploads.clear()
 
     def _enter(self, name: str, wishes: dict[str, Any], seed: int) -> None:
