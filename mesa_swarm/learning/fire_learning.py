@@ -8,7 +8,7 @@ from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import check_count, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import best_of, chosen
-from mesa_swarm.learning.skills import FOLLOW, SITUATIONS, SKILLS, perform, situation_of
+from mesa_swarm.learning.skills import SITUATIONS, SKILLS, perform, situation_of
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm
 
@@ -43,8 +43,6 @@ class LearnFires:
         Of the choice, above 0.
     hold : int
         Steps, at least 1.
-    followers : bool
-        Whether they may follow robots; else the last skill is left out.
     shared : bool
         Whether all robots learn in one table, in the order of their ids.
     frozen : bool
@@ -70,7 +68,6 @@ class LearnFires:
     first_temperature: float = 5.0
     last_temperature: float = 0.1
     hold: int = 50
-    followers: bool = True
     shared: bool = False
     frozen: bool = False
     name: str = "LearnFires"
@@ -124,7 +121,7 @@ class LearnFires:
             tuple(map(self._column, ("gain", "temperature"))), self._rng.random(len(layer)),
             (float(self.arrival), float(self.put_out), float(self.step_cost)),
             (float(self.alpha), float(self.gamma), float(self.beta), float(self.last_temperature)),
-            (int(self.hold), len(SKILLS) if self.followers else FOLLOW), (bool(self.shared), bool(self.frozen)),
+            int(self.hold), (bool(self.shared), bool(self.frozen)),
             command, layer, index,
         )  # fmt: skip
         if self.shared:
@@ -140,13 +137,12 @@ class LearnFires:
 @compiled
 def learn_skills(
     distance, kind, heat, hot, fire, last_command, tendency, max_speed, radius, design, bearing, forward,
-    values, doing, worth, chance, rewards, rates, limits, options, command, layer, index,
+    values, doing, worth, chance, rewards, rates, hold, options, command, layer, index,
 ):  # fmt: skip
     """Learn from the last step and write the commands of the skills that are chosen."""
     situation, skill, last, before, kept = doing
     gain, temperature = worth
     alpha, gamma, beta, coolest = rates
-    hold, skills = limits
     shared, frozen = options
     for i in range(layer.shape[0]):
         row = 0 if shared else i
@@ -160,11 +156,11 @@ def learn_skills(
         before[i] = fire[i]
         if skill[i] < 0 or now != situation[i] or kept[i] >= hold:
             if skill[i] >= 0 and not frozen:
-                best = values[row, now, best_of(values[row, now, :skills])]
+                best = values[row, now, best_of(values[row, now])]
                 wanted = gain[i] + gamma ** kept[i] * best
                 values[row, situation[i], skill[i]] += alpha * (wanted - values[row, situation[i], skill[i]])
             situation[i], kept[i], gain[i] = now, 0, 0.0
-            skill[i] = chosen(values[row, now, :skills], temperature[i], chance[i])
+            skill[i] = chosen(values[row, now], temperature[i], chance[i])
         if not frozen:
             temperature[i] -= beta * (temperature[i] - coolest)
         if layer[i] < 0:
@@ -180,7 +176,7 @@ def paid(fire, before, last, hot, stood, rewards):
     """Return what a step was worth; `before` and `last` are what was fought in the step before, and last of all."""
     arrival, put_out, step_cost = rewards
     if fire >= 0:
-        return arrival if before != fire and last != fire else 0.0
+        return 0.0 if fire in (before, last) else arrival
     # Nothing to fight any more, neither hot nor gone away: it went out.
     went_out = before >= 0 and not hot and stood
     return put_out - step_cost if went_out else -step_cost

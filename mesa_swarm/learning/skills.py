@@ -57,18 +57,14 @@ def nearest_of(distance, kind, i, wanted):
 @compiled
 def perform(skill, distance, kind, bearing, forward, i, d, at_fire, side, speed, radius):
     """Return the wheel speeds of a skill for robot i of design d."""
-    if skill == WAIT:
+    if skill == WAIT or (skill == APPROACH and at_fire):
         return 0.0, 0.0
     if skill == BACK_OFF:
         return -speed, -speed
     seen = nearest_of(distance, kind, i, ROBOT if skill == FOLLOW else FIRE)
-    if seen < 0:
-        return speed, speed
-    if skill == APPROACH:
-        return (0.0, 0.0) if at_fire else approach(bearing[d, seen], CRITICAL_ANGLE, speed, radius)
-    if skill == FOLLOW:
+    if seen >= 0 and skill != EXPLORE:
         return approach(bearing[d, seen], CRITICAL_ANGLE, speed, radius)
-    ahead = seen == forward[d, 0] or seen == forward[d, 1] or seen == forward[d, 2]
+    ahead = seen >= 0 and (seen == forward[d, 0] or seen == forward[d, 1] or seen == forward[d, 2])
     if ahead and distance[i, seen] < NEAR:
         away = -bearing[d, seen] if bearing[d, seen] != 0.0 else side
         return turn_towards(math.copysign(math.pi, away), speed, radius)
