@@ -9,9 +9,8 @@ robot in sight or not. For each situation it holds a value of each skill, correc
 chooses by chance, the more so the higher its temperature T. When all fires are out, or after `round_steps`, they are
 lit again at the same places: a round.
 
-HOW TO USE IT. With `controller` "shared" all robots learn in one table, with "own" each in its own. The others are put
-to the same test: strategies A and B, a follower (A, and it follows a robot that it sees), and skills at random.
-`arrival` and `put_out` are the rewards, `step_cost` is what a step away from fires costs.
+HOW TO USE IT. With `controller` "shared" all robots learn in one table, with "own" each in its own. Beside them are
+strategies A and B, a follower (A, and it follows a robot that it sees), and skills at random.
 
 THINGS TO NOTICE. Early rounds end by the clock, with the large fire burning. Later, robots that share what they learn
 back out of the heat, wait in front of the fire and return: strategy B, which nobody told them.

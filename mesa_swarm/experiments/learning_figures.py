@@ -99,8 +99,8 @@ def learning_figure(
     Examples
     --------
     >>> figure = learning_figure(steps=30, n_robots=2)
-    >>> [axes.get_ylabel() for axes in figure.axes[:2]]
-    ['collisions a robot and step', 'T']
+    >>> [axes.get_ylabel() for axes in figure.axes[2:4]]
+    ['collisions of a robot in all', 'T']
     """
     if runs is None:
         runs = {beta: learning_run(beta=beta, rng=rng, steps=steps, **settings) for beta in BETAS}

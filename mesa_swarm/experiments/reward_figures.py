@@ -10,7 +10,7 @@ from mesa_swarm.experiments.figures import COLOURS
 from mesa_swarm.experiments.pictures import INK
 from mesa_swarm.learning.reward_lab import Profile
 
-STYLES = ("-", "--", "-.", ":")
+STYLES = ("--", "-.", ":", "-")
 LEAP, DOUBT = "#d55e00", "#e2d3b0"
 ROWS = ("reward", "learned value Q", "probability of choice")
 

@@ -10,6 +10,7 @@ from mesa_swarm import AGENT9
 from mesa_swarm.analysis import central_moving_average
 from mesa_swarm.cli import main
 from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.experiments.fire_figures import TITLES, FireRun, fire_figure
 from mesa_swarm.experiments.learning_figures import LearningRun, learning_figure, learning_run, regression_figure
 from mesa_swarm.experiments.reward_figures import reward_figure
 from mesa_swarm.learning import QPolicy
@@ -85,3 +86,17 @@ def test_the_command_refuses_nonsense_in_one_line(wrong, tmp_path, capsys):
     assert status.value.code == 2
     assert len(capsys.readouterr().err.strip().splitlines()) == 1
     assert not (tmp_path / "new").exists()
+
+
+def test_the_picture_of_fires_has_a_dot_a_run_and_a_line_for_each_learner():
+    def run(share):
+        results = dict.fromkeys(TITLES, share)
+        return FireRun(np.array([6000.0, 3000.0]), results)
+
+    figure = fire_figure({"shared": [run(0.5), run(1.0)], "A": [run(0.0), run(None)]})
+    largest, _, rounds = figure.axes
+    assert line(largest)[:, 1].tolist() == [0.5, 1.0]
+    assert line(rounds)[:, 1].tolist() == [6000.0, 3000.0]
+    assert line(rounds, 1)[:, 1].tolist() == [4500.0, 4500.0]
+    with pytest.raises(InvalidValueError, match="runs are missing"):
+        fire_figure({"A": []})
