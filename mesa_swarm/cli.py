@@ -329,6 +329,23 @@ def diagnose(
     _work("diagnose_commands").diagnose(model, setting or [], steps=steps, rng=rng, progress=not quiet)
 
 
+@app.command("reward-lab")
+def reward_lab(
+    *,
+    rewards: Annotated[str, typer.Option(metavar="A,B,...", help="Of a, b and c.")] = "a,b,c",
+    actions: Annotated[int, typer.Option(help="What robots can do: 4 or 8 actions.")] = 4,
+    steps: Annotated[int, typer.Option(min=1, max=MOST_KEPT, help="How long 15 robots learn.")] = 20_000,
+    seeds: Annotated[int, typer.Option(min=1, max=1000, help="Runs with each reward.")] = 1,
+    rng: Annotated[int, typer.Option(min=0, max=2**31 - 1, help="The first seed.")] = 1,
+    out: Folder = Path("results", "reward_lab"),
+    quiet: Quiet = False,
+) -> None:
+    """Draw reward, learned values and choice over the distance ahead; measure where robots dither."""
+    _work("reward_commands").reward_lab(
+        rewards=rewards, actions=actions, steps=steps, seeds=seeds, rng=rng, out=out, progress=not quiet
+    )
+
+
 @maps.command("import")
 def import_map(
     file: Annotated[str, typer.Argument(metavar="FILE", help="A .svg, .map or .toml file, or a built-in name.")],
