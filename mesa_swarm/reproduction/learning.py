@@ -134,7 +134,7 @@ def frequency(laboratory: Laboratory, robots: int, beta: float, share: float) ->
     )
     return Result(
         checks=checks,
-        pictures={"": frequency_figure(rows, robots, beta)},
+        pictures={"": frequency_figure(rows, robots, beta, laboratory.pick(STEPS, 3_300))},
         settings=f"{LEARNING}; {robots} robot{'s' if robots > 1 else ''}, beta {beta:g}",
     )
 
@@ -195,18 +195,19 @@ def totals(laboratory: Laboratory) -> Result:
     return Result(checks=checks, pictures={"": figure}, settings=f"{LEARNING}; 15 robots")
 
 
-def frequency_figure(rows: list[dict], robots: int, beta: float) -> Figure:
+def frequency_figure(rows: list[dict], robots: int, beta: float, last: int) -> Figure:
     """Return a figure of how often robots collide, smoothed, and of T."""
     figure, (axes,) = plain_axes("step", "collisions a robot and 1,000 steps")
     curves = np.array(column(rows, "curve"))
-    steps = np.linspace(0, STEPS, POINTS)
-    draw_bundle(axes, steps, curves, COLOURS[0], f"{robots} robots, mean of {len(rows)} runs")
+    draw_bundle(axes, np.linspace(0, last, curves.shape[1]), curves, COLOURS[0], "mean of runs")
     warmth = axes.twinx()
-    warmth.plot(steps, rows[0]["temperature"], color=COLOURS[1], linewidth=1.6)
+    warmth.plot(np.linspace(0, last, POINTS), rows[0]["temperature"], color=COLOURS[1], linewidth=1.6)
     warmth.set(ylabel="T", ylim=(0, 1.05))
     warmth.yaxis.label.set_color(COLOURS[1])
     axes.set_ylim(0, max(3.0 * float(curves.mean(axis=0).max()), 1.0))
-    axes.set_title(f"beta {beta:g}: blue collisions, orange T", fontsize=10)
+    axes.set_title(
+        f"beta {beta:g}, {robots} robots, {len(rows)} runs: blue collisions and their mean, orange T", fontsize=10
+    )
     count_steps(axes)
     return figure
 

@@ -14,8 +14,8 @@ from mesa_swarm.robots.design import AGENT9
 STEPS = 33_000
 # Of the whole run: the first 1,000 steps of 33,000, the last 3,000, a third.
 FIRST, LAST, THIRD = 1 / 33, 1 / 11, 1 / 3
-# What is kept of a smoothed curve.
-POINTS = 330
+# What is kept of a curve that is smoothed over about 1,000 steps, or over 11.
+POINTS, ONE_POINTS = 330, 3300
 # Windows of the thesis, for many robots and for one.
 MANY_WINDOW, ONE_WINDOW = 1001, 11
 FORWARD = 3
@@ -45,22 +45,22 @@ def learning_run(rng: int, *, steps: int = STEPS, **settings: Any) -> dict[str, 
         "last third": float(rate[-third:].sum()) / 1000,
         "total": float(rate.sum()) / 1000,
         "with temperature": correlation(central_moving_average(rate, MANY_WINDOW), warmth),
-        "curve": kept(smooth),
+        "curve": kept(smooth, POINTS if robots > 1 else ONE_POINTS),
         "sum": kept(np.cumsum(rate) / 1000),
         "temperature": kept(warmth),
         "speed": float(model.forward_speed),
     }
 
 
-def kept(values: np.ndarray) -> list[float]:
-    """Return 330 values at equal steps, the last one too, with six digits.
+def kept(values: np.ndarray, points: int = POINTS) -> list[float]:
+    """Return so many values at equal steps, the last one too, with six digits.
 
     Examples
     --------
     >>> kept(np.arange(660.0))[-1]
     659.0
     """
-    places = np.linspace(0, len(values) - 1, POINTS).round().astype(int)
+    places = np.linspace(0, len(values) - 1, points).round().astype(int)
     return [float(f"{value:.6g}") for value in values[places]]
 
 

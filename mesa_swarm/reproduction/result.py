@@ -92,7 +92,7 @@ class Result:
 
     def csv(self) -> str:
         """Return the checks for other programs."""
-        return csv_text([(*HEADER, "main"), *((*check.row[:-1], check.outcome, check.main) for check in self.checks)])
+        return csv_text([(*HEADER, "main"), *((check.claim, *check.row[1:], check.main) for check in self.checks)])
 
 
 def verdict(checks: Iterable[Check]) -> str:

@@ -95,14 +95,14 @@ def cell_of(place: dict, leaving: Sequence[dict], waiting: Sequence[dict]) -> Ce
 def cells_figure(cells: Sequence[Cell]) -> Figure:
     """Return the map: a panel for each size of fires, a row for each rest time, a column for each number of robots."""
     sizes = sorted({cell.size for cell in cells})
-    figure = Figure(figsize=(1.2 + 4.0 * len(sizes), 3.4), layout="constrained")
+    figure = Figure(figsize=(2.8 + 3.4 * len(sizes), 3.6), layout="constrained")
     panels = figure.subplots(1, len(sizes), squeeze=False, sharey=True).ravel()
     for axes, size in zip(panels, sizes, strict=True):
         shown = draw_panel(axes, [cell for cell in cells if cell.size == size])
         axes.set_title(f"fires {size:g} times as large", fontsize=10)
     panels[0].set_ylabel("rest, steps")
     figure.colorbar(shown, ax=list(panels), label="fires more that B puts out")
-    figure.suptitle("who wins: more fires out, or all out sooner (95 % interval of paired seeds)", fontsize=11)
+    figure.suptitle("who wins: more fires out, or all out sooner", fontsize=11)
     return figure
 
 
