@@ -99,8 +99,8 @@ def turning_distance(forward: np.ndarray) -> float | None:
 
     Examples
     --------
-    >>> turning_distance(PLACES > 20.0) - 20.0 < 0.5
-    True
+    >>> turning_distance(PLACES > 20.0)
+    20.5
     >>> turning_distance(PLACES < 20.0) is None
     True
     """
