@@ -52,7 +52,11 @@ def reproduce(
     if report_to is not None:
         check_report(report_to)
     with Laboratory(folder, quick=quick, jobs=workers, progress=progress) as laboratory:
-        made = [announced(one, folder) for one in made_by(laboratory, chosen)]
+        try:
+            made = [announced(one, folder) for one in made_by(laboratory, chosen)]
+        except KeyboardInterrupt:
+            print(f"the runs so far are kept in {folder}; the same command goes on where this one stopped")
+            raise
     if quick:
         print(FEW)
     if report_to is not None:

@@ -170,6 +170,10 @@ def linear_in_sensors(laboratory: Laboratory) -> Result:
         checks=checks,
         pictures={"": figure},
         settings=f"{SETTINGS}; the bend is ((t9 - t6) - (t6 - t3)) / (t9 - t3), each of t of so many sensors",
+        remarks=(
+            "The designs AGENT3, AGENT6 and AGENT9 differ in where their sensors look as well, so that their robots "
+            "crowd differently and each sensor costs differently.",
+        ),
     )
 
 

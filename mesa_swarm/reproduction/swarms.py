@@ -17,7 +17,7 @@ from mesa_swarm.reproduction.swarm_runs import (
 )
 
 SEEDS = 40
-EXPLORING_SEEDS = 20
+EXPLORING_SEEDS = 12
 EXPLORING_STEPS = 60_000
 # Nearly all: the rest is a cell that is entered only just.
 NEARLY_ALL = 0.95
