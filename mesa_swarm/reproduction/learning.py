@@ -16,7 +16,7 @@ from mesa_swarm.reproduction.learning_runs import POINTS, STEPS, avoidance_run, 
 from mesa_swarm.reproduction.registry import Item
 from mesa_swarm.reproduction.result import Check, Result
 
-SEEDS = 12
+SEEDS = 8
 SLOW, FAST = 1e-4, 5e-3
 CRITICAL = 0.4
 LEARNING = (

@@ -17,7 +17,7 @@ SIZES = (0.5, 1.0, 2.0)
 # Of the default constants, and around it.
 REST = 60.0
 RESTS = (15.0, REST, 240.0)
-SEEDS = 10
+SEEDS = 6
 # Half of what the thesis's two runs are given: who is done is done by then.
 MOST_STEPS = 8_000
 SIDES = ("A", "B")
