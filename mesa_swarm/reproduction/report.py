@@ -8,7 +8,7 @@ import numba
 import numpy as np
 
 from mesa_swarm.reproduction.registry import Item
-from mesa_swarm.reproduction.result import HEADER, VERDICTS, Result
+from mesa_swarm.reproduction.result import HEADER, VERDICTS, Check, Result
 
 INTRODUCTION = """\
 # What of the thesis comes out again
@@ -20,8 +20,8 @@ sides. Intervals are 95 % (Student's t for means and differences, Wilson's for s
 
 Verdicts are computed. A check *holds* if its interval lies wholly where the criterion says, *fails* if wholly
 elsewhere, and is *unsettled* if it meets the limit. A result is **confirmed** if all its checks hold, **confirmed
-with limits** if all main ones do, else **not confirmed**. Claims in brackets are not main ones. Nothing was tuned
-to make a claim come true; the thesis gives few distances, speeds and constants, so that settings are ours, and are
+with limits** if all main ones do, else **not confirmed**. Claims in italics are not main ones. Nothing was tuned to
+make a claim come true; the thesis gives few distances, speeds and constants, so that settings are ours, and are
 named. It reports many results as pictures: what is written here under "the thesis" is what its text says of them.
 Which of several pictures of a section has which number (4.12 to 4.16, 5.6 to 5.10, 8.1 to 8.6, 9.1 to 9.3) is our
 reading of that text.
@@ -62,16 +62,19 @@ def surroundings(made: Sequence[Made], quick: bool) -> str:
     load = f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores" if hasattr(os, "getloadavg") else "load unknown"
     minutes = sum(one.seconds for one in made) / 60
     few = "\n**Few seeds, short runs (`--quick`): these verdicts mean nothing.**\n" if quick else ""
-    return f"{few}\nMade in {minutes:.0f} minutes with NumPy {np.__version__} and Numba {numba.__version__}, {load}.\n"
+    with_what = f"NumPy {np.__version__} and Numba {numba.__version__}"
+    return (
+        f"{few}\nMade with {with_what}. The last call took {minutes:.0f} minutes; {load}. Runs made before were kept.\n"
+    )
 
 
 def summary(made: Sequence[Made]) -> str:
     """Return how many results have which verdict, and a line for each."""
     count = {name: sum(one.result.verdict == name for one in made) for name in VERDICTS}
-    told = ", ".join(f"{number} {name}" for name, number in count.items())
+    counted = ", ".join(f"{number} {name}" for name, number in count.items())
     lines = [row_of(one) for one in made]
     table = table_of(("figure", "shows", "verdict", "what does not hold"), lines)
-    return f"## All results\n\n{told}.\n\n{table}"
+    return f"## All results\n\n{counted}.\n\n{table}"
 
 
 def row_of(one: Made) -> tuple[str, ...]:
@@ -81,13 +84,18 @@ def row_of(one: Made) -> tuple[str, ...]:
 
 def section(one: Made) -> str:
     """Return what is told of one result."""
-    rows = [check.row for check in one.result.checks]
+    rows = [(told(check), *check.row[1:]) for check in one.result.checks]
     remarks = "".join(f"\n- {remark}" for remark in one.result.remarks)
     return (
         f"## {one.item.figure}: {one.item.title}\n\n"
         f"Thesis {one.item.section}. **{one.result.verdict.capitalize()}.**\n\n"
         f"{table_of(HEADER, rows)}\n\nSettings: {one.result.settings}.\n{remarks}"
     )
+
+
+def told(check: Check) -> str:
+    """Return a claim, in italics if it is not a main one."""
+    return check.claim if check.main else f"*{check.claim}*"
 
 
 def table_of(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -54,9 +54,8 @@ class Check:
 
     @property
     def row(self) -> tuple[str, ...]:
-        """The check as a row of a table; what is beside the point of the result stands in brackets."""
-        claim = self.claim if self.main else f"({self.claim})"
-        return claim, self.reported, self.measured, self.criterion, self.outcome
+        """The check as a row of a table."""
+        return self.claim, self.reported, self.measured, self.criterion, self.outcome
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -92,7 +91,7 @@ class Result:
 
     def csv(self) -> str:
         """Return the checks for other programs."""
-        return csv_text([(*HEADER, "main"), *((check.claim, *check.row[1:], check.main) for check in self.checks)])
+        return csv_text([(*HEADER, "main"), *((*check.row, check.main) for check in self.checks)])
 
 
 def verdict(checks: Iterable[Check]) -> str:
