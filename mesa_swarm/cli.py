@@ -382,6 +382,32 @@ def bench(
 
 
 @app.command()
+def reproduce(
+    *,
+    figure: Annotated[
+        list[str] | None, typer.Option(metavar="NUMBER", help="Such as 8.3; may be repeated; else all of them.")
+    ] = None,
+    every: Annotated[bool, typer.Option("--all", help="All of them, which is so anyway.")] = False,
+    names: Annotated[bool, typer.Option("--list", help="Only list them.")] = False,
+    out: Annotated[Path, typer.Option(help="Folder for pictures, tables and the runs, which are kept.")] = Path(
+        "results", "reproduction"
+    ),
+    quick: Annotated[bool, typer.Option("--quick", help="Few seeds and short runs: to see that it works.")] = False,
+    jobs: Annotated[int, typer.Option(min=-1, max=1024, help="Processes at a time, -1 for one on each core.")] = -1,
+    report: Annotated[Path | None, typer.Option(metavar="FILE.md", help="Write a page of what came of them.")] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Make the thesis's results again, each with a verdict; go on where an earlier call was interrupted."""
+    work = _work("commands", "reproduction")
+    if every and figure:
+        raise InvalidValueError("--all and --figure are given at once; leave one out")
+    if names:
+        work.list_figures()
+        return
+    work.reproduce(figure or [], out=out, quick=quick, jobs=jobs, report_to=report, progress=not quiet)
+
+
+@app.command()
 def dashboard(
     model: Annotated[str, typer.Argument(help="The model to show first.", metavar="[MODEL]")] = "fire_fighting",
     *,
