@@ -36,7 +36,7 @@ class Verdict:
         if self.passed:
             return f"{PASSED}\n{self.text}"
         said = f"{NOT_YET}\n{self.text}" if "\n" in self.text or self.text.startswith(" ") else self._sentence()
-        return f"{said}\nHint: {self.hint.rstrip('.')}." if self.hint else said
+        return f"{said}\nHint: {self.hint}{'' if self.hint.endswith(('.', '?')) else '.'}" if self.hint else said
 
     __str__ = __repr__
 

@@ -1,9 +1,9 @@
 """Solutions of notebook 1; each part may be pasted into the cell of its exercise."""
 
-# %% exercise-1
 from mesa_swarm.control import PASS, behaviour
 
 
+# %% exercise-1
 @behaviour
 def careful(me, distance=15.0):
     """Turn away in time."""
@@ -15,9 +15,6 @@ def careful(me, distance=15.0):
 
 
 # %% exercise-2
-from mesa_swarm.control import behaviour
-
-
 @behaviour
 def circle(me):
     """Drive round a circle of radius 50: (left + right) / (right - left) = 50 / 5."""
