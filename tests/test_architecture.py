@@ -36,6 +36,7 @@ FLOORS = {
     "environments": 8,
     "experiments": 8,
     "exports": 8.3,  # above experiments, whose pictures are its stills
+    "teaching": 8.4,  # pictures of experiments, and what a notebook asks of a model
     "reproduction": 8.5,  # above experiments, whose statistics and pictures it uses
     "dashboard": 8.6,
     "cli.py": 9,

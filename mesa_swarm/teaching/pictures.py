@@ -1,0 +1,46 @@
+"""Pictures for notebooks, which show whatever can say what it looks like as a PNG."""
+
+from mesa_swarm.experiments.pictures import png, world_figure
+from mesa_swarm.experiments.portrait import portrait_of
+
+
+class Picture:
+    """A figure that a notebook shows; made by `picture`."""
+
+    def __init__(self, figure) -> None:
+        self.figure = figure
+
+    def __repr__(self) -> str:
+        width, height = self.figure.get_size_inches()
+        return f"<Picture of {width:.1f} x {height:.1f} inches>"
+
+    def _repr_png_(self) -> bytes:
+        """Return what Jupyter shows."""
+        return png(self.figure)
+
+
+def picture(*shown, titles: tuple[str, ...] = (), sectors: bool = False, perceived: bool = False) -> Picture:
+    """Return a picture of one or more models side by side, as they are now, or of a figure.
+
+    Parameters
+    ----------
+    *shown : SwarmModel, or one matplotlib Figure
+        Such as `stages`, `trace` and `ethogram` return.
+    titles : tuple of str
+        Of the models; by default their classes and steps.
+    sectors : bool
+        Whether to show where the robots' sensors look.
+    perceived : bool
+        Whether to draw a line from each robot to where it perceives the centroid of those that it sees.
+
+    Examples
+    --------
+    >>> from mesa_swarm.model import SwarmModel
+    >>> picture(SwarmModel(rng=1))._repr_png_()[1:4]
+    b'PNG'
+    """
+    if len(shown) == 1 and hasattr(shown[0], "get_size_inches"):
+        return Picture(shown[0])
+    names = titles or [f"{type(model).__name__}, step {model.steps:,}" for model in shown]
+    portraits = {name: portrait_of(model, perceived=perceived) for name, model in zip(names, shown, strict=True)}
+    return Picture(world_figure(portraits, sectors))

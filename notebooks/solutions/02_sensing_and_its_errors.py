@@ -1,0 +1,10 @@
+"""Solutions of notebook 2; each part may be pasted into the cell of its exercise."""
+
+# %% exercise-1
+# Farther than the 20 units that it goes between two looks, with room to spare. On the spot it would turn by 4 radians
+# until it looks again, past where it wanted to go, and most of the time it would do nothing else.
+answer = dict(distance=35, turn="translational")
+
+# %% exercise-2
+# Half of the readings are off by 6: the variance is 0.5 * 36.
+deviation = (0.5 * (0.2 * 30) ** 2) ** 0.5

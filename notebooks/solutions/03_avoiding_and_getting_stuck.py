@@ -1,0 +1,19 @@
+"""Solutions of notebook 3; each part may be pasted into the cell of its exercise."""
+
+from mesa_swarm.control import PASS, behaviour
+
+
+# %% exercise-1
+@behaviour
+def turn_away(me, distance=15.0):
+    """Turn to one side only, the robot's own, whatever is near."""
+    for sensor in (me.front, me.left, me.right):
+        if 0 <= me.distance[sensor] < distance:
+            return -me.tendency * me.max_speed, me.tendency * me.max_speed
+    return PASS
+
+
+# %% exercise-2
+# Large, and both walls of the corridor are near at once: it turns to and fro before the entrance. Very small, and
+# the robot touches the wall before it has turned.
+distance = 8

@@ -1,0 +1,119 @@
+"""The notebooks: stripped, of one form, running to their end; exercises that fail unsolved and pass solved."""
+
+import ast
+import io
+import os
+import re
+from contextlib import redirect_stdout
+from pathlib import Path
+
+import nbformat
+import pytest
+from nbclient import NotebookClient
+
+ROOT = Path(__file__).parents[2]
+NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+NAMES = [path.stem for path in NOTEBOOKS]
+EXERCISES = ("exercise-1", "exercise-2")
+# Run by default; the others are in .ci/run.
+ALWAYS = {"01_a_first_robot", "04_agglomeration"}
+SLOWLY = [pytest.param(path, id=path.stem, marks=() if path.stem in ALWAYS else pytest.mark.slow) for path in NOTEBOOKS]
+
+
+def read(path: Path) -> nbformat.NotebookNode:
+    return nbformat.read(path, as_version=4)
+
+
+def cells_of(path: Path) -> dict[str, str]:
+    """Return the sources of a notebook's cells by id."""
+    return {cell.id: cell.source for cell in read(path).cells}
+
+
+def solutions_of(path: Path) -> dict[str, str]:
+    """Return what stands in the file of solutions for each exercise."""
+    text = (path.parent / "solutions" / f"{path.stem}.py").read_text()
+    parts = re.split(r"^# %% (\S+)\n", text, flags=re.MULTILINE)[1:]
+    return dict(zip(parts[::2], parts[1::2], strict=True))
+
+
+class TestForm:
+    def test_there_are_notebooks(self):
+        assert len(NOTEBOOKS) >= 1
+
+    @pytest.mark.parametrize("path", NOTEBOOKS, ids=NAMES)
+    def test_a_notebook_is_stripped_and_written_as_nbformat_writes_it(self, path):
+        notebook = read(path)
+        nbformat.validate(notebook)
+        for cell in notebook.cells:
+            assert not cell.metadata
+            if cell.cell_type == "code":
+                assert cell.outputs == [], "strip it: jupyter nbconvert --clear-output --inplace"
+                assert cell.execution_count is None
+        assert set(notebook.metadata) == {"kernelspec", "language_info"}
+        assert set(notebook.metadata.language_info) == {"name"}
+        assert path.read_text() == nbformat.writes(notebook).rstrip("\n") + "\n"
+
+    @pytest.mark.parametrize("path", NOTEBOOKS, ids=NAMES)
+    def test_a_notebook_has_all_its_parts_in_order(self, path):
+        cells = cells_of(path)
+        text = "\n".join(cell.source for cell in read(path).cells if cell.cell_type == "markdown")
+        headings = re.findall(r"^## (.+)$", text, flags=re.MULTILINE)
+        order = [headings.index(part) for part in ("Question", "Predict", "What came", "Exercises")]
+        assert order == sorted(order)
+        names = list(cells)
+        for exercise in EXERCISES:
+            assert names.index(exercise) < names.index(check_of(exercise))
+
+    @pytest.mark.parametrize("path", NOTEBOOKS, ids=NAMES)
+    def test_there_is_a_solution_for_every_exercise(self, path):
+        assert set(solutions_of(path)) == set(EXERCISES)
+
+
+def check_of(exercise: str) -> str:
+    return exercise.replace("exercise", "check")
+
+
+def last_value(source: str, place: dict, path: Path):
+    """Run a cell and return the value of its last line, as a notebook shows it."""
+    path.write_text(source)  # rules are compiled, for which their source must be in a file
+    tree = ast.parse(source)
+    *body, last = tree.body
+    exec(compile(ast.Module(body, []), str(path), "exec"), place)
+    if not isinstance(last, ast.Expr):
+        exec(compile(ast.Module([last], []), str(path), "exec"), place)
+        return None
+    return eval(compile(ast.Expression(last.value), str(path), "eval"), place)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("exercise", EXERCISES)
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=NAMES)
+class TestExercises:
+    def verdict(self, path, exercise, answer, folder):
+        cells, place = cells_of(path), {"__name__": "__main__"}
+        with redirect_stdout(io.StringIO()):
+            for number, source in enumerate([cells["setup"], answer]):
+                last_value(source, place, folder / f"cell_{number}.py")
+            return last_value(cells[check_of(exercise)], place, folder / "check.py")
+
+    def test_an_exercise_that_is_not_solved_says_so_in_plain_words(self, path, exercise, tmp_path):
+        verdict = self.verdict(path, exercise, cells_of(path)[exercise], tmp_path)
+        assert not verdict.passed
+        assert str(verdict).startswith("Not yet.")
+        assert "Traceback" not in str(verdict)
+
+    def test_its_solution_passes(self, path, exercise, tmp_path):
+        verdict = self.verdict(path, exercise, solutions_of(path)[exercise], tmp_path)
+        assert verdict.passed, verdict
+
+
+@pytest.mark.parametrize("path", SLOWLY)
+def test_a_notebook_runs_to_its_end_and_complains_of_nothing(path, tmp_path):
+    notebook = read(path)
+    work = {"metadata": {"path": str(ROOT)}}
+    surroundings = {**os.environ, "MESA_SWARM_QUICK": "1", "MESA_SWARM_NOTEBOOK_RESULTS": str(tmp_path)}
+    NotebookClient(notebook, timeout=120, kernel_name="python3", resources=work).execute(env=surroundings)
+    for cell in notebook.cells:
+        for output in cell.get("outputs", []):
+            assert output.output_type != "error"
+            assert output.get("name") != "stderr", output.text

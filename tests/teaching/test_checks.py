@@ -1,0 +1,191 @@
+"""Exercises that check themselves: what is said of answers that are right, wrong, missing and broken."""
+
+import pytest
+
+from mesa_swarm.control import PASS, Avoid
+from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.model import SwarmModel
+from mesa_swarm.models.boids import Boids
+from mesa_swarm.models.collision_avoidance import CollisionAvoidance
+from mesa_swarm.robots.design import AGENT9
+from mesa_swarm.teaching import (
+    Wish,
+    check_estimate,
+    check_function,
+    check_model,
+    check_rule,
+    check_settings,
+    picture,
+    sized,
+)
+
+CALM = Wish("total_collisions", at_most=0)
+
+
+def hall(rng):
+    """One robot in front of a wall."""
+    model = SwarmModel(rng=rng)
+    model.add_robots(AGENT9, poses=[(700, 300, 0.0)])
+    return model
+
+
+def stops(me, distance=20.0):
+    """Stand still in front of what is near."""
+    if 0 <= me.distance[me.front] < distance:
+        return 0.0, 0.0
+    return PASS
+
+
+def says_nothing(me):
+    """Leave the robot to others."""
+    return PASS
+
+
+def divides(me):
+    """Divide by nothing at all."""
+    return 1.0 / (me.max_speed - me.max_speed), 0.0
+
+
+class TestRules:
+    @pytest.mark.parametrize("rule", [stops, Avoid(distance=15)], ids=["function", "layer"])
+    def test_a_rule_that_does_as_asked_passes(self, rule):
+        verdict = check_rule(rule, CALM, world=hall, steps=200, seeds=[1, 2])
+        assert verdict.passed, verdict
+        assert str(verdict).startswith("Well done")
+
+    def test_a_rule_that_does_not_is_told_what_was_expected_and_what_came(self):
+        verdict = check_rule(says_nothing, CALM, world=hall, steps=200, seeds=[1, 2], hint="look ahead.")
+        assert not verdict.passed
+        first, second, hint = str(verdict).splitlines()
+        assert first == "Not yet."
+        assert second.startswith("  total_collisions: at most 0 was asked for; with seeds 1 and 2 came ")
+        assert second.endswith("as asked with 0 of 2 seeds")
+        assert hint == "Hint: look ahead."
+
+    def test_a_rule_that_fails_is_told_of_in_one_sentence(self):
+        verdict = check_rule(divides, CALM, world=hall, steps=20, seeds=[1])
+        assert not verdict.passed
+        assert str(verdict).count("\n") == 0
+        assert "Rule divides failed" in str(verdict)
+
+    @pytest.mark.parametrize("answer", [None, ...])
+    def test_dots_are_no_answer(self, answer):
+        assert str(check_rule(answer, CALM, world=hall)).startswith("Not yet. There is no answer so far")
+
+    def test_what_is_no_rule_is_refused_in_words(self):
+        assert str(check_rule(7, CALM, world=hall)).startswith("Not yet. ")
+
+
+class TestModels:
+    def test_so_many_seeds_may_miss(self):
+        def seed_of(rng):
+            return {"seed": rng}
+
+        wish = Wish("seed", at_least=3, misses=1)
+        assert check_model(seed_of, wish, seeds=[2, 3, 4]).passed
+        refused = check_model(seed_of, wish, seeds=[1, 2, 3])
+        assert not refused.passed
+        assert str(refused).endswith("as asked with 1 of 3 seeds (2 are enough)")
+
+    def test_what_never_happened_is_not_as_asked(self):
+        verdict = check_model(lambda rng: {"out at": None}, Wish("out at", at_most=9), seeds=[1])
+        assert not verdict.passed
+        assert "came never" in str(verdict)
+
+    def test_an_error_is_told_with_the_line_of_the_learner_and_without_a_traceback(self):
+        def broken(rng):
+            return {"a": [1, 2][rng]}
+
+        verdict = check_model(broken, Wish("a", at_least=0), seeds=[5])
+        assert "IndexError: list index out of range, at the line: return" in str(verdict)
+        assert "Traceback" not in str(verdict)
+
+    @pytest.mark.parametrize(
+        ("answer", "says"),
+        [
+            (7, "expected a function that takes a seed"),
+            (lambda rng: ..., "return what you made"),
+            (lambda rng: {"b": 1}, "Unknown result 'a'"),
+            (lambda: 0, "takes 0 positional arguments"),
+        ],
+    )
+    def test_what_cannot_be_run_is_told_in_words(self, answer, says):
+        verdict = check_model(answer, Wish("a", at_least=0), seeds=[1])
+        assert not verdict.passed
+        assert says in str(verdict)
+
+    def test_a_number_may_be_measured_by_a_function(self):
+        wish = Wish("robots", at_least=1, measure=lambda model: len(model.swarm))
+        assert check_model(hall, wish, seeds=[1]).passed
+
+    def test_a_wish_without_limits_is_refused(self):
+        with pytest.raises(InvalidValueError, match="has no limit"):
+            Wish("robots")
+
+
+class TestSettings:
+    WISH = Wish("collisions per robot and 1,000 steps", at_most=5)
+
+    def test_settings_that_do_as_asked_pass(self):
+        assert check_settings(CollisionAvoidance, {"n_robots": 1}, self.WISH, steps=50, seeds=[1, 2]).passed
+
+    @pytest.mark.parametrize(
+        ("settings", "says"),
+        [
+            (dict(distance=...), "no answer so far"),
+            (..., "no answer so far"),
+            ([1], "expected settings such as"),
+            (dict(n_robots=3), "unknown parameter 'n_robots'"),
+            (dict(distance="far"), "distance is 'far'"),
+        ],
+    )
+    def test_settings_that_cannot_be_are_told_in_words(self, settings, says):
+        verdict = check_settings(CollisionAvoidance, settings, self.WISH, only=["distance"], steps=5, seeds=[1])
+        assert not verdict.passed
+        assert says in str(verdict).replace("Unknown", "unknown").replace("Distance", "distance")
+
+
+class TestEstimates:
+    def test_a_guess_near_the_mean_passes(self):
+        assert check_estimate(1.4, float, within=0.2, seeds=[1, 2]).passed
+
+    @pytest.mark.parametrize(
+        ("guess", "says"),
+        [(3, "You expected 3 for the mean, and 1.5 came"), (..., "no answer"), ("many", "expected a number")],
+    )
+    def test_others_are_told_what_came(self, guess, says):
+        verdict = check_estimate(guess, float, within=0.2, seeds=[1, 2])
+        assert not verdict.passed
+        assert says in str(verdict)
+
+
+class TestFunctions:
+    @pytest.mark.parametrize(
+        ("function", "says"),
+        [
+            (lambda x: x + 1, "It returned 3 where 4 was expected, with seed 2"),
+            (lambda x: None, "returned None"),
+            (lambda x: [x, x], "returned [2. 2.]"),
+            (lambda x: x / 0, "ZeroDivisionError"),
+            (..., "no answer so far"),
+        ],
+    )
+    def test_a_function_that_is_not_like_its_twin_is_told_of(self, function, says):
+        verdict = check_function(function, lambda x: 2 * x, lambda seed: (seed,), seeds=[2])
+        assert not verdict.passed
+        assert says in str(verdict)
+
+    def test_one_that_is_passes(self):
+        assert check_function(lambda x: x + x, lambda x: 2 * x, lambda seed: (seed,)).passed
+
+
+def test_several_models_are_shown_side_by_side():
+    shown = picture(hall(1), Boids(n_robots=3, rng=1), titles=("one", "two"))
+    assert [axes.get_title() for axes in shown.figure.axes] == ["one", "two"]
+    assert shown._repr_png_().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(("value", "size"), [("1", 3), ("0", 300), ("", 300)])
+def test_runs_are_small_where_the_environment_asks_for_it(monkeypatch, value, size):
+    monkeypatch.setenv("MESA_SWARM_QUICK", value)
+    assert sized(300, 3) == size
