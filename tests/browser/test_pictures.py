@@ -3,6 +3,7 @@
 import pytest
 
 from mesa_swarm.dashboard.app import MORE_TABS
+from mesa_swarm.gallery import model_names
 
 pytestmark = pytest.mark.slow
 
@@ -23,7 +24,7 @@ def test_every_view_is_written_as_a_picture_and_fits_its_screen(visit, shots, si
     for tab in ("Models", *MORE_TABS):
         visitor.press(tab)
         if tab == "Models":
-            page.wait_for_function("[...document.querySelectorAll('.swarm-picture')].every((one) => one.firstChild)")
+            page.wait_for_function(f"document.querySelectorAll('.swarm-picture svg').length === {len(model_names())}")
         page.screenshot(path=shots / f"{tab.lower()}-{theme}-{size}.png")
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
     assert len(list(shots.glob(f"*-{theme}-{size}.png"))) == 2 + len(MORE_TABS)

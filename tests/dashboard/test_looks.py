@@ -94,7 +94,7 @@ def test_what_is_chosen_and_where_the_focus_is_stands_out(name):
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_what_stands_in_the_world_stands_out_from_the_ground(theme):
     colours = colours_of_canvas(theme)
-    for name in ("solid", "load", "contact", "message", "chosen", "perceived", "travel"):
+    for name in ("solid", "mark", "load", "contact", "message", "chosen", "perceived", "travel"):
         assert contrast(colours[name], colours["ground"]) >= SEEN, name
     assert contrast(colours["text"], colours["ground"]) >= READABLE
     assert contrast(colours["onAshes"], colours["ashes"]) >= READABLE
