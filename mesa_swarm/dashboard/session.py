@@ -53,6 +53,8 @@ class Session(Player):
         What the present model was built from, and was given since.
     series : Series
         What was measured of the present model.
+    chosen_charts : dict of list of str
+        Keys of the charts that the user wants to see, by model.
     straight : bool
         Whether nothing was changed on the way: the same wishes give the same run.
 
@@ -75,6 +77,8 @@ class Session(Player):
         self._find = find
         self.uploads: dict[str, Map] = {}
         self.series = Series()
+        self.chosen_charts: dict[str, list[str]] = {}
+        self._kept: dict[str, Any] = {}
         super().__init__()
         self.loop.speed = USUAL_SPEED
         self._enter(name, dict(wishes or {}), seed)
@@ -166,6 +170,12 @@ class Session(Player):
         else:
             self.reset()
 
+    def kept(self, name: str, make: Callable[[], Any]) -> Any:
+        """Return what was made once for this session and stays while pages come and go; it is closed with it."""
+        if name not in self._kept:
+            self._kept[name] = make()
+        return self._kept[name]
+
     def map_names(self) -> list[str]:
         """Return the maps that may be wished for: the model's own first, then the others, then uploaded ones."""
         parameter = self.parameters.get("map")
@@ -175,6 +185,9 @@ class Session(Player):
     def close(self) -> None:
         """Stop for good, and let go of everything."""
         super().close()
+        for thing in self._kept.values():
+            thing.close()
+        self._kept.clear()
         self.series.follow(None)
         self.uploads.clear()
 
