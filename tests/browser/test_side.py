@@ -43,8 +43,8 @@ def test_charts_grow_while_it_plays_are_cleared_by_a_reset_and_downloaded(visito
 def test_charts_are_chosen_and_stay_chosen(visitor):
     page = visitor.page
     page.locator(".swarm-choice summary").click()
-    page.get_by_label("Temperature of each fire").check()
-    page.get_by_label("Collisions in a step").uncheck()
+    page.get_by_role("checkbox", name="Temperature of each fire").check()
+    page.get_by_role("checkbox", name="Collisions in a step").uncheck()
     titles = page.locator(".swarm-chart figcaption span")
     wait_until(lambda: "Temperature of each fire" in titles.all_inner_texts())
     visitor.press("Models")
@@ -61,7 +61,7 @@ def test_a_robot_is_looked_into_and_moved(visitor):
     visitor.press("Step")
     visitor.wait_for_step(1)
     wait_until(lambda: "in step 1" in page.locator(".swarm-inspector .swarm-hint >> visible=true").inner_text())
-    assert page.locator(".swarm-diagram polygon.range").count() == 8
+    assert page.locator(".swarm-diagram polygon.range").count() == 9
     assert page.locator(".swarm-why b").inner_text() in ("Avoid", "FightFire", "Explore")
     before = visitor.about("fingerprint")
     fields = {name: page.get_by_label(name, exact=True) for name in ("x", "y")}
