@@ -250,7 +250,7 @@ class BoardView {
     const close = (event) => list.contains(event.target) || (list.open = false);
     document.addEventListener("pointerdown", close);
     this.#leave.push(() => document.removeEventListener("pointerdown", close));
-    const sized = new ResizeObserver(() => this.#redraw()), seen = () => this.#send({ do: "look", value: !document.hidden });
+    const sized = new ResizeObserver(() => this.#redraw()), seen = () => this.#look();
     sized.observe(root);
     const page = root.closest(".v-application"), themed = new MutationObserver(() => this.#redraw());
     if (page) themed.observe(page, { attributes: true, attributeFilter: ["class"] });
@@ -262,7 +262,14 @@ class BoardView {
 
   destroy() {
     this.#leave.forEach((leave) => leave());
-    this.#send({ do: "look", value: false });
+  }
+
+  #look() {
+    try {
+      this.#send({ do: "look", value: !document.hidden });
+    } catch {
+      // The page is being closed, and nobody is left to be told.
+    }
   }
 
   #send(message) {

@@ -76,7 +76,6 @@ class Charting:
         self.board, self.session = board, session
         self._downloads = Downloads(board)
         self._lock = threading.Lock()
-        self._chosen: dict[str, list[str]] = {}
         self._looked_at: int | None = None
         self._looks = self._waits = False
         self._busy = 0.0
@@ -93,7 +92,7 @@ class Charting:
         known = [{"key": key, "title": titles[key]} for key in order]
         if self.board.charts != known:
             self.board.charts = known
-        wanted = self._chosen.get(self.session.name, order[:SHOWN_FIRST])
+        wanted = self.session.chosen_charts.get(self.session.name, order[:SHOWN_FIRST])
         shown = [key for key in order if key in wanted]
         if self.board.shown != shown:
             self.board.shown = shown
@@ -135,7 +134,7 @@ class Charting:
         self.act(message)
 
     def _choose(self, keys: list[str]) -> None:
-        self._chosen[self.session.name] = keys
+        self.session.chosen_charts[self.session.name] = keys
         self.refresh()
         with self._lock:
             self._waits = True

@@ -63,7 +63,8 @@ class ExportDesk:
         self._lock = threading.Lock()
         self._told = 0.0
         self._doing = ""
-        self.exporting = Exporting(session, self._downloads.send, self.tell)
+        self.exporting = session.companion(Exporting)
+        self.exporting.connect(self._downloads.send, self.tell)
         self._leave = session.changed.add(self.refresh)
         exporter.on_msg(self._hear)
         self.refresh()
@@ -104,12 +105,12 @@ class ExportDesk:
                 self._downloads.hear(message)
 
     def close(self) -> None:
-        """Part them, and delete all files."""
+        """Part them; what is recorded or made goes on."""
         self._leave()
         self.session.remove_viewer(self)
         self.exporter.on_msg(self._hear, remove=True)
+        self.exporting.disconnect()
         self._downloads.close()
-        self.exporting.close()
 
     def _hear(self, _, message: dict, __: list) -> None:
         self.act(message)

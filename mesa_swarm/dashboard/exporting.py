@@ -108,10 +108,6 @@ class Exporting:
     Parameters
     ----------
     session : Session
-    deliver : function
-        Called with a file's name and its content or path when it is made.
-    tell : function
-        Called when something changed: progress, an end, a fault.
 
     Attributes
     ----------
@@ -124,10 +120,11 @@ class Exporting:
         What became of the last one.
     """
 
-    def __init__(
-        self, session: Session, deliver: Callable[[str, bytes | Path], None], tell: Callable[[], None]
-    ) -> None:
-        self.session, self._deliver, self._tell = session, deliver, tell
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        self._deliver: Callable[[str, bytes | Path], None] | None = None
+        self._tell: Callable[[], None] = _nobody
+        self._undelivered: tuple[str, bytes | Path] | None = None
         self._folder = TemporaryDirectory(prefix="mesa_swarm_")
         self.folder = Path(self._folder.name)
         self.tape = Tape(self.folder)
@@ -136,6 +133,25 @@ class Exporting:
         self._thread: threading.Thread | None = None
         self._process: subprocess.Popen | None = None
         self._cancelled = threading.Event()
+
+    def connect(self, deliver: Callable[[str, bytes | Path], None], tell: Callable[[], None]) -> None:
+        """Have somebody told of changes and given what is made; what was made while nobody was there comes now.
+
+        Parameters
+        ----------
+        deliver : function
+            Called with a file's name, and its content or path.
+        tell : function
+            Called when something changed: progress, an end, a fault.
+        """
+        self._deliver, self._tell = deliver, tell
+        made, self._undelivered = self._undelivered, None
+        if made is not None:
+            deliver(*made)
+
+    def disconnect(self) -> None:
+        """Tell nobody; what goes on goes on."""
+        self._deliver, self._tell = None, _nobody
 
     def record(self, on: bool) -> None:
         """Record the present run from now on, or no longer."""
@@ -193,20 +209,21 @@ class Exporting:
             self.fault = "" if self._cancelled.is_set() else in_words(problem)
             self.message = "Cancelled." if self._cancelled.is_set() else ""
         else:
-            self.message = f"{name} was handed to the browser."
+            self.message = f"{name} is made."
         self.doing, self.progress = "", None
         self._tell()
 
     def _make(self, wanted: Wanted) -> str:
         """Make a file, hand it over and return its name."""
         session = self.session
+        self._undelivered = None
         for old in self.folder.glob("made*"):
             old.unlink()
         if wanted.kind in PICTURES:
             step, portrait = self._portrait()
             figure = world_figure({f"{session.name}, step {step:,}": portrait}, wanted.sectors)
             name = f"{session.name}_{step}.{wanted.kind}"
-            self._deliver(name, png(figure) if wanted.kind == "png" else svg(figure))
+            self._hand_over(name, png(figure) if wanted.kind == "png" else svg(figure))
             return name
         source = self.folder / "made.arrow"
         rows = self._from_tape(source) if wanted.source == "tape" else self._run_again(source)
@@ -218,7 +235,7 @@ class Exporting:
         if made.stat().st_size > LARGEST_DOWNLOAD:
             raise ExportError(f"the file has {made.stat().st_size / 1e6:,.0f} MB; expected at most 500 MB: record less")
         name = f"{session.name}{f'_{wanted.table}' if wanted.table else ''}.{wanted.ending}"
-        self._deliver(name, made)
+        self._hand_over(name, made)
         return name
 
     def _portrait(self) -> tuple[int, Any]:
@@ -300,6 +317,12 @@ class Exporting:
             lines = said.decode(errors="replace").strip().splitlines()
             raise ExportError(lines[-1].removeprefix("mesa-swarm: ") if lines else "the file could not be made")
 
+    def _hand_over(self, name: str, content: bytes | Path) -> None:
+        if self._deliver is None:
+            self._undelivered = name, content
+        else:
+            self._deliver(name, content)
+
     def _note(self, doing: str, progress: float | None) -> None:
         if (doing, progress) != (self.doing, self.progress):
             self.doing, self.progress = doing, progress
@@ -308,6 +331,10 @@ class Exporting:
     def _check_cancelled(self) -> None:
         if self._cancelled.is_set():
             raise CancelledError
+
+
+def _nobody() -> None:
+    """Be told in vain."""
 
 
 def _check_straight(session: Session, purpose: str) -> None:

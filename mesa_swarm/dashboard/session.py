@@ -25,7 +25,7 @@ USUAL_SPEED = 60.0
 
 
 class Companion(Protocol):
-    """What a tab of the page keeps for a session, also while another tab is looked at."""
+    """What a part of the page keeps for a session, also while another part is looked at."""
 
     def close(self) -> None:
         """Stop, and let go of everything."""
@@ -61,6 +61,8 @@ class Session(Player):
         What the present model was built from, and was given since.
     series : Series
         What was measured of the present model.
+    chosen_charts : dict of list of str
+        Keys of the charts that the user wants to see, by model.
     straight : bool
         Whether nothing was changed on the way: the same wishes give the same run.
     adopted : Listeners
@@ -87,6 +89,7 @@ class Session(Player):
         self.series = Series()
         self.adopted = Listeners()
         self._companions: dict[Callable, Companion] = {}
+        self.chosen_charts: dict[str, list[str]] = {}
         super().__init__()
         self.loop.speed = USUAL_SPEED
         self._enter(name, dict(wishes or {}), seed)
@@ -218,11 +221,11 @@ class Session(Player):
     def close(self) -> None:
         """Stop for good, and let go of everything."""
         super().close()
-        self.series.follow(None)
-        self.adopted.clear()
         for companion in self._companions.values():
             companion.close()
         self._companions.clear()
+        self.series.follow(None)
+        self.adopted.clear()
         self.uploads.clear()
 
     def _enter(self, name: str, wishes: dict[str, Any], seed: int) -> None:

@@ -127,8 +127,8 @@ def test_a_csv_has_the_whole_series_with_units_in_the_header():
     assert list(table)[1] == "fire 1 (robots)"
     history = model.fires.history
     assert table.to_numpy()[9::10, 1:].tolist() == np.maximum(history.robots[-70:], 0).tolist()
-    exact = pd.read_csv(io.BytesIO(csv_of(series, "fire_temperature")), float_precision="round_trip")
-    assert exact.to_numpy()[-1, 1:].tolist() == model.fires.temperature.tolist()
+    last = csv_of(series, "fire_temperature").decode().splitlines()[-1].split(",")
+    assert [float(word) for word in last[1:]] == model.fires.temperature.tolist()
 
 
 def test_files_are_handed_over(charting):

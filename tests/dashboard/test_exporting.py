@@ -35,10 +35,10 @@ def desk():
     def deliver(name, content):
         made[name] = content if isinstance(content, bytes) else content.read_bytes()
 
-    exporting = Exporting(session, deliver, lambda: None)
+    exporting = session.companion(Exporting)
+    exporting.connect(deliver, lambda: None)
     exporting.made = made
     yield exporting
-    exporting.close()
     session.close()
     assert not exporting.folder.exists()
 
@@ -56,7 +56,7 @@ def recording_of(content: bytes, folder) -> Recording:
 
 def test_the_run_so_far_is_recorded_though_nobody_switched_that_on(desk, tmp_path):
     make(desk, kind="arrow")
-    assert (desk.fault, desk.message) == ("", "fire_fighting.arrow was handed to the browser.")
+    assert (desk.fault, desk.message) == ("", "fire_fighting.arrow is made.")
     recording = recording_of(desk.made["fire_fighting.arrow"], tmp_path)
     model = FireFighting(rng=1).run(30)
     assert len(recording) == 30
@@ -195,6 +195,17 @@ def test_constants_that_were_set_before_the_first_step_are_in_the_run_that_is_ma
     assert desk.fault == ""
 
 
+def test_what_was_made_while_another_page_was_shown_is_handed_over_when_one_comes_back(desk):
+    desk.disconnect()
+    desk.record(True)
+    make(desk, kind="png")
+    assert desk.made == {}
+    desk.session.step()
+    desk.connect(desk.made.__setitem__, lambda: None)
+    assert list(desk.made) == ["fire_fighting_30.png"]
+    assert desk.tape.words == "steps 31 to 31"
+
+
 def test_wrong_wishes_are_refused():
     with pytest.raises(UnknownNameError):
         Wanted(kind="exe")
@@ -223,5 +234,6 @@ def test_the_page_is_told_how_things_are():
     session.choose("fire_fighting")
     assert any("fires" in kind for kind, _, _ in exporter.kinds)
     desk.close()
+    assert desk.exporting.folder.exists(), "another page of the session may show it again"
     session.close()
     assert not desk.exporting.folder.exists()
