@@ -22,6 +22,7 @@ def compared(visit):
     visitor = visit("?model=fire_fighting&n_robots=5&seed=3")
     visitor.press("Compare")
     visitor.page.wait_for_selector(f"{SIDES}[data-drawn]")
+    visitor.page.evaluate("document.activeElement.blur()")  # on a tab, the space bar presses that
     wait_until(lambda: steps_of(visitor) == ["0", "0"])
     return visitor
 
