@@ -88,7 +88,7 @@ def _draw(axes: Axes, name: str, series: Sequence[Series], labels: Sequence[str]
     axes.tick_params(labelsize=9)
     axes.grid(axis="y", color="#dddddd", linewidth=0.7)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.set_xlim(left=0)
+    axes.set_xlim(0, max(1, *(len(one.get(name, ())) for one in series)))
     if all(one[name].min(initial=0.0) >= 0.0 for one in series if name in one):
         axes.set_ylim(bottom=0.0, top=None if axes.dataLim.y1 > 0 else 1.0)
 
@@ -124,8 +124,9 @@ class CurveThread:
     def _run(self) -> None:
         drawn: tuple = ()
         while not self._stop.is_set():
-            now = tuple((id(side.model), side.model and side.model.completed) for side in self._pair.sides)
+            labels = tuple(self._labels())
+            now = labels, *((id(side.model), side.model and side.model.completed) for side in self._pair.sides)
             if now != drawn:
                 drawn = now
-                self._take(curves_png(series_of(self._pair), self._labels()))
+                self._take(curves_png(series_of(self._pair), labels))
             self._stop.wait(EVERY)

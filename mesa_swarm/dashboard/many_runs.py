@@ -29,6 +29,8 @@ MOST_AT_ONCE = 2
 TELL_EVERY = 0.2
 # The processes give way to the page's.
 NICENESS = 10
+# Of the picture, inches: smaller than for a projector, so that its letters are not.
+SIZE = (8.6, 6.8)
 _under_way = threading.BoundedSemaphore(MOST_AT_ONCE)
 
 
@@ -67,12 +69,14 @@ def report_of(comparison: Comparison) -> Report:
     """
     plan = comparison.plan
     table, notes = table_and_notes(comparison)
+    figure = comparison_figure(comparison, [main_measure(comparison)])
+    figure.set_size_inches(*SIZE)
     return Report(
         title=f"{plan.model_class.__name__}, {plan.parameter}: {len(plan.seeds)} paired seeds, {plan.steps:,} steps",
         finding=comparison.finding(),
         table=table,
         notes=notes,
-        picture=png(comparison_figure(comparison, [main_measure(comparison)])),
+        picture=png(figure),
         runs=runs_csv(comparison),
     )
 
