@@ -106,8 +106,8 @@ class LearningFires(SwarmModel):
         lasted, out, largest = later.mean(axis=0) if len(later) else (None,) * 3
         fighting = np.array(self.datacollector.model_vars["robots_at_largest"][self.steps // 2 :], dtype=float)
         together = fighting[fighting > 1].sum() / fighting.sum() if fighting.any() else None
-        shares = {"rounds with all fires out": out, "rounds with the largest out": largest, "steps of a round": lasted}
-        return {"rounds": len(self.rounds), **shares, "fighting at the largest in company": together}
+        shares = {"rounds with the largest out": largest, "rounds with all fires out": out, "steps of a round": lasted}
+        return {**shares, "rounds": len(self.rounds), "fighting at the largest in company": together}
 
 
 def _layers(controller: str, learner: LearnFires) -> tuple:

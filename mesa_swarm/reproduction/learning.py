@@ -130,7 +130,12 @@ def frequency(laboratory: Laboratory, robots: int, beta: float, share: float) ->
     checks = (
         falling(rows, share),
         with_temperature(rows),
-        judged_mean("the robots drive ahead in the end: share of full speed", "fast", column(rows, "speed"), low=0.5),
+        judged_mean(
+            "the robots drive ahead in the last 3,000 steps: share of full speed",
+            "fast",
+            column(rows, "speed"),
+            low=0.5,
+        ),
     )
     return Result(
         checks=checks,

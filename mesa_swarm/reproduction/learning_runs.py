@@ -48,7 +48,7 @@ def learning_run(rng: int, *, steps: int = STEPS, **settings: Any) -> dict[str, 
         "curve": kept(smooth, POINTS if robots > 1 else ONE_POINTS),
         "sum": kept(np.cumsum(rate) / 1000),
         "temperature": kept(warmth),
-        "speed": float(model.forward_speed),
+        "speed": float(np.mean(model.datacollector.model_vars["forward_speed"][-round(LAST * steps) :])),
     }
 
 
