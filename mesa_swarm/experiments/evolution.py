@@ -1,34 +1,29 @@
 """evolve: reflexes and small networks that are bred in worlds, on many processes, with nothing lost on Ctrl-C."""
 
-import json
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import asdict, dataclass, replace
 
-import mesa
 import numpy as np
 
 from mesa_swarm.control import Subsumption
-from mesa_swarm.control.layer import Layer
-from mesa_swarm.errors import InvalidValueError, LearningError, check_count, shortened
+from mesa_swarm.errors import InvalidValueError, check_count, shortened
 from mesa_swarm.experiments.compare import checked_jobs
+from mesa_swarm.experiments.diary import Diary
+from mesa_swarm.experiments.driving import driven_world, tallied
 from mesa_swarm.experiments.experiment import shown_value
-from mesa_swarm.experiments.files import write_whole
 from mesa_swarm.experiments.pool import on_all
-from mesa_swarm.learning.actions import ranges_of
 from mesa_swarm.learning.evolution import Evolution
-from mesa_swarm.learning.fitness import Fitness, Tally
+from mesa_swarm.learning.fitness import Fitness
 from mesa_swarm.learning.policy import PolicyLayer, SensorLayout
 from mesa_swarm.learning.reflex_policy import ReflexPolicy, genome_length
-from mesa_swarm.model import SwarmModel
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.robots.design import AGENT9, RobotDesign
 from mesa_swarm.streams import Streams
 from mesa_swarm.world.map import Map
 
-FORMAT = "mesa_swarm evolution 1"
-LARGEST_FILE = 100_000_000
+# The trials at the end take so many times more steps.
+LONGER = 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +68,7 @@ class Trial:
 
     def fitness_of(self, genome: np.ndarray, world: Map, rng: int) -> float:
         """Return what these weights are worth on a map, with a seed."""
-        model = driven_world(PolicyLayer(policy=self.policy(genome)), self.design, self.robots, world, rng)
+        model = driven_world(Subsumption(PolicyLayer(policy=self.policy(genome))), self.design, self.robots, world, rng)
         return self.fitness.of(**tallied(model, self.steps).means())
 
 
@@ -91,34 +86,6 @@ class Evolved:
 
     policy: ReflexPolicy
     fitness: np.ndarray
-
-
-def driven_world(layer: Layer, design: RobotDesign, robots: int, world: Map | str, rng: int) -> SwarmModel:
-    """Return a model whose robots are driven by one layer, and which keeps no history.
-
-    Parameters
-    ----------
-    layer : Layer
-    design : RobotDesign
-    robots : int
-    world : Map or str
-    rng : int
-    """
-    model = SwarmModel(map=world, rng=rng, history_every=0)
-    model.datacollector = mesa.DataCollector()
-    model.add_robots(design, robots)
-    model.control = Subsumption(layer)
-    return model
-
-
-def tallied(model: SwarmModel, steps: int) -> Tally:
-    """Let a model take so many steps, and return what its robots did."""
-    swarm = model.swarm
-    tally = Tally(len(swarm), model.map.bounds, ranges_of(swarm.table.proximity))
-    for _ in range(steps):
-        model.step()
-        tally.add(swarm.columns)
-    return tally
 
 
 def evolve(
@@ -210,7 +177,7 @@ def _best(
 ) -> ReflexPolicy:
     """Return the policy of the middle of a generation that does best in worlds that none was tried in."""
     finalists, trials = search.means[-finals[0] :], finals[1]
-    longer = Trial(**{**{name: getattr(trial, name) for name in trial.__dataclass_fields__}, "steps": 4 * trial.steps})
+    longer = replace(trial, steps=LONGER * trial.steps)
     seeds = streams["final"].integers(2**63, size=trials)
     tasks = [(x, worlds[k % len(worlds)], int(seeds[k])) for x in finalists for k in range(trials)]
     worth = np.reshape(_in_order(workers, longer.fitness_of, tasks), (len(finalists), trials)).mean(axis=1)
@@ -241,72 +208,3 @@ def settings_of(trial: Trial, worlds: list[Map]) -> dict:
         "fitness": asdict(trial.fitness),
         "maps": [shown_value(each) for each in worlds],
     }
-
-
-class Diary:
-    """What an evolution was told so far, in a file; without a file, nothing.
-
-    Parameters
-    ----------
-    file : path, optional
-        Ends with .json.
-    settings : dict
-        Of the evolution: texts and numbers.
-
-    Raises
-    ------
-    LearningError
-        If the name ends otherwise.
-    """
-
-    def __init__(self, file: str | os.PathLike[str] | None, settings: dict) -> None:
-        self.file = None if file is None else Path(file)
-        self.settings = json.loads(json.dumps(settings))
-        if self.file is not None and self.file.suffix != ".json":
-            raise LearningError(f"{self.file.name} does not end with .json; give the evolution's file such a name")
-
-    def write(self, search: Evolution) -> None:
-        """Write all that was told, whole or not at all."""
-        if self.file is None:
-            return
-        text = json.dumps({"format": FORMAT, "settings": self.settings, "fitness": search.told})
-        try:
-            write_whole(self.file, text)
-        except OSError as error:
-            raise LearningError(f"{self.file} cannot be written: {error.strerror or error}") from None
-
-    def retell(self, search: Evolution, most: int) -> None:
-        """Tell a new search what the file says, if there is one; at most so many generations."""
-        if self.file is None or not self.file.exists():
-            return
-        kept = self._read()
-        changed = sorted(name for name in self.settings if kept["settings"].get(name) != self.settings[name])
-        if changed:
-            raise LearningError(
-                f"{self.file} is of an evolution with other {', '.join(changed)}; use its settings or another file"
-            )
-        try:
-            for told in kept["fitness"][:most]:
-                search.tell(told)
-        except (TypeError, ValueError):
-            raise self._refusal("its fitnesses are not numbers") from None
-        except LearningError as error:
-            raise self._refusal(str(error)) from None
-
-    def _read(self) -> dict:
-        try:
-            if self.file.stat().st_size > LARGEST_FILE:
-                raise self._refusal(f"it has more than {LARGEST_FILE:,} bytes")
-            kept = json.loads(self.file.read_bytes())
-        except OSError as error:
-            raise LearningError(f"{self.file} cannot be read: {error.strerror or error}") from None
-        except (ValueError, RecursionError):
-            raise self._refusal("it is not JSON") from None
-        if not isinstance(kept, dict) or kept.get("format") != FORMAT:
-            raise self._refusal(f"its format is not {FORMAT!r}")
-        if not isinstance(kept.get("settings"), dict) or not isinstance(kept.get("fitness"), list):
-            raise self._refusal("it has no settings or no fitness")
-        return kept
-
-    def _refusal(self, why: str) -> LearningError:
-        return LearningError(f"{self.file} is no evolution that can be gone on with: {why}")
