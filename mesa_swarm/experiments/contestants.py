@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -57,18 +58,17 @@ def contestants() -> dict[str, Callable[[int, int], Trained]]:
     >>> list(contestants())[:3]
     ['random', 'Avoid + Explore', 'evolved reflex']
     """
-    four = {"actions": 4}
     return {
         "random": _random,
         "Avoid + Explore": _rule,
-        "evolved reflex": lambda seed, steps: _evolved(seed, steps, units=0),
-        "evolved network": lambda seed, steps: _evolved(seed, steps, units=2),
-        "Q (a)": lambda seed, steps: _taught(QLearning, {**four, "reward": "a"}, seed, steps),
-        "Q (b)": lambda seed, steps: _taught(QLearning, {**four, "reward": "b"}, seed, steps),
-        "Q (c)": lambda seed, steps: _taught(QLearning, {**four, "reward": "c"}, seed, steps),
-        "Q (c), typed": lambda seed, steps: _taught(QLearning, {**four, "reward": "c", "encoding": "typed"}, seed, steps),
-        "wire-fitted Q": lambda seed, steps: _taught(WireFittedQ, {}, seed, steps),
-        "Hebbian": lambda seed, steps: _taught(HebbianLearning, {}, seed, steps),
+        "evolved reflex": partial(_evolved, 0),
+        "evolved network": partial(_evolved, 2),
+        "Q (a)": partial(_taught, QLearning, {"actions": 4, "reward": "a"}),
+        "Q (b)": partial(_taught, QLearning, {"actions": 4, "reward": "b"}),
+        "Q (c)": partial(_taught, QLearning, {"actions": 4, "reward": "c"}),
+        "Q (c), typed": partial(_taught, QLearning, {"actions": 4, "reward": "c", "encoding": "typed"}),
+        "wire-fitted Q": partial(_taught, WireFittedQ, {}),
+        "Hebbian": partial(_taught, HebbianLearning, {}),
     }
 
 
@@ -84,8 +84,8 @@ def _rule(seed: int, steps: int) -> Trained:
     return Trained(frozen=Subsumption(Avoid(), Explore()))
 
 
-def _evolved(seed: int, steps: int, units: int) -> Trained:
-    """Breed with as many times more robot-steps as the default has; a shorter benchmark breeds for less long."""
+def _evolved(units: int, seed: int, steps: int) -> Trained:
+    """Breed with robot-steps of its own, up to 10 million; a shorter benchmark breeds for less long."""
     generations = max(round(GENERATIONS * min(steps / 33_000, 1.0)), 1)
     maps = [name if isinstance(name, str) else random_map(name) for name in BREEDING]
     bred = evolve(Trial(units=units, steps=BRED_STEPS), maps=maps, generations=generations, rng=seed)

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 
@@ -45,7 +45,7 @@ class Trial:
     design: RobotDesign = AGENT9
     robots: int = 15
     steps: int = 1000
-    fitness: Fitness = Fitness()
+    fitness: Fitness = field(default_factory=Fitness)
     units: int = 2
     squash: str = "linear"
 

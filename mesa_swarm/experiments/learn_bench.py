@@ -10,7 +10,7 @@ from hashlib import blake2b
 from importlib.metadata import version
 from pathlib import Path
 
-from mesa_swarm.errors import InvalidValueError, check_choice, check_count
+from mesa_swarm.errors import check_choice, check_count
 from mesa_swarm.experiments.compare import checked_jobs
 from mesa_swarm.experiments.contestants import DESIGN, HOME, ROBOTS, Trained, contestants
 from mesa_swarm.experiments.driving import drive_measured, driven_world
@@ -223,9 +223,3 @@ def _sources() -> str:
         for path in sorted(part.rglob("*.py")) if part.is_dir() else [part]:
             found.update(path.read_bytes())
     return found.hexdigest()
-
-
-def check_seeds(runs: Sequence[Run]) -> None:
-    """Refuse a benchmark of nothing."""
-    if not runs:
-        raise InvalidValueError("nobody took part; leave --only out or name contestants")

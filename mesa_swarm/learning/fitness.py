@@ -48,13 +48,13 @@ class Fitness:
 
     Examples
     --------
-    >>> Fitness(kind="careful", collision_cost=100, coverage_worth=0).of(ahead=0.9, collisions=0.002)
-    0.7
+    >>> Fitness(kind="careful", collision_cost=100, coverage_worth=0).of(ahead=0.75, collisions=0.0025)
+    0.5
     """
 
     kind: str = "careful"
-    collision_cost: float = 100.0
-    coverage_worth: float = 8.0
+    collision_cost: float = 800.0
+    coverage_worth: float = 15.0
 
     def __post_init__(self) -> None:
         """Check the parameters."""
@@ -62,9 +62,7 @@ class Fitness:
         check_number("collision_cost", self.collision_cost, minimum=0, maximum=1e6)
         check_number("coverage_worth", self.coverage_worth, minimum=0, maximum=1e6)
 
-    def of(
-        self, *, floreano: float = 0.0, ahead: float = 0.0, collisions: float = 0.0, covered: float = 0.0
-    ) -> float:
+    def of(self, *, floreano: float = 0.0, ahead: float = 0.0, collisions: float = 0.0, covered: float = 0.0) -> float:
         """Return the fitness of a drive, of its means over robots and steps, and the share of squares visited."""
         if self.kind == "floreano":
             return floreano

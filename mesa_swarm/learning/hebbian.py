@@ -15,7 +15,7 @@ from mesa_swarm.learning.rewards import REWARDS, rewarded
 from mesa_swarm.robots.swarm import Swarm
 
 # What a policy tells of how it was trained.
-TOLD = ("reward", "eta", "trace", "average", "jitter", "persistence", "critical")
+TOLD = ("reward", "eta", "trace", "gamma", "average", "jitter", "persistence", "critical")
 
 
 @dataclass(kw_only=True)
@@ -24,13 +24,14 @@ class HebbianLearning:
 
     Each robot drives by ``u = W' x`` within [-1, 1], with x the proximities (0 nothing near, 1 touching) and a
     constant, and tries what chance adds to it: wheels = u + z within [-1, 1]; z is normal with standard deviation
-    `jitter`, keeps a share `persistence` of itself from step to step, and is cut off where the wheels are. In each
-    step, with r the reward for the last action and m its running mean,
+    `jitter`, keeps a share `persistence` of itself from step to step, and is cut off where the wheels are. Each robot
+    also learns how much reward to expect, ``v' x``. In each step, with r the reward for the last action, x where it
+    was taken and y where it led to,
 
-        ``e <- trace e + x z'``, ``W <- W + eta (r - m) e``, ``m <- m + average (r - m)``
+        ``d = r + gamma v' y - v' x``, ``e <- trace e + x z'``, ``W <- W + eta d e``, ``v <- v + average d x``
 
-    so that what was tried where x was seen is strengthened if it paid more than usual, the exploratory Hebbian rule
-    [1]_ with a trace for rewards that come late. Weights stay within [-limit, limit].
+    so that what was tried where x was seen is strengthened if it led to more than was expected there: a Hebbian rule
+    with a third factor [1]_, the surprise, and a trace for rewards that come late. Weights stay within [-limit, limit].
 
     Parameters
     ----------
@@ -40,8 +41,10 @@ class HebbianLearning:
         Rate, 0 to 1.
     trace : float
         How much of the past is still given credit one step later, 0 to below 1.
+    gamma : float
+        What later rewards count, 0 to below 1.
     average : float
-        How fast the mean reward follows, above 0, at most 1.
+        How fast expectations follow, above 0, at most 1.
     jitter : float
         Of what is tried, as a share of max_speed, 0 to 1.
     persistence : float
@@ -61,8 +64,10 @@ class HebbianLearning:
 
     References
     ----------
-    .. [1] Legenstein, Chase, Schwartz and Maass, A reward-modulated Hebbian learning rule can explain
-       experience-dependent network reorganization in a brain control task, Journal of Neuroscience 30 (2010).
+    .. [1] Fremaux and Gerstner, Neuromodulated spike-timing-dependent plasticity, and theory of three-factor learning
+       rules, Frontiers in Neural Circuits 9 (2016); for rates: Legenstein, Chase, Schwartz and Maass, A
+       reward-modulated Hebbian learning rule can explain experience-dependent network reorganization in a brain
+       control task, Journal of Neuroscience 30 (2010).
 
     Examples
     --------
@@ -73,7 +78,8 @@ class HebbianLearning:
     reward: str = "a"
     eta: float = 0.02
     trace: float = 0.8
-    average: float = 0.01
+    gamma: float = 0.9
+    average: float = 0.02
     jitter: float = 0.2
     persistence: float = 0.9
     critical: float = 0.4
@@ -87,6 +93,7 @@ class HebbianLearning:
         check_choice("reward", self.reward, REWARDS)
         check_number("eta", self.eta, minimum=0, maximum=1)
         check_number("trace", self.trace, minimum=0, maximum=0.999)
+        check_number("gamma", self.gamma, minimum=0, maximum=0.999)
         check_number("average", self.average, above=0, maximum=1)
         check_number("jitter", self.jitter, minimum=0, maximum=1)
         check_number("persistence", self.persistence, minimum=0, maximum=0.999)
@@ -97,7 +104,7 @@ class HebbianLearning:
             raise InvalidValueError(f"start is {shortened(start)}; expected a ReflexPolicy without hidden units")
 
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
-        """Remember each robot's weights and traces, its last inputs, commands and reward, and the mean of rewards."""
+        """Remember each robot's weights and traces, its last inputs, commands and reward, and what it expects."""
         self._swarm, self._prefix, self._rng = swarm, prefix, rng
         self._check_start()
         for name, column in {
@@ -108,7 +115,9 @@ class HebbianLearning:
             "command": ((2,), np.float64, math.nan),
             "tried": ((2,), np.float64, 0.0),
             "reward": ((), np.float64, 0.0),
-            "mean": ((), np.float64, 0.0),
+            "seen": (("proximity",), np.float64, 0.0),
+            "expected": (("proximity",), np.float64, 0.0),
+            "usual": ((), np.float64, 0.0),
             "lessons": ((), np.int64, 0),
             "born": ((), np.bool_, False),
         }.items():
@@ -151,10 +160,12 @@ class HebbianLearning:
             senses.max_speed,
             tuple(map(self._column, ("weights", "constant", "trace", "constant_trace"))),
             self._column("command"),
-            tuple(map(self._column, ("reward", "mean", "lessons"))),
+            tuple(map(self._column, ("reward", "lessons"))),
+            tuple(map(self._column, ("seen", "expected", "usual"))),
             self._column("tried"),
             REWARDS.index(self.reward),
-            (float(self.eta), float(self.trace), float(self.average), float(self.critical), float(self.limit)),
+            (float(self.eta), float(self.trace), float(self.limit)),
+            (float(self.gamma), float(self.average), float(self.critical)),
             bool(self.frozen),
             command,
             layer,
@@ -163,8 +174,8 @@ class HebbianLearning:
         if diverged >= 0:
             robot = self._swarm.agents[diverged]
             raise LearningError(
-                f"{self.name} diverged for robot {robot.unique_id} in step {robot.model.steps}: its reward is not "
-                "finite; look at its readings"
+                f"{self.name} diverged for robot {robot.unique_id} in step {robot.model.steps}: what it expects "
+                "is not finite; lower average or gamma"
             )
 
     @property
@@ -206,11 +217,12 @@ class HebbianLearning:
 
 @compiled
 def learn_and_try(
-    distance, ranges, design, max_speed, weights, last, counts, tried, reward, rates, frozen, command, layer, index
+    distance, ranges, design, max_speed, weights, last, counts, critic, tried, reward, rates, expecting, frozen,
+    command, layer, index,
 ):  # fmt: skip
-    """Learn from the last action and try the next; return a robot whose reward is not finite, or -1."""
-    rewards, mean, lessons = counts
-    critical, diverged = rates[3], -1
+    """Learn from the last action and try the next; return a robot whose expectations are not finite, or -1."""
+    rewards, lessons = counts
+    diverged = -1
     inputs = np.empty(distance.shape[1])
     for i in range(layer.shape[0]):
         nearest = 0.0
@@ -218,27 +230,47 @@ def learn_and_try(
             inputs[s] = nearness(distance[i, s], ranges[design[i], s])
             nearest = max(nearest, inputs[s])
         if not math.isnan(last[i, 0]):
-            rewards[i] = rewarded(reward, 1.0 - nearest, last[i, 0], last[i, 1], critical)
-            if not math.isfinite(rewards[i]):
-                diverged = i if diverged < 0 else diverged
-            elif not frozen:
-                strengthen(weights, i, rewards[i] - mean[i], rates)
-                mean[i] += rates[2] * (rewards[i] - mean[i])
-                lessons[i] += 1
+            rewards[i] = rewarded(reward, 1.0 - nearest, last[i, 0], last[i, 1], expecting[2])
+            if not frozen:
+                surprise = surprised(critic, i, rewards[i], inputs, expecting)
+                if math.isfinite(surprise):
+                    strengthen(weights, i, surprise, rates)
+                    lessons[i] += 1
+                else:
+                    diverged = i if diverged < 0 else diverged
         last[i, 0] = math.nan
         if layer[i] < 0:
             try_wheels(weights, i, inputs, tried, rates[1], last)
             command[i, 0] = max_speed[i] * last[i, 0]
             command[i, 1] = max_speed[i] * last[i, 1]
             layer[i] = index
+        for s in range(inputs.shape[0]):
+            critic[0][i, s] = inputs[s]
     return diverged
 
 
 @compiled
+def surprised(critic, i, reward, inputs, expecting):
+    """Return ``r + gamma v' y - v' x`` of robot i, and let its expectations follow, unless it is not finite."""
+    seen, expected, usual = critic
+    gamma, average = expecting[0], expecting[1]
+    before, after = usual[i], usual[i]
+    for s in range(inputs.shape[0]):
+        before += expected[i, s] * seen[i, s]
+        after += expected[i, s] * inputs[s]
+    surprise = reward + gamma * after - before
+    if math.isfinite(surprise):
+        usual[i] += average * surprise
+        for s in range(inputs.shape[0]):
+            expected[i, s] += average * surprise * seen[i, s]
+    return surprise
+
+
+@compiled
 def strengthen(weights, i, surprise, rates):
-    """Add ``eta (r - m) e`` to the weights of robot i, within their limits."""
+    """Add ``eta d e`` to the weights of robot i, within their limits."""
     into, constant, trace, constant_trace = weights
-    step, limit = rates[0] * surprise, rates[4]
+    step, limit = rates[0] * surprise, rates[2]
     for side in range(2):
         for s in range(into.shape[1]):
             into[i, s, side] = min(max(into[i, s, side] + step * trace[i, s, side], -limit), limit)

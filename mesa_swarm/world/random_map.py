@@ -78,7 +78,7 @@ def _drawn(rng: np.random.Generator) -> Shape | None:
     length, thickness, turn = rng.uniform(*LENGTHS), rng.uniform(*THICKNESSES), rng.uniform(0, math.pi)
     along = np.array([math.cos(turn), math.sin(turn)]) * length / 2
     across = np.array([-math.sin(turn), math.cos(turn)]) * thickness / 2
-    corners = centre + [along + across, along - across, -along - across, -along + across]
+    corners = centre + np.array([along + across, along - across, -along - across, -along + across])
     inside = (corners >= 0).all() and (corners <= (WIDTH, HEIGHT)).all()
     return polygon(corners) if inside else None
 
