@@ -24,11 +24,11 @@ class HebbianLearning:
 
     Each robot drives by ``u = W' x`` within [-1, 1], with x the proximities (0 nothing near, 1 touching) and a
     constant, and tries what chance adds to it: wheels = u + z within [-1, 1]; z is normal with standard deviation
-    `jitter`, keeps a share `persistence` of itself from step to step, and is cut off where the wheels are. Each robot
-    also learns how much reward to expect, ``v' x``. In each step, with r the reward for the last action, x where it
+    `jitter` and keeps a share `persistence` of itself from step to step. Each robot also learns how much reward to
+    expect, ``v' x``. In each step, with r the reward for the last action, x where it
     was taken and y where it led to,
 
-        ``d = r + gamma v' y - v' x``, ``e <- trace e + x z'``, ``W <- W + eta d e``, ``v <- v + average d x``
+        ``d = r + gamma v' y - v' x``, ``e <- trace e + x z``, ``W <- W + eta d e``, ``v <- v + average d x``
 
     so that what was tried where x was seen is strengthened if it led to more than was expected there: a Hebbian rule
     with a third factor [1]_, the surprise, and a trace for rewards that come late. Weights stay within [-limit, limit].
@@ -75,8 +75,8 @@ class HebbianLearning:
     0.8
     """
 
-    reward: str = "a"
-    eta: float = 0.02
+    reward: str = "c"
+    eta: float = 0.005
     trace: float = 0.8
     gamma: float = 0.9
     average: float = 0.02
@@ -287,7 +287,8 @@ def try_wheels(weights, i, inputs, tried, kept, last):
             total += into[i, s, side] * inputs[s]
         wanted = min(max(total, -1.0), 1.0)
         last[i, side] = min(max(wanted + tried[i, side], -1.0), 1.0)
-        added = last[i, side] - wanted
+        # What was drawn, not what the limits left of it, whose mean is not 0: at full speed any bad surprise would
+        # otherwise strengthen going on.
         for s in range(inputs.shape[0]):
-            trace[i, s, side] = kept * trace[i, s, side] + inputs[s] * added
-        constant_trace[i, side] = kept * constant_trace[i, side] + added
+            trace[i, s, side] = kept * trace[i, s, side] + inputs[s] * tried[i, side]
+        constant_trace[i, side] = kept * constant_trace[i, side] + tried[i, side]

@@ -47,7 +47,7 @@ def test_learns_as_its_equations_say():
             w = np.clip(w + 0.05 * surprise[:, None, None] * e, -0.3, 0.3)
         wanted = np.clip(np.einsum("ik,iks->is", y, w), -1, 1)
         wheels = np.clip(wanted + column(model, "tried"), -1, 1)
-        e = 0.7 * e + y[:, :, None] * (wheels - wanted)[:, None, :]
+        e = 0.7 * e + y[:, :, None] * column(model, "tried")[:, None, :]
         np.testing.assert_allclose(weights(model), w, atol=1e-12)
         np.testing.assert_allclose(model.swarm.command, wheels * AGENT9.max_speed, atol=1e-12)
         x = y
@@ -56,7 +56,13 @@ def test_learns_as_its_equations_say():
 
 def test_what_paid_more_than_expected_is_strengthened_where_it_was_tried():
     model = learning(1, reward="a")
-    for name, value in {"weights": 0.0, "constant": 0.0, "constant_trace": 1.0, "expected": 0.0, "usual": -5.0}.items():
+    for name, value in {
+        "weights": 0.0,
+        "constant": 0.0,
+        "constant_trace": 1.0,
+        "expected": 0.0,
+        "usual": -50.0,
+    }.items():
         column(model, name)[:] = value
     before = column(model, "constant").copy()
     model.step()

@@ -1,4 +1,4 @@
-"""Reflexes and small networks: against a NumPy twin, with their memory, in layers, in files; what is wrong is refused."""
+"""Reflexes and small networks: against a NumPy twin, with their memory, in layers, in files; what is refused."""
 
 import math
 
