@@ -68,7 +68,7 @@ def contestants() -> dict[str, Callable[[int, int], Trained]]:
         "Q (c)": partial(_taught, QLearning, {"actions": 4, "reward": "c"}),
         "Q (c), typed": partial(_taught, QLearning, {"actions": 4, "reward": "c", "encoding": "typed"}),
         "wire-fitted Q": partial(_taught, WireFittedQ, {}),
-        "Hebbian": partial(_taught, HebbianLearning, {}),
+        "Hebbian": partial(_taught, HebbianLearning, {"reward": "a"}),
     }
 
 
