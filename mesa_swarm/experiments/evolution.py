@@ -143,33 +143,40 @@ def evolve(
     >>> evolve(Trial(robots=3, steps=20), generations=2, population=4, finalists=1, final_trials=1).fitness.shape
     (2, 4)
     """
-    trial = Trial() if trial is None else trial
+    trial, worlds = _checked(Trial() if trial is None else trial, maps)
+    count = check_count("generations", generations, minimum=1, maximum=1_000_000)
+    finals = check_count("finalists", finalists, minimum=1), check_count("final_trials", final_trials, minimum=1)
+    streams = Streams(np.random.SeedSequence(check_count("rng", rng, maximum=2**63 - 1)))
+    workers = checked_jobs(jobs)
+    seed = int(streams["search"].integers(2**31))
+    search = Evolution(_first(trial), sigma=sigma, population=population, seed=seed)
+    diary = Diary(file, {**settings_of(trial, worlds), "rng": rng, "sigma": sigma, "population": population})
+    diary.retell(search, count)
+    seeds = streams["worlds"].integers(2**63, size=count).tolist()
+    with progress_bar(count, "generations", progress) as bar:
+        bar.update(search.generations)
+        for g in range(search.generations, count):
+            tried = [(x, worlds[g % len(worlds)], seeds[g]) for x in search.ask()]
+            search.tell(_in_order(workers, trial.fitness_of, tried))
+            diary.write(search)
+            bar.update()
+    return Evolved(_best(search, trial, worlds, finals, streams, workers), np.array(search.told))
+
+
+def _checked(trial: Trial, maps: Sequence[Map | str | os.PathLike[str]]) -> tuple[Trial, list[Map]]:
     if not isinstance(trial, Trial):
         raise InvalidValueError(f"trial is {shortened(trial)}; expected Trial(...)")
     worlds = [Map.load(each) for each in maps]
     if not worlds:
         raise InvalidValueError("maps is empty; give at least one map")
-    count = check_count("generations", generations, minimum=1, maximum=1_000_000)
-    finals = check_count("finalists", finalists, minimum=1), check_count("final_trials", final_trials, minimum=1)
-    streams = Streams(np.random.SeedSequence(check_count("rng", rng, maximum=2**63 - 1)))
+    return trial, worlds
+
+
+def _first(trial: Trial) -> np.ndarray:
+    """Return the weights around which the search begins: straight ahead at half speed, whatever is near."""
     start = np.zeros(genome_length(trial.sensors, trial.units))
-    start[-2:] = 0.5  # the constants of the wheels
-    seed = int(streams["search"].integers(2**31))
-    search = Evolution(start, sigma=sigma, population=population, seed=seed)
-    diary = Diary(file, {**settings_of(trial, worlds), "rng": rng, "sigma": sigma, "population": population})
-    diary.retell(search, count)
-    workers = checked_jobs(jobs)
-    seeds = streams["worlds"].integers(2**63, size=count)
-    with progress_bar(count, "generations", progress) as bar:
-        bar.update(search.generations)
-        while search.generations < count:
-            g = search.generations
-            world, seed = worlds[g % len(worlds)], int(seeds[g])
-            search.tell(_in_order(workers, trial.fitness_of, [(x, world, seed) for x in search.ask()]))
-            diary.write(search)
-            bar.update()
-    policy = _best(search, trial, worlds, finals, streams, workers)
-    return Evolved(policy, np.array(search.told))
+    start[-2:] = 0.5
+    return start
 
 
 def _best(
