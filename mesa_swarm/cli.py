@@ -329,6 +329,23 @@ def diagnose(
     _work("diagnose_commands").diagnose(model, setting or [], steps=steps, rng=rng, progress=not quiet)
 
 
+@app.command("reward-lab")
+def reward_lab(
+    *,
+    rewards: Annotated[str, typer.Option(metavar="A,B,...", help="Of a, b and c.")] = "a,b,c",
+    actions: Annotated[int, typer.Option(help="What robots can do: 4 or 8 actions.")] = 4,
+    steps: Annotated[int, typer.Option(min=1, max=MOST_KEPT, help="How long 15 robots learn.")] = 20_000,
+    seeds: Annotated[int, typer.Option(min=1, max=1000, help="Runs with each reward.")] = 1,
+    rng: Annotated[int, typer.Option(min=0, max=2**31 - 1, help="The first seed.")] = 1,
+    out: Folder = Path("results", "reward_lab"),
+    quiet: Quiet = False,
+) -> None:
+    """Draw reward, learned values and choice over the distance ahead; measure where robots dither."""
+    _work("reward_commands").reward_lab(
+        rewards=rewards, actions=actions, steps=steps, seeds=seeds, rng=rng, out=out, progress=not quiet
+    )
+
+
 @maps.command("import")
 def import_map(
     file: Annotated[str, typer.Argument(metavar="FILE", help="A .svg, .map or .toml file, or a built-in name.")],
@@ -365,6 +382,32 @@ def bench(
 
 
 @app.command()
+def reproduce(
+    *,
+    figure: Annotated[
+        list[str] | None, typer.Option(metavar="NUMBER", help="Such as 8.3; may be repeated; else all of them.")
+    ] = None,
+    every: Annotated[bool, typer.Option("--all", help="All of them, which is so anyway.")] = False,
+    names: Annotated[bool, typer.Option("--list", help="Only list them.")] = False,
+    out: Annotated[Path, typer.Option(help="Folder for pictures, tables and the runs, which are kept.")] = Path(
+        "results", "reproduction"
+    ),
+    quick: Annotated[bool, typer.Option("--quick", help="Few seeds and short runs: to see that it works.")] = False,
+    jobs: Annotated[int, typer.Option(min=-1, max=1024, help="Processes at a time, -1 for one on each core.")] = -1,
+    report: Annotated[Path | None, typer.Option(metavar="FILE.md", help="Write a page of what came of them.")] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Make the thesis's results again, each with a verdict; go on where an earlier call was interrupted."""
+    work = _work("commands", "reproduction")
+    if every and figure:
+        raise InvalidValueError("--all and --figure are given at once; leave one out")
+    if names:
+        work.list_figures()
+        return
+    work.reproduce(figure or [], out=out, quick=quick, jobs=jobs, report_to=report, progress=not quiet)
+
+
+@app.command()
 def dashboard(
     model: Annotated[str, typer.Argument(help="The model to show first.", metavar="[MODEL]")] = "fire_fighting",
     *,
@@ -372,11 +415,14 @@ def dashboard(
     host: Annotated[
         str, typer.Option(help="Address to listen on; any but this machine's own asks for a token, which is printed.")
     ] = "127.0.0.1",
+    recordings: Annotated[
+        Path | None, typer.Option(metavar="PATH", help="A recording, or a folder of them, to replay on the page.")
+    ] = None,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Only serve; open no browser.")] = False,
 ) -> None:
     """Look at a model in the browser."""
     check_choice("model", model, model_names())
-    _work().dashboard(model, port=port, browser=not no_browser, host=host)
+    _work().dashboard(model, port=port, browser=not no_browser, host=host, recordings=recordings)
 
 
 if __name__ == "__main__":

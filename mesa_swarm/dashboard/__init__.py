@@ -9,6 +9,7 @@ import warnings
 import webbrowser
 from contextlib import suppress
 from importlib.util import find_spec
+from pathlib import Path
 
 from mesa_swarm.errors import SwarmError, check_choice, check_count
 from mesa_swarm.gallery import model_names
@@ -18,12 +19,19 @@ FIRST = "fire_fighting"
 HOST = "127.0.0.1"
 HERE = (HOST, "localhost", "::1")
 MODEL_VARIABLE = "MESA_SWARM_MODEL"
+RECORDINGS_VARIABLE = "MESA_SWARM_RECORDINGS"
 TOKEN_VARIABLE = "MESA_SWARM_TOKEN"
 APP = "mesa_swarm.dashboard.app"
 SERVER = "solara.server.starlette:app"
 
 
-def launch(model_name: str = FIRST, port: int = 8765, open_browser: bool = True, host: str = HOST) -> None:
+def launch(
+    model_name: str = FIRST,
+    port: int = 8765,
+    open_browser: bool = True,
+    host: str = HOST,
+    recordings: str | os.PathLike[str] | None = None,
+) -> None:
     """Serve the dashboard until interrupted.
 
     Parameters
@@ -37,17 +45,21 @@ def launch(model_name: str = FIRST, port: int = 8765, open_browser: bool = True,
     host : str
         The address to listen on. On any but this machine's own, 127.0.0.1, the page asks for a token, which is
         printed; set the environment variable MESA_SWARM_TOKEN to choose it.
+    recordings : str or Path, optional
+        A recording, or a folder of them, that all who come in may replay.
 
     Raises
     ------
     SwarmError
-        If the model is unknown, the port is taken, or Solara is not installed.
+        If the model is unknown, the port is taken, there are no such recordings, or Solara is not installed.
     """
     check_choice("model", model_name, model_names())
     _check_port(host, check_count("port", port, minimum=1, maximum=65535))
     if find_spec("solara") is None:
         raise SwarmError("the dashboard needs Solara; install it with: pip install 'mesa-swarm[dashboard]'")
     os.environ[MODEL_VARIABLE] = model_name
+    if recordings is not None:
+        os.environ[RECORDINGS_VARIABLE] = str(_checked_place(recordings))
     # It says so of every plain http page that is not called localhost.
     warnings.filterwarnings("ignore", message="Cookies with samesite=none", category=UserWarning)
     token = "" if host in HERE else os.environ.get(TOKEN_VARIABLE) or secrets.token_urlsafe(24)
@@ -86,6 +98,13 @@ def _stand_guard(token: str) -> None:
     from mesa_swarm.dashboard.gate import Gate  # noqa: PLC0415 - beside what it guards
 
     app.add_middleware(Gate, token=token)
+
+
+def _checked_place(recordings: str | os.PathLike[str]) -> Path:
+    place = Path(recordings).absolute()
+    if not place.exists():
+        raise SwarmError(f"there is no {recordings}; give a recording or a folder of recordings")
+    return place
 
 
 def _check_port(host: str, port: int) -> None:

@@ -15,19 +15,27 @@ from solara.server import settings
 from mesa_swarm.dashboard import FIRST, MODEL_VARIABLE
 from mesa_swarm.dashboard.address import address_from, query_of
 from mesa_swarm.dashboard.canvas_widget import Connection, SwarmCanvas
+from mesa_swarm.dashboard.charts import Charts
+from mesa_swarm.dashboard.compare_view import Compare
 from mesa_swarm.dashboard.controls import ControlPanel, Panel
+from mesa_swarm.dashboard.export_view import ExportView
 from mesa_swarm.dashboard.gallery_view import Gallery, title
+from mesa_swarm.dashboard.inspector import InspectorView
 from mesa_swarm.dashboard.listeners import use_changes
 from mesa_swarm.dashboard.page_bar import PageBar
+from mesa_swarm.dashboard.places import Places
+from mesa_swarm.dashboard.replay_view import Replay
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.gallery import description
 
 CSS = (files("mesa_swarm.dashboard") / "style.css").read_text(encoding="utf-8")
 WATCH, MODELS = "Watch", "Models"
 # What stands beside the canvas, from top to bottom: components that are given the session.
-BESIDE: tuple = ()
+BESIDE: tuple = (InspectorView, Charts, ExportView)
 # More tabs: names, and components that are given the session.
-MORE_TABS: dict = {}
+MORE_TABS: dict = {"Compare": Compare, "Replay": Replay}
+
+PLACES = Places()
 
 # Of itself Solara reports its use, has the browser ask solara.dev whether it works, and keeps a page that vanished
 # without a word (its model plays on) for a day.
@@ -45,20 +53,42 @@ def Layout(children: list):
 
 @solara.component
 def Page():
+    """Show the page, if there is a place for one more."""
+    leave = solara.use_memo(PLACES.take, [])
+    solara.use_effect(lambda: leave, [])
+    solara.Title("mesa_swarm")
+    solara.Style(CSS)
+    with rv.Html(tag="main", class_="swarm"):
+        if leave is None:
+            Full()
+        else:
+            Room()
+
+
+@solara.component
+def Full():
+    """Show that too many pages are open."""
+    with rv.Html(tag="section", class_="swarm-trouble", attributes={"role": "alert"}):
+        solara.HTML(tag="h2", unsafe_innerHTML="No place left")
+        rv.Html(tag="p", children=[f"{PLACES.most} pages of this dashboard are open, and each has a model of its own."])
+        rv.Html(tag="p", children=["Close one that nobody needs, wait a minute, and load this page again."])
+
+
+@solara.component
+def Room():
     """Show what the address asks for."""
     search = solara.use_router().search
     asked = solara.use_memo(lambda: address_from(search, os.environ.get(MODEL_VARIABLE, FIRST)), [])
     session = solara.use_memo(lambda: Session(asked.model, asked.wishes, asked.seed, asked.steps), [])
-    solara.use_effect(lambda: session.close, [])
     tab, choose_tab = solara.use_state(WATCH)
-    solara.Title("mesa_swarm")
-    solara.Style(CSS)
+    solara.use_effect(lambda: session.close, [])
+    solara.use_effect(lambda: session.adopted.add(lambda: choose_tab(WATCH)), [])
 
     def choose_model(name: str) -> None:
         session.choose(name)
         choose_tab(WATCH)
 
-    with rv.Html(tag="main", class_="swarm"):
+    with solara.Div(classes=["swarm-room"]):
         Header(session, tab, choose_tab)
         if tab == MODELS:
             Gallery(session.name, choose_model)

@@ -49,7 +49,8 @@ class SwarmCanvas(anywidget.AnyWidget):
     ----------
     options : dict
         ``bar``: whether there are buttons; ``keys``: "page" where keys pressed anywhere play and step, "own"
-        where only those pressed in the widget do, "" for none; ``toggles``: what is drawn, by name.
+        where only those pressed in the widget do, "" for none; ``toggles``: what is drawn, by name; ``head``:
+        whether a caption and the readings stand above it; ``stage``: False for buttons without a picture.
     selected : int or None
         Id of the robot that is marked.
 
@@ -85,7 +86,7 @@ class SwarmCanvas(anywidget.AnyWidget):
         self._state: dict = {}
         self._world: dict | None = None
         self._seen = self._waits = False
-        self._pushed = self._sent = self._drawn = 0
+        self._pushed = self._sent = self._drawn = 0  # the player's numbers, then this canvas's own
         self.on_msg(lambda _, message, __: self._hear(message))
 
     @property
@@ -109,8 +110,9 @@ class SwarmCanvas(anywidget.AnyWidget):
                 self._send_picture()
 
     def tell(self, **state: object) -> None:
-        """Tell the browser whether it is played, how fast, and the like."""
+        """Tell the browser whether it is played, how fast, and the like, and which picture belongs to that."""
         with self._lock:
+            state["newest"] = self._pushed
             changed = {name: value for name, value in state.items() if self._state.get(name) != value}
             self._state |= changed
             if changed and self._seen:
@@ -147,7 +149,8 @@ class SwarmCanvas(anywidget.AnyWidget):
             self.send({"kind": "world", "world": picture.world})
         self._sent += 1
         told = {"step": picture.step, "readings": picture.readings, "fingerprint": picture.fingerprint}
-        self.send({"kind": "picture", "number": self._sent, **told, **self._beside}, [picture.frame])
+        numbers = {"number": self._sent, "pushed": self._pushed}
+        self.send({"kind": "picture", **numbers, **told, **self._beside}, [picture.frame])
 
     def _repr_mimebundle_(self, **wanted: object) -> tuple[dict, dict] | None:
         """Return the widget, and beside it a picture."""
@@ -174,7 +177,9 @@ class Connection:
         canvas.commands |= {"look": player.look, "speed": lambda index: player.set_speed(SPEEDS[index])}
         if reset is not None:
             canvas.commands["reset"] = reset
-        self._leave = player.changed.add(self.tell)
+        self._leaves = [player.changed.add(self.tell), player.selection.add(self._mark)]
+        canvas.observe(self._choose, "selected")
+        self._mark()
         self.tell()
         player.add_viewer(self)
 
@@ -187,7 +192,8 @@ class Connection:
         """Hand a picture on, with what the player says of itself."""
         player, past = self.player, self.player.past
         kept = {"index": past.index, "length": len(past), "first": past.first_step, "last": past.last_step}
-        self.canvas.push(number, picture, rate=rate_text(player.loop.rate), **kept)
+        rest = not player.playing
+        self.canvas.push(number, picture, rate=rate_text(player.loop.rate), rest=rest, **kept)
 
     def tell(self) -> None:
         """Hand on whether it is played, and how fast."""
@@ -204,8 +210,16 @@ class Connection:
     def close(self) -> None:
         """Part them."""
         self.canvas.commands = {}
-        self._leave()
+        for leave in self._leaves:
+            leave()
+        self.canvas.unobserve(self._choose, "selected")
         self.player.remove_viewer(self)
+
+    def _mark(self) -> None:
+        self.canvas.selected = self.player.selected
+
+    def _choose(self, change: dict) -> None:
+        self.player.select(change["new"])
 
 
 def nearest_speed(speed: float) -> int:

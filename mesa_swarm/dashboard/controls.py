@@ -30,10 +30,17 @@ def _text(name: str) -> str:
 
 
 class ControlPanel(anywidget.AnyWidget):
-    """Sliders, lists and fields in the browser, which tell what the user does to them."""
+    """Sliders, lists and fields in the browser, which tell what the user does to them.
+
+    Parameters
+    ----------
+    bare : bool
+        Whether there is neither a seed nor a button for defaults.
+    """
 
     _esm = _text("panel.js")
     _css = _text("panel.css")
+    bare = traitlets.Bool(False).tag(sync=True)
     groups = traitlets.List().tag(sync=True)
     values = traitlets.Dict().tag(sync=True)
     notes = traitlets.List().tag(sync=True)

@@ -1,8 +1,9 @@
 """Who may come in: whoever knows the token, and on this machine nobody who was sent by another page."""
 
+import hashlib
 import hmac
 from http.cookies import CookieError, SimpleCookie
-from urllib.parse import parse_qsl, urlencode, urlsplit
+from urllib.parse import parse_qsl, quote, urlencode, urlsplit
 
 COOKIE = "mesa_swarm_token"
 LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
@@ -43,20 +44,18 @@ class Gate:
             await _refuse(scope, send, 400, OTHER_HOST)
         elif "origin" in headers and urlsplit(headers["origin"]).netloc != headers.get("host", ""):
             await _refuse(scope, send, 403, OTHER_PAGE)
-        elif not self.token or self._knows(cookie_of(headers.get("cookie", ""))):
+        elif not self.token or _same(cookie_of(headers.get("cookie", "")), mark_of(self.token)):
             await self.app(scope, receive, send)
         else:
             await self._ask(scope, send)
 
-    def _knows(self, word: str) -> bool:
-        return hmac.compare_digest(word.encode(), self.token.encode())
-
     async def _ask(self, scope, send) -> None:
         """Take the token from the address and remember it in a cookie, or ask for it."""
         words = dict(parse_qsl(scope.get("query_string", b"").decode("latin-1")))
-        if scope["type"] == "http" and self._knows(words.pop("token", "")):
-            cookie = f"{COOKIE}={self.token}; Path=/; HttpOnly; SameSite=Lax"
-            place = scope["path"] + (f"?{urlencode(words)}" if words else "")
+        if scope["type"] == "http" and _same(words.pop("token", ""), self.token):
+            cookie = f"{COOKIE}={mark_of(self.token)}; Path=/; HttpOnly; SameSite=Lax"
+            # Two slashes, or one and a backslash, would be another host.
+            place = "/" + quote(scope["path"].lstrip("/\\")) + (f"?{urlencode(words)}" if words else "")
             await _answer(send, 303, "", [(b"location", place.encode()), (b"set-cookie", cookie.encode())])
         else:
             await _refuse(scope, send, 403, FORM)
@@ -76,19 +75,34 @@ def host_of(header: str) -> str:
         return ""
 
 
-def cookie_of(header: str) -> str:
-    """Return the token in a Cookie header, empty if there is none.
+def mark_of(token: str) -> str:
+    """Return what is kept in a cookie by whoever knows a token; cookies cannot hold every letter.
 
     Examples
     --------
-    >>> cookie_of("a=1; mesa_swarm_token=secret")
-    'secret'
+    >>> mark_of("secret")[:8]
+    '2bb80d53'
+    """
+    return hashlib.sha256(token.encode()).hexdigest()
+
+
+def cookie_of(header: str) -> str:
+    """Return what the dashboard's own cookie holds, empty if there is none.
+
+    Examples
+    --------
+    >>> cookie_of("a=1; mesa_swarm_token=0a1b")
+    '0a1b'
     """
     try:
         found = SimpleCookie(header).get(COOKIE)
     except CookieError:
         return ""
     return found.value if found else ""
+
+
+def _same(word: str, wanted: str) -> bool:
+    return hmac.compare_digest(word.encode(), wanted.encode())
 
 
 async def _refuse(scope, send, status: int, text: str) -> None:

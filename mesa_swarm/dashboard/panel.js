@@ -49,7 +49,8 @@ class PanelView {
       return details;
     });
     const defaults = make("button", { type: "button", click: () => this.#send({ do: "defaults" }) }, "All defaults");
-    this.#root.replaceChildren(this.#run(), ...groups, make("div", { class: "swarm-end" }, defaults));
+    const end = make("div", { class: "swarm-end" }, defaults);
+    this.#root.replaceChildren(...(this.#model.get("bare") ? groups : [this.#run(), ...groups, end]));
     this.#fill();
     this.#say();
   }
@@ -65,6 +66,7 @@ class PanelView {
 
   #field(field) {
     if (field.kind === "choice") return this.#choice(field);
+    if (field.kind === "text") return this.#typed(field);
     const id = `swarm-${field.name}`;
     const say = () => this.#send({ do: "place", name: field.name, value: Number(slider.value) });
     const slider = make("input", { type: "range", min: field.low, max: field.high, step: 1, "aria-label": field.label, id, input: say });
@@ -76,6 +78,11 @@ class PanelView {
     const send = () => this.#send({ do: "text", name, value: text.value });
     const text = make("input", { class: "swarm-value", type: "text", inputmode: "decimal", autocomplete: "off", "aria-label": `${label}, typed`, change: send });
     return text;
+  }
+
+  #typed(field) {
+    const text = this.#text(field.name, field.label);
+    return this.#frame(field, make("div", { class: "swarm-row" }, text), text);
   }
 
   #choice(field) {

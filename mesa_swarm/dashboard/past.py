@@ -1,5 +1,6 @@
 """The last pictures of a run, kept in memory: as many as there is room for."""
 
+from bisect import bisect_right
 from collections import deque
 from dataclasses import dataclass, field
 
@@ -79,6 +80,14 @@ class Past:
         """Look at the picture with this index, the nearest one if there is none."""
         self.index = min(max(index, 0), len(self._pictures) - 1)
         return self.shown
+
+    def look_at(self, step: int) -> Picture | None:
+        """Look at the latest picture that is not of a later step, the first if there is none."""
+        return self.look(bisect_right(self._pictures, step, key=lambda picture: picture.step) - 1)
+
+    def after(self) -> Picture | None:
+        """Return the picture after the one that is looked at, the last if there is none."""
+        return self._pictures[min(self.index + 1, len(self) - 1)] if self._pictures else None
 
     def back(self) -> Picture | None:
         """Look at the picture before."""

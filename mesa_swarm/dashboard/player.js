@@ -65,11 +65,13 @@ function watchTheme(element, act) {
 /** The bar, the canvas and the time line of one view of a widget. */
 class PlayerView {
   #model; #root; #canvas; #stage = null; #world = null;
-  #state = { playing: false, speed: 0, speeds: [], finished: false, error: "", can_reset: false };
+  #state = { playing: false, speed: 0, speeds: [], finished: false, error: "", can_reset: false, newest: 0 };
   #next = null;
   #asked = 0;
   #drawn = 0;
   #told = 0;
+  #shown = { pushed: 0, fingerprint: "" };
+  #staged = true;
   #leave = [];
   #parts = {};
 
@@ -78,6 +80,7 @@ class PlayerView {
     this.#root = root;
     root.classList.add("swarm-player");
     const options = model.get("options");
+    this.#staged = options.stage ?? true;
     this.#canvas = make("canvas", { tabindex: "0", role: "img", "aria-label": "the world" });
     this.#build(options);
     this.#listen(options);
@@ -95,7 +98,7 @@ class PlayerView {
     this.#model.send(message);
   }
 
-  #build({ bar, toggles }) {
+  #build({ bar, head, toggles }) {
     const parts = this.#parts, act = (name) => () => this.#send({ do: name });
     parts.play = iconButton("play", "Play", act("toggle"), { class: "swarm-main" });
     parts.back = iconButton("back", "Step back", act("back"));
@@ -112,7 +115,11 @@ class PlayerView {
     buttons.append(parts.back, parts.play, parts.step, parts.reset);
     const speed = make("label", { class: "swarm-speed" }, parts.speed, parts.wished);
     if (bar) this.#root.append(make("div", { class: "swarm-bar" }, buttons, speed, parts.readings));
-    this.#root.append(make("div", { class: "swarm-stage" }, this.#canvas, this.#tools(toggles), this.#key()));
+    parts.caption = make("strong", { class: "swarm-caption" });
+    if (head) this.#root.append(make("div", { class: "swarm-head" }, parts.caption, parts.readings));
+    const stage = make("div", { class: "swarm-stage" }, this.#canvas, this.#tools(toggles), this.#key());
+    if (this.#staged) this.#root.append(stage);
+    else this.#root.classList.add("swarm-unstaged");
     if (bar) this.#root.append(make("div", { class: "swarm-past" }, parts.past, parts.when));
   }
 
@@ -172,6 +179,7 @@ class PlayerView {
   }
 
   #enter(world) {
+    if (!this.#staged) return;
     const before = this.#stage;
     before?.destroy();
     this.#world = world;
@@ -187,22 +195,24 @@ class PlayerView {
     this.#asked = 0;
     const picture = this.#next;
     this.#next = null;
-    if (!picture || !this.#stage) return;
-    this.#stage.show(unpacked(this.#world, picture.bytes));
+    if (!picture || (this.#staged && !this.#stage)) return;
+    this.#stage?.show(unpacked(this.#world, picture.bytes));
     this.#send({ do: "drawn", value: picture.number });
     this.#root.dataset.drawn = ++this.#drawn;
+    this.#shown = picture;
     const now = performance.now();
-    if (picture.fingerprint || now - this.#told > 1000 * TELL_EVERY) {
+    if (picture.fingerprint || picture.rest || now - this.#told > 1000 * TELL_EVERY) {
       this.#told = now;
       this.#tell(picture);
     }
+    this.#tellRest();
   }
 
   #tell({ step, readings, rate, index, length, first, last, fingerprint }) {
     const root = this.#root, parts = this.#parts;
     root.dataset.step = step;
     root.dataset.fingerprint = fingerprint;
-    const shown = [["Step", step.toLocaleString("en")], ["Steps a second", rate], ...readings];
+    const shown = [["Step", step.toLocaleString("en")], ...(rate ? [["Steps a second", rate]] : []), ...readings];
     shown.forEach(([name, value], k) => {
       const row = parts.readings.children[k] ?? parts.readings.appendChild(make("div", {}, make("dt"), make("dd")));
       if (row.firstChild.textContent !== name) row.firstChild.textContent = name;
@@ -218,10 +228,18 @@ class PlayerView {
     parts.when.title = fingerprint ? `Fingerprint of the state: ${fingerprint}` : "";
   }
 
+  /** Say whether what is shown is at rest: that it is not played may be known before its last picture comes. */
+  #tellRest() {
+    const { playing, newest } = this.#state, { pushed, fingerprint } = this.#shown;
+    this.#root.dataset.rest = Boolean(!playing && fingerprint && pushed >= newest);
+  }
+
   #settle(state) {
     this.#state = { ...this.#state, ...state };
-    const { playing, speed, speeds, finished, error, can_reset: canReset } = this.#state, parts = this.#parts;
+    const { playing, speed, speeds, finished, error, can_reset: canReset, caption } = this.#state, parts = this.#parts;
+    parts.caption.textContent = caption ?? "";
     this.#root.dataset.playing = playing;
+    this.#tellRest();
     relabel(parts.play, playing ? "pause" : "play", playing ? "Pause" : "Play");
     parts.play.disabled = Boolean(error) || finished;
     parts.step.disabled = Boolean(error);

@@ -50,6 +50,10 @@ class Player:
         Whether it is taking a step.
     changed : Listeners
         Told when something else than the picture changed: playing or not, an error, another model.
+    selected : int or None
+        Id of the robot that is looked at closely.
+    selection : Listeners
+        Told when that is another one.
 
     Examples
     --------
@@ -67,6 +71,8 @@ class Player:
         self.loop = PlayLoop(self._play_step, self.show, self.rest)
         self.lock = threading.RLock()
         self.changed = Listeners()
+        self.selected: int | None = None
+        self.selection = Listeners()
         self.viewers: tuple[Viewer, ...] = ()
         self.stepping = False
         self._number = 0
@@ -156,11 +162,26 @@ class Player:
         self._push()
         self.changed.tell()
 
+    def retake(self) -> None:
+        """Look at the present, and show it anew: the model was changed by hand between two steps."""
+        with self.minding():
+            if self.model is not None and not self.error:
+                self.past.append(self._picture(fingerprint=not self.playing))
+        self._push()
+        self.changed.tell()
+
+    def select(self, robot: int | None) -> None:
+        """Look closely at the robot with this id, or at none."""
+        if robot != self.selected:
+            self.selected = robot
+            self.selection.tell()
+
     def close(self) -> None:
         """Stop for good; let go of the model, the pictures and everybody who looks."""
         self.loop.pause()
         self.viewers = ()
         self.changed.clear()
+        self.selection.clear()
         with self.lock:
             self.model = None
             self.past.clear()

@@ -1,5 +1,7 @@
 """What is said of a model beside its picture, and of what went wrong in it."""
 
+from typing import Any
+
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.model import SwarmModel
 
@@ -35,3 +37,14 @@ def in_words(problem: Exception) -> str:
     """
     line = (str(problem).splitlines() or [""])[0][:LONGEST_ERROR]
     return line if isinstance(problem, SwarmError) else f"{type(problem).__name__}: {line}"
+
+
+def value_text(value: Any) -> str:
+    """Return a value as it is shown.
+
+    Examples
+    --------
+    >>> value_text(0.1 + 0.2), value_text("A")
+    ('0.3', 'A')
+    """
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -2,10 +2,13 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
-from typing import Any
+from typing import Any, Protocol
 
+from mesa_swarm.dashboard.inspection import watch_closely
+from mesa_swarm.dashboard.listeners import Listeners
 from mesa_swarm.dashboard.player import Player
 from mesa_swarm.dashboard.readings import in_words
+from mesa_swarm.dashboard.series import Series
 from mesa_swarm.errors import InvalidValueError, check_count
 from mesa_swarm.fire import FireConstants
 from mesa_swarm.gallery import find_model
@@ -19,6 +22,13 @@ MOST_ROBOTS = 10_000
 LARGEST_UPLOAD = 1_000_000
 LARGEST_SEED = 2**53 - 1
 USUAL_SPEED = 60.0
+
+
+class Companion(Protocol):
+    """What a part of the page keeps for a session, also while another part is looked at."""
+
+    def close(self) -> None:
+        """Stop, and let go of everything."""
 
 
 class Session(Player):
@@ -49,8 +59,14 @@ class Session(Player):
         What is wrong with a wish, by parameter, or with "seed" or an "upload".
     built : dict
         What the present model was built from, and was given since.
+    series : Series
+        What was measured of the present model.
+    chosen_charts : dict of list of str
+        Keys of the charts that the user wants to see, by model.
     straight : bool
         Whether nothing was changed on the way: the same wishes give the same run.
+    adopted : Listeners
+        Told when it goes on with a model that was built elsewhere.
 
     Examples
     --------
@@ -70,6 +86,10 @@ class Session(Player):
     ) -> None:
         self._find = find
         self.uploads: dict[str, Map] = {}
+        self.series = Series()
+        self.adopted = Listeners()
+        self._companions: dict[Callable, Companion] = {}
+        self.chosen_charts: dict[str, list[str]] = {}
         super().__init__()
         self.loop.speed = USUAL_SPEED
         self._enter(name, dict(wishes or {}), seed)
@@ -93,16 +113,20 @@ class Session(Player):
         self.loop.pause()
         with self.minding():
             self.error = ""
-            given = dict(self.wishes)
-            if given.get("map") in self.uploads:
-                given["map"] = self.uploads[given["map"]]
-            model = self.model_class(**given, rng=self.seed)
+            model = self._made({**self.wishes, "seed": self.seed})
             self.past.clear()
+            self.series.follow(model)
+            watch_closely(model)
             self.model, self.built, self.straight = model, {**self.wishes, "seed": self.seed}, True
             for _ in range(steps):
                 if model.running:
                     model.step()
         self.rest()
+
+    def remade(self) -> SwarmModel:
+        """Return a model as the present one was at its start; if the run is `straight`, it takes the same steps."""
+        with self.lock:
+            return self._made(self.built)
 
     def wish(self, name: str, value: Any) -> None:
         """Wish for a parameter, as its type, and give it to the present model where that can take it."""
@@ -163,9 +187,45 @@ class Session(Player):
         own = parameter.control.options if parameter and isinstance(parameter.control, Choice) else ()
         return list(dict.fromkeys([*own, *builtin_maps(), *self.uploads]))
 
+    def adopt(self, model: SwarmModel, name: str, wishes: Mapping[str, Any], seed: int) -> None:
+        """Stop, and go on with a model that was built elsewhere and has taken steps.
+
+        Parameters
+        ----------
+        model : SwarmModel
+        name : str
+            Under which its class is found.
+        wishes : mapping
+            The parameters from which a reset builds it anew; a Map is kept as if it had been uploaded.
+        seed : int
+        """
+        self.loop.pause()
+        with self.lock:
+            given = dict(wishes)
+            if isinstance(given.get("map"), Map):
+                chart = given["map"]
+                given["map"] = f"{chart.name} (recorded)"
+                self.uploads[given["map"]] = chart
+            self._enter(name, given, seed)
+            self.model, self.built, self.straight = model, {**self.wishes, "seed": seed}, False
+        self.rest()
+        self.adopted.tell()
+
+    def companion(self, kind: Callable[["Session"], "Companion"]) -> "Companion":
+        """Return the one companion of this kind, made when it is first asked for, and closed with the session."""
+        with self.lock:
+            if kind not in self._companions:
+                self._companions[kind] = kind(self)
+            return self._companions[kind]
+
     def close(self) -> None:
         """Stop for good, and let go of everything."""
         super().close()
+        for companion in self._companions.values():
+            companion.close()
+        self._companions.clear()
+        self.series.follow(None)
+        self.adopted.clear()
         self.uploads.clear()
 
     def _enter(self, name: str, wishes: dict[str, Any], seed: int) -> None:
@@ -177,6 +237,13 @@ class Session(Player):
         self.built: dict[str, Any] = {}
         self.model, self.error, self.straight = None, "", True
         self.past.clear()
+
+    def _made(self, given: Mapping[str, Any]) -> SwarmModel:
+        """Return a model of these parameters, of which "seed" is one."""
+        named = {name: value for name, value in given.items() if name != "seed"}
+        if named.get("map") in self.uploads:
+            named["map"] = self.uploads[named["map"]]
+        return self.model_class(**named, rng=given["seed"])
 
     def _checked(self, parameter: Parameter, value: Any) -> Any:
         if parameter.name == "map":

@@ -5,6 +5,7 @@ from typing import Protocol
 import numpy as np
 
 from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.learning.rewards import REWARDS, rewarded
 from mesa_swarm.model import SwarmModel
 
 
@@ -32,6 +33,22 @@ class DrivingScore:
         """Write what the last step was worth."""
         columns = self._model.swarm.columns
         driving(columns["command"], columns["max_speed"], columns["collided"], self._cost, out)
+
+
+class ThesisScore:
+    """Reward (a), (b) or (c) of the thesis, see `learning.rewards`; never finished."""
+
+    finished = False
+
+    def __init__(self, model: SwarmModel, *, kind: str, critical: float, ranges: np.ndarray) -> None:
+        self._model = model
+        self._rule = REWARDS.index(kind), float(critical)
+        self._ranges = ranges
+
+    def reward(self, out: np.ndarray) -> None:
+        """Write what the last step was worth."""
+        columns = self._model.swarm.columns
+        near(columns["distance"], columns["command"], columns["max_speed"], self._ranges, *self._rule, out)
 
 
 class FindingScore:
@@ -79,6 +96,18 @@ def driving(command, max_speed, collided, collision_cost, reward):
         reward[i] = forward / max_speed[i] if max_speed[i] > 0.0 else 0.0
         if collided[i]:
             reward[i] -= collision_cost
+
+
+@compiled
+def near(distance, command, max_speed, ranges, kind, critical, reward):
+    """Write the thesis's reward for the least reading and what the wheels were told."""
+    for i in range(reward.shape[0]):
+        nearest = 1.0
+        for s in range(ranges.shape[0]):
+            if distance[i, s] >= 0.0:
+                nearest = min(nearest, distance[i, s] / ranges[s])
+        speed = max_speed[i] if max_speed[i] > 0.0 else 1.0
+        reward[i] = rewarded(kind, nearest, command[i, 0] / speed, command[i, 1] / speed, critical)
 
 
 @compiled

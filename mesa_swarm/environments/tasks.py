@@ -4,12 +4,15 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
+import numpy as np
+
 from mesa_swarm.control import Avoid, Explore, Layer
 from mesa_swarm.environments.actions import checked_choice
 from mesa_swarm.environments.observation import Observer
-from mesa_swarm.environments.scores import DrivingScore, ExtinguishingScore, FindingScore, Score
-from mesa_swarm.errors import InvalidValueError, UnknownNameError, check_count, check_number, unknown_name
+from mesa_swarm.environments.scores import DrivingScore, ExtinguishingScore, FindingScore, Score, ThesisScore
+from mesa_swarm.errors import InvalidValueError, UnknownNameError, check_choice, check_count, check_number, unknown_name
 from mesa_swarm.fire import FightFire, FireConstants, design_constants
+from mesa_swarm.learning.rewards import REWARDS
 from mesa_swarm.model import SwarmModel
 from mesa_swarm.robots.design import AGENT9, AGENT_FIRE, RobotDesign
 from mesa_swarm.world.map import Map
@@ -99,30 +102,41 @@ class CollisionAvoidance(Task):
     """Drive forward and touch nothing.
 
     A step is worth (m_L + m_R) / (2 max_speed), and `collision_cost` less if the robot overlapped anything in it:
-    to push on at a wall is worth 1 - `collision_cost`, to spin on the spot 0.
+    to push on at a wall is worth 1 - `collision_cost`, to spin on the spot 0. Or it is worth what the thesis pays.
 
     Parameters
     ----------
     n_robots, map, design, encoding, actions, max_steps
         As for `Task`.
     collision_cost : float
-        At least 0.
+        At least 0; of the reward "speed" only.
+    reward : str
+        "speed" as above, or "a", "b" or "c": the thesis's, see `learning.reward`.
+    critical : float
+        Of the thesis's rewards: the reading below which only nearness counts, a share of the range.
 
     Examples
     --------
-    >>> CollisionAvoidance(n_robots=50, actions=8).encoding
+    >>> CollisionAvoidance(n_robots=50, actions=8, reward="b").encoding
     'distance'
     """
 
     collision_cost: float = 2.0
+    reward: str = "speed"
+    critical: float = 0.4
 
     def __post_init__(self) -> None:
         """Check every value."""
         super().__post_init__()
         check_number("collision_cost", self.collision_cost, minimum=0, maximum=LARGEST_REWARD)
+        check_choice("reward", self.reward, ("speed", *REWARDS))
+        check_number("critical", self.critical, above=0, maximum=1)
 
     def score(self, model: SwarmModel, count: int) -> Score:
         """Return what judges the first `count` robots of a new world."""
+        if self.reward != "speed":
+            ranges = np.array([float(sensor.range) for sensor in self.design.proximity])
+            return ThesisScore(model, kind=self.reward, critical=self.critical, ranges=ranges)
         return DrivingScore(model, collision_cost=self.collision_cost)
 
 

@@ -90,7 +90,7 @@ def parsed_values(model_class: type, parameter: str | None, values: str) -> list
     return [parsed_settings(model_class, [f"{name}={text.strip()}"])[name] for text in values.split(",")]
 
 
-def dashboard(model: str, *, port: int, browser: bool, host: str) -> None:
+def dashboard(model: str, *, port: int, browser: bool, host: str, recordings: Path | None = None) -> None:
     """Serve the page, or say what it needs."""
     try:
         page = import_module("mesa_swarm.dashboard")
@@ -98,7 +98,7 @@ def dashboard(model: str, *, port: int, browser: bool, host: str) -> None:
         raise InvalidValueError(
             f"the dashboard needs {error.name}; install it with: pip install 'mesa-swarm[dashboard]'"
         ) from error
-    page.launch(model, port, browser, host)
+    page.launch(model, port, browser, host, recordings)
 
 
 def print_pairs(pairs: dict) -> None:

@@ -1,7 +1,7 @@
 """Compare values of a model's parameter over paired seeds, on all cores."""
 
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -159,8 +159,10 @@ def checked_jobs(jobs: int) -> int:
         raise InvalidValueError(f"{error}, or -1 for one on each core") from None
 
 
-def run_plan(plan: Plan, workers: int = 1, progress: bool = False) -> Comparison:
-    """Do all runs of a plan and return what came of them.
+def run_plan(
+    plan: Plan, workers: int = 1, progress: bool = False, heard: Callable[[Run], object] | None = None
+) -> Comparison:
+    """Do all runs of a plan and return what came of them; `heard` is called with each run as it is done.
 
     Examples
     --------
@@ -175,6 +177,8 @@ def run_plan(plan: Plan, workers: int = 1, progress: bool = False) -> Comparison
         for index, run in _finished(plan, tasks, min(workers, len(tasks))):
             runs[index] = run
             bar.update()
+            if heard is not None:
+                heard(run)
     return Comparison(plan, tuple(runs))
 
 

@@ -80,18 +80,30 @@ def text_table(comparison) -> str:
     ----------
     comparison : Comparison
     """
-    plan, rows = comparison.plan, summary_rows(comparison)
-    some_missing = any(row.summary.happened < row.summary.runs for row in rows)
-    first, seeds = plan.values[0], len(plan.seeds)
-    header = ["", plan.parameter, "in runs", "mean [95 %]", f"minus {first} [95 %]", "larger on [95 %]"]
-    cells = [header, *(_cells(row, row.value == first) for row in rows)]
-    columns = [0, 1, 2, 3, 4, 5] if some_missing else [0, 1, 3, 4, 5]
-    lines = fitting([[line[c] for c in columns] for line in cells])
+    plan = comparison.plan
+    seeds = len(plan.seeds)
     title = (
         f"{plan.model_class.__name__}: {seeds} paired {'seed' if seeds == 1 else 'seeds'}, "
         f"at most {plan.steps:,} steps each"
     )
-    return "\n".join([title, "", *lines, "", *_notes(rows, first, some_missing)])
+    cells, notes = table_and_notes(comparison)
+    return "\n".join([title, "", *fitting(cells), "", *notes])
+
+
+def table_and_notes(comparison) -> tuple[list[list[str]], list[str]]:
+    """Return the cells of the summary, line by line with the header first, and what one must know to read them.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    """
+    plan, rows = comparison.plan, summary_rows(comparison)
+    some_missing = any(row.summary.happened < row.summary.runs for row in rows)
+    first = plan.values[0]
+    header = ["", plan.parameter, "in runs", "mean [95 %]", f"minus {first} [95 %]", "larger on [95 %]"]
+    cells = [header, *(_cells(row, row.value == first) for row in rows)]
+    columns = [0, 1, 2, 3, 4, 5] if some_missing else [0, 1, 3, 4, 5]
+    return [[line[c] for c in columns] for line in cells], _notes(rows, first, some_missing)
 
 
 def _notes(rows: list[Row], first: Any, some_missing: bool) -> list[str]:

@@ -57,6 +57,15 @@ class Learner:
         """What every robot got for its last action (n,); a copy."""
         return self._column("reward").copy()
 
+    def _said(self, row: int, networks: int) -> np.ndarray:
+        """Return what the networks of the robot in this row say to the inputs that it had last (networks,)."""
+        inner, bias, outer, outer_bias = (
+            weights[row * networks : (row + 1) * networks] for weights in self._memory.weights
+        )
+        inputs = self._column("inputs")[row].ravel()
+        hidden = np.tanh(bias + np.einsum("i,mih->mh", inputs, inner))
+        return outer_bias + (hidden * outer).sum(axis=1)
+
     def _learned(self, training: dict) -> dict:
         """Return what every policy has, whatever its family."""
         self._memory.give_birth(self._rng, self.shared)

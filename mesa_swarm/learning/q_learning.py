@@ -171,6 +171,24 @@ class QLearning(Learner):
         if diverged >= 0:
             raise self._divergence(diverged)
 
+    def worth(self, row: int) -> list[tuple[str, float]]:
+        """Return what each action is worth to a robot, Q(s, a), where it was when it chose last.
+
+        Parameters
+        ----------
+        row : int
+            Of the robot in the swarm.
+
+        Returns
+        -------
+        list of (str, float)
+            The action's name, and its value; an empty list before the first choice.
+        """
+        if self._column("action")[row] < 0:
+            return []
+        said = self._said(row, self.actions)
+        return [(name, float(value)) for name, value in zip(ACTION_NAMES, said, strict=False)]
+
     def reason(self, moment: Moment) -> Reason:
         """Say which action it chose, and what is nearest."""
         speeds = moment.command / max(float(np.abs(moment.command).max()), 1e-300)

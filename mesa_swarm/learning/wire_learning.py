@@ -126,6 +126,17 @@ self_adjusting, bump_rate, bump_window, bump_distance, frozen
         if diverged >= 0:
             raise self._divergence(diverged)
 
+    def worth(self, row: int) -> list[tuple[str, float]]:
+        """Return what each wire is worth to a robot where it was when it chose last; see `QLearning.worth`."""
+        if np.isnan(self._column("action")[row, 0]):
+            return []
+        said = self._said(row, OUTPUTS * self.wires).reshape(self.wires, OUTPUTS)
+        ends = np.tanh(said[:, :2] + np.arctanh(STARTS[: self.wires]))
+        return [
+            (f"wheels {left:+.2f} {right:+.2f}", float(value))
+            for (left, right), value in zip(ends, said[:, 2], strict=True)
+        ]
+
 
 @compiled
 def learn_wires(

@@ -55,8 +55,8 @@ const THEMES = {
     message: "#7b3fb3", chosen: "#c2006b", travel: "#0b2545", text: "#55585e",
   },
   dark: {
-    outside: "#101216", ground: "#1c2027", edge: "#5a626e", solid: "#7d8794", mark: "#3d4655", load: "#48a97f",
-    ashes: "#6d6d69", cold: [8, 5, 5], hot: [240, 52, 38], flame: "#ff8a5c", onFire: "#ffffff", onAshes: "#111111",
+    outside: "#101216", ground: "#1c2027", edge: "#5a626e", solid: "#7d8794", mark: "#c4cad3", load: "#48a97f",
+    ashes: "#8a8a84", cold: [8, 5, 5], hot: [240, 52, 38], flame: "#ff8a5c", onFire: "#ffffff", onAshes: "#111111",
     rear: "#3b82d6", front: "#e8f4ff", outline: "#060c16", blind: "rgba(110,175,255,.085)",
     seeing: "rgba(255,180,70,.42)", perceived: "#b4b4b8", trail: "rgba(120,180,255,.34)", contact: "#ff5c9a",
     heat: "rgba(255,80,40,.42)", message: "#c9a0ff", chosen: "#ff6fb5", travel: "#e8f4ff", text: "#a9afb9",

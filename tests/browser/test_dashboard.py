@@ -11,7 +11,11 @@ from mesa_swarm.gallery import model_names
 NAMELESS = """[...document.querySelectorAll("button, input, select, summary, canvas")]
     .filter((one) => !one.hidden && !one.getAttribute("aria-label") && !one.textContent.trim() && !one.labels?.length)
     .map((one) => one.outerHTML)"""
-REACHED = "document.activeElement.getAttribute('aria-label') ?? document.activeElement.textContent"
+FOCUS = """(() => {
+  const one = document.activeElement, look = getComputedStyle(one);
+  if (one === document.body) return ["the end", "solid", "3px"];
+  return [one.getAttribute("aria-label") ?? one.textContent, look.outlineStyle, look.outlineWidth];
+})()"""
 HALL = b'<svg xmlns="http://www.w3.org/2000/svg" width="800" height="600"><circle cx="400" cy="300" r="80"/></svg>'
 
 
@@ -38,7 +42,7 @@ def test_every_model_of_the_gallery_plays_pauses_steps_and_resets(visitor):
         visitor.press("Play")
         visitor.wait("+player.step > 5")
         visitor.press("Pause")
-        visitor.wait("player.playing === 'false' && player.fingerprint !== ''")
+        visitor.wait("player.rest === 'true'")
         before = visitor.step
         visitor.press("Step")
         visitor.wait_for_step(before + 1)
@@ -140,7 +144,7 @@ def test_keys_play_and_step_but_not_while_one_types(visitor):
     press(" ")
     visitor.wait("player.playing === 'true' && +player.step > 3")
     press(" ")
-    visitor.wait("player.playing === 'false'")
+    visitor.wait("player.rest === 'true'")
     press("r")
     visitor.wait_for_step(0)
     seed = visitor.field("seed").locator("input")
@@ -199,15 +203,18 @@ def test_everything_is_in_sight_on_a_small_laptop_and_has_a_name(visitor):
     assert nameless == []
 
 
-def test_everything_is_reached_by_the_tab_key(visitor):
+def test_everything_is_reached_by_the_tab_key_and_shows_that_it_was(visitor):
     page = visitor.page
-    reached = set()
+    reached, unseen = [], []
     for _ in range(60):
         page.keyboard.press("Tab")
-        reached.add(
-            page.evaluate("document.activeElement.getAttribute('aria-label') ?? document.activeElement.textContent")
-        )
-    assert {"Models", "Play", "Step", "Reset", "Speed", "robots", "strategy", "Random", "Zoom in"} <= reached
+        name, style, width = page.evaluate(FOCUS)
+        reached.append(name)
+        if style != "solid" or float(width.removesuffix("px")) < 2:
+            unseen.append(name)
+    assert {"Models", "Play", "Step", "Reset", "Speed", "robots", "strategy", "Random", "Zoom in"} <= set(reached)
+    assert reached.index("Models") < reached.index("Random") < reached.index("Play") < reached.index("Zoom in")
+    assert unseen == []
 
 
 def test_play_and_pause_pressed_quickly_leave_it_as_the_last_one_says(visitor):
@@ -215,7 +222,7 @@ def test_play_and_pause_pressed_quickly_leave_it_as_the_last_one_says(visitor):
         visitor.page.keyboard.press(" ")
     visitor.wait("player.playing === 'true' && +player.step > 3")
     visitor.page.keyboard.press(" ")
-    visitor.wait("player.playing === 'false' && player.fingerprint !== ''")
+    visitor.wait("player.rest === 'true'")
     at_rest = visitor.step
     visitor.press("Step")
     visitor.wait_for_step(at_rest + 1)

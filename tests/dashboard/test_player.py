@@ -31,7 +31,7 @@ class Breaks(CollisionAvoidance):
         super().step()
 
 
-def wait_until(condition, seconds: float = 10.0) -> None:
+def wait_until(condition, seconds: float = 60.0) -> None:
     deadline = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < deadline, "waited in vain"
@@ -60,15 +60,18 @@ def test_a_picture_replaces_one_of_the_same_step():
 
 @pytest.mark.parametrize("speed", [40.0, 200.0])
 def test_it_plays_as_fast_as_it_is_told(speed):
-    steps = []
-    loop = PlayLoop(lambda stop: steps.append(0) or not stop.is_set(), lambda: None, lambda: None)
-    loop.speed = speed
-    began = time.perf_counter()
-    loop.play()
-    wait_until(lambda: len(steps) >= speed / 2)
-    seconds = time.perf_counter() - began
-    loop.pause()
-    assert seconds == pytest.approx(0.5, rel=0.6)
+    seconds = []
+    while not seconds or seconds[-1] > 0.6:
+        assert len(seconds) < 5, seconds  # a machine that is busy may hold it up, not each time
+        steps = []
+        loop = PlayLoop(lambda stop, steps=steps: steps.append(0) or not stop.is_set(), lambda: None, lambda: None)
+        loop.speed = speed
+        began = time.perf_counter()
+        loop.play()
+        wait_until(lambda steps=steps: len(steps) > speed / 2)
+        seconds.append(time.perf_counter() - began)
+        loop.pause()
+    assert min(seconds) > 0.45
 
 
 def test_slow_motion_takes_its_first_step_at_once_and_answers_pause_quickly():
@@ -76,9 +79,9 @@ def test_slow_motion_takes_its_first_step_at_once_and_answers_pause_quickly():
     loop = PlayLoop(lambda stop: steps.append(0) or not stop.is_set(), lambda: None, lambda: None)
     loop.speed = 0.5
     loop.play()
-    wait_until(lambda: len(steps) == 1, 1.0)
+    wait_until(lambda: len(steps) == 1, 1.9)
     loop.pause()
-    wait_until(lambda: not players(), 1.0)
+    wait_until(lambda: not players(), 1.9)
     assert len(steps) == 1
 
 

@@ -11,6 +11,7 @@ from mesa_swarm.environments import CollisionAvoidance, ExtinguishFires, FindFir
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.fire import FireConstants
+from mesa_swarm.learning import reward
 from mesa_swarm.world.map import FireSpot
 
 # One fire of area 4 in the middle of a hall.
@@ -30,6 +31,19 @@ def rewarded(world: TaskWorld, wheels) -> list[float]:
     out = np.full(world.commanded, np.nan)
     world.advance(np.array(wheels, float), out)
     return out.tolist()
+
+
+@pytest.mark.parametrize("kind", ["a", "b", "c"])
+@pytest.mark.parametrize("gap", [2.0, 15.0, 25.0, 45.0])
+@pytest.mark.parametrize("wheels", [(1.0, 1.0), (0.5, -1.0), (0.0, 1.0)])
+def test_driving_may_be_worth_what_the_thesis_pays_for_the_nearest_reading_afterwards(kind, gap, wheels):
+    task = CollisionAvoidance(map="openspace", design=replace(AGENT9, max_speed=2.0), reward=kind, critical=0.5)
+    world = world_of(task, [(780 - 5 - gap, 300, 0.0)])
+    paid = np.empty(1)
+    world.advance(np.array([wheels]), paid)
+    seen = world.swarm.distance[0] / 50
+    nearest = seen[seen >= 0].min(initial=1.0)
+    assert paid[0] == pytest.approx(reward(kind, nearest, *wheels, 0.5))
 
 
 def test_driving_is_worth_the_forward_speed_and_a_collision_costs():
@@ -156,6 +170,7 @@ def test_a_policy_that_is_a_rule_does_what_the_rule_does_as_a_layer():
         (lambda: FindFires(arrival=-1), "arrival is -1; expected a finite number at least 0"),
         (lambda: CollisionAvoidance(collision_cost=float("nan")), "collision_cost is nan"),
         (lambda: ExtinguishFires(fire_constants=3), "fire_constants is 3; expected what design_constants"),
+        (lambda: CollisionAvoidance(critical=0), "critical is 0; expected"),
         (lambda: CollisionAvoidance(max_steps=0), "max_steps is 0; expected a whole number at least 1"),
         (lambda: CollisionAvoidance(design="AGENT9"), "design is 'AGENT9'; expected a RobotDesign"),
         (lambda: VectorSwarmEnv("find_fires", n_worlds=1), "task is 'find_fires'; expected a task such as"),

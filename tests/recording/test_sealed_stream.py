@@ -138,18 +138,19 @@ def test_another_arrow_stream_is_refused_in_words(tmp_path):
         Recording(tmp_path / "other.arrow")
 
 
-def kill_while_recording(path, seconds):
-    """Start a run, kill it, and return how many steps it said were on disk."""
+def kill_while_recording(path, seconds, flushes):
+    """Start a run, kill it so long after so many flushes, and return how many steps it said were on disk."""
     with subprocess.Popen([sys.executable, "-c", ENDLESS, str(path)], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout.readline() == "begun\n"
+        said = ["0", *(process.stdout.readline() for _ in range(flushes))]
         time.sleep(seconds)
         process.send_signal(signal.SIGKILL)
-        said = process.stdout.read().split("\n")
-    return int(said[-2]) if len(said) > 1 else 0
+        said += process.stdout.read().split("\n")[:-1]
+    return int(said[-1])
 
 
-def check_killed(path, seconds):
-    said = kill_while_recording(path, seconds)
+def check_killed(path, seconds, flushes=0):
+    said = kill_while_recording(path, seconds, flushes)
     recording = Recording(path)
     assert len(recording) >= said
     assert recording.steps.tolist() == list(range(1, len(recording) + 1))
@@ -159,7 +160,7 @@ def check_killed(path, seconds):
 
 @pytest.mark.skipif(os.name == "nt", reason="there is no SIGKILL")
 def test_a_killed_run_keeps_all_chunks_that_were_written(tmp_path):
-    recording = check_killed(tmp_path / "run.arrow", 0.4)
+    recording = check_killed(tmp_path / "run.arrow", 0.1, flushes=3)
     assert len(recording) > 0
     assert verify(recording, FireFighting).same
 

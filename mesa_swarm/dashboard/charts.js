@@ -1,0 +1,323 @@
+/* Charts beside the canvas. Python says what there is (charts), which are shown (shown), and sends numbers as
+   { kind: "curves", charts, looked_at } with a float32 buffer each: steps, means, and where rows were put together
+   the least and the greatest of each. Numbers are acknowledged as soon as they are drawn, and only sent while looked at. */
+
+// Okabe and Ito (2008), changed so far as to be read on paper and on a dark ground; after these the same, dashed.
+const CURVES = {
+  light: ["#0072b2", "#d55e00", "#009e73", "#b3508a", "#8a6d00", "#2b8cc4", "#444444"],
+  dark: ["#56b4e9", "#ff8a4c", "#2fc79a", "#e79ac9", "#e9c43d", "#9fd4f5", "#c9ccd2"],
+};
+// Layers have the colours of the rings around robots (canvas.js); who has none is grey.
+const RINGS = ["#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442", "#0072b2", "#999999"];
+const DASHED = [[], [5, 3], [1.5, 2.5]];
+const MARGIN = { left: 38, right: 8, top: 7, bottom: 17 };
+
+function piece(tag, attributes = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (typeof value === "function") element.addEventListener(name, value);
+    else if (value !== undefined) element.setAttribute(name, value);
+  }
+  element.append(...children);
+  return element;
+}
+
+/** Round numbers that divide a range into about so many parts. */
+function ticks(low, high, parts) {
+  const rough = (high - low) / parts, power = 10 ** Math.floor(Math.log10(rough));
+  const step = [1, 2, 5, 10].map((one) => one * power).find((one) => one >= rough * 0.999);
+  const found = [];
+  for (let k = Math.ceil(low / step - 1e-9) ; k * step <= high + step * 1e-9; k++) found.push(k * step + 0);
+  return found;
+}
+
+function short(value) {
+  if (Number.isNaN(value)) return "–";
+  const size = Math.abs(value);
+  if (size >= 1e6) return `${+(value / 1e6).toPrecision(3)}M`;
+  if (size >= 1e4) return `${+(value / 1e3).toPrecision(3)}k`;
+  return size >= 100 || Number.isInteger(value) ? Math.round(value).toLocaleString("en") : String(+value.toPrecision(3));
+}
+
+/** One chart: its canvas, its key, what is drawn in it. */
+class ChartView {
+  #canvas; #values; #news = null; #data = null; #lookedAt = null; #pointed = null; #fresh = true;
+
+  constructor(title, ask) {
+    const button = (kind) => piece("button", { type: "button", title: `Download ${title} as ${kind.toUpperCase()}`, "aria-label": `Download ${title} as ${kind.toUpperCase()}`, click: () => ask(kind) }, kind.toUpperCase());
+    this.#canvas = piece("canvas", { role: "img", "aria-label": title });
+    this.#values = piece("ul");
+    this.name = piece("span", {}, title);
+    const head = piece("figcaption", {}, this.name, button("png"), button("csv"));
+    this.element = piece("figure", { class: "swarm-chart" }, head, this.#canvas, this.#values);
+    this.#canvas.addEventListener("pointermove", (event) => this.#point(event.offsetX));
+    this.#canvas.addEventListener("pointerleave", () => this.#point(null));
+  }
+
+  take(news, data, lookedAt) {
+    if (!this.#news || this.#news.names.join() !== news.names.join()) this.#fresh = true;
+    [this.#news, this.#data, this.#lookedAt] = [news, data, lookedAt];
+    this.element.dataset.points = news.points;
+    this.name.textContent = news.unit && news.unit !== news.title ? `${news.title}, ${news.unit}` : news.title;
+    this.draw();
+  }
+
+  #colours(dark) {
+    const { key, names } = this.#news;
+    if (key !== "layers") return CURVES[dark ? "dark" : "light"];
+    return names.map((_, k) => (k === names.length - 1 ? "#8c9097" : RINGS[k % RINGS.length]));
+  }
+
+  #row(part, k) {
+    const { points, names } = this.#news;
+    const first = part === "steps" ? 0 : 1 + { mean: 0, low: 1, high: 2 }[part] * names.length + k;
+    return this.#data.subarray(first * points, (first + 1) * points);
+  }
+
+  #point(x) {
+    this.#pointed = x;
+    this.draw();
+  }
+
+  draw() {
+    const news = this.#news, width = this.#canvas.clientWidth, height = this.#canvas.clientHeight;
+    if (!news || !width) return;
+    const dark = Boolean(this.element.closest(".theme--dark")), colours = this.#colours(dark);
+    const ratio = devicePixelRatio || 1, context = this.#canvas.getContext("2d");
+    this.#canvas.width = width * ratio;
+    this.#canvas.height = height * ratio;
+    context.scale(ratio, ratio);
+    context.font = "11px system-ui, sans-serif";
+    const place = this.#axes(context, width, height, dark);
+    if (!place) return this.#say(colours, -1);
+    news.names.forEach((_, k) => this.#curve(context, place, k, colours));
+    this.#say(colours, this.#marks(context, place, dark));
+  }
+
+  #range() {
+    const { banded, points, names } = this.#news;
+    if (!points) return null;
+    const steps = this.#row("steps", 0), [from, to] = banded ? ["low", "high"] : ["mean", "mean"];
+    let low = Infinity, high = -Infinity;
+    const few = names.length <= 3;
+    names.forEach((_, k) => {
+      for (const value of this.#row(few ? from : "mean", k)) if (value < low) low = value;
+      for (const value of this.#row(few ? to : "mean", k)) if (value > high) high = value;
+    });
+    if (low > high) return null;
+    if (low >= 0) low = 0;
+    if (high === low) high = low + 1;
+    return { x0: Math.min(steps[0], 1) - 1, x1: Math.max(steps[points - 1], 1), y0: low, y1: high };
+  }
+
+  #axes(context, width, height, dark) {
+    const range = this.#range(), { left, right, top, bottom } = MARGIN;
+    context.fillStyle = dark ? "#a7aeba" : "#5a5f68";
+    context.strokeStyle = dark ? "#39414d" : "#e2dfd8";
+    context.lineWidth = 1;
+    if (!range) {
+      context.fillText("no numbers yet", left, height / 2);
+      return null;
+    }
+    const { x0, x1, y0 } = range, marks = ticks(y0, range.y1, 3), step = marks[1] - marks[0] || 1;
+    const y1 = Math.max(range.y1, y0 + step * Math.ceil((range.y1 - y0) / step - 0.25));
+    const place = {
+      x: (step) => left + ((step - x0) / (x1 - x0)) * (width - left - right),
+      y: (value) => height - bottom - ((value - y0) / (y1 - y0)) * (height - top - bottom),
+      width, height,
+    };
+    context.textAlign = "right";
+    context.textBaseline = "middle";
+    context.beginPath();
+    for (const value of ticks(y0, y1, 3)) {
+      const y = Math.round(place.y(value)) + 0.5;
+      context.moveTo(left, y);
+      context.lineTo(width - right, y);
+      context.fillText(short(value), left - 5, y);
+    }
+    context.stroke();
+    context.textBaseline = "alphabetic";
+    for (const value of ticks(x0, x1, 4)) {
+      if (!Number.isInteger(value)) continue;
+      const text = short(value), half = context.measureText(text).width / 2;
+      context.textAlign = "center";
+      context.fillText(text, Math.min(place.x(value), width - half - 1), height - 4);
+    }
+    return place;
+  }
+
+  #curve(context, place, k, colours) {
+    const { points, names, banded } = this.#news, steps = this.#row("steps", 0), mean = this.#row("mean", k);
+    const colour = colours[k % colours.length];
+    if (banded && names.length <= 3) {
+      const low = this.#row("low", k), high = this.#row("high", k);
+      context.globalAlpha = 0.22;
+      context.fillStyle = colour;
+      context.beginPath();
+      for (let i = 0; i < points; i++) if (!Number.isNaN(high[i])) context.lineTo(place.x(steps[i]), place.y(high[i]));
+      for (let i = points - 1; i >= 0; i--) if (!Number.isNaN(low[i])) context.lineTo(place.x(steps[i]), place.y(low[i]));
+      context.fill();
+      context.globalAlpha = 1;
+    }
+    context.strokeStyle = colour;
+    context.lineWidth = 1.6;
+    context.setLineDash(DASHED[Math.floor(k / colours.length) % DASHED.length]);
+    context.beginPath();
+    let drawn = false;
+    for (let i = 0; i < points; i++) {
+      const known = !Number.isNaN(mean[i]);
+      if (known && drawn) context.lineTo(place.x(steps[i]), place.y(mean[i]));
+      else if (known) context.moveTo(points === 1 ? place.x(steps[i]) - 3 : place.x(steps[i]), place.y(mean[i]));
+      if (known && points === 1) context.lineTo(place.x(steps[i]), place.y(mean[i]));
+      drawn = known;
+    }
+    context.stroke();
+    context.setLineDash([]);
+  }
+
+  /** Draw a line at the step that is looked at, and at the one that is pointed at; return the row that is told. */
+  #marks(context, place, dark) {
+    const steps = this.#row("steps", 0), line = (step, colour) => {
+      const x = Math.round(place.x(step)) + 0.5;
+      context.strokeStyle = colour;
+      context.beginPath();
+      context.moveTo(x, MARGIN.top);
+      context.lineTo(x, place.height - MARGIN.bottom);
+      context.stroke();
+      return x;
+    };
+    context.lineWidth = 1.5;
+    let told = steps.length - 1;
+    if (this.#lookedAt !== null) {
+      const x = line(this.#lookedAt, dark ? "#ff6fb5" : "#c2006b"), text = `step ${this.#lookedAt.toLocaleString("en")}`;
+      context.fillStyle = dark ? "#ff6fb5" : "#c2006b";
+      context.textAlign = x > place.width / 2 ? "right" : "left";
+      context.fillText(text, x + (x > place.width / 2 ? -4 : 4), MARGIN.top + 9);
+      told = this.#nearest(this.#lookedAt);
+    }
+    if (this.#pointed !== null) {
+      const inner = place.width - MARGIN.left - MARGIN.right, first = steps[0] - 1;
+      const wanted = first + ((this.#pointed - MARGIN.left) / inner) * (steps[steps.length - 1] - first);
+      told = this.#nearest(wanted);
+      line(steps[told], dark ? "#8a93a1" : "#8c9097");
+    }
+    return told;
+  }
+
+  #nearest(step) {
+    const steps = this.#row("steps", 0), after = steps.findIndex((one) => one >= step);
+    return after < 0 ? steps.length - 1 : after;
+  }
+
+  /** Tell the numbers of one row beside the names. */
+  #say(colours, row) {
+    const { names, points } = this.#news;
+    if (this.#fresh) {
+      this.#values.replaceChildren(...names.map((name) => piece("li", {}, piece("i"), piece("span", {}, names.length > 1 ? name : ""), piece("b"))));
+      this.#fresh = false;
+    }
+    const at = row >= 0 && points ? this.#row("steps", 0)[row] : null;
+    names.forEach((_, k) => {
+      const item = this.#values.children[k], colour = colours[k % colours.length];
+      const dash = Math.floor(k / colours.length) % DASHED.length;
+      item.firstChild.style.borderTop = `3px ${["solid", "dashed", "dotted"][dash]} ${colour}`;
+      item.lastChild.textContent = at === null ? "–" : short(this.#row("mean", k)[row]);
+    });
+    this.#values.title = at === null ? "" : `at step ${at.toLocaleString("en")}`;
+    this.#canvas.setAttribute("aria-label", at === null ? this.name.textContent
+      : `${this.name.textContent}, up to step ${at.toLocaleString("en")}: ${names.map((name, k) => `${name} ${short(this.#row("mean", k)[row])}`).join(", ")}`);
+  }
+}
+
+/** All charts of a board, and the list from which one chooses. */
+class BoardView {
+  #model; #root; #views = new Map(); #choice; #stack; #downloads; #leave = [];
+
+  constructor(model, root) {
+    this.#model = model;
+    this.#root = root;
+    this.#downloads = new Downloads(model);
+    root.classList.add("swarm-charts");
+    this.#choice = piece("div", {});
+    this.#stack = piece("div", {});
+    const list = piece("details", { class: "swarm-choice" }, piece("summary", {}, "Choose charts"), this.#choice);
+    root.append(piece("div", { class: "swarm-head" }, piece("h2", {}, "Charts"), list), this.#stack);
+    this.#follow("charts", () => this.#build());
+    this.#follow("shown", () => this.#build());
+    const hear = (message, buffers) => this.#hear(message, buffers);
+    model.on("msg:custom", hear);
+    this.#leave.push(() => model.off("msg:custom", hear));
+    const close = (event) => list.contains(event.target) || (list.open = false);
+    document.addEventListener("pointerdown", close);
+    this.#leave.push(() => document.removeEventListener("pointerdown", close));
+    const sized = new ResizeObserver(() => this.#redraw()), seen = () => this.#look();
+    sized.observe(root);
+    const page = root.closest(".v-application"), themed = new MutationObserver(() => this.#redraw());
+    if (page) themed.observe(page, { attributes: true, attributeFilter: ["class"] });
+    document.addEventListener("visibilitychange", seen);
+    this.#leave.push(() => (sized.disconnect(), themed.disconnect(), document.removeEventListener("visibilitychange", seen)));
+    this.#build();
+    seen();
+  }
+
+  destroy() {
+    this.#leave.forEach((leave) => leave());
+  }
+
+  #look() {
+    try {
+      this.#send({ do: "look", value: !document.hidden });
+    } catch {
+      // The page is being closed, and nobody is left to be told.
+    }
+  }
+
+  #send(message) {
+    this.#model.send(message);
+  }
+
+  #follow(name, act) {
+    this.#model.on(`change:${name}`, act);
+    this.#leave.push(() => this.#model.off(`change:${name}`, act));
+  }
+
+  #build() {
+    const charts = this.#model.get("charts"), shown = this.#model.get("shown");
+    const boxes = charts.map(({ key, title }) => {
+      const choose = () => this.#send({ do: "choose", value: charts.map((one) => one.key).filter((one) => (one === key ? box.checked : shown.includes(one))) });
+      const box = piece("input", { type: "checkbox", change: choose });
+      box.checked = shown.includes(key);
+      return piece("label", {}, box, title);
+    });
+    const at = [...this.#choice.querySelectorAll("input")].indexOf(document.activeElement);
+    this.#choice.replaceChildren(...boxes);
+    this.#choice.querySelectorAll("input")[at]?.focus();
+    const before = this.#views;
+    const order = charts.filter(({ key }) => shown.includes(key));
+    this.#views = new Map(order.map(({ key, title }) => [key, before.get(key) ?? new ChartView(title, (kind) => this.#send({ do: kind, value: key }))]));
+    this.#stack.replaceChildren(...[...this.#views.values()].map((one) => one.element));
+    if (!order.length) this.#stack.append(piece("p", { class: "swarm-hint" }, "No chart is chosen."));
+    this.#redraw();
+  }
+
+  #redraw() {
+    this.#views.forEach((view) => view.draw());
+  }
+
+  #hear(message, buffers) {
+    if (this.#downloads.hear(message, buffers) || message.kind !== "curves") return;
+    message.charts.forEach((news, k) => {
+      const bytes = buffers[k], data = new Uint8Array(bytes.buffer ?? bytes, bytes.byteOffset ?? 0, bytes.byteLength).slice();
+      this.#views.get(news.key)?.take(news, new Float32Array(data.buffer), message.looked_at);
+    });
+    this.#root.dataset.told = Number(this.#root.dataset.told ?? 0) + 1;
+    this.#send({ do: "drawn" });
+  }
+}
+
+export default {
+  render({ model, el }) {
+    const view = new BoardView(model, el);
+    return () => view.destroy();
+  },
+};

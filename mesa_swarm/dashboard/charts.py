@@ -1,0 +1,250 @@
+"""Charts beside the canvas: what was measured of the run so far."""
+
+import threading
+import time
+from importlib.resources import files
+
+import anywidget
+import numpy as np
+import pandas as pd
+import solara
+import traitlets
+from matplotlib.figure import Figure
+
+from mesa_swarm.dashboard.downloads import Downloads
+from mesa_swarm.dashboard.past import Picture
+from mesa_swarm.dashboard.series import Chart, Series
+from mesa_swarm.dashboard.session import Session
+from mesa_swarm.experiments.pictures import png
+
+# While it is played, charts are brought up to date so often, s.
+EVERY = 0.4
+MOST_POINTS = 256
+POINTS_OF_A_PICTURE = 2048
+# So many are shown before anybody chooses.
+SHOWN_FIRST = 3
+FIRST = ("at_fires",)
+LATER = ("layers", "collisions", "fire_temperature", "total_collisions")
+# Okabe and Ito (2008), those that are dark enough for paper; after these come the same, dashed.
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#b3508a", "#8a6d00", "#2b8cc4", "#444444")
+DASHES = ("-", "--", ":")
+
+
+def script() -> str:
+    """Return the widget's module.
+
+    Examples
+    --------
+    >>> script().count("export default")
+    1
+    """
+    here = files("mesa_swarm.dashboard")
+    return "".join((here / name).read_text(encoding="utf-8") for name in ("downloads.js", "charts.js"))
+
+
+class ChartBoard(anywidget.AnyWidget):
+    """Charts drawn in the browser from numbers that are sent to it.
+
+    Attributes
+    ----------
+    charts : list of dict
+        Key and title of each that can be shown.
+    shown : list of str
+        Keys of those that are.
+    """
+
+    _esm = script()
+    charts = traitlets.List().tag(sync=True)
+    shown = traitlets.List().tag(sync=True)
+
+
+class Charting:
+    """Lets a chart board show what a session measures.
+
+    Numbers are sent while somebody looks and has drawn the last ones, at most every `EVERY` seconds while the
+    model is played.
+
+    Parameters
+    ----------
+    board : ChartBoard
+    session : Session
+    """
+
+    ready = False  # charts alone are no reason to make a picture
+
+    def __init__(self, board: ChartBoard, session: Session) -> None:
+        self.board, self.session = board, session
+        self._downloads = Downloads(board)
+        self._lock = threading.Lock()
+        self._looked_at: int | None = None
+        self._looks = self._waits = False
+        self._busy = 0.0
+        self._sent = 0.0
+        self._leave = session.changed.add(self.refresh)
+        board.on_msg(self._hear)
+        self.refresh()
+        session.add_viewer(self)
+
+    def refresh(self) -> None:
+        """Show which charts there are."""
+        titles = {chart.key: chart.title for chart in self.session.series.charts()}
+        order = in_order(list(titles))
+        known = [{"key": key, "title": titles[key]} for key in order]
+        if self.board.charts != known:
+            self.board.charts = known
+        wanted = self.session.chosen_charts.get(self.session.name, order[:SHOWN_FIRST])
+        shown = [key for key in order if key in wanted]
+        if self.board.shown != shown:
+            self.board.shown = shown
+
+    def push(self, number: int, picture: Picture) -> None:
+        """Show the numbers up to now, if it is time; mark the step that is looked at if that is an earlier one."""
+        session = self.session
+        with self._lock:
+            self._looked_at = None if session.past.is_present else picture.step
+            self._waits = True
+            if not session.playing or time.monotonic() - self._sent >= EVERY:
+                self._send_if_free()
+
+    def act(self, message: dict) -> None:
+        """Do what the browser asks for."""
+        value = message.get("value")
+        match message.get("do"):
+            case "look":
+                with self._lock:
+                    self._looks, self._busy, self._waits = bool(value), 0.0, True
+                    self._send_if_free()
+            case "drawn":
+                self._drawn()
+            case "choose":
+                self._choose([str(key) for key in value])
+            case "csv" | "png" if value in {chart.key for chart in self.session.series.charts()}:
+                self._hand_over(str(value), message["do"])
+            case _:
+                self._downloads.hear(message)
+
+    def close(self) -> None:
+        """Part them."""
+        self._leave()
+        self.session.remove_viewer(self)
+        self.board.on_msg(self._hear, remove=True)
+        self._downloads.close()
+
+    def _hear(self, _, message: dict, __: list) -> None:
+        self.act(message)
+
+    def _choose(self, keys: list[str]) -> None:
+        self.session.chosen_charts[self.session.name] = keys
+        self.refresh()
+        with self._lock:
+            self._waits = True
+            self._send_if_free()
+
+    def _drawn(self) -> None:
+        with self._lock:
+            self._busy = 0.0
+            if not self.session.playing:
+                self._send_if_free()
+
+    def _send_if_free(self) -> None:
+        """Send the numbers, unless nobody looks or the last ones were not drawn yet."""
+        now = time.monotonic()
+        if not (self._looks and self._waits) or now - self._busy < 10 * EVERY:
+            return
+        self._waits, self._busy, self._sent = False, now, now
+        news, buffers = news_of(self.session.series, self.board.shown)
+        self.board.send({"kind": "curves", "charts": news, "looked_at": self._looked_at}, buffers)
+
+    def _hand_over(self, key: str, kind: str) -> None:
+        """Make a file in a thread, for a picture takes a while, and send it."""
+        series, name = self.session.series, f"{self.session.name}_{key}.{kind}"
+
+        def work() -> None:
+            content = csv_of(series, key) if kind == "csv" else png(figure_of(series, key))
+            self._downloads.send(name, content)
+
+        threading.Thread(target=work, name="chart", daemon=True).start()
+
+
+def in_order(keys: list[str]) -> list[str]:
+    """Return charts in the order in which they are shown: fires, the model's own, then what all models have.
+
+    Examples
+    --------
+    >>> in_order(["collisions", "alignment", "layers"])
+    ['alignment', 'layers', 'collisions']
+    """
+    own = [key for key in keys if key not in FIRST + LATER]
+    order = [*FIRST, *LATER, *own] if set(FIRST) & set(keys) else [*own, *LATER]
+    return [key for key in order if key in keys]
+
+
+def news_of(series: Series, keys: list[str]) -> tuple[list[dict], list[bytes]]:
+    """Return curves as the browser wants them: what they are, and float32 buffers of steps, mean, low and high.
+
+    Examples
+    --------
+    >>> from mesa_swarm.model import SwarmModel
+    >>> series = Series()
+    >>> series.follow(SwarmModel(rng=1))
+    >>> news_of(series, ["collisions"])[0][0]["points"]
+    0
+    """
+    news, buffers = [], []
+    for chart in series.charts():
+        if chart.key not in keys:
+            continue
+        curves = series.curves(chart.key, MOST_POINTS)
+        parts = [curves.steps[None], curves.mean] + ([curves.low, curves.high] if curves.width > 1 else [])
+        buffers.append(np.concatenate(parts).astype("<f4").tobytes())
+        about = {"key": chart.key, "title": chart.title, "unit": chart.unit, "names": list(chart.names)}
+        news.append({**about, "points": len(curves.steps), "banded": curves.width > 1})
+    return news, buffers
+
+
+def csv_of(series: Series, key: str) -> bytes:
+    """Return all that is kept of one chart as CSV, units in the header.
+
+    Examples
+    --------
+    >>> from mesa_swarm.models.collision_avoidance import CollisionAvoidance
+    >>> series, model = Series(), CollisionAvoidance(rng=1)
+    >>> series.follow(model)
+    >>> csv_of(series, "collisions").decode().splitlines()
+    ['step,Collisions in a step (robots)']
+    """
+    chart, (steps, rows) = series.chart(key), series.rows(key)
+    columns = {with_unit(name, chart): column for name, column in zip(chart.names, rows.T, strict=True)}
+    counts = {
+        name: pd.array(c, "Int64") if (np.isnan(c) | (c == np.rint(c))).all() else c for name, c in columns.items()
+    }
+    return pd.DataFrame({"step": steps, **counts}).to_csv(index=False, lineterminator="\n").encode()
+
+
+def with_unit(name: str, chart: Chart) -> str:
+    """Return a curve's name with its unit behind it, if it has one."""
+    return f"{name} ({chart.unit})" if chart.unit else name
+
+
+def figure_of(series: Series, key: str) -> Figure:
+    """Return one chart as a figure for print: lines are means of groups of steps, bands least and greatest."""
+    chart, curves = series.chart(key), series.curves(key, POINTS_OF_A_PICTURE)
+    figure = Figure(figsize=(7, 3.6), layout="constrained")
+    axes = figure.subplots()
+    for k, name in enumerate(chart.names):
+        look = {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k // len(COLOURS) % len(DASHES)]}
+        axes.plot(curves.steps, curves.mean[k], label=name, linewidth=1.3, **look)
+        if curves.width > 1 and len(chart.names) <= 3:
+            axes.fill_between(curves.steps, curves.low[k], curves.high[k], color=look["color"], alpha=0.15, linewidth=0)
+    axes.set(title=chart.title, xlabel="step", ylabel=chart.unit)
+    axes.spines[["top", "right"]].set_visible(False)
+    if len(chart.names) > 1:
+        figure.legend(loc="outside right upper", frameon=False, fontsize=9)
+    return figure
+
+
+@solara.component
+def Charts(session: Session):  # noqa: N802 - Solara's components are named like classes
+    """Show the charts that the user chooses."""
+    board = ChartBoard.element()
+    solara.use_effect(lambda: Charting(solara.get_widget(board), session).close, [])

@@ -1,0 +1,118 @@
+/* Export from the page. Python says what can be made (kinds) and how things are (told); the user asks for a file, which
+   comes piece by piece (downloads.js), or switches recording on. */
+
+function item(tag, attributes = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (typeof value === "function") element.addEventListener(name, value);
+    else if (value !== undefined && value !== false) element.setAttribute(name, value === true ? "" : value);
+  }
+  element.append(...children);
+  return element;
+}
+
+class ExportForm {
+  #model; #parts = {}; #downloads; #leave = [];
+
+  constructor(model, root) {
+    this.#model = model;
+    this.#downloads = new Downloads(model);
+    root.classList.add("swarm-export");
+    this.#build(root);
+    for (const [name, act] of [["kinds", () => this.#list()], ["told", () => this.#tell()]]) {
+      model.on(`change:${name}`, act);
+      this.#leave.push(() => model.off(`change:${name}`, act));
+    }
+    const hear = (message, buffers) => this.#downloads.hear(message, buffers);
+    model.on("msg:custom", hear);
+    this.#leave.push(() => model.off("msg:custom", hear));
+    this.#list();
+    this.#tell();
+  }
+
+  destroy() {
+    this.#leave.forEach((leave) => leave());
+  }
+
+  #build(root) {
+    const parts = this.#parts, send = (message) => this.#model.send(message);
+    parts.record = item("button", { type: "button", "aria-pressed": "false", click: () => send({ do: "record", value: parts.record.getAttribute("aria-pressed") !== "true" }) }, item("i"), item("span", {}, "Record"));
+    parts.recorded = item("p", { class: "swarm-hint" });
+    parts.kind = item("select", { "aria-label": "What to make", change: () => this.#tell() });
+    parts.source = item("select", { "aria-label": "Of which steps" });
+    parts.every = item("select", { "aria-label": "Steps in the table" }, ...[1, 10, 100].map((every) => item("option", { value: every }, every === 1 ? "every step" : `every ${every} steps`)));
+    parts.sectors = item("input", { type: "checkbox" });
+    parts.trails = item("input", { type: "checkbox" });
+    parts.sectorsLabel = item("label", {}, parts.sectors, "sensors");
+    parts.trailsLabel = item("label", {}, parts.trails, "trails");
+    parts.start = item("button", { type: "button", class: "swarm-start", click: () => this.#start() }, "Export");
+    parts.cancel = item("button", { type: "button", click: () => send({ do: "cancel" }) }, "Cancel");
+    parts.bar = item("progress", { max: 1, "aria-label": "Progress" });
+    parts.doing = item("span");
+    parts.busy = item("div", { class: "swarm-busy", hidden: true }, parts.doing, parts.bar, parts.cancel);
+    parts.message = item("p", { class: "swarm-hint", role: "status" });
+    parts.fault = item("p", { class: "swarm-fault", role: "alert" });
+    root.append(item("div", { class: "swarm-head" }, item("h2", {}, "Export"), parts.record), parts.recorded,
+      item("div", { class: "swarm-wish" }, parts.kind, parts.source, parts.every, parts.sectorsLabel, parts.trailsLabel, parts.start),
+      parts.busy, parts.message, parts.fault);
+  }
+
+  #list() {
+    const chosen = this.#parts.kind.value;
+    this.#parts.kind.replaceChildren(...this.#model.get("kinds").map(([key, label]) => item("option", { value: key }, label)));
+    if ([...this.#parts.kind.options].some((option) => option.value === chosen)) this.#parts.kind.value = chosen;
+    this.#tell();
+  }
+
+  #tell() {
+    const told = this.#model.get("told"), parts = this.#parts;
+    if (told.doing === undefined) return;
+    const [kind, , whole] = this.#model.get("kinds").find(([key]) => key === parts.kind.value) ?? ["", "", false];
+    parts.record.setAttribute("aria-pressed", told.recording);
+    parts.record.lastChild.textContent = told.recording ? "Stop recording" : "Record";
+    parts.record.title = told.recording ? "Record no more; what was recorded stays" : "Record from the next step on; what was recorded before is replaced";
+    parts.recorded.hidden = !(told.recorded || told.ended);
+    parts.recorded.textContent = told.ended || (told.recorded && `Recorded: ${told.recorded}`);
+    this.#sources(told, whole);
+    parts.every.hidden = !kind.includes(".");
+    parts.sectorsLabel.hidden = !["png", "svg", "gif", "mp4"].includes(kind);
+    parts.trailsLabel.hidden = !["gif", "mp4"].includes(kind);
+    const busy = Boolean(told.doing);
+    parts.busy.hidden = !busy;
+    parts.start.disabled = busy || (whole && !parts.source.value);
+    parts.doing.textContent = told.doing;
+    if (told.progress === null) parts.bar.removeAttribute("value");
+    else parts.bar.value = told.progress;
+    parts.message.textContent = told.message;
+    parts.message.hidden = !told.message;
+    parts.fault.textContent = told.fault;
+    parts.fault.hidden = !told.fault;
+  }
+
+  #sources(told, whole) {
+    const list = this.#parts.source, chosen = list.value, options = [];
+    if (told.steps) options.push(["run", `the run so far: steps 1 to ${told.steps.toLocaleString("en")}`]);
+    if (told.recorded) options.push(["tape", `recorded: ${told.recorded}`]);
+    if (!options.length) options.push(["", told.straight ? "no steps yet" : "changed on the way: record it"]);
+    const text = JSON.stringify(options);
+    if (list.dataset.options !== text && document.activeElement !== list) {
+      list.dataset.options = text;
+      list.replaceChildren(...options.map(([value, label]) => item("option", { value }, label)));
+      if (options.some(([value]) => value === chosen)) list.value = chosen;
+    }
+    list.hidden = !whole;
+  }
+
+  #start() {
+    const { kind, source, every, sectors, trails } = this.#parts;
+    const value = { kind: kind.value, source: source.value || "run", every: Number(every.value), sectors: sectors.checked, trails: trails.checked };
+    this.#model.send({ do: "export", value });
+  }
+}
+
+export default {
+  render({ model, el }) {
+    const view = new ExportForm(model, el);
+    return () => view.destroy();
+  },
+};

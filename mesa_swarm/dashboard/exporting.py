@@ -1,0 +1,344 @@
+"""Files of a run, made in the background: the run is made again or taken from the tape, and exported."""
+
+import re
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from mesa_swarm.dashboard.readings import in_words
+from mesa_swarm.dashboard.session import Session
+from mesa_swarm.dashboard.tape import MOST_BYTES, Tape
+from mesa_swarm.errors import ExportError, InvalidValueError, SwarmError, check_choice, check_count
+from mesa_swarm.experiments.pictures import png, world_figure
+from mesa_swarm.experiments.portrait import portrait_of
+from mesa_swarm.exports.stills import svg
+from mesa_swarm.model import SwarmModel
+from mesa_swarm.recording.recorder import record
+
+# What can be made: the name of each, what is asked for, and which table it is.
+KINDS = {
+    "png": "Picture (PNG)",
+    "svg": "Picture (SVG)",
+    "gif": "Animation (GIF)",
+    "mp4": "Film (MP4)",
+    "html": "Page that replays it (HTML)",
+    "arrow": "Recording (.arrow)",
+    "robots.csv": "Table of robots (CSV)",
+    "robots.parquet": "Table of robots (Parquet)",
+    "fires.csv": "Table of fires (CSV)",
+    "fires.parquet": "Table of fires (Parquet)",
+}
+PICTURES = ("png", "svg")
+SOURCES = ("run", "tape")
+MOST_ROWS = 5_000_000
+LARGEST_DOWNLOAD = 500_000_000
+# A run that is made again lets others work after so many seconds of its own.
+TURN = 0.02
+PERCENT = re.compile(r"(\d+) %")
+COMMAND = "import sys; from mesa_swarm.cli import main; sys.exit(main())"
+
+
+class CancelledError(SwarmError):
+    """The user wants it no longer."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wanted:
+    """What is to be made.
+
+    Parameters
+    ----------
+    kind : str
+        One of `KINDS`.
+    source : str
+        "run": the run so far, made again; "tape": what was recorded.
+    every : int
+        Steps from one row of a table to the next, at least 1.
+    sectors : bool
+        Whether pictures show where sensors look.
+    trails : bool
+        Whether films show where robots were.
+
+    Raises
+    ------
+    InvalidValueError, UnknownNameError
+        If a value is out of its range.
+    """
+
+    kind: str
+    source: str = "run"
+    every: int = 1
+    sectors: bool = False
+    trails: bool = False
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        check_choice("kind", self.kind, KINDS)
+        check_choice("source", self.source, SOURCES)
+        check_count("every", self.every, minimum=1, maximum=1_000_000)
+
+    @property
+    def ending(self) -> str:
+        """What the file's name ends with."""
+        return self.kind.rsplit(".", maxsplit=1)[-1]
+
+    @property
+    def table(self) -> str:
+        """Which table it is, empty if it is none."""
+        return self.kind.split(".")[0] if "." in self.kind else ""
+
+    def options(self) -> list[str]:
+        """Return what the command `export` is given."""
+        if self.table:
+            return ["--table", self.table, *(["--every", str(self.every)] if self.every > 1 else [])]
+        if self.kind in ("gif", "mp4"):
+            return ["--sectors"] * self.sectors + ["--trails", "60"] * self.trails
+        return []
+
+
+class Exporting:
+    """Makes one file at a time of a session's run, in the background.
+
+    Parameters
+    ----------
+    session : Session
+
+    Attributes
+    ----------
+    tape : Tape
+    doing : str
+        What is being done now, empty if nothing is.
+    progress : float or None
+        Share of it that is done, None if that is not known.
+    message, fault : str
+        What became of the last one.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        self._deliver: Callable[[str, bytes | Path], None] | None = None
+        self._tell: Callable[[], None] = _nobody
+        self._undelivered: tuple[str, bytes | Path] | None = None
+        self._folder = TemporaryDirectory(prefix="mesa_swarm_")
+        self.folder = Path(self._folder.name)
+        self.tape = Tape(self.folder)
+        self.doing, self.message, self.fault = "", "", ""
+        self.progress: float | None = None
+        self._thread: threading.Thread | None = None
+        self._process: subprocess.Popen | None = None
+        self._cancelled = threading.Event()
+
+    def connect(self, deliver: Callable[[str, bytes | Path], None], tell: Callable[[], None]) -> None:
+        """Have somebody told of changes and given what is made; what was made while nobody was there comes now.
+
+        Parameters
+        ----------
+        deliver : function
+            Called with a file's name, and its content or path.
+        tell : function
+            Called when something changed: progress, an end, a fault.
+        """
+        self._deliver, self._tell = deliver, tell
+        made, self._undelivered = self._undelivered, None
+        if made is not None:
+            deliver(*made)
+
+    def disconnect(self) -> None:
+        """Tell nobody; what goes on goes on."""
+        self._deliver, self._tell = None, _nobody
+
+    def record(self, on: bool) -> None:
+        """Record the present run from now on, or no longer."""
+        session = self.session
+        with session.lock:
+            try:
+                self.fault = ""
+                if not on:
+                    self.tape.stop()
+                elif session.model is not None:
+                    self.tape.start(session.model)
+            except (SwarmError, OSError) as problem:
+                self.fault = in_words(problem)
+        self._tell()
+
+    def check_tape(self) -> None:
+        """End the recording if its model is played no more."""
+        with self.session.lock:
+            if self.tape.running and self.tape.model is not self.session.model:
+                self.tape.stop()
+
+    def start(self, **wanted: Any) -> None:
+        """Begin to make a file, unless one is being made."""
+        if self._thread is not None and self._thread.is_alive():
+            self.fault = "a file is being made already; wait for it, or cancel it"
+        else:
+            self._cancelled.clear()
+            self.doing, self.progress, self.message, self.fault = "Starting", None, "", ""
+            self._thread = threading.Thread(target=self._work, args=(wanted,), name="export", daemon=True)
+            self._thread.start()
+        self._tell()
+
+    def cancel(self) -> None:
+        """Break off what is being made."""
+        self._cancelled.set()
+        process = self._process
+        if process is not None:
+            process.terminate()
+
+    def close(self) -> None:
+        """Break off, stop recording and delete all files."""
+        self.cancel()
+        with self.session.lock:
+            self.tape.stop()
+        if self._thread is not None and self._thread is not threading.current_thread():
+            self._thread.join(5)
+        self._folder.cleanup()
+
+    def _work(self, wanted: dict[str, Any]) -> None:
+        try:
+            name = self._make(Wanted(**wanted))
+        except CancelledError:
+            self.message = "Cancelled."
+        except Exception as problem:  # whatever went wrong is said beside the button
+            self.fault = "" if self._cancelled.is_set() else in_words(problem)
+            self.message = "Cancelled." if self._cancelled.is_set() else ""
+        else:
+            self.message = f"{name} is made."
+        self.doing, self.progress = "", None
+        self._tell()
+
+    def _make(self, wanted: Wanted) -> str:
+        """Make a file, hand it over and return its name."""
+        session = self.session
+        self._undelivered = None
+        for old in self.folder.glob("made*"):
+            old.unlink()
+        if wanted.kind in PICTURES:
+            step, portrait = self._portrait()
+            figure = world_figure({f"{session.name}, step {step:,}": portrait}, wanted.sectors)
+            name = f"{session.name}_{step}.{wanted.kind}"
+            self._hand_over(name, png(figure) if wanted.kind == "png" else svg(figure))
+            return name
+        source = self.folder / "made.arrow"
+        rows = self._from_tape(source) if wanted.source == "tape" else self._run_again(source)
+        made = source if wanted.kind == "arrow" else self.folder / f"made.{wanted.ending}"
+        if made is not source:
+            self._check_table(wanted, rows)
+            self._export([str(source), str(made), *wanted.options()])
+        self._check_cancelled()
+        if made.stat().st_size > LARGEST_DOWNLOAD:
+            raise ExportError(f"the file has {made.stat().st_size / 1e6:,.0f} MB; expected at most 500 MB: record less")
+        name = f"{session.name}{f'_{wanted.table}' if wanted.table else ''}.{wanted.ending}"
+        self._hand_over(name, made)
+        return name
+
+    def _portrait(self) -> tuple[int, Any]:
+        """Return the step that is looked at, and its portrait."""
+        session = self.session
+        with session.lock:
+            if session.model is None or session.past.shown is None:
+                raise ExportError("there is no model to draw; reset first")
+            step = session.past.shown.step
+            if session.past.is_present:
+                return session.model.completed, portrait_of(session.model)
+            _check_straight(session, "draw an earlier step")
+        return step, portrait_of(self._taken(session.remade(), step))
+
+    def _from_tape(self, path: Path) -> int:
+        """Copy the tape; return how many steps are on it."""
+        with self.session.lock:
+            if not self.tape.words:
+                raise ExportError("nothing was recorded; switch Record on, and play")
+            self.tape.copy(path)
+            return self.tape.last - self.tape.first + 1
+
+    def _run_again(self, path: Path) -> int:
+        """Make the run so far again while it is recorded; return how many steps that is."""
+        session = self.session
+        with session.lock:
+            if session.model is None or not session.model.completed:
+                raise ExportError("nothing has happened yet; play, then export")
+            _check_straight(session, "make it again")
+            steps, mark = session.model.completed, session.model.state_hash()
+            model = session.remade()
+        with record(model, path, overwrite=True):
+            self._taken(model, steps, path)
+        if model.state_hash() != mark:
+            raise ExportError("the run did not come out the same a second time; switch Record on, and play")
+        return steps
+
+    def _taken(self, model: SwarmModel, steps: int, path: Path | None = None) -> SwarmModel:
+        """Take steps, with pauses in which others can work."""
+        pause = time.perf_counter() + TURN
+        for step in range(1, steps + 1):
+            model.step()
+            if time.perf_counter() < pause and step < steps:
+                continue
+            self._check_cancelled()
+            if path is not None and path.stat().st_size > MOST_BYTES:
+                raise ExportError(f"the run takes more than {MOST_BYTES / 1e6:,.0f} MB; record a part of it")
+            self._note("Making the run again", step / steps)
+            time.sleep(TURN / 4)
+            pause = time.perf_counter() + TURN
+        return model
+
+    def _check_table(self, wanted: Wanted, steps: int) -> None:
+        """Refuse tables that nobody could open."""
+        if not wanted.table:
+            return
+        model = self.session.model
+        things = 0 if model is None else len(model.swarm if wanted.table == "robots" else model.fires)
+        rows = steps * things // wanted.every
+        if rows > MOST_ROWS:
+            raise ExportError(f"the table would have {rows:,} rows; expected at most {MOST_ROWS:,}: take fewer steps")
+
+    def _export(self, arguments: list[str]) -> None:
+        """Let a process of its own export, so that the page is not slowed down and one can cancel it."""
+        command = [sys.executable, "-c", COMMAND, "export", *arguments]
+        self._note("Making the file", None)
+        self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+        said = b""
+        with self._process as process:
+            if self._cancelled.is_set():
+                process.terminate()
+            while piece := process.stderr.read1(4096):
+                said = (said + piece)[-4096:]
+                shares = PERCENT.findall(said.decode(errors="replace"))
+                self._note("Making the file", int(shares[-1]) / 100 if shares else None)
+        self._process = None
+        self._check_cancelled()
+        if process.returncode:
+            lines = said.decode(errors="replace").strip().splitlines()
+            raise ExportError(lines[-1].removeprefix("mesa-swarm: ") if lines else "the file could not be made")
+
+    def _hand_over(self, name: str, content: bytes | Path) -> None:
+        if self._deliver is None:
+            self._undelivered = name, content
+        else:
+            self._deliver(name, content)
+
+    def _note(self, doing: str, progress: float | None) -> None:
+        if (doing, progress) != (self.doing, self.progress):
+            self.doing, self.progress = doing, progress
+            self._tell()
+
+    def _check_cancelled(self) -> None:
+        if self._cancelled.is_set():
+            raise CancelledError
+
+
+def _nobody() -> None:
+    """Be told in vain."""
+
+
+def _check_straight(session: Session, purpose: str) -> None:
+    if not session.straight:
+        raise InvalidValueError(
+            f"the run was changed on the way, so one cannot {purpose}; switch Record on before changing it"
+        )

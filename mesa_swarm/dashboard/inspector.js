@@ -1,0 +1,162 @@
+/* One robot closely. Python tells all (told); the user moves it, or goes to another one. The robot's own frame is drawn
+   with its heading up. */
+
+const KINDS = ["obstacle", "robot", "fire", "load"];
+const SVG = "http://www.w3.org/2000/svg";
+
+function part(tag, attributes = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (typeof value === "function") element.addEventListener(name, value);
+    else if (value !== undefined && value !== false) element.setAttribute(name, value === true ? "" : value);
+  }
+  element.append(...children);
+  return element;
+}
+
+function drawn(tag, attributes, ...children) {
+  const element = document.createElementNS(SVG, tag);
+  for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
+  element.append(...children);
+  return element;
+}
+
+/** Ahead is up, left is left. */
+const place = (x, y) => [-y, -x];
+
+function sector({ mount, bearing, half }, reach) {
+  const points = [place(...mount)];
+  for (let k = 0; k <= 12; k++) {
+    const angle = bearing - half + (k / 12) * 2 * half;
+    points.push(place(mount[0] + reach * Math.cos(angle), mount[1] + reach * Math.sin(angle)));
+  }
+  return points.map(([x, y]) => `${x.toFixed(2)},${y.toFixed(2)}`).join(" ");
+}
+
+function diagram(told) {
+  const { sensors, radius } = told, few = sensors.length <= 12;
+  const reach = Math.max(1.6 * radius, ...sensors.map((one) => Math.hypot(...one.mount) + one.range));
+  const size = reach * 1.14, text = size / 11;
+  const picture = drawn("svg", { viewBox: `${-size} ${-size} ${2 * size} ${2 * size}`, role: "img", "aria-label": `Sensors of robot ${told.id}, heading up` });
+  const labels = [];
+  for (const one of sensors) {
+    const seen = one.kind >= 0, state = `${seen ? ` sees-${KINDS[one.kind]}` : ""}${one.triggered ? " triggered" : ""}`;
+    const outline = drawn("polygon", { class: `range${one.triggered ? " triggered" : ""}`, points: sector(one, one.range) });
+    outline.append(drawn("title", {}, one.words));
+    picture.append(outline);
+    if (seen) {
+      const filled = drawn("polygon", { class: `reading${state}`, points: sector(one, one.distance) });
+      filled.append(drawn("title", {}, one.words));
+      picture.append(filled);
+    }
+    if (!seen || !(few || one.triggered)) continue;
+    const far = Math.max(Math.hypot(...one.mount) + one.range * 0.62, radius + text);
+    const [x, y] = place(far * Math.cos(one.bearing), far * Math.sin(one.bearing));
+    labels.push(drawn("text", { class: one.triggered ? "triggered" : "", x, y, "font-size": text, dy: text * 0.36 }, one.distance.toFixed(1)));
+  }
+  picture.append(drawn("circle", { class: "body", r: radius }), drawn("path", { class: "front", d: `M${-radius},0A${radius},${radius} 0 0 1 ${radius},0Z` }));
+  picture.append(drawn("line", { class: "ahead", x2: 0, y2: -radius }), ...labels);
+  return picture;
+}
+
+class InspectorView {
+  #model; #parts = {}; #leave = []; #fields = {};
+
+  constructor(model, root) {
+    this.#model = model;
+    root.classList.add("swarm-inspector");
+    this.#build(root);
+    for (const [name, act] of [["told", () => this.#tell()], ["editable", () => this.#edit()], ["fault", () => this.#fault()]]) {
+      model.on(`change:${name}`, act);
+      this.#leave.push(() => model.off(`change:${name}`, act));
+    }
+    this.#tell();
+    this.#edit();
+    this.#fault();
+  }
+
+  destroy() {
+    this.#leave.forEach((leave) => leave());
+  }
+
+  #build(root) {
+    const parts = this.#parts, act = (name) => () => this.#model.send({ do: name });
+    parts.title = part("h2", {}, "Robot");
+    parts.none = part("button", { type: "button", title: "Look at no robot closely", "aria-label": "Deselect", click: () => this.#model.send({ do: "select", value: null }) }, "\u2715");
+    const steps = part("div", { class: "swarm-pick" },
+      part("button", { type: "button", title: "Previous robot", "aria-label": "Previous robot", click: act("previous") }, "\u2039"),
+      part("button", { type: "button", title: "Next robot", "aria-label": "Next robot", click: act("next") }, "\u203A"), parts.none);
+    parts.hint = part("p", { class: "swarm-hint" }, "Click on a robot to see what it reads and why it does what it does.");
+    parts.when = part("p", { class: "swarm-hint" });
+    parts.picture = part("div", { class: "swarm-diagram" });
+    parts.why = part("p", { class: "swarm-why" });
+    parts.facts = part("dl", {});
+    parts.worth = part("table", {});
+    parts.pose = part("form", { class: "swarm-pose" });
+    for (const [name, label] of [["x", "x"], ["y", "y"], ["heading", "heading\u00b0"]]) {
+      this.#fields[name] = part("input", { type: "text", inputmode: "decimal", autocomplete: "off", "aria-label": name === "heading" ? "heading, degrees" : name });
+      parts.pose.append(part("label", {}, label, this.#fields[name]));
+    }
+    parts.move = part("button", { type: "submit" }, "Move");
+    parts.pose.append(parts.move);
+    parts.pose.addEventListener("submit", (event) => (event.preventDefault(), this.#move()));
+    parts.pose.addEventListener("focusout", () => setTimeout(() => this.#tell()));
+    parts.fault = part("p", { class: "swarm-fault", role: "alert", hidden: true });
+    parts.beside = part("div", { class: "swarm-known" }, parts.why);
+    parts.all = part("div", {}, parts.when, part("div", { class: "swarm-closely" }, parts.picture, parts.beside), parts.facts, parts.worth, parts.pose);
+    root.append(part("div", { class: "swarm-head" }, parts.title, steps), parts.hint, parts.all, parts.fault);
+  }
+
+  #tell() {
+    const told = this.#model.get("told"), parts = this.#parts, some = told.id !== undefined;
+    parts.hint.hidden = some;
+    parts.all.hidden = parts.none.hidden = !some;
+    parts.title.textContent = some ? `Robot ${told.id}` : "Robot";
+    if (!some) return;
+    parts.when.textContent = told.known ? (told.layer || told.does ? `What it read and did in ${told.when}` : `What it reads ${told.when}`) : told.when;
+    for (const name of ["picture", "beside", "facts", "worth", "pose"]) parts[name].hidden = !told.known;
+    if (!told.known) return;
+    parts.picture.replaceChildren(diagram(told));
+    parts.why.replaceChildren(...(told.does ? [part("b", {}, told.layer || "No layer"), part("span", {}, ` ${told.does}${told.reason ? `: ${told.reason}` : ""}`)] : []));
+    parts.facts.replaceChildren(...told.facts.flatMap(([name, value]) => [part("dt", {}, name), part("dd", {}, value)]));
+    this.#worth(told.worth);
+    if (!parts.pose.contains(document.activeElement)) for (const [name, field] of Object.entries(this.#fields)) field.value = told.pose[name];
+  }
+
+  /** Show what actions are worth, the best one first to be seen: bars from the least to the greatest. */
+  #worth(rows) {
+    const table = this.#parts.worth, values = rows.map(([, value]) => value);
+    table.hidden = !rows.length;
+    const low = Math.min(0, ...values), high = Math.max(1e-9, ...values), best = Math.max(...values);
+    const lines = rows.map(([name, value]) => {
+      const bar = part("i", { style: `margin-left:${(100 * (Math.min(value, 0) - low)) / (high - low)}%;width:${(100 * Math.abs(value)) / (high - low)}%` });
+      return part("tr", { class: value === best ? "swarm-best" : "" }, part("th", { scope: "row" }, name), part("td", {}, value.toFixed(3)), part("td", {}, bar));
+    });
+    table.replaceChildren(part("caption", {}, "What each action is worth, Q"), ...lines);
+  }
+
+  #edit() {
+    const editable = this.#model.get("editable");
+    for (const field of Object.values(this.#fields)) field.readOnly = !editable;
+    this.#parts.move.disabled = !editable;
+    this.#parts.move.title = editable ? "Put the robot there" : "Pause first, and look at the present";
+  }
+
+  #fault() {
+    this.#parts.fault.textContent = this.#model.get("fault");
+    this.#parts.fault.hidden = !this.#model.get("fault");
+  }
+
+  #move() {
+    if (this.#parts.move.disabled) return;
+    const value = Object.fromEntries(Object.entries(this.#fields).map(([name, field]) => [name, field.value.trim()]));
+    this.#model.send({ do: "move", value });
+  }
+}
+
+export default {
+  render({ model, el }) {
+    const view = new InspectorView(model, el);
+    return () => view.destroy();
+  },
+};

@@ -1,0 +1,193 @@
+"""A recording that is played like a model."""
+
+import threading
+from bisect import bisect_left
+from pathlib import Path
+
+from mesa_swarm.dashboard.past import Picture
+from mesa_swarm.dashboard.player import Player
+from mesa_swarm.errors import RecordingError
+from mesa_swarm.recording.recording import Frame, Recording
+from mesa_swarm.viewing.moments import moment_of_frame, packed_frame
+from mesa_swarm.viewing.worlds import world_of_recording
+
+
+class RecordedPast:
+    """The rows of a recording in the place of a `Past`: all are there, and none is in memory but the one looked at.
+
+    Parameters
+    ----------
+    recording : Recording
+    rows : int
+        So many can be read.
+    """
+
+    def __init__(self, recording: Recording, rows: int) -> None:
+        self._recording, self._rows = recording, range(rows)
+        self._world = world_of_recording(recording)
+        self._last: tuple[int, Picture] | None = None
+        self.index = 0
+        self.first_step, self.last_step = (recording[row].step if rows else 0 for row in (0, rows - 1))
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    @property
+    def shown(self) -> Picture | None:
+        """The picture of the row that is looked at, None if there are no rows."""
+        if not self._rows:
+            return None
+        if self._last is None or self._last[0] != self.index:
+            self._last = self.index, picture_of(self._recording[self.index], self._world)
+        return self._last[1]
+
+    @property
+    def is_present(self) -> bool:
+        """Whether the last row is looked at."""
+        return self.index >= len(self._rows) - 1
+
+    def step_of(self, row: int) -> int:
+        """Return the step of a row."""
+        return self._recording[row].step
+
+    def look(self, index: int) -> None:
+        """Look at the row with this index, the nearest one if there is none."""
+        self.index = min(max(index, 0), max(len(self._rows) - 1, 0))
+
+    def look_at(self, step: int) -> None:
+        """Look at the first row that is not of an earlier step."""
+        self.look(bisect_left(self._rows, step, key=self.step_of))
+
+    def clear(self) -> None:
+        """Let go of the recording."""
+        self._recording, self._rows, self._last, self.index = None, range(0), None, 0
+
+
+class Projector(Player):
+    """Plays a recording: what a `Player` does to a model, to rows.
+
+    Its speed counts the steps that were taken, also where not every step was recorded.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Raises
+    ------
+    RecordingError
+        If it is no recording, or has nothing to show.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from mesa_swarm.model import SwarmModel
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     model = SwarmModel(rng=1)
+    ...     with model.record(f"{folder}/run.arrow"):
+    ...         end = model.run(3)
+    ...     projector = Projector(f"{folder}/run.arrow")
+    ...     projector.step()
+    ...     projector.past.shown.step
+    2
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.recording = Recording(path)
+        rows = self.recording.intact
+        if not rows:
+            raise RecordingError(f"{self.recording.path.name} holds no step that can be shown; choose another file")
+        super().__init__()
+        self.past = RecordedPast(self.recording, rows)
+        self._waited = 0
+        self.rest()
+
+    @property
+    def finished(self) -> bool:
+        """Whether the last row is looked at."""
+        return self.past.is_present
+
+    @property
+    def step_shown(self) -> int:
+        """The step that is looked at."""
+        with self.lock:
+            return self.past.step_of(self.past.index) if len(self.past) else 0
+
+    def play(self) -> None:
+        """Go on in a thread, to the last row."""
+        if not self.error and not self.finished:
+            self.loop.play()
+            self.changed.tell()
+
+    def step(self) -> None:
+        """Pause, and look at the next row."""
+        self.look(self.past.index + 1)
+
+    def look_at(self, step: int) -> None:
+        """Pause, and look at the first row that is not of an earlier step."""
+        self.loop.pause()
+        with self.minding():
+            self.past.look_at(step)
+        self.rest()
+
+    def rewind(self) -> None:
+        """Pause, and look at the first row, whatever went wrong before."""
+        self.error = ""
+        self.look(0)
+
+    def close(self) -> None:
+        """Stop for good, and let go of the recording."""
+        super().close()
+        self.recording = None
+
+    def _play_step(self, stop: threading.Event) -> bool:
+        with self.minding():
+            return not stop.is_set() and self._advance()
+        self.rest()  # it broke, which has stopped the thread already
+        return False
+
+    def _advance(self) -> bool:
+        """Wait for one more step, and look at the next row when it is due; return whether there is more."""
+        if self.past.is_present:
+            return False
+        here, following = (self.past.step_of(row) for row in (self.past.index, self.past.index + 1))
+        self._waited += 1
+        if self._waited >= following - here:
+            self._waited = 0
+            self.past.look(self.past.index + 1)
+        return True
+
+    def _keep(self, fingerprint: bool = False) -> None:
+        """Keep nothing: all is in the file."""
+
+    def _push(self) -> None:
+        """Show what is looked at, and say so if it cannot be read."""
+        with self.minding():
+            self._number += 1
+            number, picture = self._number, self.past.shown
+        if not self.error and picture is not None:
+            for viewer in self.viewers:
+                viewer.push(number, picture)
+
+
+def picture_of(frame: Frame, world: dict) -> Picture:
+    """Return what is shown of a recorded frame.
+
+    Parameters
+    ----------
+    frame : Frame
+    world : dict
+        Of `world_of_recording`.
+    """
+    packed = packed_frame(moment_of_frame(frame, world), world)
+    return Picture(frame.step, packed, world, readings_of_frame(frame), frame.state_hash or "")
+
+
+def readings_of_frame(frame: Frame) -> tuple[tuple[str, str], ...]:
+    """Return the numbers that are shown above the picture, each with its name; what was not recorded has none."""
+    readings = [("Robots", f"{len(frame.robots):,}")]
+    if len(frame.columns.get("fires", ())):
+        fires = frame["fires"]
+        readings.append(("Fires burning", f"{int((~fires['out']).sum())} of {len(fires)}"))
+    if "contacts" in frame.columns:
+        readings.append(("Contacts", f"{len(frame['contacts']):,}"))
+    return tuple(readings)

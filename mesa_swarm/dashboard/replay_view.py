@@ -1,0 +1,215 @@
+# ruff: noqa: N802 - Solara's components are named like classes
+"""A recording in the page: played, scrubbed, left for another run from any of its steps."""
+
+import solara
+from reacton import ipyvuetify as rv
+
+from mesa_swarm.dashboard.buttons import Button, Item
+from mesa_swarm.dashboard.canvas_widget import Connection, SwarmCanvas
+from mesa_swarm.dashboard.controls import ControlPanel, field_of, label_of, place_of, value_at
+from mesa_swarm.dashboard.file_picker import FilePicker, Upload
+from mesa_swarm.dashboard.gallery_view import title
+from mesa_swarm.dashboard.listeners import use_changes
+from mesa_swarm.dashboard.projector import Projector
+from mesa_swarm.dashboard.readings import value_text
+from mesa_swarm.dashboard.replaying import ENDING, MOST_EVENTS, Replaying
+from mesa_swarm.dashboard.session import Session
+from mesa_swarm.gallery import find_model
+from mesa_swarm.parameters import Slider, parameters_of
+
+CANVAS = {"bar": True, "keys": "page", "toggles": {}}
+NOTHING_LISTED = "Recordings of a folder are listed here when the dashboard is started with --recordings FOLDER."
+BRANCHING = (
+    "Go on from this step on the Watch page, bit by bit as it went, or with other parameters. "
+    "Reset there starts over from step 0 with the same parameters and seed."
+)
+NOTHING_OPEN = "Open a recording: one that `mesa-swarm run MODEL --record FILE.arrow` or `model.record(...)` has made."
+
+
+class BranchPanel:
+    """Lets a control panel show and change the parameters with which a run branches off.
+
+    Parameters
+    ----------
+    widget : ControlPanel
+    replaying : Replaying
+    """
+
+    def __init__(self, widget: ControlPanel, replaying: Replaying) -> None:
+        self.widget, self.replaying = widget, replaying
+        self.known = parameters_of(find_model(replaying.model_name))
+        self._leave = replaying.changed.add(self.refresh)
+        self._hear = lambda _, message, __: self.act(message)
+        widget.on_msg(self._hear)
+        # With more or fewer robots nothing could go on from where it was.
+        fields = [field_of(self.known[name], replaying.session) for name in replaying.parameters if name != "n_robots"]
+        widget.groups = [
+            {"title": "With other parameters", "fields": [field | {"live": True} for field in fields if field]}
+        ]
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Show how everything is set."""
+        if self.replaying.model_name:
+            self.widget.values = self._values()
+
+    def act(self, message: dict) -> None:
+        """Do what the user asks for."""
+        name, value = message.get("name", ""), message.get("value")
+        if name in self.known:
+            is_place = message.get("do") == "place"
+            self.replaying.wish(name, value_at(int(value), self.known[name]) if is_place else str(value))
+
+    def close(self) -> None:
+        """Part them."""
+        self._leave()
+        self.widget.on_msg(self._hear, remove=True)
+
+    def _values(self) -> dict[str, dict]:
+        values = {}
+        for name, value in (self.replaying.parameters | self.replaying.changes).items():
+            values[name] = {"text": value_text(value), "waits": False, "fault": ""}
+            if isinstance(self.known[name].control, Slider):
+                values[name]["place"] = place_of(value, self.known[name])
+        return values
+
+
+@solara.component
+def Replay(session: Session):
+    """Show the recordings on the left, the open one in the middle, and on the right its events and ways out of it."""
+    replaying = solara.use_memo(lambda: session.companion(Replaying), [])
+    use_changes(replaying.changed)
+    projector = replaying.projector
+    with solara.Div(classes=["swarm-watch", "swarm-beside"] if projector else ["swarm-watch"]):
+        with solara.Div(classes=["swarm-set"]):
+            Recordings(replaying)
+        with solara.Div(classes=["swarm-middle"]):
+            for text in replaying.notes:
+                rv.Html(tag="p", class_="swarm-hint", children=[text])
+            if projector:
+                Trouble(projector)
+                Screen(projector).key(f"screen {id(projector)}")
+            else:
+                rv.Html(tag="p", class_="swarm-hint", children=[NOTHING_OPEN])
+        if projector:
+            with solara.Div(classes=["swarm-side"]):
+                Events(replaying).key(f"events {id(projector)}")
+                Branch(replaying).key(f"branch {id(projector)}")
+
+
+@solara.component
+def Recordings(replaying: Replaying):
+    """Show what can be opened, and what is open."""
+    use_changes(replaying.changed)
+    solara.HTML(tag="h2", unsafe_innerHTML="Recordings")
+    picker = FilePicker.element(label="Upload a recording", accept=ENDING)
+    solara.use_effect(lambda: Upload(solara.get_widget(picker), replaying).close, [])
+    for text, kind in ((replaying.busy, "swarm-hint"), (replaying.fault, "swarm-fault")):
+        if text:
+            rv.Html(tag="p", class_=kind, attributes={"role": "status"}, children=[text])
+    names = replaying.listed
+    if not names:
+        rv.Html(tag="p", class_="swarm-hint", children=[NOTHING_LISTED])
+    with solara.Div(classes=["swarm-list"]):
+        for name in names:
+            Item(name, lambda name=name: replaying.open_listed(name), chosen=name == replaying.name).key(name)
+    if replaying.projector:
+        About(replaying)
+
+
+@solara.component
+def About(replaying: Replaying):
+    """Show what the open recording is of."""
+    recorded = replaying.projector.recording.provenance
+    past = replaying.projector.past
+    facts = {
+        "file": replaying.name,
+        "model": title(replaying.model_name) if replaying.model_name else recorded["model"]["name"],
+        "seed": recorded["seed"],
+        "steps": f"{past.first_step:,} to {past.last_step:,}",
+        "version": recorded["versions"].get("mesa-swarm", ""),
+        **{
+            name: f"{value:.4g}" if isinstance(value, float) else value
+            for name, value in recorded["parameters"].items()
+        },
+    }
+    solara.HTML(tag="h2", unsafe_innerHTML="What it is of")
+    with rv.Html(tag="dl", class_="swarm-facts"):
+        for name, value in facts.items():
+            rv.Html(tag="dt", children=[label_of(name)])
+            rv.Html(tag="dd", children=[f"{value!s:.60}"])
+
+
+@solara.component
+def Screen(projector: Projector):
+    """Show the canvas with its buttons."""
+    canvas = SwarmCanvas.element(options=CANVAS)
+
+    def connect():
+        connection = Connection(solara.get_widget(canvas), projector, projector.rewind)
+
+        def part() -> None:
+            projector.pause()
+            connection.close()
+
+        return part
+
+    solara.use_effect(connect, [])
+
+
+@solara.component
+def Trouble(projector: Projector):
+    """Show on a card what cannot be read."""
+    use_changes(projector.changed)
+    if projector.error:
+        with rv.Html(tag="section", class_="swarm-trouble", attributes={"role": "alert"}):
+            solara.HTML(tag="h2", unsafe_innerHTML="The recording cannot be shown here")
+            rv.Html(tag="p", children=[projector.error])
+            solara.Button("To the first step", projector.rewind, color="primary")
+
+
+@solara.component
+def Branch(replaying: Replaying):
+    """Show the way from the step that is looked at to a run that goes on."""
+    use_changes(replaying.changed)
+    solara.HTML(tag="h2", unsafe_innerHTML="Branch from here")
+    if replaying.model_name:
+        rv.Html(tag="p", class_="swarm-hint", children=[BRANCHING])
+        label = f"Go on live with {_changed(replaying)}" if replaying.changes else "Go on live"
+        Button(label, replaying.branch, "swarm-do", enabled=not replaying.busy)
+        Changes(replaying)
+    else:
+        name = replaying.projector.recording.provenance["model"]["name"]
+        rv.Html(tag="p", class_="swarm-hint", children=[f"{name} is no model of this page: it can be looked at only."])
+
+
+@solara.component
+def Changes(replaying: Replaying):
+    """Show the panel of what is other after branching."""
+    panel = ControlPanel.element(bare=True)
+    solara.use_effect(lambda: BranchPanel(solara.get_widget(panel), replaying).close, [])
+
+
+def _changed(replaying: Replaying) -> str:
+    changes = replaying.changes
+    words = [
+        f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}" for name, value in changes.items()
+    ]
+    return ", ".join(words).replace("_", " ")
+
+
+@solara.component
+def Events(replaying: Replaying):
+    """Show what happened, to jump to."""
+    use_changes(replaying.changed)
+    solara.HTML(tag="h2", unsafe_innerHTML="Events")
+    projector, events = replaying.projector, replaying.events
+    if not events:
+        text = "Looking through the recording ..." if events is None else "Nothing that is counted as an event."
+        rv.Html(tag="p", class_="swarm-hint", children=[text])
+        return
+    if len(events) > MOST_EVENTS:
+        rv.Html(tag="p", class_="swarm-hint", children=[f"The first {MOST_EVENTS} of {len(events):,}."])
+    with solara.Div(classes=["swarm-list", "swarm-events"]):
+        for place, event in enumerate(events[:MOST_EVENTS]):
+            Item(f"{event.step:,}", lambda step=event.step: projector.look_at(step), event.text).key(f"{place}")

@@ -1,0 +1,292 @@
+"""What one user replays: a recording of this machine or one handed over, its events, and runs that branch off it."""
+
+import os
+import tempfile
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from mesa_swarm.dashboard import RECORDINGS_VARIABLE
+from mesa_swarm.dashboard.listeners import Listeners
+from mesa_swarm.dashboard.projector import Projector
+from mesa_swarm.dashboard.readings import in_words
+from mesa_swarm.dashboard.session import LARGEST_SEED, MOST_ROBOTS, Session
+from mesa_swarm.errors import InvalidValueError, RecordingError, check_choice, check_count
+from mesa_swarm.gallery import class_name, find_model, model_names
+from mesa_swarm.model import SwarmModel
+from mesa_swarm.parameters import parameters_of
+from mesa_swarm.recording.events import Event, events_of
+from mesa_swarm.recording.recording import Frame, Recording
+from mesa_swarm.world.map import Map, builtin_maps
+
+ENDING = ".arrow"
+LARGEST_UPLOAD = 200_000_000
+MOST_LISTED = 500
+MOST_EVENTS = 500
+
+
+class StoppedError(Exception):
+    """Nobody waits for the events any more."""
+
+
+class Replaying:
+    """A recording that is open, and what one does with it.
+
+    Parameters
+    ----------
+    session : Session
+        Goes on with what branches off.
+
+    Attributes
+    ----------
+    projector : Projector or None
+        Plays the open recording.
+    events : list of Event or None
+        None while they are looked for.
+    changes : dict
+        Parameters that are other after branching.
+    fault : str
+        Why a recording could not be opened or branched off, empty if nothing is wrong.
+    busy : str
+        What is being done in the background, empty if nothing is.
+    changed : Listeners
+
+    Examples
+    --------
+    >>> replaying = Replaying(Session("boids"))
+    >>> replaying.projector is None, replaying.fault
+    (True, '')
+    >>> replaying.close()
+    """
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        self.changed = Listeners()
+        self.projector: Projector | None = None
+        self.events: list[Event] | None = []
+        self.changes: dict[str, Any] = {}
+        self.fault = self.busy = self.name = ""
+        self._path = Path()
+        self._incoming: BinaryIO | None = None
+        self._stop = threading.Event()
+        self._folder: tempfile.TemporaryDirectory | None = None
+        place = recordings_place()
+        if place is not None and place.is_file():
+            self.open_listed(place.name)
+
+    @property
+    def listed(self) -> list[str]:
+        """The names of recordings on the machine that serves the page, the latest first."""
+        place = recordings_place()
+        if place is None:
+            return []
+        found = [place] if place.is_file() else [path for path in place.glob(f"*{ENDING}") if path.is_file()]
+        found.sort(key=lambda path: (-path.stat().st_mtime, path.name))
+        return [path.name for path in found[:MOST_LISTED]]
+
+    @property
+    def notes(self) -> list[str]:
+        """What must be said of the open recording."""
+        if self.projector is None:
+            return []
+        recording, last = self.projector.recording, self.projector.past.last_step
+        if len(self.projector.past) < len(recording):
+            return [f"The recording is damaged after step {last}; what follows is left out."]
+        return [] if recording.complete else [f"The recording was not closed; it is whole up to step {last}."]
+
+    @property
+    def model_name(self) -> str:
+        """The name in the gallery of the recorded model, empty if it is none of these."""
+        if self.projector is None:
+            return ""
+        recorded = self.projector.recording.provenance["model"]
+        name = recorded["module"].rpartition(".")[2]
+        shipped = name in model_names() and (recorded["module"], recorded["name"]) == _place_of(name)
+        return name if shipped else ""
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """The parameters that the recorded run had, by name; only those of a model of the gallery."""
+        if not self.model_name:
+            return {}
+        known = parameters_of(find_model(self.model_name))
+        given = self.projector.recording.provenance["parameters"]
+        return {name: given.get(name, known[name].default) for name in known if name != "map"}
+
+    def open_listed(self, name: str) -> None:
+        """Open one of the recordings that are `listed`."""
+        place = recordings_place()
+        if place is None or name not in self.listed:
+            self._say(f"there is no recording {name!r:.60} any more; choose another one")
+        else:
+            self._open(place if place.is_file() else place / name, name)
+
+    def begin_upload(self, name: str, size: int) -> bool:
+        """Make room for a recording that is handed over in pieces; return whether it may come."""
+        if size > LARGEST_UPLOAD:
+            self._say(f"{name:.60} has {size:,} bytes; expected at most {LARGEST_UPLOAD:,}")
+            return False
+        self._leave()
+        self._folder = tempfile.TemporaryDirectory(prefix="mesa_swarm_", ignore_cleanup_errors=True)
+        self._incoming = Path(self._folder.name, f"upload{ENDING}").open("wb")  # noqa: SIM115 - pieces come later
+        self.name, self.busy = name, f"receiving {name:.60} ..."
+        self.changed.tell()
+        return True
+
+    def take(self, piece: bytes) -> bool:
+        """Take the next piece; return whether more may come."""
+        if self._incoming is None:
+            return False
+        self._incoming.write(piece)
+        if self._incoming.tell() <= LARGEST_UPLOAD:
+            return True
+        self._say(f"{self.name:.60} is too large; expected at most {LARGEST_UPLOAD:,} bytes")
+        return False
+
+    def end_upload(self) -> None:
+        """Open what was handed over."""
+        if self._incoming is not None:
+            path, name = Path(self._incoming.name), self.name
+            self._incoming.close()
+            self._incoming, self.busy = None, ""
+            self._open(path, name)
+
+    def wish(self, name: str, value: Any) -> None:
+        """Wish for another value of a parameter, from the branching on."""
+        try:
+            parameter = parameters_of(find_model(self.model_name))[check_choice("parameter", name, self.parameters)]
+            value = parameter.checked(parameter.parse(value) if isinstance(value, str) else value)
+            self.changes[name] = value
+            if value == self.parameters[name]:
+                del self.changes[name]
+            self.fault = ""
+        except Exception as problem:  # what is wrong with a wish is said
+            self.fault = in_words(problem)
+        self.changed.tell()
+
+    def branch(self) -> None:
+        """Have the session go on from the step that is looked at, with the parameters wished for."""
+        if self.projector is None or self.busy:
+            return
+        self.projector.pause()
+        step, changes, path = self.projector.step_shown, dict(self.changes), self._path
+        self.busy, self.fault = f"going on from step {step:,} ...", ""
+        self.changed.tell()
+        threading.Thread(target=self._branch, args=(path, step, changes), name="branch", daemon=True).start()
+
+    def close(self) -> None:
+        """Let go of the recording, and of what was handed over."""
+        self.changed.clear()
+        self._leave()
+
+    def _branch(self, path: Path, step: int, changes: dict[str, Any]) -> None:
+        stop = self._stop
+        try:
+            wishes, seed = self._origin()
+            model = SwarmModel.resume(path, step=step, **changes)
+        except Exception as problem:  # whatever a recorded model raises
+            self._done(in_words(problem).replace(str(path), self.name))
+            return
+        self._done("")
+        if not stop.is_set():
+            self.session.adopt(model, self.model_name, wishes | changes, seed)
+
+    def _done(self, fault: str) -> None:
+        self.busy, self.fault = "", fault
+        self.changed.tell()
+
+    def _origin(self) -> tuple[dict[str, Any], int]:
+        """Return parameters and seed from which the recorded model was built."""
+        recorded = self.projector.recording.provenance
+        if not self.model_name:
+            raise RecordingError(
+                f"{recorded['model']['name']} is no model of this page; go on in Python with its class's resume"
+            )
+        wishes = self.parameters
+        if "n_robots" in wishes:
+            check_count("n_robots", wishes["n_robots"], maximum=MOST_ROBOTS)
+        if "map" in parameters_of(find_model(self.model_name)):
+            wishes["map"] = _map_of(recorded["map"])
+        seed = recorded["seed"]
+        if not isinstance(seed, int) or not 0 <= seed <= LARGEST_SEED:
+            raise InvalidValueError(f"seed is {seed!r:.60}; expected a whole number, so that the page can reset it")
+        return wishes, seed
+
+    def _open(self, path: Path, name: str) -> None:
+        if self._folder is None or path.parent != Path(self._folder.name):
+            self._leave()
+        try:
+            projector = Projector(path)
+        except Exception as problem:  # whatever is in a user's file
+            self._say(in_words(problem).replace(str(path), name))
+            return
+        projector.set_speed(self.session.loop.speed)
+        self._path, self.name, self.projector = path, name, projector
+        self.events, self.changes, self.fault = None, {}, ""
+        threading.Thread(target=self._find_events, args=(self._stop,), name="events", daemon=True).start()
+        self.changed.tell()
+
+    def _find_events(self, stop: threading.Event) -> None:
+        try:
+            found = events_of(_Rows(self._path, len(self.projector.past), stop))
+        except StoppedError:
+            return
+        except Exception as problem:  # whatever is in a user's file
+            found = []
+            self.fault = in_words(problem).replace(str(self._path), self.name)
+        if not stop.is_set():
+            self.events = found
+            self.changed.tell()
+
+    def _say(self, fault: str) -> None:
+        self._leave()
+        self.fault = fault
+        self.changed.tell()
+
+    def _leave(self) -> None:
+        """Let go of the open recording; a file that was handed over is deleted."""
+        self._stop.set()
+        self._stop = threading.Event()
+        projector, self.projector = self.projector, None
+        if projector is not None:
+            projector.close()
+        if self._incoming is not None:
+            self._incoming.close()
+        folder, self._folder, self._incoming = self._folder, None, None
+        if folder is not None:
+            folder.cleanup()
+        self.events, self.changes = [], {}
+        self.name = self.fault = self.busy = ""
+
+
+class _Rows:
+    """The frames of a recording, which is opened once more: two threads must not read the same one."""
+
+    def __init__(self, path: Path, rows: int, stop: threading.Event) -> None:
+        self._recording, self._rows, self._stop = Recording(path), rows, stop
+
+    def __iter__(self) -> Iterator[Frame]:
+        for row in range(self._rows):
+            if self._stop.is_set():
+                raise StoppedError
+            yield self._recording[row]
+
+
+def recordings_place() -> Path | None:
+    """Return the recording or the folder of them that the server was told of, None if there is none."""
+    told = os.environ.get(RECORDINGS_VARIABLE, "")
+    return Path(told) if told else None
+
+
+def _place_of(name: str) -> tuple[str, str]:
+    model_class = find_model(name)
+    return model_class.__module__, class_name(name)
+
+
+def _map_of(text: str) -> Map | str:
+    """Return the name of a recorded map if it comes with mesa_swarm, else the map."""
+    chart = Map.from_toml(text, "the recording's map")
+    if chart.name in builtin_maps() and Map.load(chart.name).to_toml() == chart.to_toml():
+        return chart.name
+    return chart

@@ -1,0 +1,291 @@
+"""What is measured of a run while it is played: numbers after every step, in bounded memory."""
+
+import threading
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from mesa_swarm.errors import UnknownNameError, unknown_name
+from mesa_swarm.model import SwarmModel
+
+# Kept of a run, 16 MB; of a longer one every second step is dropped, and again.
+MOST_NUMBERS = 2_000_000
+FIRST_ROWS = 1024
+NO_LAYER = "no layer"
+
+
+@dataclass(frozen=True, slots=True)
+class Chart:
+    """What is shown in one chart.
+
+    Parameters
+    ----------
+    key : str
+    title : str
+    unit : str
+        Empty where the numbers have none, or none that is known.
+    names : tuple of str
+        Of the curves.
+    first : int
+        Column of the first curve.
+    """
+
+    key: str
+    title: str
+    unit: str
+    names: tuple[str, ...]
+    first: int = 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Curves:
+    """Curves as they are drawn: means over groups of rows, and the least and greatest of each.
+
+    Parameters
+    ----------
+    steps : ndarray, shape (m,)
+        The last one of each group.
+    mean, low, high : ndarrays, shape (c, m)
+    width : int
+        Rows in a group; 1 where nothing was put together.
+    """
+
+    steps: np.ndarray
+    mean: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    width: int
+
+
+class Series:
+    """Numbers of a model after every step: its reporters, robots at fires, which layers drive.
+
+    Call `follow` with a model before its first step. When there is no more room, every second row is dropped:
+    what is left is exact, of the steps that are multiples of `every`.
+
+    Parameters
+    ----------
+    most_numbers : int
+
+    Attributes
+    ----------
+    every : int
+        Steps from one row to the next.
+
+    Examples
+    --------
+    >>> from mesa_swarm.models.fire_fighting import FireFighting
+    >>> series, model = Series(), FireFighting(rng=1)
+    >>> series.follow(model)
+    >>> steps, table = series.rows("layers") if model.run(10) else None
+    >>> len(steps), table.sum(axis=1).round(9).tolist()[0]
+    (10, 100.0)
+    """
+
+    def __init__(self, most_numbers: int = MOST_NUMBERS) -> None:
+        self.most_numbers = most_numbers
+        self.every = 1
+        self._lock = threading.Lock()
+        self._model: SwarmModel | None = None
+        self._charts: dict[str, Chart] = {}
+        self._form: tuple = ()
+        self._forget()
+
+    def __len__(self) -> int:
+        """How many rows are kept."""
+        return self._count
+
+    @property
+    def model(self) -> SwarmModel | None:
+        """Whose numbers these are."""
+        return self._model
+
+    def follow(self, model: SwarmModel | None) -> None:
+        """Forget all, and measure this model from now on."""
+        with self._lock:
+            if self._model is not None and self in self._model.observers:
+                self._model.observers.remove(self)
+            self._model, self._form = model, ()
+            self._forget()
+            if model is not None:
+                model.observers.append(self)
+                self._lay_out(model)
+
+    def after_step(self, model: SwarmModel, step: int) -> None:
+        """Measure, if a row is due; called by the model."""
+        with self._lock:
+            if step % self.every:
+                return
+            if self._form != form_of(model):
+                self._lay_out(model)
+            if self._count == len(self._steps):
+                self._make_room()
+            if step % self.every == 0:
+                self._steps[self._count] = step
+                measure(model, self._table[self._count])
+                self._count += 1
+
+    def close(self) -> None:
+        """Leave it as it is: what was measured stays when a run is broken off."""
+
+    def charts(self) -> list[Chart]:
+        """Return what can be shown."""
+        return list(self._charts.values())
+
+    def chart(self, key: str) -> Chart:
+        """Return one of them.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is none of this key.
+        """
+        if key not in self._charts:
+            raise UnknownNameError(unknown_name("chart", key, self._charts))
+        return self._charts[key]
+
+    def rows(self, key: str) -> tuple[np.ndarray, np.ndarray]:
+        """Return the steps (m,) and the numbers (m, c) of one chart, all that are kept."""
+        with self._lock:
+            chart = self.chart(key)
+            columns = slice(chart.first, chart.first + len(chart.names))
+            return self._steps[: self._count].copy(), self._table[: self._count, columns].copy()
+
+    def curves(self, key: str, most: int) -> Curves:
+        """Return the curves of one chart with at most so many points each.
+
+        The width of groups is a power of two, so that what was drawn stays as it is while rows are added.
+        """
+        steps, rows = self.rows(key)
+        width = 1
+        while len(rows) > most * width:
+            width *= 2
+        return grouped(steps, rows, width)
+
+    def _forget(self) -> None:
+        self.every, self._count = 1, 0
+        self._steps = np.empty(0, np.int64)
+        self._table = np.empty((0, 0))
+
+    def _lay_out(self, model: SwarmModel) -> None:
+        """Make a column for all that is measured; of what is new, nothing is known before now."""
+        old, table = self._charts, self._table
+        self._form = form_of(model)
+        self._charts = {chart.key: chart for chart in placed(charts_of(model))}
+        width = sum(len(chart.names) for chart in self._charts.values())
+        self._table = np.full((len(self._steps), width), np.nan)
+        if not self._count:
+            return
+        for key, chart in self._charts.items():
+            for k, name in enumerate(chart.names):
+                if key in old and name in old[key].names:
+                    self._table[:, chart.first + k] = table[:, old[key].first + old[key].names.index(name)]
+
+    def _make_room(self) -> None:
+        most = max(2, self.most_numbers // max(self._table.shape[1], 1))
+        if self._count < most:
+            rows = min(max(2 * self._count, FIRST_ROWS), most)
+            self._steps = np.concatenate([self._steps, np.zeros(rows - self._count, np.int64)])
+            more = np.full((rows - self._count, self._table.shape[1]), np.nan)
+            self._table = np.concatenate([self._table, more])
+            return
+        self.every *= 2
+        kept = np.flatnonzero(self._steps[: self._count] % self.every == 0)
+        self._steps[: len(kept)], self._table[: len(kept)] = self._steps[kept], self._table[kept]
+        self._count = len(kept)
+
+
+def grouped(steps: np.ndarray, rows: np.ndarray, width: int) -> Curves:
+    """Return means, least and greatest numbers of groups of so many rows; what is not known counts for nothing.
+
+    Examples
+    --------
+    >>> curves = grouped(np.arange(1, 6), np.array([[1.0], [3.0], [5.0], [np.nan], [7.0]]), 2)
+    >>> curves.steps.tolist(), curves.mean.tolist(), curves.high.tolist()
+    ([2, 4, 5], [[2.0, 5.0, 7.0]], [[3.0, 5.0, 7.0]])
+    """
+    if width == 1 or not len(rows):
+        return Curves(steps, rows.T, rows.T, rows.T, 1)
+    starts = np.arange(0, len(rows), width)
+    known = np.isfinite(rows)
+    counts = np.add.reduceat(known, starts, axis=0, dtype=float)
+    totals = np.add.reduceat(np.where(known, rows, 0.0), starts, axis=0)
+    mean = np.divide(totals, counts, out=np.full_like(totals, np.nan), where=counts > 0)
+    ends = np.append(starts[1:], len(rows)) - 1
+    low, high = np.fmin.reduceat(rows, starts, axis=0), np.fmax.reduceat(rows, starts, axis=0)
+    return Curves(steps[ends], mean.T, low.T, high.T, width)
+
+
+def form_of(model: SwarmModel) -> tuple:
+    """Return what decides which columns there are."""
+    return len(model.fires), id(model.control), len(model.datacollector.model_vars)
+
+
+def placed(charts: Iterable[Chart]) -> list[Chart]:
+    """Return charts with the columns that they are given one after the other."""
+    found: list[Chart] = []
+    first = 0
+    for chart in charts:
+        found.append(Chart(chart.key, chart.title, chart.unit, chart.names, first))
+        first += len(chart.names)
+    return found
+
+
+def charts_of(model: SwarmModel) -> list[Chart]:
+    """Return what is measured of a model, in the order in which `measure` writes it.
+
+    Examples
+    --------
+    >>> [chart.title for chart in charts_of(SwarmModel(rng=1))]
+    ['Collisions in a step', 'Collisions in all']
+    """
+    known = {"collisions": ("Collisions in a step", "robots"), "total_collisions": ("Collisions in all", "collisions")}
+    charts = []
+    for name in model.datacollector.model_vars:
+        title, unit = known.get(name, (name.replace("_", " ").capitalize(), ""))
+        charts.append(Chart(name, title, unit, (title,)))
+    if len(model.fires):
+        names = tuple(f"fire {number}" for number in range(1, len(model.fires) + 1))
+        charts.append(Chart("at_fires", "Robots at each fire", "robots", names))
+        charts.append(Chart("fire_temperature", "Temperature of each fire", "", names))
+    if model.control is not None:
+        charts.append(Chart("layers", "Layers that drive", "% of robots", (*layer_names(model), NO_LAYER)))
+    return charts
+
+
+def layer_names(model: SwarmModel) -> tuple[str, ...]:
+    """Return the names of a model's layers, numbered where several are called the same."""
+    names = [layer.name for layer in model.control.layers]
+    return tuple(f"{name} {k + 1}" if names.count(name) > 1 else name for k, name in enumerate(names))
+
+
+def measure(model: SwarmModel, row: np.ndarray) -> None:
+    """Write what is measured of a model as it is now; NaN for what is no number."""
+    column = 0
+    for values in model.datacollector.model_vars.values():
+        row[column] = number_of(values[-1]) if values else np.nan
+        column += 1
+    fires = len(model.fires)
+    for name in ("robots", "temperature") if fires else ():
+        row[column : column + fires] = model.fires.columns[name]
+        column += fires
+    if model.control is not None:
+        layers, robots = len(model.control.layers), len(model.swarm)
+        counts = np.bincount(model.swarm.columns["layer"] + 1, minlength=layers + 1)
+        row[column : column + layers] = 100.0 * counts[1:] / max(robots, 1)
+        row[column + layers] = 100.0 * counts[0] / max(robots, 1)
+
+
+def number_of(value: object) -> float:
+    """Return what a reporter said as a number, NaN if it is none.
+
+    Examples
+    --------
+    >>> number_of(True), number_of("far")
+    (1.0, nan)
+    """
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        return np.nan

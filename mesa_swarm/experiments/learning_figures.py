@@ -1,0 +1,191 @@
+"""Pictures of learning: collisions and temperature over time, totals, and the regression demonstration."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import StrMethodFormatter
+
+from mesa_swarm.analysis.series import central_moving_average
+from mesa_swarm.errors import InvalidValueError, check_count
+from mesa_swarm.experiments.figures import COLOURS
+from mesa_swarm.gallery import find_model
+from mesa_swarm.learning.actions import temperature_at
+from mesa_swarm.learning.networks import fit
+
+BETAS = (1e-4, 5e-3)
+# The thesis smooths over 1,001 steps for many robots, and over 11 for one.
+WINDOWS = {True: 1001, False: 11}
+NOISE = 0.05
+
+
+def demonstrated(x: np.ndarray) -> np.ndarray:
+    """Return a curve of the form that two hidden units can have (6.1): 0.6 tanh(4 x + 1) - 0.4 tanh(3 x - 2).
+
+    Examples
+    --------
+    >>> demonstrated(np.array([0.0])).round(3)
+    array([0.843])
+    """
+    return 0.6 * np.tanh(4.0 * x + 1.0) - 0.4 * np.tanh(3.0 * x - 2.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LearningRun:
+    """What a run of learning shows.
+
+    Parameters
+    ----------
+    collisions : ndarray, shape (k,)
+        Robots that collided in each step.
+    temperature : ndarray, shape (k,)
+        Of the choice.
+    n_robots : int
+    """
+
+    collisions: np.ndarray
+    temperature: np.ndarray
+    n_robots: int
+
+
+def learning_run(
+    *, beta: float, rng: int, steps: int = 33_000, progress: bool = False, **settings: float
+) -> LearningRun:
+    """Let robots learn to avoid collisions and return when they collided.
+
+    Parameters
+    ----------
+    beta : float
+    rng, steps : int
+    progress : bool
+    **settings
+        Of the model `QLearning`.
+
+    Examples
+    --------
+    >>> learning_run(beta=5e-3, rng=1, steps=20, n_robots=2).collisions.shape
+    (20,)
+    """
+    model = find_model("q_learning")(beta=beta, rng=rng, **settings)
+    model.run(check_count("steps", steps, minimum=1), progress)
+    layer = model.learner
+    temperature = [
+        temperature_at(step, beta=beta, first=layer.first_temperature, last=layer.last_temperature)
+        for step in range(steps)
+    ]
+    collisions = np.array(model.datacollector.model_vars["collisions"], dtype=float)
+    return LearningRun(collisions, np.array(temperature), len(model.swarm))
+
+
+def learning_figure(
+    runs: Mapping[float, LearningRun] | None = None, *, rng: int = 1, steps: int = 33_000, **settings: float
+) -> Figure:
+    """Return the thesis's graphs of one run with each beta: collisions a step with T, and their total.
+
+    Collisions are means of a robot over a central window: 1,001 steps for several robots, 11 for one, shorter at
+    the ends.
+
+    Parameters
+    ----------
+    runs : mapping of beta to LearningRun, optional
+        By default both of the thesis's betas are run: 15 robots, 33,000 steps.
+    rng, steps : int
+        Of these runs.
+    **settings
+        Of the model `QLearning`.
+
+    Examples
+    --------
+    >>> figure = learning_figure(steps=30, n_robots=2)
+    >>> [axes.get_ylabel() for axes in figure.axes[2:4]]
+    ['collisions of a robot in all', 'T']
+    """
+    if runs is None:
+        runs = {beta: learning_run(beta=beta, rng=rng, steps=steps, **settings) for beta in BETAS}
+    if not runs:
+        raise InvalidValueError("runs is empty; expected at least one run by its beta")
+    figure = Figure(figsize=(8.0, 2.4 * len(runs) + 2.6), layout="constrained")
+    panels = figure.subplots(len(runs) + 1, 1, sharex=True)
+    for i, (beta, run) in enumerate(runs.items()):
+        colour = COLOURS[i % len(COLOURS)]
+        _draw_frequency(panels[i], f"beta {beta:g}", run, colour)
+        total = run.collisions.cumsum() / run.n_robots
+        panels[-1].plot(np.arange(1, len(total) + 1), total, ("-", "--")[i % 2], color=colour, label=f"beta {beta:g}")
+    panels[-1].set_ylabel("collisions of a robot in all", fontsize=9)
+    panels[-1].set_xlabel("step")
+    panels[-1].xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
+    panels[-1].legend(fontsize=8, frameon=False)
+    panels[-1].margins(x=0)
+    panels[-1].set_ylim(bottom=0)
+    return figure
+
+
+def _draw_frequency(axes: Axes, title: str, run: LearningRun, colour: str) -> None:
+    step = np.arange(1, len(run.collisions) + 1)
+    frequency = central_moving_average(run.collisions / run.n_robots, WINDOWS[run.n_robots > 1])
+    axes.plot(step, frequency, color=colour, linewidth=1.2)
+    axes.set_title(title, fontsize=10)
+    axes.set_ylabel("collisions a robot and step", fontsize=9, color=colour)
+    axes.set_ylim(bottom=0)
+    heat = axes.twinx()
+    heat.plot(step, run.temperature, color="#555555", linestyle=":", linewidth=1.2)
+    heat.set_ylabel("T", fontsize=9, color="#555555")
+    heat.set_ylim(0, None)
+    for each in (axes, heat):
+        each.tick_params(labelsize=8)
+        each.margins(x=0)
+
+
+def regression_figure(
+    truth: Callable[[np.ndarray], np.ndarray] = demonstrated, *, rng: int = 1, points: int = 30, networks: int = 40
+) -> Figure:
+    """Return the thesis's demonstration of regression: noisy points, and what two networks make of them (6.3).
+
+    Two hidden units, 200 presentations of every point, learning rate 0.5. Beside it are the errors of more networks,
+    which began with other weights: some stay bad.
+
+    Parameters
+    ----------
+    truth : function of an ndarray
+    rng : int
+    points : int
+        At least 2.
+    networks : int
+        At least 2.
+
+    Examples
+    --------
+    >>> len(regression_figure(points=5, networks=2).axes)
+    2
+    """
+    chance = np.random.default_rng(check_count("rng", rng))
+    x = np.linspace(-1.0, 1.0, check_count("points", points, minimum=2))
+    y = truth(x) + NOISE * chance.standard_normal(len(x))
+    fitted = fit(x, y, rng=chance, networks=check_count("networks", networks, minimum=2))
+    fine = np.linspace(-1.0, 1.0, 201)
+    said = np.array([fitted.outputs(np.full((networks, 1), place)) for place in fine])
+    errors = np.sqrt(((said - truth(fine)[:, None]) ** 2).mean(axis=0))
+    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
+    left, right = figure.subplots(1, 2, width_ratios=(2, 1))
+    _draw_regression(left, (x, y), fine, truth(fine), said[:, :2])
+    _draw_errors(right, errors)
+    return figure
+
+
+def _draw_regression(axes: Axes, points: tuple, fine: np.ndarray, truth: np.ndarray, said: np.ndarray) -> None:
+    axes.plot(*points, "o", markersize=3.5, color="#555555", label="noisy points")
+    axes.plot(fine, truth, ":", color="#000000", linewidth=1.2, label="without noise")
+    for k, line in enumerate(said.T):
+        axes.plot(fine, line, ("-", "--")[k], color=COLOURS[k], linewidth=1.5, label=f"network {k + 1}")
+    axes.set(xlabel="x", ylabel="y")
+    axes.legend(fontsize=8, frameon=False)
+
+
+def _draw_errors(axes: Axes, errors: Sequence[float]) -> None:
+    axes.plot(np.arange(1, len(errors) + 1), np.sort(errors), "o", markersize=4, color=COLOURS[0])
+    axes.axhline(NOISE, color="#555555", linestyle=":", linewidth=1.0)
+    axes.annotate("noise", (1, NOISE), textcoords="offset points", xytext=(0, 3), fontsize=8)
+    axes.set(xlabel="network, from the best to the worst", ylabel="error (root mean square)")
+    axes.set_ylim(bottom=0)

@@ -1,0 +1,182 @@
+"""LearnFires: robots that learn by reward what to do about fires (thesis 9.5 and 10.4)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mesa_swarm.control.layer import Senses
+from mesa_swarm.errors import check_count, check_number
+from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.learning.actions import best_of, chosen
+from mesa_swarm.learning.skills import SITUATIONS, SKILLS, perform, situation_of
+from mesa_swarm.robots.reasons import Moment, Reason
+from mesa_swarm.robots.swarm import Swarm
+
+LARGEST_REWARD = 1e6
+
+
+@dataclass(kw_only=True)
+class LearnFires:
+    """Learn which skill pays in which situation: explore, approach, wait, back off, follow; always active.
+
+    A situation is: free, at a fire, too hot in the heat, or too hot out of it; whether a fire is seen; whether a
+    robot is. A skill is kept until the situation changes, at most `hold` steps. Then the table of that robot is
+    corrected, as in Q-learning over stretches of several steps (Sutton, Precup and Singh, Artificial Intelligence
+    112, 1999): ``Q(s, k) <- Q(s, k) + alpha (R + gamma^n max_k' Q(s', k') - Q(s, k))``, where R is the discounted
+    reward of the n steps; and the next skill is chosen by Boltzmann's probabilities (7.4).
+
+    A step away from fires costs `step_cost`; the first step at a fire is worth `arrival`, unless it is the one that
+    the robot fought last; when a fire goes out, that is worth `put_out` to those that stand there and fight it. Who
+    waits nearby gets nothing. Put ``Avoid(fires="never")`` above: what it does counts as part of the world.
+
+    Parameters
+    ----------
+    arrival, put_out, step_cost : float
+        Rewards and the cost, at least 0.
+    alpha : float
+        How much of a new experience counts, 0 to 1.
+    gamma : float
+        What the next step's value counts, 0 to below 1; near 1, for a rest lasts hundreds of steps.
+    beta : float
+        Share by which the temperature nears its end in each step, 0 to 1.
+    first_temperature, last_temperature : float
+        Of the choice, above 0.
+    hold : int
+        Steps, at least 1.
+    shared : bool
+        Whether all robots learn in one table, in the order of their ids.
+    frozen : bool
+        Whether it only chooses, and learns nothing: from the start, by chance alone.
+
+    Raises
+    ------
+    InvalidValueError
+        If a value is out of its range.
+
+    Examples
+    --------
+    >>> LearnFires(put_out=0).arrival
+    10.0
+    """
+
+    arrival: float = 10.0
+    put_out: float = 10.0
+    step_cost: float = 0.01
+    alpha: float = 0.1
+    gamma: float = 0.999
+    beta: float = 1e-4
+    first_temperature: float = 5.0
+    last_temperature: float = 0.1
+    hold: int = 50
+    shared: bool = False
+    frozen: bool = False
+    name: str = "LearnFires"
+
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        for name in ("arrival", "put_out", "step_cost"):
+            check_number(name, getattr(self, name), minimum=0, maximum=LARGEST_REWARD)
+        for name in ("alpha", "beta"):
+            check_number(name, getattr(self, name), minimum=0, maximum=1)
+        check_number("gamma", self.gamma, minimum=0, maximum=0.999999)
+        for name in ("first_temperature", "last_temperature"):
+            check_number(name, getattr(self, name), above=0, maximum=LARGEST_REWARD)
+        check_count("hold", self.hold, minimum=1)
+
+    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
+        """Remember each robot's table, what it is doing since when, and what it got for it."""
+        self._swarm, self._prefix, self._rng = swarm, prefix, rng
+        swarm.remember(f"{prefix}.values", (len(SITUATIONS), len(SKILLS)), np.float64, 0.0)
+        for name in ("situation", "skill", "last", "before"):
+            swarm.remember(f"{prefix}.{name}", (), np.int64, -1)
+        swarm.remember(f"{prefix}.kept", (), np.int64, 0)
+        swarm.remember(f"{prefix}.gain", (), np.float64, 0.0)
+        swarm.remember(f"{prefix}.temperature", (), np.float64, self.first_temperature)
+
+    @property
+    def values(self) -> np.ndarray:
+        """What every robot holds each skill worth in each situation (n, 16, 5); a copy."""
+        return self._column("values").copy()
+
+    @property
+    def temperature(self) -> np.ndarray:
+        """Of every robot's choice (n,); a copy."""
+        return self._column("temperature").copy()
+
+    def begin_again(self) -> None:
+        """Take note that all fires are about to be lit anew, so that nobody takes that for a fire put out."""
+        self._column("before")[self._swarm.columns["fire"] >= 0] = -1
+        self._column("last")[:] = -1
+
+    def _column(self, name: str) -> np.ndarray:
+        return self._swarm.columns[f"{self._prefix}.{name}"]
+
+    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
+        """Learn from the last step, choose anew where it is time to, and drive those that no other layer drives."""
+        values = self._column("values")
+        learn_skills(
+            senses.distance, senses.kind, senses.heat, senses.hot, senses.fire, senses.last_command,
+            senses.tendency, senses.max_speed, senses.radius, senses.design, senses.bearing, senses.forward,
+            values, tuple(map(self._column, ("situation", "skill", "last", "before", "kept"))),
+            tuple(map(self._column, ("gain", "temperature"))), self._rng.random(len(layer)),
+            (float(self.arrival), float(self.put_out), float(self.step_cost)),
+            (float(self.alpha), float(self.gamma), float(self.beta), float(self.last_temperature)),
+            int(self.hold), (bool(self.shared), bool(self.frozen)),
+            command, layer, index,
+        )  # fmt: skip
+        if self.shared:
+            values[1:] = values[:1]
+
+    def reason(self, moment: Moment) -> Reason:
+        """Say which skill it chose and in which situation."""
+        columns = moment.columns
+        skill, situation = (int(columns[f"{self._prefix}.{name}"]) for name in ("skill", "situation"))
+        return Reason(f"it chose to {SKILLS[skill]}: it is {SITUATIONS[situation]}")
+
+
+@compiled
+def learn_skills(
+    distance, kind, heat, hot, fire, last_command, tendency, max_speed, radius, design, bearing, forward,
+    values, doing, worth, chance, rewards, rates, hold, options, command, layer, index,
+):  # fmt: skip
+    """Learn from the last step and write the commands of the skills that are chosen."""
+    situation, skill, last, before, kept = doing
+    gain, temperature = worth
+    alpha, gamma, beta, coolest = rates
+    shared, frozen = options
+    for i in range(layer.shape[0]):
+        row = 0 if shared else i
+        now = situation_of(kind, i, fire[i] >= 0, hot[i], heat[i])
+        if skill[i] >= 0:
+            stood = last_command[i, 0] == 0.0 and last_command[i, 1] == 0.0
+            gain[i] += gamma ** kept[i] * paid(fire[i], before[i], last[i], hot[i], stood, rewards)
+            kept[i] += 1
+        if fire[i] >= 0:
+            last[i] = fire[i]
+        before[i] = fire[i]
+        if skill[i] < 0 or now != situation[i] or kept[i] >= hold:
+            if skill[i] >= 0 and not frozen:
+                best = values[row, now, best_of(values[row, now])]
+                wanted = gain[i] + gamma ** kept[i] * best
+                values[row, situation[i], skill[i]] += alpha * (wanted - values[row, situation[i], skill[i]])
+            situation[i], kept[i], gain[i] = now, 0, 0.0
+            skill[i] = chosen(values[row, now], temperature[i], chance[i])
+        if not frozen:
+            temperature[i] -= beta * (temperature[i] - coolest)
+        if layer[i] < 0:
+            command[i, 0], command[i, 1] = perform(
+                skill[i], distance, kind, bearing, forward, i, design[i], fire[i] >= 0,
+                tendency[i], max_speed[i], radius[i],
+            )  # fmt: skip
+            layer[i] = index
+
+
+@compiled
+def paid(fire, before, last, hot, stood, rewards):
+    """Return what a step was worth; `before` and `last` are what was fought in the step before, and last of all."""
+    arrival, put_out, step_cost = rewards
+    if fire >= 0:
+        return 0.0 if fire in (before, last) else arrival
+    # Nothing to fight any more, neither hot nor gone away: it went out.
+    went_out = before >= 0 and not hot and stood
+    return put_out - step_cost if went_out else -step_cost

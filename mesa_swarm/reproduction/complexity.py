@@ -1,0 +1,197 @@
+"""Figures 4.12 to 4.16: how the time of a step grows with robots, sensors and the map."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from mesa_swarm.reproduction.drawing import draw_means, plain_axes
+from mesa_swarm.reproduction.judging import judged_difference, judged_mean
+from mesa_swarm.reproduction.laboratory import Laboratory
+from mesa_swarm.reproduction.registry import Item
+from mesa_swarm.reproduction.result import Result
+from mesa_swarm.reproduction.timing_runs import timing_run
+
+# In the thesis's order: dense, sparse, open.
+MAPS = ("original", "sparse", "openspace")
+ROBOTS = (6, 12, 18, 24, 30, 36, 42, 48)
+SENSORS = (3, 6, 9)
+SEEDS = 8
+# Beyond so few robots the time of a step is hardly that of robots.
+FEWEST = 6
+DENSE_TO = 42
+SETTINGS = (
+    "processor time of one step, the least of five batches, compiled engine with a grid of neighbours, which the "
+    "thesis did not have; robots of radius 5"
+)
+
+Times = dict[tuple, np.ndarray]
+
+
+def step_times(laboratory: Laboratory, maps: Sequence[str], sensors: Sequence[int]) -> Times:
+    """Return milliseconds a step by map and sensors, each of shape (robots, seeds)."""
+    kinds = [(name, s) for name in maps for s in sensors]
+    budget = laboratory.pick(20.0, 2.0)
+    points = [{"robots": n, "map": name, "sensors": s, "milliseconds": budget} for name, s in kinds for n in ROBOTS]
+    rows = laboratory.grid(timing_run, points, laboratory.seeds(SEEDS), alone=True)
+    times = 1000 * np.array([[row["seconds"] for row in seeds] for seeds in rows])
+    return dict(zip(kinds, times.reshape(len(kinds), len(ROBOTS), -1), strict=True))
+
+
+def exponents(times: np.ndarray, robots: Sequence[int] = ROBOTS) -> np.ndarray:
+    """Return for every seed the b of t = a n^b, by least squares of the logarithms.
+
+    Parameters
+    ----------
+    times : ndarray, shape (robots, seeds)
+    robots : sequence of int
+
+    Examples
+    --------
+    >>> exponents(np.array([[1.0], [4.0]]), (10, 20))
+    array([2.])
+    """
+    x = np.log(np.asarray(robots, float)) - np.log(robots).mean()
+    return x @ np.log(times) / (x @ x)
+
+
+def contact_alone(laboratory: Laboratory) -> Result:
+    """Make figure 4.12: contact alone on three maps."""
+    times = step_times(laboratory, MAPS, (0,))
+    checks = [
+        judged_mean(
+            f"contact grows at most as n^2, map {name}: exponent", "O(n^2)", list(exponents(times[name, 0])), high=2.0
+        )
+        for name in MAPS
+    ]
+    dense, wide = times["original", 0][-1], times["openspace", 0][-1]
+    matters = judged_difference(
+        "the map matters: ms a step of 48 robots", "yes", wide, dense, names=("open", "dense"), main=False
+    )
+    return Result(
+        checks=(*checks, matters), pictures={"": times_figure(times, "contact alone, ms a step")}, settings=SETTINGS
+    )
+
+
+def whole_step(laboratory: Laboratory) -> Result:
+    """Make figure 4.13: the whole step on three maps."""
+    times = step_times(laboratory, MAPS, (3,))
+    checks = [
+        judged_mean(
+            f"the step grows at most as n^2, map {name}: exponent", "O(n^2)", list(exponents(times[name, 3])), high=2.0
+        )
+        for name in MAPS
+    ]
+    few = [i for i, n in enumerate(ROBOTS) if FEWEST <= n <= DENSE_TO]
+    dense = exponents(times["original", 3][few], [ROBOTS[i] for i in few])
+    less = judged_mean(
+        "on the dense map it grows less than in proportion up to 42 robots: exponent", "below 1", list(dense), high=1.0
+    )
+    return Result(
+        checks=(*checks, less),
+        pictures={"": times_figure(times, "whole step, 3 sensors, ms")},
+        settings=SETTINGS,
+    )
+
+
+def contact_share(laboratory: Laboratory) -> Result:
+    """Make figure 4.14: which share of a step is contact."""
+    contact, whole = step_times(laboratory, MAPS, (0,)), step_times(laboratory, MAPS, (3,))
+    shares = {(name, 3): contact[name, 0] / whole[name, 3] for name in MAPS}
+    checks = tuple(
+        judged_difference(
+            f"the share of contact falls with robots, map {name}",
+            "falls",
+            shares[name, 3][-1],
+            shares[name, 3][0],
+            names=("share at 48", "at 6"),
+        )
+        for name in MAPS
+    )
+    return Result(
+        checks=checks,
+        pictures={"": times_figure(shares, "contact alone / whole step")},
+        settings=SETTINGS,
+        remarks=(
+            "The thesis tested all pairs for contact in interpreted code. Here the fixed cost of a step, calls and "
+            "data collection, is a large part of it while robots are few.",
+        ),
+    )
+
+
+def by_sensors(laboratory: Laboratory) -> Result:
+    """Make figure 4.15: the step with three, six and nine sensors."""
+    times = step_times(laboratory, MAPS[:1], SENSORS)
+    more = [
+        judged_difference(
+            f"{b} sensors take longer than {a}: ms a step of 48 robots",
+            "longer",
+            times["original", a][-1],
+            times["original", b][-1],
+            names=(str(a), str(b)),
+        )
+        for a, b in ((3, 6), (6, 9))
+    ]
+    steeper = judged_difference(
+        "what nine sensors take more grows with robots: ms",
+        "grows",
+        times["original", 9][0] - times["original", 3][0],
+        times["original", 9][-1] - times["original", 3][-1],
+        names=("at 6", "at 48"),
+    )
+    return Result(
+        checks=(*more, steeper), pictures={"": times_figure(times, "whole step, map original, ms")}, settings=SETTINGS
+    )
+
+
+def linear_in_sensors(laboratory: Laboratory) -> Result:
+    """Make figure 4.16: the step over the number of sensors, for each number of robots."""
+    times = step_times(laboratory, MAPS[:1], SENSORS)
+    three, six, nine = (times["original", s] for s in SENSORS)
+    bend = ((nine - six) - (six - three)) / (nine - three)
+    checks = tuple(
+        judged_mean(
+            f"linear in sensors with {n} robots: bend, 0 for a straight line",
+            "linear beyond 5 robots",
+            list(bend[i]),
+            low=-0.5,
+            high=0.5,
+            main=n >= 24,
+        )
+        for i, n in enumerate(ROBOTS)
+        if n in (6, 24, 48)
+    )
+    figure, (axes,) = plain_axes("sensors", "whole step, map original, ms")
+    for k, i in enumerate((0, 3, 5, 7)):
+        draw_means(axes, SENSORS, [times["original", s][i] for s in SENSORS], f"{ROBOTS[i]} robots", k)
+    axes.set_ylim(bottom=0)
+    axes.legend(frameon=False)
+    return Result(
+        checks=checks,
+        pictures={"": figure},
+        settings=f"{SETTINGS}; the bend is ((t9 - t6) - (t6 - t3)) / (t9 - t3), each of t of so many sensors",
+        remarks=(
+            "The designs AGENT3, AGENT6 and AGENT9 differ in where their sensors look as well, so that their robots "
+            "crowd differently and each sensor costs differently.",
+        ),
+    )
+
+
+def times_figure(times: Times, what: str) -> Figure:
+    """Return a figure with a line for each map or number of sensors."""
+    figure, (axes,) = plain_axes("robots", what)
+    several = len({sensors for _, sensors in times}) > 1
+    for i, ((name, sensors), values) in enumerate(times.items()):
+        draw_means(axes, ROBOTS, values, f"{sensors} sensors" if several else name, i)
+    axes.set_ylim(bottom=0)
+    axes.legend(frameon=False)
+    return figure
+
+
+ITEMS = (
+    Item(figure="4.12", title="time of contact alone on three maps", section="4.8", make=contact_alone),
+    Item(figure="4.13", title="time of a step on three maps", section="4.8", make=whole_step),
+    Item(figure="4.14", title="share of contact in a step", section="4.8", make=contact_share),
+    Item(figure="4.15", title="time of a step with 3, 6 and 9 sensors", section="4.8", make=by_sensors),
+    Item(figure="4.16", title="time of a step over sensors", section="4.8", make=linear_in_sensors),
+)

@@ -1,0 +1,109 @@
+"""What the pictures of all results share: figures with plain axes, means with their spread, files."""
+
+import io
+from collections.abc import Sequence
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+from matplotlib.ticker import StrMethodFormatter
+
+from mesa_swarm.experiments.figures import COLOURS
+from mesa_swarm.experiments.pictures import draw_world, legend_of
+from mesa_swarm.experiments.portrait import portrait_of
+from mesa_swarm.experiments.statistics import mean_interval
+
+# Long lines are drawn by so many points: more cannot be seen.
+MOST_POINTS = 1000
+FAINT = 0.18
+
+
+def plain_axes(
+    x: str, y: str, *, panels: int = 1, size: tuple[float, float] = (7.5, 4.2), share_y: bool = False
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure with axes side by side, named, without frames.
+
+    Examples
+    --------
+    >>> figure, (axes,) = plain_axes("step", "collisions")
+    >>> axes.get_xlabel()
+    'step'
+    """
+    figure = Figure(figsize=size, layout="constrained")
+    grid = list(figure.subplots(1, panels, squeeze=False, sharey=share_y).ravel())
+    for axes in grid:
+        axes.set(xlabel=x)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.grid(alpha=0.25)
+    grid[0].set(ylabel=y)
+    return figure, grid
+
+
+def count_steps(axes: Axes) -> None:
+    """Write steps as 10,000."""
+    axes.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
+
+
+def draw_bundle(axes: Axes, x: Sequence[float], curves: np.ndarray, colour: str, label: str) -> None:
+    """Draw curves, a row each, faintly, and their mean over them."""
+    thin = slice(None, None, max(1, len(x) // MOST_POINTS))
+    axes.plot(np.asarray(x)[thin], curves[:, thin].T, color=colour, alpha=FAINT, linewidth=0.6)
+    axes.plot(np.asarray(x)[thin], curves.mean(axis=0)[thin], color=colour, linewidth=2.0, label=label)
+
+
+def draw_means(axes: Axes, x: Sequence[float], columns: Sequence[Sequence[float | None]], label: str, i: int) -> None:
+    """Draw the mean of every column with its 95 % interval, joined by a line; None is left out."""
+    intervals = [mean_interval([value for value in column if value is not None]) for column in columns]
+    means = np.array([interval.estimate for interval in intervals])
+    reach = np.array([[m.estimate - m.low, m.high - m.estimate] for m in intervals]).T
+    style = "os^vD"[i % 5] + "-"
+    colour = COLOURS[i % len(COLOURS)]
+    axes.errorbar(x, means, np.nan_to_num(reach), fmt=style, color=colour, markersize=5, capsize=3, label=label)
+
+
+def world_picture(model, title: str, *, perceived: bool = False, sectors: bool = False) -> Figure:
+    """Return a picture of a model's world as it is now, with its legend.
+
+    Examples
+    --------
+    >>> from mesa_swarm.model import SwarmModel
+    >>> world_picture(SwarmModel(rng=1), "a world").axes[0].get_title()
+    'a world'
+    """
+    portrait = portrait_of(model, perceived=perceived)
+    figure = Figure(figsize=(7.0, 6.0), layout="constrained")
+    axes = figure.add_subplot()
+    draw_world(portrait, axes, sectors)
+    axes.set_title(title, fontsize=11)
+    entries = legend_of(portrait)
+    if entries:
+        figure.legend(handles=entries, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+    return figure
+
+
+def svg(figure: Figure) -> bytes:
+    """Return a figure as an SVG; the same figure gives the same bytes.
+
+    Examples
+    --------
+    >>> b"<svg" in svg(Figure(figsize=(1, 1)))
+    True
+    """
+    file = io.BytesIO()
+    FigureCanvasSVG(figure)
+    with matplotlib.rc_context({"svg.hashsalt": "mesa_swarm", "svg.fonttype": "none"}):
+        figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
+    return file.getvalue()
+
+
+def column(rows: Sequence[dict], name: str) -> list:
+    """Return one number of every run.
+
+    Examples
+    --------
+    >>> column([{"a": 1}, {"a": 2}], "a")
+    [1, 2]
+    """
+    return [row[name] for row in rows]

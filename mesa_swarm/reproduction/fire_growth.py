@@ -1,0 +1,150 @@
+"""Figure B.1: how a fire grows, and how robots put it out, beside the thesis's equations."""
+
+import math
+import warnings
+from collections.abc import Iterator
+
+import numpy as np
+
+from mesa_swarm.errors import FireConstantsWarning
+from mesa_swarm.fire.burning import next_temperature
+from mesa_swarm.fire.constants import FireConstants, design_constants
+from mesa_swarm.reproduction.drawing import count_steps, plain_axes
+from mesa_swarm.reproduction.judging import judged_fact, judged_number
+from mesa_swarm.reproduction.laboratory import Laboratory
+from mesa_swarm.reproduction.registry import Item
+from mesa_swarm.reproduction.result import Result
+
+# The example by which (B.9) was found to be wrong: three robots put out a fire of area 1 and T = 1 in 200 steps.
+GROWTH, ROBOTS, TIME, AREA = 1000.0, 3, 200, 1.0
+LONGEST = 5_000
+ROUNDING = 1e-12
+
+
+def growth(laboratory: Laboratory) -> Result:
+    """Make figure B.1: the temperature of a fire that is left alone, and of one that robots put out."""
+    chosen = example()
+    alone = course(chosen, 0.0, robots=0, steps=1_500)
+    times = np.arange(len(alone))
+    law = np.minimum(np.exp(chosen.k1 * times) - 1.0, 1.0)
+    fought = course(chosen, 1.0, robots=ROBOTS, steps=LONGEST)
+    exact = solution(chosen, np.arange(len(fought)))
+    printed = printed_k2(chosen.k1)
+    unclamped = 0.001 + chosen.k1 * 1.001 - chosen.k2 * 8
+    checks = (
+        judged_number(
+            "left alone, T follows e^(k1 t) - 1 (B.1): largest difference", "exact", float(np.abs(alone - law).max()),
+            high=0.001,
+        ),
+        judged_number("T reaches 1 after the growth time of 1,000: steps", "1,000", first(alone >= 1.0), high=1_001),
+        judged_number(
+            "three robots put it out in 200 steps, constants by (B.9) corrected: steps", "200", first(fought <= 0.0),
+            low=199, high=202,
+        ),
+        judged_number(
+            "on the way T follows the solution (B.7): largest difference", "exact",
+            float(np.abs(fought - np.maximum(exact, 0.0)).max()), high=0.01,
+        ),
+        judged_number(
+            "with k2 by (B.9) as printed they take 200 steps", "200",
+            first(course(with_k2(chosen, printed), 1.0, robots=ROBOTS, steps=LONGEST) <= 0.0), low=199, high=202,
+            main=False,
+        ),
+        judged_number(
+            "T stays within [0, 1] by (B.3) as printed: T = 0.001, eight robots, one step later", "0 to 1", unclamped,
+            low=0.0, high=1.0, main=False,
+        ),
+        judged_fact(
+            "by (B.3) as printed a fire cannot start from exactly 0", "cannot start", chosen.k1 * (0 + 1) == 0,
+            measured=f"grows by {chosen.k1:.6f} a step", criterion="k1 (T + 1) is 0 at T = 0", main=False,
+        ),
+    )  # fmt: skip
+    figure, (axes,) = plain_axes("step", "temperature of the fire")
+    axes.plot(times, alone, linewidth=1.8, label="left alone")
+    axes.plot(times[:: len(times) // 15], law[:: len(times) // 15], "o", markersize=4, label="e^(k1 t) - 1")
+    axes.plot(np.arange(len(fought))[:260], fought[:260], linewidth=1.8, label="three robots, corrected k2")
+    axes.legend(frameon=False)
+    count_steps(axes)
+    return Result(
+        checks=checks,
+        pictures={"": figure},
+        settings="growth time 1,000, area 1, T = 1; here a fire is out for ever once T is 0, and T stays within [0, 1]",
+        remarks=(
+            f"k2 is {chosen.k2:.7f} by (B.9) corrected and {printed:.4f} as printed, which adds an area over a time "
+            "to a pure number.",
+        ),
+    )
+
+
+def example() -> FireConstants:
+    """Return the constants of the example; that one robot would suffice for it is beside the point here.
+
+    Examples
+    --------
+    >>> round(example().k2, 7)
+    0.0020159
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FireConstantsWarning)
+        return design_constants(
+            growth_time=GROWTH, robots=ROBOTS, extinguish_time=TIME, area=AREA, largest_area=AREA,
+            initial_temperature=1.0,
+        )  # fmt: skip
+
+
+def printed_k2(k1: float) -> float:
+    """Return k2 by (B.9) as the thesis prints it: k1 A / n multiplies the first term only.
+
+    Examples
+    --------
+    >>> round(printed_k2(math.log(2) / 1000), 4)
+    1.0018
+    """
+    grown = math.exp(k1 * TIME)
+    return (k1 * AREA / ROBOTS * grown + grown - 1.0) / (grown - 1.0)
+
+
+def with_k2(chosen: FireConstants, k2: float) -> FireConstants:
+    """Return the same constants with another k2."""
+    return FireConstants(chosen.k1, k2, chosen.k3, chosen.k4, chosen.leave, chosen.join)
+
+
+def course(chosen: FireConstants, start: float, *, robots: int, steps: int) -> np.ndarray:
+    """Return a fire's temperature at steps 0, 1, ..., by the rule of the simulator; once out it stays out.
+
+    Examples
+    --------
+    >>> course(example(), 0.5, robots=0, steps=2).shape
+    (3,)
+    """
+    return np.fromiter(temperatures(chosen, start, robots, steps), float)
+
+
+def temperatures(chosen: FireConstants, start: float, robots: int, steps: int) -> Iterator[float]:
+    """Yield a fire's temperature, from its start to so many steps later."""
+    k = (chosen.k1, chosen.k2, chosen.k3, chosen.k4, chosen.leave, chosen.join)
+    now = start
+    yield now
+    for _ in range(steps):
+        now = next_temperature(now, AREA, robots, k) if robots == 0 or now > 0.0 else 0.0
+        yield now
+
+
+def solution(chosen: FireConstants, times: np.ndarray) -> np.ndarray:
+    """Return the solution of (B.2) for a fire at T = 1: (1 + T0 - c) e^(k1 t) + c - 1, c = k2 n / (k1 A) (B.7)."""
+    held = chosen.k2 * ROBOTS / (chosen.k1 * AREA)
+    return (2.0 - held) * np.exp(chosen.k1 * times) + held - 1.0
+
+
+def first(happened: np.ndarray) -> float:
+    """Return the first step at which something is so, infinity if it never is.
+
+    Examples
+    --------
+    >>> first(np.array([False, True, True])), first(np.array([False]))
+    (1.0, inf)
+    """
+    return float(happened.argmax()) if happened.any() else math.inf
+
+
+ITEMS = (Item(figure="B.1", title="how a fire's temperature grows", section="B.1", make=growth),)

@@ -1,0 +1,271 @@
+"""Figures 8.1 to 8.7: robots that teach themselves to touch nothing."""
+
+import math
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from mesa_swarm.experiments.figures import COLOURS
+from mesa_swarm.gallery import find_model
+from mesa_swarm.learning.actions import temperature_at
+from mesa_swarm.learning.rewards import reward
+from mesa_swarm.reproduction.drawing import column, count_steps, draw_bundle, draw_means, plain_axes
+from mesa_swarm.reproduction.judging import judged_difference, judged_fact, judged_mean, judged_number
+from mesa_swarm.reproduction.laboratory import Laboratory
+from mesa_swarm.reproduction.learning_runs import POINTS, STEPS, avoidance_run, learning_run
+from mesa_swarm.reproduction.registry import Item
+from mesa_swarm.reproduction.result import Check, Result
+
+SEEDS = 8
+SLOW, FAST = 1e-4, 5e-3
+CRITICAL = 0.4
+LEARNING = (
+    "map original, AGENT9, alpha 0.4, eta 0.1, gamma 0.7, T from 1 to 0.2, reward (b), four actions, readings as "
+    "shares of the range 50; all other distances and speeds are ours"
+)
+GAMMAS = (0.0, 0.3, 0.5, 0.7, 0.9)
+ROUNDING = 1e-9
+
+
+def temperatures(laboratory: Laboratory) -> Result:
+    """Make figure 8.1: how T falls."""
+    steps = np.arange(0, STEPS + 1, 100)
+    run = laboratory.pick(2_000, 200)
+    learned = float(find_model("q_learning")(n_robots=1, beta=FAST, rng=1).run(run).learner.temperature[0])
+    # In its first step a robot has nothing to learn from yet.
+    error = min(abs(learned - temperature_at(run - lag, beta=FAST)) for lag in (0, 1))
+    end = temperature_at(STEPS, beta=SLOW)
+    checks = (
+        judged_number("T of a learning robot differs from the law (8.3) by at most", "0", error, high=ROUNDING),
+        judged_number(
+            "at beta 1e-4, 33,000 steps bring T 95 % of the way", "95 %", 100 * (1 - end) / 0.8, low=95.0, unit=" %"
+        ),
+        judged_number(
+            "after them T is within 5 % of its end", "95 % of T_c", 100 * (end / 0.2 - 1), high=5.0, unit=" % above",
+            main=False,
+        ),
+        judged_number(
+            "(8.1), T = e^(-beta t) + T_c, starts at the thesis's T of 1", "same path", 1.2, low=1.0, high=1.0,
+            main=False,
+        ),
+    )  # fmt: skip
+    figure, (axes,) = plain_axes("step", "temperature T")
+    for beta in (SLOW, FAST):
+        axes.plot(steps, [temperature_at(step, beta=beta) for step in steps], linewidth=1.8, label=f"beta {beta:g}")
+    axes.set_ylim(0, 1.05)
+    axes.legend(frameon=False)
+    count_steps(axes)
+    needed = math.log(0.01 / 0.8) / math.log1p(-SLOW)
+    return Result(
+        checks=checks,
+        pictures={"": figure},
+        settings="T from 1 to 0.2",
+        remarks=(f"Within 5 % of its end T is after {needed:,.0f} steps at beta 1e-4.",),
+    )
+
+
+def rewards(laboratory: Laboratory) -> Result:
+    """Make figure 8.2: the rewards over the nearest reading."""
+    readings = np.linspace(0, 1, 501)
+    leaps = {kind: reward(kind, CRITICAL, 1, 1) - reward(kind, CRITICAL - 1e-9, 1, 1) for kind in "abc"}
+    checks = (
+        judged_number("q for d_crit 0.4", "4.2957", (math.e - 1) / CRITICAL, low=4.29565, high=4.29575),
+        judged_number("reward when touching", "-1", reward("b", 0.0, 1, 1), low=-1, high=-1),
+        judged_number("reward just below d_crit", "0", reward("b", CRITICAL - 1e-12, 1, 1), low=-1e-9, high=1e-9),
+        judged_number("leap of (b) at d_crit, driving ahead", "discontinuity (8.3)", leaps["b"], low=0.99, high=1.01),
+        judged_number("leap of (c), its cure", "proposed", leaps["c"], low=-1e-6, high=1e-6),
+        judged_number("largest Q at gamma 0.7 (8.4)", "3.3", 1 / (1 - 0.7), low=3.25, high=3.35),
+        judged_number("largest Q at gamma 0.9 (8.4)", "10", 1 / (1 - 0.9), low=9.99, high=10.01),
+        judged_fact(
+            "(8.5) has a value where nothing is seen, if that reads -1 as in the thesis",
+            "-1 for nothing",
+            (math.e - 1) / CRITICAL * -1 + 1 > 0,
+            measured=f"ln({(math.e - 1) / CRITICAL * -1 + 1:.2f}): none; here nothing seen reads as the range",
+            criterion="the logarithm's argument is above 0",
+            main=False,
+        ),
+    )
+    figure, (axes,) = plain_axes("nearest reading, as a share of the range", "reward")
+    for kind, wheels, style in (("b", (1, 1), "-"), ("c", (1, 1), "--"), ("a", (1, 0), "-."), ("b", (1, 0), ":")):
+        values = [reward(kind, float(reading), *wheels) for reading in readings]
+        way = "ahead" if wheels == (1, 1) else "turning"
+        axes.plot(readings, values, style, linewidth=1.8, label=f"({kind}), {way}")
+    axes.legend(frameon=False)
+    return Result(checks=checks, pictures={"": figure}, settings="d_crit 0.4 of the sensors' range")
+
+
+def runs_of(laboratory: Laboratory, robots: int, beta: float) -> list[dict]:
+    """Return the learning runs that several figures share."""
+    steps, seeds = laboratory.pick(STEPS, 3_300), laboratory.seeds(SEEDS, quick=2)
+    return laboratory.runs(learning_run, seeds, steps=steps, n_robots=robots, beta=beta)
+
+
+def falling(rows: list[dict], share: float, main: bool = True) -> Check:
+    """Judge whether collisions of the end are at most a share of those of the start, in the mean of runs."""
+    early, late = column(rows, "early"), column(rows, "late")
+    return judged_difference(
+        f"collisions fall to {share:.0%} or less: a robot and 1,000 steps",
+        "to about 0",
+        late,
+        [share * value for value in early],
+        names=("last 3,000 steps", f"{share:.0%} of the first 1,000"),
+        main=main,
+    )
+
+
+def with_temperature(rows: list[dict], main: bool = True) -> Check:
+    """Judge whether collisions go with T over a run."""
+    return judged_mean(
+        "collisions go with T: correlation over a run",
+        "correlate",
+        column(rows, "with temperature"),
+        low=0.0,
+        main=main,
+    )
+
+
+def frequency(laboratory: Laboratory, robots: int, beta: float, share: float) -> Result:
+    """Make one of the figures of how often robots collide, with T."""
+    rows = runs_of(laboratory, robots, beta)
+    checks = (
+        falling(rows, share),
+        with_temperature(rows),
+        judged_mean(
+            "the robots drive ahead in the last 3,000 steps: share of full speed",
+            "fast",
+            column(rows, "speed"),
+            low=0.5,
+        ),
+    )
+    return Result(
+        checks=checks,
+        pictures={"": frequency_figure(rows, robots, beta, laboratory.pick(STEPS, 3_300))},
+        settings=f"{LEARNING}; {robots} robot{'s' if robots > 1 else ''}, beta {beta:g}",
+    )
+
+
+def one_robot(laboratory: Laboratory) -> Result:
+    """Make figure 8.3: one robot."""
+    return frequency(laboratory, 1, SLOW, 0.25)
+
+
+def many_slowly(laboratory: Laboratory) -> Result:
+    """Make figure 8.4: fifteen robots whose T falls slowly."""
+    return frequency(laboratory, 15, SLOW, 0.25)
+
+
+def many_fast(laboratory: Laboratory) -> Result:
+    """Make figure 8.5: fifteen robots whose T falls fast."""
+    return frequency(laboratory, 15, FAST, 0.5)
+
+
+def totals(laboratory: Laboratory) -> Result:
+    """Make figure 8.6: collisions so far, for both rates."""
+    slow, fast = (runs_of(laboratory, 15, beta) for beta in (SLOW, FAST))
+    flat = [
+        judged_difference(
+            f"the total flattens, beta {beta:g}: collisions a robot",
+            "plateau",
+            column(rows, "last third"),
+            [value / 2 for value in column(rows, "first third")],
+            names=("last third of the run", "half of the first"),
+        )
+        for beta, rows in ((SLOW, slow), (FAST, fast))
+    ]
+    checks = (
+        *flat,
+        judged_difference(
+            "fast cooling: more collisions early, a robot and 1,000 steps",
+            "more early",
+            column(slow, "early"),
+            column(fast, "early"),
+            names=("beta 1e-4", "5e-3"),
+            main=False,
+        ),
+        judged_difference(
+            "fast cooling: fewer collisions in all, a robot",
+            "fewer in all",
+            column(fast, "total"),
+            column(slow, "total"),
+            names=("beta 5e-3", "1e-4"),
+            main=False,
+        ),
+    )
+    figure, (axes,) = plain_axes("step", "collisions of a robot so far")
+    steps = np.linspace(0, laboratory.pick(STEPS, 3_300), POINTS)
+    for i, (beta, rows) in enumerate(((SLOW, slow), (FAST, fast))):
+        draw_bundle(axes, steps, np.array(column(rows, "sum")), COLOURS[i], f"beta {beta:g}")
+    axes.legend(frameon=False)
+    count_steps(axes)
+    return Result(checks=checks, pictures={"": figure}, settings=f"{LEARNING}; 15 robots")
+
+
+def frequency_figure(rows: list[dict], robots: int, beta: float, last: int) -> Figure:
+    """Return a figure of how often robots collide, smoothed, and of T."""
+    figure, (axes,) = plain_axes("step", "collisions a robot and 1,000 steps")
+    curves = np.array(column(rows, "curve"))
+    draw_bundle(axes, np.linspace(0, last, curves.shape[1]), curves, COLOURS[0], "mean of runs")
+    warmth = axes.twinx()
+    warmth.plot(np.linspace(0, last, POINTS), rows[0]["temperature"], color=COLOURS[1], linewidth=1.6)
+    warmth.set(ylabel="T", ylim=(0, 1.05))
+    warmth.yaxis.label.set_color(COLOURS[1])
+    axes.set_ylim(0, max(3.0 * float(curves.mean(axis=0).max()), 1.0))
+    axes.set_title(
+        f"beta {beta:g}, {robots} robots, {len(rows)} runs: blue collisions and their mean, orange T", fontsize=10
+    )
+    count_steps(axes)
+    return figure
+
+
+def avoidance(laboratory: Laboratory) -> Result:
+    """Make figure 8.7: at which distance robots turn, over gamma."""
+    steps, seeds = laboratory.pick(STEPS, 3_300), laboratory.seeds(SEEDS)
+    rows = laboratory.grid(avoidance_run, [{"gamma": gamma, "steps": steps} for gamma in GAMMAS], seeds)
+    distances = dict(zip(GAMMAS, (column(runs, "distance") for runs in rows), strict=True))
+    checks = (
+        judged_mean(
+            "at gamma 0 robots turn at d_crit (20 units): distance",
+            "d_crit",
+            distances[0.0],
+            low=15.0,
+            high=25.0,
+        ),
+        judged_difference(
+            "with gamma they turn farther off: distance",
+            "farther than d_crit",
+            distances[0.0],
+            distances[0.7],
+            names=("gamma 0", "0.7"),
+        ),
+        judged_difference(
+            "the more, the larger gamma is",
+            "to infinity as gamma nears 1",
+            distances[0.5],
+            distances[0.9],
+            names=("gamma 0.5", "0.9"),
+            main=False,
+        ),
+    )
+    figure, (axes,) = plain_axes("gamma", "distance from the wall at which forward is no longer best")
+    draw_means(axes, GAMMAS, list(distances.values()), "one robot", 0)
+    axes.axhline(50 * CRITICAL, color=COLOURS[1], linestyle="--", label="d_crit")
+    axes.legend(frameon=False)
+    never = {gamma: values.count(None) for gamma, values in distances.items() if None in values}
+    told = ", ".join(f"{n} of {len(seeds)} at gamma {gamma:g}" for gamma, n in never.items())
+    return Result(
+        checks=checks,
+        pictures={"": figure},
+        settings=f"{LEARNING}; one robot, beta 1e-4; asked before a wall, from far to near, without chance",
+        remarks=(f"In some runs forward is not the best action far from everything: {told}.",) if told else (),
+    )
+
+
+ITEMS = (
+    Item(figure="8.1", title="how the temperature of the choice falls", section="8.3", make=temperatures),
+    Item(figure="8.2", title="the rewards", section="8.2", make=rewards),
+    Item(figure="8.3", title="collisions of one learning robot", section="8.3", make=one_robot),
+    Item(figure="8.4", title="collisions of 15, temperature falling slowly", section="8.3", make=many_slowly),
+    Item(figure="8.5", title="collisions of 15, temperature falling fast", section="8.3", make=many_fast),
+    Item(figure="8.6", title="collisions so far, for both", section="8.3", make=totals),
+    Item(figure="8.7", title="distance at which robots turn, over gamma", section="8.4", make=avoidance),
+)

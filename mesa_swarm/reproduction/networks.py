@@ -1,0 +1,114 @@
+"""Figures 6.3 and 7.3: small networks that fit noisy points, and Boltzmann's choice."""
+
+import numpy as np
+
+from mesa_swarm.learning.actions import boltzmann
+from mesa_swarm.learning.networks import fit
+from mesa_swarm.reproduction.drawing import column, plain_axes
+from mesa_swarm.reproduction.judging import judged_fact, judged_mean, judged_number
+from mesa_swarm.reproduction.laboratory import Laboratory
+from mesa_swarm.reproduction.network_runs import choice_run, noisy_points, our_curve, regression_run
+from mesa_swarm.reproduction.registry import Item
+from mesa_swarm.reproduction.result import Result
+
+SEEDS = 40
+VALUES = (3.0, 2.0, 1.0)
+# So small a difference comes from rounding.
+ROUNDING = 1e-12
+
+
+def regression(laboratory: Laboratory) -> Result:
+    """Make figure 6.3: two runs of a regression, one good and one bad."""
+    seeds = laboratory.seeds(SEEDS)
+    networks = laboratory.pick(50, 10)
+    same, drawn = laboratory.grid(
+        regression_run, [{"networks": networks, "curve": kind} for kind in ("ours", "drawn")], seeds
+    )
+    checks = (
+        judged_mean(
+            "share of networks that fit badly (error above three times the noise)",
+            "less than 10 %",
+            column(same, "bad"),
+            high=0.1,
+        ),
+        judged_mean(
+            "error of the middle network, of the noise",
+            "good fit in the picture",
+            column(same, "median"),
+            high=1.5,
+        ),
+        judged_mean(
+            "the same share for curves drawn at random",
+            "less than 10 %",
+            column(drawn, "bad"),
+            high=0.1,
+            main=False,
+        ),
+    )
+    return Result(
+        checks=checks,
+        pictures={"": regression_figure(laboratory.pick(100, 20))},
+        settings=(
+            "1-2-1 networks of tanh units, eta 0.5, 200 presentations of each of 30 points in random order, noise "
+            "0.05; the thesis's own points are not known: ours follow 0.6 tanh(4x + 1) - 0.4 tanh(3x - 2)"
+        ),
+    )
+
+
+def regression_figure(networks: int):
+    """Return a figure of the points, the best and the worst of some networks."""
+    rng = np.random.default_rng(6)
+    x, y = noisy_points(rng, our_curve)
+    fitted = fit(x, y, rng=rng, networks=networks)
+    fine = np.linspace(-1, 1, 100)
+    said = np.array([fitted.outputs(np.full((networks, 1), at)) for at in fine])
+    errors = np.sqrt(((said - our_curve(fine)[:, None]) ** 2).mean(axis=0))
+    figure, (axes,) = plain_axes("x", "y")
+    axes.plot(x, y, "o", color="#8a8a8a", markersize=4, label="points that were shown")
+    for which, label, style in ((errors.argmin(), "best", "-"), (errors.argmax(), "worst", "--")):
+        axes.plot(fine, said[:, which], style, linewidth=1.8, label=f"{label} of {networks} networks")
+    axes.legend(frameon=False)
+    return figure
+
+
+def choice(laboratory: Laboratory) -> Result:
+    """Make figure 7.3: Boltzmann's probabilities of three actions over the temperature."""
+    temperatures = np.geomspace(0.05, 20, 200)
+    shares = np.array([boltzmann(VALUES, t) for t in temperatures])
+    rows = laboratory.runs(choice_run, laboratory.seeds(SEEDS), draws=laboratory.pick(10_000, 1_000))
+    exact = np.exp(VALUES) / np.exp(VALUES).sum()
+    checks = (
+        judged_number(
+            "probabilities at T = 1 differ from e^(Q/T) / sum (7.4) by at most",
+            "0",
+            float(np.abs(boltzmann(VALUES, 1.0) - exact).max()),
+            high=ROUNDING,
+        ),
+        judged_number("cold, the best action is certain: its probability at T = 0.05", "1", shares[0, 0], low=0.999),
+        judged_number("hot, all are alike: largest less least at T = 20", "0", float(np.ptp(shares[-1])), high=0.05),
+        judged_fact(
+            "the best action's probability falls with T all the way",
+            "falls",
+            bool((np.diff(shares[:, 0]) < 0).all()),
+            measured=f"{shares[0, 0]:.3f} to {shares[-1, 0]:.3f}",
+        ),
+        judged_mean(
+            "robots choose so: share of the best action at T = 1 less its probability",
+            "0",
+            column(rows, "excess"),
+            low=-0.005,
+            high=0.005,
+        ),
+    )
+    figure, (axes,) = plain_axes("temperature T", "probability")
+    for value, line in zip(VALUES, shares.T, strict=True):
+        axes.plot(temperatures, line, linewidth=1.8, label=f"Q = {value:g}")
+    axes.set(xscale="log", ylim=(0, 1))
+    axes.legend(frameon=False)
+    return Result(checks=checks, pictures={"": figure}, settings="Q = (3, 2, 1), as in the thesis")
+
+
+ITEMS = (
+    Item(figure="6.3", title="two runs of a regression", section="6.3", make=regression),
+    Item(figure="7.3", title="Boltzmann's probabilities", section="7.4", make=choice),
+)

@@ -1,0 +1,119 @@
+"""Learning to fight fires: what robots do about fires when nobody tells them, only what pays.
+
+WHAT IS IT? Strategies A and B were written by hand. These robots learn what to do in which situation from two rewards:
+for finding a fire, and for putting one out. The question is whether they come to gather at the large fire.
+
+HOW IT WORKS. Layers: Avoid, LearnFires. A robot keeps to one of five skills (explore, approach, wait, back off,
+follow) until its situation changes: free, at a fire, too hot in the heat or out of it; a fire in sight or not; a
+robot in sight or not. For each situation it holds a value of each skill, corrects it by what the skill earned, and
+chooses by chance, the more so the higher its temperature T. When all fires are out, or after `round_steps`, they are
+lit again at the same places: a round.
+
+HOW TO USE IT. With `controller` "shared" all robots learn in one table, with "own" each in its own. Beside them are
+strategies A and B, a follower (A, and it follows a robot that it sees), and skills at random.
+
+THINGS TO NOTICE. Early rounds end by the clock, with the large fire burning. Later, robots that share what they learn
+back out of the heat, wait in front of the fire and return: strategy B, which nobody told them.
+
+THINGS TO TRY. put_out 0: do they still put fires out? arrival 0? gamma 0.9, with which a rest never pays?
+
+EXTENDING IT. Pay all robots when a fire goes out.
+
+REFERENCE. Thesis 9.5 and 10.4. Sutton, Precup and Singh, Artificial Intelligence 112 (1999).
+"""
+
+from typing import Annotated
+
+import numpy as np
+
+from mesa_swarm import AGENT_FIRE, SwarmModel
+from mesa_swarm.control import Avoid, Explore, Follow, Subsumption
+from mesa_swarm.errors import check_choice, check_count
+from mesa_swarm.fire import FightFire
+from mesa_swarm.learning.fire_learning import LearnFires
+from mesa_swarm.parameters import Choice, Slider
+
+CONTROLLERS = ("shared", "own", "A", "B", "follower", "random")
+
+
+class LearningFires(SwarmModel):
+    """Robots that learn what to do about fires.
+
+    Examples
+    --------
+    >>> LearningFires(rng=1).run(10).results()["rounds"]
+    0
+    """
+
+    compares = "controller", CONTROLLERS
+    steps_to_compare = 60_000
+
+    def __init__(
+        self,
+        *,
+        n_robots: Annotated[int, Slider(1, 50, 1, "robots")] = 10,
+        controller: Annotated[str, Choice(CONTROLLERS, "what drives the robots")] = "shared",
+        arrival: Annotated[float, Slider(0, 100, 1, "reward for arriving at another fire")] = 10.0,
+        put_out: Annotated[float, Slider(0, 100, 1, "reward for those at a fire that goes out")] = 10.0,
+        step_cost: Annotated[float, Slider(0, 1, 0.001, "cost of a step away from fires")] = 0.01,
+        alpha: Annotated[float, Slider(0, 1, 0.01, "how much of a new experience counts")] = 0.1,
+        gamma: Annotated[float, Slider(0, 0.9999, 0.0001, "what the next step's value counts")] = 0.999,
+        beta: Annotated[float, Slider(0, 0.01, 1e-5, "share by which T nears its end in each step")] = 1e-4,
+        first_temperature: Annotated[float, Slider(0.01, 50, 0.01, "T at the start")] = 5.0,
+        last_temperature: Annotated[float, Slider(0.01, 50, 0.01, "T in the end")] = 0.1,
+        round_steps: Annotated[int, Slider(100, 20_000, 100, "most steps of a round")] = 6_000,
+        map: Annotated[str, Choice(("openspace_fire",), "the world")] = "openspace_fire",
+        rng=None,
+    ) -> None:
+        super().__init__(map=map, rng=rng, history_every=0, model_reporters={"robots_at_largest": "robots_at_largest"})
+        self.round_steps = check_count("round_steps", round_steps, minimum=1)
+        self.round_began = 0
+        self.rounds: list[list[int]] = []  # how long each lasted, whether all went out, whether the largest did
+        self.add_robots(AGENT_FIRE, check_count("n_robots", n_robots))
+        learner = LearnFires(
+            arrival=arrival, put_out=put_out, step_cost=step_cost, alpha=alpha, gamma=gamma, beta=beta,
+            first_temperature=first_temperature, last_temperature=last_temperature,
+            shared=controller == "shared", frozen=controller == "random",
+        )  # fmt: skip
+        self.control = Subsumption(*_layers(check_choice("controller", controller, CONTROLLERS), learner))
+
+    @property
+    def robots_at_largest(self) -> int:
+        """How many robots fight the largest fire."""
+        return int(self.fires.robots[np.argmax(self.fires.area)])
+
+    def step(self) -> None:
+        """Advance by one step; begin a round when all fires are out or its time is over."""
+        super().step()
+        out, lasted = self.fires.out, self.steps - self.round_began
+        if out.all() or lasted >= self.round_steps:
+            self.rounds.append([lasted, int(out.all()), int(out[np.argmax(self.fires.area)])])
+            self.light_again()
+
+    def light_again(self) -> None:
+        """Take all fires away and light them anew at their places."""
+        self.round_began = self.steps
+        if isinstance(self.control.layers[1], LearnFires):
+            self.control.layers[1].begin_again()
+        for fire in self.fires:
+            fire.remove()
+        for spot in self.map.fires:
+            self.add_fire(spot.position, radius=spot.radius, temperature=spot.temperature)
+
+    def results(self) -> dict[str, float | None]:
+        """Return what came of the later half: of the rounds, and of the steps with robots at the largest fire."""
+        later = np.array(self.rounds[len(self.rounds) // 2 :], dtype=float)
+        lasted, out, largest = later.mean(axis=0) if len(later) else (None,) * 3
+        fighting = np.array(self.datacollector.model_vars["robots_at_largest"][self.steps // 2 :], dtype=float)
+        together = fighting[fighting > 1].sum() / fighting.sum() if fighting.any() else None
+        shares = {"rounds with the largest out": largest, "rounds with all fires out": out, "steps of a round": lasted}
+        return {**shares, "rounds": len(self.rounds), "fighting at the largest in company": together}
+
+
+def _layers(controller: str, learner: LearnFires) -> tuple:
+    if controller in ("shared", "own", "random"):
+        return Avoid(fires="never"), learner
+    if controller == "B":
+        return Avoid(fires="never"), FightFire(strategy="B"), Explore()
+    following = (Follow(),) if controller == "follower" else ()
+    return Avoid(fires="when hot"), FightFire(strategy="A"), *following, Explore()

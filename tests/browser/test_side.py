@@ -1,0 +1,122 @@
+"""What stands beside the canvas, in a real browser: charts, the inspector, export."""
+
+import time
+
+from visits import wait_until
+
+from mesa_swarm.recording import Recording
+
+DRAWN = "document.querySelector('.swarm-charts').dataset.told"
+
+
+def downloaded(visitor, label: str, path):
+    with visitor.page.expect_download() as download:
+        visitor.press(label)
+    download.value.save_as(path / download.value.suggested_filename)
+    return path / download.value.suggested_filename
+
+
+def points(visitor) -> int:
+    return int(visitor.page.locator(".swarm-chart").first.get_attribute("data-points"))
+
+
+def test_charts_grow_while_it_plays_are_cleared_by_a_reset_and_downloaded(visitor, tmp_path):
+    page = visitor.page
+    assert page.locator(".swarm-chart").count() == 3
+    visitor.press("Play")
+    visitor.wait("+player.step > 5")
+    before, began = int(page.evaluate(DRAWN)), time.monotonic()
+    wait_until(lambda: int(page.evaluate(DRAWN)) >= before + 6)
+    assert 6 / (time.monotonic() - began) > 1, "the machine may be busy; test_charts asks for more than two"
+    visitor.press("Pause")
+    visitor.wait("player.playing === 'false' && player.fingerprint !== ''")
+    wait_until(lambda: points(visitor) == visitor.step)
+    table = downloaded(visitor, "Download Layers that drive as CSV", tmp_path).read_text().splitlines()
+    assert table[0] == "step,Avoid (% of robots),FightFire (% of robots),Explore (% of robots),no layer (% of robots)"
+    assert len(table) == visitor.step + 1
+    picture = downloaded(visitor, "Download Layers that drive as PNG", tmp_path)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    visitor.press("Reset")
+    wait_until(lambda: points(visitor) == 0)
+
+
+def test_charts_are_chosen_and_stay_chosen(visitor):
+    page = visitor.page
+    page.locator(".swarm-choice summary").click()
+    page.get_by_role("checkbox", name="Temperature of each fire").check()
+    page.get_by_role("checkbox", name="Collisions in a step").uncheck()
+    titles = page.locator(".swarm-chart figcaption span")
+    wait_until(lambda: "Temperature of each fire" in titles.all_inner_texts())
+    visitor.press("Models")
+    visitor.press("Watch")
+    visitor.page.wait_for_selector(".swarm-chart")
+    assert titles.all_inner_texts()[2] == "Temperature of each fire"
+
+
+def test_a_robot_is_looked_into_and_moved(visitor):
+    page = visitor.page
+    visitor.press("Next robot")
+    heading = page.locator(".swarm-inspector h2")
+    wait_until(lambda: heading.inner_text().startswith("Robot "))
+    visitor.press("Step")
+    visitor.wait_for_step(1)
+    wait_until(lambda: "in step 1" in page.locator(".swarm-inspector .swarm-hint >> visible=true").inner_text())
+    assert page.locator(".swarm-diagram polygon.range").count() == 9
+    assert page.locator(".swarm-why b").inner_text() in ("Avoid", "FightFire", "Explore")
+    before = visitor.about("fingerprint")
+    fields = {name: page.get_by_label(name, exact=True) for name in ("x", "y")}
+    fields["x"].fill("2")
+    visitor.press("Move")
+    fault = page.locator(".swarm-inspector .swarm-fault")
+    wait_until(lambda: "would overlap an obstacle" in fault.inner_text())
+    fields["x"].fill("300")
+    fields["y"].fill("420")
+    visitor.press("Move")
+    visitor.page.wait_for_function(f"document.querySelector('.swarm-player').dataset.fingerprint !== '{before}'")
+    fault.wait_for(state="hidden")
+    page.wait_for_function("!location.search.includes('step=')")
+    visitor.press("Step")
+    visitor.wait_for_step(2)
+
+
+def test_a_click_on_the_canvas_selects_a_robot_for_the_inspector(visit):
+    visitor = visit("?model=boids&n_robots=200")
+    page, heading = visitor.page, visitor.page.locator(".swarm-inspector h2")
+    box = page.locator(".swarm-stage canvas").bounding_box()
+    for k in range(40):
+        page.mouse.click(
+            box["x"] + box["width"] * (0.2 + 0.6 * (k % 8) / 7), box["y"] + box["height"] * (0.3 + k / 100)
+        )
+        page.wait_for_timeout(100)
+        if heading.inner_text() != "Robot":
+            break
+    assert heading.inner_text().startswith("Robot ")
+
+
+def test_a_run_is_recorded_and_exported(visitor, tmp_path):
+    page = visitor.page
+    for step in (1, 2):
+        visitor.press("Step")
+        visitor.wait_for_step(step)
+    visitor.press("Record")
+    page.get_by_role("button", name="Stop recording").wait_for()
+    visitor.press("Step")
+    visitor.wait_for_step(3)
+    assert downloaded(visitor, "Export", tmp_path).name == "fire_fighting_3.png"
+    page.get_by_label("What to make").select_option("arrow")
+    source = page.get_by_label("Of which steps")
+    assert Recording(downloaded(visitor, "Export", tmp_path)).steps.tolist() == [1, 2, 3]
+    source.select_option("tape")
+    assert Recording(downloaded(visitor, "Export", tmp_path)).steps.tolist() == [3]
+    visitor.press("Models")
+    visitor.press("Watch")
+    page.get_by_role("button", name="Stop recording").wait_for()
+
+
+def test_everything_beside_the_canvas_is_looked_at(visit, shots):
+    for theme in ("light", "dark"):
+        visitor = visit("?model=fire_fighting&step=400", color_scheme=theme)
+        visitor.press("Next robot")
+        visitor.page.wait_for_selector(".swarm-diagram svg")
+        visitor.page.wait_for_timeout(500)
+        visitor.page.screenshot(path=shots / f"side_{theme}.png")

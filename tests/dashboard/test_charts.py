@@ -1,0 +1,171 @@
+"""Charts: when numbers are sent, what is sent, and the files that are handed over."""
+
+import io
+import threading
+import time
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from mesa_swarm.dashboard.charts import MOST_POINTS, ChartBoard, Charting, csv_of, figure_of, news_of
+from mesa_swarm.dashboard.downloads import Downloads, pieces_of
+from mesa_swarm.dashboard.series import Series
+from mesa_swarm.dashboard.session import Session
+from mesa_swarm.models.fire_fighting import FireFighting
+
+
+@pytest.fixture
+def charting():
+    """A board that a session's numbers are sent to, and what was sent."""
+    board = ChartBoard()
+    board.sent = []
+    board.send = lambda content, buffers=(): board.sent.append((content, buffers))
+    session = Session("fire_fighting")
+    charting = Charting(board, session)
+    yield charting
+    charting.close()
+    session.close()
+
+
+def curves_sent(charting) -> list[dict]:
+    return [content for content, _ in charting.board.sent if content["kind"] == "curves"]
+
+
+def last_steps(charting) -> list[float]:
+    content, buffers = next(one for one in reversed(charting.board.sent) if one[0]["kind"] == "curves")
+    return np.frombuffer(buffers[0], "<f4")[: content["charts"][0]["points"]].tolist()
+
+
+def wait_until(condition, seconds: float = 10.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.01)
+
+
+def test_nothing_is_sent_while_nobody_looks(charting):
+    for _ in range(3):
+        charting.session.step()
+    assert curves_sent(charting) == []
+    charting.act({"do": "look", "value": True})
+    assert last_steps(charting) == [1, 2, 3]
+
+
+def test_numbers_wait_until_the_last_ones_were_drawn(charting):
+    charting.act({"do": "look", "value": True})
+    for _ in range(3):
+        charting.session.step()
+    assert len(curves_sent(charting)) == 1
+    charting.act({"do": "drawn"})
+    assert len(curves_sent(charting)) == 2
+    assert last_steps(charting) == [1, 2, 3]
+    charting.act({"do": "drawn"})
+    assert len(curves_sent(charting)) == 2, "there is nothing new"
+
+
+def test_charts_are_brought_up_to_date_at_least_twice_a_second_while_it_is_played(charting):
+    charting.ready = True  # stands in for a canvas that is ready
+    charting.board.send = lambda content, buffers=(): (
+        charting.board.sent.append((content, buffers)),
+        threading.Thread(target=charting.act, args=({"do": "drawn"},)).start(),
+    )
+    charting.act({"do": "look", "value": True})
+    charting.session.play()
+    before, began = len(curves_sent(charting)), time.monotonic()
+    wait_until(lambda: len(curves_sent(charting)) >= before + 4)
+    assert 4 / (time.monotonic() - began) > 2
+    charting.session.pause()
+
+
+def test_an_earlier_step_that_is_looked_at_is_marked(charting):
+    charting.act({"do": "look", "value": True})
+    for _ in range(4):
+        charting.session.step()
+        charting.act({"do": "drawn"})
+    charting.act({"do": "drawn"})
+    assert curves_sent(charting)[-1]["looked_at"] is None
+    charting.session.back()
+    assert curves_sent(charting)[-1]["looked_at"] == 3
+
+
+def test_a_reset_sends_empty_charts(charting):
+    charting.act({"do": "look", "value": True})
+    charting.session.step()
+    charting.act({"do": "drawn"})
+    charting.session.reset()
+    charting.act({"do": "drawn"})
+    assert last_steps(charting) == []
+
+
+def test_the_user_chooses_and_the_choice_is_kept_for_the_model(charting):
+    assert charting.board.shown == ["at_fires", "layers", "collisions"]
+    charting.act({"do": "choose", "value": ["fire_temperature", "nonsense"]})
+    assert charting.board.shown == ["fire_temperature"]
+    charting.session.choose("flocking")
+    assert charting.board.shown == ["alignment", "polarization", "layers"]
+    charting.session.choose("fire_fighting")
+    assert charting.board.shown == ["fire_temperature"]
+
+
+def test_few_points_are_sent_of_long_runs():
+    series, model = Series(), FireFighting(rng=1)
+    series.follow(model)
+    model.run(1_200)
+    (news, _), (buffer, _) = news_of(series, ["layers", "collisions"])
+    assert MOST_POINTS / 2 < news["points"] <= MOST_POINTS
+    assert news["banded"]
+    assert len(buffer) == 4 * news["points"] * (1 + 3 * len(news["names"]))
+
+
+def test_a_csv_has_the_whole_series_with_units_in_the_header():
+    series, model = Series(), FireFighting(rng=2)
+    series.follow(model)
+    model.run(700)
+    table = pd.read_csv(io.BytesIO(csv_of(series, "at_fires")))
+    assert table["step"].tolist() == list(range(1, 701))
+    assert list(table)[1] == "fire 1 (robots)"
+    history = model.fires.history
+    assert table.to_numpy()[9::10, 1:].tolist() == np.maximum(history.robots[-70:], 0).tolist()
+    last = csv_of(series, "fire_temperature").decode().splitlines()[-1].split(",")
+    assert [float(word) for word in last[1:]] == model.fires.temperature.tolist()
+
+
+def test_files_are_handed_over(charting):
+    charting.session.step()
+    charting.act({"do": "csv", "value": "layers"})
+    charting.act({"do": "png", "value": "layers"})
+    charting.act({"do": "png", "value": "../layers"})
+    wait_until(lambda: sum(content["kind"] == "file" for content, _ in charting.board.sent) == 2)
+    files = {
+        content["name"]: b"".join(buffers) for content, buffers in charting.board.sent if content["kind"] == "file"
+    }
+    assert files["fire_fighting_layers.csv"].startswith(b"step,Avoid (% of robots)")
+    assert files["fire_fighting_layers.png"].startswith(b"\x89PNG")
+
+
+def test_a_figure_is_drawn_before_anything_was_measured():
+    series = Series()
+    series.follow(FireFighting(rng=1))
+    assert figure_of(series, "layers").axes[0].get_xlabel() == "step"
+
+
+def test_files_go_in_pieces_as_they_are_asked_for(tmp_path):
+    board = ChartBoard()
+    sent = []
+    board.send = lambda content, buffers: sent.append((content, buffers[0]))
+    path = tmp_path / "run.arrow"
+    path.write_bytes(bytes(2_500_000))
+    downloads = Downloads(board)
+    downloads.send("run.arrow", path)
+    assert len(sent) == 1
+    while not sent[-1][0]["last"]:
+        assert downloads.hear({"do": "more", "value": sent[-1][0]["number"]})
+    assert [len(piece) for _, piece in sent] == [1_000_000, 1_000_000, 500_000]
+    assert not downloads.hear({"do": "drawn"})
+
+
+def test_an_empty_file_is_one_empty_piece(tmp_path):
+    (tmp_path / "empty").write_bytes(b"")
+    assert list(pieces_of(tmp_path / "empty", 10)) == [(b"", True)]
+    assert list(pieces_of(b"", 10)) == [(b"", True)]

@@ -1,0 +1,230 @@
+"""What is compared: defaults, wishes, faults; and the runs over many seeds, in processes that end when told to."""
+
+import io
+import os
+import pickle
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from mesa_swarm.dashboard import many_runs
+from mesa_swarm.dashboard.compare_panel import ComparePanel, groups_of, values_of
+from mesa_swarm.dashboard.comparing import Comparing
+from mesa_swarm.dashboard.controls import ControlPanel
+from mesa_swarm.dashboard.curves import CurveThread, curves_png, main_reports, series_of
+from mesa_swarm.dashboard.many_runs import MOST_AT_ONCE, ManyRuns, workers_for
+from mesa_swarm.dashboard.session import Session
+from mesa_swarm.errors import SwarmError
+from mesa_swarm.experiments.compare import compare
+from mesa_swarm.experiments.plan import checked_plan
+from mesa_swarm.gallery import find_model, model_names
+
+
+def wait_until(condition, seconds: float = 90.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.02)
+
+
+@pytest.fixture
+def comparing():
+    session = Session("fire_fighting", {"n_robots": 4}, seed=5)
+    yield session.companion(Comparing)
+    session.close()
+
+
+def test_two_worlds_have_the_same_seed_and_differ_in_one_parameter(comparing):
+    first, second = (side.model for side in comparing.pair.sides)
+    assert np.array_equal(first.swarm.position, second.swarm.position)
+    assert (comparing.built, len(first.swarm)) == ({"A": "A", "B": "B", "seed": 5}, 4)
+
+
+def test_every_model_of_the_gallery_can_be_compared_in_every_parameter(comparing):
+    for name in model_names():
+        comparing.choose_model(name)
+        assert (comparing.faults, comparing.pair.error) == ({}, ""), name
+        for parameter in comparing.choices:
+            comparing.parameter = parameter
+            fields = groups_of(comparing)[0]["fields"]
+            assert {field["name"] for field in fields} == {"model", "parameter", "A", "B"}
+
+
+def test_a_slider_is_compared_at_its_default_and_at_its_farther_end(comparing):
+    comparing.choose_parameter("n_robots")
+    assert comparing.values == [10, 50]
+    assert [len(side.model.swarm) for side in comparing.pair.sides] == [10, 50]
+
+
+def test_a_wish_waits_for_a_reset_and_what_is_impossible_is_said(comparing):
+    comparing.choose_parameter("n_robots")
+    comparing.wish("B", "20")
+    assert comparing.waiting == {"B"}
+    comparing.wish("A", "20000")
+    assert "at most 10000" in comparing.faults["A"]
+    comparing.set_count("seed", "many")
+    assert comparing.faults["seed"] == "seed is 'many'; expected a whole number"
+    comparing.reset()
+    assert comparing.waiting == frozenset()
+    assert [len(side.model.swarm) for side in comparing.pair.sides] == [10, 20]
+
+
+def test_worlds_that_cannot_be_built_are_said_and_can_be_left_again(comparing):
+    comparing.choose_parameter("map")
+    comparing.wish("A", "sparse")
+    comparing.reset()
+    assert "map sparse has no fires" in comparing.faults["worlds"]
+    comparing.start()
+    assert "map sparse has no fires" in comparing.faults["runs"]
+    comparing.pair.step()
+    comparing.choose_parameter("strategy")
+    assert "worlds" not in comparing.faults
+
+
+def test_other_parameters_are_those_of_the_session_for_the_same_model_only(comparing):
+    assert comparing.settings == {"n_robots": 4}
+    comparing.choose_parameter("n_robots")
+    assert comparing.settings == {}
+    comparing.choose_model("boids")
+    assert comparing.settings == {}
+
+
+def test_the_panel_does_what_it_is_told(comparing):
+    panel = ComparePanel(ControlPanel(), comparing)
+    panel.act({"do": "choose", "name": "parameter", "value": "communication"})
+    assert comparing.parameter == "communication"
+    panel.act({"do": "choose", "name": "B", "value": "goal"})
+    assert (comparing.built["B"], panel.widget.values["B"]["text"]) == ("goal", "goal")
+    panel.act({"do": "place", "name": "seeds", "value": 12})
+    panel.act({"do": "text", "name": "steps", "value": "700"})
+    assert (comparing.seeds, comparing.steps) == (12, 700)
+    panel.act({"do": "text", "name": "steps", "value": "0"})
+    assert "expected a whole number at least 1" in values_of(comparing)["steps"]["fault"]
+    panel.act({"do": "random"})
+    assert comparing.built["seed"] == comparing.seed
+    panel.act({"do": "choose", "name": "model", "value": "boids"})
+    assert comparing.name == "boids"
+    panel.close()
+
+
+def test_the_chart_has_a_line_for_each_world(comparing):
+    for _ in range(10):
+        comparing.pair.step()
+    first, second = series_of(comparing.pair)
+    assert first.keys() == second.keys()
+    assert main_reports([first, second]) == ["fires_burning", "robots_at_fires", "total_collisions"]
+    assert len(first["fires_burning"]) == 10
+    pixels = np.asarray(Image.open(io.BytesIO(curves_png([first, second], ["one", "two"]))).convert("RGB")).astype(int)
+    for colour in ((0, 114, 178), (213, 94, 0)):
+        assert (np.abs(pixels - colour).sum(axis=2) < 30).sum() > 100
+
+
+def test_the_chart_is_drawn_when_there_is_something_new_and_no_more_when_closed(comparing):
+    pictures = []
+    thread = CurveThread(comparing.pair, lambda: ("A", "B"), pictures.append)
+    wait_until(lambda: pictures)
+    comparing.pair.step()
+    wait_until(lambda: len(pictures) >= 2)
+    thread.close()
+    assert pictures[0] != pictures[1]
+
+
+def test_the_runs_say_each_that_is_done_and_then_what_came_of_them():
+    said = []
+    plan = checked_plan("fire_fighting", seeds=2, steps=5)
+    many_runs._do(plan, 1, lambda kind, value: said.append((kind, value)))
+    assert [kind for kind, _ in said] == ["run"] * 4 + ["report"]
+    report, found = said[-1][1], compare("fire_fighting", seeds=2, steps=5, jobs=1)
+    assert report.finding == found.finding()
+    assert report.picture[1:4] == b"PNG"
+    assert [line[1] for line in report.table[:3]] == ["strategy", "A", "B"]
+    assert pickle.loads(pickle.dumps(report)) == report
+
+
+def test_what_a_model_raises_in_a_run_is_said():
+    said = []
+    plan = checked_plan("fire_fighting", seeds=2, steps=5)
+    plan.settings["n_robots"] = -1
+    many_runs._do(plan, 1, lambda kind, value: said.append((kind, value)))
+    assert said[0][0] == "error"
+    assert "n_robots is -1" in said[0][1]
+
+
+def test_one_core_is_left_to_the_page(monkeypatch):
+    plan = checked_plan("fire_fighting", seeds=30, steps=5)
+    for cores, workers in ((1, 1), (2, 1), (8, 7), (500, 60)):
+        monkeypatch.setattr(many_runs, "cpu_count", lambda cores=cores: cores)
+        assert workers_for(plan) == workers
+
+
+def group_of(pid: int) -> list[int]:
+    """Return the processes of a group that still work."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            state, _, group = (folder / "stat").read_text().rsplit(")")[-1].split()[:3]
+        except OSError:
+            continue
+        if int(group) == pid and state != "Z":
+            found.append(int(folder.name))
+    return found
+
+
+@pytest.mark.slow
+def test_runs_in_the_background_give_what_they_give_in_the_foreground():
+    runs, told = ManyRuns(), []
+    runs.changed.add(lambda: told.append((runs.done, runs.total)))
+    runs.start(checked_plan("fire_fighting", seeds=3, steps=50))
+    assert runs.running
+    with pytest.raises(SwarmError, match="cancel it first"):
+        runs.start(checked_plan("fire_fighting", seeds=3, steps=50))
+    wait_until(lambda: not runs.running)
+    assert (runs.error, told[-1]) == ("", (6, 6))
+    assert runs.report.finding == compare("fire_fighting", seeds=3, steps=50, jobs=1).finding()
+    runs.close()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "killpg"), reason="this system has no process groups")
+def test_cancelling_ends_all_processes_at_once_and_makes_room_for_the_next(monkeypatch):
+    monkeypatch.setattr(many_runs, "cpu_count", lambda: 3)
+    plan = checked_plan("fire_fighting", seeds=10, steps=1_000_000)
+    for _ in range(MOST_AT_ONCE + 1):
+        runs = ManyRuns()
+        runs.start(plan)
+        pid = runs._process.pid
+        wait_until(lambda pid=pid: len(group_of(pid)) >= 3)
+        began = time.monotonic()
+        runs.cancel()
+        assert time.monotonic() - began < 2.0
+        wait_until(lambda pid=pid: not group_of(pid), 5.0)
+        assert (runs.running, runs.report, runs.error) == (False, None, "cancelled after 0 of 20 runs")
+        runs.close()
+
+
+@pytest.mark.slow
+def test_closing_a_session_ends_its_runs_and_too_many_at_once_are_refused():
+    sessions = [Session("fire_fighting") for _ in range(MOST_AT_ONCE + 1)]
+    rivals = [session.companion(Comparing) for session in sessions]
+    for rival in rivals:
+        rival.set_count("steps", "200000")
+        rival.start()
+    pids = [rival.runs._process.pid for rival in rivals[:-1]]
+    assert "try again when one is done" in rivals[-1].faults["runs"]
+    for session in sessions:
+        session.close()
+    wait_until(lambda: not any(map(group_of, pids)), 5.0)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "killpg"), reason="this system has no process groups")
+def test_runs_end_when_the_page_that_started_them_is_gone():
+    process = many_runs._begun(checked_plan(find_model("fire_fighting"), seeds=2, steps=1_000_000))
+    assert group_of(process.pid)
+    process.stdin.close()
+    wait_until(lambda: not group_of(process.pid))
+    process.wait()
+    process.stdout.close()

@@ -1,0 +1,239 @@
+"""Export from the page: the run made again or taken from the tape, in the background, within limits."""
+
+import io
+import time
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from mesa_swarm.dashboard import exporting as module
+from mesa_swarm.dashboard.export_view import ExportDesk, Exporter
+from mesa_swarm.dashboard.exporting import Exporting, Wanted
+from mesa_swarm.dashboard.session import Session
+from mesa_swarm.dashboard.tape import Tape
+from mesa_swarm.errors import InvalidValueError, UnknownNameError
+from mesa_swarm.models.fire_fighting import FireFighting
+from mesa_swarm.recording import Recording
+
+PNG = b"\x89PNG"
+
+
+def wait_until(condition, seconds: float = 60.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.01)
+
+
+@pytest.fixture
+def desk():
+    """An exporting of a session after 30 steps; what it delivers is in `made`."""
+    session = Session("fire_fighting", steps=30)
+    made = {}
+
+    def deliver(name, content):
+        made[name] = content if isinstance(content, bytes) else content.read_bytes()
+
+    exporting = session.companion(Exporting)
+    exporting.connect(deliver, lambda: None)
+    exporting.made = made
+    yield exporting
+    session.close()
+    assert not exporting.folder.exists()
+
+
+def make(desk, **wanted) -> None:
+    desk.start(**wanted)
+    wait_until(lambda: not desk.doing)
+
+
+def recording_of(content: bytes, folder) -> Recording:
+    path = folder / "run.arrow"
+    path.write_bytes(content)
+    return Recording(path)
+
+
+def test_the_run_so_far_is_recorded_though_nobody_switched_that_on(desk, tmp_path):
+    make(desk, kind="arrow")
+    assert (desk.fault, desk.message) == ("", "fire_fighting.arrow is made.")
+    recording = recording_of(desk.made["fire_fighting.arrow"], tmp_path)
+    model = FireFighting(rng=1).run(30)
+    assert len(recording) == 30
+    assert np.allclose(recording.at(30)["position"], model.swarm.position, atol=1e-4)
+
+
+def test_pictures_are_of_the_step_that_is_looked_at(desk):
+    make(desk, kind="png")
+    desk.session.step()
+    desk.session.look(0)
+    make(desk, kind="svg")
+    assert desk.made["fire_fighting_30.png"].startswith(PNG)
+    assert b"<svg" in desk.made["fire_fighting_30.svg"]
+
+
+def test_a_table_is_made_by_a_process_of_its_own(desk):
+    make(desk, kind="fires.csv", every=10)
+    assert desk.fault == ""
+    table = pd.read_csv(io.BytesIO(desk.made["fire_fighting_fires.csv"]))
+    assert table.iloc[:, 0].unique().tolist() == [10, 20, 30]
+    assert len(table) == 21
+
+
+def test_a_run_that_was_changed_is_exported_from_the_tape_only(desk, tmp_path):
+    session = desk.session
+    desk.record(True)
+    session.step()
+    with session.lock:
+        session.model.robots[0].heading = 1.0
+        session.straight = False
+    session.step()
+    make(desk, kind="arrow")
+    assert "changed on the way" in desk.fault
+    make(desk, kind="arrow", source="tape")
+    assert desk.fault == ""
+    assert recording_of(desk.made["fire_fighting.arrow"], tmp_path).steps.tolist() == [31, 32]
+    session.step()
+    assert desk.tape.words == "steps 31 to 33"
+
+
+def test_what_was_recorded_stays_after_a_reset_and_the_switch_is_off(desk, tmp_path):
+    desk.record(True)
+    desk.session.step()
+    desk.session.reset()
+    desk.check_tape()
+    desk.session.step()
+    assert (desk.tape.running, desk.tape.words) == (False, "steps 31 to 31")
+    make(desk, kind="arrow", source="tape")
+    assert len(recording_of(desk.made["fire_fighting.arrow"], tmp_path)) == 1
+
+
+def test_a_recording_ends_at_its_limit_and_says_so(tmp_path):
+    tape, model = Tape(tmp_path, most_bytes=20_000), FireFighting(rng=1)
+    tape.start(model)
+    while tape.running:
+        model.run(50)
+    assert tape.ended == f"the recording has 0 MB, which is the limit; it ended at step {tape.last:,}"
+    model.run(50)
+    assert Recording(tape.path).steps.tolist() == list(range(1, tape.last + 1))
+
+
+def test_recording_does_not_change_a_run(desk):
+    desk.record(True)
+    for _ in range(10):
+        desk.session.step()
+    assert desk.session.model.state_hash() == FireFighting(rng=1).run(40).state_hash()
+
+
+def test_it_is_cancelled_and_the_next_one_is_made(desk, monkeypatch):
+    monkeypatch.setattr(module, "TURN", 1e-9)
+    desk.session.reset(steps=600)
+    desk.start(kind="gif")
+    wait_until(lambda: desk.progress)
+    assert 0 < desk.progress <= 1
+    desk.start(kind="png")
+    assert "being made already" in desk.fault
+    desk.cancel()
+    wait_until(lambda: not desk.doing)
+    assert (desk.message, desk.made) == ("Cancelled.", {})
+    make(desk, kind="png")
+    assert list(desk.made) == ["fire_fighting_600.png"]
+
+
+@pytest.mark.slow
+def test_a_process_is_cancelled(desk):
+    desk.start(kind="gif")
+    wait_until(lambda: desk._process is not None)
+    desk.cancel()
+    wait_until(lambda: not desk.doing, 10)
+    assert (desk.message, desk.fault, desk.made) == ("Cancelled.", "", {})
+
+
+@pytest.mark.parametrize(
+    ("limit", "value", "wanted", "fault"),
+    [
+        ("MOST_ROWS", 299, {"kind": "robots.csv"}, "the table would have 300 rows; expected at most 299"),
+        ("LARGEST_DOWNLOAD", 10, {"kind": "arrow"}, "expected at most 500 MB"),
+        ("MOST_BYTES", 10, {"kind": "arrow"}, "the run takes more than 0 MB"),
+    ],
+)
+def test_limits_are_told_by_a_message(desk, monkeypatch, limit, value, wanted, fault):
+    monkeypatch.setattr(module, "TURN", -1.0 if limit == "MOST_BYTES" else 1.0)
+    monkeypatch.setattr(module.time, "sleep", lambda _: None)
+    monkeypatch.setattr(module, limit, value)
+    desk.start(**wanted)
+    desk._thread.join(30)
+    assert fault in desk.fault
+    assert desk.made == {}
+
+
+def test_before_the_first_step_there_is_nothing_to_export_but_a_picture(desk):
+    desk.session.reset()
+    make(desk, kind="html")
+    assert "nothing has happened yet" in desk.fault
+    make(desk, kind="html", source="tape")
+    assert "nothing was recorded" in desk.fault
+    make(desk, kind="png")
+    assert desk.made["fire_fighting_0.png"].startswith(PNG)
+
+
+@pytest.mark.slow
+def test_what_the_command_complains_of_is_said(desk, monkeypatch):
+    monkeypatch.setattr(Wanted, "options", lambda self: ["--table", "robbots"])
+    make(desk, kind="robots.csv")
+    assert "unknown recorded table 'robbots'" in desk.fault
+    assert not desk.fault.startswith("mesa-swarm")
+
+
+def test_constants_that_were_set_before_the_first_step_are_in_the_run_that_is_made_again(desk, tmp_path):
+    session = desk.session
+    session.reset()
+    session.wish("k1", 0.002)
+    for _ in range(5):
+        session.step()
+    make(desk, kind="arrow")
+    assert desk.fault == ""
+
+
+def test_what_was_made_while_another_page_was_shown_is_handed_over_when_one_comes_back(desk):
+    desk.disconnect()
+    desk.record(True)
+    make(desk, kind="png")
+    assert desk.made == {}
+    desk.session.step()
+    desk.connect(desk.made.__setitem__, lambda: None)
+    assert list(desk.made) == ["fire_fighting_30.png"]
+    assert desk.tape.words == "steps 31 to 31"
+
+
+def test_wrong_wishes_are_refused():
+    with pytest.raises(UnknownNameError):
+        Wanted(kind="exe")
+    with pytest.raises(UnknownNameError):
+        Wanted(kind="png", source="moon")
+    with pytest.raises(InvalidValueError):
+        Wanted(kind="robots.csv", every=0)
+    assert Wanted(kind="mp4", trails=True, sectors=True).options() == ["--sectors", "--trails", "60"]
+
+
+def test_the_page_is_told_how_things_are():
+    session, exporter = Session("boids"), Exporter()
+    sent = []
+    exporter.send = lambda content, buffers=(): sent.append(content)
+    desk = ExportDesk(exporter, session)
+    assert [kind for kind, _, _ in exporter.kinds if "fires" in kind] == []
+    assert (exporter.told["steps"], exporter.told["recording"]) == (0, False)
+    desk.act({"do": "record", "value": True})
+    session.step()
+    assert (exporter.told["steps"], exporter.told["recorded"]) == (1, "steps 1 to 1")
+    desk.act({"do": "export", "value": {"kind": "png"}})
+    wait_until(lambda: exporter.told["message"])
+    assert sent[-1]["name"] == "boids_1.png"
+    desk.act({"do": "record", "value": False})
+    assert not exporter.told["recording"]
+    session.choose("fire_fighting")
+    assert any("fires" in kind for kind, _, _ in exporter.kinds)
+    desk.close()
+    assert desk.exporting.folder.exists(), "another page of the session may show it again"
+    session.close()
+    assert not desk.exporting.folder.exists()

@@ -1,0 +1,290 @@
+"""A recording that is played, handed over, searched for events, and left for a run that goes on."""
+
+import os
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from mesa_swarm.dashboard import RECORDINGS_VARIABLE
+from mesa_swarm.dashboard.controls import ControlPanel
+from mesa_swarm.dashboard.file_picker import FilePicker, Upload
+from mesa_swarm.dashboard.play_loop import AS_FAST_AS_IT_GOES
+from mesa_swarm.dashboard.projector import Projector
+from mesa_swarm.dashboard.replay_view import BranchPanel
+from mesa_swarm.dashboard.replaying import LARGEST_UPLOAD, Replaying
+from mesa_swarm.dashboard.session import Session
+from mesa_swarm.errors import RecordingError
+from mesa_swarm.model import SwarmModel
+from mesa_swarm.models.fire_fighting import FireFighting
+from mesa_swarm.robots.design import AGENT9
+
+STEPS = 120
+
+
+def wait_until(condition, seconds: float = 30.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.005)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with recordings, one of each kind that matters here."""
+    place = tmp_path_factory.mktemp("recordings")
+    model = FireFighting(strategy="A", initial_temperature=0.02, rng=4)
+    with model.record(place / "fires.arrow"):
+        model.run(STEPS)
+    own = SwarmModel(rng=1)
+    own.add_robots(AGENT9, 3)
+    with own.record(place / "own.arrow", every=10):
+        own.run(100)
+    (place / "text.arrow").write_text("no recording at all")
+    return place
+
+
+@pytest.fixture
+def replaying(folder, monkeypatch):
+    monkeypatch.setenv(RECORDINGS_VARIABLE, str(folder))
+    session = Session("boids")
+    yield session.companion(Replaying)
+    session.close()
+
+
+def opened(replaying: Replaying, name: str = "fires.arrow") -> Projector:
+    replaying.open_listed(name)
+    assert replaying.fault == ""
+    wait_until(lambda: replaying.events is not None)
+    return replaying.projector
+
+
+def hand_over(replaying: Replaying, name: str, content: bytes, piece: int = 100_000) -> None:
+    assert replaying.begin_upload(name, len(content))
+    for begin in range(0, len(content), piece):
+        assert replaying.take(content[begin : begin + piece])
+    replaying.end_upload()
+
+
+def test_a_recording_is_stepped_scrubbed_and_rewound(folder):
+    projector = Projector(folder / "fires.arrow")
+    assert (len(projector.past), projector.step_shown) == (STEPS, 1)
+    projector.step()
+    projector.step()
+    projector.back()
+    assert projector.step_shown == 2
+    projector.look(10_000)
+    assert (projector.step_shown, projector.finished) == (STEPS, True)
+    projector.step()
+    assert projector.step_shown == STEPS
+    projector.look_at(57)
+    assert (projector.step_shown, projector.past.shown.step) == (57, 57)
+    projector.rewind()
+    assert projector.step_shown == 1
+    projector.close()
+
+
+def test_what_is_shown_is_what_the_model_was(folder):
+    projector = Projector(folder / "fires.arrow")
+    projector.look_at(100)
+    model = FireFighting(strategy="A", initial_temperature=0.02, rng=4).run(100)
+    assert projector.past.shown.fingerprint == model.state_hash()
+    burning = f"{model.fires_burning} of {len(model.fires)}"
+    assert ("Fires burning", burning) in projector.past.shown.readings
+    projector.close()
+
+
+def test_a_recording_is_played_to_its_end_and_no_further(folder):
+    projector = Projector(folder / "fires.arrow")
+    projector.set_speed(AS_FAST_AS_IT_GOES)
+    projector.play()
+    wait_until(lambda: not projector.playing)
+    assert (projector.finished, projector.step_shown) == (True, STEPS)
+    projector.play()
+    assert not projector.playing
+    projector.close()
+
+
+def test_speed_counts_steps_also_where_only_every_tenth_was_recorded(folder):
+    projector = Projector(folder / "own.arrow")
+    assert projector.past.step_of(1) - projector.past.step_of(0) == 10
+    projector.set_speed(100.0)
+    began = time.perf_counter()
+    projector.play()
+    wait_until(lambda: projector.past.index >= 5)
+    projector.pause()
+    assert time.perf_counter() - began == pytest.approx(0.5, rel=0.7)
+    projector.close()
+
+
+def test_a_row_that_cannot_be_read_is_said_and_the_first_one_is_found_again(folder, monkeypatch):
+    projector = Projector(folder / "fires.arrow")
+    real = type(projector.recording).__getitem__
+
+    def torn(recording, row):
+        if row == 50:
+            raise RecordingError("damaged from step 51 on")
+        return real(recording, row)
+
+    monkeypatch.setattr(type(projector.recording), "__getitem__", torn)
+    projector.look(50)
+    assert projector.error == "damaged from step 51 on"
+    projector.play()
+    assert not projector.playing
+    projector.rewind()
+    assert (projector.error, projector.past.shown.step) == ("", 1)
+    projector.close()
+
+
+def test_recordings_of_the_folder_are_listed_and_nothing_else_is_opened(replaying, folder):
+    assert set(replaying.listed) == {"fires.arrow", "own.arrow", "text.arrow"}
+    for name in ("../fires.arrow", str(folder / "fires.arrow"), "missing.arrow", ""):
+        replaying.open_listed(name)
+        assert replaying.projector is None
+        assert "there is no recording" in replaying.fault
+
+
+def test_without_a_folder_nothing_is_listed(monkeypatch):
+    monkeypatch.delenv(RECORDINGS_VARIABLE, raising=False)
+    replaying = Replaying(Session("boids"))
+    assert replaying.listed == []
+    replaying.close()
+
+
+def test_a_single_recording_is_opened_at_once(folder, monkeypatch):
+    monkeypatch.setenv(RECORDINGS_VARIABLE, str(folder / "fires.arrow"))
+    replaying = Replaying(Session("boids"))
+    assert (replaying.listed, replaying.projector.step_shown) == (["fires.arrow"], 1)
+    replaying.close()
+
+
+def test_what_is_no_recording_is_said_in_one_line(replaying):
+    replaying.open_listed("text.arrow")
+    assert replaying.projector is None
+    assert replaying.fault.startswith("text.arrow is not a recording")
+    assert "\n" not in replaying.fault
+
+
+def test_events_are_found_and_jumped_to(replaying):
+    projector = opened(replaying)
+    outs = [event for event in replaying.events if event.kind == "fire out"]
+    assert outs
+    projector.look_at(outs[0].step)
+    before, after = (
+        dict(projector.past.shown.readings)["Fires burning"],
+        (projector.back(), dict(projector.past.shown.readings)["Fires burning"])[1],
+    )
+    assert int(before.split()[0]) < int(after.split()[0])
+
+
+def test_a_recording_is_handed_over_in_pieces_and_deleted_afterwards(replaying, folder):
+    content = (folder / "fires.arrow").read_bytes()
+    hand_over(replaying, "mine.arrow", content, piece=10_000)
+    place = Path(replaying._folder.name)
+    assert (replaying.fault, replaying.name, replaying.projector.step_shown) == ("", "mine.arrow", 1)
+    wait_until(lambda: replaying.events is not None)
+    hand_over(replaying, "bad.arrow", b"nothing")
+    assert replaying.fault.startswith("bad.arrow is not a recording")
+    assert not place.exists()
+    hand_over(replaying, "empty.arrow", b"")
+    assert "\n" not in replaying.fault
+    assert replaying.projector is None
+
+
+def test_what_is_too_large_is_refused_before_and_while_it_comes(replaying, monkeypatch):
+    assert not replaying.begin_upload("large.arrow", LARGEST_UPLOAD + 1)
+    assert replaying.fault == "large.arrow has 200,000,001 bytes; expected at most 200,000,000"
+    monkeypatch.setattr("mesa_swarm.dashboard.replaying.LARGEST_UPLOAD", 1000)
+    assert replaying.begin_upload("lying.arrow", 10)
+    place = Path(replaying._folder.name)
+    assert not replaying.take(b"x" * 2000)
+    assert "too large" in replaying.fault
+    assert not replaying.take(b"more")
+    assert not place.exists()
+
+
+def test_the_button_asks_for_the_next_piece_until_all_has_come(replaying, folder, monkeypatch):
+    said = []
+    picker = FilePicker()
+    monkeypatch.setattr(picker, "send", said.append)
+    upload, content = Upload(picker, replaying), (folder / "fires.arrow").read_bytes()
+    upload.act({"do": "begin", "name": "mine.arrow", "size": len(content)}, [])
+    upload.act({"do": "piece", "last": False}, [memoryview(content)[:5000]])
+    upload.act({"do": "piece", "last": True}, [memoryview(content)[5000:]])
+    assert [message["go"] for message in said] == [True, True, False]
+    assert replaying.projector.step_shown == 1
+    upload.close()
+
+
+def test_the_session_goes_on_from_a_step_as_the_recorded_run_did(replaying):
+    session, told = replaying.session, []
+    session.adopted.add(lambda: told.append(session.name))
+    opened(replaying).look_at(60)
+    replaying.branch()
+    wait_until(lambda: told)
+    assert (session.name, session.model.completed, session.seed, session.wishes["strategy"]) == (
+        "fire_fighting",
+        60,
+        4,
+        "A",
+    )
+    alone = FireFighting(strategy="A", initial_temperature=0.02, rng=4).run(61)
+    session.step()
+    assert session.model.state_hash() == alone.state_hash()
+    assert session.waiting == frozenset()
+    session.back()
+    assert session.past.shown.step == 60
+    session.reset()
+    fresh = FireFighting(strategy="A", initial_temperature=0.02, rng=4)
+    assert (session.model.steps, session.model.state_hash()) == (0, fresh.state_hash())
+
+
+def test_a_branch_may_have_other_parameters(replaying):
+    opened(replaying).look_at(60)
+    panel = BranchPanel(ControlPanel(), replaying)
+    panel.act({"do": "choose", "name": "strategy", "value": "B"})
+    assert panel.widget.values["strategy"]["text"] == "B"
+    panel.act({"do": "choose", "name": "strategy", "value": "C"})
+    assert "strategy" in replaying.fault
+    panel.act({"do": "text", "name": "k2", "value": "0.02"})
+    assert replaying.changes == {"strategy": "B", "k2": 0.02}
+    replaying.branch()
+    wait_until(lambda: replaying.session.name == "fire_fighting")
+    session = replaying.session
+    wait_until(lambda: session.model is not None)
+    assert (session.model.completed, session.wishes["strategy"], session.model.fire_constants.k2) == (60, "B", 0.02)
+    panel.act({"do": "choose", "name": "strategy", "value": "A"})
+    assert replaying.changes == {"k2": 0.02}
+    panel.close()
+
+
+def test_a_change_that_makes_another_world_is_refused_in_words(replaying):
+    opened(replaying)
+    replaying.wish("n_robots", 11)
+    replaying.branch()
+    wait_until(lambda: not replaying.busy)
+    assert "11 robots instead of the 10" in replaying.fault
+    assert replaying.session.name == "boids"
+
+
+def test_a_model_that_is_not_of_the_gallery_can_be_looked_at_only(replaying):
+    opened(replaying, "own.arrow")
+    assert (replaying.model_name, replaying.parameters) == ("", {})
+    replaying.branch()
+    wait_until(lambda: not replaying.busy)
+    assert "SwarmModel is no model of this page" in replaying.fault
+
+
+@pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="open files are read from /proc, which is missing")
+def test_closing_lets_go_of_file_folder_and_threads(replaying, folder):
+    content = (folder / "fires.arrow").read_bytes()
+    hand_over(replaying, "mine.arrow", content)
+    place, projector = replaying._folder.name, replaying.projector
+    projector.play()
+    replaying.session.close()
+    del projector
+    names = ("events", "play", "branch")
+    wait_until(lambda: not any(thread.name in names for thread in threading.enumerate()))
+    assert not os.path.exists(place)
+    wait_until(lambda: place not in Path("/proc/self/maps").read_text())

@@ -1,0 +1,119 @@
+"""What is measured while a model is played: exact numbers in bounded memory."""
+
+import numpy as np
+import pytest
+
+from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm.control import Avoid, Explore, Subsumption
+from mesa_swarm.dashboard.series import Series, charts_of, grouped
+from mesa_swarm.dashboard.session import Session
+from mesa_swarm.errors import UnknownNameError
+from mesa_swarm.models.collision_avoidance import CollisionAvoidance
+from mesa_swarm.models.fire_fighting import FireFighting
+
+
+def followed(model, **limits) -> Series:
+    series = Series(**limits)
+    series.follow(model)
+    return series
+
+
+def test_numbers_are_those_of_the_model_in_every_step():
+    model = FireFighting(rng=3)
+    series, shares, fighting = followed(model), [], []
+    for _ in range(40):
+        model.step()
+        shares.append([100 * np.mean(model.swarm.layer == k) for k in (0, 1, 2, -1)])
+        fighting.append(model.fires.robots.copy())
+    steps, rows = series.rows("layers")
+    assert steps.tolist() == list(range(1, 41))
+    assert rows == pytest.approx(np.array(shares))
+    assert series.rows("at_fires")[1].tolist() == np.array(fighting).tolist()
+    assert series.rows("total_collisions")[1][:, 0].tolist() == model.datacollector.model_vars["total_collisions"]
+
+
+def test_measuring_does_not_change_a_run():
+    model = FireFighting(rng=3)
+    followed(model)
+    assert model.run(50).state_hash() == FireFighting(rng=3).run(50).state_hash()
+
+
+def test_long_runs_are_thinned_to_exact_numbers_of_every_so_many_steps():
+    model = CollisionAvoidance(rng=1)
+    series = followed(model, most_numbers=600)
+    model.run(2_000)
+    steps, rows = series.rows("total_collisions")
+    assert 50 < len(steps) <= 100
+    assert series.every == 2 ** round(np.log2(series.every)) > 8
+    assert (steps % series.every == 0).all()
+    assert np.diff(steps).tolist() == [series.every] * (len(steps) - 1)
+    collected = np.array(model.datacollector.model_vars["total_collisions"])
+    assert rows[:, 0].tolist() == collected[steps - 1].tolist()
+
+
+def test_groups_tell_mean_least_and_greatest_of_all_rows():
+    rng = np.random.default_rng(1)
+    rows = rng.normal(size=(1000, 3))
+    curves = grouped(np.arange(1, 1001), rows, 8)
+    assert curves.mean.shape == (3, 125)
+    assert curves.mean[:, 7] == pytest.approx(rows[56:64].mean(axis=0))
+    assert curves.low.min(axis=1) == pytest.approx(rows.min(axis=0))
+    assert curves.high.max(axis=1) == pytest.approx(rows.max(axis=0))
+    assert curves.steps[-1] == 1000
+
+
+def test_what_was_drawn_stays_as_it_is_while_rows_are_added():
+    rows = np.random.default_rng(2).normal(size=(900, 1))
+    before, after = (grouped(np.arange(n), rows[:n], 4).mean[0] for n in (800, 900))
+    assert after[:200].tolist() == before.tolist()
+
+
+def test_a_fire_that_is_added_is_a_curve_of_which_nothing_is_known_before():
+    model = FireFighting(rng=1)
+    series = followed(model)
+    model.run(5)
+    model.add_fire((400, 60), radius=10)
+    model.run(5)
+    steps, rows = series.rows("at_fires")
+    assert (len(steps), rows.shape) == (10, (10, 8))
+    assert np.isnan(rows[:5, 7]).all()
+    assert np.isfinite(rows[5:]).all()
+    assert np.isfinite(rows[:5, :7]).all()
+
+
+def test_layers_of_the_same_name_are_told_apart():
+    model = SwarmModel(rng=1)
+    model.add_robots(AGENT9, 2)
+    model.control = Subsumption(Avoid(), Avoid(distance=30), Explore())
+    assert charts_of(model)[-1].names == ("Avoid 1", "Avoid 2", "Explore", "no layer")
+
+
+def test_what_is_no_number_is_not_known():
+    model = SwarmModel(rng=1, model_reporters={"word": lambda _: "far", "yes": lambda _: True})
+    series = followed(model)
+    model.run(2)
+    assert np.isnan(series.rows("word")[1]).all()
+    assert series.rows("yes")[1].tolist() == [[1.0], [1.0]]
+
+
+def test_an_unknown_chart_is_said_in_one_line():
+    with pytest.raises(UnknownNameError, match="did you mean 'collisions'"):
+        followed(SwarmModel(rng=1)).rows("colisions")
+
+
+def test_a_reset_clears_what_was_measured_and_leaves_the_old_model_alone():
+    session = Session("collision_avoidance")
+    session.step()
+    old = session.model
+    session.reset()
+    assert len(session.series) == 0
+    assert session.series not in old.observers
+    session.step()
+    assert session.series.rows("collisions")[0].tolist() == [1]
+    session.close()
+    assert session.series.model is None
+
+
+def test_a_link_to_a_later_step_has_all_that_was_measured_until_then():
+    session = Session("fire_fighting", steps=25)
+    assert session.series.rows("at_fires")[0].tolist() == list(range(1, 26))

@@ -1,0 +1,80 @@
+"""Runs are made once, in any order and number of processes, and what was made before an interruption stays."""
+
+import pytest
+
+from mesa_swarm.reproduction.laboratory import Laboratory, key_of
+from mesa_swarm.reproduction.network_runs import choice_run
+
+calls = []
+
+
+def noted(rng, *, offset=0):
+    """Return a number, and note that it was asked for."""
+    calls.append((rng, offset))
+    return {"number": rng + offset, "list": [1.5, None]}
+
+
+def interrupted_at_three(rng):
+    """Be interrupted as by Ctrl-C."""
+    calls.append(rng)
+    if rng == 3 and calls.count(3) == 1:
+        raise KeyboardInterrupt
+    return {"number": rng}
+
+
+@pytest.fixture(autouse=True)
+def nobody_called():
+    calls.clear()
+
+
+def test_a_run_is_made_once_and_then_looked_up_also_later(tmp_path):
+    for _ in range(2):
+        with Laboratory(tmp_path) as laboratory:
+            rows = laboratory.runs(noted, range(1, 4))
+            assert laboratory.runs(noted, [3, 1]) == [rows[2], rows[0]]
+    assert calls == [(1, 0), (2, 0), (3, 0)]
+    assert rows[0] == {"number": 1, "list": [1.5, None]}
+
+
+def test_a_grid_has_a_row_a_point_and_shares_runs_with_others(tmp_path):
+    with Laboratory(tmp_path) as laboratory:
+        laboratory.runs(noted, [1], offset=10)
+        rows = laboratory.grid(noted, [{"offset": 10}, {"offset": 20}], [1, 2])
+        assert [[row["number"] for row in point] for point in rows] == [[11, 12], [21, 22]]
+        assert laboratory.made == 4
+
+
+def test_an_interrupted_reproduction_goes_on_where_it_stopped(tmp_path):
+    with pytest.raises(KeyboardInterrupt), Laboratory(tmp_path) as laboratory:
+        laboratory.runs(interrupted_at_three, range(1, 6))
+    with Laboratory(tmp_path) as laboratory:
+        rows = laboratory.runs(interrupted_at_three, range(1, 6))
+        assert laboratory.made == 3
+    assert calls == [1, 2, 3, 3, 4, 5]
+    assert [row["number"] for row in rows] == [1, 2, 3, 4, 5]
+
+
+def test_two_processes_find_what_one_finds(tmp_path):
+    rows = []
+    for jobs in (1, 2):
+        with Laboratory(tmp_path / str(jobs), jobs=jobs) as laboratory:
+            rows.append(laboratory.runs(choice_run, range(1, 5), draws=100))
+    assert rows[0] == rows[1]
+
+
+def test_a_key_tells_runs_settings_and_seeds_apart_and_not_the_order_of_settings():
+    keys = {
+        key_of(noted, {}, 1),
+        key_of(noted, {}, 2),
+        key_of(noted, {"offset": 1}, 1),
+        key_of(interrupted_at_three, {}, 1),
+    }
+    assert len(keys) == 4
+    assert key_of(noted, {"a": 1, "b": 2}, 1) == key_of(noted, {"b": 2, "a": 1}, 1)
+
+
+def test_quick_is_a_few_seeds(tmp_path):
+    with Laboratory(tmp_path, quick=True) as quick:
+        assert list(quick.seeds(40)) == [1, 2, 3]
+        assert list(quick.seeds(40, quick=2)) == [1, 2]
+        assert quick.pick("full", "quick") == "quick"

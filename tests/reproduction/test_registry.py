@@ -1,0 +1,60 @@
+"""Exactly the thesis's figures that a computer can make, each of which is made; the page lists them all."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from mesa_swarm.errors import UnknownNameError
+from mesa_swarm.reproduction.laboratory import Laboratory
+from mesa_swarm.reproduction.registry import find_item, items
+from mesa_swarm.reproduction.result import VERDICTS
+
+FIGURES = [
+    *(f"4.{i}" for i in range(12, 17)),
+    *(f"5.{i}" for i in range(5, 11)),
+    "6.3",
+    "7.3",
+    *(f"8.{i}" for i in range(1, 8)),
+    *(f"9.{i}" for i in range(1, 4)),
+    "B.1",
+    *(f"D.{i}" for i in range(1, 5)),
+]
+# These take no runs; the others are made in the slow tests.
+FAST = ("8.2", "B.1", "D.1", "D.2", "D.3", "D.4")
+PAGE = Path(__file__).parents[2] / "docs" / "reproduction.md"
+
+
+def test_the_registry_has_exactly_the_figures_that_a_computer_can_make():
+    assert list(items()) == FIGURES
+
+
+def test_an_unknown_figure_is_refused_with_the_nearest():
+    with pytest.raises(UnknownNameError, match=r"unknown figure '8.9'; did you mean '8\.\d'\?"):
+        find_item("8.9")
+
+
+@pytest.mark.parametrize(
+    "figure", [pytest.param(f, marks=() if f in FAST else pytest.mark.slow) for f in FIGURES], ids=FIGURES
+)
+def test_a_figure_is_made_quickly(figure, tmp_path):
+    with Laboratory(tmp_path, quick=True) as laboratory:
+        result = find_item(figure).make(laboratory)
+    assert result.verdict in VERDICTS
+    assert any(check.main for check in result.checks)
+    assert "" in result.pictures
+    assert all(all(check.row) for check in result.checks)
+
+
+@pytest.mark.parametrize("figure", FAST)
+def test_what_chance_has_no_part_in_does_not_fail_in_the_main(figure, tmp_path):
+    with Laboratory(tmp_path, quick=True) as laboratory:
+        assert find_item(figure).make(laboratory).verdict != "not confirmed"
+
+
+def test_the_page_tells_of_every_figure_once_with_its_verdict_and_was_made_with_all_seeds():
+    page = PAGE.read_text()
+    assert re.findall(r"^## ([4-9BD]\.\d+): ", page, re.M) == FIGURES
+    assert re.findall(r"^\| ([4-9BD]\.\d+) \| ", page, re.M) == FIGURES
+    assert len(re.findall(r"^Thesis .*\*\*(Confirmed|Confirmed with limits|Not confirmed)\.\*\*$", page, re.M)) == 28
+    assert "--quick" not in page

@@ -1,0 +1,105 @@
+"""What reproductions compute beside runs: closed forms, and cells of the map of strategies."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mesa_swarm.models.fire_fighting import FireFighting
+from mesa_swarm.reproduction import fire_growth, learning_runs, strategy_map
+from mesa_swarm.reproduction.complexity import exponents
+from mesa_swarm.reproduction.fire_runs import fire_model, grown_map, rhythm
+from mesa_swarm.reproduction.maps import boxes, listed_boxes
+from mesa_swarm.reproduction.network_runs import regression_run
+from mesa_swarm.world.map import Map
+
+
+def runs(out, times=None):
+    return [{"out": n, "all out at": t} for n, t in zip(out, times or [None] * len(out), strict=True)]
+
+
+PLACE = {"robots": 5, "size": 1.0, "rest": 60.0}
+
+
+class TestCells:
+    def test_more_fires_out_win(self):
+        cell = strategy_map.cell_of(PLACE, runs([6, 6, 6]), runs([7, 7, 7]))
+        assert (cell.winner, cell.out) == ("B", (6.0, 7.0))
+        assert strategy_map.cell_of(PLACE, runs([7] * 6), runs([6, 6, 5, 6, 6, 5])).winner == "A"
+
+    def test_where_as_many_are_out_the_sooner_wins(self):
+        first, second = runs([7] * 4, [500, 600, 700, 800]), runs([7] * 4, [400, 510, 590, 700])
+        assert strategy_map.cell_of(PLACE, first, second).winner == "B"
+        assert strategy_map.cell_of(PLACE, second, first).winner == "A"
+
+    def test_where_chance_is_larger_nobody_wins(self):
+        assert strategy_map.cell_of(PLACE, runs([7, 6, 7]), runs([6, 7, 7])).winner == ""
+
+    def test_words_name_where_a_wins(self):
+        cells = [strategy_map.cell_of(PLACE, runs([7, 7, 7]), runs([6, 6, 6]))]
+        told = " ".join(strategy_map.winners_in_words(cells))
+        assert "A in 1" in told
+        assert "with 5 robots, fires 1 times as large and a rest of 60" in told
+
+
+class TestFires:
+    @pytest.mark.parametrize("size", [0.5, 2.0])
+    def test_a_grown_map_has_fires_of_so_many_times_the_area_at_the_same_places(self, size):
+        plain, grown = Map.load("openspace_fire"), grown_map(size)
+        assert [fire.position for fire in grown.fires] == [fire.position for fire in plain.fires]
+        areas = [b.area / a.area for a, b in zip(plain.fires, grown.fires, strict=True)]
+        assert np.allclose(areas, size)
+
+    def test_a_size_and_a_rest_of_the_map_as_it_is_are_the_models_defaults(self):
+        model = fire_model(3, "B").run(30)
+        assert model.state_hash() == FireFighting(strategy="B", rng=3).run(30).state_hash()
+
+    @pytest.mark.parametrize("rest", strategy_map.RESTS)
+    def test_a_robot_works_in_proportion_to_its_rest(self, rest):
+        wanted = rhythm(rest)
+        assert wanted["leave"] / rest == pytest.approx(100 / 60)
+        assert (wanted["leave"] - wanted["join"]) / 1.5 == pytest.approx(rest)
+
+    def test_the_solution_solves_its_equation(self):
+        chosen = fire_growth.example()
+        times = np.linspace(0, 150, 7)
+        h = 1e-3
+        slope = (fire_growth.solution(chosen, times + h) - fire_growth.solution(chosen, times - h)) / (2 * h)
+        held = chosen.k2 * fire_growth.ROBOTS / fire_growth.AREA
+        assert np.allclose(slope, chosen.k1 * (fire_growth.solution(chosen, times) + 1) - held)
+        assert fire_growth.solution(chosen, np.array([0.0]))[0] == pytest.approx(1.0)
+
+    def test_the_printed_constant_is_right_only_where_its_units_are_lost(self):
+        k1 = math.log(2) / fire_growth.GROWTH
+        assert fire_growth.printed_k2(k1) == pytest.approx(1.0018, abs=1e-4)
+
+
+class TestLearning:
+    def test_a_robot_that_turns_at_a_distance_is_found_out(self):
+        places = learning_runs.PLACES
+        assert learning_runs.turning_distance(np.ones(len(places), bool)) == 0.0
+        away = places > 30.2
+        assert learning_runs.turning_distance(away) == places[away][0]
+        islands = away | (places < 5)
+        assert learning_runs.turning_distance(islands) == places[away][0]
+
+    def test_before_a_wall_the_front_sensor_reads_the_distance_and_those_behind_nothing(self):
+        distance, kind = learning_runs.readings_before_a_wall()
+        near = learning_runs.PLACES <= 50
+        assert np.allclose(distance[near, 0], learning_runs.PLACES[near])
+        assert (distance[~near, 0] == -1).all()
+        assert (kind[:, -2:] == -1).all()
+
+
+def test_exponents_are_those_of_power_laws():
+    robots = np.array([6.0, 12, 24, 48])
+    assert np.allclose(exponents(np.column_stack([robots**2, 3 * robots**0.5]), robots), [2.0, 0.5])
+
+
+def test_the_listing_is_the_map_original_and_no_other():
+    assert listed_boxes() == boxes(Map.load("original").obstacles)
+    assert listed_boxes() != boxes(Map.load("sparse").obstacles)
+
+
+def test_a_regression_is_the_same_for_the_same_seed():
+    assert regression_run(2, networks=3, curve="drawn") == regression_run(2, networks=3, curve="drawn")
