@@ -381,6 +381,33 @@ def bench(
         print(line, flush=True)
 
 
+@app.command("learn-bench")
+def learn_bench(
+    *,
+    seeds: Annotated[int, typer.Option(min=1, max=1000, help="Each contestant is trained with so many.")] = 10,
+    steps: Annotated[int, typer.Option(min=1, max=10_000_000, help="Of training, of 15 robots.")] = 33_000,
+    evaluation_steps: Annotated[int, typer.Option(min=1, max=MOST_KEPT, help="On each map.")] = 5000,
+    only: Annotated[str | None, typer.Option(metavar="'A;B;...'", help="Contestants; all by default.")] = None,
+    jobs: Annotated[int, typer.Option(min=-1, max=1024, help="Processes at a time, -1 for one on each core.")] = -1,
+    out: Annotated[Path, typer.Option(help="Folder for tables and pictures.")] = Path("results", "learn_bench"),
+    resume: Annotated[
+        bool, typer.Option("--resume/--afresh", help="Whether to go on where an earlier call was interrupted.")
+    ] = True,
+    quiet: Quiet = False,
+) -> None:
+    """Train all learners, then measure them, frozen and still learning, also on maps they never saw."""
+    _work("learn_commands").bench(
+        seeds=seeds,
+        steps=steps,
+        evaluation_steps=evaluation_steps,
+        only=only,
+        jobs=jobs,
+        out=out,
+        resume=resume,
+        progress=not quiet,
+    )
+
+
 @app.command()
 def reproduce(
     *,

@@ -98,7 +98,9 @@ class Policy(Protocol):
     """A controller that was trained, or can be: readings in, wheel commands out.
 
     What learners of all families make, what files hold, and what `PolicyLayer` drives robots by. A policy does
-    not change when it acts.
+    not change when it acts. One that goes by what was before has one thing more, ``memory``, how many numbers each
+    robot keeps from step to step, and its `act` one argument more: these numbers (n, memory), 0 at first, which it
+    writes; see `ReflexPolicy`.
     """
 
     family: ClassVar[str]  # by which files know it, see `learning.policy_files`
@@ -185,8 +187,11 @@ class PolicyLayer:
             raise LearningError("the policy is untrained; train it first, or let it explore with explore=True")
 
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
-        """Remember nothing; check that the robots are of a kind that the policy knows."""
+        """Remember what the policy keeps, if anything; check that the robots are of a kind that it knows."""
         self._swarm, self._rng, self._known = swarm, rng, 0
+        self._kept = f"{prefix}.memory" if getattr(self.policy, "memory", 0) else None
+        if self._kept:
+            swarm.remember(self._kept, (self.policy.memory,), np.float64, 0.0)
         self._check_designs()
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
@@ -200,7 +205,8 @@ class PolicyLayer:
         if len(self._swarm.designs) != self._known:
             self._check_designs()
         chance = None if self.greedy else self._rng.random(len(layer))
-        drive(self.policy.act(senses.distance, senses.kind, chance), senses.max_speed, command, layer, index)
+        kept = (self._swarm.columns[self._kept],) if self._kept else ()
+        drive(self.policy.act(senses.distance, senses.kind, chance, *kept), senses.max_speed, command, layer, index)
 
     def reason(self, moment: Moment) -> Reason:
         """Say what the policy saw."""

@@ -13,12 +13,13 @@ import numpy as np
 from mesa_swarm.errors import LearningError, check_count, check_number, shortened
 from mesa_swarm.learning.policy import Policy, SensorLayout
 from mesa_swarm.learning.q_policy import QPolicy
+from mesa_swarm.learning.reflex_policy import ReflexPolicy
 from mesa_swarm.learning.wire_policy import WirePolicy
 
 FORMAT = "mesa_swarm policy 1"
 HEADER = "header"
 # Who reads what: a family of policies that is to be kept in files has its line here.
-FAMILIES: dict[str, type[Policy]] = {family.family: family for family in (QPolicy, WirePolicy)}
+FAMILIES: dict[str, type[Policy]] = {family.family: family for family in (QPolicy, ReflexPolicy, WirePolicy)}
 # A policy of 1,000 robots takes 13 MB; what is far beyond that is none.
 LARGEST_BYTES = 1 << 28
 LONGEST_HEADER = 1 << 20

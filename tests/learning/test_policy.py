@@ -190,7 +190,7 @@ def refused(file):
     ("changes", "says"),
     [
         ({"format": "other"}, "format"),
-        ({"family": "tea"}, "'tea'; known: q, wires"),
+        ({"family": "tea"}, "'tea'; known: q, reflex, wires"),
         ({"family": ["q"]}, "family"),
         ({"sensors": {"bearings": [0]}}, "incomplete"),
         ({"sensors": None}, "incomplete"),

@@ -1,0 +1,111 @@
+"""Who takes part in the benchmark of learning, how each is trained, and what it drives by afterwards."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from mesa_swarm.control import Avoid, Explore, Subsumption
+from mesa_swarm.control.arbiter import Arbiter
+from mesa_swarm.experiments.driving import driven_world, tallied
+from mesa_swarm.experiments.evolution import Trial, evolve
+from mesa_swarm.learning.hebbian import HebbianLearning
+from mesa_swarm.learning.networks import Networks
+from mesa_swarm.learning.policy import Policy, PolicyLayer, SensorLayout
+from mesa_swarm.learning.q_learning import QLearning
+from mesa_swarm.learning.q_policy import QPolicy
+from mesa_swarm.learning.wire_learning import WireFittedQ
+from mesa_swarm.robots.design import AGENT9
+from mesa_swarm.world.random_map import random_map
+
+DESIGN, ROBOTS, HOME = AGENT9, 15, "original"
+# The curve of a training has a point each so many parts of it.
+PARTS = 33
+# Maps on which the reflexes that are bred on several are bred: far from the numbers of those that test them.
+BREEDING = (HOME, *(10_000 + k for k in range(7)))
+GENERATIONS, BRED_STEPS = 30, 1000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trained:
+    """What came of a training.
+
+    Parameters
+    ----------
+    frozen : Arbiter
+        Drives by what was learned, and learns nothing more.
+    learning : Arbiter or None
+        Goes on learning where the training ended; None for who does not learn while it drives.
+    robot_steps : int
+        Of the training.
+    curve : list of float
+        Collisions per robot and 1,000 steps in each part of the training.
+    """
+
+    frozen: Arbiter
+    learning: Arbiter | None = None
+    robot_steps: int = 0
+    curve: list[float] = field(default_factory=list)
+
+
+def contestants() -> dict[str, Callable[[int, int], Trained]]:
+    """Return who takes part: by name, what trains it with a seed for so many steps of 15 robots.
+
+    Examples
+    --------
+    >>> list(contestants())[:3]
+    ['random', 'Avoid + Explore', 'evolved reflex']
+    """
+    return {
+        "random": _random,
+        "Avoid + Explore": _rule,
+        "evolved reflex": partial(_evolved, 0),
+        "evolved network": partial(_evolved, 2),
+        "Q (a)": partial(_taught, QLearning, {"actions": 4, "reward": "a"}),
+        "Q (b)": partial(_taught, QLearning, {"actions": 4, "reward": "b"}),
+        "Q (c)": partial(_taught, QLearning, {"actions": 4, "reward": "c"}),
+        "Q (c), typed": partial(_taught, QLearning, {"actions": 4, "reward": "c", "encoding": "typed"}),
+        "wire-fitted Q": partial(_taught, WireFittedQ, {}),
+        "Hebbian": partial(_taught, HebbianLearning, {"reward": "a"}),
+    }
+
+
+def _random(seed: int, steps: int) -> Trained:
+    """Return who chooses each of the eight actions as often: networks without weights hold all worth the same."""
+    sensors = SensorLayout.of(DESIGN)
+    s, count = len(sensors), 8
+    nothing = Networks(np.zeros((count, s, 2 * s)), np.zeros((count, 2 * s)), np.zeros((count, 2 * s)), np.zeros(count))
+    return Trained(frozen=_by(QPolicy(sensors=sensors, networks=nothing, steps=1)))
+
+
+def _rule(seed: int, steps: int) -> Trained:
+    return Trained(frozen=Subsumption(Avoid(), Explore()))
+
+
+def _evolved(units: int, seed: int, steps: int) -> Trained:
+    """Breed with robot-steps of its own, up to 10 million; a shorter benchmark breeds for less long."""
+    generations = max(round(GENERATIONS * min(steps / 33_000, 1.0)), 1)
+    maps = [name if isinstance(name, str) else random_map(name) for name in BREEDING]
+    bred = evolve(Trial(units=units, steps=BRED_STEPS), maps=maps, generations=generations, rng=seed)
+    return Trained(frozen=_by(bred.policy), robot_steps=bred.policy.steps)
+
+
+def _taught(learner: type, options: dict[str, Any], seed: int, steps: int) -> Trained:
+    """Train a learner at home, and note how often robots collided meanwhile."""
+    model = driven_world(Subsumption(learner(**options)), DESIGN, ROBOTS, HOME, seed)
+    curve = []
+    for part in np.array_split(np.arange(steps), min(PARTS, steps)):
+        tally = tallied(model, len(part))
+        curve.append(1000.0 * tally.means()["collisions"])
+    policy = model.control.layers[0].policy()
+    started = {**options, "start": policy}
+    if isinstance(policy, QPolicy) or learner is WireFittedQ:
+        started["first_temperature"] = policy.temperature
+    goes_on = Subsumption(learner(**started))
+    return Trained(frozen=_by(policy), learning=goes_on, robot_steps=steps * ROBOTS, curve=curve)
+
+
+def _by(policy: Policy) -> Arbiter:
+    return Subsumption(PolicyLayer(policy=policy))

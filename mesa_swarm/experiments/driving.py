@@ -1,0 +1,107 @@
+"""What a drive of robots looked like: collisions, the worst robot, speed ahead, and how much of the map was seen."""
+
+from collections.abc import Callable
+
+import mesa
+import numpy as np
+import shapely
+
+from mesa_swarm.analysis.coverage import coverage, reachable_cells
+from mesa_swarm.control.arbiter import Arbiter
+from mesa_swarm.learning.actions import ranges_of
+from mesa_swarm.learning.fitness import Tally
+from mesa_swarm.model import SwarmModel
+from mesa_swarm.robots.design import RobotDesign
+from mesa_swarm.world.map import Map
+
+MEASURES = ("collisions", "worst robot", "speed ahead", "coverage")
+# Of the grid on which coverage is counted.
+CELLS = (40, 40)
+
+
+def driven_world(control: Arbiter, design: RobotDesign, robots: int, world: Map | str, rng: int) -> SwarmModel:
+    """Return a model whose robots are driven by a control, and which keeps no history.
+
+    Parameters
+    ----------
+    control : Arbiter
+    design : RobotDesign
+    robots : int
+    world : Map or str
+    rng : int
+    """
+    model = SwarmModel(map=world, rng=rng, history_every=0)
+    model.datacollector = mesa.DataCollector()
+    model.add_robots(design, robots)
+    model.control = control
+    return model
+
+
+def tallied(model: SwarmModel, steps: int, each: Callable[[int], None] = lambda step: None) -> Tally:
+    """Let a model take so many steps, and return what its robots did.
+
+    Parameters
+    ----------
+    model : SwarmModel
+    steps : int
+    each : callable
+        Called after each step with its number, from 0 on.
+    """
+    swarm = model.swarm
+    tally = Tally(len(swarm), model.map.bounds, ranges_of(swarm.table.proximity))
+    for step in range(steps):
+        model.step()
+        tally.add(swarm.columns)
+        each(step)
+    return tally
+
+
+def drive_measured(model: SwarmModel, steps: int) -> dict[str, float]:
+    """Let a model take so many steps, and measure them.
+
+    Parameters
+    ----------
+    model : SwarmModel
+        With robots, all of one design.
+    steps : int
+        At least 1.
+
+    Returns
+    -------
+    dict of float
+        Collisions per 1,000 steps of the mean robot and of the worst; the mean speed ahead as a share of max_speed;
+        the share visited of the cells, of 40 x 40, that robots can reach from where they start.
+
+    Examples
+    --------
+    >>> from mesa_swarm.control import Explore, Subsumption
+    >>> from mesa_swarm.robots.design import AGENT9
+    >>> measured = drive_measured(driven_world(Subsumption(Explore()), AGENT9, 1, "openspace", 1), 10)
+    >>> measured["collisions"], measured["speed ahead"]
+    (0.0, 1.0)
+    """
+    reachable = within_reach(model)
+    positions = np.empty((steps, len(model.swarm), 2))
+
+    def keep(step: int) -> None:
+        positions[step] = model.swarm.position
+
+    tally = tallied(model, steps, keep)
+    bumps = 1000.0 * tally.sums[:, 2] / steps
+    seen = coverage(positions, reachable, model.map.bounds)
+    return dict(zip(MEASURES, (float(bumps.mean()), float(bumps.max()), tally.means()["ahead"], seen), strict=True))
+
+
+def within_reach(model: SwarmModel) -> np.ndarray:
+    """Return which cells (40, 40) any robot of a model can reach from where it is, as if it were alone."""
+    bounds, radius = model.map.bounds, float(model.swarm.radius[0])
+    solids = [(body.shape.geometry, body.shape.radius) for body in model.obstacle_list if body.contact]
+    solids += [(shapely.Point(x, y), radius_of_fire) for x, y, radius_of_fire in model.fires.discs]
+    corner, extent = np.array(bounds[:2]), np.array(bounds[2:]) - bounds[:2]
+    reachable = np.zeros(CELLS, np.bool_)
+    for place in model.swarm.position:
+        column, row = np.minimum((place - corner) / extent * CELLS[::-1], np.array(CELLS[::-1]) - 1).astype(int)
+        if not reachable[row, column]:
+            reachable |= reachable_cells(bounds, solids, radius, place.copy(), CELLS, fewest_share=0.01)
+            reachable[row, column] = True
+    return reachable

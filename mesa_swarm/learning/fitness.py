@@ -1,0 +1,169 @@
+"""What a controller's drive was worth: fast, straight, far from things; or fast, everywhere, and without collisions."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mesa_swarm.errors import InvalidValueError, check_choice, check_number, shortened
+from mesa_swarm.geometry.compiled import compiled
+
+FITNESSES = ("floreano", "careful")
+# Squares in which robots have been are counted: 40 x 40 map units, eight robots' lengths of the thesis.
+SQUARE = 40.0
+# What is added up for each robot.
+SUMS = ("floreano", "ahead", "collisions")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fitness:
+    """How a drive of several robots becomes one number; more is better.
+
+    "floreano" is the mean over robots and steps of
+
+        ``V (1 - sqrt(dv)) (1 - i)``
+
+    with V the mean of the wheels' absolute speeds, dv half of the difference between their signed speeds, both as
+    shares of max_speed, and i the greatest nearness that any sensor reads, 0 to 1 [1]_. "careful" is
+
+        ``ahead - collision_cost c + coverage_worth a``
+
+    with the mean speed ahead as a share of max_speed, c the collisions a robot and step, and a the share of the
+    map's squares of 40 x 40 in which any robot has been.
+
+    Parameters
+    ----------
+    kind : str
+        "floreano" or "careful".
+    collision_cost, coverage_worth : float
+        At least 0; of "careful" only.
+
+    Raises
+    ------
+    InvalidValueError, UnknownNameError
+
+    References
+    ----------
+    .. [1] Floreano and Mondada, Automatic creation of an autonomous agent, From Animals to Animats 3 (1994).
+
+    Examples
+    --------
+    >>> Fitness(kind="careful", collision_cost=100, coverage_worth=0).of(ahead=0.75, collisions=0.0025)
+    0.5
+    """
+
+    kind: str = "careful"
+    collision_cost: float = 800.0
+    coverage_worth: float = 15.0
+
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        check_choice("fitness", self.kind, FITNESSES)
+        check_number("collision_cost", self.collision_cost, minimum=0, maximum=1e6)
+        check_number("coverage_worth", self.coverage_worth, minimum=0, maximum=1e6)
+
+    def of(self, *, floreano: float = 0.0, ahead: float = 0.0, collisions: float = 0.0, covered: float = 0.0) -> float:
+        """Return the fitness of a drive, of its means over robots and steps, and the share of squares visited."""
+        if self.kind == "floreano":
+            return floreano
+        return ahead - self.collision_cost * collisions + self.coverage_worth * covered
+
+
+def floreano(left: float, right: float, nearest: float) -> float:
+    """Return ``V (1 - sqrt(dv)) (1 - i)`` of one robot in one step.
+
+    Parameters
+    ----------
+    left, right : float
+        Wheel commands as shares of max_speed, -1 to 1.
+    nearest : float
+        i, the greatest nearness: 0 nothing in range, 1 touching.
+
+    Raises
+    ------
+    InvalidValueError
+
+    Examples
+    --------
+    >>> floreano(1.0, 1.0, 0.0), floreano(1.0, 0.0, 0.0).__round__(3), floreano(-1.0, 1.0, 0.0)
+    (1.0, 0.146, 0.0)
+    """
+    for name, wheel in (("left", left), ("right", right)):
+        check_number(name, wheel, minimum=-1, maximum=1)
+    return fast_straight_far(float(left), float(right), check_number("nearest", nearest, minimum=0, maximum=1))
+
+
+class Tally:
+    """Adds up what robots do, step by step.
+
+    Parameters
+    ----------
+    robots : int
+    bounds : (x_min, y_min, x_max, y_max)
+        Of the map.
+    ranges : ndarray, shape (d, s)
+        Of the sensors of each design, see `actions.ranges_of`.
+
+    Attributes
+    ----------
+    sums : ndarray, shape (n, 3)
+        For each robot: of Floreano's and Mondada's products, of speeds ahead, of collisions.
+    visited : bool ndarray, shape (rows, columns)
+        Squares of 40 x 40 in which any robot has been.
+    """
+
+    def __init__(self, robots: int, bounds: tuple[float, float, float, float], ranges: np.ndarray) -> None:
+        x_min, y_min, x_max, y_max = bounds
+        self.sums = np.zeros((robots, len(SUMS)))
+        self.visited = np.zeros((math.ceil((y_max - y_min) / SQUARE), math.ceil((x_max - x_min) / SQUARE)), np.bool_)
+        self.steps = 0
+        self._corner, self._ranges = (float(x_min), float(y_min)), ranges
+
+    def add(self, columns: dict[str, np.ndarray]) -> None:
+        """Add the step that was just taken, of which these are the swarm's columns."""
+        tally(
+            columns["distance"],
+            columns["design"],
+            self._ranges,
+            columns["command"],
+            columns["max_speed"],
+            columns["collided"],
+            columns["position"],
+            self._corner,
+            self.visited,
+            self.sums,
+        )
+        self.steps += 1
+
+    def means(self) -> dict[str, float]:
+        """Return the means over robots and steps, and the share of squares visited, as `Fitness.of` takes them."""
+        if not self.steps or not len(self.sums):
+            raise InvalidValueError(f"{shortened(self.steps)} steps of {len(self.sums)} robots; expected some of both")
+        means = self.sums.mean(axis=0) / self.steps
+        return {**dict(zip(SUMS, means.tolist(), strict=True)), "covered": float(self.visited.mean())}
+
+
+@compiled
+def tally(distance, design, ranges, command, max_speed, collided, position, corner, visited, sums):
+    """Add what every robot did in a step to its sums, and mark the square in which it is."""
+    for i in range(command.shape[0]):
+        speed = max_speed[i] if max_speed[i] > 0.0 else 1.0
+        left, right = command[i, 0] / speed, command[i, 1] / speed
+        nearest = 0.0
+        for s in range(distance.shape[1]):
+            reach = ranges[design[i], s]
+            if distance[i, s] >= 0.0 and reach > 0.0:
+                nearest = max(nearest, 1.0 - min(distance[i, s] / reach, 1.0))
+        sums[i, 0] += fast_straight_far(left, right, nearest)
+        sums[i, 1] += 0.5 * (left + right)
+        sums[i, 2] += 1.0 if collided[i] else 0.0
+        row = min(max(int((position[i, 1] - corner[1]) / SQUARE), 0), visited.shape[0] - 1)
+        column = min(max(int((position[i, 0] - corner[0]) / SQUARE), 0), visited.shape[1] - 1)
+        visited[row, column] = True
+
+
+@compiled
+def fast_straight_far(left, right, nearest):
+    """Return V (1 - sqrt(dv)) (1 - i)."""
+    speed, difference = 0.5 * (abs(left) + abs(right)), 0.5 * abs(left - right)
+    return speed * (1.0 - math.sqrt(difference)) * (1.0 - nearest)

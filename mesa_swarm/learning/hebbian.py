@@ -1,0 +1,294 @@
+"""HebbianLearning: reflexes that grow where what was tried by chance paid more than usual."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mesa_swarm.control.layer import Senses
+from mesa_swarm.errors import InvalidValueError, LearningError, check_choice, check_number, shortened
+from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.learning.actions import ranges_of
+from mesa_swarm.learning.policy import SensorLayout
+from mesa_swarm.learning.reflex_policy import ReflexPolicy, nearness
+from mesa_swarm.learning.rewards import REWARDS, rewarded
+from mesa_swarm.robots.swarm import Swarm
+
+# What a policy tells of how it was trained.
+TOLD = ("reward", "eta", "trace", "gamma", "average", "jitter", "persistence", "critical")
+
+
+@dataclass(kw_only=True)
+class HebbianLearning:
+    """Learn weights from readings to wheels by a Hebbian rule that reward modulates; always active.
+
+    Each robot drives by ``u = W' x`` within [-1, 1], with x the proximities (0 nothing near, 1 touching) and a
+    constant, and tries what chance adds to it: wheels = u + z within [-1, 1]; z is normal with standard deviation
+    `jitter` and keeps a share `persistence` of itself from step to step. Each robot also learns how much reward to
+    expect, ``v' x``. In each step, with r the reward for the last action, x where it
+    was taken and y where it led to,
+
+        ``d = r + gamma v' y - v' x``, ``e <- trace e + x z``, ``W <- W + eta d e``, ``v <- v + average d x``
+
+    so that what was tried where x was seen is strengthened if it led to more than was expected there: a Hebbian rule
+    with a third factor [1]_, the surprise, and a trace for rewards that come late. Weights stay within [-limit, limit].
+
+    Parameters
+    ----------
+    reward : str
+        "a", "b" or "c", see `learning.rewards`.
+    eta : float
+        Rate, 0 to 1.
+    trace : float
+        How much of the past is still given credit one step later, 0 to below 1.
+    gamma : float
+        What later rewards count, 0 to below 1.
+    average : float
+        How fast expectations follow, above 0, at most 1.
+    jitter : float
+        Of what is tried, as a share of max_speed, 0 to 1.
+    persistence : float
+        How long something is tried: a single step moves a robot too little to tell. 0 to below 1.
+    critical : float
+        As for `QLearning`.
+    limit : float
+        Of the weights, above 0.
+    frozen : bool
+        Whether it only acts, tries nothing and learns nothing.
+    start : ReflexPolicy, optional
+        What robots know when they are born, without hidden units; small random weights by default.
+
+    Raises
+    ------
+    InvalidValueError, UnknownNameError
+
+    References
+    ----------
+    .. [1] Fremaux and Gerstner, Neuromodulated spike-timing-dependent plasticity, and theory of three-factor learning
+       rules, Frontiers in Neural Circuits 9 (2016); for rates: Legenstein, Chase, Schwartz and Maass, A
+       reward-modulated Hebbian learning rule can explain experience-dependent network reorganization in a brain
+       control task, Journal of Neuroscience 30 (2010).
+
+    Examples
+    --------
+    >>> HebbianLearning(reward="c").trace
+    0.8
+    """
+
+    reward: str = "c"
+    eta: float = 0.005
+    trace: float = 0.8
+    gamma: float = 0.9
+    average: float = 0.02
+    jitter: float = 0.2
+    persistence: float = 0.9
+    critical: float = 0.4
+    limit: float = 4.0
+    frozen: bool = False
+    start: ReflexPolicy | None = None
+    name: str = "HebbianLearning"
+
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        check_choice("reward", self.reward, REWARDS)
+        check_number("eta", self.eta, minimum=0, maximum=1)
+        check_number("trace", self.trace, minimum=0, maximum=0.999)
+        check_number("gamma", self.gamma, minimum=0, maximum=0.999)
+        check_number("average", self.average, above=0, maximum=1)
+        check_number("jitter", self.jitter, minimum=0, maximum=1)
+        check_number("persistence", self.persistence, minimum=0, maximum=0.999)
+        check_number("critical", self.critical, above=0, maximum=1)
+        check_number("limit", self.limit, above=0, maximum=1e6)
+        start = self.start
+        if start is not None and not (isinstance(start, ReflexPolicy) and not start.memory):
+            raise InvalidValueError(f"start is {shortened(start)}; expected a ReflexPolicy without hidden units")
+
+    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
+        """Remember each robot's weights and traces, its last inputs, commands and reward, and what it expects."""
+        self._swarm, self._prefix, self._rng = swarm, prefix, rng
+        self._check_start()
+        for name, column in {
+            "weights": (("proximity", 2), np.float64, 0.0),
+            "constant": ((2,), np.float64, 0.0),
+            "trace": (("proximity", 2), np.float64, 0.0),
+            "constant_trace": ((2,), np.float64, 0.0),
+            "command": ((2,), np.float64, math.nan),
+            "tried": ((2,), np.float64, 0.0),
+            "reward": ((), np.float64, 0.0),
+            "seen": (("proximity",), np.float64, 0.0),
+            "expected": (("proximity",), np.float64, 0.0),
+            "usual": ((), np.float64, 0.0),
+            "lessons": ((), np.int64, 0),
+            "born": ((), np.bool_, False),
+        }.items():
+            swarm.remember(f"{prefix}.{name}", *column)
+
+    def policy(self, **training: str | float) -> ReflexPolicy:
+        """Return what the robots have learned so far as reflexes that no longer learn; see `QLearning.policy`."""
+        if not len(self._swarm):
+            raise LearningError("there are no robots, so that nothing was learned; add robots first")
+        sensors = SensorLayout.of(self._swarm.designs[0])
+        for design in self._swarm.designs:
+            sensors.check(design)
+        self._give_birth()
+        whim, constant = np.zeros((len(self._swarm), 1, 2)), self._column("constant")[:, None]
+        wheel = np.concatenate([self._column("weights"), whim, constant], axis=1)
+        lessons = int(self._column("lessons").sum())
+        told = {name: getattr(self, name) for name in TOLD}
+        return ReflexPolicy(
+            sensors=sensors,
+            hidden=np.zeros((*wheel.shape[:2], 0)),
+            wheel=wheel,
+            steps=lessons + (self.start.steps if self.start else 0),
+            training={"learner": "hebbian", **told, "robots": len(self._swarm), "lessons": lessons, **training},
+        )
+
+    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
+        """Learn from the last action, and try the next one with robots that no other layer drives.
+
+        Raises
+        ------
+        LearningError
+            If what a robot has learned is no longer finite; all that was learned before is kept.
+        """
+        self._give_birth()
+        self._try_anew(self._column("tried"))
+        diverged = learn_and_try(
+            senses.distance,
+            ranges_of(senses.sensors),
+            senses.design,
+            senses.max_speed,
+            tuple(map(self._column, ("weights", "constant", "trace", "constant_trace"))),
+            self._column("command"),
+            tuple(map(self._column, ("reward", "lessons"))),
+            tuple(map(self._column, ("seen", "expected", "usual"))),
+            self._column("tried"),
+            REWARDS.index(self.reward),
+            (float(self.eta), float(self.trace), float(self.limit)),
+            (float(self.gamma), float(self.average), float(self.critical)),
+            bool(self.frozen),
+            command,
+            layer,
+            index,
+        )
+        if diverged >= 0:
+            robot = self._swarm.agents[diverged]
+            raise LearningError(
+                f"{self.name} diverged for robot {robot.unique_id} in step {robot.model.steps}: what it expects "
+                "is not finite; lower average or gamma"
+            )
+
+    @property
+    def last_reward(self) -> np.ndarray:
+        """What every robot got for its last action (n,); a copy."""
+        return self._column("reward").copy()
+
+    def _column(self, name: str) -> np.ndarray:
+        return self._swarm.columns[f"{self._prefix}.{name}"]
+
+    def _try_anew(self, tried: np.ndarray) -> None:
+        """Let what is tried (n, 2) drift; nothing is tried by robots that no longer learn."""
+        if self.frozen:
+            tried.fill(0.0)
+            return
+        fresh = self.jitter * math.sqrt(1.0 - self.persistence**2)
+        tried[:] = self.persistence * tried + fresh * self._rng.normal(size=tried.shape)
+
+    def _check_start(self) -> None:
+        for design in self._swarm.designs if self.start is not None else ():
+            self.start.sensors.check(design)
+
+    def _give_birth(self) -> None:
+        """Give robots that have no weights yet theirs."""
+        born = self._column("born")
+        if born.all():
+            return
+        self._check_start()
+        new = np.flatnonzero(~born)
+        weights, constant = self._column("weights"), self._column("constant")
+        if self.start is None:
+            weights[new] = self._rng.uniform(-0.1, 0.1, (len(new), *weights.shape[1:]))
+            constant[new] = self._rng.uniform(-0.1, 0.1, (len(new), 2))
+        else:
+            known = self.start.wheel[self._swarm.columns["number"][new] % len(self.start.wheel)]
+            weights[new], constant[new] = known[:, :-2], known[:, -1]
+        born[:] = True
+
+
+@compiled
+def learn_and_try(
+    distance, ranges, design, max_speed, weights, last, counts, critic, tried, reward, rates, expecting, frozen,
+    command, layer, index,
+):  # fmt: skip
+    """Learn from the last action and try the next; return a robot whose expectations are not finite, or -1."""
+    rewards, lessons = counts
+    diverged = -1
+    inputs = np.empty(distance.shape[1])
+    for i in range(layer.shape[0]):
+        nearest = 0.0
+        for s in range(inputs.shape[0]):
+            inputs[s] = nearness(distance[i, s], ranges[design[i], s])
+            nearest = max(nearest, inputs[s])
+        if not math.isnan(last[i, 0]):
+            rewards[i] = rewarded(reward, 1.0 - nearest, last[i, 0], last[i, 1], expecting[2])
+            if not frozen:
+                surprise = surprised(critic, i, rewards[i], inputs, expecting)
+                if math.isfinite(surprise):
+                    strengthen(weights, i, surprise, rates)
+                    lessons[i] += 1
+                else:
+                    diverged = i if diverged < 0 else diverged
+        last[i, 0] = math.nan
+        if layer[i] < 0:
+            try_wheels(weights, i, inputs, tried, rates[1], last)
+            command[i, 0] = max_speed[i] * last[i, 0]
+            command[i, 1] = max_speed[i] * last[i, 1]
+            layer[i] = index
+        for s in range(inputs.shape[0]):
+            critic[0][i, s] = inputs[s]
+    return diverged
+
+
+@compiled
+def surprised(critic, i, reward, inputs, expecting):
+    """Return ``r + gamma v' y - v' x`` of robot i, and let its expectations follow, unless it is not finite."""
+    seen, expected, usual = critic
+    gamma, average = expecting[0], expecting[1]
+    before, after = usual[i], usual[i]
+    for s in range(inputs.shape[0]):
+        before += expected[i, s] * seen[i, s]
+        after += expected[i, s] * inputs[s]
+    surprise = reward + gamma * after - before
+    if math.isfinite(surprise):
+        usual[i] += average * surprise
+        for s in range(inputs.shape[0]):
+            expected[i, s] += average * surprise * seen[i, s]
+    return surprise
+
+
+@compiled
+def strengthen(weights, i, surprise, rates):
+    """Add ``eta d e`` to the weights of robot i, within their limits."""
+    into, constant, trace, constant_trace = weights
+    step, limit = rates[0] * surprise, rates[2]
+    for side in range(2):
+        for s in range(into.shape[1]):
+            into[i, s, side] = min(max(into[i, s, side] + step * trace[i, s, side], -limit), limit)
+        constant[i, side] = min(max(constant[i, side] + step * constant_trace[i, side], -limit), limit)
+
+
+@compiled
+def try_wheels(weights, i, inputs, tried, kept, last):
+    """Write what robot i does to `last`, and what it tried where to its trace."""
+    into, constant, trace, constant_trace = weights
+    for side in range(2):
+        total = constant[i, side]
+        for s in range(inputs.shape[0]):
+            total += into[i, s, side] * inputs[s]
+        wanted = min(max(total, -1.0), 1.0)
+        last[i, side] = min(max(wanted + tried[i, side], -1.0), 1.0)
+        # What was drawn, not what the limits left of it, whose mean is not 0: at full speed any bad surprise would
+        # otherwise strengthen going on.
+        for s in range(inputs.shape[0]):
+            trace[i, s, side] = kept * trace[i, s, side] + inputs[s] * tried[i, side]
+        constant_trace[i, side] = kept * constant_trace[i, side] + tried[i, side]

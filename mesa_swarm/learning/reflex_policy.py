@@ -1,0 +1,226 @@
+"""ReflexPolicy: weights from readings to wheels, with or without a few units that remember."""
+
+import math
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+
+from mesa_swarm.errors import InvalidValueError, check_choice, check_count, shortened
+from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.learning.policy import SensorLayout
+
+# What becomes of a wheel's sum: kept within [-1, 1]; full speed ahead or back; a soft limit.
+SQUASHES = ("linear", "threshold", "tanh")
+PARTS = ("hidden", "wheel")
+MOST_UNITS = 64
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ReflexPolicy:
+    """Drive each wheel by a weighted sum of how near things are.
+
+    With the proximities ``p_s = 1 - reading / range`` (0 where nothing is seen), h what the hidden units said in the
+    step before, and a whim z that is drawn uniformly from -1 to 1,
+
+        ``h <- tanh(U' (p, h, z, 1))``, ``wheels = squash(W' (p, h, z, 1))``
+
+    Without hidden units it is a reflex, as Braitenberg's vehicles have them; with them a small recurrent network,
+    which can keep to a side until a turn is done. Without the whim, robots drive round and round on the same way.
+
+    Parameters
+    ----------
+    sensors : SensorLayout
+    hidden : ndarray, shape (copies, s + u + 2, u)
+        U, the weights into the u hidden units: from the s proximities, from the units themselves, from the whim, and
+        a constant. Robot i acts by set ``i % copies``.
+    wheel : ndarray, shape (copies, s + u + 2, 2)
+        W, the weights to the left and right wheel.
+    squash : str
+        "linear" (cut off at -1 and 1), "threshold" (-1 or 1) or "tanh".
+    steps : int
+        Robot-steps of training, 0 for none.
+    training : dict
+        Where it comes from, and figures of its training.
+
+    Raises
+    ------
+    InvalidValueError, UnknownNameError
+        If the weights do not fit the sensors, or are not finite.
+
+    Examples
+    --------
+    >>> from mesa_swarm import AGENT3
+    >>> eyes = SensorLayout.of(AGENT3)
+    >>> away = ReflexPolicy.reflex(eyes, [[0, 0], [0, -2], [-2, 0], [1, 1]])  # of front, left, right; a constant
+    >>> away.act([[-1.0, -1.0, -1.0], [-1.0, 25.0, -1.0]], [[-1, -1, -1], [-1, 0, -1]])
+    array([[1., 1.],
+           [1., 0.]])
+    """
+
+    family: ClassVar[str] = "reflex"
+    sensors: SensorLayout
+    hidden: np.ndarray
+    wheel: np.ndarray
+    squash: str = "linear"
+    steps: int = 0
+    training: dict = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check that the parts fit together."""
+        check_choice("squash", self.squash, SQUASHES)
+        check_count("steps", self.steps, maximum=2**62)
+        hidden, wheel = np.asarray(self.hidden), np.asarray(self.wheel)
+        copies, units = (hidden.shape[0], hidden.shape[-1]) if hidden.ndim == 3 else (0, 0)
+        rows = rows_of(self.sensors, units)
+        if not copies or hidden.shape != (copies, rows, units) or wheel.shape != (copies, rows, 2):
+            raise InvalidValueError(
+                f"hidden and wheel have the shapes {hidden.shape} and {wheel.shape}; expected (copies, {rows}, u) "
+                f"and (copies, {rows}, 2): {len(self.sensors)} sensors, u hidden units, a whim, a constant"
+            )
+        if not (np.isfinite(hidden).all() and np.isfinite(wheel).all()):
+            raise InvalidValueError("hidden or wheel holds weights that are not finite; train them anew")
+
+    @classmethod
+    def reflex(cls, sensors: SensorLayout, weights: np.ndarray, squash: str = "linear") -> "ReflexPolicy":
+        """Return a reflex that somebody thought up, which needs no training: weights (s + 1, 2), no whim."""
+        given = np.array(weights, dtype=float)
+        if given.shape != (len(sensors) + 1, 2):
+            raise InvalidValueError(f"weights have shape {given.shape}; expected ({len(sensors) + 1}, 2)")
+        wheel = np.insert(given, len(sensors), 0.0, axis=0)[None]
+        return cls(sensors=sensors, hidden=np.zeros((1, len(wheel[0]), 0)), wheel=wheel, squash=squash, steps=1)
+
+    @classmethod
+    def of_genome(cls, sensors: SensorLayout, genome: np.ndarray, *, units: int = 0, **more) -> "ReflexPolicy":
+        """Return the policy whose weights are these numbers, row by row: into the hidden units, then to the wheels.
+
+        Parameters
+        ----------
+        sensors : SensorLayout
+        genome : ndarray, shape (genome_length(sensors, units),)
+        units : int
+            Hidden units, 0 to 64.
+        **more
+            Other fields of the policy.
+        """
+        rows, genes = rows_of(sensors, units), np.array(genome, dtype=float)
+        if genes.shape != (genome_length(sensors, units),):
+            raise InvalidValueError(f"genome has shape {genes.shape}; expected ({genome_length(sensors, units)},)")
+        hidden, wheel = np.split(genes, [rows * units])
+        return cls(sensors=sensors, hidden=hidden.reshape(1, rows, units), wheel=wheel.reshape(1, rows, 2), **more)
+
+    @property
+    def memory(self) -> int:
+        """How many numbers each robot remembers from one step to the next."""
+        return self.hidden.shape[2]
+
+    def act(
+        self,
+        readings: np.ndarray,
+        kinds: np.ndarray,
+        chance: np.ndarray | None = None,
+        memory: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """Return wheel commands (n, 2) as shares of max_speed; see `Policy.act`.
+
+        Parameters
+        ----------
+        readings, kinds, chance
+            As for `Policy.act`; the whim is ``2 chance - 1``, without chances 0.
+        memory : float64 ndarray, shape (n, u), written
+            What the hidden units said in the step before; without it, nothing.
+        """
+        distance, _ = self.sensors.check_readings(readings, kinds)
+        kept = np.zeros((len(distance), self.memory)) if memory is None else memory
+        if kept.shape != (len(distance), self.memory):
+            raise InvalidValueError(f"memory is {shortened(kept.shape)}; expected {(len(distance), self.memory)}")
+        shares = np.empty((len(distance), 2))
+        chances = np.full(len(distance), 0.5) if chance is None else np.asarray(chance, dtype=float)
+        if chances.shape != (len(distance),):
+            raise InvalidValueError(f"chance has shape {chances.shape}; expected ({len(distance)},)")
+        ranges = np.array(self.sensors.ranges)
+        react(distance, ranges, self.hidden, self.wheel, SQUASHES.index(self.squash), chances, kept, shares)
+        return shares
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Return the weights by name."""
+        return {"hidden": self.hidden, "wheel": self.wheel}
+
+    def settings(self) -> dict:
+        """Return what else it takes to act."""
+        return {"squash": self.squash}
+
+    @classmethod
+    def restored(
+        cls, sensors: SensorLayout, steps: int, training: dict, settings: dict, arrays: dict[str, np.ndarray]
+    ) -> "ReflexPolicy":
+        """Return the policy of these parts, as a file has them."""
+        if sorted(arrays) != sorted(PARTS) or sorted(settings) != ["squash"]:
+            raise InvalidValueError(f"a reflex policy has {', '.join(arrays)}; expected {', '.join(PARTS)}")
+        return cls(sensors=sensors, steps=steps, training=training, **settings, **arrays)
+
+
+def rows_of(sensors: SensorLayout, units: int) -> int:
+    """Return how many numbers a unit or wheel takes: of sensors, hidden units, the whim and the constant."""
+    return len(sensors) + check_count("units", units, maximum=MOST_UNITS) + 2
+
+
+def genome_length(sensors: SensorLayout, units: int) -> int:
+    """Return how many weights a policy has.
+
+    Examples
+    --------
+    >>> from mesa_swarm import AGENT9
+    >>> genome_length(SensorLayout.of(AGENT9), 2)
+    52
+    """
+    return rows_of(sensors, units) * (units + 2)
+
+
+@compiled
+def react(distance, ranges, hidden, wheel, squash, chance, memory, shares):
+    """Write the wheel commands of every robot (n, 2), and what its hidden units say (n, u) over what they said."""
+    sensors, units = distance.shape[1], memory.shape[1]
+    known, said = np.empty(sensors + units + 2), np.empty(units)
+    known[sensors + units + 1] = 1.0
+    for i in range(distance.shape[0]):
+        copy = i % wheel.shape[0]
+        for s in range(sensors):
+            known[s] = nearness(distance[i, s], ranges[s])
+        for u in range(units):
+            known[sensors + u] = memory[i, u]
+        known[sensors + units] = 2.0 * chance[i] - 1.0
+        for u in range(units):
+            said[u] = math.tanh(weighted(hidden, copy, u, known))
+        for u in range(units):
+            known[sensors + u] = said[u]
+            memory[i, u] = said[u]
+        for side in range(2):
+            shares[i, side] = squashed_sum(squash, weighted(wheel, copy, side, known))
+
+
+@compiled
+def nearness(distance, reach):
+    """Return how near something is: 1 touching, 0 out of range or not seen."""
+    if distance < 0.0 or reach <= 0.0:
+        return 0.0
+    return 1.0 - min(distance / reach, 1.0)
+
+
+@compiled
+def weighted(weights, copy, column, known):
+    """Return the sum of what is known times its weights."""
+    total = 0.0
+    for k in range(known.shape[0]):
+        total += weights[copy, k, column] * known[k]
+    return total
+
+
+@compiled
+def squashed_sum(squash, total):
+    """Return a wheel command in [-1, 1]; `squash` is an index into `SQUASHES`."""
+    if squash == 0:
+        return min(max(total, -1.0), 1.0)
+    if squash == 1:
+        return 1.0 if total > 0.0 else -1.0
+    return math.tanh(total)

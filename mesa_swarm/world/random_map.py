@@ -1,0 +1,89 @@
+"""Random maps: walls all round, and discs and tilted walls inside that close nothing off."""
+
+import math
+
+import numpy as np
+import shapely
+
+from mesa_swarm.errors import check_count, check_number
+from mesa_swarm.streams import Streams
+from mesa_swarm.world.map import Map
+from mesa_swarm.world.placement import free_space
+from mesa_swarm.world.shapes import Shape, disc, polygon, rectangle
+
+WIDTH, HEIGHT, WALL = 800.0, 600.0, 20.0
+RADII = (15.0, 60.0)
+LENGTHS = (60.0, 320.0)
+THICKNESSES = (15.0, 50.0)
+SHARE_OF_DISCS = 0.4
+TRIES = 50
+
+
+def random_map(number: int, *, obstacles: int = 8, passage: float = 30.0) -> Map:
+    """Return a map of 800 x 600 on which one can get from everywhere to everywhere; the same number gives the same.
+
+    Parameters
+    ----------
+    number : int
+        At least 0.
+    obstacles : int
+        Discs and tilted walls besides the four outer walls, at most 30. Fewer if no more find room.
+    passage : float
+        A disc of this diameter can get from any place where it fits to any other, above 0, at most 200.
+
+    Raises
+    ------
+    InvalidValueError
+
+    Examples
+    --------
+    >>> random_map(1) == random_map(1), random_map(1) == random_map(2)
+    (True, False)
+    >>> len(random_map(1, obstacles=3).obstacles)
+    7
+    """
+    number = check_count("number", number)
+    wanted = check_count("obstacles", obstacles, maximum=30)
+    width = check_number("passage", passage, above=0, maximum=200)
+    rng = Streams(np.random.SeedSequence(number))["random map"]
+    shapes = _outer_walls()
+    for _ in range(wanted):
+        shapes += _one_more(shapes, width, rng)
+    return Map(name=f"random {number}", bounds=(0, 0, WIDTH, HEIGHT), obstacles=shapes)
+
+
+def _outer_walls() -> list[Shape]:
+    return [
+        rectangle((0, 0), (WALL, HEIGHT)),
+        rectangle((WIDTH - WALL, 0), (WIDTH, HEIGHT)),
+        rectangle((0, 0), (WIDTH, WALL)),
+        rectangle((0, HEIGHT - WALL), (WIDTH, HEIGHT)),
+    ]
+
+
+def _one_more(shapes: list[Shape], passage: float, rng: np.random.Generator) -> list[Shape]:
+    """Return an obstacle that leaves free space in one piece, or none if chance does not find one."""
+    for _ in range(TRIES):
+        drawn = _drawn(rng)
+        if drawn is not None and _is_whole([*shapes, drawn], passage):
+            return [drawn]
+    return []
+
+
+def _drawn(rng: np.random.Generator) -> Shape | None:
+    """Return a disc or a wall; None for a wall whose corners lie beyond the map."""
+    centre = rng.uniform((WALL, WALL), (WIDTH - WALL, HEIGHT - WALL))
+    if rng.random() < SHARE_OF_DISCS:
+        return disc(centre, rng.uniform(*RADII))
+    length, thickness, turn = rng.uniform(*LENGTHS), rng.uniform(*THICKNESSES), rng.uniform(0, math.pi)
+    along = np.array([math.cos(turn), math.sin(turn)]) * length / 2
+    across = np.array([-math.sin(turn), math.cos(turn)]) * thickness / 2
+    corners = centre + np.array([along + across, along - across, -along - across, -along + across])
+    inside = (corners >= 0).all() and (corners <= (WIDTH, HEIGHT)).all()
+    return polygon(corners) if inside else None
+
+
+def _is_whole(shapes: list[Shape], passage: float) -> bool:
+    """Whether where a disc as wide as the passage may be is one piece."""
+    space = free_space((0, 0, WIDTH, HEIGHT), shapes, np.empty((0, 3)), passage / 2)
+    return not space.is_empty and len(shapely.get_parts(space)) == 1

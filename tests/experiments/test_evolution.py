@@ -1,0 +1,157 @@
+"""evolve: the same whatever the number of processes, gone on with from its file, and right on a sphere."""
+
+import json
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from mesa_swarm import AGENT3, RobotDesign
+from mesa_swarm.errors import LearningError, SwarmError
+from mesa_swarm.experiments.evolution import Trial, evolve
+from mesa_swarm.learning.fitness import Fitness
+
+SMALL = {"generations": 3, "population": 4, "finalists": 2, "final_trials": 1}
+BRIEF = Trial(robots=3, steps=15)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sphere(Trial):
+    """Weights are worth the more, the nearer they are to 0.25."""
+
+    worth: float = 0.0
+
+    def fitness_of(self, genome, world, rng):
+        return self.worth - float(((genome - 0.25) ** 2).sum())
+
+
+def weights(evolved):
+    return np.concatenate([part.ravel() for part in evolved.policy.arrays().values()])
+
+
+def test_finds_the_middle_of_a_sphere():
+    sphere = Sphere(units=0, design=AGENT3, steps=10, robots=2)
+    found = evolve(sphere, generations=150, population=12, finalists=1, final_trials=1)
+    assert np.abs(weights(found) - 0.25).max() < 1e-4
+    assert found.fitness.shape == (150, 12)
+    assert found.policy.steps == 150 * 12 * 20 + 80
+
+
+def test_the_seed_decides_and_nothing_else():
+    one, two, other = evolve(BRIEF, **SMALL), evolve(BRIEF, **SMALL), evolve(BRIEF, **SMALL, rng=2)
+    assert (weights(one) == weights(two)).all()
+    assert (one.fitness == two.fitness).all()
+    assert (one.fitness != other.fitness).any()
+
+
+def test_more_generations_and_an_interruption_go_on_to_the_same_bits(tmp_path, monkeypatch):
+    whole = evolve(BRIEF, **SMALL)
+    file = tmp_path / "mine.json"
+    calls = []
+    usual = Trial.fitness_of
+
+    def interrupted(self, *given):
+        calls.append(1)
+        if len(calls) == 7:
+            raise KeyboardInterrupt
+        return usual(self, *given)
+
+    monkeypatch.setattr(Trial, "fitness_of", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        evolve(BRIEF, **SMALL, file=file)
+    assert len(json.loads(file.read_text())["fitness"]) == 1
+    monkeypatch.setattr(Trial, "fitness_of", usual)
+    again = evolve(BRIEF, **SMALL, file=file)
+    assert (again.fitness == whole.fitness).all()
+    assert (weights(again) == weights(whole)).all()
+    longer = evolve(BRIEF, **{**SMALL, "generations": 4}, file=file)
+    assert (longer.fitness[:3] == whole.fitness).all()
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.json"]
+
+
+@pytest.mark.parametrize(
+    "other",
+    [{"rng": 2}, {"sigma": 0.1}, {"maps": ["sparse"]}, {"trial": Trial(robots=4, steps=15)}],
+)
+def test_a_file_of_another_evolution_is_refused(tmp_path, other):
+    file = tmp_path / "mine.json"
+    evolve(BRIEF, **SMALL, file=file)
+    before = file.read_text()
+    with pytest.raises(LearningError, match="is of an evolution with other"):
+        evolve(**{"trial": BRIEF, **SMALL, **other}, file=file)
+    assert file.read_text() == before
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "not JSON"),
+        ("[" * 100_000, "not JSON"),
+        ("[]", "format"),
+        ('{"format": "mesa_swarm evolution 1"}', "no settings"),
+    ],
+)
+def test_a_file_that_is_no_evolution_is_refused_in_one_line(tmp_path, text, says):
+    file = tmp_path / "mine.json"
+    file.write_text(text)
+    with pytest.raises(LearningError) as caught:
+        evolve(BRIEF, **SMALL, file=file)
+    assert says in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("fitness", [[["a"] * 4], [[1.0] * 3], [[math.nan] * 4], [5]])
+def test_a_file_with_other_things_than_fitnesses_is_refused(tmp_path, fitness):
+    file = tmp_path / "mine.json"
+    evolve(BRIEF, **SMALL, file=file)
+    kept = json.loads(file.read_text())
+    file.write_text(json.dumps({**kept, "fitness": fitness}))
+    with pytest.raises(LearningError, match="no evolution that can be gone on with"):
+        evolve(BRIEF, **SMALL, file=file)
+
+
+def test_a_fitness_that_is_no_number_ends_it_with_candidate_and_generation(tmp_path):
+    sick = Sphere(worth=math.nan, units=0, steps=5, robots=2)
+    with pytest.raises(LearningError, match="the fitness of candidate 0 in generation 0 is nan"):
+        evolve(sick, **SMALL)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"trial": "long"},
+        {"maps": []},
+        {"maps": ["nowhere"]},
+        {"generations": 0},
+        {"population": 2},
+        {"sigma": math.nan},
+        {"finalists": 0},
+        {"final_trials": 0},
+        {"rng": -1},
+        {"jobs": 0},
+        {"file": "mine.txt"},
+    ],
+)
+def test_what_is_no_evolution_is_refused_in_one_line_before_anything_is_tried(wrong):
+    with pytest.raises(SwarmError) as caught:
+        evolve(**{"trial": BRIEF, **SMALL, **wrong})
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("wrong", [{"robots": 0}, {"steps": 0}, {"units": -1}, {"squash": "no"}])
+def test_what_is_no_trial_is_refused(wrong):
+    with pytest.raises(SwarmError):
+        Trial(**wrong)
+
+
+def test_blind_robots_can_be_bred_though_they_learn_only_to_drive():
+    blind = Trial(design=RobotDesign(name="blind"), robots=2, steps=10, units=0, fitness=Fitness(kind="floreano"))
+    assert evolve(blind, **SMALL).policy.wheel.shape == (1, 2, 2)
+
+
+@pytest.mark.slow
+def test_the_number_of_processes_changes_no_bit():
+    one, two = (evolve(BRIEF, **SMALL, jobs=jobs) for jobs in (1, 2))
+    assert (one.fitness == two.fitness).all()
+    assert (weights(one) == weights(two)).all()

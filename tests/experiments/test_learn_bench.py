@@ -1,0 +1,160 @@
+"""The benchmark of learning: measures what it says, goes on where it was, and refuses what is wrong."""
+
+import json
+
+import numpy as np
+import pytest
+
+from mesa_swarm import AGENT9, Map, disc
+from mesa_swarm.control import Avoid, Explore, Subsumption
+from mesa_swarm.errors import SwarmError
+from mesa_swarm.experiments import learn_bench as bench
+from mesa_swarm.experiments.contestants import contestants
+from mesa_swarm.experiments.driving import drive_measured, driven_world, within_reach
+from mesa_swarm.experiments.learn_bench import Benchmark, Run, learn_bench
+from mesa_swarm.experiments.learn_commands import bench as command
+from mesa_swarm.experiments.learn_table import lines_of, markdown, runs_csv, summary_json
+
+BRIEF = {"seeds": 2, "steps": 40, "evaluation_steps": 10}
+TWO = ("random", "Hebbian")
+
+
+def brief(only=TWO, **options):
+    return Benchmark(**{**BRIEF, **options}, only=only)
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    return learn_bench(brief(), out=tmp_path_factory.mktemp("bench"))
+
+
+def test_all_that_the_table_must_list_take_part():
+    wanted = {"random", "Avoid + Explore", "evolved reflex", "Q (a)", "Q (b)", "Q (c)", "Q (c), typed", "wire-fitted Q"}
+    assert wanted | {"Hebbian"} <= set(contestants())
+
+
+def test_ten_seeds_see_all_built_in_and_twenty_generated_maps():
+    ten = Benchmark(seeds=10)
+    seen = {place for seed in range(1, 11) for place in ten.maps(seed)}
+    assert seen == {"original", "sparse", "openspace", "openspace_fire", *(f"random {k}" for k in range(1, 21))}
+    assert all(len(ten.maps(seed)) == 6 for seed in range(1, 11))
+    assert ten.maps(11) == ten.maps(1)
+
+
+def test_a_robot_that_drives_straight_is_fast_and_sees_what_it_passes():
+    hall = Map(name="hall", bounds=(0, 0, 400, 400))
+    model = driven_world(Subsumption(Explore()), AGENT9, 0, hall, 1)
+    model.add_robots(AGENT9, poses=[(105, 105, 0.0)])
+    measured = drive_measured(model, 100)
+    assert (measured["collisions"], measured["worst robot"], measured["speed ahead"]) == (0.0, 0.0, 1.0)
+    assert measured["coverage"] == 11 / 1600  # x from 106 to 205, in cells of 10
+
+
+def test_collisions_are_counted_per_robot_and_thousand_steps_and_the_worst_is_told():
+    hall = Map(name="hall", bounds=(0, 0, 400, 400))
+    model = driven_world(Subsumption(Explore()), AGENT9, 0, hall, 1)
+    model.add_robots(AGENT9, poses=[(395, 200, 0.0), (100, 100, 0.0)])
+    measured = drive_measured(model, 50)
+    assert (measured["collisions"], measured["worst robot"]) == (500.0, 1000.0)
+
+
+def test_what_robots_can_reach_is_what_any_of_them_can():
+    walls = Map.from_toml(
+        'name = "two"\nwidth = 400\nheight = 400\n[[obstacle]]\nshape = "rectangle"\ncorners = [[190, 0], [210, 400]]\n'
+    )
+    model = driven_world(Subsumption(Explore()), AGENT9, 0, walls, 1)
+    model.add_robots(AGENT9, poses=[(100, 100, 0.0)])
+    assert within_reach(model)[:, 21:].sum() == 0
+    model.add_robots(AGENT9, poses=[(300, 100, 0.0)])
+    assert within_reach(model)[:, 22:].all()
+
+
+def test_within_reach_leaves_out_what_stands_there():
+    pillar = Map(name="pillar", bounds=(0, 0, 400, 400), obstacles=[disc((200, 200), 60)])
+    model = driven_world(Subsumption(Avoid(), Explore()), AGENT9, 3, pillar, 1)
+    cells = within_reach(model)
+    assert not cells[19:21, 19:21].any()
+    assert cells[2:8, 2:8].all()
+
+
+def test_learners_are_measured_frozen_and_still_learning_and_others_only_frozen(runs):
+    assert [(run.name, run.seed) for run in runs] == [("random", 1), ("Hebbian", 1), ("random", 2), ("Hebbian", 2)]
+    modes = {run.name: {mode for _, mode, _, _ in run.rows()} for run in runs}
+    assert modes == {"random": {"frozen"}, "Hebbian": {"frozen", "learning"}}
+    assert all(len(list(run.rows())) == 6 * 4 * len(modes[run.name]) for run in runs)
+    assert len(runs[1].curve()) == 33
+    assert runs[1].results["robot-steps"] == 40 * 15
+
+
+def test_an_interrupted_benchmark_goes_on_to_the_same_results(tmp_path, monkeypatch):
+    calls = []
+    usual = bench.measured
+
+    def interrupted(*given):
+        calls.append(given)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return usual(*given)
+
+    monkeypatch.setattr(Benchmark, "maps", lambda self, seed: ("openspace",))
+    whole = learn_bench(brief(), out=tmp_path / "whole")
+    monkeypatch.setattr(bench, "measured", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        learn_bench(brief(), out=tmp_path)
+    again = learn_bench(brief(), out=tmp_path)
+    assert len(calls) == 3 + 2
+    assert [list(run.rows()) for run in again] == [list(run.rows()) for run in whole]
+    learn_bench(brief(), out=tmp_path)
+    assert len(calls) == 5
+    learn_bench(brief(only=("random",)), out=tmp_path, resume=False)
+    assert len(calls) == 7
+
+
+def test_lines_are_interquartile_means_over_seeds_and_maps():
+    told = {
+        f"random {k}|frozen|{m}": v for k, v in enumerate([1.0, 2.0, 3.0, 90.0]) for m in ("collisions", "coverage")
+    }
+    told |= {f"random {k}|frozen|{m}": 0.5 for k in range(4) for m in ("worst robot", "speed ahead")}
+    (line,) = lines_of([Run("someone", 1, told)])
+    assert (line.group, line.mode, line.collisions.estimate, line.worst, line.ahead) == (
+        "generated",
+        "frozen",
+        2.5,
+        0.5,
+        0.5,
+    )
+
+
+def test_tables_hold_everybody_and_are_read_back(runs):
+    text = markdown(brief(), runs)
+    assert all(name in text for name in TWO)
+    assert "On generated maps that nobody was trained on, still learning" in text
+    rows = runs_csv(runs).splitlines()
+    assert rows[0] == "contestant,seed,map,group,mode,collisions,worst robot,speed ahead,coverage"
+    assert len(rows) == 1 + 2 * 6 * 1 + 2 * 6 * 2
+    summary = json.loads(summary_json(brief(), runs))
+    assert (summary["seeds"], len(summary["lines"])) == (2, 3 * 3)
+
+
+def test_the_command_writes_tables_and_pictures(tmp_path, capsys):
+    command(
+        seeds=1, steps=5, evaluation_steps=3, only="Hebbian", jobs=1, out=tmp_path / "b", resume=True, progress=False
+    )
+    names = {path.name for path in (tmp_path / "b").iterdir()}
+    assert {"learn_bench.md", "learn_bench.csv", "learn_bench.json", "learn_bench.png", "learn_curves.png"} <= names
+    assert "learn_bench.png" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"seeds": 0}, {"steps": 0}, {"evaluation_steps": 0}, {"only": ("Q (z)",)}, {"seeds": np.nan}],
+)
+def test_what_is_no_benchmark_is_refused_in_one_line(wrong):
+    with pytest.raises(SwarmError) as caught:
+        Benchmark(**{**BRIEF, **wrong})
+    assert "\n" not in str(caught.value)
+
+
+def test_who_takes_part_does_not_depend_on_the_order_in_which_they_are_named():
+    assert brief(only=("Hebbian", "random")).names == ["random", "Hebbian"]
+    assert brief().key("random", 1) == Benchmark(**BRIEF).key("random", 1) != brief().key("random", 2)

@@ -1,0 +1,44 @@
+"""Random maps: always the same for a number, whole, and with room for robots."""
+
+import numpy as np
+import pytest
+import shapely
+
+from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.world.placement import free_space
+from mesa_swarm.world.random_map import random_map
+
+
+def test_a_number_always_gives_the_same_map_and_another_number_another():
+    assert random_map(5) == random_map(5)
+    assert len({random_map(k).to_toml() for k in range(6)}) == 6
+
+
+@pytest.mark.parametrize("number", range(8))
+def test_one_gets_from_everywhere_to_everywhere_through_passages_of_the_width_asked_for(number):
+    made = random_map(number, passage=40)
+    space = free_space(made.bounds, made.obstacles, np.empty((0, 3)), 20)
+    assert len(shapely.get_parts(space)) == 1
+    assert space.area > 0.25 * 800 * 600
+
+
+def test_there_are_as_many_obstacles_as_asked_for_unless_they_find_no_room(monkeypatch):
+    assert [len(random_map(3, obstacles=k).obstacles) for k in (0, 1, 8)] == [4, 5, 12]
+    monkeypatch.setattr("mesa_swarm.world.random_map.TRIES", 1)
+    assert 4 < len(random_map(3, obstacles=30).obstacles) < 34
+
+
+def test_robots_live_there():
+    model = SwarmModel(map=random_map(2), rng=1)
+    model.add_robots(AGENT9, 15)
+    assert model.run(5).steps == 5
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"number": -1}, {"number": 0.5}, {"number": 1, "obstacles": 31}, {"number": 1, "passage": 0}]
+)
+def test_what_is_no_map_is_refused_in_one_line(wrong):
+    with pytest.raises(InvalidValueError) as caught:
+        random_map(**wrong)
+    assert "\n" not in str(caught.value)
