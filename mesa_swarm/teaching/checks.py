@@ -66,6 +66,7 @@ def check_rule(
     rule: Any,
     *wishes: Wish,
     world: Callable[[int], Any],
+    above: Sequence = (),
     below: Sequence = (Explore(),),
     steps: int = 1_000,
     seeds: Sequence[int] = SEEDS,
@@ -76,12 +77,11 @@ def check_rule(
     Parameters
     ----------
     rule : function of me, or layer
-        It has the first say.
     *wishes : Wish
     world : callable
         Takes a seed; returns a model with robots and no control.
-    below : sequence of layers
-        What drives robots that the rule leaves alone.
+    above, below : sequences of layers
+        What has its say before the rule, and what drives robots that the rule leaves alone.
     steps, seeds, hint
         See `check_model`.
 
@@ -101,7 +101,7 @@ def check_rule(
 
     def make(seed: int):
         model = world(seed)
-        model.control = Subsumption(_layer(rule), *below)
+        model.control = Subsumption(*above, _layer(rule), *below)
         return model
 
     return check_model(make, *wishes, steps=steps, seeds=seeds, hint=hint)

@@ -1,0 +1,16 @@
+"""Solutions of notebook 6; each part may be pasted into the cell of its exercise."""
+
+import numpy as np
+
+
+# %% exercise-1
+def my_polarization(heading):
+    """Return the length of the mean of all unit arrows."""
+    return np.hypot(np.cos(heading).mean(), np.sin(heading).mean())
+
+
+# %% exercise-2
+# They see farther, care more for each other, and hold on to a common course for longer.
+answer = dict(
+    n_robots=30, sight=100, alignment_weight=1.0, cohesion_weight=1.5, separation_weight=3.0, cruise_weight=2.0
+)
