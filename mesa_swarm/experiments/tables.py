@@ -93,7 +93,7 @@ def text_table(comparison: "Comparison") -> str:
     return "\n".join([title, "", *fitting(cells), "", *notes])
 
 
-def table_and_notes(comparison) -> tuple[list[list[str]], list[str]]:
+def table_and_notes(comparison: "Comparison") -> tuple[list[list[str]], list[str]]:
     """Return the cells of the summary, line by line with the header first, and what one must know to read them.
 
     Parameters
