@@ -129,7 +129,9 @@ def winners_in_words(cells: Sequence[Cell]) -> tuple[str, ...]:
     of = {side: [cell for cell in cells if cell.winner == side] for side in ("A", "B", "")}
     told = [
         f"Over robots, sizes of fires and rest times, {len(cells)} cells of paired seeds: B is clearly better in "
-        f"{len(of['B'])}, A in {len(of['A'])}, neither in {len(of[''])}."
+        f"{len(of['B'])}, A in {len(of['A'])}, neither in {len(of[''])}. At most {MOST_STEPS:,} steps and "
+        f"{SEEDS} seeds a cell; the intervals are not corrected for so many comparisons: about one cell in forty "
+        "may go to either by chance."
     ]
     told += [f"A is clearly better {named(cell)}." for cell in of["A"]]
     plain = [cell for cell in cells if cell.size == 1.0 and cell.rest == REST]
