@@ -302,6 +302,38 @@ def compare(
     )
 
 
+@app.command("reality-gap")
+def reality_gap(
+    model: Model,
+    *,
+    preset: Annotated[str, typer.Option(help="What 1 on the dial is: measured or robotarium.")] = "measured",
+    measure: Annotated[str | None, typer.Option(help="The result that is the score; else the model's first.")] = None,
+    seeds: Annotated[int, typer.Option(min=1, max=100_000, help="Runs at each place; the same seeds for all.")] = 10,
+    steps: Annotated[
+        int | None, typer.Option(min=1, max=MOST_STEPS, help="At most, in each run; by default what the model says.")
+    ] = None,
+    setting: Settings = None,
+    jobs: Annotated[int, typer.Option(min=-1, max=1024, help="Processes at a time, -1 for one on each core.")] = -1,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for table and picture; by default results/reality_gap_MODEL.")
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Turn a dial from ideal robots to imperfect ones, and draw what a model scores."""
+    check_choice("model", model, model_names())
+    _work("reality_gap_commands").gap(
+        model,
+        setting or [],
+        preset=preset,
+        measure=measure,
+        seeds=seeds,
+        steps=steps,
+        jobs=jobs,
+        out=out,
+        progress=not quiet,
+    )
+
+
 @app.command()
 def picture(
     model: Model,

@@ -11,11 +11,13 @@ from mesa_swarm.errors import BehaviourError, InvalidValueError, check_choice, c
 from mesa_swarm.fire.burning import burn
 from mesa_swarm.fire.constants import FireConstants, design_constants
 from mesa_swarm.physics.engine import CompiledEngine, Engine
+from mesa_swarm.physics.imperfect import Imperfect
 from mesa_swarm.physics.radio import Channel, send_goals
 from mesa_swarm.physics.shapely_engine import ShapelyEngine
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recorded_world import RecordedWorld
 from mesa_swarm.robots.drive import limit_command
+from mesa_swarm.robots.imperfections import Imperfections
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.streams import Seed
 from mesa_swarm.world.map import Map
@@ -89,6 +91,7 @@ class SwarmModel(RecordedWorld):
         super().__init__(map=map, rng=rng, history_every=history_every)
         self.fire_constants = design_constants() if fire_constants is None else fire_constants
         self.communication = communication
+        self._imperfect: Imperfect | None = None
         self.collisions = 0
         self.total_collisions = 0
         self._senses: Senses | None = None
@@ -128,6 +131,30 @@ class SwarmModel(RecordedWorld):
             self._checked_point(beacon)
         self._channel = None if radio is None else Channel(radio)
         self.swarm.hush()
+
+    @property
+    def imperfections(self) -> Imperfections | None:
+        """How far the robots are from ideal ones, or None; may be changed between steps.
+
+        Examples
+        --------
+        >>> from mesa_swarm.robots.imperfections import ROBOTARIUM
+        >>> model = SwarmModel(rng=1)
+        >>> model.imperfections = ROBOTARIUM.at(0.5)
+        >>> model.imperfections.sensing.dropout
+        0.0175
+        """
+        return None if self._imperfect is None else self._imperfect.imperfections
+
+    @imperfections.setter
+    def imperfections(self, imperfections: Imperfections | None) -> None:
+        if imperfections is not None and not isinstance(imperfections, Imperfections):
+            raise InvalidValueError(f"imperfections is {shortened(imperfections)}; expected Imperfections(...) or None")
+        self._sensed, self._imperfect = None, None
+        self.swarm.shed()
+        if imperfections is not None:
+            key = self.streams["imperfections"].integers(2**64, dtype=np.uint64)
+            self._imperfect = Imperfect(imperfections, self.swarm, int(key))
 
     @property
     def control(self) -> Arbiter | None:
@@ -183,6 +210,8 @@ class SwarmModel(RecordedWorld):
         if self._sensed == state and not self.swarm.disturbed:
             return
         self._engine.sense(self.swarm, scene, self._completed, self._noise_draws())
+        if self._imperfect is not None:
+            self._imperfect.spoil_readings(self.swarm, self._completed)
         self._sensed = state
 
     def run(self, steps: int, progress: bool = False) -> "SwarmModel":
@@ -247,7 +276,11 @@ class SwarmModel(RecordedWorld):
             self._engine.settle(self.swarm, scene)
             self.swarm.disturbed = False
         draws = self.streams["slip"].random((len(self.swarm), 2)) if table.slips else None
-        self._engine.move(self.swarm, scene, self._turn_angle, draws)
+        if self._imperfect is None:
+            self._engine.move(self.swarm, scene, self._turn_angle, draws)
+            return
+        with self._imperfect.driving(self.swarm, self._completed):
+            self._engine.move(self.swarm, scene, self._turn_angle, draws)
 
     def _burn(self) -> None:
         if not self._burns:

@@ -25,7 +25,7 @@ HANDLED = frozenset(
         *("_event_generators", "_scenario", "_default_schedule", "data_registry"),
         *("given", "_engine", "map", "streams", "space", "swarm", "fires", "_obstacles", "_loads", "_scene"),
         *("_scene_table", "observers", "_channel", "_fire_constants", "_senses", "_senses_version", "_sensed"),
-        *("_noise", "datacollector", "_control", "_snapshots"),
+        *("_noise", "_imperfect", "datacollector", "_control", "_snapshots"),
     )
 )
 OF_THINGS = frozenset(
@@ -136,6 +136,7 @@ def checkpoint_of(model: ObservedWorld, since: dict[Path, int] | None = None) ->
         "history": [model.fires.history.every, list(model.fires.history._places), model.fires.history._fires],
         "constants": part_to_json(model.fire_constants),
         "radio": part_to_json(model.communication),
+        "imperfect": _imperfect_to_json(model),
         "control": control_to_json(model.control),
         "control_state": _control_state(model, told),
         "randomness": _randomness(model, told),
@@ -225,8 +226,25 @@ def _inner(values: dict, what: str, told: _Told) -> dict:
     return {n: _attribute(v, f"{what}'s {n}", told) for n, v in values.items() if v is not swarm}
 
 
+def _imperfect_to_json(model: ObservedWorld) -> list | None:
+    return None if model._imperfect is None else [part_to_json(model.imperfections), model._imperfect.key]
+
+
+def _lay_imperfect(model: ObservedWorld, told: list | None) -> None:
+    """Give the model the imperfections that it had, and the key of their chance."""
+    if told is None and model.imperfections is None:
+        return
+    part, key = told or (None, 0)
+    model.imperfections = part_from_json(part)
+    if type(key) is not int or not 0 <= key < 2**64:
+        raise RecordingError(f"the key of its chance is {shortened(key)}")
+    if part is not None:
+        model._imperfect.key = key
+
+
 def _lay_control(model: ObservedWorld, facts: dict, told: _Told) -> None:
     """Give the model the radio and the control that it had, unless its constructor has made the same."""
+    _lay_imperfect(model, facts.get("imperfect"))
     radio = part_from_json(facts["radio"])
     if model.communication != radio:
         model.communication = radio

@@ -31,6 +31,7 @@ from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.strategy import FightFire
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive
+from mesa_swarm.robots.imperfections import Imperfection, Imperfections
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSensor
 from mesa_swarm.world.shapes import Shape, disc, polygon
@@ -38,8 +39,9 @@ from mesa_swarm.world.shapes import Shape, disc, polygon
 LAYERS = (Align, Avoid, Cohere, Cruise, Explore, Follow, Gather, HeadOn, MatchVelocity, Perimeter, Push, Respond,
           Separate, FightFire)  # fmt: skip
 SENSORS = (ProximitySensor, RadiationSensor, LineSensor)
+IMPERFECT = (Imperfection, Imperfections)
 DRIVES = (DifferentialDrive, HolonomicDrive)
-PARTS = {part.__name__: part for part in (RobotDesign, *SENSORS, *DRIVES, FireConstants, Radio, *LAYERS)}
+PARTS = {part.__name__: part for part in (RobotDesign, *SENSORS, *DRIVES, FireConstants, Radio, *IMPERFECT, *LAYERS)}
 ARBITERS = {"Subsumption": Subsumption, "VectorSum": VectorSum}
 PLAIN = (bool, int, float, str, type(None))
 

@@ -45,6 +45,8 @@ COLUMNS: dict[str, tuple[tuple, type, object]] = {
     "hot": ((), np.bool_, False),
     "fire": ((), np.int64, -1),
 }
+# Columns with names that begin so are kept when the layers' are dropped: they belong to the robots' bodies.
+LASTING = "body."
 # What robots say and hear.
 MESSAGES = ("task", "goal", "sent_goal", "heard_layer", "heard_task", "heard_from", "heard_goal")
 
@@ -223,9 +225,14 @@ class Swarm:
 
     def forget(self) -> None:
         """Drop the columns of all layers."""
-        for name in self._memory:
-            del self.columns[name]
-        self._memory = {}
+        for name in [name for name in self._memory if not name.startswith(LASTING)]:
+            del self.columns[name], self._memory[name]
+        self.version += 1
+
+    def shed(self) -> None:
+        """Drop the columns that belong to the robots' bodies."""
+        for name in [name for name in self._memory if name.startswith(LASTING)]:
+            del self.columns[name], self._memory[name]
         self.version += 1
 
     def hush(self) -> None:

@@ -1,0 +1,213 @@
+"""The reality gap: what a model scores while a dial goes from ideal robots to measured ones."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from mesa_swarm.errors import InvalidValueError, check_choice, check_number
+from mesa_swarm.experiments.figures import COLOURS
+from mesa_swarm.experiments.files import write_whole
+from mesa_swarm.experiments.pictures import png
+from mesa_swarm.experiments.plan import checked_plan, checked_seeds
+from mesa_swarm.experiments.pool import on_all
+from mesa_swarm.experiments.statistics import Interval, bootstrap_mean, pair_differences
+from mesa_swarm.experiments.tables import aligned, csv_text, in_words
+from mesa_swarm.gallery import find_model
+from mesa_swarm.progress import progress_bar
+from mesa_swarm.robots.imperfections import PRESETS, Imperfections
+
+DIAL = (0.0, 0.25, 0.5, 0.75, 1.0)
+SEEDS = 10
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Gap:
+    """The scores of a model over the dial.
+
+    Parameters
+    ----------
+    model : str
+    measure : str
+        The result that is the score.
+    preset : str
+    dial : tuple of float
+    seeds : sequence of int
+    steps : int
+        At most, of every run.
+    scores : dict
+        By place of the dial, one score a seed; None where it did not happen.
+    """
+
+    model: str
+    measure: str
+    preset: str
+    dial: tuple[float, ...]
+    seeds: Sequence[int]
+    steps: int
+    scores: dict[float, list[float | None]] = field(default_factory=dict)
+
+    def mean(self, place: float) -> Interval:
+        """Return the mean score at a place of the dial, with its interval."""
+        return bootstrap_mean([score for score in self.scores[place] if score is not None])
+
+    def lost(self, place: float) -> Interval:
+        """Return by how much the score differs there from that of ideal robots, on the same seeds."""
+        return bootstrap_mean(pair_differences(self.scores[self.dial[0]], self.scores[place]))
+
+    def table(self) -> str:
+        """Return the scores as text."""
+        header = ["dial", f"{self.measure} [95 %]", f"minus dial {self.dial[0]:g} [95 %]"]
+        rows = [
+            [f"{place:g}", in_words(self.mean(place)), "" if i == 0 else in_words(self.lost(place), signed=True)]
+            for i, place in enumerate(self.dial)
+        ]
+        title = f"{self.model}, {self.preset} robots: {len(self.seeds)} paired seeds, at most {self.steps:,} steps each"
+        return "\n".join([title, "", *aligned([header, *rows])])
+
+    def csv(self) -> str:
+        """Return one line a run."""
+        runs = ([p, seed, s] for p in self.dial for seed, s in zip(self.seeds, self.scores[p], strict=True))
+        return csv_text([["dial", "rng", self.measure], *runs])
+
+    def save(self, folder: Path) -> list[Path]:
+        """Write the picture and the table, each whole or not at all, and return their paths."""
+        contents = {"reality_gap.png": png(gap_figure(self)), "reality_gap.csv": self.csv()}
+        return [write_whole(folder / name, content) for name, content in contents.items()]
+
+
+def reality_gap(
+    model: str,
+    *,
+    preset: str = "measured",
+    dial: Sequence[float] = DIAL,
+    seeds: int | Sequence[int] = SEEDS,
+    steps: int | None = None,
+    measure: str | None = None,
+    settings: dict[str, Any] | None = None,
+    jobs: int = 1,
+    progress: bool = False,
+) -> Gap:
+    """Run a model of the gallery at every place of the dial, over the same seeds.
+
+    Parameters
+    ----------
+    model : str
+    preset : str
+        "measured" or "robotarium", see `robots.imperfections`.
+    dial : sequence of float
+        0 to 1, rising; robots at 0 are ideal, and their runs bitwise those without any dial.
+    seeds : int or sequence of int
+    steps : int, optional
+        At most; by default what the model says.
+    measure : str, optional
+        The result that is the score; by default the model's first that it has in every run.
+    settings : dict, optional
+        Other parameters of the model.
+    jobs : int
+    progress : bool
+
+    Raises
+    ------
+    SwarmError
+        If anything about it is wrong.
+
+    Examples
+    --------
+    >>> gap = reality_gap("agglomeration", dial=(0, 1), seeds=[1], steps=5, settings={"n_robots": 4})
+    >>> gap.measure, sorted(gap.scores)
+    ('groups', [0.0, 1.0])
+    """
+    whole = PRESETS[check_choice("preset", preset, PRESETS)]
+    places = checked_dial(dial)
+    plan = checked_plan(find_model(model), seeds=checked_seeds(seeds), steps=steps, settings=_freed(model, settings))
+    tasks = [(model, settings or {}, whole, place, seed, plan.steps) for place in places for seed in plan.seeds]
+    results = _made(tasks, jobs, progress)
+    rows = {place: [results[place, seed] for seed in plan.seeds] for place in places}
+    wanted = chosen_measure(rows, measure)
+    scores = {place: [row[wanted] for row in row_of] for place, row_of in rows.items()}
+    return Gap(
+        model=model, measure=wanted, preset=preset, dial=places, seeds=plan.seeds, steps=plan.steps, scores=scores
+    )
+
+
+def _freed(model: str, settings: dict[str, Any] | None) -> dict[str, Any]:
+    """Return the settings without the parameter that the model's own comparison varies."""
+    varied = getattr(find_model(model), "compares", (None,))[0]
+    return {name: value for name, value in (settings or {}).items() if name != varied}
+
+
+def _made(tasks: list[tuple], jobs: int, progress: bool) -> dict[tuple[float, int], dict]:
+    results = {}
+    with progress_bar(len(tasks), "runs", progress) as bar:
+        for place, seed, row in on_all(jobs, gap_run, tasks) if jobs > 1 else (gap_run(*task) for task in tasks):
+            results[place, seed] = row
+            bar.update()
+    return results
+
+
+def gap_run(
+    model: str, settings: dict, whole: Imperfections, place: float, rng: int, steps: int
+) -> tuple[float, int, dict]:
+    """Do one run, and return its place, seed and results."""
+    built = find_model(model)(**settings, rng=rng)
+    built.imperfections = whole.at(place)
+    return place, rng, built.run(steps).results()
+
+
+def checked_dial(dial: Sequence[float]) -> tuple[float, ...]:
+    """Return places of the dial that rise from 0 to 1 at most.
+
+    Raises
+    ------
+    InvalidValueError
+
+    Examples
+    --------
+    >>> checked_dial([0, 1])
+    (0.0, 1.0)
+    """
+    places = tuple(check_number("dial", place, minimum=0, maximum=1) for place in dial)
+    if len(places) < 2 or any(b <= a for a, b in pairwise(places)):
+        raise InvalidValueError(f"dial is {dial!r:.60}; expected at least two rising places such as (0, 0.5, 1)")
+    return places
+
+
+def chosen_measure(rows: dict[float, list[dict]], measure: str | None) -> str:
+    """Return the result that is the score: the one that is wanted, or the first that there is in every run.
+
+    Examples
+    --------
+    >>> chosen_measure({0.0: [{"arrived at": None, "way left": 3.0}]}, None)
+    'way left'
+    """
+    runs = [run for place in rows.values() for run in place]
+    if measure is not None:
+        return check_choice("measure", measure, runs[0])
+    return next((name for name in runs[0] if all(run[name] is not None for run in runs)), next(iter(runs[0])))
+
+
+def gap_figure(gap: Gap) -> Figure:
+    """Return the standard picture: the score over the dial, each seed a thin line, means with their intervals.
+
+    Parameters
+    ----------
+    gap : Gap
+    """
+    figure = Figure(figsize=(7.5, 4.5), layout="constrained")
+    axes = figure.add_subplot()
+    scores = np.array([gap.scores[place] for place in gap.dial], float)
+    axes.plot(gap.dial, scores, color="#8a8a8a", linewidth=0.7, alpha=0.5)
+    means = [gap.mean(place) for place in gap.dial]
+    reach = np.nan_to_num([[m.estimate - m.low for m in means], [m.high - m.estimate for m in means]])
+    axes.errorbar(gap.dial, [m.estimate for m in means], reach, fmt="o-", color=COLOURS[0], linewidth=2, capsize=4)
+    axes.axhline(means[0].estimate, color=COLOURS[1], linestyle="--", linewidth=1)
+    axes.set(xlabel=f"dial: 0 ideal, 1 {gap.preset}", ylabel=gap.measure)
+    axes.set_title(f"{gap.model}: {len(gap.seeds)} seeds (thin), their mean, 95 %", fontsize=11)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(alpha=0.25)
+    return figure

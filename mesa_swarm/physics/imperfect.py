@@ -1,0 +1,204 @@
+"""What imperfect robots read and do: readings and wheel speeds spoilt, charges used up, break-downs."""
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
+from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.physics.radio import GOLDEN, mixed
+from mesa_swarm.robots.imperfections import Imperfections, is_ideal
+from mesa_swarm.robots.swarm import LASTING, Swarm
+from mesa_swarm.robots.table import RANGE
+from mesa_swarm.world.statics import OBSTACLE
+
+# What chance is asked for, so that no two answers have to do with each other.
+FATE, PLACE, ANGLE, LENGTH = range(4)
+# Channels: proximity sensors from 0, radiation sensors from here, then wheels, then the robot as a whole.
+RADIATION, WHEEL, BODY = 1_000, 2_000, 3_000
+NOTHING = -1.0
+# What is kept of each robot: the last readings that came through, wheel speeds as they are, charge used, broken.
+KEPT = {
+    "distance": (("proximity",), np.float64, NOTHING),
+    "kind": (("proximity",), np.int8, -1),
+    "radiation": (("radiation",), np.float64, 0.0),
+    "wheels": ((2,), np.float64, 0.0),
+    "told": ((2,), np.float64, 0.0),
+    "used": ((), np.float64, 0.0),
+    "broken": ((), np.bool_, False),
+}
+
+
+class Imperfect:
+    """Imperfections at work on a swarm.
+
+    Chance is a function of the key, the robot's number, the channel and the step: to read twice gives the same,
+    and what happens to a robot does not depend on which others there are.
+
+    Parameters
+    ----------
+    imperfections : Imperfections
+    swarm : Swarm
+        Gets the columns in which robots keep what is not fresh, and how worn they are.
+    key : int
+        Of chance, 0 to 2^64 - 1.
+    """
+
+    def __init__(self, imperfections: Imperfections, swarm: Swarm, key: int) -> None:
+        self.imperfections, self.key = imperfections, key
+        for name, column in KEPT.items():
+            swarm.remember(f"{LASTING}{name}", *column)
+        self._reads = not is_ideal(imperfections.sensing)
+        self._drives = not is_ideal(imperfections.driving) or imperfections.battery > 0 or imperfections.failure > 0
+
+    def spoil_readings(self, swarm: Swarm, step: int) -> None:
+        """Change what all sensors read in this step."""
+        if not self._reads:
+            return
+        columns, table = swarm.columns, swarm.table
+        design, number, limits = columns["design"], columns["number"], self.imperfections.sensing.limits
+        spoil_proximity(
+            columns["distance"],
+            columns["kind"],
+            kept(swarm, "distance"),
+            kept(swarm, "kind"),
+            np.ascontiguousarray(table.proximity[:, :, RANGE]),
+            design,
+            number,
+            limits,
+            step,
+            np.uint64(self.key),
+        )
+        radiation = columns["radiation"]
+        if radiation.shape[1]:
+            spoil_radiation(radiation, kept(swarm, "radiation"), number, limits, step, np.uint64(self.key))
+
+    @contextmanager
+    def driving(self, swarm: Swarm, step: int) -> Iterator[None]:
+        """Let the wheels do what they make of their commands; afterwards commands are what was told, slip the rest."""
+        if not self._drives:
+            yield
+            return
+        command, slip = swarm.columns["command"], swarm.columns["slip"]
+        told = command.copy()
+        given = self.imperfections
+        spoil_wheels(
+            command,
+            kept(swarm, "told"),
+            kept(swarm, "wheels"),
+            kept(swarm, "used"),
+            kept(swarm, "broken"),
+            swarm.columns["max_speed"],
+            swarm.columns["number"],
+            given.driving.limits,
+            (float(given.battery), float(given.failure)),
+            step,
+            np.uint64(self.key),
+        )
+        try:
+            yield
+            reached = command * (1.0 - slip)
+            slip[:] = np.divide(told - reached, told, out=np.zeros_like(told), where=told != 0.0)
+        finally:
+            command[:] = told
+
+
+def kept(swarm: Swarm, name: str) -> np.ndarray:
+    """Return a column of what imperfect robots keep."""
+    return swarm.columns[f"{LASTING}{name}"]
+
+
+@compiled
+def chance(key, number, channel, moment, what):
+    """Return a number in [0, 1) that the key, robot, channel, moment and question decide.
+
+    Examples
+    --------
+    >>> 0 <= chance(np.uint64(1), 2, 3, 4, 0) < 1
+    True
+    """
+    bits = mixed(key + GOLDEN * np.uint64(number))
+    bits = mixed(bits + GOLDEN * np.uint64(channel))
+    bits = mixed(bits + GOLDEN * np.uint64(moment))
+    bits = mixed(bits + GOLDEN * np.uint64(what))
+    return (bits >> np.uint64(11)) * 2.0**-53
+
+
+@compiled
+def normal(key, number, channel, moment):
+    """Return a number of the standard normal distribution (Box and Muller 1958)."""
+    length = math.sqrt(-2.0 * math.log(1.0 - chance(key, number, channel, moment, LENGTH)))
+    return length * math.cos(2.0 * math.pi * chance(key, number, channel, moment, ANGLE))
+
+
+@compiled
+def spoil_proximity(distance, kind, last_distance, last_kind, ranges, design, number, limits, step, key):
+    """Change what proximity sensors read, and keep it for steps without a fresh reading."""
+    error, dropout, outliers, hold, period, _ = limits
+    moment = step // hold
+    for i in range(distance.shape[0]):
+        for s in range(distance.shape[1]):
+            reach = ranges[design[i], s]
+            if step % period != 0:
+                distance[i, s], kind[i, s] = last_distance[i, s], last_kind[i, s]
+            elif reach >= 0.0:
+                fate = chance(key, number[i], s, moment, FATE)
+                if fate < dropout:
+                    distance[i, s], kind[i, s] = NOTHING, -1
+                elif fate < dropout + outliers:
+                    distance[i, s] = reach * chance(key, number[i], s, moment, PLACE)
+                    kind[i, s] = OBSTACLE
+                elif distance[i, s] >= 0.0:
+                    wrong = distance[i, s] * (1.0 + error * normal(key, number[i], s, moment))
+                    distance[i, s] = min(max(wrong, 0.0), reach)
+            last_distance[i, s], last_kind[i, s] = distance[i, s], kind[i, s]
+
+
+@compiled
+def spoil_radiation(radiation, last, number, limits, step, key):
+    """Change what radiation sensors read, temperatures from 0 to 1."""
+    error, dropout, outliers, hold, period, _ = limits
+    moment = step // hold
+    for i in range(radiation.shape[0]):
+        for q in range(radiation.shape[1]):
+            channel = RADIATION + q
+            fate = chance(key, number[i], channel, moment, FATE)
+            if step % period != 0:
+                radiation[i, q] = last[i, q]
+            elif fate < dropout:
+                radiation[i, q] = 0.0
+            elif fate < dropout + outliers:
+                radiation[i, q] = chance(key, number[i], channel, moment, PLACE)
+            else:
+                wrong = radiation[i, q] * (1.0 + error * normal(key, number[i], channel, moment))
+                radiation[i, q] = min(max(wrong, 0.0), 1.0)
+            last[i, q] = radiation[i, q]
+
+
+@compiled
+def spoil_wheels(command, told, wheels, used, broken, max_speed, number, limits, wear, step, key):
+    """Replace commands by what wheels make of them; count what it takes of the charge, and break robots down."""
+    error, dropout, outliers, hold, period, lag = limits
+    battery, failure = wear
+    moment, share = step // hold, 1.0 - math.exp(-1.0 / lag) if lag > 0.0 else 1.0
+    for i in range(command.shape[0]):
+        if chance(key, number[i], BODY, step, FATE) < failure:
+            broken[i] = True
+        stands = broken[i] or (battery > 0.0 and used[i] >= battery)
+        for w in range(2):
+            if step % period == 0:
+                told[i, w] = command[i, w]
+            wanted, channel = told[i, w], WHEEL + w
+            fate = chance(key, number[i], channel, moment, FATE)
+            if stands or fate < dropout:
+                wanted = 0.0
+            elif fate < dropout + outliers:
+                wanted = max_speed[i] * (2.0 * chance(key, number[i], channel, moment, PLACE) - 1.0)
+            else:
+                wanted *= 1.0 + error * normal(key, number[i], channel, moment)
+            wheels[i, w] += share * (wanted - wheels[i, w])
+            wheels[i, w] = 0.0 if stands else min(max(wheels[i, w], -max_speed[i]), max_speed[i])
+            command[i, w] = wheels[i, w]
+            if max_speed[i] > 0.0:
+                used[i] += 0.5 * abs(wheels[i, w]) / max_speed[i]

@@ -1,0 +1,158 @@
+"""How far real sensors and wheels are from ideal ones: one schema for all of them, and a dial from 0 to 1."""
+
+from dataclasses import dataclass, fields, replace
+
+from mesa_swarm.errors import check_count, check_number
+from mesa_swarm.robots.design import RobotDesign
+from mesa_swarm.robots.sensors import LONGEST_HOLD, ProximitySensor
+
+LONGEST_LAG = 1e6
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Imperfection:
+    """What becomes of one value, of a sensor on its way to the controller or of a controller on its way to a wheel.
+
+    Of what is told in a step, with probability `dropout` nothing comes through (a sensor sees nothing, a wheel
+    stands); with probability `outliers` anything within the range does; else the value x becomes
+    ``x (1 + error z)``, z from a normal distribution, within the range.
+
+    Parameters
+    ----------
+    error : float
+        Standard deviation, as a share of the value, 0 to 10.
+    dropout, outliers : float
+        Probabilities, 0 to 1, together at most 1.
+    hold : int
+        Steps for which chance stays as it was drawn, at least 1.
+    period : int
+        Steps from one fresh value to the next, which stays meanwhile, at least 1.
+    lag : float
+        Steps in which a value comes within 1 / e of what it should be, 0 for at once: y += (x - y)(1 - e^(-1 / lag)).
+        Of wheels; readings of infrared sensors do not lag.
+
+    Raises
+    ------
+    InvalidValueError
+        If a value is out of its range.
+
+    Examples
+    --------
+    >>> Imperfection(error=0.03).at(0.5).error
+    0.015
+    """
+
+    error: float = 0.0
+    dropout: float = 0.0
+    outliers: float = 0.0
+    hold: int = 1
+    period: int = 1
+    lag: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        check_number("error", self.error, minimum=0, maximum=10)
+        check_number("dropout", self.dropout, minimum=0, maximum=1)
+        check_number("outliers", self.outliers, minimum=0, maximum=1)
+        check_number("dropout + outliers", self.dropout + self.outliers, maximum=1)
+        check_count("hold", self.hold, minimum=1, maximum=LONGEST_HOLD)
+        check_count("period", self.period, minimum=1, maximum=LONGEST_HOLD)
+        check_number("lag", self.lag, minimum=0, maximum=LONGEST_LAG)
+
+    def at(self, dial: float) -> "Imperfection":
+        """Return the imperfection at a place of the dial: shares and lag in proportion, whole steps rounded."""
+        steps = {name: 1 + round((getattr(self, name) - 1) * dial) for name in ("hold", "period")}
+        shares = {name: getattr(self, name) * dial for name in ("error", "dropout", "outliers", "lag")}
+        return replace(self, **steps, **shares)
+
+    @property
+    def limits(self) -> tuple[float, float, float, int, int, float]:
+        """All values, as the compiled functions take them."""
+        return (
+            float(self.error), float(self.dropout), float(self.outliers), int(self.hold), int(self.period),
+            float(self.lag),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Imperfections:
+    """How far robots are from ideal ones.
+
+    Parameters
+    ----------
+    sensing : Imperfection
+        Of every proximity and radiation sensor.
+    driving : Imperfection
+        Of every wheel.
+    battery : float
+        Steps at full speed that a charge lasts, after which a robot stands for good; 0 for a charge without end.
+    failure : float
+        Probability in each step that a robot breaks down and stands for good, 0 to 1.
+
+    Examples
+    --------
+    >>> MEASURED.at(0) is None, MEASURED.at(1) == MEASURED
+    (True, True)
+    """
+
+    sensing: Imperfection = Imperfection()
+    driving: Imperfection = Imperfection()
+    battery: float = 0.0
+    failure: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        check_number("battery", self.battery, minimum=0, maximum=1e12)
+        check_number("failure", self.failure, minimum=0, maximum=1)
+
+    def at(self, dial: float) -> "Imperfections | None":
+        """Return the imperfections at a place of the dial; None, which costs nothing, where there are none.
+
+        Parameters
+        ----------
+        dial : float
+            0 for ideal robots, 1 for these, between them in proportion; a charge lasts 1 / dial times as long.
+
+        Raises
+        ------
+        InvalidValueError
+        """
+        share = check_number("dial", dial, minimum=0, maximum=1)
+        if share == 0:
+            return None
+        found = Imperfections(
+            sensing=self.sensing.at(share),
+            driving=self.driving.at(share),
+            battery=self.battery / share,
+            failure=self.failure * share,
+        )
+        return None if found == Imperfections() else found
+
+
+# Of the Robotarium's robots: seven distance sensors, 3 % error, 3.5 % dropout, 1.4 % outliers.
+ROBOTARIUM = Imperfections(sensing=Imperfection(error=0.03, dropout=0.035, outliers=0.014))
+# All that may be wrong at once, of the order of what small robots show: a choice, not a measurement of one robot.
+MEASURED = Imperfections(
+    sensing=Imperfection(error=0.03, dropout=0.035, outliers=0.014, hold=2, period=2),
+    driving=Imperfection(error=0.05, dropout=0.02, lag=2.0),
+    battery=20_000.0,
+    failure=1e-5,
+)
+PRESETS = {"measured": MEASURED, "robotarium": ROBOTARIUM}
+ROBOTARIUM_ROBOT = RobotDesign(
+    name="ROBOTARIUM_ROBOT",
+    sensors=tuple(
+        ProximitySensor(bearing_degrees=b, field_of_view_degrees=25) for b in (0, 35, -35, 75, -75, 140, -140)
+    ),
+)
+
+
+def is_ideal(one: Imperfection) -> bool:
+    """Return whether an imperfection changes nothing.
+
+    Examples
+    --------
+    >>> is_ideal(Imperfection()), is_ideal(Imperfection(hold=3)), is_ideal(Imperfection(period=3))
+    (True, True, False)
+    """
+    return all(getattr(one, field.name) == field.default for field in fields(one) if field.name != "hold")

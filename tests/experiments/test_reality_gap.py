@@ -1,0 +1,61 @@
+"""The dial from ideal to imperfect robots, as an experiment and as it is typed."""
+
+import pytest
+
+from mesa_swarm import cli
+from mesa_swarm.errors import InvalidValueError, UnknownNameError
+from mesa_swarm.experiments.reality_gap import gap_figure, reality_gap
+from mesa_swarm.gallery import find_model
+
+SMALL = {"n_robots": 5}
+
+
+def test_ideal_robots_score_as_they_do_without_a_dial():
+    gap = reality_gap("agglomeration", dial=(0, 1), seeds=[4, 5], steps=200, settings=SMALL)
+    plain = [find_model("agglomeration")(rng=rng, **SMALL).run(200).results()["groups"] for rng in (4, 5)]
+    assert gap.scores[0.0] == plain
+
+
+def test_the_number_of_processes_changes_nothing():
+    one, two = (reality_gap("boids", dial=(0, 1), seeds=2, steps=20, settings=SMALL, jobs=jobs) for jobs in (1, 2))
+    assert one.scores == two.scores
+
+
+def test_the_score_is_the_first_result_that_there_is_in_every_run_or_the_one_asked_for():
+    gap = reality_gap("cooperative_transport", dial=(0, 1), seeds=1, steps=5)
+    assert gap.measure == "way left"
+    asked = reality_gap("fire_fighting", dial=(0, 1), seeds=1, steps=5, measure="all fires out at")
+    assert asked.scores == {0.0: [None], 1.0: [None]}
+    assert len(gap_figure(asked).axes) == 1
+
+
+def test_the_parameter_that_a_model_compares_may_be_set():
+    gap = reality_gap("fire_fighting", dial=(0, 1), seeds=1, steps=5, settings={"strategy": "A"})
+    assert gap.measure == "fires out"
+
+
+@pytest.mark.parametrize(
+    ("more", "error", "words"),
+    [
+        ({"dial": (0.5,)}, InvalidValueError, "expected at least two rising places"),
+        ({"dial": (1, 0)}, InvalidValueError, "expected at least two rising places"),
+        ({"preset": "mesured"}, UnknownNameError, "did you mean 'measured'"),
+        ({"measure": "group"}, UnknownNameError, "did you mean 'groups'"),
+    ],
+)
+def test_what_is_wrong_is_refused(more, error, words):
+    with pytest.raises(error, match=words):
+        reality_gap("agglomeration", **{"seeds": 1, "steps": 2, "settings": SMALL, **more})
+
+
+def test_the_command_prints_scores_and_writes_picture_and_table(capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    line = "reality-gap agglomeration --preset robotarium --seeds 2 --steps 10 --set n_robots=4 --jobs 1 --quiet"
+    with pytest.raises(SystemExit) as left:
+        cli.main(line.split())
+    out = capsys.readouterr().out
+    assert not left.value.code
+    assert "agglomeration, robotarium robots: 2 paired seeds, at most 10 steps each" in out
+    made = tmp_path / "results" / "reality_gap_agglomeration"
+    assert (made / "reality_gap.png").read_bytes()[1:4] == b"PNG"
+    assert len((made / "reality_gap.csv").read_text().splitlines()) == 1 + 5 * 2
