@@ -4,8 +4,21 @@ Names are imported when they are first used, so that ``import mesa_swarm`` is qu
 """
 
 from importlib import import_module
+from typing import TYPE_CHECKING
 
 __version__ = "0.1.0"
+
+if TYPE_CHECKING:  # a type checker does not call __getattr__
+    from mesa_swarm.experiments.compare import compare
+    from mesa_swarm.experiments.sweep import sweep
+    from mesa_swarm.model import SwarmModel
+    from mesa_swarm.recording.recording import Recording
+    from mesa_swarm.robots.design import AGENT3, AGENT6, AGENT9, AGENT_FIRE, RobotDesign, all_round
+    from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive
+    from mesa_swarm.robots.radio import Radio
+    from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSensor, bump_sensor, laser_sensor
+    from mesa_swarm.world.map import Map
+    from mesa_swarm.world.shapes import Shape, disc, polygon, rectangle
 
 _HOME = {
     "AGENT3": "robots.design",
@@ -60,7 +73,7 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str):
+def __getattr__(name: str) -> object:
     """Import a public name from where it lives."""
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -8,7 +8,8 @@ from collections.abc import Callable, Sequence
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated
+from types import ModuleType
+from typing import Annotated, TextIO
 
 import typer
 
@@ -100,11 +101,18 @@ def _in_words(error: Exception) -> str:
     return f"{type(error).__name__}: {error} (with --debug, mesa-swarm shows where)"
 
 
-def _show_warning(message: Warning | str, *where: object) -> None:
+def _show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
     print(f"mesa-swarm: warning: {' '.join(str(message).split())}", file=sys.stderr)
 
 
-def _work(module: str = "commands", folder: str = "experiments"):
+def _work(module: str = "commands", folder: str = "experiments") -> ModuleType:
     """Import what does the work only when it is to be done, so that --help and misspelt names are quick."""
     return import_module(f"mesa_swarm.{folder}.{module}")
 

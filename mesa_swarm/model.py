@@ -5,6 +5,7 @@ import os
 import mesa
 import numpy as np
 
+from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import BehaviourError, InvalidValueError, check_choice, check_count, check_number, shortened
 from mesa_swarm.fire.burning import burn
@@ -16,6 +17,7 @@ from mesa_swarm.progress import progress_bar
 from mesa_swarm.recorded_world import RecordedWorld
 from mesa_swarm.robots.drive import limit_command
 from mesa_swarm.robots.radio import Radio
+from mesa_swarm.streams import Seed
 from mesa_swarm.world.map import Map
 
 ENGINES: dict[str, type[Engine]] = {"compiled": CompiledEngine, "shapely": ShapelyEngine}
@@ -71,7 +73,7 @@ class SwarmModel(RecordedWorld):
         self,
         *,
         map: str | os.PathLike | Map = "openspace",
-        rng=None,
+        rng: Seed = None,
         engine: str = "compiled",
         turn_angle_degrees: float = 60.0,
         fire_constants: FireConstants | None = None,
@@ -128,12 +130,12 @@ class SwarmModel(RecordedWorld):
         self.swarm.hush()
 
     @property
-    def control(self):
+    def control(self) -> Arbiter | None:
         """What drives the robots: an arbiter such as `Subsumption`, or None."""
         return self._control
 
     @control.setter
-    def control(self, control) -> None:
+    def control(self, control: Arbiter | None) -> None:
         if control is not None and (isinstance(control, type) or not hasattr(control, "bound")):
             raise InvalidValueError(
                 f"control is {control!r:.60}; expected an arbiter such as Subsumption(Avoid(), Explore())"
@@ -220,7 +222,7 @@ class SwarmModel(RecordedWorld):
             return
         columns["task"].fill(-1)
         columns["goal"].fill(np.nan)
-        if self._senses_version != self.swarm.version:
+        if self._senses is None or self._senses_version != self.swarm.version:
             self._senses = Senses.of(self.swarm)
             self._senses_version = self.swarm.version
         columns["last_command"][:] = command

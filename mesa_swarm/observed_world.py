@@ -1,7 +1,9 @@
 """ObservedWorld: what one reads of a model after a step: contacts, what was kept, reasons, a fingerprint."""
 
 import os
+from collections.abc import Callable
 from hashlib import blake2b
+from typing import Any, SupportsIndex
 
 import numpy as np
 
@@ -11,6 +13,7 @@ from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.physics.contacts import Contacts
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.snapshots import DECISIONS, Snapshots
+from mesa_swarm.streams import Seed
 from mesa_swarm.world.map import Map
 from mesa_swarm.world_model import World
 
@@ -27,7 +30,7 @@ class Observers(list):
     What observes one run writes it to one place: two runs there would be a muddle.
     """
 
-    def __reduce_ex__(self, protocol: int) -> tuple:
+    def __reduce_ex__(self, protocol: SupportsIndex) -> tuple:
         return Observers, ()
 
 
@@ -38,17 +41,17 @@ class ObservedWorld(World):
     _completed: int = 0
     _snapshots: Snapshots | None = None
 
-    def __init__(self, *, map: str | os.PathLike | Map, rng, history_every: int) -> None:
+    def __init__(self, *, map: str | os.PathLike | Map, rng: Seed, history_every: int) -> None:
         super().__init__(map=map, rng=rng, history_every=history_every)
         self.observers = Observers()
-        self._user_step = self._whole_step  # what Mesa calls in its own wrapping of a step
+        self._user_step: Callable[..., None] = self._whole_step  # what Mesa calls in its own wrapping of a step
 
     @property
     def completed(self) -> int:
         """How many steps were taken to their end."""
         return self._completed
 
-    def _whole_step(self, *given, **named) -> None:
+    def _whole_step(self, *given: Any, **named: Any) -> None:
         """Take the step that the class says, of which this class's own is a part, and tell observers of its end."""
         try:
             type(self).step(self, *given, **named)
@@ -163,10 +166,10 @@ class ObservedWorld(World):
         digest = blake2b(digest_size=16)
         digest.update(f"{self._completed}".encode())
         for load in self._loads:
-            digest.update(np.array([*load.pose, load.resistance]))
+            digest.update(np.array([*load.pose, load.resistance]).tobytes())
         for prefix, columns in (("robots", self.swarm.columns), ("fires", self.fires.columns)):
             for name, column in sorted(columns.items()):
                 if name not in NOT_HASHED:
                     digest.update(f"{prefix}.{name} {column.shape}".encode())
-                    digest.update(np.ascontiguousarray(column + 0 if column.dtype.kind == "f" else column))
+                    digest.update((column + 0 if column.dtype.kind == "f" else column).tobytes())
         return digest.hexdigest()

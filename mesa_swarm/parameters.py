@@ -1,7 +1,7 @@
 """What a model says of its own parameters: ranges of sliders and choices, beside the parameters."""
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_type_hints
@@ -143,7 +143,7 @@ def parameters_of(model: Callable) -> dict[str, Parameter]:
     return parameters
 
 
-def parsed_settings(model: Callable, settings: list[str]) -> dict[str, Any]:
+def parsed_settings(model: Callable, settings: Sequence[str]) -> dict[str, Any]:
     """Return what ``name=value`` texts set, checked against the model's parameters.
 
     Raises

@@ -3,10 +3,14 @@
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.observed_world import ObservedWorld
+
+if TYPE_CHECKING:  # floors above
+    from mesa_swarm.dashboard.canvas_widget import SwarmCanvas
+    from mesa_swarm.recording.recorder import Recorder
 
 
 class RecordedWorld(ObservedWorld):
@@ -22,7 +26,7 @@ class RecordedWorld(ObservedWorld):
         overwrite: bool = False,
         rerun: bool = True,
         checkpoint_every: int = 1000,
-    ):
+    ) -> "Recorder":
         """Write the model after each of the next steps to a file; see `mesa_swarm.recording.record`.
 
         Parameters
@@ -83,7 +87,7 @@ class RecordedWorld(ObservedWorld):
 
         return resume(cls, path, step=step, **changes)
 
-    def show(self, *, speed: float = 60.0, height: int = 560):
+    def show(self, *, speed: float = 60.0, height: int = 560) -> "SwarmCanvas":
         """Return a widget for notebooks on which the model is seen and played; needs the extra `dashboard`.
 
         What a program steps is shown as well. Where no widget can live, there is a picture instead.

@@ -2,6 +2,8 @@
 
 from functools import partial
 
+from mesa import Model
+
 from mesa_swarm.errors import check_count
 
 
@@ -35,7 +37,7 @@ class Held:
         self._due = -1
         self._value: object = None
 
-    def __call__(self, model) -> object:
+    def __call__(self, model: Model) -> object:
         """Return the value that was measured last, measured now if it is due."""
         due = model.steps - model.steps % self.every
         if due != self._due:

@@ -1,8 +1,13 @@
 """Random streams: one for each subsystem, all from the model's seed, none disturbed by another."""
 
+from collections.abc import Mapping
+from typing import Any
 from zlib import crc32
 
 import numpy as np
+
+# What a model takes as its `rng`.
+Seed = int | np.integer | np.random.SeedSequence | np.random.Generator | np.random.BitGenerator | None
 
 
 class Streams:
@@ -36,6 +41,6 @@ class Streams:
             self._streams[name] = np.random.Generator(np.random.PCG64(child))
         return self._streams[name]
 
-    def state(self) -> dict[str, dict]:
+    def state(self) -> dict[str, Mapping[str, Any]]:
         """Return the state of every stream that was used, by name."""
         return {name: stream.bit_generator.state for name, stream in sorted(self._streams.items())}

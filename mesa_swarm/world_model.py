@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterable, Sequence
+from typing import Any, cast
 
 import mesa
 import numpy as np
@@ -14,7 +15,7 @@ from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.robot import SIDES, Robot, remove_together
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.robots.table import DesignTable
-from mesa_swarm.streams import Streams
+from mesa_swarm.streams import Seed, Streams
 from mesa_swarm.world.arena import Agents, Arena
 from mesa_swarm.world.form import Form
 from mesa_swarm.world.load import Load, checked_resistance
@@ -38,13 +39,13 @@ class World(mesa.Model):
         Steps between two rows of `fires.history`; 0 keeps none.
     """
 
-    def __new__(cls, *given, **named) -> "World":
+    def __new__(cls, *given: Any, **named: Any) -> "World":
         """Take note of what the outermost constructor was given: a recording tells it, so that it can be run again."""
         world = super().__new__(cls)
         world.given = given, named  # before any constructor of a subclass has changed them
         return world
 
-    def __init__(self, *, map: str | os.PathLike | Map, rng, history_every: int) -> None:
+    def __init__(self, *, map: str | os.PathLike | Map, rng: Seed, history_every: int) -> None:
         self.map = Map.load(map)
         rng = _checked_seed(rng)
         super().__init__(rng=rng)
@@ -322,7 +323,7 @@ def _check_shape(name: str, shape: Shape) -> None:
         raise InvalidValueError(f"{name} is {shape!r:.60}; expected disc(...), rectangle(...) or polygon(...)")
 
 
-def _checked_seed(rng):
+def _checked_seed(rng: Seed) -> Seed:
     """Return what Mesa takes as a seed, or refuse it in words before Mesa tries."""
     if isinstance(rng, np.integer):
         rng = int(rng)
@@ -337,8 +338,8 @@ def _checked_seed(rng):
     return rng
 
 
-def _seed_sequence(rng, generator: np.random.Generator) -> np.random.SeedSequence:
+def _seed_sequence(rng: Seed, generator: np.random.Generator) -> np.random.SeedSequence:
     """Return what the streams grow from: the seed itself, or a draw where a generator was handed over."""
     if isinstance(rng, (np.random.Generator, np.random.BitGenerator)):
         return np.random.SeedSequence(int(generator.integers(2**63)))
-    return generator.bit_generator.seed_seq
+    return cast(np.random.SeedSequence, generator.bit_generator.seed_seq)  # the generator was made of a seed

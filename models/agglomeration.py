@@ -31,6 +31,7 @@ from mesa_swarm.control import Avoid, Explore, Gather, Subsumption
 from mesa_swarm.errors import check_count
 from mesa_swarm.parameters import Choice, Slider
 from mesa_swarm.reporters import held
+from mesa_swarm.streams import Seed
 
 # Centres of robots of one group are at most this far apart: two robots' width and some air.
 LINK = 25.0
@@ -58,7 +59,7 @@ class Agglomeration(SwarmModel):
         avoid_distance: Annotated[float, Slider(0, 30, 0.5, "nearer than this is too near, map units")] = 4.0,
         turn_interval: Annotated[int, Slider(0, 1000, 10, "steps between random turns, 0 for none")] = 0,
         map: Annotated[str, Choice(("openspace", "sparse", "original"), "the world")] = "openspace",
-        rng=None,
+        rng: Seed = None,
     ) -> None:
         super().__init__(map=map, rng=rng, model_reporters=held("groups", "largest_group", "neighbour_distance"))
         self.add_robots(AGENT9.with_proximity(range=sight), check_count("n_robots", n_robots))

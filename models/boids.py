@@ -30,6 +30,7 @@ from mesa_swarm.control import Align, Cohere, Cruise, Separate, VectorSum
 from mesa_swarm.errors import check_count, check_number
 from mesa_swarm.parameters import Choice, Slider
 from mesa_swarm.reporters import held
+from mesa_swarm.streams import Seed
 
 SENSORS = 12
 
@@ -58,7 +59,7 @@ class Boids(SwarmModel):
         sight: Annotated[float, Slider(20, 200, 5, "range of the infrared sensors, map units")] = 60.0,
         memory: Annotated[float, Slider(1, 100, 1, "steps over which the neighbours' motion is averaged")] = 10.0,
         map: Annotated[str, Choice(("openspace", "sparse", "original"), "the world")] = "openspace",
-        rng=None,
+        rng: Seed = None,
     ) -> None:
         super().__init__(map=map, rng=rng, model_reporters=held("alignment", "polarization"))
         self.sight = check_number("sight", sight, above=0, maximum=1000)

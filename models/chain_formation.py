@@ -30,6 +30,7 @@ from mesa_swarm.control import Avoid, Explore, Follow, HeadOn, Subsumption
 from mesa_swarm.errors import check_choice, check_count
 from mesa_swarm.parameters import Choice, Slider
 from mesa_swarm.reporters import held
+from mesa_swarm.streams import Seed
 
 DESIGNS = {"AGENT3": AGENT3, "AGENT6": AGENT6, "AGENT9": AGENT9}
 SWITCH = ("on", "off")
@@ -59,7 +60,7 @@ class ChainFormation(SwarmModel):
         sight: Annotated[float, Slider(10, 200, 5, "range of the infrared sensors, map units")] = 50.0,
         avoid_distance: Annotated[float, Slider(0, 30, 0.5, "nearer than this is too near, map units")] = 4.0,
         map: Annotated[str, Choice(("openspace", "sparse", "original"), "the world")] = "openspace",
-        rng=None,
+        rng: Seed = None,
     ) -> None:
         super().__init__(map=map, rng=rng, model_reporters=held("chains", "mean_chain", "chained", every=25))
         body = DESIGNS[check_choice("design", design, DESIGNS)].with_proximity(range=sight)

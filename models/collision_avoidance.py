@@ -28,6 +28,7 @@ from mesa_swarm import AGENT3, AGENT6, AGENT9, ProximitySensor, RobotDesign, Swa
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import check_choice, check_count
 from mesa_swarm.parameters import Choice, Slider
+from mesa_swarm.streams import Seed
 
 WIDE3 = RobotDesign(
     name="WIDE3", sensors=tuple(ProximitySensor(bearing_degrees=b, field_of_view_degrees=60) for b in (0, 60, -60))
@@ -62,7 +63,7 @@ class CollisionAvoidance(SwarmModel):
         slip_probability: Annotated[float, Slider(0, 1, 0.01, "of each wheel in each step")] = 0.0,
         error_probability: Annotated[float, Slider(0, 1, 0.01, "of each sensor in each step")] = 0.0,
         map: Annotated[str, Choice(("original", "sparse", "openspace"), "the world")] = "original",
-        rng=None,
+        rng: Seed = None,
     ) -> None:
         super().__init__(map=map, rng=rng)
         built = replace(DESIGNS[check_choice("design", design, DESIGNS)], max_speed=max_speed)

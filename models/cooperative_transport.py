@@ -27,6 +27,7 @@ from mesa_swarm import Radio, SwarmModel, all_round, disc, rectangle
 from mesa_swarm.control import Avoid, Explore, Push, Subsumption
 from mesa_swarm.errors import check_choice, check_count
 from mesa_swarm.parameters import Choice, Slider
+from mesa_swarm.streams import Seed
 
 START, GOAL = (250.0, 300.0), (600.0, 300.0)
 HALF = 25.0
@@ -62,7 +63,7 @@ class CooperativeTransport(SwarmModel):
         sight: Annotated[float, Slider(20, 200, 5, "range of the infrared sensors, map units")] = 150.0,
         turn_interval: Annotated[int, Slider(0, 1000, 10, "steps between random turns, 0 for none")] = 200,
         avoid_distance: Annotated[float, Slider(0, 30, 0.5, "what is nearer is too near, map units")] = 3.0,
-        rng=None,
+        rng: Seed = None,
     ) -> None:
         super().__init__(map="openspace", rng=rng, model_reporters={"way_left": "way_left", "pushers": "pushers"})
         self.add_obstacle(disc(GOAL, NEAR, contact=False))  # a mark on the ground: where the load is to go

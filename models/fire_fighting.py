@@ -33,6 +33,7 @@ from mesa_swarm.control.respond import TO
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number
 from mesa_swarm.fire import FightFire, FireConstants, design_constants
 from mesa_swarm.parameters import Choice, Slider
+from mesa_swarm.streams import Seed
 
 DEFAULT = design_constants()
 # Under A a hot robot flees fires; under B it waits in front of one.
@@ -71,7 +72,7 @@ class FireFighting(SwarmModel):
         communication_range: Annotated[float, Slider(0, FARTHEST, 10, "how far it carries")] = 200.0,
         initial_temperature: Annotated[float, Slider(0.01, 1, 0.01, "of all fires at the start")] = 1.0,
         history_every: Annotated[int, Slider(1, 100, 1, "steps between rows of the fires' history")] = 10,
-        rng=None,
+        rng: Seed = None,
     ) -> None:
         constants = FireConstants(k1, k2, k3, k4, leave, join)
         reporters = {"fires_burning": "fires_burning", "robots_at_fires": "robots_at_fires"}
@@ -85,10 +86,9 @@ class FireFighting(SwarmModel):
         self.add_robots(AGENT_FIRE, check_count("n_robots", n_robots))
         fires = FLEES[check_choice("strategy", strategy, FLEES)]
         reach = check_number("communication_range", communication_range, minimum=0, maximum=FARTHEST)
-        helps = ()
         if check_choice("communication", communication, ("none", *TO)) != "none":
             self.communication = Radio(range=reach, state=communication == "state", goal=communication == "goal")
-            helps = (Respond(to=communication),)
+        helps = () if self.communication is None else (Respond(to=communication),)
         self.control = Subsumption(Avoid(fires=fires), FightFire(strategy=strategy), *helps, Explore())
 
     @property

@@ -29,6 +29,7 @@ from mesa_swarm.control import Avoid, Explore, MatchVelocity, Subsumption
 from mesa_swarm.errors import check_choice, check_count, check_number
 from mesa_swarm.parameters import Choice, Slider
 from mesa_swarm.reporters import held
+from mesa_swarm.streams import Seed
 
 
 class Flocking(SwarmModel):
@@ -54,7 +55,7 @@ class Flocking(SwarmModel):
         speed: Annotated[float, Slider(0.1, 1, 0.05, "of exploring robots, share of the greatest")] = 0.7,
         avoid_distance: Annotated[float, Slider(0, 30, 0.5, "nearer than this is too near, map units")] = 8.0,
         map: Annotated[str, Choice(("openspace", "sparse", "original"), "the world")] = "openspace",
-        rng=None,
+        rng: Seed = None,
     ) -> None:
         super().__init__(map=map, rng=rng, model_reporters=held("alignment", "polarization"))
         self.sight = check_number("sight", sight, above=0, maximum=1000)

@@ -32,6 +32,7 @@ from mesa_swarm.errors import check_choice, check_count
 from mesa_swarm.fire import FightFire
 from mesa_swarm.learning.fire_learning import LearnFires
 from mesa_swarm.parameters import Choice, Slider
+from mesa_swarm.streams import Seed
 
 CONTROLLERS = ("shared", "own", "A", "B", "follower", "random")
 
@@ -39,8 +40,6 @@ CONTROLLERS = ("shared", "own", "A", "B", "follower", "random")
 class LearningFires(SwarmModel):
     """Robots that learn what to do about fires.
 
-    Examples
-    --------
     >>> LearningFires(rng=1).run(10).results()["rounds"]
     0
     """
@@ -63,7 +62,7 @@ class LearningFires(SwarmModel):
         last_temperature: Annotated[float, Slider(0.01, 50, 0.01, "T in the end")] = 0.1,
         round_steps: Annotated[int, Slider(100, 20_000, 100, "most steps of a round")] = 6_000,
         map: Annotated[str, Choice(("openspace_fire",), "the world")] = "openspace_fire",
-        rng=None,
+        rng: Seed = None,
     ) -> None:
         super().__init__(map=map, rng=rng, history_every=0, model_reporters={"robots_at_largest": "robots_at_largest"})
         self.round_steps = check_count("round_steps", round_steps, minimum=1)
@@ -93,8 +92,8 @@ class LearningFires(SwarmModel):
     def light_again(self) -> None:
         """Take all fires away and light them anew at their places."""
         self.round_began = self.steps
-        if isinstance(self.control.layers[1], LearnFires):
-            self.control.layers[1].begin_again()
+        for layer in (layer for layer in self.control.layers if isinstance(layer, LearnFires)) if self.control else ():
+            layer.begin_again()
         for fire in self.fires:
             fire.remove()
         for spot in self.map.fires:

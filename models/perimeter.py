@@ -29,6 +29,7 @@ from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import check_count
 from mesa_swarm.parameters import Choice, Slider
 from mesa_swarm.reporters import held
+from mesa_swarm.streams import Seed
 
 # A full circle of narrow sensors: the ring needs eyes in the back.
 SENSORS = 36
@@ -55,7 +56,7 @@ class Perimeter(SwarmModel):
         sight: Annotated[float, Slider(20, 1000, 10, "range of the infrared sensors, map units")] = 400.0,
         avoid_distance: Annotated[float, Slider(0, 30, 0.5, "nearer than this is too near, map units")] = 4.0,
         map: Annotated[str, Choice(("openspace", "sparse", "original"), "the world")] = "openspace",
-        rng=None,
+        rng: Seed = None,
     ) -> None:
         super().__init__(map=map, rng=rng, model_reporters=held("roundness", "outwards"))
         self.add_robots(all_round(SENSORS, range=sight), check_count("n_robots", n_robots))

@@ -30,10 +30,11 @@ import numpy as np
 
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.control import Subsumption
-from mesa_swarm.errors import check_count
+from mesa_swarm.errors import InvalidValueError, check_count, shortened
 from mesa_swarm.learning import q_learning
 from mesa_swarm.parameters import Choice, Slider
 from mesa_swarm.reporters import held
+from mesa_swarm.streams import Seed
 
 YES_NO = ("no", "yes")
 
@@ -67,7 +68,7 @@ class QLearning(SwarmModel):
         shared: Annotated[str, Choice(YES_NO, "whether all learn with the same networks")] = "no",
         self_adjusting: Annotated[str, Choice(YES_NO, "whether a robot sets T by its own bumps")] = "no",
         map: Annotated[str, Choice(("original", "sparse", "openspace"), "the world")] = "original",
-        rng=None,
+        rng: Seed = None,
     ) -> None:
         measured = held("temperature", "reward", "forward_speed")
         super().__init__(map=map, rng=rng, model_reporters=measured)
@@ -97,7 +98,10 @@ class QLearning(SwarmModel):
     @property
     def learner(self) -> q_learning.QLearning:
         """The layer that learns, with what it knows."""
-        return self.control.layers[0]
+        layer = None if self.control is None else self.control.layers[0]
+        if not isinstance(layer, q_learning.QLearning):
+            raise InvalidValueError(f"the model's first layer is {shortened(layer)}, which does not learn")
+        return layer
 
     def results(self) -> dict[str, float]:
         """Return what a comparison compares: collisions per robot and 1,000 steps, and those of the end."""

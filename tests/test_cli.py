@@ -197,7 +197,12 @@ def test_dashboard_is_launched_with_model_port_and_browser(typed, monkeypatch):
     monkeypatch.setattr(commands, "import_module", lambda name: page)
     typed("dashboard")
     typed("dashboard collision_avoidance --port 9000 --no-browser")
-    assert calls == [("fire_fighting", 8765, True), ("collision_avoidance", 9000, False)]
+    typed("dashboard boids --host 0.0.0.0 --recordings .")
+    assert calls == [
+        ("fire_fighting", 8765, True, "127.0.0.1", None),
+        ("collision_avoidance", 9000, False, "127.0.0.1", None),
+        ("boids", 8765, True, "0.0.0.0", Path()),
+    ]
 
 
 def test_dashboard_says_what_to_install_if_it_is_missing(typed, monkeypatch):

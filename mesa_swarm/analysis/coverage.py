@@ -1,6 +1,7 @@
 """Which part of the world a robot can reach, and how much of that has been visited."""
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -177,7 +178,7 @@ def _check_solids(solids: object) -> list[tuple]:
     return checked
 
 
-def _flat(positions: object) -> np.ndarray:
+def _flat(positions: Any) -> np.ndarray:
     """Return all positions as one list of points."""
     try:
         tables = np.ndim(positions) == 3

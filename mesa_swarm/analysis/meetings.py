@@ -58,7 +58,7 @@ class Meetings:
             near = np.concatenate([near, new])
         return found
 
-    def outcome(self, meeting: tuple[int, int, int], steps: np.ndarray, position: np.ndarray, chain) -> str:
+    def outcome(self, meeting: tuple[int, int, int], steps: np.ndarray, position: np.ndarray, chain: np.ndarray) -> str:
         """Return what became of a meeting, one of `OUTCOMES`: what came first.
 
         Examples

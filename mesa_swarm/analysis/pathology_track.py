@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mesa_swarm.analysis.arrays import check_array, check_steps, check_whole
 from mesa_swarm.errors import InvalidValueError
@@ -38,7 +39,20 @@ class Track:
     forward: np.ndarray
 
     @classmethod
-    def of(cls, *, steps, position, heading, command, layer, distance, kind, radius, max_speed, forward) -> "Track":
+    def of(
+        cls,
+        *,
+        steps: ArrayLike,
+        position: ArrayLike,
+        heading: ArrayLike,
+        command: ArrayLike,
+        layer: ArrayLike,
+        distance: ArrayLike,
+        kind: ArrayLike,
+        radius: ArrayLike,
+        max_speed: ArrayLike,
+        forward: ArrayLike,
+    ) -> "Track":
         """Check the arrays and return them as a track."""
         steps = check_steps(steps)
         if (np.diff(steps) != 1).any():

@@ -150,10 +150,10 @@ def behaviour(rule: Callable) -> Behaviour:
     function = getattr(rule, "py_func", rule)  # as it was written, if Numba has it already
     if not isinstance(function, FunctionType):
         raise InvalidValueError(f"behaviour got {rule!r:.60}; expected a function of me")
-    _me, *rest = list(inspect.signature(function).parameters.values()) or [None]
-    if _me is None:
+    parameters = list(inspect.signature(function).parameters.values())
+    if not parameters:
         raise InvalidValueError(f"rule {function.__name__} takes nothing; expected me as its first parameter")
-    return Behaviour(rule_of(function), {p.name: _default(function.__name__, p) for p in rest})
+    return Behaviour(rule_of(function), {p.name: _default(function.__name__, p) for p in parameters[1:]})
 
 
 def _default(rule: str, parameter: inspect.Parameter) -> float:

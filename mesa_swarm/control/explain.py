@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mesa_swarm.control.arbiter import Arbiter
+from mesa_swarm.control.layer import Layer
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.snapshots import Snapshots
 from mesa_swarm.robots.swarm import Swarm
@@ -70,13 +71,14 @@ def explanation(control: Arbiter, swarm: Swarm, snapshots: Snapshots, row: int, 
 def moment_of(swarm: Swarm, columns: dict[str, np.ndarray], row: int) -> tuple[Moment, int]:
     """Return what one robot knew, and which layer won."""
     table, d = swarm.table, swarm.columns["design"][row]
+    front, left, right = (int(index) for index in table.forward[d])
     sensors = table.counts[d]
     moment = Moment(
         distance=columns["distance"][row, :sensors],
         kind=columns["kind"][row, :sensors],
         sensors=table.proximity[d, :sensors],
         bearing=table.bearing[d, :sensors],
-        forward=tuple(map(int, table.forward[d])),
+        forward=(front, left, right),
         command=columns["command"][row],
         turns=getattr(swarm.designs[d].drive, "turns", True),
         columns={name: column[row] for name, column in columns.items()},
@@ -84,7 +86,7 @@ def moment_of(swarm: Swarm, columns: dict[str, np.ndarray], row: int) -> tuple[M
     return moment, int(columns["layer"][row])
 
 
-def reason_of(layer, moment: Moment) -> Reason:
+def reason_of(layer: Layer, moment: Moment) -> Reason:
     """Return why this layer drove the robot at this moment.
 
     A layer may say it in a method ``reason(moment) -> Reason``; of one that does not, the readings are told.

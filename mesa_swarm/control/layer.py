@@ -83,7 +83,9 @@ class Layer(Protocol):
     ``reason(moment) -> Reason``, which says why it drove a robot (`SwarmModel.explain`).
     """
 
-    name: str
+    @property
+    def name(self) -> str:
+        """What pictures and explanations call it."""
 
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
         """Take what the layer needs: columns to remember in (`swarm.remember`), a random stream."""

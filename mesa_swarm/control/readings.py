@@ -3,6 +3,7 @@
 import math
 import operator
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numba import types
@@ -21,7 +22,7 @@ class Readings(np.ndarray):
 
     nothing: float | None = None
 
-    def __getitem__(self, index):
+    def __getitem__(self, index: Any) -> Any:
         """Return a reading, or what NumPy returns for slices and the like."""
         if self.nothing is not None and isinstance(index, (int, np.integer)):
             if index == -1:
@@ -30,12 +31,12 @@ class Readings(np.ndarray):
                 raise IndexError(f"there is no sensor {index}, of {len(self)}")
         return self.view(np.ndarray)[index]
 
-    def __setitem__(self, index, value):
+    def __setitem__(self, index: Any, value: Any) -> None:
         if self.nothing is not None:
             raise TypeError("what a robot sees cannot be changed; change a copy() of it")
         super().__setitem__(index, value)
 
-    def __array_wrap__(self, array, *_):
+    def __array_wrap__(self, array: np.ndarray, *_: Any) -> Any:
         """Return sums and the like as ordinary arrays and numbers."""
         return np.asarray(array)[()]
 
@@ -60,24 +61,25 @@ register_model(ReadingsType)(models.ArrayModel)
 def _reading(nothing: float) -> Callable[[np.ndarray], Readings]:
     """Return the function that makes readings of an array, in plain Python and in compiled code."""
 
-    def readings(array):
+    def readings(array: np.ndarray) -> Readings:
         view = array.view(Readings)
         view.nothing = nothing
         return view
 
     @intrinsic
-    def typed(context, array):
+    def typed(context: Any, array: types.Array) -> tuple[Any, Callable]:
         result = ReadingsType(array, nothing)
 
-        def generate(context, builder, signature, arguments):
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             context.nrt.incref(builder, result, arguments[0])
             return arguments[0]
 
         return result(array), generate
 
     @overload(readings)
-    def compiled_readings(array):
-        return lambda array: typed(array)  # noqa: PLW0108 Numba needs a plain function
+    def compiled_readings(array):  # without types, for Numba wants the signature of what it returns
+        # Numba needs a plain function there, and passes the context itself.
+        return lambda array: typed(array)  # type: ignore[call-arg]  # noqa: PLW0108
 
     return readings
 
@@ -88,7 +90,7 @@ seen, sensed, bearings = _reading(-1), _reading(0), _reading(math.nan)
 
 
 @lower_builtin(operator.getitem, ReadingsType, types.Integer)
-def _read(context, builder, signature, arguments):
+def _read(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
     """Emit what `Readings.__getitem__` does, by hand: a call would count references, which costs more than to read."""
     kind, index_type = signature.args
     array = context.make_array(kind)(context, builder, arguments[0])

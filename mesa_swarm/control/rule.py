@@ -9,6 +9,7 @@ from collections.abc import Callable
 from functools import cache, reduce
 from itertools import pairwise
 from types import FunctionType
+from typing import Any
 
 import numpy as np
 from numba import njit, types
@@ -73,7 +74,7 @@ class Rule:
             )
         return rule_of, (function,)
 
-    def run(self, columns: tuple, values: tuple, at: np.ndarray, *written) -> int:
+    def run(self, columns: tuple, values: tuple, at: np.ndarray, *written: Any) -> int:
         """Apply the rule to every robot that no layer drives yet; return the first whose speeds are not finite, or -1.
 
         Parameters
@@ -140,8 +141,9 @@ def columns_of(senses: Senses, designs: tuple[RobotDesign, ...]) -> tuple[np.nda
 def _compiled(function: FunctionType, columns: tuple, values: tuple) -> tuple[Callable, str]:
     """Return the loop over all robots, compiled if that can be, and what Numba said if not."""
     # Bounds are checked: an index that is one too many would otherwise read another robot's memory.
-    rule = njit(error_model="numpy", boundscheck=True)(function)
-    run, nobody = njit(error_model="numpy")(_loop(rule)), np.empty(0, np.int64)
+    rule: Any = njit(error_model="numpy", boundscheck=True)(function)
+    run: Any = njit(error_model="numpy")(_loop(rule))
+    nobody = np.empty(0, np.int64)
     try:
         run(columns, values, nobody, np.empty((0, 2)), nobody, 0)
         problem = ""
@@ -153,16 +155,17 @@ def _compiled(function: FunctionType, columns: tuple, values: tuple) -> tuple[Ca
     return (_plain(function), problem) if problem else (run, "")
 
 
-def _is_pair(kind: types.Type) -> bool:
+def _is_pair(kind: Any) -> bool:
     if not isinstance(kind, types.BaseTuple) or len(kind) != 2:
         return False
-    return all(isinstance(types.unliteral(part), (types.Integer, types.Float)) for part in kind)
+    parts: Any = kind
+    return all(isinstance(types.unliteral(part), (types.Integer, types.Float)) for part in parts)
 
 
 def _loop(rule: Callable) -> Callable:
     """Return the loop that applies a rule, compiled or not, to every robot that no layer drives yet."""
 
-    def run(columns, values, at, command, layer, index):
+    def run(columns: tuple, values: tuple, at: np.ndarray, command: np.ndarray, layer: np.ndarray, index: int) -> int:
         (
             distance, kind, bearing, radiation, line, forward, radius, max_speed, tendency, temperature, heat,
             hot, fire, design, heard_layer, heard_task, heard_from, heard_goal, counts, chance,
@@ -196,7 +199,7 @@ def _loop(rule: Callable) -> Callable:
 def _plain(function: FunctionType) -> Callable:
     """Return the same loop for a rule that stays plain Python, whatever it returns."""
 
-    def checked(me, *values):
+    def checked(me: Me, *values: float) -> tuple:
         wheels = function(me, *values)
         if not isinstance(wheels, tuple) or len(wheels) != 2 or not all(map(_is_number, wheels)):
             raise WheelsError(wheels)
@@ -204,7 +207,7 @@ def _plain(function: FunctionType) -> Callable:
 
     loop = _loop(checked)
 
-    def run(*arguments):
+    def run(*arguments: Any) -> int:
         with np.errstate(all="ignore"):  # as in compiled rules: what is not finite is reported
             return loop(*arguments)
 

@@ -6,8 +6,17 @@ imported when they are first used: `VectorSwarmEnv` needs neither Gymnasium nor 
 
 from importlib import import_module
 from importlib.util import find_spec
+from typing import TYPE_CHECKING
 
 from mesa_swarm.environments.registration import register
+
+if TYPE_CHECKING:  # a type checker does not call __getattr__
+    from mesa_swarm.environments.commanded import Commanded
+    from mesa_swarm.environments.parallel import ParallelSwarmEnv
+    from mesa_swarm.environments.robot_env import RobotEnv
+    from mesa_swarm.environments.robot_vector import RobotVectorEnv
+    from mesa_swarm.environments.tasks import CollisionAvoidance, ExtinguishFires, FindFires, Task
+    from mesa_swarm.environments.vector import VectorSwarmEnv
 
 _HOME = {
     "CollisionAvoidance": "tasks",
@@ -35,7 +44,7 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str):
+def __getattr__(name: str) -> object:
     """Import a public name from where it lives."""
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,6 +1,7 @@
 """What a learner may tell a robot: wheel speeds, or one of the thesis's four or eight actions."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mesa_swarm.errors import InvalidValueError, shortened
 
@@ -23,7 +24,7 @@ def checked_choice(actions: str | int) -> str | int:
     return actions
 
 
-def shares(actions: str | int, told: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+def shares(actions: str | int, told: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:
     r"""Return what each robot's wheels are to do, as shares of its greatest speed, shape (\*shape, 2).
 
     Parameters
@@ -45,7 +46,7 @@ def shares(actions: str | int, told: np.ndarray, shape: tuple[int, ...]) -> np.n
     array([[-1.,  1.],
            [ 1.,  1.]])
     """
-    if actions == CONTINUOUS:
+    if isinstance(actions, str):  # CONTINUOUS, the only word
         wheels = _array(told, (*shape, 2), "two wheel speeds")
         if not (np.abs(wheels) <= 1.0).all():  # also refuses NaN
             raise _refused(wheels, ~(np.abs(wheels) <= 1.0).all(axis=-1), "two wheel speeds from -1 to 1")
@@ -57,7 +58,7 @@ def shares(actions: str | int, told: np.ndarray, shape: tuple[int, ...]) -> np.n
     return DISCRETE[numbers.astype(np.intp)]
 
 
-def _array(told: np.ndarray, shape: tuple[int, ...], what: str) -> np.ndarray:
+def _array(told: ArrayLike, shape: tuple[int, ...], what: str) -> np.ndarray:
     try:
         array = np.asarray(told, dtype=float)
     except (TypeError, ValueError):

@@ -1,5 +1,7 @@
 """Pictures of a world as arrays of pixels, with NumPy alone: what stands is drawn once, the rest in every picture."""
 
+from typing import Any
+
 import numpy as np
 import shapely
 
@@ -8,9 +10,12 @@ from mesa_swarm.model import SwarmModel
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.shapes import Shape
 
-METADATA = {"render_modes": ["rgb_array"], "render_fps": 50}
+METADATA: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}
 LONGEST_SIDE = 640
 
+# Red, green and blue, 0 to 255.
+Colour = tuple[int, int, int] | np.ndarray
+Pair = tuple[float, float]
 # As in the project's other pictures: Okabe and Ito's colours.
 GROUND, SOLID, MARK, ASHES = (255, 255, 255), (168, 168, 168), (226, 211, 176), (236, 236, 236)
 COOL, HOT, FRONT, INK = (0, 114, 178), (213, 94, 0), (240, 228, 66), (34, 34, 34)
@@ -72,7 +77,9 @@ class Camera:
         self._disc(pixels, centre, radius, HOT if robots["hot"][i] else COOL)
         self._disc(pixels, centre, radius, FRONT, ahead=(np.cos(heading), np.sin(heading)))
 
-    def _disc(self, pixels: np.ndarray, centre: np.ndarray, radius: float, colour, ahead=None) -> None:
+    def _disc(
+        self, pixels: np.ndarray, centre: np.ndarray, radius: float, colour: Colour, ahead: Pair | None = None
+    ) -> None:
         """Blend a disc into the pixels, or the half of it that is ahead; edges are as soft as a pixel is wide."""
         x, y = (np.asarray(centre) - self._map.bounds[:2]) * self._scale
         size = radius * self._scale
@@ -90,7 +97,7 @@ class Camera:
             self._fill(pixels, shape, SOLID if shape.contact else MARK)
         return pixels
 
-    def _fill(self, pixels: np.ndarray, shape: Shape, colour) -> None:
+    def _fill(self, pixels: np.ndarray, shape: Shape, colour: Colour) -> None:
         if shape.is_disc:
             self._disc(pixels, shape.position, shape.radius, colour)
             return

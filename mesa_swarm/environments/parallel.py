@@ -13,6 +13,7 @@ from mesa_swarm.errors import InvalidValueError, SwarmError, shortened
 
 need("pettingzoo")
 
+from gymnasium.spaces import Space  # noqa: E402 - said first what is missing
 from pettingzoo import ParallelEnv  # noqa: E402 - said first what is missing
 
 
@@ -54,13 +55,13 @@ class ParallelSwarmEnv(ParallelEnv):
         self.world: TaskWorld | None = None
         self._width = task.observer().width
         self._generator = np.random.default_rng()
-        self._camera = Camera(task.map)
+        self._camera = Camera(task.chart)
 
-    def observation_space(self, agent: str):
+    def observation_space(self, agent: str) -> Space:
         """Return the space of an agent's observations, always the same object."""
         return self.observation_spaces[agent]
 
-    def action_space(self, agent: str):
+    def action_space(self, agent: str) -> Space:
         """Return the space of an agent's actions, always the same object."""
         return self.action_spaces[agent]
 
@@ -75,7 +76,7 @@ class ParallelSwarmEnv(ParallelEnv):
             self._generator = np.random.default_rng(check_seed(seed))
         self.world = new_world(self.task, self.task.n_robots, self._generator)
         self.agents = self.possible_agents[:]
-        return self._observations(), {agent: {} for agent in self.agents}
+        return self._observations(self.world), {agent: {} for agent in self.agents}
 
     def step(self, actions: dict) -> tuple[dict, dict, dict, dict, dict]:
         """Take a step.
@@ -96,7 +97,7 @@ class ParallelSwarmEnv(ParallelEnv):
         if finished or out_of_time:
             self.agents = []
         return (
-            self._observations(),
+            self._observations(world),
             dict(zip(agents, reward.tolist(), strict=True)),
             dict.fromkeys(agents, finished),
             dict.fromkeys(agents, out_of_time and not finished),
@@ -125,7 +126,7 @@ class ParallelSwarmEnv(ParallelEnv):
         except KeyError as missing:
             raise InvalidValueError(f"actions have none for {missing.args[0]}; expected one for each agent") from None
 
-    def _observations(self) -> dict[str, np.ndarray]:
+    def _observations(self, world: TaskWorld) -> dict[str, np.ndarray]:
         observations = np.empty((len(self.possible_agents), self._width), np.float32)
-        self.world.observe(observations)
+        world.observe(observations)
         return dict(zip(self.possible_agents, observations, strict=True))

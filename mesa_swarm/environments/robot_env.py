@@ -1,6 +1,7 @@
 """The Gymnasium face: one robot is commanded, the task's rules drive the others."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mesa_swarm.environments.actions import shares
 from mesa_swarm.environments.camera import METADATA, Camera, checked_mode
@@ -49,7 +50,8 @@ class RobotEnv(Env):
         self.observation_space = observation_space(task)
         self.action_space = action_space(task)
         self.world: TaskWorld | None = None
-        self._camera = Camera(task.map)
+        self._width = task.observer().width
+        self._camera = Camera(task.chart)
 
     def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple[np.ndarray, dict]:
         """Start an episode; without a seed the stream of episodes goes on.
@@ -63,7 +65,7 @@ class RobotEnv(Env):
         self.world = new_world(self.task, 1, self.np_random)
         return self._observation(), {}
 
-    def step(self, action) -> tuple[np.ndarray, float, bool, bool, dict]:
+    def step(self, action: ArrayLike) -> tuple[np.ndarray, float, bool, bool, dict]:
         """Take a step.
 
         Parameters
@@ -79,7 +81,7 @@ class RobotEnv(Env):
         """
         world = self._running()
         reward = np.empty(1)
-        world.advance(shares(self.task.actions, [action], reward.shape), reward)
+        world.advance(shares(self.task.actions, np.asarray(action)[None], reward.shape), reward)
         finished = world.finished
         return self._observation(), float(reward[0]), finished, world.out_of_time and not finished, {}
 
@@ -93,8 +95,8 @@ class RobotEnv(Env):
         return self.world
 
     def _observation(self) -> np.ndarray:
-        rows = np.empty((1, *self.observation_space.shape), np.float32)
-        self.world.observe(rows)
+        rows = np.empty((1, self._width), np.float32)
+        self._running().observe(rows)
         return rows[0]
 
 

@@ -56,7 +56,7 @@ class RobotVectorEnv(VectorEnv):
         self.single_observation_space, self.single_action_space = observation_space(task), action_space(task)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
-        self._camera = Camera(task.map)
+        self._camera = Camera(task.chart)
 
     def reset(
         self, *, seed: int | Sequence[int] | None = None, options: dict | None = None

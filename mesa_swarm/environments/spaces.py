@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from mesa_swarm.environments.actions import CONTINUOUS
 from mesa_swarm.environments.extra import need
 from mesa_swarm.environments.tasks import Task
 
@@ -32,4 +31,4 @@ def action_space(task: Task) -> Space:
     >>> action_space(FindFires()), action_space(FindFires(actions=4))
     (Box(-1.0, 1.0, (2,), float32), Discrete(4))
     """
-    return Box(-1.0, 1.0, (2,), np.float32) if task.actions == CONTINUOUS else Discrete(task.actions)
+    return Box(-1.0, 1.0, (2,), np.float32) if isinstance(task.actions, str) else Discrete(task.actions)

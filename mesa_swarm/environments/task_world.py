@@ -1,5 +1,7 @@
 """One world of a task: a swarm model whose robots, or some of them, are commanded from outside."""
 
+from typing import Any
+
 import mesa
 import numpy as np
 
@@ -40,7 +42,8 @@ class TaskWorld(SwarmModel):
         self.add_robots(task.design, task.n_robots)
         others = task.others() if commanded < task.n_robots else ()
         self.control = Subsumption(Commanded(commanded), *others)
-        self._wheels = self.control.layers[0].wheels
+        commands: Any = self.control.layers[0]  # the copy of Commanded that belongs to this swarm
+        self._wheels = commands.wheels
         self._observer = task.observer()
         self._score = task.score(self, commanded)
         self.sense()

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -65,7 +66,7 @@ class Task:
         self.observer()
 
     @classmethod
-    def of(cls, parameters: Mapping[str, object]) -> "Task":
+    def of(cls, parameters: Mapping[str, Any]) -> "Task":
         """Return the task with these parameters, or name the one that it does not have.
 
         Examples
@@ -78,6 +79,11 @@ class Task:
             if name not in known:
                 raise UnknownNameError(unknown_name(f"parameter of {cls.__name__}", name, known))
         return cls(**parameters)
+
+    @property
+    def chart(self) -> Map:
+        """The map, as it was read."""
+        return Map.load(self.map)
 
     @property
     def constants(self) -> FireConstants:
@@ -163,8 +169,10 @@ class FireTask(Task):
         """Check every value."""
         super().__post_init__()
         check_number("step_cost", self.step_cost, minimum=0, maximum=LARGEST_REWARD)
-        if not self.map.fires:
-            raise InvalidValueError(f"map {self.map.name} has no fires; choose one with fires, such as openspace_fire")
+        if not self.chart.fires:
+            raise InvalidValueError(
+                f"map {self.chart.name} has no fires; choose one with fires, such as openspace_fire"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -231,7 +239,7 @@ class ExtinguishFires(FireTask):
 
     def __post_init__(self) -> None:
         """Check every value."""
-        constants = design_constants() if self.fire_constants is None else self.fire_constants
+        constants = self.constants
         if not isinstance(constants, FireConstants):
             raise InvalidValueError(f"fire_constants is {constants!r:.60}; expected what design_constants() returns")
         object.__setattr__(self, "fire_constants", constants)
@@ -242,11 +250,11 @@ class ExtinguishFires(FireTask):
     @property
     def constants(self) -> FireConstants:
         """How its fires burn."""
-        return self.fire_constants
+        return design_constants() if self.fire_constants is None else self.fire_constants
 
     def observer(self) -> Observer:
         """Return what tells robots of their readings and of their heat."""
-        return Observer(self.design, encoding=self.encoding, body=True, leave=self.fire_constants.leave)
+        return Observer(self.design, encoding=self.encoding, body=True, leave=self.constants.leave)
 
     def others(self) -> tuple[Layer, ...]:
         """Return the layers of strategy B."""

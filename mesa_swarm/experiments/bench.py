@@ -5,8 +5,9 @@ import os
 import subprocess
 import sys
 import tracemalloc
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -16,6 +17,7 @@ from mesa_swarm.experiments.files import write_whole
 from mesa_swarm.experiments.pictures import png
 from mesa_swarm.experiments.tables import aligned, csv_text
 from mesa_swarm.experiments.workload import contact_alone, on_map, peer_workload, step_seconds
+from mesa_swarm.model import SwarmModel
 
 # ms a step: what is to be reached, and what was measured of others on a machine of the same kind.
 TARGETS = {50: 0.06, 200: 0.15, 1000: 0.5, 5000: 2.5, 10_000: 5.0}
@@ -69,7 +71,7 @@ def report(folder: Path, quick: bool = False) -> Iterator[str]:
     yield f"import SwarmModel and control as well, s: {imported:.3g}"
     yield verdict("first model and step of a new process, compiled before, s", first, 2.0)
     curves = complexity(3 if quick else 7, 0.01 if quick else 0.15)
-    files = {"step.csv": step_csv(seconds), "complexity.png": png(complexity_figure(curves))}
+    files: dict[str, str | bytes] = {"step.csv": step_csv(seconds), "complexity.png": png(complexity_figure(curves))}
     yield from ("", *(str(write_whole(folder / name, content)) for name, content in files.items()))
 
 
@@ -169,7 +171,7 @@ def complexity(repetitions: int, budget: float) -> dict[str, dict[str, dict[int,
     """
     few, many = (1, 5, 10, 20, 30, 40, 50), (10, 30, 100, 300, 1000, 3000)
 
-    def timed(counts, world, *details) -> dict[int, float]:
+    def timed(counts: Sequence[int], world: Callable[..., SwarmModel], *details: Any) -> dict[int, float]:
         return {n: step_seconds(world(n, *details).step, repetitions, budget) for n in counts}
 
     return {

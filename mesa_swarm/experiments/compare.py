@@ -171,7 +171,7 @@ def run_plan(
     2
     """
     tasks = plan.tasks
-    runs: list[Run | None] = [None] * len(tasks)
+    runs: dict[int, Run] = {}
     with progress_bar(len(tasks), "runs", progress) as bar:
         bar.refresh()
         for index, run in _finished(plan, tasks, min(workers, len(tasks))):
@@ -179,7 +179,7 @@ def run_plan(
             bar.update()
             if heard is not None:
                 heard(run)
-    return Comparison(plan, tuple(runs))
+    return Comparison(plan, tuple(runs[index] for index in range(len(tasks))))
 
 
 def _finished(plan: Plan, tasks: list[tuple[int, Any]], workers: int) -> Iterator[tuple[int, Run]]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,6 +11,9 @@ from matplotlib.ticker import FixedLocator, MaxNLocator, StrMethodFormatter
 
 from mesa_swarm.experiments.pictures import COOL, HOT, INK
 from mesa_swarm.experiments.statistics import TIME, Interval, bootstrap_mean, pair_differences, summarised
+
+if TYPE_CHECKING:  # compare imports this module
+    from mesa_swarm.experiments.compare import Comparison
 
 PAIR = "#8a8a8a"
 # Of a screen that is shown to a class: 16 to 9, letters that can be read from the last row.
@@ -23,18 +26,18 @@ SPREAD = 0.28
 ASIDE, LANE = 0.14, 0.12
 
 
-def main_measure(comparison) -> str:
+def main_measure(comparison: "Comparison") -> str:
     """Return what a comparison is about: the model's headline if it was measured, else the first measure.
 
     Parameters
     ----------
     comparison : Comparison
     """
-    headline = getattr(comparison.plan.model_class, "headline", (None,))[0]
+    headline: str = getattr(comparison.plan.model_class, "headline", ("",))[0]
     return headline if headline in comparison.measures else comparison.measures[0]
 
 
-def comparison_figure(comparison, measures: Sequence[str]) -> Figure:
+def comparison_figure(comparison: "Comparison", measures: Sequence[str]) -> Figure:
     """Return a figure with a row for each measure: on the left all runs, on the right differences on the same seed.
 
     A thin line is a seed. Rings are means, and bars their 95 % intervals, beside the runs and not upon them. An
@@ -60,7 +63,7 @@ def comparison_figure(comparison, measures: Sequence[str]) -> Figure:
     return figure
 
 
-def _draw_runs(axes: Axes, comparison, measure: str) -> None:
+def _draw_runs(axes: Axes, comparison: "Comparison", measure: str) -> None:
     """Draw every run, those of one seed joined, and the mean under each value."""
     plan = comparison.plan
     places = places_of(plan.values)
@@ -80,7 +83,7 @@ def _draw_runs(axes: Axes, comparison, measure: str) -> None:
     _label_values(axes, comparison, measure, places, plan.values)
 
 
-def _draw_differences(axes: Axes, comparison, measure: str) -> None:
+def _draw_differences(axes: Axes, comparison: "Comparison", measure: str) -> None:
     """Draw the difference of every pair, and their mean, under each value but the first."""
     first, *others = comparison.plan.values
     everywhere = places_of(comparison.plan.values)
@@ -89,10 +92,10 @@ def _draw_differences(axes: Axes, comparison, measure: str) -> None:
     pairs = {value: _pairs(base, comparison.column(value, measure), measure) for value in others}
     axes.yaxis.set_major_locator(MaxNLocator(6))
     _name_lanes(axes, pairs, first)
-    lanes = [_lane(np.concatenate([[0.0], *pairs.values()]), side) for side in (-1, 1)]
+    below, above = (_lane(np.concatenate([[0.0], *pairs.values()]), side) for side in (-1, 1))
     axes.axhline(0, color=INK, linewidth=1.2)
     for place, (value, differences) in zip(everywhere[1:], pairs.items(), strict=True):
-        heights = np.clip(differences, *lanes)
+        heights = np.clip(differences, below, above)
         axes.plot(place + spread_out(len(heights), reach), heights, "o", color=PAIR, markersize=6, alpha=0.7)
         mean = bootstrap_mean(pair_differences(base, comparison.column(value, measure)))
         _draw_interval(axes, place + 1.5 * reach, mean, HOT if mean.excludes_zero else COOL)
@@ -176,12 +179,12 @@ def _draw_interval(axes: Axes, place: float, interval: Interval, colour: str) ->
 
 
 def _label_values(
-    axes: Axes, comparison, measure: str, places: np.ndarray, values: Sequence[Any], paired: bool = False
+    axes: Axes, comparison: "Comparison", measure: str, places: np.ndarray, values: Sequence[Any], paired: bool = False
 ) -> None:
     """Name the values below the axis, with in how many runs it happened if not in all."""
     plan = comparison.plan
     labels = [f"{value}{_count(comparison, measure, value, paired)}" for value in values]
-    turned = {"rotation": 45, "ha": "right"} if len(labels) * max(map(len, labels)) > 60 else {}
+    turned: dict[str, Any] = {"rotation": 45, "ha": "right"} if len(labels) * max(map(len, labels)) > 60 else {}
     axes.set_xticks(places, labels, **turned)
     axes.set_xlabel(plan.parameter, fontsize=TEXT)
     axes.tick_params(labelsize=TEXT - 2)
@@ -189,7 +192,7 @@ def _label_values(
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def _count(comparison, measure: str, value: Any, paired: bool) -> str:
+def _count(comparison: "Comparison", measure: str, value: Any, paired: bool) -> str:
     column = comparison.column(value, measure)
     first = comparison.column(comparison.plan.values[0], measure)
     n = len(pair_differences(first, column)) if paired else sum(number is not None for number in column)

@@ -17,6 +17,7 @@ from mesa_swarm.learning.policy import Policy, PolicyLayer, SensorLayout
 from mesa_swarm.learning.q_learning import QLearning
 from mesa_swarm.learning.q_policy import QPolicy
 from mesa_swarm.learning.wire_learning import WireFittedQ
+from mesa_swarm.learning.wire_policy import WirePolicy
 from mesa_swarm.robots.design import AGENT9
 from mesa_swarm.world.random_map import random_map
 
@@ -24,7 +25,7 @@ DESIGN, ROBOTS, HOME = AGENT9, 15, "original"
 # The curve of a training has a point each so many parts of it.
 PARTS = 33
 # Maps on which the reflexes that are bred on several are bred: far from the numbers of those that test them.
-BREEDING = (HOME, *(10_000 + k for k in range(7)))
+BREEDING: tuple[str | int, ...] = (HOME, *(10_000 + k for k in range(7)))
 GENERATIONS, BRED_STEPS = 30, 1000
 
 
@@ -99,9 +100,10 @@ def _taught(learner: type, options: dict[str, Any], seed: int, steps: int) -> Tr
     for part in np.array_split(np.arange(steps), min(PARTS, steps)):
         tally = tallied(model, len(part))
         curve.append(1000.0 * tally.means()["collisions"])
-    policy = model.control.layers[0].policy()
+    layers = model.control.layers if model.control else ()
+    policy = next(layer for layer in layers if isinstance(layer, QLearning | WireFittedQ | HebbianLearning)).policy()
     started = {**options, "start": policy}
-    if isinstance(policy, QPolicy) or learner is WireFittedQ:
+    if isinstance(policy, QPolicy | WirePolicy):
         started["first_temperature"] = policy.temperature
     goes_on = Subsumption(learner(**started))
     return Trained(frozen=_by(policy), learning=goes_on, robot_steps=steps * ROBOTS, curve=curve)

@@ -2,11 +2,12 @@
 
 from mesa_swarm.analysis.pathology import Pathologies, find_pathologies
 from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.model import SwarmModel
 
 NEEDED = ("position", "heading", "command", "layer", "distance", "kind")
 
 
-def pathologies_of(model) -> Pathologies:
+def pathologies_of(model: SwarmModel) -> Pathologies:
     """Find the episodes in which robots got nowhere, in the steps that `model.watch()` has kept.
 
     Parameters
@@ -42,14 +43,19 @@ def pathologies_of(model) -> Pathologies:
     check_wheels(model)
     return find_pathologies(
         steps=kept.steps,
-        **{name: kept[name] for name in NEEDED},
+        position=kept["position"],
+        heading=kept["heading"],
+        command=kept["command"],
+        layer=kept["layer"],
+        distance=kept["distance"],
+        kind=kept["kind"],
         radius=swarm.radius,
         max_speed=swarm.max_speed,
         forward=swarm.table.forward[swarm.design],
     )
 
 
-def check_wheels(model) -> None:
+def check_wheels(model: SwarmModel) -> None:
     """Refuse a model with robots whose commands are not the speeds of wheels left and right.
 
     Raises

@@ -48,7 +48,7 @@ class Diary:
         """Tell a new search what the file says, if there is one; at most so many generations."""
         if self.file is None or not self.file.exists():
             return
-        kept = self._read()
+        kept = self._read(self.file)
         changed = sorted(name for name in self.settings if kept["settings"].get(name) != self.settings[name])
         if changed:
             raise LearningError(
@@ -62,11 +62,11 @@ class Diary:
         except LearningError as error:
             raise self._refusal(str(error)) from None
 
-    def _read(self) -> dict:
+    def _read(self, file: Path) -> dict:
         try:
-            if self.file.stat().st_size > LARGEST_FILE:
+            if file.stat().st_size > LARGEST_FILE:
                 raise self._refusal(f"it has more than {LARGEST_FILE:,} bytes")
-            kept = json.loads(self.file.read_bytes())
+            kept = json.loads(file.read_bytes())
         except OSError as error:
             raise LearningError(f"{self.file} cannot be read: {error.strerror or error}") from None
         except (ValueError, RecursionError):

@@ -190,8 +190,14 @@ def _best(
     worth = np.reshape(_in_order(workers, longer.fitness_of, tasks), (len(finalists), trials)).mean(axis=1)
     best = int(np.argmax(worth))
     tried = search.generations * search.population * trial.steps + len(tasks) * longer.steps
-    told = {"fitness": trial.fitness.kind, "generations": search.generations, "worth": float(worth[best])}
-    return trial.policy(finalists[best], steps=trial.robots * tried, learner="evolution", **told)
+    return trial.policy(
+        finalists[best],
+        steps=trial.robots * tried,
+        learner="evolution",
+        fitness=trial.fitness.kind,
+        generations=search.generations,
+        worth=float(worth[best]),
+    )
 
 
 def _in_order(workers: int, work: Callable, tasks: list[tuple]) -> list[float]:

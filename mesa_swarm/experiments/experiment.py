@@ -15,6 +15,7 @@ from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, check
 from mesa_swarm.experiments.plan import DEFAULT_STEPS, MOST_STEPS, check_results, checked_seeds
 from mesa_swarm.experiments.sampling import Sample, grid
 from mesa_swarm.experiments.source import source_hash
+from mesa_swarm.model import SwarmModel
 from mesa_swarm.parameters import parameters_of
 from mesa_swarm.world.map import Map, builtin_maps
 
@@ -241,7 +242,7 @@ def _check_measures(experiment: Experiment) -> None:
         raise InvalidValueError(f"result {name!r} is named as another column; rename it in results()")
 
 
-def first_built(experiment: Experiment):
+def first_built(experiment: Experiment) -> SwarmModel:
     """Return the model at the first point at which it can be built: others may fail, and are recorded so."""
     first_error = None
     for point in islice(experiment.points, POINTS_TRIED):

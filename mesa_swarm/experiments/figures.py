@@ -1,20 +1,25 @@
 """The pictures of a comparison: final states, robots at each fire over time, what was collected over time."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import MaxNLocator, StrMethodFormatter
 
 from mesa_swarm.experiments.comparison_figures import comparison_figure, main_measure
 from mesa_swarm.experiments.pictures import COOL, INK, png, world_figure
 from mesa_swarm.experiments.portrait import Portrait
 
+if TYPE_CHECKING:  # compare imports this module
+    from mesa_swarm.experiments.compare import Comparison
+
 COLOURS = (COOL, "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
 OUT_COLOUR = "#9a9a9a"
 MOST_PICTURED = 6
 
 
-def comparison_pictures(comparison) -> dict[str, bytes]:
+def comparison_pictures(comparison: "Comparison") -> dict[str, bytes]:
     """Return the PNGs of a comparison by file name: of all pairs, and of the first seed under its first six values.
 
     Parameters
@@ -56,7 +61,7 @@ def fires_figure(portraits: dict[str, Portrait]) -> Figure:
     return figure
 
 
-def _draw_block(block, title: str, history: dict[str, np.ndarray], limits: tuple[int, int]) -> None:
+def _draw_block(block: SubFigure, title: str, history: dict[str, np.ndarray], limits: tuple[int, int]) -> None:
     last, most = limits
     robots = history["robots"]
     strips = block.subplots(robots.shape[1], 1, sharex=True, sharey=True, squeeze=False).ravel()

@@ -1,14 +1,25 @@
 """One sentence that says what a comparison found, no more than its intervals bear out."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from mesa_swarm.experiments.statistics import FEWEST, TIME, bootstrap_mean, pair_differences, summarised, superiority
+from mesa_swarm.experiments.statistics import (
+    FEWEST,
+    TIME,
+    Summary,
+    bootstrap_mean,
+    pair_differences,
+    summarised,
+    superiority,
+)
 from mesa_swarm.experiments.tables import in_words, percent
+
+if TYPE_CHECKING:  # compare imports this module
+    from mesa_swarm.experiments.compare import Comparison
 
 ONE_SEED = "one seed says nothing about others"
 
 
-def finding(comparison) -> str:
+def finding(comparison: "Comparison") -> str:
     """Return what was found, in one sentence.
 
     About the model's ``headline``, an event (a measure that is None where it did not happen, and the words for
@@ -18,13 +29,13 @@ def finding(comparison) -> str:
     ----------
     comparison : Comparison
     """
-    measure, words = getattr(comparison.plan.model_class, "headline", (None, ""))
+    measure, words = getattr(comparison.plan.model_class, "headline", ("", ""))
     if measure in comparison.measures:
         return _about_event(comparison, measure, words)
     return _about_number(comparison, comparison.measures[0])
 
 
-def _about_event(comparison, measure: str, words: str) -> str:
+def _about_event(comparison: "Comparison", measure: str, words: str) -> str:
     plan = comparison.plan
     shares = {value: summarised(comparison.column(value, measure)) for value in plan.values}
     order = sorted(plan.values, key=lambda value: -shares[value].happened)
@@ -38,14 +49,14 @@ def _about_event(comparison, measure: str, words: str) -> str:
     return f"{', '.join(texts)}: {verdict}{extremes}{_most_different(comparison, measure, order)}."
 
 
-def _share_text(parameter: str, value: Any, summary, words: str) -> str:
+def _share_text(parameter: str, value: Any, summary: Summary, words: str) -> str:
     count = f"in {summary.happened} of {summary.runs} runs (95 % interval {percent(summary.share)})"
     if words:
         return f"With {parameter} {value} the swarm {words} {count}"
     return f"with {value} in {summary.happened} of {summary.runs} ({percent(summary.share)})"
 
 
-def _most_different(comparison, headline: str, order: list) -> str:
+def _most_different(comparison: "Comparison", headline: str, order: list) -> str:
     """Name the other event whose share differs most between the best and the worst value."""
     best, worst = order[0], order[-1]
     counts = {
@@ -60,7 +71,7 @@ def _most_different(comparison, headline: str, order: list) -> str:
     return f"; most different is {what!r}: in {more} runs with {best}, in {fewer} with {worst}"
 
 
-def _about_number(comparison, measure: str) -> str:
+def _about_number(comparison: "Comparison", measure: str) -> str:
     plan = comparison.plan
     means = {value: summarised(comparison.column(value, measure)).mean for value in plan.values}
     seen = [value for value in plan.values if means[value].estimate == means[value].estimate]
@@ -75,7 +86,7 @@ def _about_number(comparison, measure: str) -> str:
     )
 
 
-def _difference(comparison, measure: str, low: Any, high: Any) -> str:
+def _difference(comparison: "Comparison", measure: str, low: Any, high: Any) -> str:
     """Say by how much a measure is larger under one value than another, on how many seeds, and what that shows."""
     columns = comparison.column(low, measure), comparison.column(high, measure)
     differences = pair_differences(*columns)

@@ -28,13 +28,14 @@ class _Run:
     @property
     def file(self) -> Path | None:
         """Looked for anew each time: somebody may have put a link there meanwhile."""
-        return self.records and self.records.path(self.experiment.name, self.task.rng)
+        return None if self.records is None else self.records.path(self.experiment.name, self.task.rng)
 
     def observer(self, force: bool) -> Callable:
         """Return what is entered around the run."""
-        if self.records is None:
+        file = self.file
+        if self.records is None or file is None:
             return nullcontext
-        return partial(recorded, path=self.file, options=self.records.options, overwrite=force)
+        return partial(recorded, path=file, options=self.records.options, overwrite=force)
 
     def __str__(self) -> str:
         return f"{self.experiment.name}, rng {self.task.rng}"
@@ -93,7 +94,8 @@ def _tell(one: _Run, outcome: Outcome) -> None:
     if outcome.error is not None:
         print(f"mesa-swarm: {one}: {outcome.error}", file=sys.stderr, flush=True)
         return
-    results = {name: outcome.results[name] for name in one.experiment.measure or outcome.results}
+    all_results = outcome.results or {}
+    results = {name: all_results[name] for name in one.experiment.measure or all_results}
     written = {} if one.file is None else {"recording": one.file}
     print_pairs({"steps": outcome.steps, **results, "state hash": outcome.state_hash, **written})
 

@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -117,11 +117,11 @@ def sample_jobs() -> list[str]:
 # ---- the tables of a job file
 
 
-def _field(check, value: Any, info: ValidationInfo) -> Any:
+def _field(check: Callable, value: Any, info: ValidationInfo) -> Any:
     return check(info.field_name, value)
 
 
-def _checked_by(check, **limits: Any) -> BeforeValidator:
+def _checked_by(check: Callable, **limits: Any) -> BeforeValidator:
     """Return a validator that refuses in this package's words: the check gets the key and the value."""
     return BeforeValidator(partial(_field, partial(check, **limits)))
 
@@ -175,7 +175,7 @@ class RecordTable(_Table):
 
     def options(self) -> dict[str, Any]:
         """Return what is passed on to `record`, which knows more options than are listed here."""
-        given = {**dict(self), **self.model_extra}
+        given = {**dict(self), **(self.model_extra or {})}
         for key in given:
             if key != "file" and key not in OPTIONS:
                 raise InvalidValueError(f"[record] {unknown_name('key', key, ('file', *OPTIONS))}")

@@ -3,7 +3,7 @@
 import json
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from hashlib import blake2b
@@ -25,8 +25,8 @@ from mesa_swarm.world.random_map import random_map
 LEDGER = "ledger.jsonl"
 PACKAGE = Path(__file__).resolve().parent.parent
 # What a result depends on: whoever changes this code does the runs again.
-SOURCES = ("geometry", "world", "robots", "physics", "control", "learning", "model.py", "experiments/contestants.py")
-SOURCES += ("experiments/driving.py", "experiments/evolution.py")
+ENGINE = "geometry", "world", "robots", "physics", "control", "learning", "model.py"
+SOURCES = (*ENGINE, "experiments/contestants.py", "experiments/driving.py", "experiments/evolution.py")
 GENERATED = 20
 MODES = ("frozen", "learning")
 # Worlds of the evaluation have other seeds than those of training.
@@ -101,18 +101,18 @@ class Run:
 
     name: str
     seed: int
-    results: dict[str, float]
+    results: Mapping[str, float | None]
 
     def rows(self) -> Iterator[tuple[str, str, str, float]]:
         """Yield map, mode, measure and value of the evaluation."""
         for key, value in self.results.items():
             parts = key.split("|")
-            if len(parts) == 3:
+            if len(parts) == 3 and value is not None:
                 yield parts[0], parts[1], parts[2], value
 
     def curve(self) -> list[float]:
         """Return collisions per robot and 1,000 steps in each part of the training."""
-        return [value for key, value in self.results.items() if key.startswith("training|")]
+        return [value for key, value in self.results.items() if key.startswith("training|") and value is not None]
 
 
 def learn_bench(
@@ -155,7 +155,8 @@ def learn_bench(
         for name, seed, results in _done(benchmark, left, workers):
             ledger.append(benchmark.key(name, seed), Outcome(steps=benchmark.steps, results=results))
             bar.update()
-        return [Run(name, seed, ledger.outcome(benchmark.key(name, seed)).results) for name, seed in tasks]
+        outcomes = ((name, seed, ledger.outcome(benchmark.key(name, seed))) for name, seed in tasks)
+        return [Run(name, seed, outcome.results or {}) for name, seed, outcome in outcomes if outcome]
 
 
 def _done(benchmark: Benchmark, left: list[tuple[str, int]], workers: int) -> Iterator[tuple[str, int, dict]]:

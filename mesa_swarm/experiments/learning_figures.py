@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -50,9 +51,7 @@ class LearningRun:
     n_robots: int
 
 
-def learning_run(
-    *, beta: float, rng: int, steps: int = 33_000, progress: bool = False, **settings: float
-) -> LearningRun:
+def learning_run(*, beta: float, rng: int, steps: int = 33_000, progress: bool = False, **settings: Any) -> LearningRun:
     """Let robots learn to avoid collisions and return when they collided.
 
     Parameters
@@ -80,7 +79,7 @@ def learning_run(
 
 
 def learning_figure(
-    runs: Mapping[float, LearningRun] | None = None, *, rng: int = 1, steps: int = 33_000, **settings: float
+    runs: Mapping[float, LearningRun] | None = None, *, rng: int = 1, steps: int = 33_000, **settings: Any
 ) -> Figure:
     """Return the thesis's graphs of one run with each beta: collisions a step with T, and their total.
 

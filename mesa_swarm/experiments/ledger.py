@@ -19,7 +19,7 @@ from mesa_swarm.experiments.experiment import Outcome
 try:
     import fcntl
 except ModuleNotFoundError:  # on Windows
-    fcntl = None
+    fcntl = None  # type: ignore[assignment]  # what is missing is asked for by its name
 
 KEY_BYTES = 16
 

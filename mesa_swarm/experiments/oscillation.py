@@ -1,5 +1,6 @@
 """The oscillations that the thesis reports of its learners (8.3): beside a wall, and at the critical distance."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from mesa_swarm.gallery import find_model
 from mesa_swarm.learning import PolicyLayer, QPolicy
 from mesa_swarm.model import SwarmModel
 from mesa_swarm.robots.design import AGENT9
+from mesa_swarm.robots.snapshots import Snapshots
 
 # Where the wall is when a robot sets out, and how far off: along it, or towards it.
 SCENES = {"beside a wall": (0.0, (5.0, 25.0)), "towards a wall": (-90.0, (15.0, 40.0))}
@@ -88,13 +90,13 @@ def _watched(policy: QPolicy, scene: str, seed: np.random.SeedSequence, steps: i
     return {**flips(kept, max(policy.sensors.ranges)), **_episodes(model, steps)}
 
 
-def flips(kept, sight: float) -> dict[str, float]:
+def flips(kept: Snapshots | Mapping[str, np.ndarray], sight: float) -> dict[str, float]:
     """Return flips of turn and of travel per 100 of the steps in which something is within 0.6 of the range."""
     distance, command = kept["distance"], kept["command"]
     nearest = np.where(distance < 0, np.inf, distance).min(axis=2)
     near = nearest < IN_SIGHT * sight
     turn, travel = np.sign(command[..., 1] - command[..., 0]), np.sign(command.sum(axis=2))
-    share = 100.0 / max(np.count_nonzero(near), 1)
+    share = 100.0 / max(int(np.count_nonzero(near)), 1)
     return {
         "turns to and fro": share * np.count_nonzero(flips_of(turn) & near),
         "back and forth": share * np.count_nonzero(flips_of(travel) & near),

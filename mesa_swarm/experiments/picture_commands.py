@@ -10,6 +10,7 @@ from mesa_swarm.experiments.files import check_writable, write_whole
 from mesa_swarm.experiments.pictures import png
 from mesa_swarm.experiments.run_pictures import ethogram, stages, trace
 from mesa_swarm.gallery import find_model
+from mesa_swarm.model import SwarmModel
 from mesa_swarm.parameters import parsed_settings
 
 KINDS = ("stages", "trace", "ethogram")
@@ -40,7 +41,7 @@ def picture(
     print(write_whole(path, png(figure)))
 
 
-def drawn(model, kind: str, steps: list[int], robots: int | None, progress: bool) -> Figure:
+def drawn(model: SwarmModel, kind: str, steps: list[int], robots: int | None, progress: bool) -> Figure:
     """Return the figure of this kind of a model that is run for it."""
     if kind == "stages":
         return stages(model, steps, progress=progress)

@@ -2,10 +2,12 @@
 
 import io
 from collections.abc import Sequence
+from typing import Any
 
 import matplotlib
 import numpy as np
 import shapely
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import EllipseCollection, LineCollection, PatchCollection, PathCollection
@@ -14,9 +16,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Wedge
 from matplotlib.path import Path
+from numpy.typing import ArrayLike
 
 from mesa_swarm.experiments.portrait import Portrait, portrait_of
-from mesa_swarm.robots.sensors import mount_of
+from mesa_swarm.model import SwarmModel
+from mesa_swarm.robots.sensors import ProximitySensor, mount_of
+from mesa_swarm.world.map_parts import Bounds
 from mesa_swarm.world.shapes import Shape
 
 # Okabe and Ito's colours, which people with any colour vision can tell apart.
@@ -28,7 +33,7 @@ TEMPERATURE = LinearSegmentedColormap.from_list("temperature", ["#000000", "#7f0
 DOTS_PER_INCH = 200
 
 
-def draw_world(model, axes: Axes, sectors: bool = False) -> None:
+def draw_world(model: SwarmModel | Portrait, axes: Axes, sectors: bool = False) -> None:
     """Draw the world as it is, everything to scale, y up.
 
     Fires go from black to red with their temperature and are pale once they are out; the front half of a
@@ -72,7 +77,7 @@ def draw_what_changes(axes: Axes, portrait: Portrait, sectors: bool = False) -> 
         _draw_perceived(axes, portrait.robots)
 
 
-def _draw_ground(axes: Axes, bounds) -> None:
+def _draw_ground(axes: Axes, bounds: Bounds) -> None:
     x_min, y_min, x_max, y_max = bounds
     axes.set(xlim=(x_min, x_max), ylim=(y_min, y_max), aspect="equal", facecolor="white")
     axes.set(xlabel="x (map units)", ylabel="y (map units)")
@@ -87,7 +92,7 @@ def _draw_shapes(axes: Axes, shapes: Sequence[Shape], colour: str, height: int, 
 def _outline(shape: Shape) -> Path:
     """Return a shape as a path; its holes stay open."""
     if shape.is_disc:
-        return Path.circle(shape.position, shape.radius)
+        return Path.circle((shape.geometry.x, shape.geometry.y), shape.radius)
     rings = [shape.geometry.exterior, *shape.geometry.interiors]
     # normal form turns holes the other way round than the outline, which leaves them unfilled
     return Path.make_compound_path(*(Path(shapely.get_coordinates(ring), closed=True) for ring in rings))
@@ -102,7 +107,7 @@ def _draw_fires(axes: Axes, fires: dict[str, np.ndarray]) -> None:
         axes.text(x, y, str(i + 1), color=colour, size=7, ha="center", va="center", zorder=4, clip_on=True)
 
 
-def _discs(axes: Axes, centres, radii, colours, height: int, **more) -> None:
+def _discs(axes: Axes, centres: np.ndarray, radii: np.ndarray, colours: ArrayLike, height: int, **more: Any) -> None:
     """Draw discs to scale; the collection's sizes are in the units of the axes."""
     sizes = 2 * np.asarray(radii)
     discs = EllipseCollection(sizes, sizes, np.zeros(len(sizes)), units="xy", offsets=centres, **more)
@@ -120,7 +125,7 @@ def _draw_robots(axes: Axes, robots: dict[str, np.ndarray]) -> None:
     fronts = _half_discs(position, 0.92 * ahead)
     axes.add_collection(PathCollection(fronts, facecolors=FRONT, linewidths=0, zorder=6, label="fronts"))
     tips = position + ahead
-    lines = LineCollection(np.stack([position, tips], axis=1), colors=INK, linewidths=0.7, zorder=7)
+    lines = LineCollection(list(np.stack([position, tips], axis=1)), colors=INK, linewidths=0.7, zorder=7)
     axes.add_collection(lines)
 
 
@@ -128,7 +133,8 @@ def _half_discs(position: np.ndarray, ahead: np.ndarray) -> list[Path]:
     """Return half discs about positions, of the length of `ahead` and towards it; films have many of them."""
     half = Path.wedge(-90, 90)
     left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
-    x, y = half.vertices[:, :1], half.vertices[:, 1:]
+    vertices = np.asarray(half.vertices, float)
+    x, y = vertices[:, :1], vertices[:, 1:]
     outlines = position[:, None] + x * ahead[:, None] + y * left[:, None]
     return [Path(outline, half.codes) for outline in outlines]
 
@@ -137,7 +143,7 @@ def _draw_perceived(axes: Axes, robots: dict[str, np.ndarray]) -> None:
     """Draw a grey line from each robot to where it perceives the centroid of those that it sees."""
     lines = np.stack([robots["position"], robots["perceived"]], axis=1)
     lines = lines[np.isfinite(lines).all(axis=(1, 2))]
-    axes.add_collection(LineCollection(lines, colors=PERCEIVED, linewidths=0.9, zorder=4.6, label="perceived"))
+    axes.add_collection(LineCollection(list(lines), colors=PERCEIVED, linewidths=0.9, zorder=4.6, label="perceived"))
 
 
 def _draw_sectors(axes: Axes, portrait: Portrait) -> None:
@@ -152,7 +158,7 @@ def _draw_sectors(axes: Axes, portrait: Portrait) -> None:
     axes.add_collection(PatchCollection(wedges, facecolors=SECTOR, alpha=0.12, linewidths=0, zorder=4, label="sectors"))
 
 
-def _sector(sensor, position, heading: float, radius: float) -> Wedge:
+def _sector(sensor: ProximitySensor, position: np.ndarray, heading: float, radius: float) -> Wedge:
     x, y = mount_of(sensor, radius)
     cos, sin = np.cos(heading), np.sin(heading)
     centre = position[0] + cos * x - sin * y, position[1] + sin * x + cos * y
@@ -160,7 +166,7 @@ def _sector(sensor, position, heading: float, radius: float) -> Wedge:
     return Wedge(centre, sensor.range, axis - half, axis + half)
 
 
-def legend_of(portrait: Portrait) -> list:
+def legend_of(portrait: Portrait) -> list[Artist]:
     """Return the entries of a legend for what a portrait shows, and nothing else.
 
     Examples
@@ -172,7 +178,7 @@ def legend_of(portrait: Portrait) -> list:
     shown = [("obstacle", OBSTACLE, any(s.contact for s in portrait.obstacles))]
     shown += [("load", LOAD, bool(portrait.loads))]
     shown += [("ground mark", MARK, any(not s.contact for s in portrait.obstacles))]
-    entries = [Patch(color=colour, label=label) for label, colour, seen in shown if seen]
+    entries: list[Artist] = [Patch(color=colour, label=label) for label, colour, seen in shown if seen]
     if len(portrait.robots["hot"]):
         entries.append(_robot_entry("robot, its front yellow", COOL))
     if np.isfinite(portrait.robots.get("perceived", np.nan)).any():
@@ -186,7 +192,13 @@ def legend_of(portrait: Portrait) -> list:
 
 
 def _robot_entry(label: str, colour: str) -> Line2D:
-    style = {"marker": "o", "linestyle": "", "fillstyle": "left", "markersize": 8, "markeredgecolor": "#555555"}
+    style: dict[str, Any] = {
+        "marker": "o",
+        "linestyle": "",
+        "fillstyle": "left",
+        "markersize": 8,
+        "markeredgecolor": "#555555",
+    }
     return Line2D([], [], color=colour, markerfacecoloralt=FRONT, label=label, **style)
 
 

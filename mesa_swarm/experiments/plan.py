@@ -15,6 +15,7 @@ from mesa_swarm.errors import (
 )
 from mesa_swarm.experiments.portrait import Portrait, portrait_of
 from mesa_swarm.gallery import find_model
+from mesa_swarm.model import SwarmModel
 from mesa_swarm.parameters import Choice, parameters_of
 
 MOST_SEEDS = 100_000
@@ -76,7 +77,7 @@ class Plan:
         """Seed and value of every run; every value meets the same seeds."""
         return [(rng, value) for rng in self.seeds for value in self.values]
 
-    def built(self, rng: int, value: Any):
+    def built(self, rng: int, value: Any) -> SwarmModel:
         """Return the model of one run, before its first step."""
         return self.model_class(**self.settings, **{self.parameter: value}, rng=rng)
 
@@ -127,9 +128,11 @@ def checked_plan(
         raise InvalidValueError(f"model is {shortened(model)}; expected a class or the name of a model")
     settings = dict(settings or {})
     default = getattr(model_class, "steps_to_compare", DEFAULT_STEPS)
+    compared, chosen = _checked_values(model_class, parameter, values, settings)
     plan = Plan(
         model_class,
-        *_checked_values(model_class, parameter, values, settings),
+        compared,
+        chosen,
         checked_seeds(seeds),
         check_count("steps", default if steps is None else steps, minimum=1, maximum=MOST_STEPS),
         settings,
@@ -176,7 +179,7 @@ def checked_measures(measures: object) -> tuple[str, ...]:
     return names
 
 
-def check_results(model_class: type, model) -> None:
+def check_results(model_class: type, model: SwarmModel) -> None:
     """Refuse a model that does not say what came of it, in numbers.
 
     Raises
@@ -191,7 +194,9 @@ def check_results(model_class: type, model) -> None:
             raise InvalidValueError(f"result {name!r} is {number!r}; expected a finite number or None")
 
 
-def _checked_values(model_class: type, parameter: str | None, values: Iterable | None, settings: dict):
+def _checked_values(
+    model_class: type, parameter: str | None, values: Iterable | None, settings: dict
+) -> tuple[str, tuple]:
     parameter, by_default = _checked_parameter(model_class, parameter)
     for name in settings:
         check_choice(f"parameter of {model_class.__name__}", name, parameters_of(model_class))

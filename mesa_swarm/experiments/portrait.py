@@ -6,6 +6,7 @@ import numpy as np
 
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.control.perception import centroids
+from mesa_swarm.model import SwarmModel
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.world.load import Load
 from mesa_swarm.world.map_parts import Bounds
@@ -45,7 +46,7 @@ class Portrait:
     series: dict[str, np.ndarray]
 
 
-def portrait_of(model, *, perceived: bool = False) -> Portrait:
+def portrait_of(model: SwarmModel, *, perceived: bool = False) -> Portrait:
     """Return the portrait of a model as it is now.
 
     Parameters
@@ -76,7 +77,7 @@ def portrait_of(model, *, perceived: bool = False) -> Portrait:
     )
 
 
-def _perceived(model) -> np.ndarray:
+def _perceived(model: SwarmModel) -> np.ndarray:
     """Return where on the map each robot perceives the centroid of the robots that it sees, nan for none."""
     model.sense()
     centroid, seen = centroids(Senses.of(model.swarm))
@@ -86,7 +87,7 @@ def _perceived(model) -> np.ndarray:
     return np.where(seen[:, None] > 0, place, np.nan)
 
 
-def _history(model) -> dict[str, np.ndarray]:
+def _history(model: SwarmModel) -> dict[str, np.ndarray]:
     """Return the fires' history with the present as its last row, which is else missing between two rows."""
     fires, history = model.fires, model.fires.history
     tables = {name: getattr(history, name) for name in ("steps", "temperature", "robots")}
@@ -96,6 +97,6 @@ def _history(model) -> dict[str, np.ndarray]:
     return tables
 
 
-def _series(model) -> dict[str, np.ndarray]:
+def _series(model: SwarmModel) -> dict[str, np.ndarray]:
     collected = {name: np.array(values) for name, values in model.datacollector.model_vars.items()}
     return {name: values for name, values in collected.items() if values.dtype.kind in "biuf" and values.ndim == 1}

@@ -10,6 +10,7 @@ from mesa_swarm.experiments.oscillation import MEASURES, SCENES, oscillation, tr
 from mesa_swarm.experiments.pictures import png
 from mesa_swarm.experiments.reward_figures import reward_figure
 from mesa_swarm.experiments.tables import aligned, csv_text
+from mesa_swarm.learning import QPolicy
 from mesa_swarm.learning.reward_lab import Profile, learned_profile, reward_profile
 from mesa_swarm.learning.rewards import REWARDS
 from mesa_swarm.progress import progress_bar
@@ -50,12 +51,13 @@ def reward_lab(*, rewards: str, actions: int, steps: int, seeds: int, rng: int, 
                 bar.update()
     print("\n".join(aligned(_summary(kinds, rows))))
     figure = reward_figure({f"reward {kind}, {actions} actions": pair for kind, pair in profiles.items()})
-    for name, content in {
+    contents: dict[str, str | bytes] = {
         "reward_lab.png": png(figure),
         "curves.csv": curves_csv(profiles),
         "marks.csv": marks_csv(profiles),
         "oscillations.csv": csv_text([("reward", "actions", "seed", "scene", *MEASURES), *rows]),
-    }.items():
+    }
+    for name, content in contents.items():
         print(write_whole(folder / name, content))
 
 
@@ -71,7 +73,7 @@ def parsed_rewards(text: str) -> list[str]:
     return list(dict.fromkeys(kinds))
 
 
-def _dithering(policy, scene: str, seed: int) -> list[float]:
+def _dithering(policy: QPolicy, scene: str, seed: int) -> list[float]:
     measured = oscillation(policy, scene=scene, rng=seed)
     return [round(measured[name], 6) for name in MEASURES]
 
@@ -89,18 +91,19 @@ def _summary(kinds: list[str], rows: list[tuple]) -> list[list[str]]:
 
 def curves_csv(profiles: dict[str, tuple[Profile, Profile]]) -> str:
     """Return a line for each reward, action and distance: the reward there, the value learned, the probability."""
-    lines = [("reward", "action", "distance", "r", "Q", "P")]
+    lines: list[tuple] = [("reward", "action", "distance", "r", "Q", "P")]
     for kind, (paid, learned) in profiles.items():
         for a, name in enumerate(paid.actions):
             for i, x in enumerate(learned.distance):
                 r = float(paid.values[np.searchsorted(paid.distance, x - 1e-9), a])
-                lines.append((kind, name, round(float(x), 6), r, float(learned.values[i, a]), learned.policy[i, a]))
+                likely = None if learned.policy is None else learned.policy[i, a]
+                lines.append((kind, name, round(float(x), 6), r, float(learned.values[i, a]), likely))
     return csv_text(lines)
 
 
 def marks_csv(profiles: dict[str, tuple[Profile, Profile]]) -> str:
     """Return a line for each mark."""
-    lines = [("reward", "curve", "mark", "action", "start", "end", "size")]
+    lines: list[tuple] = [("reward", "curve", "mark", "action", "start", "end", "size")]
     for kind, pair in profiles.items():
         for curve, profile in zip(("reward", "learned"), pair, strict=True):
             lines += [(kind, curve, m.kind, m.action, m.start, m.end, m.size) for m in profile.marks]

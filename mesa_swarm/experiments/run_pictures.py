@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
@@ -13,6 +14,7 @@ from mesa_swarm.analysis import layer_shares
 from mesa_swarm.errors import InvalidValueError, check_count
 from mesa_swarm.experiments.pictures import world_figure
 from mesa_swarm.experiments.portrait import portrait_of
+from mesa_swarm.model import SwarmModel
 from mesa_swarm.progress import progress_bar
 
 # Okabe and Ito's colours for layers, in order; white for no layer.
@@ -22,7 +24,9 @@ MOST_TRACES = 8
 FAINT = "#7a7a7a"
 
 
-def stages(model, steps: Sequence[int] = (0, 1000, 3000), *, perceived: bool = True, progress: bool = False) -> Figure:
+def stages(
+    model: SwarmModel, steps: Sequence[int] = (0, 1000, 3000), *, perceived: bool = True, progress: bool = False
+) -> Figure:
     """Run a model and return a figure of its world at each of these steps, side by side.
 
     Parameters
@@ -57,7 +61,7 @@ def stages(model, steps: Sequence[int] = (0, 1000, 3000), *, perceived: bool = T
     return world_figure(portraits)
 
 
-def trace(model, steps: int = 10_000, *, robots: int = 1, every: int = 5, progress: bool = False) -> Figure:
+def trace(model: SwarmModel, steps: int = 10_000, *, robots: int = 1, every: int = 5, progress: bool = False) -> Figure:
     """Run a model and return a figure of where its first robots went, each from a square to where it is now.
 
     Parameters
@@ -88,7 +92,7 @@ def trace(model, steps: int = 10_000, *, robots: int = 1, every: int = 5, progre
     return figure
 
 
-def _places(model, last: int, every: int, progress: bool) -> np.ndarray:
+def _places(model: SwarmModel, last: int, every: int, progress: bool) -> np.ndarray:
     """Run a model until a step; return where its robots were at the start, every so many steps, and at the end."""
     places = [model.swarm.position.copy()]
     with progress_bar(last - model.steps, "steps", progress) as bar:
@@ -100,13 +104,13 @@ def _places(model, last: int, every: int, progress: bool) -> np.ndarray:
     return np.array(places)
 
 
-def _draw_trace(axes, points: np.ndarray, colour: str) -> None:
+def _draw_trace(axes: Axes, points: np.ndarray, colour: str) -> None:
     lines = np.stack([points[:-1], points[1:]], axis=1)
-    axes.add_collection(LineCollection(lines, colors=colour, linewidths=0.6, alpha=0.8, zorder=4.5))
+    axes.add_collection(LineCollection(list(lines), colors=colour, linewidths=0.6, alpha=0.8, zorder=4.5))
     axes.plot(*points[0], "s", color=colour, markersize=4, zorder=4.6)
 
 
-def ethogram(model, *, robots: int | None = None) -> Figure:
+def ethogram(model: SwarmModel, *, robots: int | None = None) -> Figure:
     """Return a figure of which layer drove which robot when, from what `model.watch()` has kept.
 
     Above, a row a robot; below, the share of robots that each layer drives.

@@ -159,7 +159,8 @@ def run_experiment(
                     ledger.append(task.key, outcome)
                 bar.update()
         path = write_table(experiment, ledger, folder / TABLE, archive)
-        failed = sum(ledger.outcome(task.key).error is not None for task in experiment.tasks())
+        outcomes = (ledger.outcome(task.key) for task in experiment.tasks())
+        failed = sum(outcome is not None and outcome.error is not None for outcome in outcomes)
     return Sweep(path, len(experiment), failed, before)
 
 

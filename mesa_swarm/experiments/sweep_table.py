@@ -87,8 +87,8 @@ def _row(task: Task, outcome: Outcome, archive: Archive | None) -> dict[str, Any
         "state_hash": outcome.state_hash,
         "error": outcome.error,
     }
-    kept = archive is not None and archive.file(task.key).exists()
-    recording = {RECORDING: archive.file(task.key).name} if kept else {}
+    file = None if archive is None else archive.file(task.key)
+    recording = {RECORDING: file.name} if file is not None and file.exists() else {}
     return {**settings, **fixed, **(outcome.results or {}), **recording}
 
 

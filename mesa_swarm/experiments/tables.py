@@ -5,7 +5,7 @@ import io
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mesa_swarm.experiments.statistics import (
     FEWEST,
@@ -17,6 +17,9 @@ from mesa_swarm.experiments.statistics import (
     summarised,
     superiority,
 )
+
+if TYPE_CHECKING:  # compare imports this module
+    from mesa_swarm.experiments.compare import Comparison
 
 WIDEST = 100
 GAP = "  "
@@ -50,7 +53,7 @@ class Row:
     ranked: int = 0
 
 
-def summary_rows(comparison) -> list[Row]:
+def summary_rows(comparison: "Comparison") -> list[Row]:
     """Return a row for each measure and value, in order.
 
     Parameters
@@ -73,7 +76,7 @@ def _row(measure: str, value: Any, base: Sequence, column: Sequence, compared: b
     return Row(measure, value, summarised(column), bootstrap_mean(differences), len(differences), larger, ranked)
 
 
-def text_table(comparison) -> str:
+def text_table(comparison: "Comparison") -> str:
     """Return the summary as aligned text, at most 100 columns wide.
 
     Parameters
@@ -90,7 +93,7 @@ def text_table(comparison) -> str:
     return "\n".join([title, "", *fitting(cells), "", *notes])
 
 
-def table_and_notes(comparison) -> tuple[list[list[str]], list[str]]:
+def table_and_notes(comparison: "Comparison") -> tuple[list[list[str]], list[str]]:
     """Return the cells of the summary, line by line with the header first, and what one must know to read them.
 
     Parameters
@@ -128,14 +131,14 @@ def _cells(row: Row, first: bool) -> list[str]:
         str(row.value)[:16],
         share,
         in_words(summary.mean),
-        "" if row.difference is None else _difference(row),
+        "" if row.difference is None else _difference(row, row.difference),
         "" if row.larger is None else _larger(row.larger),
     ]
 
 
-def _difference(row: Row) -> str:
+def _difference(row: Row, difference: Interval) -> str:
     counted = f" ({row.pairs} pairs)" if 0 < row.pairs < row.summary.runs else ""
-    return in_words(row.difference, signed=True) + counted
+    return in_words(difference, signed=True) + counted
 
 
 def _larger(share: Interval) -> str:
@@ -211,7 +214,7 @@ def fitting(table: list[list[str]]) -> list[str]:
     return [header, rule, *(line for name, row in zip(above, rest, strict=True) for line in (*name, f" {row}"))]
 
 
-def runs_csv(comparison) -> str:
+def runs_csv(comparison: "Comparison") -> str:
     """Return one line a run: value, seed, steps, state hash and every measure, empty where it did not happen.
 
     Parameters

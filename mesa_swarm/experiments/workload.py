@@ -52,7 +52,9 @@ def _scattered(n: int, radius: float, rng: int) -> Map:
     room = side / cells - 2 * OBSTACLE_RADIUS
     corners = np.column_stack(np.divmod(chosen, cells)) * (side / cells)
     centres = corners + OBSTACLE_RADIUS + random.random((obstacles, 2)) * room
-    return Map(name=f"{n} robots", bounds=(0, 0, side, side), obstacles=[disc(c, OBSTACLE_RADIUS) for c in centres])
+    return Map(
+        name=f"{n} robots", bounds=(0, 0, side, side), obstacles=tuple(disc(c, OBSTACLE_RADIUS) for c in centres)
+    )
 
 
 def contact_alone(n: int, rng: int = 1) -> SwarmModel:

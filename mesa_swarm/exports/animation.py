@@ -16,7 +16,7 @@ from mesa_swarm.exports.look import USUAL
 from mesa_swarm.exports.portraits import Portraits
 from mesa_swarm.exports.smil import Clock, number_row
 from mesa_swarm.exports.tracks import Track, tracks
-from mesa_swarm.progress import progress_bar
+from mesa_swarm.progress import Progress, progress_bar
 from mesa_swarm.recording.recording import Frame
 from mesa_swarm.world.shapes import Shape
 
@@ -51,7 +51,7 @@ def export_animation(portraits: Portraits, path: Path, steps: Sequence[int], *, 
     write_whole(path, Animation(portraits, frames, fps).text())
 
 
-def _noted(frame: Frame, bar) -> Frame:
+def _noted(frame: Frame, bar: Progress) -> Frame:
     bar.update(1)
     return frame
 

@@ -35,7 +35,7 @@ class Choice:
     def __post_init__(self) -> None:
         """Check every value."""
         if self.steps is not None:
-            self._check_steps()
+            self._check_steps(self.steps)
         if self.every is not None:
             check_count("every", self.every, minimum=1)
         first = 0 if self.first is None else check_count("first (--from)", self.first)
@@ -47,12 +47,12 @@ class Choice:
         """Whether anything was asked for."""
         return (self.steps, self.every, self.first, self.last) != (None, None, None, None)
 
-    def _check_steps(self) -> None:
+    def _check_steps(self, steps: Sequence[int]) -> None:
         if (self.every, self.first, self.last) != (None, None, None):
             raise InvalidValueError("steps are given beside every, first or last; give either")
-        if isinstance(self.steps, (str, int)) or not len(self.steps):
-            raise InvalidValueError(f"steps is {shortened(self.steps)}; expected a list such as [0, 1000, 3000]")
-        for step in self.steps:
+        if isinstance(steps, (str, int)) or not len(steps):
+            raise InvalidValueError(f"steps is {shortened(steps)}; expected a list such as [0, 1000, 3000]")
+        for step in steps:
             check_count("step", step)
 
     def among(self, there: np.ndarray) -> list[int]:

@@ -1,6 +1,7 @@
 """What the command `export` does with what was typed."""
 
 from pathlib import Path
+from typing import Any
 
 from mesa_swarm.experiments.picture_commands import parsed_steps
 from mesa_swarm.exports.export import export as write
@@ -8,7 +9,7 @@ from mesa_swarm.exports.look import parsed_size
 
 
 def export(
-    file: Path, out: Path, *, steps: str | None, size: str | None, force: bool, progress: bool, **wanted: object
+    file: Path, out: Path, *, steps: str | None, size: str | None, force: bool, progress: bool, **wanted: Any
 ) -> None:
     """Write what was asked for and print where it is."""
     paths = write(

@@ -4,6 +4,7 @@ import subprocess
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from tempfile import TemporaryFile
+from typing import IO, cast
 
 import numpy as np
 
@@ -79,7 +80,7 @@ def _encode(command: list[str], frames: Iterable[np.ndarray], path: Path) -> Non
     with TemporaryFile() as complaints:
         process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=complaints, start_new_session=True)
         try:
-            _send(process, frames)
+            _send(cast(IO[bytes], process.stdin), frames)  # which is a pipe
             status = process.wait()
         finally:
             process.kill()
@@ -90,10 +91,10 @@ def _encode(command: list[str], frames: Iterable[np.ndarray], path: Path) -> Non
             raise ExportError(f"{path} cannot be written: ffmpeg says: {reason[-1]:.200}")
 
 
-def _send(process: subprocess.Popen, frames: Iterable[np.ndarray]) -> None:
+def _send(pipe: IO[bytes], frames: Iterable[np.ndarray]) -> None:
     try:
-        with process.stdin:
+        with pipe:
             for pixels in frames:
-                process.stdin.write(pixels)
+                pipe.write(pixels.data)
     except BrokenPipeError:  # it has ended, and its status says why
         return

@@ -56,8 +56,11 @@ def film_size(bounds: Bounds) -> tuple[int, int]:
     """
     width, height = bounds[2] - bounds[0], bounds[3] - bounds[1]
     scale = USUAL / max(width, height)
-    wanted = (width * scale + 2 * MARGIN, height * scale + 2 * MARGIN + CAPTION)
-    return tuple(max(SMALLEST, 2 * round(length / 2)) for length in wanted)
+    return _even(width * scale + 2 * MARGIN), _even(height * scale + 2 * MARGIN + CAPTION)
+
+
+def _even(length: float) -> int:
+    return max(SMALLEST, 2 * round(length / 2))
 
 
 def parsed_size(text: str) -> tuple[int, int]:

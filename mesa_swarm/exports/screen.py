@@ -84,7 +84,7 @@ class Screen:
         self._count.set_text(f"{out.sum()} of {len(out)} fires out" if len(out) else "")
         self._step.set_text(f"step {portrait.steps:,}")
         for text in (self._name, self._count, self._step):
-            self._axes.figure.draw_artist(text)
+            self._axes.draw_artist(text)
 
 
 def film_frames(screen: Screen, steps: Sequence[int], progress: bool) -> Iterator[np.ndarray]:

@@ -154,7 +154,9 @@ def window(constants: FireConstants, area: float, robots: float) -> float:
     return max(constants.k2 * robots / (constants.k1 * area) - 1.0, 0.0)
 
 
-def _remarks(k1, k2, k4, largest_area, balance, stay, rest, join) -> tuple[str, ...]:
+def _remarks(
+    k1: float, k2: float, k4: float, largest_area: float, balance: float, stay: float, rest: float, join: float
+) -> tuple[str, ...]:
     """Say in words what follows from the constants, and warn of what defeats their purpose."""
     needed = 2.0 * k1 * largest_area / k2
     # Hot, a robot rests until join; cold again, it can stay (leave - join) steps at least.

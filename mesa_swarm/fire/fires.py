@@ -1,13 +1,15 @@
 """Fires as columns, as Mesa agents, and their history."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, RemovedRobotError, check_number
-from mesa_swarm.world.arena import ArenaAgent
+from mesa_swarm.world.arena import Arena, ArenaAgent, Model
+from mesa_swarm.world.shapes import Coordinates
 
-COLUMNS = {
+COLUMNS: dict[str, tuple[tuple[int, ...], type]] = {
     "position": ((2,), np.float64),
     "radius": ((), np.float64),
     "area": ((), np.float64),
@@ -43,9 +45,19 @@ class Fires:
     0
     """
 
+    position: np.ndarray
+    radius: np.ndarray
+    area: np.ndarray
+    temperature: np.ndarray
+    out: np.ndarray
+    out_step: np.ndarray
+    robots: np.ndarray
+
     def __init__(self, history_every: int = 1) -> None:
         self.agents: list[Fire] = []
-        self.columns = {name: np.zeros((0, *shape), dtype) for name, (shape, dtype) in COLUMNS.items()}
+        self.columns: dict[str, np.ndarray] = {
+            name: np.zeros((0, *shape), dtype) for name, (shape, dtype) in COLUMNS.items()
+        }
         self.history = History(history_every)
         self._publish()
 
@@ -71,7 +83,7 @@ class Fires:
         """x, y and radius, shape (f, 3)."""
         return np.column_stack([self.columns["position"], self.columns["radius"]])
 
-    def add(self, position, radius: float, area: float, temperature: float) -> int:
+    def add(self, position: Coordinates, radius: float, area: float, temperature: float) -> int:
         """Append a fire and return its index."""
         values = {
             "position": position,
@@ -107,7 +119,7 @@ class Fires:
 class Fire(ArenaAgent):
     """One fire: a handle on a row of `Fires`. Created by `SwarmModel.add_fire`."""
 
-    def __init__(self, space, model, fires: Fires, row: int) -> None:
+    def __init__(self, space: Arena, model: Model, fires: Fires, row: int) -> None:
         self.fires = fires
         self.row = row
         super().__init__(space, model)
@@ -125,7 +137,7 @@ class Fire(ArenaAgent):
         return self._read("position").copy()
 
     @position.setter
-    def position(self, value) -> None:
+    def position(self, value: Coordinates) -> None:
         raise InvalidValueError("fires do not move; remove this one and add another")
 
     @property
@@ -174,7 +186,7 @@ class Fire(ArenaAgent):
             raise RemovedRobotError("this fire has been removed; take one from model.fires")
         return self.row
 
-    def _read(self, name: str):
+    def _read(self, name: str) -> Any:
         return self.fires.columns[name][self._alive()]
 
 

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -55,7 +56,8 @@ class FightFire:
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
         """Remember nothing: the wheels and the heat are enough."""
 
-    def decide(self, senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
+    # The senses are those of `control.layer`, a floor beside this one.
+    def decide(self, senses: Any, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Drive the robots that see, fight, or wait for a fire."""
         fight(
             senses.distance,

@@ -4,9 +4,13 @@ from collections.abc import Callable
 from hashlib import blake2b
 from pathlib import Path
 from shutil import rmtree
+from typing import Any
 
-from numba import config, njit
+import numba
+from numba import njit
 
+# Numba finds its settings when it is imported, where no type checker sees them.
+config: Any = numba.config
 PACKAGE = Path(__file__).resolve().parent.parent
 
 
@@ -41,8 +45,10 @@ def _drop_old_caches() -> None:
 _drop_old_caches()
 
 
-def compiled(function: Callable) -> Callable:
+def compiled(function: Callable[..., Any]) -> Any:
     """Compile `function` when it is first called, and keep the machine code on disk.
+
+    To a type checker the result is Any: Numba infers the types, and `py_func` is there besides the call.
 
     Examples
     --------

@@ -43,7 +43,7 @@ class Evolution:
     True
     """
 
-    def __init__(self, start: Sequence[float], *, sigma: float, population: int, seed: int) -> None:
+    def __init__(self, start: Sequence[float] | np.ndarray, *, sigma: float, population: int, seed: int) -> None:
         try:
             first = np.array(start, dtype=float)
         except (TypeError, ValueError):

@@ -104,9 +104,18 @@ class Policy(Protocol):
     """
 
     family: ClassVar[str]  # by which files know it, see `learning.policy_files`
-    sensors: SensorLayout
-    steps: int  # robot-steps of training; 0 is untrained
-    training: dict  # where it comes from, and figures of its training: texts and numbers by name
+
+    @property
+    def sensors(self) -> SensorLayout:
+        """The sensors that it was trained with."""
+
+    @property
+    def steps(self) -> int:
+        """Robot-steps of training; 0 is untrained."""
+
+    @property
+    def training(self) -> dict:
+        """Where it comes from, and figures of its training: texts and numbers by name."""
 
     def act(self, readings: np.ndarray, kinds: np.ndarray, chance: np.ndarray | None = None) -> np.ndarray:
         """Return wheel commands as shares of max_speed.

@@ -76,25 +76,28 @@ def carry(scene: Scene, columns: dict, motion: np.ndarray, travel: Callable[[], 
     travel : function
         Moves all robots through the step, around the loads as they then lie; may be called again.
     """
+    room = scene.room
+    if room is None:  # there are no loads
+        return travel()
     position, heading = columns["position"].copy(), columns["heading"].copy()
-    before = push_all(scene, columns, motion)
+    before = push_all(scene, room, columns, motion)
     while True:
         result = travel()
         stuck = [k for k in before if is_overlapped(scene.loads[k], columns)]
         if not stuck:
             return result
         columns["position"][:], columns["heading"][:] = position, heading
-        take_back(scene, before, stuck)
+        take_back(scene, room, before, stuck)
 
 
-def push_all(scene: Scene, columns: dict, motion: np.ndarray) -> dict[int, Pose]:
+def push_all(scene: Scene, room: Room, columns: dict, motion: np.ndarray) -> dict[int, Pose]:
     """Move every load that is pushed hard enough; return where those that moved were."""
     longest = LONGEST_PIECE * float(columns["radius"].min(initial=math.inf))
     before = {}
     for k, load in enumerate(scene.loads):
         pushes, old = pushes_on(load, columns, motion), load.pose
         load.pushers = len(pushes)
-        move_load(load, pushes, min(longest, load.form.thickness), scene.room)
+        move_load(load, pushes, min(longest, load.form.thickness), room)
         load.moved = load.pose != old
         if load.moved:
             before[k] = old
@@ -143,7 +146,8 @@ def move_load(load: Load, pushes: list[Push], longest: float, room: Room) -> Non
     longest : float
         No point of it moves farther in a step.
     """
-    wrench, stops, left = wrench_of(pushes), [], 1.0
+    stops: list[Stop] = []
+    wrench, left = wrench_of(pushes), 1.0
     for _ in range(MOST_WAYS):
         way = twist_of(borne(wrench, stops, load.form.lever), pushes, load, longest)
         if way is None:
@@ -234,11 +238,11 @@ def is_overlapped(load: Load, columns: dict) -> bool:
     return bool((gaps < (1.0 - 2.0 * SLOP) * radius[near]).any())
 
 
-def take_back(scene: Scene, before: dict[int, Pose], stuck: list[int]) -> None:
+def take_back(scene: Scene, room: Room, before: dict[int, Pose], stuck: list[int]) -> None:
     """Lay loads back where they were, and those that then overlap them; drop them from `before`."""
     while stuck:
         for k in stuck:
             scene.loads[k].lay(before.pop(k))
             scene.loads[k].moved = False
             scene.follow(k)
-        stuck = [k for k in before if not scene.room.has_room_for(scene.loads[k], scene.loads[k].pose)]
+        stuck = [k for k in before if not room.has_room_for(scene.loads[k], scene.loads[k].pose)]

@@ -103,9 +103,9 @@ def _touching_corners(a: BaseGeometry, b: BaseGeometry, distance: float) -> list
     >>> sorted(_touching_corners(shapely.box(0, 0, 4, 4), shapely.box(4, 1, 9, 9), 0.01))
     [(4.0, 1.0), (4.0, 4.0)]
     """
-    found = []
+    found: list[tuple[float, float]] = []
     for one, other in ((a, b), (b, a)):
         corners = shapely.get_coordinates(one)
         near = shapely.distance(other, shapely.points(corners)) <= distance
-        found += map(tuple, corners[near].tolist())
+        found += [(x, y) for x, y in corners[near].tolist()]
     return list(dict.fromkeys(found))

@@ -15,7 +15,9 @@ SWEEPS = 400
 RING = 0.125
 
 
-def settle(position, radius, number, grid, statics, rings) -> None:
+def settle(
+    position: np.ndarray, radius: np.ndarray, number: np.ndarray, grid: tuple, statics: tuple, rings: np.ndarray
+) -> None:
     """Move every robot that overlaps anything to free room nearby, whatever the tangle.
 
     Parameters

@@ -4,7 +4,7 @@ Nobody's centre is ever inside a solid: `find_room` and the length of the pieces
 nearest point of an outline always tells the way out.
 """
 
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -25,7 +25,8 @@ from mesa_swarm.world.statics import ROBOT
 LONGEST_PUSH = 0.25
 
 
-class Touch(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class Touch:
     """One overlap of a robot: how deep, the unit vector out of it, whether a flat face, and with what."""
 
     depth: float
@@ -138,7 +139,7 @@ def touch_of_robots(i: int, j: int, position: np.ndarray, radius: np.ndarray, nu
 def note_both(i: int, j: int, touch: Touch, contacts: Contacts) -> None:
     """Note a touch of robot i by robot j, for both."""
     contacts.note(i, touch)
-    contacts.note(j, touch._replace(normal=-touch.normal, index=i))
+    contacts.note(j, replace(touch, normal=-touch.normal, index=i))
 
 
 def leave_statics(i: int, position: np.ndarray, radius: float, solids: Solids, contacts: Contacts) -> bool:
@@ -158,7 +159,7 @@ def deepest_static(centre: np.ndarray, radius: float, solids: Solids) -> Touch |
     near = np.sort(solids.tree.query(point, predicate="dwithin", distance=radius))
     touches = [_touch_of_polygon(point, radius, solids, p) for p in near]
     gaps = shapely.distance(point, solids.centres) - solids.radii
-    touches += [_touch_of_disc(point, radius, solids, k) for k in np.flatnonzero(gaps < radius)]
+    touches += [_touch_of_disc(point, radius, solids, k) for k in np.flatnonzero(gaps < radius).tolist()]
     deepest = max(touches, key=lambda touch: touch.depth, default=None)
     return deepest if deepest and deepest.depth > SLOP * radius else None
 

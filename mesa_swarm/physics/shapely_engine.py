@@ -73,7 +73,7 @@ class ShapelyEngine:
 
     def _solids_of(self, swarm: Swarm, scene: Scene) -> Solids:
         """Return the scene's solids, collected anew when it has changed, and always where loads may have moved."""
-        if self._scene is not scene or scene.loads:
+        if self._solids is None or self._scene is not scene or scene.loads:
             largest = max((design.radius for design in swarm.designs), default=0.0)
             margin = 1.0 + 2.0 * (largest + swarm.table.reach.max(initial=0.0))
             self._scene, self._solids = scene, Solids.of(scene, margin)

@@ -1,5 +1,6 @@
 """What stands still, as Shapely geometries: what the Shapely engine senses and touches."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -91,6 +92,6 @@ def outside(bounds: tuple[float, float, float, float], margin: float) -> Polygon
     return Polygon(around.exterior, [shapely.box(*bounds).exterior])
 
 
-def marked_ground(shapes: tuple[Shape, ...]) -> list[tuple[BaseGeometry, float]]:
+def marked_ground(shapes: Sequence[Shape]) -> list[tuple[BaseGeometry, float]]:
     """Return geometry and radius of the marks on the ground; the radius of a polygon is 0."""
     return [(shape.geometry, shape.radius) for shape in shapes if not shape.contact]

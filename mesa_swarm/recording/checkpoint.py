@@ -1,7 +1,7 @@
 """The complete state of a model between two steps, and a model that is given it back."""
 
 from collections.abc import Sequence
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from mesa.agent import Agent
@@ -79,7 +79,7 @@ class _Told(Packed):
         self._model = model
         self._agents: dict[int, Agent] | None = None
 
-    def pack(self, value: object, what: str = "a value", depth: int = 0) -> object:
+    def pack(self, value: Any, what: str = "a value", depth: int = 0) -> object:
         """Return a value as JSON has it."""
         if isinstance(value, Agent):
             if value not in self._model.agents:
@@ -87,7 +87,7 @@ class _Told(Packed):
             return {"agent": value.unique_id}
         return super().pack(value, what, depth)
 
-    def unpack(self, told: object) -> object:
+    def unpack(self, told: Any) -> Any:
         """Return the value that `pack` told."""
         if isinstance(told, dict) and "agent" in told:
             if self._agents is None:
@@ -203,7 +203,7 @@ def _restore(model: ObservedWorld, checkpoint: Checkpoint, earlier: Sequence[Che
 # ---- control
 
 
-def _control_state(model: ObservedWorld, told: Packed) -> list:
+def _control_state(model: ObservedWorld, told: _Told) -> list:
     if model.control is None:
         return []
     arbiter = model.control
@@ -212,20 +212,20 @@ def _control_state(model: ObservedWorld, told: Packed) -> list:
     return [_inner(own, type(arbiter).__name__, told), *(_layer_state(layer, told) for layer in arbiter.layers)]
 
 
-def _layer_state(layer: object, told: Packed) -> object:
+def _layer_state(layer: Any, told: _Told) -> object:
     if isinstance(layer, Checkpointed):
-        return {"own": told.pack(layer.checkpoint(), f"layer {layer.name}")}
+        return {"own": told.pack(layer.checkpoint(), f"layer {getattr(layer, 'name', '')}")}
     if type(layer).__module__.startswith(OURS):
         return None
     return _inner(getattr(layer, "__dict__", {}), f"layer {getattr(layer, 'name', '')}", told)
 
 
-def _inner(values: dict, what: str, told: Packed) -> dict:
+def _inner(values: dict, what: str, told: _Told) -> dict:
     swarm = told._model.swarm
     return {n: _attribute(v, f"{what}'s {n}", told) for n, v in values.items() if v is not swarm}
 
 
-def _lay_control(model: ObservedWorld, facts: dict, told: Packed) -> None:
+def _lay_control(model: ObservedWorld, facts: dict, told: _Told) -> None:
     """Give the model the radio and the control that it had, unless its constructor has made the same."""
     radio = part_from_json(facts["radio"])
     if model.communication != radio:
@@ -241,14 +241,14 @@ def _lay_control(model: ObservedWorld, facts: dict, told: Packed) -> None:
         _lay_layer(layer, state, told)
 
 
-def _lay_layer(layer: object, state: object, told: Packed) -> None:
+def _lay_layer(layer: object, state: Any, told: _Told) -> None:
     if isinstance(layer, Checkpointed):
         layer.restore(told.unpack(state["own"]))
     elif state is not None:
         _lay_inner(layer, state, told)
 
 
-def _lay_inner(owner: object, state: dict, told: Packed) -> None:
+def _lay_inner(owner: object, state: dict, told: _Told) -> None:
     if state and type(owner).__module__.startswith(OURS):
         raise RecordingError(f"{type(owner).__name__} has no state of its own")
     for name, value in state.items():
@@ -258,7 +258,7 @@ def _lay_inner(owner: object, state: dict, told: Packed) -> None:
 # ---- attributes
 
 
-def _attribute(value: object, name: str, told: Packed) -> object:
+def _attribute(value: object, name: str, told: _Told) -> object:
     """Return an attribute as JSON has it: plain, a random generator, or what keeps a state of its own."""
     if isinstance(value, np.random.Generator):
         return {"generator": _generator(value, name, told)}
@@ -276,7 +276,7 @@ def _attribute(value: object, name: str, told: Packed) -> object:
             raise RecordingError(f"{error}; give its class checkpoint() and restore(state)") from None
 
 
-def _lay_attributes(model: ObservedWorld, facts: dict, told: Packed) -> None:
+def _lay_attributes(model: ObservedWorld, facts: dict, told: _Told) -> None:
     attributes = facts["attributes"]
     if HANDLED & attributes.keys():
         raise RecordingError("it has attributes that are no state")
@@ -285,9 +285,9 @@ def _lay_attributes(model: ObservedWorld, facts: dict, told: Packed) -> None:
     for name, value in attributes.items():
         model.__dict__[name] = _value(model.__dict__.get(name), name, value, told)
     for name, kinds in OF_EVERY_MODEL.items():
-        value = getattr(model, name, None)
-        if type(value) not in kinds or not 0 <= value < LARGEST_NUMBER:
-            raise RecordingError(f"{name} is {shortened(value)}")
+        number: Any = getattr(model, name, None)
+        if type(number) not in kinds or not 0 <= number < LARGEST_NUMBER:
+            raise RecordingError(f"{name} is {shortened(number)}")
     agents = {agent.unique_id: agent for agent in model.agents}
     for unique_id, values in facts["of_things"]:
         for name, value in values.items():
@@ -296,7 +296,7 @@ def _lay_attributes(model: ObservedWorld, facts: dict, told: Packed) -> None:
             agents[unique_id].__dict__[name] = _value(None, name, value, told)
 
 
-def _value(now: object, name: str, told_value: dict, told: Packed) -> object:
+def _value(now: object, name: str, told_value: dict, told: _Told) -> object:
     ((kind, value),) = told_value.items()
     if kind == "generator":
         if not isinstance(now, np.random.Generator):

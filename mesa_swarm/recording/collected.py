@@ -1,6 +1,7 @@
 """What a model collects over its steps, told by what came since the last checkpoint, and put together again."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +33,7 @@ def lengths_of(model: ObservedWorld) -> dict[Path, int]:
     return {path: len(values) for path, values in series_of(model).items()}
 
 
-def reporters_of(model: ObservedWorld) -> dict[str, object]:
+def reporters_of(model: ObservedWorld) -> dict[str, Any]:
     """Return the reporters that remember something, and say so by `checkpoint` and `restore`, by name."""
     found = {name: getattr(r, "func", r) for name, r in model.datacollector.model_reporters.items()}
     return {name: reporter for name, reporter in found.items() if hasattr(reporter, "checkpoint")}
@@ -111,7 +112,7 @@ def _pack(values: list, packed: Packed, what: str) -> object:
     return packed.pack(list(values), what)
 
 
-def _unpack(told: object, packed: Packed) -> list:
+def _unpack(told: Any, packed: Packed) -> list:
     if isinstance(told, list):
         return packed.unpack(told)
     values = packed.unpack(told["array"])

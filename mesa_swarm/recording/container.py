@@ -4,6 +4,7 @@ import json
 import math
 import re
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -105,7 +106,7 @@ def _read(content: bytes) -> Checkpoint:
     return Checkpoint(step=step, state_hash=state_hash, facts=facts, arrays=arrays)
 
 
-def _array(whole: bytes, at: int, name: object, shape: object) -> tuple[np.ndarray, int]:
+def _array(whole: bytes, at: int, name: Any, shape: Any) -> tuple[np.ndarray, int]:
     """Return the array that begins there, and where it ends."""
     if not isinstance(name, str) or not DTYPE.fullmatch(name) or len(shape) > MOST_AXES:
         raise ValueError

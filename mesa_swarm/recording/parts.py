@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
+from typing import Any
 
 import numpy as np
 import shapely
@@ -9,6 +10,7 @@ from shapely import Point, Polygon
 
 from mesa_swarm.control import (
     Align,
+    Arbiter,
     Avoid,
     Cohere,
     Cruise,
@@ -42,7 +44,7 @@ ARBITERS = {"Subsumption": Subsumption, "VectorSum": VectorSum}
 PLAIN = (bool, int, float, str, type(None))
 
 
-def part_to_json(part: object) -> object:
+def part_to_json(part: Any) -> object:
     """Return a part as ``{class: fields}``, its own parts likewise; plain values are what they are.
 
     Raises
@@ -127,12 +129,12 @@ def shape_from_json(value: object) -> Shape:
     given = _checked_shape(value)
     contact = given.get("contact", True)
     if "rings" in given:
-        outline, *holes = [np.array(ring, dtype=float) for ring in given["rings"]] or [[]]
+        outline, *holes = [np.array(ring, dtype=float) for ring in given["rings"]] or [np.empty((0, 2))]
         return _made("polygon", polygon, {"outline": outline, "holes": holes, "contact": contact})
     return _made("disc", disc, {"centre": given["centre"], "radius": given["radius"], "contact": contact})
 
 
-def outline_from_json(value: object) -> tuple[Point | Polygon, float]:
+def outline_from_json(value: Any) -> tuple[Point | Polygon, float]:
     """Return the geometry and radius that `outline_to_json` wrote, every bit of it, also of what is about the origin.
 
     Raises
@@ -146,7 +148,7 @@ def outline_from_json(value: object) -> tuple[Point | Polygon, float]:
     return Polygon(outline, holes), 0.0
 
 
-def control_to_json(control: object) -> object:
+def control_to_json(control: Arbiter | None) -> object:
     """Return what an arbiter is made of; of layers that are code of one's own only what they are called.
 
     Examples
@@ -204,7 +206,7 @@ def _only_item(value: object) -> tuple[object, object]:
     return name, given
 
 
-def _made(name: str, maker: Callable, arguments: dict) -> object:
+def _made(name: str, maker: Callable, arguments: dict) -> Any:
     try:
         return maker(**arguments)
     except (SwarmError, TypeError, ValueError, AttributeError, OverflowError) as error:

@@ -2,7 +2,7 @@
 
 import base64
 from collections import deque
-from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +12,7 @@ ATOMS = (bool, int, str, float, type(None))
 # An array of these kinds is its bytes: bool, whole, real and complex numbers, bytes, text, dates and durations.
 KINDS = frozenset("biufcSUmM")
 DEEPEST = 100
-MADE_OF_LISTS: dict[str, Callable] = {kind.__name__: kind for kind in (list, tuple, set, frozenset, deque)}
+MADE_OF_LISTS: dict[str, type] = {kind.__name__: kind for kind in (list, tuple, set, frozenset, deque)}
 
 
 class Packed:
@@ -37,7 +37,7 @@ class Packed:
     def __init__(self, arrays: list[np.ndarray] | None = None) -> None:
         self.arrays = [] if arrays is None else arrays
 
-    def pack(self, value: object, what: str = "a value", depth: int = 0) -> object:
+    def pack(self, value: Any, what: str = "a value", depth: int = 0) -> object:
         """Return a value as JSON has it.
 
         Raises
@@ -58,7 +58,7 @@ class Packed:
             return {"complex": [value.real, value.imag]}
         return self._packed(value, what, depth + 1)
 
-    def _packed(self, value: object, what: str, depth: int) -> object:
+    def _packed(self, value: Any, what: str, depth: int) -> object:
         """Return what holds other values as JSON has it."""
         kind = type(value)
         if kind is dict:
@@ -71,7 +71,7 @@ class Packed:
             return items
         return {kind.__name__: items, **({"longest": value.maxlen} if kind is deque else {})}
 
-    def unpack(self, told: object) -> object:
+    def unpack(self, told: Any) -> Any:
         """Return the value that `pack` told.
 
         Raises
@@ -88,7 +88,7 @@ class Packed:
         except (TypeError, ValueError, AttributeError, LookupError, OverflowError):
             raise RecordingError(f"{shortened(told)} is no stored value") from None
 
-    def _unpacked(self, told: dict) -> object:
+    def _unpacked(self, told: dict) -> Any:
         name, given = list(told.items())[0]  # noqa: RUF015 - an IndexError is told in words, StopIteration is not
         if name in ("array", "number"):
             array = self._array(given)

@@ -5,6 +5,7 @@ import json
 import platform
 from dataclasses import asdict
 from importlib.metadata import version
+from typing import Any, cast
 
 import numpy as np
 
@@ -130,7 +131,7 @@ def _written(name: str, value: object, rerun: bool) -> object:
         value = value.item()
     for title, part in PARTS.items():
         if type(value) is part:
-            return {title: asdict(value)}
+            return {title: asdict(cast(Any, value))}
     try:
         return json.loads(json.dumps(value))
     except (TypeError, ValueError):
@@ -157,5 +158,6 @@ def _written_seed(model: ObservedWorld, seed: object, rerun: bool) -> object:
     if isinstance(seed, (np.random.Generator, np.random.BitGenerator)) and rerun:
         raise RecordingError(f"rng is {shortened(seed)}, which a recording cannot tell; give rng a whole number")
     grown = model.streams.seed
-    entropy = grown.entropy if isinstance(grown.entropy, int) else [int(word) for word in grown.entropy]
+    given: Any = grown.entropy  # never None: a SeedSequence that is given none draws some
+    entropy = given if isinstance(given, int) else [int(word) for word in given]
     return {"entropy": entropy, "spawn_key": [int(word) for word in grown.spawn_key]}

@@ -182,7 +182,7 @@ class _Tape:
     def flush(self) -> None:
         """Write the pending rows as one chunk."""
         pending = self.rows - self.writer.sealed.rows
-        if pending:
+        if self._chunk is not None and pending:
             self.writer.write(self._chunk.batch(pending), int(self._chunk.steps[0]))
         self._written_at = perf_counter()
         if self._written_at - self._synced_at > MOST_SECONDS:

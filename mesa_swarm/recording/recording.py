@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
 from pathlib import Path
+from typing import overload
 
 import numpy as np
 import pandas as pd
@@ -121,7 +122,13 @@ class Recording:
         for place in range(len(self._ends)):
             yield from self._chunk(place)
 
-    def __getitem__(self, which: int | str) -> "Frame | np.ndarray":
+    @overload
+    def __getitem__(self, which: int) -> Frame: ...
+
+    @overload
+    def __getitem__(self, which: str) -> np.ndarray: ...
+
+    def __getitem__(self, which: int | str) -> Frame | np.ndarray:
         """Return the frame of one row, from the end if negative, or a column at all steps, shape (k, n, ...).
 
         Raises
@@ -263,7 +270,7 @@ def table_of(frames: Iterable[Frame], table: str) -> pd.DataFrame:
     """
     parts = [_robot_table(frame) if table == "robots" else _table(frame, table) for frame in frames]
     names = parts[0].keys() if parts else ("step",)
-    return pd.DataFrame({name: np.concatenate([part[name] for part in parts] or [[]]) for name in names})
+    return pd.DataFrame({name: np.concatenate([part[name] for part in parts] or [np.empty(0)]) for name in names})
 
 
 def chunk_of(batch: pa.RecordBatch) -> "_Chunk":
@@ -282,6 +289,9 @@ class _Chunk:
 
     def __len__(self) -> int:
         return len(self._steps)
+
+    def __iter__(self) -> Iterator[Frame]:
+        return (self[row] for row in range(len(self)))
 
     def __getitem__(self, row: int) -> Frame:
         if row >= len(self):
@@ -333,4 +343,4 @@ def _robot_table(frame: Frame) -> dict[str, np.ndarray]:
 
 def _table(frame: Frame, name: str) -> dict[str, np.ndarray]:
     rows = frame[name]
-    return {"step": np.full(len(rows), frame.step), **{field: rows[field] for field in rows.dtype.names}}
+    return {"step": np.full(len(rows), frame.step), **{field: rows[field] for field in rows.dtype.names or ()}}

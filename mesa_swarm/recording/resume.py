@@ -4,6 +4,7 @@ import os
 from copy import deepcopy
 from importlib import import_module
 from pkgutil import iter_modules
+from typing import Any
 
 import numpy as np
 
@@ -189,8 +190,9 @@ def _take_randomness(new: ObservedWorld, old: ObservedWorld) -> None:
 
 
 def _take_plain_values(new: ObservedWorld, old: ObservedWorld, fresh: ObservedWorld) -> None:
-    for name, value in old.__dict__.items():
-        if isinstance(value, PLAIN) and name not in OWN and not np.array_equal(value, fresh.__dict__.get(name, new)):
+    values: dict[str, Any] = {n: v for n, v in old.__dict__.items() if isinstance(v, PLAIN) and n not in OWN}
+    for name, value in values.items():
+        if not np.array_equal(value, fresh.__dict__.get(name, new)):
             new.__dict__[name] = deepcopy(value)
 
 
@@ -227,4 +229,5 @@ def _class_of(recording: Recording, base: type) -> type:
 
 
 def _family(base: type) -> list[type]:
-    return [base, *(derived for child in base.__subclasses__() for derived in _family(child))]
+    children: list[type] = base.__subclasses__()
+    return [base, *(derived for child in children for derived in _family(child))]

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+from shapely import Point, Polygon
 
 from mesa_swarm.observed_world import ObservedWorld
 from mesa_swarm.robots.design import RobotDesign
@@ -63,7 +64,7 @@ def _written_form(load: Load) -> dict:
     return _written_geometry(load.form.outline, load.form.radius)
 
 
-def _written_geometry(geometry, radius: float) -> dict:
+def _written_geometry(geometry: Point | Polygon, radius: float) -> dict:
     """Return a Shapely point with its radius, or a polygon, as JSON has it."""
     if geometry.geom_type == "Point":
         return {"disc": [geometry.x, geometry.y, radius]}

@@ -14,6 +14,7 @@ import os
 import re
 import zlib
 from collections.abc import Iterator
+from io import FileIO
 from pathlib import Path
 from typing import NamedTuple
 
@@ -156,7 +157,7 @@ class SealedWriter:
             return
 
 
-def _opened(path: Path, overwrite: bool):
+def _opened(path: Path, overwrite: bool) -> FileIO:
     try:
         if overwrite and path.is_file():
             path.unlink()  # not emptied: whoever reads the old one still has it in memory

@@ -138,10 +138,11 @@ def _take_out(model: ObservedWorld, kept: set[int]) -> None:
 def _designs(model: ObservedWorld, told: list) -> list[RobotDesign]:
     """Return the designs, those that the model has already as they are: a drive may be of one's own."""
     there = [(part_to_json(design), design) for design in model.swarm.designs]
-    designs = [
+    parts = [
         next((d for words, d in there if words == told_one), None) or part_from_json(told_one) for told_one in told
     ]
-    if not all(isinstance(design, RobotDesign) for design in designs):
+    designs = [part for part in parts if isinstance(part, RobotDesign)]
+    if len(designs) < len(parts):
         raise RecordingError("its designs are none")
     return designs
 

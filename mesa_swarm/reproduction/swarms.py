@@ -19,6 +19,8 @@ from mesa_swarm.reproduction.swarm_runs import (
 SEEDS = 40
 EXPLORING_SEEDS = 12
 EXPLORING_STEPS = 60_000
+# More would make the picture black.
+TRACED_STEPS = 20_000
 # Nearly all: the rest is a cell that is entered only just.
 NEARLY_ALL = 0.95
 # The robot of the other figures, which falls into an orbit.
@@ -66,7 +68,7 @@ def exploration(laboratory: Laboratory) -> Result:
     model = find_model("collision_avoidance")(rng=1, **EXPLORER)
     return Result(
         checks=checks,
-        pictures={"": trace(model, steps)},
+        pictures={"": trace(model, laboratory.pick(TRACED_STEPS, 3_000))},
         settings=(
             f"map original, {steps:,} steps; WIDE3, max_speed 4, distance 7, spot_distance 3.5; a cell of a "
             "40 x 40 grid counts where the robot's centre can be"

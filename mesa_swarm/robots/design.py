@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -105,7 +106,7 @@ class RobotDesign:
         """Index of the forward proximity sensor next to `front` on the right, -1 if there is none."""
         return self._beside(-1)
 
-    def with_proximity(self, **changes: object) -> "RobotDesign":
+    def with_proximity(self, **changes: Any) -> "RobotDesign":
         """Return the same design with these fields changed in all its proximity sensors.
 
         Examples
@@ -139,7 +140,7 @@ class RobotDesign:
         return min(beside, key=lambda i: offsets[i], default=-1)
 
 
-def all_round(count: int = 12, *, range: float = 50.0, **more: object) -> RobotDesign:
+def all_round(count: int = 12, *, range: float = 50.0, **more: Any) -> RobotDesign:
     """Return a design with infrared sensors all round, which divide the circle into equal sectors.
 
     Parameters

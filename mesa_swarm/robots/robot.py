@@ -1,14 +1,16 @@
 """One robot: a handle on a row of the swarm, and a Mesa agent."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from mesa import Model
 
 from mesa_swarm.errors import RemovedRobotError, check_choice, check_number
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.swarm import Swarm
-from mesa_swarm.world.arena import ArenaAgent
+from mesa_swarm.world.arena import Arena, ArenaAgent
 
 SIDES = {"left": 1.0, "right": -1.0}
 
@@ -22,7 +24,7 @@ class Robot(ArenaAgent):
 
     __slots__ = ("row", "swarm")
 
-    def __init__(self, space, model, swarm: Swarm, row: int) -> None:
+    def __init__(self, space: Arena, model: Model, swarm: Swarm, row: int) -> None:
         self.swarm = swarm
         self.row = row
         super().__init__(space, model)
@@ -39,7 +41,7 @@ class Robot(ArenaAgent):
         return self._read("position").copy()
 
     @position.setter
-    def position(self, value) -> None:
+    def position(self, value: Sequence[float] | np.ndarray) -> None:
         self.alive()
         self._write("position", self.space.checked_point(value))
 
@@ -165,10 +167,10 @@ class Robot(ArenaAgent):
             raise RemovedRobotError(f"robot {self.unique_id} was removed; take a handle from model.robots")
         return self.row
 
-    def _read(self, name: str):
+    def _read(self, name: str) -> Any:
         return self.swarm.columns[name][self.alive()]
 
-    def _write(self, name: str, value) -> None:
+    def _write(self, name: str, value: Any) -> None:
         row = self.alive()
         self.swarm.columns[name][row] = value
         self.swarm.disturbed = True

@@ -12,7 +12,7 @@ LONGEST_HOLD = 10**9
 Mount = tuple[float, float]
 
 
-def _check_sector(sensor) -> None:
+def _check_sector(sensor: "ProximitySensor | RadiationSensor") -> None:
     check_number("bearing_degrees", sensor.bearing_degrees, minimum=-360, maximum=360)
     check_number("range", sensor.range, minimum=0, maximum=LARGEST_RANGE)
     check_number("field_of_view_degrees", sensor.field_of_view_degrees, minimum=0, maximum=360)
@@ -37,7 +37,7 @@ def check_mount(mount: Mount | None) -> None:
         check_number("mount", value, minimum=-LARGEST_RANGE, maximum=LARGEST_RANGE)
 
 
-def _keep_mount(sensor) -> None:
+def _keep_mount(sensor: "Sensor") -> None:
     """Keep a checked mount as a tuple of floats, so that equal sensors compare and hash as equal."""
     if sensor.mount is not None:
         object.__setattr__(sensor, "mount", tuple(map(float, sensor.mount)))

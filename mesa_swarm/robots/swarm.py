@@ -99,6 +99,39 @@ class Swarm:
     (0, 2)
     """
 
+    number: np.ndarray
+    design: np.ndarray
+    position: np.ndarray
+    heading: np.ndarray
+    radius: np.ndarray
+    max_speed: np.ndarray
+    tendency: np.ndarray
+    distance: np.ndarray
+    kind: np.ndarray
+    error: np.ndarray
+    radiation: np.ndarray
+    line: np.ndarray
+    command: np.ndarray
+    last_command: np.ndarray
+    layer: np.ndarray
+    task: np.ndarray
+    goal: np.ndarray
+    sent_goal: np.ndarray
+    heard_layer: np.ndarray
+    heard_task: np.ndarray
+    heard_from: np.ndarray
+    heard_goal: np.ndarray
+    slip: np.ndarray
+    collided: np.ndarray
+    contact_kind: np.ndarray
+    contact_index: np.ndarray
+    contact_normal: np.ndarray
+    contact_depth: np.ndarray
+    temperature: np.ndarray
+    heat: np.ndarray
+    hot: np.ndarray
+    fire: np.ndarray
+
     def __init__(self) -> None:
         self.table = DesignTable.of(())
         self.agents: list = []

@@ -8,7 +8,7 @@ import numpy as np
 
 from mesa_swarm.geometry.sector import half_angle
 from mesa_swarm.robots.design import RobotDesign
-from mesa_swarm.robots.sensors import mount_of
+from mesa_swarm.robots.sensors import ProximitySensor, RadiationSensor, mount_of
 
 # Columns of `proximity` and `radiation`; the compiled functions take them as constants.
 MOUNT_X, MOUNT_Y, AXIS_X, AXIS_Y, COS_HALF, SIN_HALF, RANGE, RAYS, HALF = range(9)
@@ -66,7 +66,7 @@ class DesignTable:
         proximity = _stacked([[_sector(s, d.radius) for s in d.proximity] for d in designs], 9)
         mounts = np.hypot(proximity[..., MOUNT_X], proximity[..., MOUNT_Y])
         radii = np.array([d.radius for d in designs])[:, None]
-        bearings = [[[_wrapped(math.radians(s.bearing_degrees))] for s in d.proximity] for d in designs]
+        bearings = [[(_wrapped(math.radians(s.bearing_degrees)),) for s in d.proximity] for d in designs]
         noise = _stacked(
             [[(s.error_probability, s.error_magnitude, s.hold, s.period) for s in d.proximity] for d in designs],
             4,
@@ -95,7 +95,7 @@ def _wrapped(bearing: float) -> float:
     return math.remainder(bearing, 2 * math.pi)
 
 
-def _sector(sensor, radius: float) -> tuple[float, ...]:
+def _sector(sensor: ProximitySensor | RadiationSensor, radius: float) -> tuple[float, ...]:
     bearing = math.radians(sensor.bearing_degrees)
     half = math.radians(sensor.field_of_view_degrees) / 2
     edge = half_angle(math.radians(sensor.field_of_view_degrees))
@@ -103,7 +103,7 @@ def _sector(sensor, radius: float) -> tuple[float, ...]:
     return *mount_of(sensor, radius), *axis, *edge, sensor.range, getattr(sensor, "rays", 0), half
 
 
-def _stacked(rows: list[list[tuple[float, ...]]], width: int, pad: float = -1.0) -> np.ndarray:
+def _stacked(rows: Sequence[Sequence[tuple[float, ...]]], width: int, pad: float = -1.0) -> np.ndarray:
     most = max((len(row) for row in rows), default=0)
     table = np.full((len(rows), most, width), pad)
     for d, row in enumerate(rows):

@@ -9,6 +9,7 @@ from mesa_swarm.control.behaviour import Behaviour, behaviour
 from mesa_swarm.control.explore import Explore
 from mesa_swarm.control.subsumption import Subsumption
 from mesa_swarm.errors import unknown_name
+from mesa_swarm.model import SwarmModel
 from mesa_swarm.parameters import parameters_of
 from mesa_swarm.teaching.failures import in_words, is_missing, told
 from mesa_swarm.teaching.verdict import Verdict, seeds_in_words, shown, verdict_on
@@ -99,7 +100,7 @@ def check_rule(
     if is_missing(rule):
         return Verdict(False, NO_ANSWER, hint)
 
-    def make(seed: int):
+    def make(seed: int) -> SwarmModel:
         model = world(seed)
         model.control = Subsumption(*above, _layer(rule), *below)
         return model
@@ -107,7 +108,7 @@ def check_rule(
     return check_model(make, *wishes, steps=steps, seeds=seeds, hint=hint)
 
 
-def _layer(rule: Any):
+def _layer(rule: Any) -> Any:
     is_plain = callable(rule) and not isinstance(rule, Behaviour) and not hasattr(rule, "decide")
     return behaviour(rule) if is_plain else rule
 

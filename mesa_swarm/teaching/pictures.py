@@ -1,5 +1,9 @@
 """Pictures for notebooks, which show whatever can say what it looks like as a PNG."""
 
+from typing import Any
+
+from matplotlib.figure import Figure
+
 from mesa_swarm.experiments.pictures import png, world_figure
 from mesa_swarm.experiments.portrait import portrait_of
 
@@ -7,7 +11,7 @@ from mesa_swarm.experiments.portrait import portrait_of
 class Picture:
     """A figure that a notebook shows; made by `picture`."""
 
-    def __init__(self, figure) -> None:
+    def __init__(self, figure: Figure) -> None:
         self.figure = figure
 
     def __repr__(self) -> str:
@@ -19,7 +23,7 @@ class Picture:
         return png(self.figure)
 
 
-def picture(*shown, titles: tuple[str, ...] = (), sectors: bool = False, perceived: bool = False) -> Picture:
+def picture(*shown: Any, titles: tuple[str, ...] = (), sectors: bool = False, perceived: bool = False) -> Picture:
     """Return a picture of one or more models side by side, as they are now, or of a figure.
 
     Parameters

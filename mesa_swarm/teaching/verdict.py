@@ -44,7 +44,9 @@ class Verdict:
         return f"{NOT_YET} {self.text[:1].upper()}{self.text[1:].rstrip('.')}."
 
 
-def verdict_on(wishes: Sequence[Wish], numbers: Sequence[Sequence[float | None]], seeds, hint: str) -> Verdict:
+def verdict_on(
+    wishes: Sequence[Wish], numbers: Sequence[Sequence[float | None]], seeds: Sequence[int], hint: str
+) -> Verdict:
     """Return the verdict on the numbers that came, a row a wish.
 
     Examples

@@ -1,11 +1,13 @@
 """The arena: Mesa's experimental ContinuousSpace, made safe, and fed from the swarm's columns."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import count
-from typing import Protocol
+from random import Random
+from typing import Any, Protocol
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from mesa import Model
 from mesa.agent import Agent, AgentSet
 from mesa.experimental.continuous_space import ContinuousSpace, ContinuousSpaceAgent
 
@@ -13,13 +15,15 @@ from mesa_swarm.errors import InvalidValueError, shortened
 
 # Mesa grows its store by a fifth of what is there, which is nothing at all below three rows.
 SMALLEST_STORE = 16
+Point = Sequence[float] | np.ndarray
+Neighbours = tuple[list[ContinuousSpaceAgent], np.ndarray]
 ONE_AT_A_TIME = "positions are written one agent at a time; set agent.position"
 
 
 class ModelCounters(WeakKeyDictionary):
     """A counter of agents for every model, forgotten together with the model."""
 
-    def __getitem__(self, model) -> Iterator[int]:
+    def __getitem__(self, model: Model) -> Iterator[int]:
         """Return the model's counter, a new one from 1 on if it has none yet."""
         return self.setdefault(model, count(1))
 
@@ -33,7 +37,7 @@ if hasattr(Agent, "_ids"):
 class Bodies(Protocol):
     """Agents whose positions live in a column of their own: a swarm, or fires."""
 
-    agents: list
+    agents: list[Any]
     position: np.ndarray
 
 
@@ -45,16 +49,17 @@ class PositionTable(np.ndarray):
 
     arena: "Arena | None" = None
 
-    def __getitem__(self, key):
+    def __getitem__(self, key: Any) -> Any:
         """Return a copy of what is asked for."""
         return np.array(super().__getitem__(key))
 
-    def __setitem__(self, key, value):
+    def __setitem__(self, key: Any, value: Any) -> None:
         """Move one agent."""
         if self.arena is None or not isinstance(key, (int, np.integer)):
             raise InvalidValueError(ONE_AT_A_TIME)
         agent = self.arena.active_agents[key]
-        if isinstance(agent, ArenaAgent) and type(agent).position is not ContinuousSpaceAgent.position:
+        kind: Any = type(agent)
+        if isinstance(agent, ArenaAgent) and kind.position is not ContinuousSpaceAgent.position:
             agent.position = value
         else:
             self.arena.place(agent, value)
@@ -86,7 +91,9 @@ class Arena(ContinuousSpace):
     True
     """
 
-    def __init__(self, dimensions, torus=False, random=None, n_agents=100) -> None:
+    def __init__(
+        self, dimensions: Sequence[Point], torus: bool = False, random: Random | None = None, n_agents: int = 100
+    ) -> None:
         super().__init__(dimensions, torus=torus, random=random, n_agents=max(n_agents, SMALLEST_STORE))
         self._bodies: list[Bodies] = []
         self._rows: list[list[int]] | None = None
@@ -109,7 +116,7 @@ class Arena(ContinuousSpace):
         if value.base is not self._agent_positions:
             raise InvalidValueError(ONE_AT_A_TIME)
 
-    def place(self, agent: ContinuousSpaceAgent, position) -> None:
+    def place(self, agent: ContinuousSpaceAgent, position: Point) -> None:
         """Write the position of an agent that the arena itself keeps, if it is within bounds.
 
         Raises
@@ -119,7 +126,7 @@ class Arena(ContinuousSpace):
         """
         self._agent_positions[self._agent_to_index[agent]] = self.checked_point(position)
 
-    def checked_point(self, position) -> np.ndarray:
+    def checked_point(self, position: Point) -> np.ndarray:
         """Return a position as an array of floats, or say why it is none of this arena.
 
         Raises
@@ -137,31 +144,33 @@ class Arena(ContinuousSpace):
             )
         return point
 
-    def calculate_difference_vector(self, point, agents=None) -> np.ndarray:
+    def calculate_difference_vector(self, point: Point, agents: Iterable[Agent] | None = None) -> np.ndarray:
         """Return the vectors from `point` to the agents (all of them by default)."""
         self._refresh()
         return np.asarray(super().calculate_difference_vector(point, agents))
 
-    def calculate_distances(self, point, agents=None, **kwargs):
+    def calculate_distances(
+        self, point: Point, agents: Iterable[Agent] | None = None, **kwargs: Any
+    ) -> tuple[np.ndarray, list[Agent]]:
         """Return the distances from `point` to the agents (all by default), and the agents."""
         self._refresh()
         distances, chosen = super().calculate_distances(point, agents, **kwargs)
         return np.asarray(distances), chosen
 
-    def get_k_nearest_agents(self, point, k: int = 1):
+    def get_k_nearest_agents(self, point: Point, k: int = 1) -> Neighbours:
         """Return the k agents nearest to `point`, all of them if there are fewer, and their distances."""
         distances, agents = self.calculate_distances(point)
         nearest = np.argsort(distances, kind="stable")[: max(k, 0)]
         return [agents[i] for i in nearest], distances[nearest]
 
-    def _add_agent(self, agent) -> int:
+    def _add_agent(self, agent: Agent) -> int:
         self._rows = None
         index = super()._add_agent(agent)
         self._agent_positions[index] = self.center
         agent._mesa_index = index
         return index
 
-    def _remove_agent(self, agent) -> None:
+    def _remove_agent(self, agent: Agent) -> None:
         self._rows = None
         first, last = self._agent_to_index[agent], self._n_agents - 1
         super()._remove_agent(agent)
@@ -183,7 +192,7 @@ class Arena(ContinuousSpace):
 class Agents(AgentSet):
     """Agents in order: Mesa's AgentSet, which may also be indexed, as it will not be from Mesa 4 on."""
 
-    def __getitem__(self, item):
+    def __getitem__(self, item: int | slice) -> Any:
         """Return one agent, or a list of them for a slice."""
         return list(self)[item]
 
@@ -197,24 +206,24 @@ class ArenaAgent(ContinuousSpaceAgent):
         return self.position
 
     @pos.setter
-    def pos(self, value) -> None:
+    def pos(self, value: np.ndarray | None) -> None:
         # Mesa's Agent sets None when it is created, before there is anything to move.
         if value is not None:
             self.position = value
 
-    def get_neighbors_in_radius(self, radius: float = 1):
+    def get_neighbors_in_radius(self, radius: float = 1) -> Neighbours:
         """Return the other agents whose positions are within `radius`, and their distances."""
         distances, agents = self._others()
         near = np.flatnonzero(distances <= radius)
         return [agents[i] for i in near], distances[near]
 
-    def get_nearest_neighbors(self, k: int = 1):
+    def get_nearest_neighbors(self, k: int = 1) -> Neighbours:
         """Return the k nearest other agents, all if there are fewer, and their distances."""
         distances, agents = self._others()
         nearest = np.argsort(distances, kind="stable")[: max(k, 0)]
         return [agents[i] for i in nearest], distances[nearest]
 
-    def _others(self):
+    def _others(self) -> tuple[np.ndarray, list[Agent]]:
         here = self.position  # first, for a removed agent says so here
         distances, agents = self.space.calculate_distances(here)
         mine = self.space._agent_to_index[self]

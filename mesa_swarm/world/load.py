@@ -3,12 +3,14 @@
 import math
 
 import numpy as np
+from mesa import Model
 
 from mesa_swarm.errors import InvalidValueError, check_number
 from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.world.arena import Arena
 from mesa_swarm.world.form import Form, Pose
 from mesa_swarm.world.obstacle import Obstacle
-from mesa_swarm.world.shapes import Shape
+from mesa_swarm.world.shapes import Coordinates, Shape
 
 LARGEST_RESISTANCE = 1e9
 
@@ -37,7 +39,7 @@ class Load(Obstacle):
         How many robots pushed it in the last step.
     """
 
-    def __init__(self, space, model, shape: Shape, resistance: float) -> None:
+    def __init__(self, space: Arena, model: Model, shape: Shape, resistance: float) -> None:
         super().__init__(space, model, shape)
         self.form = Form.of(shape)
         x, y = shape.position.tolist()
@@ -52,7 +54,7 @@ class Load(Obstacle):
         return np.array(self.pose[:2])
 
     @position.setter
-    def position(self, value) -> None:
+    def position(self, value: Coordinates) -> None:
         raise InvalidValueError("loads move only when robots push them; remove this one and add another")
 
     @property

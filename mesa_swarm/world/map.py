@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Self
+from typing import Self, TypeVar
 
 from mesa_swarm.errors import InvalidValueError, shortened, unknown_name
 from mesa_swarm.world.map_legacy import LARGEST_LEGACY_FILE, read_legacy
@@ -32,6 +32,7 @@ from mesa_swarm.world.svg_drawing import svg_text
 __all__ = ["RADIUS_OF_UNIT_AREA", "FireSpot", "Map", "builtin_maps"]
 
 BUILTIN = ("original", "sparse", "openspace", "openspace_fire")
+Part = TypeVar("Part", Shape, FireSpot)
 ALIASES = {"maze": "sparse"}  # the thesis's text calls it maze, its figure sparse
 READABLE = (".toml", ".svg", ".map")
 # Of a path, in messages.
@@ -199,7 +200,7 @@ def builtin_maps() -> list[str]:
     return list(BUILTIN)
 
 
-def _parts_within(bounds: Bounds, word: str, parts: object, wanted: type) -> tuple:
+def _parts_within(bounds: Bounds, word: str, parts: Iterable[Part], wanted: type[Part]) -> tuple[Part, ...]:
     """Return the parts as a tuple if each is of the wanted type and partly within the bounds."""
     if not isinstance(parts, Iterable):
         raise InvalidValueError(f"{word}s is {shortened(parts)}; expected a list of {wanted.__name__}")

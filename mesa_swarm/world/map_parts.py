@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import shapely
 
@@ -166,7 +167,7 @@ def text_of(content: bytes, source: str) -> str:
         raise refusal(source, f"byte {error.start + 1}", "not UTF-8 text") from None
 
 
-def _listed(name: str, value: object, length: int) -> tuple:
+def _listed(name: str, value: Any, length: int) -> tuple:
     """Return the items of a list, tuple or array of the wanted length."""
     items = () if isinstance(value, (str, bytes)) or not hasattr(value, "__len__") else tuple(value)
     if len(items) != length:

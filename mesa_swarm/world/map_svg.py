@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 from xml.sax import SAXParseException
 from xml.sax.handler import ContentHandler
+from xml.sax.xmlreader import Locator
 
 import numpy as np
 from defusedxml import DefusedXmlException, DTDForbidden
@@ -88,6 +89,8 @@ def read_svg(content: bytes, source: str) -> dict[str, Any]:
 class _Walk(ContentHandler):
     """What a drawing contains, collected element by element while nothing in it is built yet."""
 
+    _locator: Locator  # which ContentHandler.setDocumentLocator keeps
+
     def __init__(self, source: str) -> None:
         super().__init__()
         self.source = source
@@ -104,7 +107,7 @@ class _Walk(ContentHandler):
         title = "".join(self._titles).strip()
         return title if title.isprintable() else " ".join(title.split())
 
-    def startElementNS(self, name: tuple, qname: str, attrs: Mapping) -> None:  # noqa: N802 (SAX's name)
+    def startElementNS(self, name: tuple[str | None, str], qname: str | None, attrs: Any) -> None:  # noqa: N802 (SAX's name)
         """Enter an element."""
         space, tag = name
         attributes = {key: value for (own, key), value in attrs.items() if own is None}
@@ -115,7 +118,7 @@ class _Walk(ContentHandler):
             known = space in (None, SVG)
             self._open.append((tag, self._entered(tag, attributes, place) if known else None))
 
-    def endElementNS(self, name: tuple, qname: str) -> None:  # noqa: N802 (SAX's name)
+    def endElementNS(self, name: tuple[str | None, str], qname: str | None) -> None:  # noqa: N802 (SAX's name)
         """Leave an element."""
         self._open.pop()
 
@@ -173,7 +176,7 @@ def _walked(content: bytes, source: str) -> _Walk:
     except DefusedXmlException:
         raise refusal(source, "", "declares entities or refers to other files; remove them") from None
     except SAXParseException as error:
-        place = f"line {error.getLineNumber()}, column {error.getColumnNumber() + 1}"
+        place = f"line {error.getLineNumber()}, column {(error.getColumnNumber() or 0) + 1}"
         raise refusal(source, place, f"not XML: {error.getMessage()}") from None
     except LookupError as error:
         raise refusal(source, "", f"not XML: {error}") from None

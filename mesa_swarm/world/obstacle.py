@@ -1,10 +1,11 @@
 """Obstacles as Mesa agents."""
 
 import numpy as np
+from mesa import Model
 
 from mesa_swarm.errors import InvalidValueError, RemovedRobotError
-from mesa_swarm.world.arena import ArenaAgent
-from mesa_swarm.world.shapes import Shape
+from mesa_swarm.world.arena import Arena, ArenaAgent
+from mesa_swarm.world.shapes import Coordinates, Shape
 
 
 class Obstacle(ArenaAgent):
@@ -20,7 +21,7 @@ class Obstacle(ArenaAgent):
         From `disc`, `rectangle` or `polygon`.
     """
 
-    def __init__(self, space, model, shape: Shape) -> None:
+    def __init__(self, space: Arena, model: Model, shape: Shape) -> None:
         self.shape = shape
         super().__init__(space, model)
         index = space._agent_to_index[self]
@@ -44,7 +45,7 @@ class Obstacle(ArenaAgent):
         return self.shape.position
 
     @position.setter
-    def position(self, value) -> None:
+    def position(self, value: Coordinates) -> None:
         raise InvalidValueError("obstacles do not move; remove this one and add another")
 
     def remove(self) -> None:

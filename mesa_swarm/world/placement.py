@@ -86,8 +86,10 @@ def place_apart(
         raise PlacementError(_does_not_fit(n, radius, where, fit))
     if n > MOST_ROBOTS:
         raise PlacementError(_does_not_fit(n, radius, "one world, on which the limit is", MOST_ROBOTS))
+    if not n:
+        return np.empty((0, 2))
     table = _Placed(others, other_radius, n, radius, space)
-    draw = _points_of(space) if n else None
+    draw = _points_of(space)
     while table.missing and table.tried < TRIES * n:
         table.take(draw(min(max(2 * table.missing, 64), MOST_CANDIDATES), rng))
     if not table.missing:
@@ -98,7 +100,9 @@ def place_apart(
     return packed[np.sort(rng.permutation(len(packed))[:n])]
 
 
-def _packed(space, radius: float, others: np.ndarray, other_radius: np.ndarray, room: int) -> np.ndarray:
+def _packed(
+    space: shapely.Geometry, radius: float, others: np.ndarray, other_radius: np.ndarray, room: int
+) -> np.ndarray:
     """Return places, packed densely: always the same ones, so that what a message promises is kept."""
     if not room:
         return np.empty((0, 2))
@@ -112,7 +116,9 @@ def _packed(space, radius: float, others: np.ndarray, other_radius: np.ndarray, 
 class _Placed:
     """Discs placed so far, those of others first, in linked lists by cell."""
 
-    def __init__(self, others, other_radius, room: int, radius: float, space) -> None:
+    def __init__(
+        self, others: np.ndarray, other_radius: np.ndarray, room: int, radius: float, space: shapely.Geometry
+    ) -> None:
         self.tried = 0
         self._old = len(others)
         self._position = np.concatenate([others, np.empty((room, 2))])

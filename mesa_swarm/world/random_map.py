@@ -49,7 +49,7 @@ def random_map(number: int, *, obstacles: int = 8, passage: float = 30.0) -> Map
     shapes = _outer_walls()
     for _ in range(wanted):
         shapes += _one_more(shapes, width, rng)
-    return Map(name=f"random {number}", bounds=(0, 0, WIDTH, HEIGHT), obstacles=shapes)
+    return Map(name=f"random {number}", bounds=(0, 0, WIDTH, HEIGHT), obstacles=tuple(shapes))
 
 
 def _outer_walls() -> list[Shape]:

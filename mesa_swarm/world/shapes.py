@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from typing import TypeGuard
 
 import numpy as np
 import shapely
@@ -12,7 +13,7 @@ from mesa_swarm.errors import InvalidValueError, check_number, shortened
 LARGEST_COORDINATE = 1e9
 MOST_VERTICES = 200_000
 
-Coordinates = Sequence[float]
+Coordinates = Sequence[float] | np.ndarray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -187,7 +188,7 @@ def _checked_points(name: str, points: Iterable[Coordinates]) -> np.ndarray:
     return np.array(checked).reshape(-1, 2)
 
 
-def _is_table(points: Iterable[Coordinates]) -> bool:
+def _is_table(points: Iterable[Coordinates]) -> TypeGuard[np.ndarray]:
     """Tell whether the points are an array of pairs of floats, which can be checked at one go."""
     return isinstance(points, np.ndarray) and points.dtype == float and points.ndim == 2 and points.shape[1] == 2
 

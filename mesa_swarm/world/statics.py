@@ -63,7 +63,7 @@ class Statics:
     @classmethod
     def of(
         cls,
-        bounds: Sequence[float],
+        bounds: tuple[float, float, float, float],
         shapes: Sequence[Shape],
         fires: np.ndarray,
         burning: np.ndarray,
@@ -105,7 +105,7 @@ class Statics:
         discs = np.concatenate([discs, fires.reshape(-1, 3)])
         boxes = _boxes(edges, discs)
         boxes[is_load] += slack * np.array([-1.0, -1.0, 1.0, 1.0])
-        grid = Grid.over(tuple(bounds), touch, FEWEST_CELLS + CELLS_PER_ITEM * len(boxes))
+        grid = Grid.over(bounds, touch, FEWEST_CELLS + CELLS_PER_ITEM * len(boxes))
         seen_start, seen_items = list_boxes_by_cell(boxes, sight, grid.numbers)
         # The border is never crossed, so contact tests its four coordinates, not its edges.
         touched = list_boxes_by_cell(boxes[4:], touch, grid.numbers)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import shapely
-from svgelements import Arc, Close, CubicBezier, Move, Path, QuadraticBezier
+from svgelements import Arc, Close, CubicBezier, Curve, Line, Move, Path, QuadraticBezier
 
 from mesa_swarm.errors import InvalidValueError, shortened
 from mesa_swarm.world.shapes import MOST_VERTICES, polygon
@@ -94,7 +94,7 @@ def nested(rings: list[np.ndarray], even_odd: bool) -> Iterator[tuple[np.ndarray
     holes: dict[int, list[np.ndarray]] = {i: [] for i, state in enumerate(filled) if state == (False, True)}
     for i, state in enumerate(filled):
         if state == (True, False):
-            owner = min((j for j in inside[i] if j in holes), key=lambda j: areas[j].area)
+            owner = min((j for j in inside[i] if j in holes), key=lambda j: float(shapely.area(areas[j])))
             holes[owner].append(rings[i])
     for i, own in holes.items():
         yield rings[i], own
@@ -173,9 +173,9 @@ def _subpath(parts: list[np.ndarray], is_closed: bool) -> Iterator[tuple[bool, n
             yield is_closed or bool((at[0] == at[-1]).all()), at[fresh]
 
 
-def _chords(segment: object, tolerance: float) -> np.ndarray:
+def _chords(segment: Line | Curve, tolerance: float) -> np.ndarray:
     """Return points on one segment, from its start to its end."""
-    ends = np.array([[segment.start.x, segment.start.y], [segment.end.x, segment.end.y]], dtype=float)
+    ends = np.array([[segment.start.x, segment.start.y], [segment.end.x, segment.end.y]], dtype=np.float64)
     if not np.isfinite(ends).all():
         raise InvalidValueError("d has a number that is not finite")
     if isinstance(segment, (CubicBezier, QuadraticBezier)):

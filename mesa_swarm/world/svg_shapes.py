@@ -144,7 +144,8 @@ def _line(drawn: Drawn, tolerance: float) -> Iterator[Shape]:
 def _path(drawn: Drawn, tolerance: float) -> Iterator[Shape]:
     """Yield closed subpaths as outlines with holes, open ones too if filled, else as bands."""
     text = drawn.attributes.get("d", "")
-    closed, bands = [], []
+    closed: list[np.ndarray] = []
+    bands: list[np.ndarray] = []
     for is_closed, at in subpaths(text, tolerance / scale_of(drawn.matrix)):
         (closed if is_closed or drawn.filled else bands).append(at)
     if not closed and not bands:

@@ -7,6 +7,7 @@ import time
 import numpy as np
 import pandas as pd
 import pytest
+from waiting import wait_until
 
 from mesa_swarm.dashboard.charts import MOST_POINTS, ChartBoard, Charting, csv_of, figure_of, news_of
 from mesa_swarm.dashboard.downloads import Downloads, pieces_of
@@ -35,13 +36,6 @@ def curves_sent(charting) -> list[dict]:
 def last_steps(charting) -> list[float]:
     content, buffers = next(one for one in reversed(charting.board.sent) if one[0]["kind"] == "curves")
     return np.frombuffer(buffers[0], "<f4")[: content["charts"][0]["points"]].tolist()
-
-
-def wait_until(condition, seconds: float = 10.0) -> None:
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "waited in vain"
-        time.sleep(0.01)
 
 
 def test_nothing_is_sent_while_nobody_looks(charting):

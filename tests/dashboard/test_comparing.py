@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from waiting import wait_until
 
 from mesa_swarm.dashboard import many_runs
 from mesa_swarm.dashboard.compare_panel import ComparePanel, groups_of, values_of
@@ -21,13 +22,6 @@ from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments.compare import compare
 from mesa_swarm.experiments.plan import checked_plan
 from mesa_swarm.gallery import find_model, model_names
-
-
-def wait_until(condition, seconds: float = 90.0) -> None:
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "waited in vain"
-        time.sleep(0.02)
 
 
 @pytest.fixture

@@ -1,11 +1,11 @@
 """Export from the page: the run made again or taken from the tape, in the background, within limits."""
 
 import io
-import time
 
 import numpy as np
 import pandas as pd
 import pytest
+from waiting import wait_until
 
 from mesa_swarm.dashboard import exporting as module
 from mesa_swarm.dashboard.export_view import ExportDesk, Exporter
@@ -17,13 +17,6 @@ from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
 
 PNG = b"\x89PNG"
-
-
-def wait_until(condition, seconds: float = 60.0) -> None:
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "waited in vain"
-        time.sleep(0.01)
 
 
 @pytest.fixture

@@ -1,6 +1,6 @@
 """Two worlds, one clock: they step together, one looks at both at the same step, and what breaks is said."""
 
-import time
+from waiting import wait_until
 
 from mesa_swarm.dashboard.pair import Pair
 from mesa_swarm.dashboard.past import Past, Picture
@@ -27,20 +27,15 @@ class EndsEarly(CollisionAvoidance):
 
 
 class Spectator:
-    """A viewer that keeps the steps that it is shown."""
+    """A viewer that keeps the steps that it is shown, unless it has seen something later."""
 
     def __init__(self, ready: bool = True) -> None:
-        self.ready, self.steps = ready, []
+        self.ready, self.steps, self._latest = ready, [], 0
 
     def push(self, number: int, picture: Picture) -> None:
-        self.steps.append(picture.step)
-
-
-def wait_until(condition, seconds: float = 20.0) -> None:
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "waited in vain"
-        time.sleep(0.005)
+        if number > self._latest:
+            self._latest = number
+            self.steps.append(picture.step)
 
 
 def pair_of(first, second) -> Pair:

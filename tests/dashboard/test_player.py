@@ -1,9 +1,9 @@
 """A model that is played: speed, pictures of the past, errors, and threads that stop when they are told to."""
 
-import threading
 import time
 
 import pytest
+from waiting import threads, wait_until
 
 from mesa_swarm.dashboard.past import Past, Picture
 from mesa_swarm.dashboard.play_loop import AS_FAST_AS_IT_GOES, PlayLoop
@@ -13,13 +13,14 @@ from mesa_swarm.models.fire_fighting import FireFighting
 
 
 class Spectator:
-    """A viewer that keeps what it is shown."""
+    """A viewer that keeps what it is shown, unless it has seen something later."""
 
     def __init__(self, ready: bool = True) -> None:
         self.ready, self.seen = ready, []
 
     def push(self, number: int, picture: Picture) -> None:
-        self.seen.append((number, picture.step))
+        if not self.seen or number > self.seen[-1][0]:
+            self.seen.append((number, picture.step))
 
 
 class Breaks(CollisionAvoidance):
@@ -29,17 +30,6 @@ class Breaks(CollisionAvoidance):
         if self.steps == 3:
             raise ZeroDivisionError("nothing left\nto share")
         super().step()
-
-
-def wait_until(condition, seconds: float = 60.0) -> None:
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "waited in vain"
-        time.sleep(0.005)
-
-
-def players() -> list[threading.Thread]:
-    return [thread for thread in threading.enumerate() if thread.name == "play"]
 
 
 def test_what_is_kept_is_bounded_and_the_oldest_goes_first():
@@ -81,7 +71,7 @@ def test_slow_motion_takes_its_first_step_at_once_and_answers_pause_quickly():
     loop.play()
     wait_until(lambda: len(steps) == 1, 1.9)
     loop.pause()
-    wait_until(lambda: not players(), 1.9)
+    wait_until(lambda: not threads("play"), 1.9)
     assert len(steps) == 1
 
 
@@ -93,7 +83,7 @@ def test_play_advances_until_pause_and_tells_the_rate():
     player.pause()
     at_rest = player.model.steps
     assert (player.playing, player.loop.rate, player.past.shown.step) == (False, 0.0, at_rest)
-    wait_until(lambda: not players())
+    wait_until(lambda: not threads("play"))
     assert player.model.steps == at_rest
 
 
@@ -106,7 +96,7 @@ def test_play_and_pause_in_quick_succession_never_step_after_pause():
         at_rest = player.model.steps
         assert not player.playing
         assert player.model.steps == at_rest
-    wait_until(lambda: not players())
+    wait_until(lambda: not threads("play"))
 
 
 def test_steps_go_back_through_what_is_kept_and_forward_to_the_present():
@@ -165,7 +155,7 @@ def test_an_error_in_a_step_is_said_and_the_model_left_alone():
     player.play()
     wait_until(lambda: told and told[-1])
     assert player.error == "ZeroDivisionError: nothing left"
-    wait_until(lambda: not players())
+    wait_until(lambda: not threads("play"))
     player.step()
     player.play()
     assert (player.model.steps, player.playing) == (3, False)
@@ -200,7 +190,7 @@ def test_closing_lets_go_of_everything():
     player.play()
     player.close()
     seen = len(spectator.seen)
-    wait_until(lambda: not players())
+    wait_until(lambda: not threads("play"))
     player.step()
     player.play()
     player.pause()

@@ -1,0 +1,63 @@
+"""Every model of the gallery on the page that Mesa itself makes of models."""
+
+import sys
+import warnings
+from importlib.util import find_spec
+from unittest.mock import MagicMock
+
+import mesa
+import numpy as np
+import pytest
+import solara
+
+from mesa_swarm.dashboard.notebook import swarm_canvas
+from mesa_swarm.gallery import find_model, model_names
+
+if find_spec("altair") is None:  # Mesa's page imports it, though only its other kind of drawings uses it
+    sys.modules["altair"] = MagicMock(__spec__=None)
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")  # Mesa's and Solara's own, of what they take from each other
+    from mesa.visualization import SolaraViz, make_plot_component, make_space_component
+
+
+QUIET = ("ignore::DeprecationWarning", "ignore::PendingDeprecationWarning", "ignore::FutureWarning")
+
+
+def dot(agent: mesa.Agent) -> dict:
+    return {"color": "tab:blue", "size": 10}
+
+
+def show(model: mesa.Model, component) -> None:
+    """Render Mesa's page of a model once; what goes wrong in it is raised."""
+    page = SolaraViz(model, components=[component, make_plot_component("total_collisions")], name="page")
+    _, context = solara.render(page, handle_error=False)
+    context.close()
+
+
+@pytest.mark.filterwarnings(*QUIET)
+@pytest.mark.parametrize("name", model_names())
+class TestEveryModelOnMesasPage:
+    def test_is_drawn_by_the_canvas_of_this_package(self, name):
+        model, shown = find_model(name)(n_robots=4, rng=1), []
+
+        def canvas(model):
+            shown.append(model)
+            return swarm_canvas(model)
+
+        show(model, canvas)
+        assert shown[0] is model
+
+    def test_is_drawn_by_mesa_with_all_its_agents_where_they_are(self, name):
+        model, places = find_model(name)(n_robots=4, rng=1).run(3), []
+
+        def look(axes):
+            places.extend(point for drawn in axes.collections for point in np.asarray(drawn.get_offsets()).tolist())
+
+        show(model, make_space_component(dot, post_process=look))
+        wanted = [agent.position.tolist() for agent in model.agents]
+        assert sorted(places) == sorted(wanted)
+
+    def test_goes_on_after_it_was_shown_as_if_it_had_not_been(self, name):
+        seen, unseen = (find_model(name)(n_robots=4, rng=1).run(3) for _ in range(2))
+        show(seen, swarm_canvas)
+        assert seen.run(3).state_hash() == unseen.run(3).state_hash()
