@@ -38,7 +38,7 @@ def solutions_of(path: Path) -> dict[str, str]:
 
 class TestForm:
     def test_there_are_notebooks(self):
-        assert len(NOTEBOOKS) >= 1
+        assert len(NOTEBOOKS) >= 10
 
     @pytest.mark.parametrize("path", NOTEBOOKS, ids=NAMES)
     def test_a_notebook_is_stripped_and_written_as_nbformat_writes_it(self, path):
@@ -111,7 +111,7 @@ class TestExercises:
 def test_a_notebook_runs_to_its_end_and_complains_of_nothing(path, tmp_path):
     notebook = read(path)
     work = {"metadata": {"path": str(ROOT)}}
-    surroundings = {**os.environ, "MESA_SWARM_QUICK": "1", "MESA_SWARM_NOTEBOOK_RESULTS": str(tmp_path)}
+    surroundings = {**os.environ, "MESA_SWARM_QUICK": "1"}
     NotebookClient(notebook, timeout=120, kernel_name="python3", resources=work).execute(env=surroundings)
     for cell in notebook.cells:
         for output in cell.get("outputs", []):

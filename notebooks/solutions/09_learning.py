@@ -1,0 +1,15 @@
+"""Solutions of notebook 9; each part may be pasted into the cell of its exercise."""
+
+import numpy as np
+
+
+# %% exercise-1
+def probabilities(values, temperature):
+    """Return exp(Q / T) over its sum."""
+    weights = np.exp(np.asarray(values) / temperature)
+    return weights / weights.sum()
+
+
+# %% exercise-2
+# Hot for some three thousand steps: long enough to have tried what there is, short enough to live on it.
+answer = dict(n_robots=10, beta=0.001, first_temperature=1.0, last_temperature=0.2)
