@@ -76,7 +76,7 @@ class Gap:
 
     def save(self, folder: Path) -> list[Path]:
         """Write the picture and the table, each whole or not at all, and return their paths."""
-        contents = {"reality_gap.png": png(gap_figure(self)), "reality_gap.csv": self.csv()}
+        contents: dict[str, str | bytes] = {"reality_gap.png": png(gap_figure(self)), "reality_gap.csv": self.csv()}
         return [write_whole(folder / name, content) for name, content in contents.items()]
 
 

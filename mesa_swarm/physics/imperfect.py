@@ -19,7 +19,7 @@ FATE, PLACE, ANGLE, LENGTH = range(4)
 RADIATION, WHEEL, BODY = 1_000, 2_000, 3_000
 NOTHING = -1.0
 # What is kept of each robot: the last readings that came through, wheel speeds as they are, charge used, broken.
-KEPT = {
+KEPT: dict[str, tuple[tuple, type, float]] = {
     "distance": (("proximity",), np.float64, NOTHING),
     "kind": (("proximity",), np.int8, -1),
     "radiation": (("radiation",), np.float64, 0.0),
