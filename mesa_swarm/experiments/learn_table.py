@@ -101,7 +101,7 @@ def _training(benchmark: Benchmark, runs: Sequence[Run]) -> str:
 def _cells(line: Line) -> tuple[str, ...]:
     c = line.collisions
     limits = "" if math.isnan(c.low) else f" [{_brief(c.low)}, {_brief(c.high)}]"
-    return line.name, f"{_brief(c.estimate)}{limits}", _brief(line.worst), f"{line.ahead:.2f}", f"{line.coverage:.2f}"
+    return line.name, f"{_brief(c.estimate)}{limits}", _brief(line.worst), f"{line.ahead:z.2f}", f"{line.coverage:.2f}"
 
 
 def _brief(number: float) -> str:
