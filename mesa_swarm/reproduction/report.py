@@ -20,12 +20,12 @@ sides. Intervals are 95 % (Student's t for means and differences, Wilson's for s
 
 Verdicts are computed. A check *holds* if its interval lies wholly where the criterion says, *fails* if wholly
 elsewhere, and is *unsettled* if it meets the limit. A result is **confirmed** if all its checks hold, **confirmed
-with limits** if all main ones do, else **not confirmed**. Claims in italics are not main ones. No setting was
-tuned to make a claim come true; the thesis gives few distances, speeds and constants, so that settings are ours, and
-are named. Two criteria were changed after figures had been seen: 5.5 asks for most runs and has the mean as a side
-claim, and in 8.3 to 8.5 speed, for which the thesis has no number, became one; both made a verdict milder. It reports many results as pictures: what is written here under "the thesis" is what its text says of them.
-Which of several pictures of a section has which number (4.12 to 4.16, 5.6 to 5.10, 8.1 to 8.6, 9.1 to 9.3) is our
-reading of that text.
+with limits** if all main ones do, else **not confirmed**. Claims in italics are not main ones. No setting was tuned
+to make a claim come true; the thesis gives few distances, speeds and constants, so that settings are ours, and are
+named. Two criteria were changed after figures had been seen: 5.5 asks for most runs and has the mean as a side claim,
+and in 8.3 to 8.5 speed, for which the thesis has no number, became one; both made a verdict milder. It reports many
+results as pictures: what is written here under "the thesis" is what its text says of them. Which of several pictures
+of a section has which number (4.12 to 4.16, 5.6 to 5.10, 8.1 to 8.6, 9.1 to 9.3) is our reading of that text.
 """
 
 
