@@ -177,9 +177,11 @@ class Connection:
         canvas.commands |= {"look": player.look, "speed": lambda index: player.set_speed(SPEEDS[index])}
         if reset is not None:
             canvas.commands["reset"] = reset
-        self._leaves = [player.changed.add(self.tell), player.selection.add(self._mark)]
-        canvas.observe(self._choose, "selected")
-        self._mark()
+        self._leaves = [player.changed.add(self.tell)]
+        if canvas.options.get("stage", True):  # on a bar of buttons alone there is no robot to select
+            self._leaves.append(player.selection.add(self._mark))
+            canvas.observe(self._choose, "selected")
+            self._mark()
         self.tell()
         player.add_viewer(self)
 
@@ -212,7 +214,7 @@ class Connection:
         self.canvas.commands = {}
         for leave in self._leaves:
             leave()
-        self.canvas.unobserve(self._choose, "selected")
+        self.canvas.unobserve_all("selected")
         self.player.remove_viewer(self)
 
     def _mark(self) -> None:

@@ -128,10 +128,12 @@ class LearnFires:
             values[1:] = values[:1]
 
     def reason(self, moment: Moment) -> Reason:
-        """Say which skill it chose and in which situation."""
+        """Say in which situation it chose, and which skill if that is among the columns that were kept."""
         columns = moment.columns
-        skill, situation = (int(columns[f"{self._prefix}.{name}"]) for name in ("skill", "situation"))
-        return Reason(f"it chose to {SKILLS[skill]}: it is {SITUATIONS[situation]}")
+        now = situation_of(moment.kind[np.newaxis], 0, columns["fire"] >= 0, columns["hot"], columns["heat"])
+        skill = columns.get(f"{self._prefix}.skill", -1)
+        chose = f"it chose to {SKILLS[int(skill)]}" if skill >= 0 else "it chose by what it learned"
+        return Reason(f"{chose}: it is {SITUATIONS[now]}")
 
 
 @compiled

@@ -1,17 +1,18 @@
 """Pictures for notebooks, which show whatever can say what it looks like as a PNG."""
 
-from typing import Any
-
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, Any
 
 from mesa_swarm.experiments.pictures import png, world_figure
 from mesa_swarm.experiments.portrait import portrait_of
+
+if TYPE_CHECKING:  # matplotlib is for those who draw
+    from matplotlib.figure import Figure
 
 
 class Picture:
     """A figure that a notebook shows; made by `picture`."""
 
-    def __init__(self, figure: Figure) -> None:
+    def __init__(self, figure: "Figure") -> None:
         self.figure = figure
 
     def __repr__(self) -> str:
