@@ -7,6 +7,8 @@ from mesa_swarm.gallery import model_names
 
 pytestmark = pytest.mark.slow
 
+# What a tab shows when it is there.
+SIGHTS = {"Compare": ".swarm-worlds .swarm-player[data-drawn]", "Replay": "input[type=file]"}
 SIZES = {"laptop": (1366, 768), "projector": (1920, 1080)}
 
 
@@ -25,6 +27,8 @@ def test_every_view_is_written_as_a_picture_and_fits_its_screen(visit, shots, si
         visitor.press(tab)
         if tab == "Models":
             page.wait_for_function(f"document.querySelectorAll('.swarm-picture svg').length === {len(model_names())}")
+        else:
+            page.wait_for_selector(SIGHTS[tab], state="attached")
         page.screenshot(path=shots / f"{tab.lower()}-{theme}-{size}.png")
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
     assert len(list(shots.glob(f"*-{theme}-{size}.png"))) == 2 + len(MORE_TABS)
