@@ -5,23 +5,18 @@ import sys
 import traceback
 import warnings
 from collections.abc import Callable, Sequence
-from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
-from types import ModuleType
 from typing import Annotated, TextIO
 
 import typer
 
 from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice
 from mesa_swarm.gallery import model_names
+from mesa_swarm.study_cli import MOST_KEPT, MOST_STEPS, Quiet, Settings, study, work
 
 INTERRUPTED = 130
 DIFFERENT = 1
-# Typer checks limits before anything slow is imported.
-MOST_STEPS = 100_000_000
-# Steps that are kept take memory.
-MOST_KEPT = 1_000_000
 
 app = typer.Typer(
     add_completion=False,
@@ -31,15 +26,9 @@ app = typer.Typer(
 )
 maps = typer.Typer(help="Look at maps and convert them.", rich_markup_mode=None)
 app.add_typer(maps, name="map")
+app.add_typer(study)
 
 JOB = ".toml"
-
-Model = Annotated[str, typer.Argument(help="One of those that `mesa-swarm list` shows.", metavar="MODEL")]
-Settings = Annotated[
-    list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Set a parameter; may be repeated.")
-]
-Quiet = Annotated[bool, typer.Option("--quiet", help="No progress bar.")]
-Folder = Annotated[Path, typer.Option(help="Folder for the table and the picture.")]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -112,11 +101,6 @@ def _show_warning(
     print(f"mesa-swarm: warning: {' '.join(str(message).split())}", file=sys.stderr)
 
 
-def _work(module: str = "commands", folder: str = "experiments") -> ModuleType:
-    """Import what does the work only when it is to be done, so that --help and misspelt names are quick."""
-    return import_module(f"mesa_swarm.{folder}.{module}")
-
-
 def _print_version(wanted: bool) -> None:
     if wanted:
         print(f"mesa-swarm {version('mesa-swarm')}")
@@ -148,7 +132,7 @@ def _help_if_alone(context: typer.Context) -> None:
 @app.command("list")
 def list_models() -> None:
     """List the models, their parameters and the defaults."""
-    _work().list_models()
+    work().list_models()
 
 
 @app.command()
@@ -172,12 +156,12 @@ def run(
     """Run a model, or the runs of a job file; print the results and final fingerprint of each."""
     if model.lower().endswith(JOB):
         _refuse_beside_job({"--set": setting, "--steps": steps, "--rng": rng})
-        if not _work("job_commands").run(model, progress=not quiet, record=record, force=force):
+        if not work("job_commands").run(model, progress=not quiet, record=record, force=force):
             raise typer.Exit(DIFFERENT)
         return
     check_choice("model", model, model_names())
     steps, rng = 3000 if steps is None else steps, 1 if rng is None else rng
-    _work().run(model, setting or [], steps=steps, rng=rng, progress=not quiet, record=record, force=force)
+    work().run(model, setting or [], steps=steps, rng=rng, progress=not quiet, record=record, force=force)
 
 
 @app.command()
@@ -187,7 +171,7 @@ def verify(
     quiet: Quiet = False,
 ) -> None:
     """Run a recording again; name the first step and robot that differ (exit status 1), or say that none does."""
-    if not _work("recording_commands").verify(file, progress=not quiet):
+    if not work("recording_commands").verify(file, progress=not quiet):
         raise typer.Exit(DIFFERENT)
 
 
@@ -199,7 +183,7 @@ def replay(
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Only serve, and print the address.")] = False,
 ) -> None:
     """Play a recording in the browser: at any speed, to and fro, from event to event."""
-    _work("replay_commands").replay(file, port=port, browser=not no_browser)
+    work("replay_commands").replay(file, port=port, browser=not no_browser)
 
 
 @app.command()
@@ -224,7 +208,7 @@ def export(
     quiet: Quiet = False,
 ) -> None:
     """Write a recording as pictures, a film, a page or a table, by the ending of OUT."""
-    _work("export_commands", "exports").export(
+    work("export_commands", "exports").export(
         file,
         out,
         steps=steps,
@@ -249,143 +233,6 @@ def _refuse_beside_job(options: dict[str, object]) -> None:
             raise InvalidValueError(f"{name} is given beside a job file, which says so itself; leave it out")
 
 
-@app.command()
-def sweep(
-    job: Annotated[str, typer.Argument(help="A job file, which may have a grid or a sample.", metavar="JOB.toml")],
-    *,
-    jobs: Annotated[int, typer.Option(min=-1, max=1024, help="Processes at a time, -1 for one on each core.")] = -1,
-    out: Annotated[Path | None, typer.Option(help="Folder of the results; by default results/JOB.")] = None,
-    record: Annotated[bool, typer.Option("--record", help="Record every run, to recordings/ in that folder.")] = False,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Only say how many runs there are, and how many are done.")
-    ] = False,
-    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Do runs again that ended in an error.")] = False,
-    quiet: Quiet = False,
-) -> None:
-    """Do all runs of a job file; go on where an earlier call was interrupted."""
-    work = _work("job_commands")
-    if dry_run:
-        work.plan(job, out=out, record=record)
-        return
-    work.sweep(job, jobs=jobs, out=out, record=record, progress=not quiet, retry_failed=retry_failed)
-
-
-@app.command()
-def compare(
-    model: Model,
-    *,
-    parameter: Annotated[str | None, typer.Option(help="What to vary; by default what the model says.")] = None,
-    values: Annotated[str | None, typer.Option(metavar="A,B,...", help="Its values.")] = None,
-    seeds: Annotated[int, typer.Option(min=1, max=100_000, help="Runs with each value; the same seeds for all.")] = 30,
-    steps: Annotated[
-        int | None, typer.Option(min=1, max=MOST_STEPS, help="At most, in each run; by default what the model says.")
-    ] = None,
-    setting: Settings = None,
-    jobs: Annotated[int, typer.Option(min=-1, max=1024, help="Processes at a time, -1 for one on each core.")] = -1,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for tables and pictures; by default results/compare_MODEL.")
-    ] = None,
-    quiet: Quiet = False,
-) -> None:
-    """Compare values of a parameter over the same seeds."""
-    check_choice("model", model, model_names())
-    _work().compare(
-        model,
-        setting or [],
-        parameter=parameter,
-        values=values,
-        seeds=seeds,
-        steps=steps,
-        jobs=jobs,
-        out=out,
-        progress=not quiet,
-    )
-
-
-@app.command("reality-gap")
-def reality_gap(
-    model: Model,
-    *,
-    preset: Annotated[str, typer.Option(help="What 1 on the dial is: measured or robotarium.")] = "measured",
-    measure: Annotated[str | None, typer.Option(help="The result that is the score; else the model's first.")] = None,
-    seeds: Annotated[int, typer.Option(min=1, max=100_000, help="Runs at each place; the same seeds for all.")] = 10,
-    steps: Annotated[
-        int | None, typer.Option(min=1, max=MOST_STEPS, help="At most, in each run; by default what the model says.")
-    ] = None,
-    setting: Settings = None,
-    jobs: Annotated[int, typer.Option(min=-1, max=1024, help="Processes at a time, -1 for one on each core.")] = -1,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for table and picture; by default results/reality_gap_MODEL.")
-    ] = None,
-    quiet: Quiet = False,
-) -> None:
-    """Turn a dial from ideal robots to imperfect ones, and draw what a model scores."""
-    check_choice("model", model, model_names())
-    _work("reality_gap_commands").gap(
-        model,
-        setting or [],
-        preset=preset,
-        measure=measure,
-        seeds=seeds,
-        steps=steps,
-        jobs=jobs,
-        out=out,
-        progress=not quiet,
-    )
-
-
-@app.command()
-def picture(
-    model: Model,
-    *,
-    kind: Annotated[str, typer.Option(help="stages, trace or ethogram.")] = "stages",
-    steps: Annotated[
-        str | None, typer.Option(metavar="A,B,...", help="Stages at these steps (0,1000,3000); else how many steps.")
-    ] = None,
-    robots: Annotated[int | None, typer.Option(min=1, help="Traces of, or ethogram of, so many.")] = None,
-    setting: Settings = None,
-    rng: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Seed; the same one gives the same picture.")] = 1,
-    out: Annotated[Path | None, typer.Option(help="A .png file; by default results/MODEL_KIND.png.")] = None,
-    quiet: Quiet = False,
-) -> None:
-    """Draw a run: its stages, where robots went, which layer drove them when."""
-    check_choice("model", model, model_names())
-    _work("picture_commands").picture(
-        model, setting or [], kind=kind, steps=steps, robots=robots, rng=rng, out=out, progress=not quiet
-    )
-
-
-@app.command()
-def diagnose(
-    model: Model,
-    *,
-    setting: Settings = None,
-    steps: Annotated[int, typer.Option(min=1, max=MOST_KEPT, help="How many at most.")] = 2000,
-    rng: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Seed; the same one gives the same run.")] = 1,
-    quiet: Quiet = False,
-) -> None:
-    """Run a model; print where its robots got nowhere: turned to and fro, blocked each other, were stuck."""
-    check_choice("model", model, model_names())
-    _work("diagnose_commands").diagnose(model, setting or [], steps=steps, rng=rng, progress=not quiet)
-
-
-@app.command("reward-lab")
-def reward_lab(
-    *,
-    rewards: Annotated[str, typer.Option(metavar="A,B,...", help="Of a, b and c.")] = "a,b,c",
-    actions: Annotated[int, typer.Option(help="What robots can do: 4 or 8 actions.")] = 4,
-    steps: Annotated[int, typer.Option(min=1, max=MOST_KEPT, help="How long 15 robots learn.")] = 20_000,
-    seeds: Annotated[int, typer.Option(min=1, max=1000, help="Runs with each reward.")] = 1,
-    rng: Annotated[int, typer.Option(min=0, max=2**31 - 1, help="The first seed.")] = 1,
-    out: Folder = Path("results", "reward_lab"),
-    quiet: Quiet = False,
-) -> None:
-    """Draw reward, learned values and choice over the distance ahead; measure where robots dither."""
-    _work("reward_commands").reward_lab(
-        rewards=rewards, actions=actions, steps=steps, seeds=seeds, rng=rng, out=out, progress=not quiet
-    )
-
-
 @maps.command("import")
 def import_map(
     file: Annotated[str, typer.Argument(metavar="FILE", help="A .svg, .map or .toml file, or a built-in name.")],
@@ -396,7 +243,7 @@ def import_map(
     force: Annotated[bool, typer.Option("--force", help="Replace OUT if it exists.")] = False,
 ) -> None:
     """Write a map as TOML, or as SVG if OUT ends in .svg."""
-    _work("map_commands").import_map(file, out, force)
+    work("map_commands").import_map(file, out, force)
 
 
 @maps.command("show")
@@ -406,72 +253,7 @@ def show_map(
     out: Annotated[Path | None, typer.Option(help="Draw it as this .png.")] = None,
 ) -> None:
     """Print what is on a map, and draw it if asked."""
-    _work("map_commands").show_map(file, out)
-
-
-@app.command()
-def bench(
-    *,
-    quick: Annotated[bool, typer.Option("--quick", help="A few seconds, and rougher.")] = False,
-    out: Folder = Path("results", "bench"),
-) -> None:
-    """Measure steps, beside targets and other simulators."""
-    folder = _work("files").check_writable(out)
-    for line in _work("bench").report(folder, quick):
-        print(line, flush=True)
-
-
-@app.command("learn-bench")
-def learn_bench(
-    *,
-    seeds: Annotated[int, typer.Option(min=1, max=1000, help="Each contestant is trained with so many.")] = 10,
-    steps: Annotated[int, typer.Option(min=1, max=10_000_000, help="Of training, of 15 robots.")] = 33_000,
-    evaluation_steps: Annotated[int, typer.Option(min=1, max=MOST_KEPT, help="On each map.")] = 5000,
-    only: Annotated[str | None, typer.Option(metavar="'A;B;...'", help="Contestants; all by default.")] = None,
-    jobs: Annotated[int, typer.Option(min=-1, max=1024, help="Processes at a time, -1 for one on each core.")] = -1,
-    out: Annotated[Path, typer.Option(help="Folder for tables and pictures.")] = Path("results", "learn_bench"),
-    resume: Annotated[
-        bool, typer.Option("--resume/--afresh", help="Whether to go on where an earlier call was interrupted.")
-    ] = True,
-    quiet: Quiet = False,
-) -> None:
-    """Train all learners, then measure them, frozen and still learning, also on maps they never saw."""
-    _work("learn_commands").bench(
-        seeds=seeds,
-        steps=steps,
-        evaluation_steps=evaluation_steps,
-        only=only,
-        jobs=jobs,
-        out=out,
-        resume=resume,
-        progress=not quiet,
-    )
-
-
-@app.command()
-def reproduce(
-    *,
-    figure: Annotated[
-        list[str] | None, typer.Option(metavar="NUMBER", help="Such as 8.3; may be repeated; else all of them.")
-    ] = None,
-    every: Annotated[bool, typer.Option("--all", help="All of them, which is so anyway.")] = False,
-    names: Annotated[bool, typer.Option("--list", help="Only list them.")] = False,
-    out: Annotated[Path, typer.Option(help="Folder for pictures, tables and the runs, which are kept.")] = Path(
-        "results", "reproduction"
-    ),
-    quick: Annotated[bool, typer.Option("--quick", help="Few seeds and short runs: to see that it works.")] = False,
-    jobs: Annotated[int, typer.Option(min=-1, max=1024, help="Processes at a time, -1 for one on each core.")] = -1,
-    report: Annotated[Path | None, typer.Option(metavar="FILE.md", help="Write a page of what came of them.")] = None,
-    quiet: Quiet = False,
-) -> None:
-    """Make the thesis's results again, each with a verdict; go on where an earlier call was interrupted."""
-    work = _work("commands", "reproduction")
-    if every and figure:
-        raise InvalidValueError("--all and --figure are given at once; leave one out")
-    if names:
-        work.list_figures()
-        return
-    work.reproduce(figure or [], out=out, quick=quick, jobs=jobs, report_to=report, progress=not quiet)
+    work("map_commands").show_map(file, out)
 
 
 @app.command()
@@ -489,7 +271,7 @@ def dashboard(
 ) -> None:
     """Look at a model in the browser."""
     check_choice("model", model, model_names())
-    _work().dashboard(model, port=port, browser=not no_browser, host=host, recordings=recordings)
+    work().dashboard(model, port=port, browser=not no_browser, host=host, recordings=recordings)
 
 
 if __name__ == "__main__":

@@ -40,6 +40,7 @@ FLOORS = {
     "teaching": 8.4,  # pictures of experiments, and what a notebook asks of a model
     "reproduction": 8.5,  # above experiments, whose statistics and pictures it uses
     "dashboard": 8.6,
+    "study_cli.py": 8.8,
     "cli.py": 9,
 }
 # `model.record(...)` and `SwarmModel.resume(...)` are what people type; they import what does it when called.

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from mesa_swarm import cli
+from mesa_swarm.study_cli import study
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -98,6 +99,7 @@ def assert_serves(words: list[str]) -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_commands_in_a_page_s_sentences_and_tables_exist(page):
-    known = {command.name or command.callback.__name__ for command in cli.app.registered_commands} | {"map"}
+    typed = [*cli.app.registered_commands, *study.registered_commands]
+    known = {command.name or command.callback.__name__ for command in typed} | {"map"}
     spoken = set(re.findall(r"`mesa-swarm ([a-z-]+)", page.read_text(encoding="utf-8")))
     assert spoken <= known
