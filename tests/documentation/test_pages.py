@@ -26,6 +26,7 @@ SMALL = {
     "learn-bench": "--seeds 1 --steps 300 --evaluation-steps 100 --jobs 1",
     "reward-lab": "--steps 200 --seeds 1",
     "compare learning_fires": "--seeds 2 --steps 300 --jobs 1",
+    "reality-gap": "--seeds 2 --steps 50 --jobs 1",
     "run learning_fires": "--steps 300",
 }
 # Commands that serve until they are stopped.
