@@ -75,8 +75,10 @@ class PanelView {
   }
 
   #text(name, label) {
-    const send = () => this.#send({ do: "text", name, value: text.value });
-    const text = make("input", { class: "swarm-value", type: "text", inputmode: "decimal", autocomplete: "off", "aria-label": `${label}, typed`, change: send });
+    const done = () => delete text.dataset.typing;
+    const send = () => { done(); this.#send({ do: "text", name, value: text.value }); };
+    const typing = () => { text.dataset.typing = "yes"; };
+    const text = make("input", { class: "swarm-value", type: "text", inputmode: "decimal", autocomplete: "off", "aria-label": `${label}, typed`, change: send, input: typing, blur: done });
     return text;
   }
 
@@ -128,11 +130,16 @@ class PanelView {
       if (field.slider && !field.slider.matches(":active")) field.slider.value = place;
       field.slider?.setAttribute("aria-valuetext", text);
       if (field.text.tagName === "OUTPUT") field.text.textContent = text;
-      else if (fault === "" || document.activeElement !== field.text) field.text.value = text;
+      else if (!this.#isTypedIn(field.text, fault)) field.text.value = text;
       field.mark.textContent = waits ? "waits for reset" : field.live ? "" : "on reset";
       field.mark.classList.toggle("swarm-waits", Boolean(waits));
       this.#fault(field, fault);
     }
+  }
+
+  /** Whether somebody is at this field: what is typed, or was found wrong, is not replaced under their fingers. */
+  #isTypedIn(text, fault) {
+    return document.activeElement === text && (fault !== "" || text.dataset.typing === "yes");
   }
 
   #fault({ fault, frame }, text) {

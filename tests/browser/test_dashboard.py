@@ -52,6 +52,18 @@ def test_every_model_of_the_gallery_plays_pauses_steps_and_resets(visitor):
         visitor.wait_for_step(0)
 
 
+def test_what_is_being_typed_is_not_replaced_when_the_page_has_news(visitor):
+    robots, seed = (visitor.field(name).locator("input[type=text]") for name in ("n_robots", "seed"))
+    robots.fill("12")
+    before = seed.input_value()
+    visitor.page.get_by_role("button", name="Random", exact=True).evaluate("button => button.click()")
+    wait_until(lambda: seed.input_value() != before)
+    assert robots.input_value() == "12"
+    robots.press("Enter")
+    visitor.page.wait_for_selector(".swarm-field[data-name=n_robots] .swarm-waits")
+    assert robots.input_value() == "12"
+
+
 def test_a_seed_that_is_typed_gives_the_same_frames_again_after_a_reset(visitor):
     seed = visitor.field("seed").locator("input")
     seed.fill("7")
