@@ -1,6 +1,7 @@
 """What all tests share."""
 
 import os
+import signal
 import sys
 from pathlib import Path
 
@@ -12,6 +13,10 @@ def pytest_addoption(parser):
 
 
 sys.path.insert(0, str(Path(__file__).parent))
+
+# Who runs the tests in the background of a shell has told them, and what they start, to ignore Ctrl-C.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # The first example of a property may compile a kernel, so that there is no deadline.
 settings.register_profile(
