@@ -1,6 +1,6 @@
 """Two worlds, one clock: they step together, one looks at both at the same step, and what breaks is said."""
 
-from waiting import wait_until
+from waiting import threads, wait_until
 
 from mesa_swarm.dashboard.pair import Pair
 from mesa_swarm.dashboard.past import Past, Picture
@@ -117,8 +117,8 @@ def test_playing_stops_by_itself_when_both_are_done():
     pair = pair_of(EndsEarly(rng=1), EndsEarly(rng=2))
     pair.set_speed(AS_FAST_AS_IT_GOES)
     pair.play()
-    wait_until(lambda: not pair.playing)
-    assert (pair.finished, steps_of(pair)) == (True, [3, 3])
+    wait_until(lambda: not threads("play"))
+    assert (pair.playing, pair.finished, steps_of(pair)) == (False, True, [3, 3])
     pair.close()
 
 
@@ -128,7 +128,7 @@ def test_an_error_in_one_world_stops_both_and_is_said():
     pair.play()
     wait_until(lambda: pair.error)
     assert pair.error == "B: ZeroDivisionError: nothing left"
-    wait_until(lambda: not pair.playing)
+    wait_until(lambda: not threads("play"))
     before = steps_of(pair)
     pair.step()
     pair.play()

@@ -138,9 +138,10 @@ def test_playing_stops_by_itself_when_the_model_is_done():
     player = Player(FireFighting(initial_temperature=0.01, n_robots=50, rng=1))
     player.loop.speed = AS_FAST_AS_IT_GOES
     player.play()
-    wait_until(lambda: not player.playing and player.past.shown.fingerprint)  # the last picture, at rest
-    assert player.finished
+    wait_until(lambda: not threads("play"))  # its last deed is the picture at rest
+    assert (player.playing, player.finished) == (False, True)
     assert player.past.shown.readings[0] == ("Fires burning", "0 of 7")
+    assert player.past.shown.fingerprint == player.model.state_hash()
     steps = player.model.steps
     player.play()
     assert not player.playing

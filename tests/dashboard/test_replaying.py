@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 import pytest
-from waiting import wait_until
+from waiting import threads, wait_until
 
 from mesa_swarm.dashboard import RECORDINGS_VARIABLE
 from mesa_swarm.dashboard.controls import ControlPanel
@@ -93,8 +93,8 @@ def test_a_recording_is_played_to_its_end_and_no_further(folder):
     projector = Projector(folder / "fires.arrow")
     projector.set_speed(AS_FAST_AS_IT_GOES)
     projector.play()
-    wait_until(lambda: not projector.playing)
-    assert (projector.finished, projector.step_shown) == (True, STEPS)
+    wait_until(lambda: not threads("play"))
+    assert (projector.playing, projector.finished, projector.step_shown) == (False, True, STEPS)
     projector.play()
     assert not projector.playing
     projector.close()
@@ -104,11 +104,16 @@ def test_speed_counts_steps_also_where_only_every_tenth_was_recorded(folder):
     projector = Projector(folder / "own.arrow")
     assert projector.past.step_of(1) - projector.past.step_of(0) == 10
     projector.set_speed(100.0)
-    began = time.perf_counter()
-    projector.play()
-    wait_until(lambda: projector.past.index >= 5)
-    projector.pause()
-    assert time.perf_counter() - began == pytest.approx(0.5, rel=0.7)
+    seconds = []
+    while not seconds or seconds[-1] > 0.7:
+        assert len(seconds) < 5, seconds  # a machine that is busy may hold it up, not each time
+        projector.look(0)
+        began = time.perf_counter()
+        projector.play()
+        wait_until(lambda: projector.past.index >= 5)
+        projector.pause()
+        seconds.append(time.perf_counter() - began)
+    assert min(seconds) > 0.35
     projector.close()
 
 
