@@ -107,13 +107,16 @@ def separate(position, radius, number, grid, statics, contacts, most_sweeps):
     push = np.zeros((n, 2))
     # Only robots that were moved in the last sweep, and their neighbours, can overlap anything now.
     awake = np.ones(n, np.bool_)
+    met = np.empty(pairs.shape[0], np.int64)
     for _ in range(most_sweeps):
-        if not push_pairs(position, radius, number, pairs, awake, push, contacts):
+        overlaps = push_pairs(position, radius, number, pairs, awake, push, contacts, met)
+        if overlaps == 0:
             return free.all()
-        count = apply_pushes(position, push, radius, pairs, awake, moved)
+        count = apply_pushes(position, push, radius, pairs, met[:overlaps], awake, moved)
         push_moved_from_statics(position, radius, moved[:count], statics, contacts, free)
         if 2.0 * farthest_from(listed, position, moved[:count]) > margin:
             pairs = near_pairs(position, radius, margin, grid)
+            met = np.empty(pairs.shape[0], np.int64)
             listed[:] = position
             awake[:] = True
     return False
@@ -153,13 +156,11 @@ def farthest_from(listed, position, moved):
 
 
 @compiled
-def apply_pushes(position, push, radius, pairs, awake, moved):
+def apply_pushes(position, push, radius, pairs, met, awake, moved):
     """Push all robots at once, each at most a quarter of its radius; return how many, rows ``moved[:count]``."""
     count = 0
-    for k in range(pairs.shape[0]):
-        awake[pairs[k, 0]] = False
-        awake[pairs[k, 1]] = False
-    for k in range(pairs.shape[0]):
+    awake[:] = False
+    for k in met:
         for side in range(2):
             i = pairs[k, side]
             if push[i, 0] == 0.0 and push[i, 1] == 0.0:
@@ -212,9 +213,12 @@ def near_pairs(position, radius, margin, grid):
 
 
 @compiled
-def push_pairs(position, radius, number, pairs, awake, push, contacts):
-    """Add to `push` how far robots push each other, half of each overlap (A.7); return whether any does."""
-    pushed = False
+def push_pairs(position, radius, number, pairs, awake, push, contacts, met):
+    """Add to `push` how far robots push each other, half of each overlap (A.7).
+
+    Returns how many pairs overlap, rows ``met[:count]`` of `pairs`.
+    """
+    count = 0
     for k in range(pairs.shape[0]):
         i, j = pairs[k, 0], pairs[k, 1]
         if not (awake[i] or awake[j]):
@@ -234,8 +238,9 @@ def push_pairs(position, radius, number, pairs, awake, push, contacts):
         push[j, 1] -= ny * overlap / 2.0
         note_contact(i, ROBOT, j, nx, ny, overlap, contacts)
         note_contact(j, ROBOT, i, -nx, -ny, overlap, contacts)
-        pushed = True
-    return pushed
+        met[count] = k
+        count += 1
+    return count
 
 
 @compiled
