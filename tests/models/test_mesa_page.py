@@ -1,9 +1,6 @@
 """Every model of the gallery on the page that Mesa itself makes of models."""
 
-import sys
 import warnings
-from importlib.util import find_spec
-from unittest.mock import MagicMock
 
 import mesa
 import numpy as np
@@ -13,8 +10,6 @@ import solara
 from mesa_swarm.dashboard.notebook import swarm_canvas
 from mesa_swarm.gallery import find_model, model_names
 
-if find_spec("altair") is None:  # Mesa's page imports it, though only its other kind of drawings uses it
-    sys.modules["altair"] = MagicMock(__spec__=None)
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # Mesa's and Solara's own, of what they take from each other
     from mesa.visualization import SolaraViz, make_plot_component, make_space_component
