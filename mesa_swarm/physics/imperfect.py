@@ -15,14 +15,15 @@ from mesa_swarm.world.statics import OBSTACLE
 
 # What chance is asked for, so that no two answers have to do with each other.
 FATE, PLACE, ANGLE, LENGTH = range(4)
-# Channels: proximity sensors from 0, radiation sensors from here, then wheels, then the robot as a whole.
-RADIATION, WHEEL, BODY = 1_000, 2_000, 3_000
+# Channels: proximity sensors from 0, radiation sensors from here, then wheels, the robot as a whole, line sensors.
+RADIATION, WHEEL, BODY, LINE = 1_000, 2_000, 3_000, 4_000
 NOTHING = -1.0
 # What is kept of each robot: the last readings that came through, wheel speeds as they are, charge used, broken.
 KEPT: dict[str, tuple[tuple, type, float]] = {
     "distance": (("proximity",), np.float64, NOTHING),
     "kind": (("proximity",), np.int8, -1),
     "radiation": (("radiation",), np.float64, 0.0),
+    "line": (("line",), np.bool_, False),
     "wheels": ((2,), np.float64, 0.0),
     "told": ((2,), np.float64, 0.0),
     "used": ((), np.float64, 0.0),
@@ -56,7 +57,7 @@ class Imperfect:
         """Change what all sensors read in this step."""
         if not self._reads:
             return
-        columns, table = swarm.columns, swarm.table
+        columns, table, key = swarm.columns, swarm.table, np.uint64(self.key)
         design, number, limits = columns["design"], columns["number"], self.imperfections.sensing.limits
         spoil_proximity(
             columns["distance"],
@@ -68,11 +69,15 @@ class Imperfect:
             number,
             limits,
             step,
-            np.uint64(self.key),
+            key,
         )
-        radiation = columns["radiation"]
+        radiation, line = columns["radiation"], columns["line"]
         if radiation.shape[1]:
-            spoil_radiation(radiation, kept(swarm, "radiation"), number, limits, step, np.uint64(self.key))
+            there = table.radiation[:, :, RANGE] >= 0.0
+            spoil_radiation(radiation, kept(swarm, "radiation"), there, design, number, limits, step, key)
+        if line.shape[1]:
+            there = ~np.isnan(table.line[:, :, 0])
+            spoil_line(line, kept(swarm, "line"), there, design, number, limits, step, key)
 
     @contextmanager
     def driving(self, swarm: Swarm, step: int) -> Iterator[None]:
@@ -156,12 +161,14 @@ def spoil_proximity(distance, kind, last_distance, last_kind, ranges, design, nu
 
 
 @compiled
-def spoil_radiation(radiation, last, number, limits, step, key):
+def spoil_radiation(radiation, last, there, design, number, limits, step, key):
     """Change what radiation sensors read, temperatures from 0 to 1."""
     error, dropout, outliers, hold, period, _ = limits
     moment = step // hold
     for i in range(radiation.shape[0]):
         for q in range(radiation.shape[1]):
+            if not there[design[i], q]:
+                continue
             channel = RADIATION + q
             fate = chance(key, number[i], channel, moment, FATE)
             if step % period != 0:
@@ -174,6 +181,26 @@ def spoil_radiation(radiation, last, number, limits, step, key):
                 wrong = radiation[i, q] * (1.0 + error * normal(key, number[i], channel, moment))
                 radiation[i, q] = min(max(wrong, 0.0), 1.0)
             last[i, q] = radiation[i, q]
+
+
+@compiled
+def spoil_line(line, last, there, design, number, limits, step, key):
+    """Change what line sensors read, which is yes or no and so has no error: an outlier is either."""
+    _, dropout, outliers, hold, period, _ = limits
+    moment = step // hold
+    for i in range(line.shape[0]):
+        for s in range(line.shape[1]):
+            if not there[design[i], s]:
+                continue
+            channel = LINE + s
+            fate = chance(key, number[i], channel, moment, FATE)
+            if step % period != 0:
+                line[i, s] = last[i, s]
+            elif fate < dropout:
+                line[i, s] = False
+            elif fate < dropout + outliers:
+                line[i, s] = chance(key, number[i], channel, moment, PLACE) < 0.5
+            last[i, s] = line[i, s]
 
 
 @compiled

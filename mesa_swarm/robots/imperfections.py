@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, fields, replace
 
-from mesa_swarm.errors import check_count, check_number
+from mesa_swarm.errors import InvalidValueError, check_count, check_number
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.sensors import LONGEST_HOLD, ProximitySensor
 
@@ -29,7 +29,7 @@ class Imperfection:
         Steps from one fresh value to the next, which stays meanwhile, at least 1.
     lag : float
         Steps in which a value comes within 1 / e of what it should be, 0 for at once: y += (x - y)(1 - e^(-1 / lag)).
-        Of wheels; readings of infrared sensors do not lag.
+        Of wheels only: a reading that comes late has a `period`.
 
     Raises
     ------
@@ -81,13 +81,19 @@ class Imperfections:
     Parameters
     ----------
     sensing : Imperfection
-        Of every proximity and radiation sensor.
+        Of every proximity, radiation and line sensor. What line sensors read is yes or no: it has no `error`, and
+        an outlier is either.
     driving : Imperfection
         Of every wheel.
     battery : float
         Steps at full speed that a charge lasts, after which a robot stands for good; 0 for a charge without end.
     failure : float
         Probability in each step that a robot breaks down and stands for good, 0 to 1.
+
+    Raises
+    ------
+    InvalidValueError
+        If a value is out of its range, or readings are to lag.
 
     Examples
     --------
@@ -102,6 +108,8 @@ class Imperfections:
 
     def __post_init__(self) -> None:
         """Check every value."""
+        if self.sensing.lag:
+            raise InvalidValueError(f"lag of sensing is {self.sensing.lag}; expected 0: late readings have a period")
         check_number("battery", self.battery, minimum=0, maximum=1e12)
         check_number("failure", self.failure, minimum=0, maximum=1)
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mesa_swarm import AGENT3, AGENT9, AGENT_FIRE, SwarmModel
+from mesa_swarm import AGENT3, AGENT9, AGENT_FIRE, LineSensor, RobotDesign, SwarmModel, rectangle
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.gallery import find_model, model_names
@@ -63,6 +63,10 @@ class TestDial:
     def test_what_cannot_be_is_refused(self, values):
         with pytest.raises(InvalidValueError, match="expected"):
             Imperfection(**values)
+
+    def test_readings_that_lag_are_refused(self):
+        with pytest.raises(InvalidValueError, match="lag of sensing is 2; expected 0: late readings have a period"):
+            sensing(lag=2)
 
     def test_a_model_takes_imperfections_only(self):
         with pytest.raises(InvalidValueError, match=r"expected Imperfections\(...\) or None"):
@@ -196,11 +200,48 @@ class TestSensing:
         model.sense()
         assert model.swarm.radiation[0, 0] == 0.0
 
+    def test_a_robot_reads_no_radiation_with_a_sensor_that_it_does_not_have(self):
+        model = crowd(sensing(outliers=1.0))
+        model.add_robots(AGENT_FIRE, 2)
+        model.sense()
+        assert (model.swarm.radiation[:40] == 0).all()
+        assert (model.swarm.radiation[40:] > 0).all()
+
     def test_the_robotariums_robot_has_seven_distance_sensors(self):
         assert len(ROBOTARIUM_ROBOT.proximity) == 7
         assert (ROBOTARIUM.sensing.error, ROBOTARIUM.sensing.dropout, ROBOTARIUM.sensing.outliers) == (
             0.03, 0.035, 0.014,
         )  # fmt: skip
+
+
+class TestLines:
+    def over(self, imperfections, steps=1, robots=400):
+        """Return what the two eyes of many robots read in each step, half of them over black ground."""
+        model = SwarmModel(map="openspace", rng=1)
+        model.add_obstacle(rectangle((0, 0), (400, 600), contact=False))
+        places = [(200 + 400 * (i % 2), 10 + 1.4 * i, 0.0) for i in range(robots)]
+        model.add_robots(
+            RobotDesign(name="eyes", sensors=(LineSensor(mount=(1, 1)), LineSensor(mount=(1, -1)))), poses=places
+        )
+        model.add_robots(RobotDesign(name="eye", sensors=(LineSensor(mount=(1, 1)),)), poses=[(600, 590, 0.0)])
+        model.imperfections = imperfections
+        return np.array([(model.sense(), model.swarm.line.copy(), model.step())[1] for _ in range(steps)])
+
+    def test_dropouts_do_not_see_the_mark(self):
+        (read,) = self.over(sensing(dropout=0.25))
+        assert read[:400:2].mean() == pytest.approx(0.75, abs=0.08)
+        assert not read[1::2].any()
+
+    def test_outliers_are_black_or_white(self):
+        (read,) = self.over(sensing(outliers=1.0))
+        assert read[:400].mean() == pytest.approx(0.5, abs=0.06)
+        assert not read[400, 1], "this robot has one eye"
+
+    def test_errors_are_none_and_readings_stay_for_a_period(self):
+        assert np.array_equal(self.over(sensing(error=5.0)), self.over(None))
+        rows = self.over(sensing(outliers=1.0, period=3), steps=6)
+        assert all(np.array_equal(rows[0], row) for row in rows[:3])
+        assert not np.array_equal(rows[0], rows[3])
 
 
 class TestDriving:
