@@ -9,8 +9,9 @@ from hashlib import blake2b
 from importlib import import_module
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
+from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.experiments.experiment import Outcome
 from mesa_swarm.experiments.ledger import Ledger
 from mesa_swarm.experiments.pool import on_all
@@ -19,6 +20,7 @@ from mesa_swarm.progress import progress_bar
 
 Numbers = dict[str, Any]
 Run = Callable[..., Numbers]
+Choice = TypeVar("Choice")
 DATA = "runs.jsonl"
 # What decides what comes of a run; pictures and verdicts may change without runs being done again.
 ENGINE = ("geometry", "world", "robots", "physics", "control", "fire", "learning", "analysis")
@@ -67,7 +69,7 @@ class Laboratory:
         """Close the file in which runs are kept."""
         self._ledger.close()
 
-    def pick(self, full: Any, quick: Any) -> Any:
+    def pick(self, full: Choice, quick: Choice) -> Choice:
         """Return the first, or the second where quick is enough."""
         return quick if self.quick else full
 
@@ -109,7 +111,10 @@ class Laboratory:
                 bar.update()
 
     def _kept(self, run: Run, point: Mapping[str, Any], rng: int) -> Numbers:
-        return self._ledger.outcome(key_of(run, point, rng)).results
+        outcome = self._ledger.outcome(key_of(run, point, rng))
+        if outcome is None or outcome.results is None:
+            raise InvalidValueError(f"{self._ledger.path} says nothing of a run that was kept in it; remove the file")
+        return outcome.results
 
 
 def made(key: str, run: Run, settings: dict, rng: int) -> tuple[str, Numbers]:
