@@ -14,7 +14,7 @@ from typing import Any, Self, TypeVar
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.experiments.experiment import Outcome
 from mesa_swarm.experiments.ledger import Ledger
-from mesa_swarm.experiments.pool import on_all
+from mesa_swarm.experiments.pool import results_of
 from mesa_swarm.gallery import PACKAGE as MODELS
 from mesa_swarm.progress import progress_bar
 
@@ -103,9 +103,8 @@ class Laboratory:
 
     def _make(self, run: Run, tasks: dict[str, tuple[dict, int]], workers: int) -> None:
         calls = ((key, run, settings, rng) for key, (settings, rng) in tasks.items())
-        done = on_all(workers, made, calls) if workers > 1 else (made(*call) for call in calls)
         with progress_bar(len(tasks), "runs", self.progress and bool(tasks)) as bar:
-            for key, numbers in done:
+            for key, numbers in results_of(workers, made, calls):
                 self._ledger.append(key, Outcome(results=numbers))
                 self.made += 1
                 bar.update()
@@ -152,7 +151,8 @@ def engine_hash() -> str:
     package = Path(__file__).parent.parent
     models = Path(next(iter(import_module(MODELS).__path__)))
     folders = [package / name for name in ENGINE] + [models]
-    files = [path for folder in folders for path in sorted(folder.glob("*.py"))] + sorted(package.glob("*model*.py"))
+    files = [path for folder in folders for path in sorted(folder.glob("*.py"))]
+    files += [*sorted(package.glob("*model*.py")), package / "observed_world.py", package / "streams.py"]
     return blake2b("".join(_file(path) for path in files).encode(), digest_size=16).hexdigest()
 
 
