@@ -16,21 +16,10 @@ from mesa_swarm.learning.policy import SensorLayout, checked_chances
 class NetworkPolicy:
     """Base of `QPolicy` and `WirePolicy`, which choose by Boltzmann's probabilities of what networks say.
 
-    A robot has one group of networks; which of them says what is for the family to know.
-
     Parameters
     ----------
-    sensors : SensorLayout
-    networks : Networks
-        One robot's group after the other's. Robot i acts by group ``i % copies``.
-    encoding : str
-        "distance" or "typed".
-    temperature : float
-        Of the choice, above 0.
-    steps : int
-        Robot-steps of training, 0 for none.
-    training : dict
-        Where it comes from, and figures of its training.
+    sensors, networks, encoding, temperature, steps, training
+        As for `QPolicy`; there are as many networks a robot as its family needs.
     """
 
     family: ClassVar[str]
