@@ -21,6 +21,10 @@ Model = Annotated[str, typer.Argument(help="One of those that `mesa-swarm list` 
 Settings = Annotated[
     list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Set a parameter; may be repeated.")
 ]
+StepsOfRuns = Annotated[
+    int | None, typer.Option(min=1, max=MOST_STEPS, help="At most, in each run; by default what the model says.")
+]
+Jobs = Annotated[int, typer.Option(min=-1, max=1024, help="Processes at a time, -1 for one on each core.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="No progress bar.")]
 Folder = Annotated[Path, typer.Option(help="Folder for the table and the picture.")]
 
@@ -34,7 +38,7 @@ def work(module: str = "commands", folder: str = "experiments") -> ModuleType:
 def sweep(
     job: Annotated[str, typer.Argument(help="A job file, which may have a grid or a sample.", metavar="JOB.toml")],
     *,
-    jobs: Annotated[int, typer.Option(min=-1, max=1024, help="Processes at a time, -1 for one on each core.")] = -1,
+    jobs: Jobs = -1,
     out: Annotated[Path | None, typer.Option(help="Folder of the results; by default results/JOB.")] = None,
     record: Annotated[bool, typer.Option("--record", help="Record every run, to recordings/ in that folder.")] = False,
     dry_run: Annotated[
@@ -58,11 +62,9 @@ def compare(
     parameter: Annotated[str | None, typer.Option(help="What to vary; by default what the model says.")] = None,
     values: Annotated[str | None, typer.Option(metavar="A,B,...", help="Its values.")] = None,
     seeds: Annotated[int, typer.Option(min=1, max=100_000, help="Runs with each value; the same seeds for all.")] = 30,
-    steps: Annotated[
-        int | None, typer.Option(min=1, max=MOST_STEPS, help="At most, in each run; by default what the model says.")
-    ] = None,
+    steps: StepsOfRuns = None,
     setting: Settings = None,
-    jobs: Annotated[int, typer.Option(min=-1, max=1024, help="Processes at a time, -1 for one on each core.")] = -1,
+    jobs: Jobs = -1,
     out: Annotated[
         Path | None, typer.Option(help="Folder for tables and pictures; by default results/compare_MODEL.")
     ] = None,
@@ -90,11 +92,9 @@ def reality_gap(
     preset: Annotated[str, typer.Option(help="What 1 on the dial is: measured or robotarium.")] = "measured",
     measure: Annotated[str | None, typer.Option(help="The result that is the score; else the model's first.")] = None,
     seeds: Annotated[int, typer.Option(min=1, max=100_000, help="Runs at each place; the same seeds for all.")] = 10,
-    steps: Annotated[
-        int | None, typer.Option(min=1, max=MOST_STEPS, help="At most, in each run; by default what the model says.")
-    ] = None,
+    steps: StepsOfRuns = None,
     setting: Settings = None,
-    jobs: Annotated[int, typer.Option(min=-1, max=1024, help="Processes at a time, -1 for one on each core.")] = -1,
+    jobs: Jobs = -1,
     out: Annotated[
         Path | None, typer.Option(help="Folder for table and picture; by default results/reality_gap_MODEL.")
     ] = None,
@@ -186,7 +186,7 @@ def learn_bench(
     steps: Annotated[int, typer.Option(min=1, max=10_000_000, help="Of training, of 15 robots.")] = 33_000,
     evaluation_steps: Annotated[int, typer.Option(min=1, max=MOST_KEPT, help="On each map.")] = 5000,
     only: Annotated[str | None, typer.Option(metavar="'A;B;...'", help="Contestants; all by default.")] = None,
-    jobs: Annotated[int, typer.Option(min=-1, max=1024, help="Processes at a time, -1 for one on each core.")] = -1,
+    jobs: Jobs = -1,
     out: Annotated[Path, typer.Option(help="Folder for tables and pictures.")] = Path("results", "learn_bench"),
     resume: Annotated[
         bool, typer.Option("--resume/--afresh", help="Whether to go on where an earlier call was interrupted.")
@@ -218,7 +218,7 @@ def reproduce(
         "results", "reproduction"
     ),
     quick: Annotated[bool, typer.Option("--quick", help="Few seeds and short runs: to see that it works.")] = False,
-    jobs: Annotated[int, typer.Option(min=-1, max=1024, help="Processes at a time, -1 for one on each core.")] = -1,
+    jobs: Jobs = -1,
     report: Annotated[Path | None, typer.Option(metavar="FILE.md", help="Write a page of what came of them.")] = None,
     quiet: Quiet = False,
 ) -> None:

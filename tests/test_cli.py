@@ -284,7 +284,7 @@ WRONG = {
     "map show orignal": "did you mean 'original'",
     "map show .": "expected a file that ends in",
     "map show taken.toml": "taken.toml",
-    "map show original --out picture.jpg": "expected a name that ends in .png",
+    "map show original --out picture.jpg": "out is 'picture.jpg'; expected the name of a .png file",
     "map show original --out /dev/null/a.png": "results cannot be written to",
     "map import original /dev/null/a.toml": "/dev/null/a.toml",
     "map import original a.bmp": "expected a file that ends in",

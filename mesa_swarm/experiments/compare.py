@@ -1,7 +1,7 @@
 """Compare values of a model's parameter over paired seeds, on all cores."""
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from mesa_swarm.experiments.figures import comparison_pictures
 from mesa_swarm.experiments.files import check_writable, write_whole
 from mesa_swarm.experiments.findings import finding
 from mesa_swarm.experiments.plan import Plan, Run, checked_plan
-from mesa_swarm.experiments.pool import on_all
+from mesa_swarm.experiments.pool import results_of
 from mesa_swarm.experiments.portrait import Portrait
 from mesa_swarm.experiments.tables import runs_csv, summary_csv, summary_rows, text_table
 from mesa_swarm.progress import progress_bar
@@ -174,20 +174,13 @@ def run_plan(
     runs: dict[int, Run] = {}
     with progress_bar(len(tasks), "runs", progress) as bar:
         bar.refresh()
-        for index, run in _finished(plan, tasks, min(workers, len(tasks))):
+        calls = ((plan, index, task) for index, task in enumerate(tasks))
+        for index, run in results_of(min(workers, len(tasks)), _numbered_run, calls):
             runs[index] = run
             bar.update()
             if heard is not None:
                 heard(run)
     return Comparison(plan, tuple(runs[index] for index in range(len(tasks))))
-
-
-def _finished(plan: Plan, tasks: list[tuple[int, Any]], workers: int) -> Iterator[tuple[int, Run]]:
-    """Yield runs as they are done."""
-    if workers == 1:
-        yield from (_numbered_run(plan, index, task) for index, task in enumerate(tasks))
-        return
-    yield from on_all(workers, _numbered_run, ((plan, index, task) for index, task in enumerate(tasks)))
 
 
 def _numbered_run(plan: Plan, index: int, task: tuple[int, Any]) -> tuple[int, Run]:

@@ -12,7 +12,7 @@ from mesa_swarm.experiments.compare import checked_jobs
 from mesa_swarm.experiments.diary import Diary
 from mesa_swarm.experiments.driving import driven_world, tallied
 from mesa_swarm.experiments.experiment import shown_value
-from mesa_swarm.experiments.pool import on_all
+from mesa_swarm.experiments.pool import results_of
 from mesa_swarm.learning.evolution import Evolution
 from mesa_swarm.learning.fitness import Fitness
 from mesa_swarm.learning.policy import PolicyLayer, SensorLayout
@@ -202,9 +202,7 @@ def _best(
 
 def _in_order(workers: int, work: Callable, tasks: list[tuple]) -> list[float]:
     """Return what the work returns for each task, in their order, whoever is done first."""
-    if workers == 1:
-        return [work(*task) for task in tasks]
-    results = dict(on_all(workers, _numbered, ((k, work, task) for k, task in enumerate(tasks))))
+    results = dict(results_of(workers, _numbered, ((k, work, task) for k, task in enumerate(tasks))))
     return [results[k] for k in range(len(tasks))]
 
 

@@ -42,6 +42,34 @@ def check_writable(folder: str | os.PathLike[str]) -> Path:
         _remove_empty(missing)
 
 
+def checked_file(path: Path, ending: str, name: str = "out") -> Path:
+    """Return where a file goes if it can be written there, and its name ends as it should.
+
+    Parameters
+    ----------
+    path : Path
+    ending : str
+        Such as ".png".
+    name : str
+        Of what was typed.
+
+    Raises
+    ------
+    InvalidValueError
+
+    Examples
+    --------
+    >>> checked_file(Path("a.jpg"), ".png")
+    Traceback (most recent call last):
+    mesa_swarm.errors.InvalidValueError: out is 'a.jpg'; expected the name of a .png file
+    """
+    if path.suffix.lower() != ending or path.is_dir():
+        what = ", which is a folder" if path.is_dir() else ""
+        raise InvalidValueError(f"{name} is {shortened(str(path))}{what}; expected the name of a {ending} file")
+    check_writable(path.parent)
+    return path
+
+
 def write_whole(path: Path, content: str | bytes) -> Path:
     """Write a file under another name in its folder, then rename it: readers see the old one or the new.
 

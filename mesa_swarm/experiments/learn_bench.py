@@ -17,7 +17,7 @@ from mesa_swarm.experiments.driving import drive_measured, driven_world
 from mesa_swarm.experiments.experiment import Outcome
 from mesa_swarm.experiments.files import check_writable
 from mesa_swarm.experiments.ledger import Ledger
-from mesa_swarm.experiments.pool import on_all
+from mesa_swarm.experiments.pool import results_of
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.world.map import Map, builtin_maps
 from mesa_swarm.world.random_map import random_map
@@ -25,7 +25,8 @@ from mesa_swarm.world.random_map import random_map
 LEDGER = "ledger.jsonl"
 PACKAGE = Path(__file__).resolve().parent.parent
 # What a result depends on: whoever changes this code does the runs again.
-ENGINE = "geometry", "world", "robots", "physics", "control", "learning", "model.py"
+FOLDERS = "geometry", "world", "robots", "physics", "control", "fire", "learning", "analysis"
+ENGINE = (*FOLDERS, "streams.py", "world_model.py", "observed_world.py", "model.py")
 SOURCES = (*ENGINE, "experiments/contestants.py", "experiments/driving.py", "experiments/evolution.py")
 GENERATED = 20
 MODES = ("frozen", "learning")
@@ -152,19 +153,11 @@ def learn_bench(
     with Ledger(file, retry_failed=True) as ledger, progress_bar(len(tasks), "trainings", progress) as bar:
         left = [task for task in tasks if benchmark.key(*task) not in ledger]
         bar.update(len(tasks) - len(left))
-        for name, seed, results in _done(benchmark, left, workers):
+        for name, seed, results in results_of(workers, measured, ((benchmark, *task) for task in left)):
             ledger.append(benchmark.key(name, seed), Outcome(steps=benchmark.steps, results=results))
             bar.update()
         outcomes = ((name, seed, ledger.outcome(benchmark.key(name, seed))) for name, seed in tasks)
         return [Run(name, seed, outcome.results or {}) for name, seed, outcome in outcomes if outcome]
-
-
-def _done(benchmark: Benchmark, left: list[tuple[str, int]], workers: int) -> Iterator[tuple[str, int, dict]]:
-    tasks = [(benchmark, name, seed) for name, seed in left]
-    if workers == 1:
-        yield from (measured(*task) for task in tasks)
-        return
-    yield from on_all(workers, measured, tasks)
 
 
 def measured(benchmark: Benchmark, name: str, seed: int) -> tuple[str, int, dict[str, float]]:

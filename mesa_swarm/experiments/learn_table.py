@@ -12,7 +12,13 @@ from mesa_swarm.experiments.learn_bench import MODES, Benchmark, Run, group_of
 from mesa_swarm.experiments.statistics import Interval, bootstrap_interquartile_mean
 from mesa_swarm.experiments.tables import csv_text
 
-GROUPS = ("home", "built in", "generated")
+TITLES = {
+    "home": "On the map of the training (`original`)",
+    "built in": "On the other built-in maps",
+    "generated": "On generated maps that nobody was trained on",
+}
+HOW = {"frozen": "frozen", "learning": "still learning"}
+GROUPS = tuple(TITLES)
 HEADER = ("contestant", "collisions [95 %]", "worst", "ahead", "coverage")
 
 
@@ -22,6 +28,8 @@ class Line:
 
     Parameters
     ----------
+    name, group, mode : str
+        Of the contestant; one of `GROUPS`; "frozen" or "learning".
     collisions : Interval
         Interquartile mean over seeds and maps, per robot and 1,000 steps.
     worst : float
@@ -78,14 +86,6 @@ def markdown(benchmark: Benchmark, runs: Sequence[Run]) -> str:
             if rows:
                 parts.append("\n".join([f"**{TITLES[group]}, {HOW[mode]}**", "", *_table([HEADER, *rows])]))
     return "\n\n".join(parts) + "\n"
-
-
-TITLES = {
-    "home": "On the map of the training (`original`)",
-    "built in": "On the other built-in maps",
-    "generated": "On generated maps that nobody was trained on",
-}
-HOW = {"frozen": "frozen", "learning": "still learning"}
 
 
 def _training(benchmark: Benchmark, runs: Sequence[Run]) -> str:

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.experiments.files import check_writable, write_whole
+from mesa_swarm.experiments.files import checked_file, write_whole
 from mesa_swarm.experiments.pictures import png, world_figure
 from mesa_swarm.experiments.portrait import portrait_of
 from mesa_swarm.model import SwarmModel
@@ -27,7 +27,7 @@ def show_map(file: str, out: Path | None) -> None:
     """Print what is on a map, and draw it if asked."""
     world = Map.load(file)
     if out is not None:
-        _check_picture(out)
+        checked_file(out, ".png")
     print(described(world))
     if out is not None:
         portrait = portrait_of(SwarmModel(map=world, rng=1))
@@ -67,12 +67,3 @@ def _areas(world: Map) -> str:
     areas = [f"{fire.area:.3g}" for fire in world.fires]
     shown = [*areas[:MOST_AREAS], *(["..."] if len(areas) > MOST_AREAS else [])]
     return f" (areas {', '.join(shown)})" if areas else ""
-
-
-def _check_picture(out: Path) -> None:
-    """Refuse a picture that could not be written, before it is drawn."""
-    if out.suffix.lower() != ".png":
-        raise InvalidValueError(f"out is {str(out)!r:.80}; expected a name that ends in .png")
-    if out.is_dir():
-        raise InvalidValueError(f"{out} is a folder; expected the name of a picture")
-    check_writable(out.parent)

@@ -6,7 +6,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count
-from mesa_swarm.experiments.files import check_writable, write_whole
+from mesa_swarm.experiments.files import checked_file, write_whole
 from mesa_swarm.experiments.pictures import png
 from mesa_swarm.experiments.run_pictures import ethogram, stages, trace
 from mesa_swarm.gallery import find_model
@@ -34,7 +34,7 @@ def picture(
     if robots is not None and kind == "stages":
         raise InvalidValueError(f"robots is {robots}; stages show all of them; leave it out, or ask for another kind")
     wanted = parsed_steps(STEPS[kind] if steps is None else steps, several=kind == "stages")
-    path = checked_png(out or Path("results", f"{model}_{kind}.png"))
+    path = checked_file(out or Path("results", f"{model}_{kind}.png"), ".png")
     model_class = find_model(model)
     built = model_class(**parsed_settings(model_class, settings), rng=rng)
     figure = drawn(built, kind, wanted, robots, progress)
@@ -70,11 +70,3 @@ def parsed_steps(text: str, several: bool) -> list[int]:
         expected = "steps such as 0,1000,3000" if several else "one number of steps"
         raise InvalidValueError(f"steps is {text!r:.60}; expected {expected}, at most {MOST_STEPS:,}")
     return [int(part) for part in parts]
-
-
-def checked_png(path: Path) -> Path:
-    """Return where a picture goes if it can be written there and is a PNG."""
-    if path.suffix.lower() != ".png":
-        raise InvalidValueError(f"out is {str(path)!r:.80}; expected the name of a .png file")
-    check_writable(path.parent)
-    return path

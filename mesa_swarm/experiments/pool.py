@@ -56,6 +56,20 @@ def on_all(workers: int, work: Callable, tasks: Iterable[tuple]) -> Iterator[Any
         raise
 
 
+def results_of(workers: int, work: Callable, tasks: Iterable[tuple]) -> Iterator[Any]:
+    """Yield what `work` returns for each task, as they are done: by `on_all`, or in this process if one is enough.
+
+    Examples
+    --------
+    >>> list(results_of(1, pow, [(2, 3), (3, 2)]))
+    [8, 9]
+    """
+    if workers == 1:
+        yield from (work(*task) for task in tasks)
+        return
+    yield from on_all(workers, work, tasks)
+
+
 def is_remote() -> bool:
     """Whether joblib was told of another place for work than processes of this machine.
 

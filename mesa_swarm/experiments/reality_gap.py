@@ -10,11 +10,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mesa_swarm.errors import InvalidValueError, check_choice, check_number
+from mesa_swarm.experiments.compare import checked_jobs
 from mesa_swarm.experiments.figures import COLOURS
 from mesa_swarm.experiments.files import write_whole
 from mesa_swarm.experiments.pictures import png
 from mesa_swarm.experiments.plan import checked_plan, checked_seeds
-from mesa_swarm.experiments.pool import on_all
+from mesa_swarm.experiments.pool import results_of
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean, pair_differences
 from mesa_swarm.experiments.tables import aligned, csv_text, in_words
 from mesa_swarm.gallery import find_model
@@ -109,6 +110,7 @@ def reality_gap(
     settings : dict, optional
         Other parameters of the model.
     jobs : int
+        Processes at a time, -1 for one on each core.
     progress : bool
 
     Raises
@@ -122,11 +124,12 @@ def reality_gap(
     >>> gap.measure, sorted(gap.scores)
     ('groups', [0.0, 1.0])
     """
+    workers = checked_jobs(jobs)
     whole = PRESETS[check_choice("preset", preset, PRESETS)]
     places = checked_dial(dial)
     plan = checked_plan(find_model(model), seeds=checked_seeds(seeds), steps=steps, settings=_freed(model, settings))
     tasks = [(model, settings or {}, whole, place, seed, plan.steps) for place in places for seed in plan.seeds]
-    results = _made(tasks, jobs, progress)
+    results = _made(tasks, min(workers, len(tasks)), progress)
     rows = {place: [results[place, seed] for seed in plan.seeds] for place in places}
     wanted = chosen_measure(rows, measure)
     scores = {place: [row[wanted] for row in row_of] for place, row_of in rows.items()}
@@ -141,10 +144,10 @@ def _freed(model: str, settings: dict[str, Any] | None) -> dict[str, Any]:
     return {name: value for name, value in (settings or {}).items() if name != varied}
 
 
-def _made(tasks: list[tuple], jobs: int, progress: bool) -> dict[tuple[float, int], dict]:
+def _made(tasks: list[tuple], workers: int, progress: bool) -> dict[tuple[float, int], dict]:
     results = {}
     with progress_bar(len(tasks), "runs", progress) as bar:
-        for place, seed, row in on_all(jobs, gap_run, tasks) if jobs > 1 else (gap_run(*task) for task in tasks):
+        for place, seed, row in results_of(workers, gap_run, tasks):
             results[place, seed] = row
             bar.update()
     return results

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from mesa_swarm.experiments.compare import checked_jobs
 from mesa_swarm.experiments.files import check_writable
 from mesa_swarm.experiments.reality_gap import reality_gap
 from mesa_swarm.gallery import find_model
@@ -31,7 +30,7 @@ def gap(
         steps=steps,
         measure=measure,
         settings=parsed_settings(find_model(model), settings),
-        jobs=checked_jobs(jobs),
+        jobs=jobs,
         progress=progress,
     )
     print("\n".join([found.table(), "", *map(str, found.save(folder))]))

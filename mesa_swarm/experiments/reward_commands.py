@@ -4,13 +4,14 @@ from pathlib import Path
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, check_choice
+from mesa_swarm.errors import check_choice
 from mesa_swarm.experiments.files import check_writable, write_whole
 from mesa_swarm.experiments.oscillation import MEASURES, SCENES, oscillation, trained
 from mesa_swarm.experiments.pictures import png
 from mesa_swarm.experiments.reward_figures import reward_figure
 from mesa_swarm.experiments.tables import aligned, csv_text
 from mesa_swarm.learning import QPolicy
+from mesa_swarm.learning.actions import checked_actions
 from mesa_swarm.learning.reward_lab import Profile, learned_profile, reward_profile
 from mesa_swarm.learning.rewards import REWARDS
 from mesa_swarm.progress import progress_bar
@@ -37,8 +38,7 @@ def reward_lab(*, rewards: str, actions: int, steps: int, seeds: int, rng: int, 
         Whether a bar is shown.
     """
     kinds = parsed_rewards(rewards)
-    if actions not in (4, 8):
-        raise InvalidValueError(f"actions is {actions}; expected 4 or 8")
+    checked_actions(actions)
     folder = check_writable(out)
     profiles, rows = {}, []
     with progress_bar(len(kinds) * seeds, "runs", progress) as bar:

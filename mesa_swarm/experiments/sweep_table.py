@@ -1,9 +1,7 @@
 """The table of a sweep, as Parquet: always the same bytes for the same outcomes, whatever the order they came in."""
 
 import os
-import uuid
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -13,6 +11,7 @@ from pyarrow import parquet
 
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.experiments.experiment import Experiment, Outcome, Task, shown_value
+from mesa_swarm.experiments.files import draft_of
 from mesa_swarm.experiments.ledger import Ledger
 from mesa_swarm.experiments.run_records import Archive
 from mesa_swarm.parameters import parameters_of
@@ -43,19 +42,15 @@ def write_table(experiment: Experiment, ledger: Ledger, path: Path, archive: Arc
     schema = _schema(experiment, ledger)
     if archive is not None:
         schema = schema.append(pa.field(RECORDING, pa.string()))
-    draft = path.with_name(f".{uuid.uuid4().hex}.draft")
     try:
-        with parquet.ParquetWriter(draft, schema) as writer:
-            for rows in _batches(_row(*pair, archive) for pair in _done(experiment, ledger)):
-                writer.write_table(pa.Table.from_pylist(rows, schema=schema))
-        _sync(draft)
-        os.replace(draft, path)
+        with draft_of(path) as draft:
+            with parquet.ParquetWriter(draft, schema) as writer:
+                for rows in _batches(_row(*pair, archive) for pair in _done(experiment, ledger)):
+                    writer.write_table(pa.Table.from_pylist(rows, schema=schema))
+            _sync(draft)
     except OSError as error:
         reason = os.strerror(error.errno) if error.errno else error  # Arrow's own text is a long one
         raise InvalidValueError(f"{path} cannot be written: {reason}; make room and sweep again") from None
-    finally:
-        with suppress(OSError):
-            draft.unlink(missing_ok=True)
     return path
 
 

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mesa_swarm.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.geometry.compiled import compiled
@@ -29,7 +30,7 @@ ACTION_NAMES = (
 ENCODINGS = {"distance": 1, "typed": 4}
 
 
-def boltzmann(values: np.ndarray, temperature: float) -> np.ndarray:
+def boltzmann(values: ArrayLike, temperature: float) -> np.ndarray:
     """Return how probably each action is chosen: ``P_i = exp(Q_i / T) / sum_j exp(Q_j / T)`` (7.4).
 
     Parameters
@@ -85,6 +86,23 @@ def temperature_at(step: float, *, beta: float, first: float = 1.0, last: float 
     return last + (first - last) * (1.0 - beta) ** step
 
 
+def checked_actions(actions: int) -> int:
+    """Return how many of the actions a learner may take, or refuse the number.
+
+    Raises
+    ------
+    InvalidValueError
+
+    Examples
+    --------
+    >>> checked_actions(4)
+    4
+    """
+    if actions not in (4, 8):
+        raise InvalidValueError(f"actions is {shortened(actions)}; expected 4 or 8")
+    return int(actions)
+
+
 @compiled
 def chosen(values, temperature, chance):
     """Return the action that Boltzmann's probabilities give to a number from 0 to 1."""
@@ -100,6 +118,13 @@ def chosen(values, temperature, chance):
         if left < 0.0:
             return a
     return best_of(values)  # chance so near to 1 that rounding ate the rest
+
+
+@compiled
+def choose_all(values, temperature, chance, taken):
+    """Write which action every robot takes, of their values (n, a); without chances, what is worth most."""
+    for i in range(values.shape[0]):
+        taken[i] = chosen(values[i], temperature, chance[i]) if chance.shape[0] else best_of(values[i])
 
 
 @compiled

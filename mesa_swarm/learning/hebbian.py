@@ -9,7 +9,7 @@ from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import InvalidValueError, LearningError, check_choice, check_number, shortened
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import ranges_of
-from mesa_swarm.learning.policy import SensorLayout
+from mesa_swarm.learning.policy import check_designs, sensors_of
 from mesa_swarm.learning.reflex_policy import ReflexPolicy, nearness
 from mesa_swarm.learning.rewards import REWARDS, rewarded
 from mesa_swarm.robots.swarm import Swarm
@@ -107,7 +107,7 @@ class HebbianLearning:
         """Remember each robot's weights and traces, its last inputs, commands and reward, and what it expects."""
         self._swarm, self._prefix, self._rng = swarm, prefix, rng
         self._check_start()
-        for name, column in {
+        columns: dict[str, tuple[tuple[int | str, ...], type, object]] = {
             "weights": (("proximity", 2), np.float64, 0.0),
             "constant": ((2,), np.float64, 0.0),
             "trace": (("proximity", 2), np.float64, 0.0),
@@ -120,16 +120,13 @@ class HebbianLearning:
             "usual": ((), np.float64, 0.0),
             "lessons": ((), np.int64, 0),
             "born": ((), np.bool_, False),
-        }.items():
-            swarm.remember(f"{prefix}.{name}", *column)
+        }
+        for name, (shape, dtype, initial) in columns.items():
+            swarm.remember(f"{prefix}.{name}", shape, dtype, initial)
 
     def policy(self, **training: str | float) -> ReflexPolicy:
         """Return what the robots have learned so far as reflexes that no longer learn; see `QLearning.policy`."""
-        if not len(self._swarm):
-            raise LearningError("there are no robots, so that nothing was learned; add robots first")
-        sensors = SensorLayout.of(self._swarm.designs[0])
-        for design in self._swarm.designs:
-            sensors.check(design)
+        sensors = sensors_of(self._swarm)
         self._give_birth()
         whim, constant = np.zeros((len(self._swarm), 1, 2)), self._column("constant")[:, None]
         wheel = np.concatenate([self._column("weights"), whim, constant], axis=1)
@@ -195,8 +192,8 @@ class HebbianLearning:
         tried[:] = self.persistence * tried + fresh * self._rng.normal(size=tried.shape)
 
     def _check_start(self) -> None:
-        for design in self._swarm.designs if self.start is not None else ():
-            self.start.sensors.check(design)
+        if self.start is not None:
+            check_designs(self.start.sensors, self._swarm)
 
     def _give_birth(self) -> None:
         """Give robots that have no weights yet theirs."""

@@ -1,11 +1,17 @@
 """What learners share: networks and temperatures of robots as columns, and what becomes a policy."""
 
+import math
+from dataclasses import dataclass
+
 import numpy as np
 
-from mesa_swarm.errors import LearningError, check_choice, check_number
+from mesa_swarm.control.layer import Senses
+from mesa_swarm.errors import InvalidValueError, LearningError, check_choice, check_number, shortened
 from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.learning.actions import ENCODINGS
+from mesa_swarm.learning.actions import ENCODINGS, ranges_of
 from mesa_swarm.learning.memory import Memory
+from mesa_swarm.learning.network_policy import NetworkPolicy
+from mesa_swarm.learning.policy import sensors_of
 from mesa_swarm.learning.rewards import REWARDS
 from mesa_swarm.robots.swarm import Swarm
 
@@ -13,8 +19,27 @@ from mesa_swarm.robots.swarm import Swarm
 TOLD = ("reward", "alpha", "eta", "gamma", "beta", "critical", "shared", "self_adjusting")
 
 
+@dataclass(kw_only=True)
 class Learner:
-    """Base of the layers that learn in every step, with networks of each robot's own; see `QLearning`."""
+    """Base of `QLearning`, which tells what the parameters are, and `WireFittedQ`: they learn in every step."""
+
+    reward: str = "b"
+    encoding: str = "distance"
+    alpha: float = 0.4
+    eta: float = 0.1
+    gamma: float = 0.7
+    beta: float = 1e-4
+    first_temperature: float = 1.0
+    last_temperature: float = 0.2
+    critical: float = 0.4
+    shared: bool = False
+    self_adjusting: bool = False
+    bump_rate: float = 0.02
+    bump_window: int = 1000
+    bump_distance: float = 0.5
+    frozen: bool = False
+    start: NetworkPolicy | None = None
+    name: str = "Learner"
 
     def _check_rates(self) -> None:
         check_choice("reward", self.reward, REWARDS)
@@ -29,20 +54,32 @@ class Learner:
         check_number("bump_window", self.bump_window, minimum=1, maximum=1e9)
         check_number("bump_distance", self.bump_distance, minimum=0, maximum=1e6)
 
-    def _remember(self, swarm: Swarm, prefix: str, rng: np.random.Generator, networks: int, more: dict) -> None:
+    def _check_start(self, family: type[NetworkPolicy], count: int) -> None:
+        """Refuse a policy that a learner with so many actions or wires cannot go on with."""
+        start = self.start
+        if start is None:
+            return
+        if not isinstance(start, family):
+            raise InvalidValueError(
+                f"start is {shortened(start)}; expected a {family.__name__}, as load_policy() returns it"
+            )
+        known = getattr(start, family.counted)
+        if (known, start.encoding) != (count, self.encoding):
+            raise InvalidValueError(
+                f"start has {known} {family.counted} and encoding {start.encoding!r}; "
+                f"expected {count} and {self.encoding!r}"
+            )
+
+    def _remember(self, swarm: Swarm, prefix: str, rng: np.random.Generator, networks: int) -> None:
         """Make the columns: `networks` a robot, its last inputs and reward, its temperature and recent bumps."""
         per_sensor = ENCODINGS[self.encoding]
         self._swarm, self._rng, self._prefix = swarm, rng, prefix
         self._memory = Memory(swarm, prefix, networks, per_sensor, self.start)
-        for name, column in {
-            "inputs": ((per_sensor, "proximity"), np.float64, 1.0),
-            "reward": ((), np.float64, 0.0),
-            "temperature": ((), np.float64, self.first_temperature),
-            "bumps": ((), np.float64, self.bump_rate),
-            "lessons": ((), np.int64, 0),
-            **more,
-        }.items():
-            swarm.remember(f"{prefix}.{name}", *column)
+        swarm.remember(f"{prefix}.inputs", (per_sensor, "proximity"), np.float64, 1.0)
+        swarm.remember(f"{prefix}.reward", (), np.float64, 0.0)
+        swarm.remember(f"{prefix}.temperature", (), np.float64, self.first_temperature)
+        swarm.remember(f"{prefix}.bumps", (), np.float64, self.bump_rate)
+        swarm.remember(f"{prefix}.lessons", (), np.int64, 0)
 
     def _column(self, name: str) -> np.ndarray:
         return self._swarm.columns[f"{self._prefix}.{name}"]
@@ -57,6 +94,40 @@ class Learner:
         """What every robot got for its last action (n,); a copy."""
         return self._column("reward").copy()
 
+    def _known(self, senses: Senses) -> tuple[object, ...]:
+        """Return what every learner's compiled function takes first, and draw each robot's chance of this step."""
+        self._memory.give_birth(self._rng, self.shared)
+        inputs = self._column("inputs")
+        return (
+            senses.distance,
+            senses.kind,
+            ranges_of(senses.sensors),
+            senses.design,
+            senses.max_speed,
+            self._memory.weights,
+            inputs.reshape(len(inputs), math.prod(inputs.shape[1:])),
+            self._column("action"),
+            self._column("lessons"),
+            tuple(map(self._column, ("reward", "temperature", "bumps"))),
+            self._rng.random(len(inputs)),
+            REWARDS.index(self.reward),
+            (float(self.alpha * self.eta), float(self.gamma), float(self.critical)),
+            (float(self.beta), float(self.first_temperature), float(self.last_temperature)),
+            (float(self.bump_rate), 1.0 / self.bump_window, float(self.bump_distance)),
+            (bool(self.shared), bool(self.self_adjusting), bool(self.frozen)),
+        )
+
+    def _end_lesson(self, diverged: int) -> None:
+        """Let all robots know what was learned, if they share it; raise if it is not finite for one of them."""
+        if self.shared and not self.frozen:
+            self._memory.share()
+        if diverged >= 0:
+            robot = self._swarm.agents[diverged]
+            raise LearningError(
+                f"{self.name} diverged for robot {robot.unique_id} in step {robot.model.steps}: its values are not "
+                "finite; lower eta, alpha or gamma"
+            )
+
     def _said(self, row: int, networks: int) -> np.ndarray:
         """Return what the networks of the robot in this row say to the inputs that it had last (networks,)."""
         inner, bias, outer, outer_bias = (
@@ -69,7 +140,7 @@ class Learner:
     def _learned(self, training: dict) -> dict:
         """Return what every policy has, whatever its family."""
         self._memory.give_birth(self._rng, self.shared)
-        sensors, lessons = self._memory.sensors(), int(self._column("lessons").sum())
+        sensors, lessons = sensors_of(self._swarm), int(self._column("lessons").sum())
         told = {name: getattr(self, name) for name in TOLD}
         return {
             "sensors": sensors,
@@ -79,13 +150,6 @@ class Learner:
             "steps": lessons + (self.start.steps if self.start else 0),
             "training": {**told, "robots": len(self._swarm), "lessons": lessons, **training},
         }
-
-    def _divergence(self, row: int) -> LearningError:
-        robot = self._swarm.agents[row]
-        return LearningError(
-            f"{self.name} diverged for robot {robot.unique_id} in step {robot.model.steps}: its values are not "
-            "finite; lower eta, alpha or gamma"
-        )
 
 
 @compiled

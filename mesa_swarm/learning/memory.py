@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-from mesa_swarm.errors import LearningError
+from mesa_swarm.learning.network_policy import NetworkPolicy
 from mesa_swarm.learning.networks import PARTS, Networks
-from mesa_swarm.learning.policy import Policy, SensorLayout
+from mesa_swarm.learning.policy import check_designs
 from mesa_swarm.robots.swarm import Swarm
 
 
@@ -25,7 +25,7 @@ class Memory:
         Networks a robot.
     per_sensor : int
         Inputs a proximity sensor.
-    start : QPolicy or WirePolicy, optional
+    start : NetworkPolicy, optional
         What robots know when they are born.
 
     Raises
@@ -34,14 +34,12 @@ class Memory:
         If robots have other sensors than `start` was trained with.
     """
 
-    def __init__(self, swarm: Swarm, prefix: str, count: int, per_sensor: int, start: Policy | None) -> None:
+    def __init__(self, swarm: Swarm, prefix: str, count: int, per_sensor: int, start: NetworkPolicy | None) -> None:
         self._swarm, self._prefix, self._count, self._start = swarm, prefix, count, start
         self._check_start()
-        units = (2, "proximity")
-        inputs = (per_sensor, "proximity")
-        for name, shape in zip(
-            PARTS, ((count, *inputs, *units), (count, *units), (count, *units), (count,)), strict=True
-        ):
+        inputs, units = (per_sensor, "proximity"), (2, "proximity")
+        shapes = ((count, *inputs, *units), (count, *units), (count, *units), (count,))
+        for name, shape in zip(PARTS, shapes, strict=True):
             swarm.remember(f"{prefix}.{name}", shape, np.float64, 0.0)
         swarm.remember(f"{prefix}.born", (), np.bool_, False)
 
@@ -84,27 +82,12 @@ class Memory:
         return 1.0 / math.sqrt(math.prod(feeding) + 1)
 
     def _check_start(self) -> None:
-        for design in self._swarm.designs if self._start is not None else ():
-            self._start.sensors.check(design)
+        if self._start is not None:
+            check_designs(self._start.sensors, self._swarm)
 
     def networks(self, robots: int) -> Networks:
         """Return copies of the networks of the first robots."""
         return Networks(*(weights[: robots * self._count].copy() for weights in self.weights))
-
-    def sensors(self) -> SensorLayout:
-        """Return the sensors of all robots.
-
-        Raises
-        ------
-        LearningError
-            If there are no robots, or they have not all the same sensors.
-        """
-        if not len(self._swarm):
-            raise LearningError("there are no robots, so that nothing was learned; add robots first")
-        layout = SensorLayout.of(self._swarm.designs[0])
-        for design in self._swarm.designs:
-            layout.check(design)
-        return layout
 
     def checkpoint(self) -> dict:
         """Return nothing: all that is remembered stands in columns of the swarm, which are kept anyway."""

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
 from mesa_swarm.geometry.compiled import compiled
@@ -61,7 +62,7 @@ class Networks:
         """The four arrays, as the compiled functions take them."""
         return self.inner, self.inner_bias, self.outer, self.outer_bias
 
-    def outputs(self, inputs: np.ndarray) -> np.ndarray:
+    def outputs(self, inputs: ArrayLike) -> np.ndarray:
         """Return what every network says of its own inputs.
 
         Parameters
@@ -81,7 +82,7 @@ class Networks:
         say(*self.weights, given, out)
         return out
 
-    def learn(self, inputs: np.ndarray, targets: np.ndarray, rate: float = REGRESSION_RATE) -> np.ndarray:
+    def learn(self, inputs: ArrayLike, targets: ArrayLike, rate: float = REGRESSION_RATE) -> np.ndarray:
         """Take one step of gradient descent on ``(target - y)^2 / 2`` in every network (6.2).
 
         Parameters
@@ -102,7 +103,7 @@ class Networks:
         descend(*self.weights, given, wanted, check_number("rate", rate, minimum=0, maximum=1), errors)
         return errors
 
-    def _checked(self, name: str, values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    def _checked(self, name: str, values: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:
         try:
             array = np.ascontiguousarray(values, dtype=float)
         except (TypeError, ValueError):

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import InvalidValueError, LearningError, shortened
@@ -65,7 +66,7 @@ class SensorLayout:
             what = f"{_told(self._row(first))} as sensor {first} and {design.name} has {_told(other._row(first))}"
         raise LearningError(f"the policy was trained with {what}; use the design that it was trained with")
 
-    def check_readings(self, readings: np.ndarray, kinds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def check_readings(self, readings: ArrayLike, kinds: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Return readings and kinds (n, s) as arrays, or refuse them.
 
         Raises
@@ -76,7 +77,7 @@ class SensorLayout:
         try:
             distance, kind = np.ascontiguousarray(readings, np.float64), np.ascontiguousarray(kinds, np.int8)
         except (TypeError, ValueError, OverflowError):
-            distance = kind = np.empty(0)
+            distance, kind = np.empty(0), np.empty(0, np.int8)
         if distance.ndim != 2 or distance.shape[1] != len(self) or distance.shape != kind.shape:
             raise InvalidValueError(
                 f"readings are {shortened(np.shape(readings))} and kinds {shortened(np.shape(kinds))}; "
@@ -92,6 +93,53 @@ class SensorLayout:
 
 def _told(row: tuple[float, float, float]) -> str:
     return "one at {:g} degrees, range {:g}, field of view {:g} degrees".format(*row)
+
+
+def sensors_of(swarm: Swarm) -> SensorLayout:
+    """Return the sensors that all robots of a swarm have.
+
+    Raises
+    ------
+    LearningError
+        If there are no robots, or they have not all the same sensors.
+    """
+    if not len(swarm):
+        raise LearningError("there are no robots, so that nothing was learned; add robots first")
+    layout = SensorLayout.of(swarm.designs[0])
+    check_designs(layout, swarm)
+    return layout
+
+
+def check_designs(sensors: SensorLayout, swarm: Swarm) -> None:
+    """Refuse a swarm with robots that have other sensors than these.
+
+    Raises
+    ------
+    LearningError
+    """
+    for design in swarm.designs:
+        sensors.check(design)
+
+
+def checked_chances(chance: ArrayLike, robots: int) -> np.ndarray:
+    """Return the numbers from which a policy draws as an array (n,), or refuse them.
+
+    Raises
+    ------
+    InvalidValueError
+
+    Examples
+    --------
+    >>> checked_chances([0.5, 1], 2)
+    array([0.5, 1. ])
+    """
+    try:
+        chances = np.asarray(chance, dtype=float)
+    except (TypeError, ValueError):
+        raise InvalidValueError(f"chance is {shortened(chance)}; expected {robots} numbers from 0 to 1") from None
+    if chances.shape != (robots,):
+        raise InvalidValueError(f"chance has shape {chances.shape}; expected ({robots},)")
+    return chances
 
 
 class Policy(Protocol):
@@ -117,7 +165,7 @@ class Policy(Protocol):
     def training(self) -> dict:
         """Where it comes from, and figures of its training: texts and numbers by name."""
 
-    def act(self, readings: np.ndarray, kinds: np.ndarray, chance: np.ndarray | None = None) -> np.ndarray:
+    def act(self, readings: ArrayLike, kinds: ArrayLike, chance: ArrayLike | None = None) -> np.ndarray:
         """Return wheel commands as shares of max_speed.
 
         Parameters
@@ -198,9 +246,10 @@ class PolicyLayer:
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
         """Remember what the policy keeps, if anything; check that the robots are of a kind that it knows."""
         self._swarm, self._rng, self._known = swarm, rng, 0
-        self._kept = f"{prefix}.memory" if getattr(self.policy, "memory", 0) else None
+        numbers: int = getattr(self.policy, "memory", 0)
+        self._kept = f"{prefix}.memory" if numbers else None
         if self._kept:
-            swarm.remember(self._kept, (self.policy.memory,), np.float64, 0.0)
+            swarm.remember(self._kept, (numbers,), np.float64, 0.0)
         self._check_designs()
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
@@ -223,8 +272,7 @@ class PolicyLayer:
         return Reason("its policy acts on " + (", ".join(map(moment.reading, near)) or "nothing in sight"), near)
 
     def _check_designs(self) -> None:
-        for design in self._swarm.designs:
-            self.policy.sensors.check(design)
+        check_designs(self.policy.sensors, self._swarm)
         self._known = len(self._swarm.designs)
 
 

@@ -7,6 +7,7 @@ import zipfile
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -156,9 +157,11 @@ def _refusal(file: Path, why: str) -> LearningError:
 
 def _write_whole(file: Path, header: str, arrays: dict[str, np.ndarray]) -> None:
     draft = file.with_name(f".{uuid.uuid4().hex}.draft")
+    # Any: NumPy's own option is among the names to a type checker.
+    contents: dict[str, Any] = {HEADER: np.frombuffer(header.encode(), np.uint8), **arrays}
     try:
         with draft.open("wb") as part:
-            np.savez_compressed(part, **{HEADER: np.frombuffer(header.encode(), np.uint8)}, **arrays)
+            np.savez_compressed(part, **contents)
         os.replace(draft, file)
     finally:
         with suppress(OSError):

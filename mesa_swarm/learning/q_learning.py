@@ -6,23 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import (
-    InvalidValueError,
-    shortened,
-)
 from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.learning.actions import (
-    ACTION_NAMES,
-    ACTIONS,
-    best_of,
-    chosen,
-    ranges_of,
-    write_inputs,
-)
+from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, best_of, checked_actions, chosen, write_inputs
 from mesa_swarm.learning.learner import Learner, cool
 from mesa_swarm.learning.networks import back_propagate, forward
-from mesa_swarm.learning.q_policy import QPolicy, check_start
-from mesa_swarm.learning.rewards import REWARDS, rewarded
+from mesa_swarm.learning.q_policy import QPolicy, say_values
+from mesa_swarm.learning.rewards import rewarded
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm
 
@@ -90,35 +79,20 @@ class QLearning(Learner):
     0.7
     """
 
-    reward: str = "b"
     actions: int = 8
-    encoding: str = "distance"
-    alpha: float = 0.4
-    eta: float = 0.1
-    gamma: float = 0.7
-    beta: float = 1e-4
-    first_temperature: float = 1.0
-    last_temperature: float = 0.2
-    critical: float = 0.4
-    shared: bool = False
-    self_adjusting: bool = False
-    bump_rate: float = 0.02
-    bump_window: int = 1000
-    bump_distance: float = 0.5
-    frozen: bool = False
     start: QPolicy | None = None
     name: str = "QLearning"
 
     def __post_init__(self) -> None:
         """Check the parameters."""
-        if self.actions not in (4, 8):
-            raise InvalidValueError(f"actions is {shortened(self.actions)}; expected 4 or 8")
+        checked_actions(self.actions)
         self._check_rates()
-        check_start(self.start, self.actions, self.encoding)
+        self._check_start(QPolicy, self.actions)
 
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
         """Remember each robot's networks, its last inputs, action and reward, its temperature and recent bumps."""
-        self._remember(swarm, prefix, rng, self.actions, {"action": ((), np.int64, -1)})
+        self._remember(swarm, prefix, rng, self.actions)
+        swarm.remember(f"{prefix}.action", (), np.int64, -1)
 
     def policy(self, **training: str | float) -> QPolicy:
         """Return what the robots have learned so far, all of them, as a policy that no longer learns.
@@ -143,33 +117,7 @@ class QLearning(Learner):
         LearningError
             If what a robot has learned is no longer finite; all that was learned before is kept.
         """
-        robots = len(layer)
-        self._memory.give_birth(self._rng, self.shared)
-        inputs = self._column("inputs")
-        diverged = learn_and_choose(
-            senses.distance,
-            senses.kind,
-            ranges_of(senses.sensors),
-            senses.design,
-            senses.max_speed,
-            self._memory.weights,
-            inputs.reshape(robots, math.prod(inputs.shape[1:])),
-            tuple(map(self._column, ("action", "lessons"))),
-            tuple(map(self._column, ("reward", "temperature", "bumps"))),
-            self._rng.random(robots),
-            REWARDS.index(self.reward),
-            (float(self.alpha * self.eta), float(self.gamma), float(self.critical)),
-            (float(self.beta), float(self.first_temperature), float(self.last_temperature)),
-            (float(self.bump_rate), 1.0 / self.bump_window, float(self.bump_distance)),
-            (bool(self.shared), bool(self.self_adjusting), bool(self.frozen)),
-            command,
-            layer,
-            index,
-        )
-        if self.shared and not self.frozen:
-            self._memory.share()
-        if diverged >= 0:
-            raise self._divergence(diverged)
+        self._end_lesson(learn_and_choose(*self._known(senses), command, layer, index))
 
     def worth(self, row: int) -> list[tuple[str, float]]:
         """Return what each action is worth to a robot, Q(s, a), where it was when it chose last.
@@ -202,39 +150,30 @@ class QLearning(Learner):
 
 @compiled
 def learn_and_choose(
-    distance, kind, ranges, design, max_speed, weights, inputs, counts, memory, chance,
+    distance, kind, ranges, design, max_speed, weights, inputs, action, lessons, memory, chance,
     reward, rates, cooling, bumping, options, command, layer, index,
 ):  # fmt: skip
     """Learn from the last action and choose the next; return a robot whose values are not finite, or -1."""
-    inner, inner_bias, outer, outer_bias = weights
-    action, lessons = counts
     rewards, temperature, bumps = memory
     rate, gamma, critical = rates
     shared, self_adjusting, frozen = options
     robots = layer.shape[0]
-    count = outer_bias.shape[0] // max(robots, 1)
-    now, hidden = np.empty((1, inputs.shape[1])), np.empty(inner.shape[2])
-    values = np.empty(count)
+    count = weights[3].shape[0] // max(robots, 1)
+    now, hidden, values = np.empty((1, inputs.shape[1])), np.empty(weights[0].shape[2]), np.empty(count)
     diverged = -1
     for i in range(robots):
         first = 0 if shared else i * count
         nearest = write_inputs(distance, kind, ranges, i, design[i], now, 0)
-        for a in range(count):
-            values[a] = forward(inner, inner_bias, outer, outer_bias, first + a, now, 0, hidden)
+        say_values(weights, first, now, 0, hidden, values)
         a = action[i]
         if a >= 0:
             rewards[i] = rewarded(reward, nearest, ACTIONS[a, 0], ACTIONS[a, 1], critical)
-        if a >= 0 and not frozen:
-            m = first + a
             wanted = rewards[i] + gamma * values[best_of(values)]
-            step = rate * (wanted - forward(inner, inner_bias, outer, outer_bias, m, inputs, i, hidden))
-            if not math.isfinite(step):
+            if not frozen and not learn_one(weights, first + a, inputs, i, hidden, wanted, rate):
                 diverged = i if diverged < 0 else diverged
-                step = 0.0
-            else:
-                back_propagate(inner, inner_bias, outer, outer_bias, m, inputs, i, hidden, step)
+            elif not frozen:
                 lessons[i] += 1
-            values[a] = forward(inner, inner_bias, outer, outer_bias, m, now, 0, hidden)
+            say_values(weights, first + a, now, 0, hidden, values[a : a + 1])
         if not frozen:
             cool(distance, i, temperature, bumps, cooling, bumping, self_adjusting)
         action[i] = -1
@@ -246,3 +185,14 @@ def learn_and_choose(
         for k in range(inputs.shape[1]):
             inputs[i, k] = now[0, k]
     return diverged
+
+
+@compiled
+def learn_one(weights, m, inputs, i, hidden, wanted, rate):
+    """Move Q of what robot i did towards what is wanted; return whether that was finite, else nothing is changed."""
+    inner, inner_bias, outer, outer_bias = weights
+    step = rate * (wanted - forward(inner, inner_bias, outer, outer_bias, m, inputs, i, hidden))
+    if not math.isfinite(step):
+        return False
+    back_propagate(inner, inner_bias, outer, outer_bias, m, inputs, i, hidden, step)
+    return True

@@ -2,13 +2,14 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, shortened
 from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.learning.policy import SensorLayout
+from mesa_swarm.learning.policy import SensorLayout, checked_chances
 
 # What becomes of a wheel's sum: kept within [-1, 1]; full speed ahead or back; a soft limit.
 SQUASHES = ("linear", "threshold", "tanh")
@@ -82,7 +83,7 @@ class ReflexPolicy:
             raise InvalidValueError("hidden or wheel holds weights that are not finite; train them anew")
 
     @classmethod
-    def reflex(cls, sensors: SensorLayout, weights: np.ndarray, squash: str = "linear") -> "ReflexPolicy":
+    def reflex(cls, sensors: SensorLayout, weights: ArrayLike, squash: str = "linear") -> "ReflexPolicy":
         """Return a reflex that somebody thought up, which needs no training: weights (s + 1, 2), no whim."""
         given = np.array(weights, dtype=float)
         if given.shape != (len(sensors) + 1, 2):
@@ -91,7 +92,7 @@ class ReflexPolicy:
         return cls(sensors=sensors, hidden=np.zeros((1, len(wheel[0]), 0)), wheel=wheel, squash=squash, steps=1)
 
     @classmethod
-    def of_genome(cls, sensors: SensorLayout, genome: np.ndarray, *, units: int = 0, **more) -> "ReflexPolicy":
+    def of_genome(cls, sensors: SensorLayout, genome: ArrayLike, *, units: int = 0, **more: Any) -> "ReflexPolicy":
         """Return the policy whose weights are these numbers, row by row: into the hidden units, then to the wheels.
 
         Parameters
@@ -116,9 +117,9 @@ class ReflexPolicy:
 
     def act(
         self,
-        readings: np.ndarray,
-        kinds: np.ndarray,
-        chance: np.ndarray | None = None,
+        readings: ArrayLike,
+        kinds: ArrayLike,
+        chance: ArrayLike | None = None,
         memory: np.ndarray | None = None,
     ) -> np.ndarray:
         """Return wheel commands (n, 2) as shares of max_speed; see `Policy.act`.
@@ -135,9 +136,7 @@ class ReflexPolicy:
         if kept.shape != (len(distance), self.memory):
             raise InvalidValueError(f"memory is {shortened(kept.shape)}; expected {(len(distance), self.memory)}")
         shares = np.empty((len(distance), 2))
-        chances = np.full(len(distance), 0.5) if chance is None else np.asarray(chance, dtype=float)
-        if chances.shape != (len(distance),):
-            raise InvalidValueError(f"chance has shape {chances.shape}; expected ({len(distance)},)")
+        chances = np.full(len(distance), 0.5) if chance is None else checked_chances(chance, len(distance))
         ranges = np.array(self.sensors.ranges)
         react(distance, ranges, self.hidden, self.wheel, SQUASHES.index(self.squash), chances, kept, shares)
         return shares
@@ -157,7 +156,10 @@ class ReflexPolicy:
         """Return the policy of these parts, as a file has them."""
         if sorted(arrays) != sorted(PARTS) or sorted(settings) != ["squash"]:
             raise InvalidValueError(f"a reflex policy has {', '.join(arrays)}; expected {', '.join(PARTS)}")
-        return cls(sensors=sensors, steps=steps, training=training, **settings, **arrays)
+        hidden, wheel = arrays["hidden"], arrays["wheel"]
+        return cls(
+            sensors=sensors, hidden=hidden, wheel=wheel, squash=settings["squash"], steps=steps, training=training
+        )
 
 
 def rows_of(sensors: SensorLayout, units: int) -> int:

@@ -3,11 +3,13 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number, shortened
-from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, boltzmann
+from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, boltzmann, checked_actions
 from mesa_swarm.learning.policy import SensorLayout
 from mesa_swarm.learning.q_policy import QPolicy
 from mesa_swarm.learning.rewards import REWARDS, rewarded
@@ -103,16 +105,17 @@ def reward_profile(kind: str, *, actions: int = 8, critical: float = 0.4, points
     number = REWARDS.index(check_choice("reward", kind, REWARDS))
     critical = check_number("critical", critical, above=0, maximum=1)
     distance = np.linspace(0.0, 1.0, check_count("points", points, minimum=3, maximum=MOST_POINTS))
-    values = np.empty((len(distance), _checked_actions(actions)))
+    values = np.empty((len(distance), checked_actions(actions)))
     marks = []
     for a, (left, right) in enumerate(ACTIONS[: values.shape[1]]):
-
-        def curve(x: float, wheels=(left, right)) -> float:
-            return rewarded(number, float(x), *wheels, critical)
-
+        curve = partial(_reward_at, number, left, right, critical)
         values[:, a] = [curve(x) for x in distance]
         marks += marks_of(curve, distance, ACTION_NAMES[a])
     return Profile(distance, values, None, tuple(sorted(marks, key=_order)))
+
+
+def _reward_at(kind: int, left: float, right: float, critical: float, nearest: float) -> float:
+    return rewarded(kind, float(nearest), left, right, critical)
 
 
 def marks_of(curve: Callable[[float], float], distance: np.ndarray, name: str) -> list[Mark]:
@@ -139,14 +142,18 @@ def _narrowed(curve: Callable[[float], float], low: float, high: float) -> tuple
 
 
 def _plateaus(distance: np.ndarray, values: list[float], leaps: list[float], name: str) -> list[Mark]:
-    level = np.concatenate([[False], np.abs(np.diff(values)) < LEVEL, [False]])
-    first, last = np.flatnonzero(np.diff(level.astype(int)) == 1), np.flatnonzero(np.diff(level.astype(int)) == -1)
     marks = []
-    for i, j in zip(first, last, strict=True):
+    for i, j in _stretches(np.abs(np.diff(values)) < LEVEL):
         before = [leap for leap in leaps if distance[max(i - 1, 0)] <= leap <= distance[i]]
         start = before[0] if before else float(distance[i])
         marks.append(Mark("plateau", start, float(distance[j]), name))
     return marks
+
+
+def _stretches(so: np.ndarray) -> list[tuple[int, int]]:
+    """Return where something begins to be so, and where it no longer is."""
+    edges = np.diff(np.concatenate([[False], so, [False]]).astype(int))
+    return list(zip(np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist(), strict=True))
 
 
 def learned_profile(
@@ -204,7 +211,7 @@ def learned_profile(
     return Profile(distance, values, shares, tuple(_decisions(distance, values, shares)))
 
 
-def wall_readings(design: RobotDesign, gaps: np.ndarray, wall_degrees: float = 0.0) -> np.ndarray:
+def wall_readings(design: RobotDesign, gaps: ArrayLike, wall_degrees: float = 0.0) -> np.ndarray:
     """Return what proximity sensors read of an endless flat wall, -1 beyond their range (p, s).
 
     Parameters
@@ -223,13 +230,14 @@ def wall_readings(design: RobotDesign, gaps: np.ndarray, wall_degrees: float = 0
     """
     towards = math.radians(check_number("wall_degrees", wall_degrees, minimum=-180, maximum=180))
     normal = np.array([math.cos(towards), math.sin(towards)])
-    readings = np.full((len(gaps), len(SensorLayout.of(design))), -1.0)
+    away = design.radius + np.asarray(gaps, float)
+    readings = np.full((len(away), len(SensorLayout.of(design))), -1.0)
     for s, sensor in enumerate(design.proximity):
         bearing = math.radians(sensor.bearing_degrees)
         off = abs(math.remainder(bearing - towards, math.tau)) - math.radians(sensor.field_of_view_degrees) / 2
         facing = math.cos(max(off, 0.0))
         if facing > LEVEL:
-            along = (design.radius + np.asarray(gaps, float) - np.dot(mount_of(sensor, design.radius), normal)) / facing
+            along = (away - np.dot(mount_of(sensor, design.radius), normal)) / facing
             readings[:, s] = np.where(along <= sensor.range, np.maximum(along, 0.0), -1.0)
     return readings
 
@@ -240,17 +248,10 @@ def _decisions(distance: np.ndarray, values: np.ndarray, shares: np.ndarray) -> 
         Mark("switch", float(distance[i + 1]), float(distance[i + 1]), ACTION_NAMES[best[i + 1]])
         for i in np.flatnonzero(np.diff(best))
     ]
-    doubt = np.concatenate([[False], shares.max(axis=1) < 0.5, [False]]).astype(int)
-    for i, j in zip(np.flatnonzero(np.diff(doubt) == 1), np.flatnonzero(np.diff(doubt) == -1), strict=True):
+    for i, j in _stretches(shares.max(axis=1) < 0.5):
         marks.append(Mark("undecided", float(distance[i]), float(distance[j - 1]), ACTION_NAMES[best[i]]))
     return sorted(marks, key=_order)
 
 
-def _order(mark: Mark) -> tuple:
+def _order(mark: Mark) -> tuple[float, int, int]:
     return mark.start, ("leap", "switch", "undecided", "plateau").index(mark.kind), ACTION_NAMES.index(mark.action)
-
-
-def _checked_actions(actions: int) -> int:
-    if actions not in (4, 8):
-        raise InvalidValueError(f"actions is {shortened(actions)}; expected 4 or 8")
-    return int(actions)

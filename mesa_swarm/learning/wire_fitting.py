@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mesa_swarm.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.geometry.compiled import compiled
@@ -12,7 +13,7 @@ TINY = 0.01
 
 
 def wire_value(
-    action: np.ndarray, wires: np.ndarray, values: np.ndarray, *, smoothing: float = SMOOTHING, tiny: float = TINY
+    action: ArrayLike, wires: ArrayLike, values: ArrayLike, *, smoothing: float = SMOOTHING, tiny: float = TINY
 ) -> tuple[float, np.ndarray, np.ndarray]:
     """Return what an action is worth, and how that changes with the wires and their values.
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
+from mesa_swarm.errors import check_count, check_number
 from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.learning.actions import best_of, chosen, ranges_of, write_inputs
+from mesa_swarm.learning.actions import best_of, chosen, write_inputs
 from mesa_swarm.learning.learner import Learner, cool
 from mesa_swarm.learning.networks import back_propagate
-from mesa_swarm.learning.rewards import REWARDS, rewarded
+from mesa_swarm.learning.rewards import rewarded
 from mesa_swarm.learning.wire_fitting import SMOOTHING, TINY, interpolate
 from mesa_swarm.learning.wire_policy import OUTPUTS, STARTS, WirePolicy, propose
 from mesa_swarm.robots.swarm import Swarm
@@ -51,20 +51,6 @@ self_adjusting, bump_rate, bump_window, bump_distance, frozen
     wires: int = 4
     jitter: float = 0.2
     reward: str = "c"
-    encoding: str = "distance"
-    alpha: float = 0.4
-    eta: float = 0.1
-    gamma: float = 0.7
-    beta: float = 1e-4
-    first_temperature: float = 1.0
-    last_temperature: float = 0.2
-    critical: float = 0.4
-    shared: bool = False
-    self_adjusting: bool = False
-    bump_rate: float = 0.02
-    bump_window: int = 1000
-    bump_distance: float = 0.5
-    frozen: bool = False
     start: WirePolicy | None = None
     name: str = "WireFittedQ"
 
@@ -73,15 +59,12 @@ self_adjusting, bump_rate, bump_window, bump_distance, frozen
         check_count("wires", self.wires, minimum=1, maximum=len(STARTS))
         check_number("jitter", self.jitter, minimum=0, maximum=10)
         self._check_rates()
-        start = self.start
-        if start is not None and not isinstance(start, WirePolicy):
-            raise InvalidValueError(f"start is {shortened(start)}; expected a WirePolicy, as load_policy() returns it")
-        if start is not None and (start.wires, start.encoding) != (self.wires, self.encoding):
-            raise InvalidValueError(f"start has {start.wires} wires, encoding {start.encoding!r}; expected the same")
+        self._check_start(WirePolicy, self.wires)
 
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
         """Remember each robot's networks, its last inputs, action and reward, its temperature and recent bumps."""
-        self._remember(swarm, prefix, rng, OUTPUTS * self.wires, {"action": ((2,), np.float64, math.nan)})
+        self._remember(swarm, prefix, rng, OUTPUTS * self.wires)
+        swarm.remember(f"{prefix}.action", (2,), np.float64, math.nan)
 
     def policy(self, **training: str | float) -> WirePolicy:
         """Return what the robots have learned so far as a policy that no longer learns; see `QLearning.policy`."""
@@ -95,36 +78,9 @@ self_adjusting, bump_rate, bump_window, bump_distance, frozen
         LearningError
             If what a robot has learned is no longer finite; all that was learned before is kept.
         """
-        robots = len(layer)
-        self._memory.give_birth(self._rng, self.shared)
-        inputs = self._column("inputs")
-        diverged = learn_wires(
-            senses.distance,
-            senses.kind,
-            ranges_of(senses.sensors),
-            senses.design,
-            senses.max_speed,
-            self._memory.weights,
-            inputs.reshape(robots, math.prod(inputs.shape[1:])),
-            self._column("action"),
-            self._column("lessons"),
-            tuple(map(self._column, ("reward", "temperature", "bumps"))),
-            self._rng.random(robots),
-            self.jitter * self._rng.normal(size=(robots, 2)),
-            REWARDS.index(self.reward),
-            (float(self.alpha * self.eta), float(self.gamma), float(self.critical)),
-            (float(self.beta), float(self.first_temperature), float(self.last_temperature)),
-            (float(self.bump_rate), 1.0 / self.bump_window, float(self.bump_distance)),
-            (bool(self.shared), bool(self.self_adjusting), bool(self.frozen)),
-            self.wires,
-            command,
-            layer,
-            index,
-        )
-        if self.shared and not self.frozen:
-            self._memory.share()
-        if diverged >= 0:
-            raise self._divergence(diverged)
+        known = self._known(senses)
+        errors = self.jitter * self._rng.normal(size=(len(layer), 2))
+        self._end_lesson(learn_wires(*known, errors, self.wires, command, layer, index))
 
     def worth(self, row: int) -> list[tuple[str, float]]:
         """Return what each wire is worth to a robot where it was when it chose last; see `QLearning.worth`."""
@@ -140,8 +96,8 @@ self_adjusting, bump_rate, bump_window, bump_distance, frozen
 
 @compiled
 def learn_wires(
-    distance, kind, ranges, design, max_speed, weights, inputs, action, lessons, memory, chance, errors,
-    reward, rates, cooling, bumping, options, wires, command, layer, index,
+    distance, kind, ranges, design, max_speed, weights, inputs, action, lessons, memory, chance,
+    reward, rates, cooling, bumping, options, errors, wires, command, layer, index,
 ):  # fmt: skip
     """Learn from the last action and choose the next; return a robot whose values are not finite, or -1."""
     rewards, temperature, bumps = memory

@@ -4,9 +4,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from time import perf_counter
 
-from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.experiments.compare import checked_jobs
-from mesa_swarm.experiments.files import check_writable, write_whole
+from mesa_swarm.experiments.files import check_writable, checked_file, write_whole
 from mesa_swarm.experiments.pictures import png
 from mesa_swarm.reproduction.drawing import svg
 from mesa_swarm.reproduction.laboratory import Laboratory
@@ -50,7 +49,7 @@ def reproduce(
     chosen = chosen_items(figures)
     workers, folder = checked_jobs(jobs), check_writable(out)
     if report_to is not None:
-        check_report(report_to)
+        checked_file(report_to, ".md", "report")
     with Laboratory(folder, quick=quick, jobs=workers, progress=progress) as laboratory:
         try:
             made = [announced(one, folder) for one in made_by(laboratory, chosen)]
@@ -73,18 +72,6 @@ def chosen_items(figures: Sequence[str]) -> list[Item]:
     """
     wanted = {find_item(figure).figure for figure in figures}
     return [item for item in items().values() if item.figure in wanted or not figures]
-
-
-def check_report(path: Path) -> None:
-    """Refuse a page that is none.
-
-    Raises
-    ------
-    InvalidValueError
-    """
-    if path.suffix.lower() != ".md":
-        raise InvalidValueError(f"report is {str(path)!r:.80}; expected the name of a .md file")
-    check_writable(path.parent)
 
 
 def made_by(laboratory: Laboratory, chosen: Sequence[Item]) -> Iterator[Made]:

@@ -1,7 +1,7 @@
 """What the pictures of all results share: figures with plain axes, means with their spread, files."""
 
 import io
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import matplotlib
 import numpy as np
@@ -9,11 +9,13 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import StrMethodFormatter
+from numpy.typing import ArrayLike
 
 from mesa_swarm.experiments.figures import COLOURS
 from mesa_swarm.experiments.pictures import draw_world, legend_of
 from mesa_swarm.experiments.portrait import portrait_of
 from mesa_swarm.experiments.statistics import mean_interval
+from mesa_swarm.model import SwarmModel
 
 # Long lines are drawn by so many points: more cannot be seen.
 MOST_POINTS = 1000
@@ -46,16 +48,17 @@ def count_steps(axes: Axes) -> None:
     axes.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
 
 
-def draw_bundle(axes: Axes, x: Sequence[float], curves: np.ndarray, colour: str, label: str) -> None:
+def draw_bundle(axes: Axes, x: ArrayLike, curves: np.ndarray, colour: str, label: str) -> None:
     """Draw curves, a row each, faintly, and their mean over them."""
-    thin = slice(None, None, max(1, len(x) // MOST_POINTS))
-    axes.plot(np.asarray(x)[thin], curves[:, thin].T, color=colour, alpha=FAINT, linewidth=0.6)
-    axes.plot(np.asarray(x)[thin], curves.mean(axis=0)[thin], color=colour, linewidth=2.0, label=label)
+    thin = slice(None, None, max(1, curves.shape[1] // MOST_POINTS))
+    shown = np.asarray(x)[thin]
+    axes.plot(shown, curves[:, thin].T, color=colour, alpha=FAINT, linewidth=0.6)
+    axes.plot(shown, curves.mean(axis=0)[thin], color=colour, linewidth=2.0, label=label)
 
 
-def draw_means(axes: Axes, x: Sequence[float], columns: Sequence[Sequence[float | None]], label: str, i: int) -> None:
-    """Draw the mean of every column with its 95 % interval, joined by a line; None is left out."""
-    intervals = [mean_interval([value for value in column if value is not None]) for column in columns]
+def draw_means(axes: Axes, x: ArrayLike, samples: Iterable[Iterable[float | None]], label: str, i: int) -> None:
+    """Draw the mean of every sample with its 95 % interval, joined by a line; None is left out."""
+    intervals = [mean_interval([value for value in sample if value is not None]) for sample in samples]
     means = np.array([interval.estimate for interval in intervals])
     reach = np.array([[m.estimate - m.low, m.high - m.estimate] for m in intervals]).T
     style = "os^vD"[i % 5] + "-"
@@ -63,7 +66,7 @@ def draw_means(axes: Axes, x: Sequence[float], columns: Sequence[Sequence[float 
     axes.errorbar(x, means, np.nan_to_num(reach), fmt=style, color=colour, markersize=5, capsize=3, label=label)
 
 
-def world_picture(model, title: str, *, perceived: bool = False, sectors: bool = False) -> Figure:
+def world_picture(model: SwarmModel, title: str, *, perceived: bool = False) -> Figure:
     """Return a picture of a model's world as it is now, with its legend.
 
     Examples
@@ -75,7 +78,7 @@ def world_picture(model, title: str, *, perceived: bool = False, sectors: bool =
     portrait = portrait_of(model, perceived=perceived)
     figure = Figure(figsize=(7.0, 6.0), layout="constrained")
     axes = figure.add_subplot()
-    draw_world(portrait, axes, sectors)
+    draw_world(portrait, axes)
     axes.set_title(title, fontsize=11)
     entries = legend_of(portrait)
     if entries:

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from mesa_swarm.experiments.figures import fires_figure
 from mesa_swarm.experiments.portrait import portrait_of
@@ -18,6 +19,7 @@ from mesa_swarm.reproduction.registry import Item
 from mesa_swarm.reproduction.result import Check, Result
 from mesa_swarm.reproduction.strategy_map import (
     REST,
+    Cell,
     cells_figure,
     compared,
     winners_in_words,
@@ -168,7 +170,7 @@ def strategy_b(laboratory: Laboratory) -> Result:
     )
 
 
-def everywhere(claim: str, cells: list, wanted: Callable) -> Check:
+def everywhere(claim: str, cells: list[Cell], wanted: Callable[[Cell], bool]) -> Check:
     """Judge whether A is clearly better in none of the cells that are wanted."""
     chosen = [cell for cell in cells if wanted(cell)]
     count = {side: sum(cell.winner == side for cell in chosen) for side in ("A", "B", "")}
@@ -195,7 +197,7 @@ def paired_in_words(leaving: list[dict], waiting: list[dict]) -> str:
     )
 
 
-def history_figure(laboratory: Laboratory, strategy: str):
+def history_figure(laboratory: Laboratory, strategy: str) -> Figure:
     """Return a figure of the robots at each fire over time, for the first seed."""
     model = fire_model(1, strategy).run(laboratory.pick(6_000, 600))
     return fires_figure({f"strategy {strategy}, seed 1, fire {LARGEST + 1} is the large one": portrait_of(model)})

@@ -8,6 +8,7 @@ import numpy as np
 
 from mesa_swarm.fire import design_constants
 from mesa_swarm.gallery import find_model
+from mesa_swarm.model import SwarmModel
 from mesa_swarm.world.map import Map
 
 MOST_STEPS = 15_000
@@ -57,7 +58,7 @@ def fire_run(
     }
 
 
-def fire_model(rng: int, strategy: str, robots: int = 10, size: float = 1.0, rest: float = 60.0):
+def fire_model(rng: int, strategy: str, robots: int = 10, size: float = 1.0, rest: float = 60.0) -> SwarmModel:
     """Return the model of a run before its first step.
 
     Examples
@@ -79,7 +80,7 @@ def grown_map(size: float) -> Map | str:
     if size == 1.0:
         return "openspace_fire"
     plain = Map.load("openspace_fire")
-    fires = [replace(fire, radius=fire.radius * size**0.5) for fire in plain.fires]
+    fires = tuple(replace(fire, radius=fire.radius * size**0.5) for fire in plain.fires)
     return replace(plain, name=f"openspace_fire times {size:g}", fires=fires)
 
 

@@ -9,16 +9,18 @@ from hashlib import blake2b
 from importlib import import_module
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
+from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.experiments.experiment import Outcome
 from mesa_swarm.experiments.ledger import Ledger
-from mesa_swarm.experiments.pool import on_all
+from mesa_swarm.experiments.pool import results_of
 from mesa_swarm.gallery import PACKAGE as MODELS
 from mesa_swarm.progress import progress_bar
 
 Numbers = dict[str, Any]
 Run = Callable[..., Numbers]
+Choice = TypeVar("Choice")
 DATA = "runs.jsonl"
 # What decides what comes of a run; pictures and verdicts may change without runs being done again.
 ENGINE = ("geometry", "world", "robots", "physics", "control", "fire", "learning", "analysis")
@@ -67,7 +69,7 @@ class Laboratory:
         """Close the file in which runs are kept."""
         self._ledger.close()
 
-    def pick(self, full: Any, quick: Any) -> Any:
+    def pick(self, full: Choice, quick: Choice) -> Choice:
         """Return the first, or the second where quick is enough."""
         return quick if self.quick else full
 
@@ -101,15 +103,17 @@ class Laboratory:
 
     def _make(self, run: Run, tasks: dict[str, tuple[dict, int]], workers: int) -> None:
         calls = ((key, run, settings, rng) for key, (settings, rng) in tasks.items())
-        done = on_all(workers, made, calls) if workers > 1 else (made(*call) for call in calls)
         with progress_bar(len(tasks), "runs", self.progress and bool(tasks)) as bar:
-            for key, numbers in done:
+            for key, numbers in results_of(workers, made, calls):
                 self._ledger.append(key, Outcome(results=numbers))
                 self.made += 1
                 bar.update()
 
     def _kept(self, run: Run, point: Mapping[str, Any], rng: int) -> Numbers:
-        return self._ledger.outcome(key_of(run, point, rng)).results
+        outcome = self._ledger.outcome(key_of(run, point, rng))
+        if outcome is None or outcome.results is None:
+            raise InvalidValueError(f"{self._ledger.path} says nothing of a run that was kept in it; remove the file")
+        return outcome.results
 
 
 def made(key: str, run: Run, settings: dict, rng: int) -> tuple[str, Numbers]:
@@ -147,7 +151,8 @@ def engine_hash() -> str:
     package = Path(__file__).parent.parent
     models = Path(next(iter(import_module(MODELS).__path__)))
     folders = [package / name for name in ENGINE] + [models]
-    files = [path for folder in folders for path in sorted(folder.glob("*.py"))] + sorted(package.glob("*model*.py"))
+    files = [path for folder in folders for path in sorted(folder.glob("*.py"))]
+    files += [*sorted(package.glob("*model*.py")), package / "observed_world.py", package / "streams.py"]
     return blake2b("".join(_file(path) for path in files).encode(), digest_size=16).hexdigest()
 
 

@@ -29,7 +29,7 @@ ROUNDING = 1e-9
 
 def temperatures(laboratory: Laboratory) -> Result:
     """Make figure 8.1: how T falls."""
-    steps = np.arange(0, STEPS + 1, 100)
+    steps = range(0, STEPS + 1, 100)
     run = laboratory.pick(2_000, 200)
     learned = float(find_model("q_learning")(n_robots=1, beta=FAST, rng=1).run(run).learner.temperature[0])
     # In its first step a robot has nothing to learn from yet.
@@ -100,7 +100,7 @@ def runs_of(laboratory: Laboratory, robots: int, beta: float) -> list[dict]:
     return laboratory.runs(learning_run, seeds, steps=steps, n_robots=robots, beta=beta)
 
 
-def falling(rows: list[dict], share: float, main: bool = True) -> Check:
+def falling(rows: list[dict], share: float) -> Check:
     """Judge whether collisions of the end are at most a share of those of the start, in the mean of runs."""
     early, late = column(rows, "early"), column(rows, "late")
     return judged_difference(
@@ -109,19 +109,13 @@ def falling(rows: list[dict], share: float, main: bool = True) -> Check:
         late,
         [share * value for value in early],
         names=("last 3,000 steps", f"{share:.0%} of the first 1,000"),
-        main=main,
     )
 
 
-def with_temperature(rows: list[dict], main: bool = True) -> Check:
+def with_temperature(rows: list[dict]) -> Check:
     """Judge whether collisions go with T over a run."""
-    return judged_mean(
-        "collisions go with T: correlation over a run",
-        "correlate",
-        column(rows, "with temperature"),
-        low=0.0,
-        main=main,
-    )
+    values = column(rows, "with temperature")
+    return judged_mean("collisions go with T: correlation over a run", "correlate", values, low=0.0)
 
 
 def frequency(laboratory: Laboratory, robots: int, beta: float, share: float) -> Result:

@@ -21,7 +21,6 @@ RECTANGLES = (
 DISCS = ((650, 160, 30), (650, 360, 30), (300, 450, 50))
 LISTED = {"original": len(RECTANGLES) + len(DISCS)}
 FIRES = 7
-CLOSE = 1e-9
 
 
 def boxes(shapes: tuple[Shape, ...]) -> set[tuple[float, ...]]:

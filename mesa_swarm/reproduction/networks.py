@@ -1,6 +1,7 @@
 """Figures 6.3 and 7.3: small networks that fit noisy points, and Boltzmann's choice."""
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from mesa_swarm.learning.actions import boltzmann
 from mesa_swarm.learning.networks import fit
@@ -55,7 +56,7 @@ def regression(laboratory: Laboratory) -> Result:
     )
 
 
-def regression_figure(networks: int):
+def regression_figure(networks: int) -> Figure:
     """Return a figure of the points, the best and the worst of some networks."""
     rng = np.random.default_rng(6)
     x, y = noisy_points(rng, our_curve)

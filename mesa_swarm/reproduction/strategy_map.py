@@ -3,8 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from matplotlib.axes import Axes
 from matplotlib.colors import TwoSlopeNorm
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 
 from mesa_swarm.experiments.statistics import Interval, mean_interval, paired_difference
 from mesa_swarm.experiments.tables import in_words
@@ -90,8 +92,8 @@ def cell_of(place: dict, leaving: Sequence[dict], waiting: Sequence[dict]) -> Ce
     """
     more, _ = paired_difference(column(leaving, "out"), column(waiting, "out"))
     sooner, pairs = paired_difference(column(waiting, "all out at"), column(leaving, "all out at"))
-    out = tuple(mean_interval(column(rows, "out")).estimate for rows in (leaving, waiting))
-    return Cell(**place, out=out, more=more, sooner=sooner, pairs=pairs)
+    left, waited = (mean_interval(column(rows, "out")).estimate for rows in (leaving, waiting))
+    return Cell(**place, out=(left, waited), more=more, sooner=sooner, pairs=pairs)
 
 
 def cells_figure(cells: Sequence[Cell]) -> Figure:
@@ -108,7 +110,7 @@ def cells_figure(cells: Sequence[Cell]) -> Figure:
     return figure
 
 
-def draw_panel(axes, cells: Sequence[Cell]):
+def draw_panel(axes: Axes, cells: Sequence[Cell]) -> AxesImage:
     """Draw the cells of one size, each with who wins and by how many fires."""
     robots, rests = sorted({cell.robots for cell in cells}), sorted({cell.rest for cell in cells})
     place = {(cell.rest, cell.robots): cell for cell in cells}
@@ -118,7 +120,7 @@ def draw_panel(axes, cells: Sequence[Cell]):
         for x, n in enumerate(robots):
             cell = place[rest, n]
             axes.text(x, y, f"{cell.winner or '='}\n{cell.more.estimate:+.1f}", ha="center", va="center", fontsize=8)
-    axes.set_xticks(range(len(robots)), robots)
+    axes.set_xticks(range(len(robots)), [str(n) for n in robots])
     axes.set_yticks(range(len(rests)), [f"{rest:g}" for rest in rests])
     axes.set_xlabel("robots")
     return shown

@@ -1,5 +1,7 @@
 """Runs of one and of many robots (thesis 5.3) that return numbers."""
 
+from typing import Any
+
 import numpy as np
 
 from mesa_swarm.analysis import (
@@ -12,6 +14,7 @@ from mesa_swarm.analysis import (
     reachable_cells,
 )
 from mesa_swarm.gallery import find_model
+from mesa_swarm.model import SwarmModel
 
 Numbers = dict[str, float | None]
 # Who stands within this distance of another is in one group with it, whatever made the group.
@@ -24,8 +27,6 @@ EARLY, LATE = 1_000, 3_000
 SMALL = 3
 # Of the map openspace, within its walls.
 INNER_AREA = 760.0 * 560.0
-
-
 # A robot that sees all that is ahead of it, is quick, and turns on the spot where it would else touch something.
 EXPLORER = {
     "n_robots": 1,
@@ -37,7 +38,7 @@ EXPLORER = {
 }
 
 
-def exploration_run(rng: int, steps: int = 60_000, **settings) -> Numbers:
+def exploration_run(rng: int, steps: int = 60_000, **settings: Any) -> Numbers:
     """Let one robot explore the map `original`; return which share of the cells within its reach it visited.
 
     Cells are those of a 40 x 40 grid in which the robot's centre can be. The robot is the `EXPLORER`, if the
@@ -60,7 +61,7 @@ def exploration_run(rng: int, steps: int = 60_000, **settings) -> Numbers:
     }
 
 
-def agglomeration_run(rng: int, **settings) -> Numbers:
+def agglomeration_run(rng: int, **settings: Any) -> Numbers:
     """Let robots agglomerate; return their spacing relative to the start, groups, and who keeps together.
 
     Examples
@@ -84,7 +85,7 @@ def agglomeration_run(rng: int, **settings) -> Numbers:
     return known(numbers)
 
 
-def kept_while(model, until: int) -> float:
+def kept_while(model: SwarmModel, until: int) -> float:
     """Run a model until a step; return the share of pairs in one group that still were after the last 200 steps."""
     model.run(until - WINDOW - model.steps)
     before = clusters(model.swarm.position, GROUP).label
@@ -92,7 +93,7 @@ def kept_while(model, until: int) -> float:
     return kept_together(before, clusters(model.swarm.position, GROUP).label)
 
 
-def chain_run(rng: int, **settings) -> Numbers:
+def chain_run(rng: int, **settings: Any) -> Numbers:
     """Let robots form chains; return how long they are, what became of head-on meetings, and who keeps together.
 
     Lengths and shares are means over the 200 steps before step 1,000 and before step 3,000.

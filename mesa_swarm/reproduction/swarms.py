@@ -1,5 +1,7 @@
 """Figures 5.5 to 5.10: one robot that explores, robots that gather, robots that make chains."""
 
+from matplotlib.figure import Figure
+
 from mesa_swarm.experiments.run_pictures import trace
 from mesa_swarm.gallery import find_model
 from mesa_swarm.reproduction.drawing import column, world_picture
@@ -34,21 +36,38 @@ def exploration(laboratory: Laboratory) -> Result:
     steps, seeds = laboratory.pick(EXPLORING_STEPS, 3_000), laboratory.seeds(EXPLORING_SEEDS)
     points = [{}, SLOW, {**SLOW, "turn_interval": 200}]
     quick, slow, turning = laboratory.grid(exploration_run, [{**p, "steps": steps} for p in points], seeds)
-    checks = (
+    model = find_model("collision_avoidance")(rng=1, **EXPLORER)
+    return Result(
+        checks=(*explorer_checks(quick), *plain_robot_checks(slow, turning)),
+        pictures={"": trace(model, laboratory.pick(TRACED_STEPS, 3_000))},
+        settings=(
+            f"map original, {steps:,} steps; WIDE3, max_speed 4, distance 7, spot_distance 3.5; a cell of a "
+            "40 x 40 grid counts where the robot's centre can be"
+        ),
+        remarks=(
+            "A robot sees nearly everything if it sees all that is ahead, turns on the spot before it would touch "
+            "something, and has way enough. A plain one falls into an orbit.",
+        ),
+    )
+
+
+def explorer_checks(rows: list[dict]) -> list[Check]:
+    """Return what is claimed of the one robot."""
+    return [
         judged_share(
             "one robot reaches all areas of the map (95 % of the cells), in most runs",
             "trace through all areas (one run)",
-            [share >= NEARLY_ALL for share in column(quick, "coverage")],
+            [share >= NEARLY_ALL for share in column(rows, "coverage")],
             low=0.5,
         ),
-        judged_mean(
-            "in the mean of runs it does",
-            "one run",
-            column(quick, "coverage"),
-            low=NEARLY_ALL,
-            main=False,
-        ),
-        judged_mean("it collides with nothing", "no collisions", column(quick, "collisions"), high=0),
+        judged_mean("in the mean of runs it does", "one run", column(rows, "coverage"), low=NEARLY_ALL, main=False),
+        judged_mean("it collides with nothing", "no collisions", column(rows, "collisions"), high=0),
+    ]
+
+
+def plain_robot_checks(slow: list[dict], turning: list[dict]) -> list[Check]:
+    """Return whether a robot like those of the other figures reaches as much, without and with random turns."""
+    return [
         judged_mean(
             "so does a plain robot (AGENT9, speed 1, distance 15)",
             "trace through all areas",
@@ -64,20 +83,7 @@ def exploration(laboratory: Laboratory) -> Result:
             names=("without", "with"),
             main=False,
         ),
-    )
-    model = find_model("collision_avoidance")(rng=1, **EXPLORER)
-    return Result(
-        checks=checks,
-        pictures={"": trace(model, laboratory.pick(TRACED_STEPS, 3_000))},
-        settings=(
-            f"map original, {steps:,} steps; WIDE3, max_speed 4, distance 7, spot_distance 3.5; a cell of a "
-            "40 x 40 grid counts where the robot's centre can be"
-        ),
-        remarks=(
-            "A robot sees nearly everything if it sees all that is ahead, turns on the spot before it would touch "
-            "something, and has way enough. A plain one falls into an orbit.",
-        ),
-    )
+    ]
 
 
 def gathering_start(laboratory: Laboratory) -> Result:
@@ -145,7 +151,7 @@ def gathering_checks(rows: list[dict], step: int) -> list[Check]:
     ]
 
 
-def gathering_picture(step: int):
+def gathering_picture(step: int) -> Figure:
     """Return a picture of agglomerating robots at a step, with lines to what each perceives."""
     model = find_model("agglomeration")(rng=1).run(step)
     return world_picture(model, f"Agglomeration, step {model.steps:,}", perceived=True)
@@ -182,22 +188,31 @@ def chains_late(laboratory: Laboratory) -> Result:
     """Make figure 5.10: chains have merged, and what their two rules do."""
     seeds = laboratory.seeds(SEEDS)
     rows, loose, leading = laboratory.grid(chain_run, [{}, {"gap_rule": "off"}, {"head_on": "on"}], seeds)
-    checks = (
-        judged_difference(
-            "chains go on merging",
-            "longer later",
-            column(rows, f"length at {EARLY}"),
-            column(rows, f"length at {LATE}"),
-            names=("robots a chain at 1,000", "at 3,000"),
-        ),
-        judged_difference(
-            "the rule that followers hurry makes chains longer",
-            "without it chains break",
-            column(loose, f"length at {LATE}"),
-            column(rows, f"length at {LATE}"),
-            names=("without", "with"),
-            main=False,
-        ),
+    merging = judged_difference(
+        "chains go on merging",
+        "longer later",
+        column(rows, f"length at {EARLY}"),
+        column(rows, f"length at {LATE}"),
+        names=("robots a chain at 1,000", "at 3,000"),
+    )
+    hurrying = judged_difference(
+        "the rule that followers hurry makes chains longer",
+        "without it chains break",
+        column(loose, f"length at {LATE}"),
+        column(rows, f"length at {LATE}"),
+        names=("without", "with"),
+        main=False,
+    )
+    return Result(
+        checks=(merging, hurrying, *head_on_checks(rows, leading)),
+        pictures={"": chain_picture(laboratory.pick(LATE, 200))},
+        settings=CHAINING,
+    )
+
+
+def head_on_checks(rows: list[dict], leading: list[dict]) -> list[Check]:
+    """Return what is claimed of chains that meet head-on, without and with the rule that one of them leads."""
+    return [
         judged_mean(
             "head-on pairs approach, then disperse: share of meetings",
             "seen",
@@ -221,11 +236,10 @@ def chains_late(laboratory: Laboratory) -> Result:
             names=("without", "with"),
             main=False,
         ),
-    )
-    return Result(checks=checks, pictures={"": chain_picture(laboratory.pick(LATE, 200))}, settings=CHAINING)
+    ]
 
 
-def chain_picture(step: int):
+def chain_picture(step: int) -> Figure:
     """Return a picture of robots in chains at a step."""
     model = find_model("chain_formation")(rng=1).run(step)
     return world_picture(model, f"Chain formation, step {model.steps:,}")

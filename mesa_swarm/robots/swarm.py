@@ -216,7 +216,7 @@ class Swarm:
         met[(kinds == kind) & (met == index)] = BORDER
         met[(kinds == kind) & (met > index)] -= 1
 
-    def remember(self, name: str, shape: tuple[int, ...], dtype: type, initial: object) -> np.ndarray:
+    def remember(self, name: str, shape: tuple[int | str, ...], dtype: type, initial: object) -> np.ndarray:
         """Return the column in which a layer keeps what it remembers of each robot, made if it is new."""
         if name not in self.columns:
             self._memory[name] = (shape, dtype, initial)

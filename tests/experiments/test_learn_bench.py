@@ -1,5 +1,6 @@
 """The benchmark of learning: measures what it says, goes on where it was, and refuses what is wrong."""
 
+import ast
 import json
 
 import numpy as np
@@ -158,3 +159,16 @@ def test_what_is_no_benchmark_is_refused_in_one_line(wrong):
 def test_who_takes_part_does_not_depend_on_the_order_in_which_they_are_named():
     assert brief(only=("Hebbian", "random")).names == ["random", "Hebbian"]
     assert brief().key("random", 1) == Benchmark(**BRIEF).key("random", 1) != brief().key("random", 2)
+
+
+def test_trainings_are_done_again_when_code_changes_that_trains_drives_or_measures():
+    kept = {name.split("/")[0] for name in bench.SOURCES}
+    files = [bench.PACKAGE / name for name in bench.SOURCES if name.startswith("experiments/")]
+    nodes = [node for file in files for node in ast.walk(ast.parse(file.read_text()))]
+    used = {
+        node.module.split(".")[1] for node in nodes if isinstance(node, ast.ImportFrom) and "mesa_swarm" in node.module
+    }
+    parts = {part if (bench.PACKAGE / part).is_dir() else f"{part}.py" for part in used}
+    assert "analysis" in parts
+    assert parts - kept == {"errors.py", "progress.py"}
+    assert all((bench.PACKAGE / name).exists() for name in bench.SOURCES)

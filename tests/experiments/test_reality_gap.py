@@ -41,6 +41,7 @@ def test_the_parameter_that_a_model_compares_may_be_set():
         ({"dial": (1, 0)}, InvalidValueError, "expected at least two rising places"),
         ({"preset": "mesured"}, UnknownNameError, "did you mean 'measured'"),
         ({"measure": "group"}, UnknownNameError, "did you mean 'groups'"),
+        ({"jobs": 0}, InvalidValueError, "or -1 for one on each core"),
     ],
 )
 def test_what_is_wrong_is_refused(more, error, words):

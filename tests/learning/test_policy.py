@@ -118,6 +118,13 @@ def test_one_robots_knowledge_can_be_shared_with_all(policy):
     assert (networks == policy.networks.inner[8:16]).all()
 
 
+@pytest.mark.parametrize("chance", [[0.5], [[0.5, 0.5]], ["a", "b"]])
+def test_chances_that_are_not_a_number_a_robot_are_refused(policy, chance):
+    readings, kinds = np.full((2, 9), -1.0), np.full((2, 9), -1)
+    with pytest.raises(InvalidValueError, match=r"^chance (has shape .*; expected \(2,\)|is .*; expected 2 numbers)"):
+        policy.act(readings, kinds, chance)
+
+
 def test_an_untrained_policy_refuses_unless_told_to_explore():
     policy = QPolicy.untrained(AGENT9, rng=np.random.default_rng(1))
     with pytest.raises(LearningError, match="the policy is untrained"):
