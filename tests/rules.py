@@ -15,6 +15,16 @@ def timid(me, distance=20.0):
     return PASS
 
 
+def slowly(function):
+    """Return the same rule in a form that Numba refuses."""
+
+    def slow(me):
+        SEEN.append(f"{me.radius}")
+        return function(me)
+
+    return slow
+
+
 def facing_a_disc():
     model = empty()
     model.add_obstacle(disc((222, 150), 5))

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rules import SEEN, facing_a_disc, step_with, timid, wander
+from rules import SEEN, facing_a_disc, slowly, step_with, timid, wander
 
 from mesa_swarm import AGENT9
 from mesa_swarm.control import PASS, Explore, Subsumption, behaviour
@@ -35,13 +35,15 @@ def test_a_rule_drives_the_robot_where_it_has_something_to_say_and_passes_otherw
     assert model.swarm.layer.tolist() == [1]
 
 
+@pytest.mark.filterwarnings("ignore::mesa_swarm.errors.UncompiledBehaviourWarning")
 def test_a_compiled_rule_does_what_the_plain_function_does():
-    model, _ = facing_a_disc()
-    model.control = Subsumption(timid(distance=13.0), Explore())
-    for _ in range(20):
-        model.step()
-        ahead = model.swarm.distance[0, 0]
-        assert model.swarm.layer[0] == (0 if 0 <= ahead < 13.0 else 1)
+    ways = []
+    for rule in (timid, behaviour(slowly(timid.rule.function))):
+        model, _ = facing_a_disc()
+        model.control = Subsumption(rule, Explore())
+        ways.append([(*model.run(1).swarm.command[0].tolist(), model.swarm.layer[0]) for _ in range(20)])
+    assert ways[0] == ways[1]
+    assert {layer for *_, layer in ways[0]} == {0, 1}
 
 
 def test_a_rule_that_cannot_be_compiled_runs_as_plain_python_with_one_warning():

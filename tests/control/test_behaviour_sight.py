@@ -4,22 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from rules import SEEN, facing_a_disc, step_with
+from rules import facing_a_disc, slowly, step_with
 
 from mesa_swarm import AGENT3, AGENT9, ProximitySensor, RobotDesign
 from mesa_swarm.control import PASS, Subsumption, behaviour
 from mesa_swarm.errors import BehaviourError
 from scenes import empty
-
-
-def slowly(function):
-    """Return the same rule in a form that Numba refuses."""
-
-    def slow(me):
-        SEEN.append(f"{me.radius}")
-        return function(me)
-
-    return slow
 
 
 @pytest.mark.filterwarnings("ignore::mesa_swarm.errors.UncompiledBehaviourWarning")

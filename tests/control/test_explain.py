@@ -8,7 +8,7 @@ from mesa_swarm import AGENT3, AGENT9, disc
 from mesa_swarm.control import PASS, Avoid, Explore, Subsumption, VectorSum, behaviour
 from mesa_swarm.errors import InvalidValueError, RemovedRobotError
 from mesa_swarm.gallery import find_model, model_names
-from mesa_swarm.robots.reasons import Moment
+from mesa_swarm.robots.reasons import Moment, Reason
 from scenes import ahead, blind, empty
 
 # ---- rules of one's own, and no layer
@@ -30,9 +30,10 @@ def test_a_layer_of_ones_own_may_say_its_reason():
     class Loud(Explore):
         def reason(self, moment):
             assert isinstance(moment, Moment)
-            return super().reason(moment)
+            return Reason("it likes to be heard")
 
-    assert told(watched(Loud(name="Loud")).run(1)).layer == "Loud"
+    why = told(watched(Loud(name="Loud")).run(1))
+    assert (why.layer, why.reason) == ("Loud", "it likes to be heard")
 
 
 def test_where_no_layer_was_active_it_says_so():

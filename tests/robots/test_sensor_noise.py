@@ -85,6 +85,7 @@ def test_reading_twice_gives_the_same():
             model.swarm.disturbed = True  # no short cut
             model.sense()
         assert (first[0] == model.swarm.distance).all()
+        assert (first[1] == model.swarm.kind).all()
         assert (first[2] == model.swarm.error).all()
         model.step()
 
