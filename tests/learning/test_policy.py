@@ -69,16 +69,19 @@ def test_without_chances_it_does_what_is_worth_most(policy):
     assert len(tried) > 1
 
 
-def test_a_layer_drives_as_the_frozen_learner_does():
-    model = trained(robots=2)
-    policy = learned(model)
-    model.control.layers[0].frozen = True
-    model.step()
-    values = policy.values(model.swarm.distance, model.swarm.kind)
-    assert values.shape == (2, 8)
-    other = driven(PolicyLayer(policy=policy, greedy=True), robots=2).run(1)
-    wanted = policy.act(other.swarm.distance, other.swarm.kind)
-    assert (other.swarm.command == wanted * AGENT9.max_speed).all()
+def test_a_layer_drives_as_the_frozen_learner_does(policy):
+    # Of one name, they draw the same chances.
+    learner = driven(QLearning(start=policy, frozen=True, name="same"))
+    layer = driven(PolicyLayer(policy=policy, name="same"))
+    commands = [np.array([model.run(1).swarm.command.copy() for _ in range(40)]) for model in (learner, layer)]
+    assert len(np.unique(commands[0].reshape(-1, 2), axis=0)) > 4
+    assert (commands[0] == commands[1]).all()
+
+
+def test_a_greedy_layer_drives_as_its_policy_holds_best(policy):
+    model = driven(PolicyLayer(policy=policy, greedy=True)).run(1)
+    wanted = policy.act(model.swarm.distance, model.swarm.kind)
+    assert (model.swarm.command == wanted * AGENT9.max_speed).all()
 
 
 def test_a_layer_leaves_robots_to_layers_above_and_says_why_it_drove(policy):
