@@ -102,7 +102,7 @@ def killed_sweep(tmp_path, seeds, kills):
 
 
 def check_killed_sweep(tmp_path, seeds, kills):
-    whole = sweep(FIRE, {"strategy": ["A", "B"]}, seeds=seeds, steps=400, out=tmp_path / "whole", jobs=2).path
+    whole = sweep(FIRE, {"strategy": ["A", "B"]}, seeds=seeds, steps=400, out=tmp_path / "whole", jobs=1).path
     table, ledger = killed_sweep(tmp_path, seeds, kills)
     assert table.read_bytes() == whole.read_bytes()
     keys = [line.split(b'"')[3] for line in ledger.read_bytes().splitlines()]
