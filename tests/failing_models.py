@@ -3,6 +3,7 @@
 import os
 import signal
 import time
+from collections import Counter
 from pathlib import Path
 
 from mesa_swarm.model import SwarmModel
@@ -24,6 +25,11 @@ class Counting(SwarmModel):
     def results(self) -> dict[str, float]:
         """Return the seed."""
         return {"seed": self.seed, "odd result": self.odd}
+
+
+def seeds_run(diary: Path) -> Counter:
+    """Return how often each seed was run, from what its runs wrote down."""
+    return Counter(int(line.split()[0]) for line in diary.read_text().splitlines())
 
 
 class Raising(Counting):

@@ -43,11 +43,13 @@ def test_rows_are_those_of_the_swarm():
 
 
 def test_it_is_what_find_pathologies_finds_in_the_kept_arrays():
-    model = find_model("chain_formation")(n_robots=30, rng=1)
+    model = find_model("collision_avoidance")(n_robots=30, turn="stationary", rng=1)
     kept = model.watch(last=None)
     model.run(400)
     swarm = model.swarm
-    assert pathologies_of(model) == find_pathologies(
+    found = pathologies_of(model)
+    assert len(found) > 5
+    assert found == find_pathologies(
         steps=np.arange(1, 401),
         **{name: kept[name] for name in NEEDED},
         radius=swarm.radius,

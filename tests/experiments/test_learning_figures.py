@@ -34,10 +34,10 @@ def test_collisions_are_smoothed_over_1001_steps_or_11_for_one_robot_and_the_tot
 
 
 def test_a_learning_run_is_the_model_s():
-    run = learning_run(beta=5e-3, rng=4, steps=150, n_robots=5)
-    model = QLearning(beta=5e-3, rng=4, n_robots=5).run(150)
-    assert run.collisions.sum() == model.total_collisions
-    assert run.n_robots == 5
+    run = learning_run(beta=5e-3, rng=4, steps=150, n_robots=100)
+    model = QLearning(beta=5e-3, rng=4, n_robots=100).run(150)
+    assert run.collisions.sum() == model.total_collisions > 0
+    assert run.n_robots == 100
     # T is that of each step's choice; the layer has already cooled it when it chose for the first time.
     assert run.temperature[-1] == pytest.approx(model.temperature, rel=0.01)
 

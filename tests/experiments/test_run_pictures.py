@@ -51,7 +51,9 @@ def test_a_model_that_has_been_run_may_be_shown_from_where_it_is():
     model = AGGLOMERATION(n_robots=5, rng=1).run(30)
     figure = stages(model, steps=(30, 40))
     assert model.steps == 40
-    assert len(figure.axes) == 2
+    for axes, step in zip(figure.axes, (30, 40), strict=True):
+        assert axes.get_title() == f"Agglomeration, step {step}"
+        assert (discs_of(axes) == AGGLOMERATION(n_robots=5, rng=1).run(step).swarm.position).all()
 
 
 def test_a_model_that_stops_early_is_shown_as_it_stopped():

@@ -58,8 +58,9 @@ def test_a_fire_that_is_out_stays_out_and_never_has_a_negative_temperature():
 def test_a_robot_takes_heat_only_near_a_fire_and_cools_at_a_constant_rate():
     model = one_fire(1)
     robot = model.robots[0]
+    robot.temperature = 3.0
     model.step()
-    assert robot.temperature == pytest.approx(max(0.1 * 0.5 * 4.0 - 0.5, 0.0))
+    assert robot.temperature == pytest.approx(3.0 + 0.1 * 0.5 * 4.0 - 0.5)
     robot.position = (20, 20)
     robot.temperature = 3.0
     model.run(4)

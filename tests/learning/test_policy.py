@@ -69,16 +69,19 @@ def test_without_chances_it_does_what_is_worth_most(policy):
     assert len(tried) > 1
 
 
-def test_a_layer_drives_as_the_frozen_learner_does():
-    model = trained(robots=2)
-    policy = learned(model)
-    model.control.layers[0].frozen = True
-    model.step()
-    values = policy.values(model.swarm.distance, model.swarm.kind)
-    assert values.shape == (2, 8)
-    other = driven(PolicyLayer(policy=policy, greedy=True), robots=2).run(1)
-    wanted = policy.act(other.swarm.distance, other.swarm.kind)
-    assert (other.swarm.command == wanted * AGENT9.max_speed).all()
+def test_a_layer_drives_as_the_frozen_learner_does(policy):
+    # Of one name, they draw the same chances.
+    learner = driven(QLearning(start=policy, frozen=True, name="same"))
+    layer = driven(PolicyLayer(policy=policy, name="same"))
+    commands = [np.array([model.run(1).swarm.command.copy() for _ in range(40)]) for model in (learner, layer)]
+    assert len(np.unique(commands[0].reshape(-1, 2), axis=0)) > 4
+    assert (commands[0] == commands[1]).all()
+
+
+def test_a_greedy_layer_drives_as_its_policy_holds_best(policy):
+    model = driven(PolicyLayer(policy=policy, greedy=True)).run(1)
+    wanted = policy.act(model.swarm.distance, model.swarm.kind)
+    assert (model.swarm.command == wanted * AGENT9.max_speed).all()
 
 
 def test_a_layer_leaves_robots_to_layers_above_and_says_why_it_drove(policy):
@@ -97,10 +100,15 @@ def test_a_layer_gives_the_same_bits_with_the_same_seed(policy):
     assert len(hashes) == 1
 
 
+def same_policy(one, other):
+    weights = zip(one.networks.weights, other.networks.weights, strict=True)
+    told = [(policy.sensors, policy.steps, policy.settings()) for policy in (one, other)]
+    return all((a == b).all() for a, b in weights) and told[0] == told[1]
+
+
 def test_a_file_gives_back_all_of_it(policy, file):
     again = load_policy(file)
-    assert all((a == b).all() for a, b in zip(again.networks.weights, policy.networks.weights, strict=True))
-    assert (again.sensors, again.steps, again.settings()) == (policy.sensors, policy.steps, policy.settings())
+    assert same_policy(again, policy)
     assert policy.training.items() <= again.training.items()
     assert [path.name for path in file.parent.iterdir()] == ["mine.npz"]
 
@@ -253,8 +261,8 @@ def test_a_file_that_would_fill_the_memory_is_refused_before_it_is_unpacked(file
     assert "unpacks to more than" in refused(file)
 
 
-def test_any_flipped_byte_or_cut_is_refused_or_changes_nothing(file, policy):
-    whole = file.read_bytes()
+def test_any_flipped_byte_or_cut_is_refused_or_changes_nothing(file):
+    whole, kept = file.read_bytes(), load_policy(file)
     rng = np.random.default_rng(1)
     for place in rng.integers(0, len(whole), 60):
         file.write_bytes(whole[:place])
@@ -265,7 +273,8 @@ def test_any_flipped_byte_or_cut_is_refused_or_changes_nothing(file, policy):
         except SwarmError as error:
             assert "\n" not in str(error)
         else:
-            assert (again.networks.inner == policy.networks.inner).all()
+            assert same_policy(again, kept)
+            assert again.training == kept.training
 
 
 def test_members_of_one_name_twice_are_refused(file):

@@ -41,7 +41,9 @@ def test_rewards_a_and_b_leap_at_the_critical_distance_by_the_action_term_and_no
 
 @given(critical=CRITICAL, actions=st.sampled_from([4, 8]))
 def test_reward_c_leaps_nowhere(critical, actions):
-    assert not [m for m in reward_profile("c", actions=actions, critical=critical).marks if m.kind == "leap"]
+    assert not [
+        m for m in reward_profile("c", actions=actions, critical=critical, points=POINTS).marks if m.kind == "leap"
+    ]
 
 
 @given(critical=CRITICAL, kind=st.sampled_from("abc"))

@@ -282,7 +282,7 @@ class TestDriving:
     def test_wheels_never_turn_faster_than_they_can(self):
         model = alone(driving(error=2.0))
         places = [model.run(1).swarm.position[0].copy() for _ in range(50)]
-        assert np.hypot(*np.diff(places, axis=0).T).max() <= 1.0 + 1e-9
+        assert np.hypot(*np.diff(places, axis=0).T).max() == pytest.approx(1.0, abs=1e-6)
 
 
 @pytest.mark.parametrize("name", model_names())

@@ -1,57 +1,16 @@
-"""Who hears what: the range, what stops a broadcast, what is lost, and the same as a twin that tries all pairs."""
+"""Who hears what: the range, what stops a broadcast, and communication that is switched off and on."""
 
 import copy
 import math
 
 import numpy as np
 import pytest
-import shapely
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from talking import Saying, heard, listener
 
-from mesa_swarm import AGENT9, Radio, SwarmModel, disc, polygon, rectangle
-from mesa_swarm.control import Explore, Subsumption
+from mesa_swarm import Radio, SwarmModel, disc, polygon, rectangle
+from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import InvalidValueError
 from scenes import blind, circle, empty
-from worlds import random_world
-
-HEARD = ("heard_layer", "heard_task", "heard_from", "heard_goal")
-seeds = st.integers(0, 2**32 - 1)
-
-
-class Saying:
-    """A layer that stands still and says, for each robot in order of creation, this task and this goal."""
-
-    name = "Saying"
-
-    def __init__(self, tasks, goals=()):
-        self.tasks, self.goals = np.array(tasks), np.reshape(np.array(goals, float), (-1, 2))
-
-    def bind(self, swarm, prefix, rng):
-        self.swarm = swarm
-
-    def decide(self, senses, command, layer, index):
-        number = self.swarm.number
-        senses.task[:] = self.tasks[number]
-        senses.goal[:] = self.goals[number] if len(self.goals) else np.nan
-        layer[:] = index
-
-
-def heard(poses, radio, tasks, goals=(), *, shapes=(), fires=(), **options):
-    """Return a model whose robots have said this, and heard it of each other."""
-    model = empty(communication=radio, **options)
-    for shape in shapes:
-        model.add_obstacle(shape)
-    for place in fires:
-        model.add_fire(place, radius=10)
-    model.add_robots(blind(), poses=poses)
-    model.control = Subsumption(Saying(tasks, goals))
-    return model.run(2)
-
-
-def listener(*arguments, **options):
-    """Return the task that the last of several robots hears."""
-    return int(heard(*arguments, **options).swarm.heard_task[-1])
 
 
 def two(*shapes, ends=((100, 100), (200, 100)), **options):
@@ -202,166 +161,6 @@ def test_in_a_hole_of_an_obstacle_robots_hear_each_other_but_nobody_outside():
     poses = [(150, 150, 0.0), (250, 150, 0.0), (50, 150, 0.0)]
     model = heard(poses, Radio(range=400, occlusion=True), [1, 2, 3], shapes=[polygon(outline, [hole])])
     assert model.swarm.heard_task.tolist() == [2, 1, -1]
-
-
-# ---- what is lost
-
-
-def counts(probability, steps=300, n=10):
-    """Return, in rows of steps, which of n robots about a speaker heard it."""
-    azimuths = 2 * math.pi * np.arange(n) / n
-    poses = [(200, 150, 0.0), *((200 + 50 * math.cos(a), 150 + 50 * math.sin(a), 0.0) for a in azimuths)]
-    model = heard(poses, Radio(loss_probability=probability), [1] + [-1] * n)
-    return np.array([model.run(1).swarm.heard_task[1:] == 1 for _ in range(steps)])
-
-
-def test_nothing_is_lost_with_probability_0_and_everything_with_1():
-    assert counts(0.0, steps=3).all()
-    assert not counts(1.0, steps=3).any()
-
-
-def test_broadcasts_are_lost_with_the_given_probability_to_each_hearer_and_in_each_step_alone():
-    arrived = counts(0.3)
-    sigma = math.sqrt(0.3 * 0.7 / arrived.size)
-    assert arrived.mean() == pytest.approx(0.7, abs=4 * sigma)
-    both = (arrived[:, 0::2] & arrived[:, 1::2]).mean(), (arrived[:-1] & arrived[1:]).mean()
-    assert both == pytest.approx((0.49, 0.49), abs=8 * sigma)
-
-
-def test_to_hear_and_to_be_heard_are_lost_independently():
-    model = heard([(100, 100, 0.0), (150, 100, 0.0)], Radio(loss_probability=0.5), [1, 1])
-    pairs = np.array([model.run(1).swarm.heard_task == 1 for _ in range(400)])
-    assert (pairs[:, 0] != pairs[:, 1]).mean() == pytest.approx(0.5, abs=0.1)
-
-
-def test_the_same_seed_loses_the_same_and_another_seed_something_else():
-    poses = [(40 + 30 * k, 100, 0.0) for k in range(10)]
-    runs = [heard(poses, Radio(loss_probability=0.5), range(10), rng=rng).run(20).state_hash() for rng in (1, 1, 2)]
-    assert runs[0] == runs[1] != runs[2]
-
-
-def test_a_robot_that_goes_changes_nothing_of_what_the_others_lose():
-    poses, tasks = [(40 + 30 * k, 100, 0.0) for k in range(10)], [-1, *range(1, 10)]
-    stays, goes = (heard(poses, Radio(loss_probability=0.5), tasks) for _ in range(2))
-    goes.remove_robots([goes.robots[0]])
-    for _ in range(20):
-        stays.step()
-        goes.step()
-        assert (stays.swarm.heard_task[1:] == goes.swarm.heard_task).all()
-    assert (stays.swarm.heard_task == -1).any() or (np.diff(stays.swarm.heard_task) != 0).any()
-
-
-def test_losses_disturb_no_other_random_stream_and_looking_loses_nothing_more():
-    def run(radio, look=False):
-        model = SwarmModel(map="original", rng=1, communication=radio)
-        model.add_robots(AGENT9.with_slip(probability=0.2, magnitude=0.5), 10)
-        model.control = Subsumption(Explore(turn_interval=20))
-        for _ in range(30):
-            if look:
-                model.sense()
-                model.state_hash()
-            model.step()
-        return model.state_hash()
-
-    assert run(Radio(loss_probability=0.5)) == run(None) == run(Radio(loss_probability=0.5), look=True)
-
-
-# ---- the twin
-
-
-def in_python(word, sender, hearer, probability):
-    """Tell whether a broadcast is lost, by Python's own whole numbers."""
-    whole = 2**64
-
-    def mixed(bits):
-        bits = (bits ^ bits >> 30) * 0xBF58476D1CE4E5B9 % whole
-        bits = (bits ^ bits >> 27) * 0x94D049BB133111EB % whole
-        return bits ^ bits >> 31
-
-    golden = 0x9E3779B97F4A7C15
-    return (mixed((mixed((word + golden * sender) % whole) + golden * hearer) % whole) >> 11) / 2**53 < probability
-
-
-def hears(model, place, sender, i, word):
-    """Tell whether robot i hears a sender at a place, by Shapely."""
-    radio, way = model.communication, shapely.LineString([place, model.swarm.position[i]])
-    if way.length > radio.range or in_python(word, sender, int(model.swarm.number[i]), radio.loss_probability):
-        return False
-    solids = [obstacle.shape for obstacle in model.obstacles if obstacle.contact]
-    outlines = (s.geometry if s.is_disc else s.geometry.boundary for s in solids)
-    return not radio.occlusion or all(o.distance(way) > s.radius for o, s in zip(outlines, solids, strict=True))
-
-
-def framed(model, i, point):
-    return shapely.affinity.rotate(
-        shapely.Point(point - model.swarm.position[i]), -model.swarm.heading[i], origin=(0, 0), use_radians=True
-    ).coords[0]
-
-
-def twin(model, word):
-    """Return what is heard in the next step, by trying all pairs."""
-    swarm, radio, n = model.swarm, model.communication, len(model.swarm)
-    out = {name: np.full_like(getattr(swarm, name), np.nan if name[6:] in ("from", "goal") else -1) for name in HEARD}
-    beacons = [(np.array(b), k - len(radio.beacons)) for k, b in enumerate(radio.beacons)]
-    robots = [(swarm.position[j], int(swarm.number[j])) for j in range(n)]
-    goals = [b for b, _ in beacons] + list(swarm.sent_goal)
-    for i in range(n):
-        others = [k for k, (p, s) in enumerate(robots) if k != i and hears(model, p, s, i, word)]
-        away = {j: np.hypot(*(swarm.position[j] - swarm.position[i])) for j in others if swarm.task[j] >= 0}
-        if away and radio.state:
-            j = min(away, key=away.get)
-            out["heard_layer"][i], out["heard_task"][i] = swarm.layer[j], swarm.task[j]
-            out["heard_from"][i] = framed(model, i, swarm.position[j])
-        told = [k for k, (p, s) in enumerate(beacons) if hears(model, p, s, i, word)]
-        told += [len(beacons) + j for j in others if np.isfinite(swarm.sent_goal[j]).all()]
-        if told and radio.goal:
-            k = min(told, key=lambda k: np.hypot(*(goals[k] - swarm.position[i])))
-            out["heard_goal"][i] = framed(model, i, goals[k])
-    return out
-
-
-@settings(max_examples=60)
-@given(seeds)
-def test_random_worlds_are_heard_as_a_twin_that_tries_all_pairs_hears_them(seed):
-    rng = np.random.default_rng(seed)
-    world = random_world(seed, most_robots=25)
-    model = world.model()
-    state, goal = [(True, True), (True, False), (False, True)][rng.integers(3)]
-    model.communication = Radio(
-        range=rng.uniform(5, 150),
-        state=state,
-        goal=goal,
-        occlusion=bool(rng.random() < 0.7),
-        loss_probability=rng.choice([0.0, 0.4]),
-        beacons=rng.uniform((0, 0), (200, 150), (rng.integers(3) if goal else 0, 2)),
-    )
-    n = len(model.swarm)
-    goals = np.where(rng.random((n, 1)) < 0.5, rng.uniform(-40, 40, (n, 2)), np.nan)
-    model.control = Subsumption(Saying(rng.integers(-1, 3, n), goals))
-    model.step()
-    ahead = copy.deepcopy(model.streams)["communication"]
-    expected = twin(model, int(ahead.integers(2**64, dtype=np.uint64)))
-    model.step()
-    for name in HEARD:
-        np.testing.assert_allclose(getattr(model.swarm, name), expected[name], rtol=0, atol=1e-9, err_msg=name)
-
-
-@settings(max_examples=30)
-@given(seeds)
-def test_robots_created_in_another_order_hear_the_same(seed):
-    rng = np.random.default_rng(seed)
-    n = 40
-    poses, goals = rng.uniform((10, 10, -3), (390, 290, 3), (n, 3)), rng.uniform(-40, 40, (n, 2))
-    tasks, order = rng.integers(-1, 3, n), rng.permutation(n)
-    models = []
-    for rows in (np.arange(n), order):
-        model = empty(communication=Radio(occlusion=True))
-        model.add_obstacle(rectangle((180, 50), (200, 200)))
-        model.add_robots(blind(radius=0.01), poses=poses[rows])
-        model.control = Subsumption(Saying(tasks[rows], goals[rows]))
-        models.append(model.run(2).swarm)
-    for name in HEARD:
-        np.testing.assert_allclose(getattr(models[0], name)[order], getattr(models[1], name), rtol=0, atol=1e-9)
 
 
 # ---- on and off

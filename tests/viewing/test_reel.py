@@ -5,6 +5,7 @@ import pytest
 
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.errors import InvalidValueError, RecordingError
+from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
 from mesa_swarm.recording import provenance as written
 from mesa_swarm.viewing.reel import Reel
@@ -53,10 +54,23 @@ def test_of_a_damaged_recording_the_part_before_the_damage_plays(fires, tmp_path
     data[-5000] ^= 1
     damaged.write_bytes(data)
     reel = Reel(Recording(damaged))
-    assert steps_of(reel) == list(range(1, reel.rows + 1))
-    assert 0 < reel.rows < 300
-    assert f"after step {reel.rows}; what follows" in " ".join(reel.about["notes"]) or not reel.recording.complete
-    assert all(event["step"] <= reel.rows for event in reel.events)
+    assert steps_of(reel) == list(range(1, 257))
+    assert reel.about["notes"] == ["The recording was not closed; it is whole up to step 256."]
+    assert 0 < max(event["step"] for event in reel.events) <= 256
+
+
+def test_of_a_recording_that_is_damaged_in_the_middle_the_page_says_what_is_left_out(tmp_path):
+    path = tmp_path / "damaged.arrow"
+    model = FireFighting(n_robots=3, rng=5)
+    with model.record(path):
+        model.run(800)
+    data = bytearray(path.read_bytes())
+    data[len(data) * 3 // 5] ^= 1  # in the second of four chunks
+    path.write_bytes(data)
+    reel = Reel(Recording(path))
+    assert steps_of(reel) == list(range(1, 257))
+    assert reel.recording.complete
+    assert reel.about["notes"] == ["The recording is damaged after step 256; what follows is left out."]
 
 
 def test_recordings_of_older_versions_are_drawn_without_what_they_do_not_tell(transport, tmp_path, monkeypatch):

@@ -4,14 +4,12 @@ import copy
 import math
 import pickle
 
-import numpy as np
 import pytest
 from shapely import Point
 
-from mesa_swarm import AGENT9, disc, polygon, rectangle
+from mesa_swarm import AGENT9, disc, rectangle
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import InvalidValueError, RemovedRobotError
-from mesa_swarm.world.form import Form
 from mesa_swarm.world.load import Load
 from scenes import ahead, blind, empty
 
@@ -54,12 +52,6 @@ def test_a_shape_that_has_been_moved_and_turned_is_congruent_to_what_it_was():
     assert load.shape.geometry.area == pytest.approx(BOX.geometry.area, rel=1e-12)
     assert load.shape.geometry.length == pytest.approx(BOX.geometry.length, rel=1e-12)
     assert load.shape.kind == "polygon"
-
-
-def test_a_form_lies_where_its_pose_says():
-    form = Form.of(polygon([(0, 0), (30, 0), (0, 30)]))
-    turned = form.shape_at((100.0, 50.0, math.pi / 2)).geometry.exterior.coords
-    assert sorted(np.round(turned[:-1], 9).tolist()) == [[80.0, 40.0], [110.0, 40.0], [110.0, 70.0]]
 
 
 @pytest.mark.parametrize("resistance", [0, -1, math.nan, math.inf, "2", None])

@@ -147,7 +147,8 @@ def test_an_obstacle_or_fire_outside_the_bounds_is_named():
 
 
 def test_an_obstacle_that_reaches_into_the_map_may_stick_out_of_it():
-    Map(name="hall", bounds=(0, 0, 80, 60), obstacles=[disc((-4, 30), 5), rectangle((-9, -9), (1, 1))])
+    reaching = [disc((-4, 30), 5), rectangle((-9, -9), (1, 1))]
+    assert list(Map(name="hall", bounds=(0, 0, 80, 60), obstacles=reaching).obstacles) == reaching
 
 
 @pytest.mark.parametrize(

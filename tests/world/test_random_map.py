@@ -5,9 +5,11 @@ import pytest
 import shapely
 
 from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.world.placement import free_space
 from mesa_swarm.world.random_map import random_map
+from scenes import PROMISED, ahead, worst_overlap
 
 
 def test_a_number_always_gives_the_same_map_and_another_number_another():
@@ -32,7 +34,11 @@ def test_there_are_as_many_obstacles_as_asked_for_unless_they_find_no_room(monke
 def test_robots_live_there():
     model = SwarmModel(map=random_map(2), rng=1)
     model.add_robots(AGENT9, 15)
-    assert model.run(5).steps == 5
+    start = model.swarm.position.copy()
+    model.control = Subsumption(ahead)
+    model.run(30)
+    assert (np.hypot(*(model.swarm.position - start).T) > 1).sum() > 10
+    assert worst_overlap(model) <= PROMISED
 
 
 @pytest.mark.parametrize(
