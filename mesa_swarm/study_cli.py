@@ -1,5 +1,6 @@
 """What one types to study models: many runs, comparisons, pictures, learners, the thesis's results."""
 
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -87,7 +88,7 @@ def compare(
 
 @study.command("reality-gap")
 def reality_gap(
-    model: Model,
+    model: Annotated[str | None, typer.Argument(help="Without one, all models.", metavar="[MODEL]")] = None,
     *,
     preset: Annotated[str, typer.Option(help="What 1 on the dial is: measured or robotarium.")] = "measured",
     measure: Annotated[str | None, typer.Option(help="The result that is the score; else the model's first.")] = None,
@@ -101,9 +102,11 @@ def reality_gap(
     quiet: Quiet = False,
 ) -> None:
     """Turn a dial from ideal robots to imperfect ones, and draw what a model scores."""
-    check_choice("model", model, model_names())
-    work("reality_gap_commands").gap(
-        model,
+    if model is not None:
+        check_choice("model", model, model_names())
+    does = work("reality_gap_commands")
+    draw = does.all_gaps if model is None else partial(does.gap, model)
+    draw(
         setting or [],
         preset=preset,
         measure=measure,

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mesa_swarm.errors import InvalidValueError, check_choice, check_number
@@ -202,7 +203,27 @@ def gap_figure(gap: Gap) -> Figure:
     gap : Gap
     """
     figure = Figure(figsize=(7.5, 4.5), layout="constrained")
-    axes = figure.add_subplot()
+    draw_gap(figure.add_subplot(), gap)
+    return figure
+
+
+def gaps_figure(gaps: Sequence[Gap]) -> Figure:
+    """Return the standard pictures of several models, two in a row.
+
+    Parameters
+    ----------
+    gaps : sequence of Gap
+        At least one.
+    """
+    rows = (len(gaps) + 1) // 2
+    figure = Figure(figsize=(11, 3.4 * rows), layout="constrained")
+    for place, gap in enumerate(gaps, 1):
+        draw_gap(figure.add_subplot(rows, 2, place), gap)
+    return figure
+
+
+def draw_gap(axes: Axes, gap: Gap) -> None:
+    """Draw the standard picture."""
     scores = np.array([gap.scores[place] for place in gap.dial], float)
     axes.plot(gap.dial, scores, color="#8a8a8a", linewidth=0.7, alpha=0.5)
     means = [gap.mean(place) for place in gap.dial]
@@ -213,4 +234,3 @@ def gap_figure(gap: Gap) -> Figure:
     axes.set_title(f"{gap.model}: {len(gap.seeds)} seeds (thin), their mean, 95 %", fontsize=11)
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(alpha=0.25)
-    return figure

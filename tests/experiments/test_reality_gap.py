@@ -1,9 +1,11 @@
 """The dial from ideal to imperfect robots, as an experiment and as it is typed."""
 
 import pytest
+from PIL import Image
 
 from mesa_swarm import cli
 from mesa_swarm.errors import InvalidValueError, UnknownNameError
+from mesa_swarm.experiments import reality_gap_commands
 from mesa_swarm.experiments.reality_gap import gap_figure, reality_gap
 from mesa_swarm.gallery import find_model
 
@@ -60,3 +62,30 @@ def test_the_command_prints_scores_and_writes_picture_and_table(capsys, monkeypa
     made = tmp_path / "results" / "reality_gap_agglomeration"
     assert (made / "reality_gap.png").read_bytes()[1:4] == b"PNG"
     assert len((made / "reality_gap.csv").read_text().splitlines()) == 1 + 5 * 2
+
+
+def typed(words: str) -> object:
+    with pytest.raises(SystemExit) as left:
+        cli.main(words.split())
+    return left.value.code
+
+
+def test_without_a_model_all_of_them_are_drawn(capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(reality_gap_commands, "model_names", lambda: ("boids", "flocking", "perimeter"))
+    assert not typed("reality-gap --seeds 1 --steps 3 --jobs 1 --quiet --out gaps")
+    out = capsys.readouterr().out
+    assert [line.split(",")[0] for line in out.splitlines() if "paired seeds" in line] == [
+        "boids", "flocking", "perimeter",
+    ]  # fmt: skip
+    assert out.splitlines()[-1] == "gaps/reality_gap.png"
+    with Image.open("gaps/reality_gap.png") as all_of_them, Image.open("gaps/boids/reality_gap.png") as one:
+        assert all_of_them.height > 1.3 * one.height
+
+
+@pytest.mark.parametrize("words", ["--set n_robots=4", "--measure groups"])
+def test_what_is_meant_for_one_model_is_refused_for_all(words, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert typed(f"reality-gap {words}") == 2
+    assert "was given without a model; name the model that it is for" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
