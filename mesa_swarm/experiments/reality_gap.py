@@ -107,7 +107,7 @@ def reality_gap(
     steps : int, optional
         At most; by default what the model says.
     measure : str, optional
-        The result that is the score; by default the model's first that it has in every run.
+        The result that is the score; by default the model's `headline`, else its first, that it has in every run.
     settings : dict, optional
         Other parameters of the model.
     jobs : int
@@ -132,7 +132,7 @@ def reality_gap(
     tasks = [(model, settings or {}, whole, place, seed, plan.steps) for place in places for seed in plan.seeds]
     results = _made(tasks, min(workers, len(tasks)), progress)
     rows = {place: [results[place, seed] for seed in plan.seeds] for place in places}
-    wanted = chosen_measure(rows, measure)
+    wanted = chosen_measure(rows, measure, getattr(find_model(model), "headline", ())[:1])
     scores = {place: [row[wanted] for row in row_of] for place, row_of in rows.items()}
     return Gap(
         model=model, measure=wanted, preset=preset, dial=places, seeds=plan.seeds, steps=plan.steps, scores=scores
@@ -181,8 +181,10 @@ def checked_dial(dial: Sequence[float]) -> tuple[float, ...]:
     return places
 
 
-def chosen_measure(rows: dict[float, list[dict]], measure: str | None) -> str:
+def chosen_measure(rows: dict[float, list[dict]], measure: str | None, first: Sequence[str] = ()) -> str:
     """Return the result that is the score: the one that is wanted, or the first that there is in every run.
+
+    What `first` names is looked at before all others.
 
     Examples
     --------
@@ -192,7 +194,8 @@ def chosen_measure(rows: dict[float, list[dict]], measure: str | None) -> str:
     runs = [run for place in rows.values() for run in place]
     if measure is not None:
         return check_choice("measure", measure, runs[0])
-    return next((name for name in runs[0] if all(run[name] is not None for run in runs)), next(iter(runs[0])))
+    names = (*first, *runs[0])
+    return next((name for name in names if all(run[name] is not None for run in runs)), next(iter(runs[0])))
 
 
 def gap_figure(gap: Gap) -> Figure:

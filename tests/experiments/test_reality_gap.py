@@ -31,6 +31,12 @@ def test_the_score_is_the_first_result_that_there_is_in_every_run_or_the_one_ask
     assert len(gap_figure(asked).axes) == 1
 
 
+def test_the_score_is_the_models_headline_where_every_run_has_it():
+    quick = {"initial_temperature": 0.01, "n_robots": 60}
+    assert reality_gap("fire_fighting", dial=(0, 1), seeds=1, settings=quick).measure == "all fires out at"
+    assert reality_gap("fire_fighting", dial=(0, 1), seeds=1, steps=5, settings=quick).measure == "fires out"
+
+
 def test_the_parameter_that_a_model_compares_may_be_set():
     gap = reality_gap("fire_fighting", dial=(0, 1), seeds=1, steps=5, settings={"strategy": "A"})
     assert gap.measure == "fires out"
