@@ -25,7 +25,8 @@ def scenery_of(model: ObservedWorld) -> dict:
     dict
         ``designs``; ``robots``, rows [first id, last id, index of their design]; ``shapes`` of obstacles and
         ground marks on the map; ``loads``, shapes about their own centres; ``layers``, names in the order of
-        the column `layer`; ``leave``, the temperature at which a robot is too hot.
+        the column `layer`; ``leave``, the temperature at which a robot is too hot, and ``join``, down to which it
+        is until it has cooled.
 
     Examples
     --------
@@ -45,7 +46,22 @@ def scenery_of(model: ObservedWorld) -> dict:
         "loads": [{"id": load.unique_id, **_written_form(load)} for load in model.loads],
         "layers": [layer.name for layer in layers],
         "leave": model.fire_constants.leave,
+        "join": model.fire_constants.join,
     }
+
+
+def shows(scenery: dict, other: dict) -> bool:
+    """Tell whether a scenery says all that a later one of the same model does: robots may only have gone.
+
+    Examples
+    --------
+    >>> shows({"robots": [[5, 7, 0]], "leave": 1.0}, {"robots": [[5, 5, 0], [7, 7, 0]], "leave": 1.0})
+    True
+    >>> shows({"robots": [[5, 7, 0]], "leave": 1.0}, {"robots": [[5, 8, 0]], "leave": 1.0})
+    False
+    """
+    last, newest = (max((run[1] for run in one["robots"]), default=0) for one in (scenery, other))
+    return newest <= last and {**scenery, "robots": ()} == {**other, "robots": ()}
 
 
 def written_shape(shape: Shape) -> dict:
