@@ -21,6 +21,7 @@ from mesa_swarm.recording.events import Event, events_of
 from mesa_swarm.recording.interventions import Intervention, intervention_from_json
 from mesa_swarm.recording.layout import TABLES
 from mesa_swarm.recording.provenance import from_metadata
+from mesa_swarm.recording.scenery import joined
 from mesa_swarm.recording.sealed_stream import CHANGE, CHECKPOINT, INTERVENTION, Piece, SealedReader
 
 # Chunks that are kept decoded, of about 2 MB each.
@@ -188,7 +189,7 @@ class Recording:
 
     @cached_property
     def interventions(self) -> tuple[Intervention, ...]:
-        """What somebody changed by hand while it was recorded, oldest first; version 0.2.0 and older did not tell.
+        """What somebody changed by hand while it was recorded, oldest first. Older versions did not tell.
 
         Raises
         ------
@@ -223,7 +224,8 @@ class Recording:
     def sceneries(self) -> tuple[tuple[int, dict], ...]:
         """What robots and things look like, see `scenery_of`, each with the first step of which it is true.
 
-        None if the recording does not tell; one if nothing came or went, or version 0.2.0 or older wrote it.
+        Each knows all robots and loads. None if the recording does not tell; one if nothing came or went, or a
+        version wrote it that did not tell.
 
         Raises
         ------
@@ -232,7 +234,10 @@ class Recording:
         """
         first = self.provenance.get("scenery")
         later = [(step, told["scenery"]) for step, told in self._changes.items() if "scenery" in told]
-        return ((self.provenance["start"]["step"], first), *later) if first else ()
+        try:
+            return joined([(self.provenance["start"]["step"], first), *later]) if first else ()
+        except (KeyError, TypeError, ValueError, IndexError, AttributeError):
+            raise RecordingError(f"{self.path} does not say clearly what its world looks like") from None
 
     @cached_property
     def _changes(self) -> dict[int, Any]:

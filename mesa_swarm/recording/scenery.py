@@ -1,6 +1,7 @@
 """What a recording says of what robots and things look like: designs, obstacles, loads, layers."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from shapely import Point, Polygon
@@ -62,6 +63,38 @@ def shows(scenery: dict, other: dict) -> bool:
     """
     last, newest = (max((run[1] for run in one["robots"]), default=0) for one in (scenery, other))
     return newest <= last and {**scenery, "robots": ()} == {**other, "robots": ()}
+
+
+def joined(sceneries: Sequence[tuple[int, dict]]) -> tuple[tuple[int, dict], ...]:
+    """Return sceneries of one model, each of which knows all robots, designs and loads that any of them knows.
+
+    Obstacles, layers and heat are each one's own.
+
+    Parameters
+    ----------
+    sceneries : sequence of (step, dict)
+        In the order of time: ids only grow.
+
+    Examples
+    --------
+    >>> early = {"designs": ["a"], "robots": [[1, 2, 0]], "loads": [], "shapes": ["wall"]}
+    >>> late = {"designs": ["b", "a"], "robots": [[2, 2, 1], [5, 6, 0]], "loads": [], "shapes": []}
+    >>> (_, first), (_, second) = joined([(0, early), (9, late)])
+    >>> first["designs"], first["robots"], second["shapes"]
+    (['a', 'b'], [[1, 2, 0], [5, 6, 1]], [])
+    """
+    designs: list = []
+    robots: list[list[int]] = []
+    loads: dict[int, dict] = {}
+    for _, scenery in sceneries:
+        designs += [design for design in scenery["designs"] if design not in designs]
+        newest = robots[-1][1] if robots else -1
+        for first, last, which in scenery["robots"]:
+            if last > newest:
+                robots.append([max(first, newest + 1), last, designs.index(scenery["designs"][which])])
+        loads |= {load["id"]: load for load in scenery["loads"]}
+    same = {"designs": designs, "robots": robots, "loads": list(loads.values())}
+    return tuple((step, {**scenery, **same}) for step, scenery in sceneries)
 
 
 def written_shape(shape: Shape) -> dict:

@@ -20,7 +20,7 @@ from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
 from mesa_swarm.viewing.moments import moment_of_frame, moment_of_model, packed_frame
 from mesa_swarm.viewing.replay_page import asset, replay_page
-from mesa_swarm.viewing.worlds import world_of_model, world_of_recording
+from mesa_swarm.viewing.worlds import world_of_model, worlds_of_recording
 
 CHROMIUM = Path("/usr/bin/chromium")
 FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
@@ -295,7 +295,7 @@ def test_a_load_is_drawn_where_it_was_pushed_to(blank, tmp_path):
     with model.record(tmp_path / "run.arrow"):
         model.run(200)
     recording = Recording(tmp_path / "run.arrow")
-    world = world_of_recording(recording)
+    world = worlds_of_recording(recording)[0][1]
     staged(blank, world, packed_frame(moment_of_frame(recording[-1], world), world))
     x, y = model.load.position
     colour = blank.evaluate(
