@@ -1,6 +1,10 @@
 """A cheap look at a model after a step, which tells before the next one what somebody has changed in between."""
 
+from itertools import compress
+from operator import is_not, itemgetter
 from typing import Any
+
+import numpy as np
 
 from mesa_swarm.observed_world import ObservedWorld
 from mesa_swarm.recording.layout import population_of
@@ -11,6 +15,7 @@ OF_FIRES = ("temperature", "out")
 WORDS = ("which robots, obstacles or fires there are", "something that was set to what it was")
 WORDS += tuple(f"{name} of robots" for name in OF_ROBOTS) + tuple(f"{name} of fires" for name in OF_FIRES)
 WORDS += ("pose or resistance of loads",)
+ROBOTS, FIRES, BYTES = itemgetter(*OF_ROBOTS), itemgetter(*OF_FIRES), np.ndarray.tobytes
 # Attributes of a model that change when it is looked at or when Mesa counts a step, and on which no step depends.
 LOOKED_AT = frozenset(
     (
@@ -58,13 +63,13 @@ class Mark:
     def changes(self, model: ObservedWorld) -> list[str]:
         """Return in words what of the model is other now, an empty list if nothing is."""
         was, now, things = self._attributes, model.__dict__, _things(model)
-        names = [name for name, value in now.items() if name not in was or was[name] is not value]
-        if len(was) + sum(name not in was for name in names) > len(now):
-            names += [name for name in was if name not in now]
-        names = [name for name in names if name not in LOOKED_AT]
-        if not names and things == self._things:
+        # Nothing was replaced, as a rule: seen at once where names stand in the same order.
+        replaced = compress(now, map(is_not, was.values(), now.values()))
+        if things == self._things and len(was) == len(now) and LOOKED_AT.issuperset(replaced):
             return []
-        return [name.lstrip("_") for name in names] + self._in_words(things) or [WORDS[1]]
+        names = [name for name in {**was, **now} if name not in LOOKED_AT and not _same(name, was, now)]
+        words = [name.lstrip("_") for name in names] + self._in_words(things)
+        return words or ([WORDS[1]] if things != self._things else [])
 
     def _in_words(self, things: tuple) -> list[str]:
         different = [word for word, was, now in zip(WORDS, self._things, things, strict=True) if was != now]
@@ -73,15 +78,18 @@ class Mark:
         return [word for word in different if word != WORDS[1]]
 
 
+def _same(name: str, was: dict, now: dict) -> bool:
+    return name in was and name in now and was[name] is now[name]
+
+
 def _things(model: ObservedWorld) -> tuple[Any, ...]:
     """Return what is compared of robots, fires and loads, in the order of `WORDS`."""
     swarm, agents = model.swarm, model.swarm.agents
-    robots, fires = swarm.columns, model.fires.columns
     version, *others = population_of(model)
     return (
         (len(agents), agents[-1].unique_id if agents else 0, others),
         (swarm.disturbed, version),
-        *[robots[name].tobytes() for name in OF_ROBOTS],
-        *[fires[name].tobytes() for name in OF_FIRES],
-        [(load.pose, load.resistance) for load in model._loads],
+        *map(BYTES, ROBOTS(swarm.columns)),
+        *map(BYTES, FIRES(model.fires.columns)),
+        [(load.pose, load.resistance) for load in model._loads] if model._loads else (),
     )

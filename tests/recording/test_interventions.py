@@ -178,7 +178,7 @@ def test_an_attribute_that_came_or_went_is_noticed():
     mark = Mark(model)
     del model.old
     model.new = 2
-    assert mark.changes(model) == ["new", "old"]
+    assert mark.changes(model) == ["old", "new"]
 
 
 def test_a_change_before_the_first_step_is_told(tmp_path):
