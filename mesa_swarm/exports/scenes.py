@@ -153,7 +153,8 @@ def _told(recording: Recording, sceneries: Sequence[tuple[int, dict]], join: flo
 
 
 def _settings(sceneries: Sequence[tuple[int, dict]], join: float) -> Iterator[Setting]:
-    shapes, obstacles = None, ()
+    shapes: list | None = None
+    obstacles: tuple[Shape, ...] = ()
     for step, told in sceneries:
         if told["shapes"] != shapes:
             shapes, obstacles = told["shapes"], tuple(_shape(one) for one in told["shapes"])

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import perf_counter
 from types import TracebackType
+from typing import Any
 
 from mesa_swarm.errors import RecordingError, check_count, shortened
 from mesa_swarm.observed_world import ObservedWorld
@@ -44,7 +45,7 @@ class Recorder:
     layout : Layout
     writer : SealedWriter
     checkpoint_every : int
-        Fewest steps from one checkpoint to the next; 0 for none.
+        Most steps from one checkpoint to the next; 0 for none.
 
     Attributes
     ----------
@@ -227,7 +228,8 @@ class _Tape:
 
     def _tell_change(self, model: ObservedWorld) -> None:
         """Write what there is since the last row, and what it looks like if that is news."""
-        told, scenery = {"there": summary(model)}, scenery_of(model)
+        told: dict[str, Any] = {"there": summary(model)}
+        scenery = scenery_of(model)
         if not shows(self._scenery, scenery):
             told["scenery"] = self._scenery = scenery
         self.attach(CHANGE, json.dumps(told).encode(), model.completed)
@@ -306,6 +308,12 @@ def record(
     are written in chunks of at most 256 rows, 2 MB or a second; a program that is killed loses at most the
     chunk that was not written yet.
 
+    A row is the model when nothing of the step is left to do. Its readings are those of its own poses, as whoever looks
+    at the model sees them; those on which its commands and layers were decided stand in the row of the step before.
+
+    What somebody changes by hand between two steps is noticed before the next one, as far as `Mark` says, told in the
+    file, and followed by a checkpoint (`Recording.interventions`): each such change makes the file longer by one.
+
     Parameters
     ----------
     model : ObservedWorld
@@ -324,9 +332,9 @@ def record(
     rerun : bool
         Whether the model must be one that can be run again from what the file says of it.
     checkpoint_every : int
-        Steps from one checkpoint, the complete state, to the next; 0 stores none. With them `resume` need not
-        run all steps again, and goes on from models that were changed by hand. A model that holds what cannot
-        be stored is recorded without, see `Recorder.why_no_checkpoint`.
+        Most steps from one checkpoint, the complete state, to the next; 0 stores none, also after changes by hand.
+        With them `resume` need not run all steps again, and goes on from models that were changed by hand. A model
+        that holds what cannot be stored is recorded without, see `Recorder.why_no_checkpoint`.
 
     Returns
     -------

@@ -32,7 +32,11 @@ def resume(base: type, path: str | os.PathLike[str], *, step: int | None = None,
     The nearest checkpoint at or before the step is restored, and the model runs from there to the step, compared
     with the recording on the way; where there is no checkpoint it is run again from its parameters. With other
     parameters, a second model is made with these and takes over the first one's state: positions,
-    readings, temperatures, what layers remember (by the layer's name), random streams, counters.
+    readings, temperatures, what layers remember (by the layer's name), random streams, counters. What was replaced by
+    hand before, such as `control` or `fire_constants`, is then again what the parameters say.
+
+    Where somebody changed the model by hand after that very step, it is returned with that change, if the state after
+    it was stored (`Recording.interventions`).
 
     Parameters
     ----------
@@ -48,8 +52,8 @@ def resume(base: type, path: str | os.PathLike[str], *, step: int | None = None,
     Raises
     ------
     RecordingError
-        If running again does not give what was recorded, as after a change by hand that no checkpoint follows; the
-        nearest steps that work are named.
+        If running again does not give what was recorded, as with other code, or after a change by hand of which no
+        state was stored; the nearest steps that work are named.
     InvalidValueError, UnknownNameError
         If there is no such step or parameter, or a change makes another world.
 
