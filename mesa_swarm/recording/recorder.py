@@ -1,14 +1,11 @@
 """What writes a recording while its model runs."""
 
-import json
 import os
 import sys
 import weakref
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from time import perf_counter
 from types import TracebackType
-from typing import Any
 
 from mesa_swarm.errors import RecordingError, check_count, shortened
 from mesa_swarm.observed_world import ObservedWorld
@@ -17,19 +14,13 @@ from mesa_swarm.recording.collected import Path as SeriesPath
 from mesa_swarm.recording.collected import lengths_of
 from mesa_swarm.recording.container import to_bytes
 from mesa_swarm.recording.interventions import intervention_to_json
-from mesa_swarm.recording.layout import DEFAULT, Chunk, Layout, population_of
+from mesa_swarm.recording.layout import DEFAULT, Layout
 from mesa_swarm.recording.marks import Mark
 from mesa_swarm.recording.provenance import as_metadata, provenance_of
-from mesa_swarm.recording.scenery import scenery_of, shows
-from mesa_swarm.recording.sealed_stream import CHANGE, CHECKPOINT, INTERVENTION, SealedWriter
-from mesa_swarm.recording.things import summary
+from mesa_swarm.recording.sealed_stream import CHECKPOINT, INTERVENTION, SealedWriter
+from mesa_swarm.recording.tape import HASH_EVERY, Tape
 
-HASH_EVERY = 100
 CHECKPOINT_EVERY = 1000
-# A chunk ends with whichever comes first. Larger ones make finding a frame slow, smaller ones make the file large.
-MOST_ROWS = 256
-MOST_BYTES = 2_000_000
-MOST_SECONDS = 1.0
 NO_CHECKPOINTS = "checkpoint_every is 0"
 
 
@@ -63,7 +54,7 @@ class Recorder:
     ) -> None:
         self.path = path
         self.every = every
-        self._tape = _Tape(layout, writer, model)
+        self._tape = Tape(layout, writer, model)
         self._checkpoints = _Checkpoints(self._tape, checkpoint_every)
         try:
             if checkpoint_every:
@@ -164,90 +155,10 @@ class Recorder:
         self._tape.writer.abandon()
 
 
-class _Tape:
-    """Rows gathered in a chunk, and the file they go to.
-
-    What is pending follows from two counts, rows put and rows sealed, so that Ctrl-C between any two
-    instructions neither loses a row nor writes one twice.
-    """
-
-    def __init__(self, layout: Layout, writer: SealedWriter, model: ObservedWorld) -> None:
-        self.writer = writer
-        self.rows = 0
-        self._layout = layout
-        self._seen, self._scenery = _seen(model), scenery_of(model)
-        self._chunk: Chunk | None = None
-        self._hashed = -1
-        self._written_at = self._synced_at = perf_counter()
-
-    def put(self, model: ObservedWorld) -> None:
-        """Keep the model as it is now."""
-        chunk, step = self._chunk, model.completed
-        self._layout.prepare(model)
-        seen = _seen(model)
-        if chunk is None or seen != self._seen:
-            self.flush()
-            if seen != self._seen:
-                self._tell_change(model)
-                self._seen = seen
-            chunk = self._chunk = self._new_chunk(model)
-        state_hash = None
-        if step // HASH_EVERY != self._hashed:
-            state_hash, self._hashed = model.state_hash(), step // HASH_EVERY
-        row = self.rows - self.writer.sealed.rows
-        chunk.put(row, step, state_hash)
-        self.rows += 1
-        if row + 1 == chunk.capacity or perf_counter() - self._written_at > MOST_SECONDS:
-            self.flush()
-
-    def attach(self, name: str, content: bytes, step: int) -> None:
-        """Write what is no row, after all rows before it."""
-        self.flush()
-        self.writer.attach(name, content, step)
-
-    def flush(self) -> None:
-        """Write the pending rows as one chunk."""
-        pending = self.rows - self.writer.sealed.rows
-        if self._chunk is not None and pending:
-            self.writer.write(self._chunk.batch(pending), int(self._chunk.steps[0]))
-        self._written_at = perf_counter()
-        if self._written_at - self._synced_at > MOST_SECONDS:
-            self.writer.sync()
-            self._synced_at = self._written_at
-
-    def close(self) -> None:
-        """Write what is left and end the file."""
-        if self.writer.closed:
-            return
-        try:
-            self.flush()
-            self.writer.close()
-        except (RecordingError, OSError):
-            self.writer.abandon()
-            raise
-
-    def _tell_change(self, model: ObservedWorld) -> None:
-        """Write what there is since the last row, and what it looks like if that is news."""
-        told: dict[str, Any] = {"there": summary(model)}
-        scenery = scenery_of(model)
-        if not shows(self._scenery, scenery):
-            told["scenery"] = self._scenery = scenery
-        self.attach(CHANGE, json.dumps(told).encode(), model.completed)
-
-    def _new_chunk(self, model: ObservedWorld) -> Chunk:
-        row_bytes = Chunk(self._layout, model, 1).row_bytes
-        return Chunk(self._layout, model, max(1, min(MOST_ROWS, MOST_BYTES // row_bytes)))
-
-
-def _seen(model: ObservedWorld) -> tuple:
-    """Return what differs whenever the model may look other than it did, besides what rows hold."""
-    return population_of(model), model.fire_constants
-
-
 class _Checkpoints:
     """Complete states, stored every so many steps; what is collected over the steps is told from one to the next."""
 
-    def __init__(self, tape: _Tape, every: int) -> None:
+    def __init__(self, tape: Tape, every: int) -> None:
         self.steps: list[int] = []
         self.why_not = "" if every else NO_CHECKPOINTS
         self.due = 0 if every else sys.maxsize
@@ -283,7 +194,7 @@ class _Checkpoints:
             self.steps.append(model.completed)
 
 
-def _close_silently(tape: _Tape) -> None:
+def _close_silently(tape: Tape) -> None:
     """Close at exit, when nobody is left whom an error would reach."""
     try:
         tape.close()

@@ -9,12 +9,14 @@ from mesa_swarm.errors import RecordingError
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording, provenance, recorder, verify
 from mesa_swarm.recording.layout import Layout
+from mesa_swarm.recording.sealed_stream import CHANGE
+from mesa_swarm.recording.tape import Tape
 from mesa_swarm.recording.things import summary
 from mesa_swarm.viewing.worlds import worlds_of_recording
 
 
 def tell_only_what_there_is(tape, model):
-    tape.attach(recorder.CHANGE, json.dumps(summary(model)).encode(), model.completed)
+    tape.attach(CHANGE, json.dumps(summary(model)).encode(), model.completed)
 
 
 def recorded_in_format_1(path, change=None):
@@ -24,7 +26,7 @@ def recorded_in_format_1(path, change=None):
         patch.setattr(provenance, "FORMAT", 1)
         patch.setattr(Layout, "prepare", lambda layout, model: None)
         patch.setattr(recorder.Recorder, "before_step", lambda self, model: None)
-        patch.setattr(recorder._Tape, "_tell_change", tell_only_what_there_is)
+        patch.setattr(Tape, "_tell_change", tell_only_what_there_is)
         with model.record(path, checkpoint_every=10):
             model.run(5)
             if change is not None:
