@@ -25,7 +25,8 @@ class Observers(list):
     """What a model calls after each step, `observer.after_step(model, step)`; copies of a model have none.
 
     That is at the end of SwarmModel's step, to which a class may add more of its own. An observer that has
-    `between_steps(model)` is called once more when all is done.
+    `between_steps(model)` is called once more when all is done, and one that has `before_step(model)` before anything
+    of the next step is: what is other then was changed by hand. Mesa has counted that step already.
 
     What observes one run writes it to one place: two runs there would be a muddle.
     """
@@ -52,16 +53,21 @@ class ObservedWorld(World):
         return self._completed
 
     def _whole_step(self, *given: Any, **named: Any) -> None:
-        """Take the step that the class says, of which this class's own is a part, and tell observers of its end."""
+        """Take the step that the class says, of which this class's own is a part; tell observers before and after."""
         try:
+            self._tell("before_step")
             type(self).step(self, *given, **named)
         except BaseException:
             self._schedule_again()
             raise
+        self._tell("between_steps")
+
+    def _tell(self, what: str) -> None:
+        """Call what some observers have, and others have not."""
         for observer in list(self.observers):
-            between_steps = getattr(observer, "between_steps", None)
-            if between_steps is not None:
-                between_steps(self)
+            told = getattr(observer, what, None)
+            if told is not None:
+                told(self)
 
     def _schedule_again(self) -> None:
         """Let Mesa 3.5 take a step after one that failed, as Mesa 3.3 does: its schedule ends with an error."""

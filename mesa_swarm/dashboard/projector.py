@@ -9,7 +9,7 @@ from mesa_swarm.dashboard.player import Player
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.recording.recording import Frame, Recording
 from mesa_swarm.viewing.moments import moment_of_frame, packed_frame
-from mesa_swarm.viewing.worlds import world_of_recording
+from mesa_swarm.viewing.worlds import world_at, worlds_of_recording
 
 
 class RecordedPast:
@@ -24,7 +24,7 @@ class RecordedPast:
 
     def __init__(self, recording: Recording, rows: int) -> None:
         self._recording, self._rows = recording, range(rows)
-        self._world = world_of_recording(recording)
+        self._worlds = worlds_of_recording(recording)
         self._last: tuple[int, Picture] | None = None
         self.index = 0
         self.first_step, self.last_step = (recording[row].step if rows else 0 for row in (0, rows - 1))
@@ -38,7 +38,8 @@ class RecordedPast:
         if not self._rows:
             return None
         if self._last is None or self._last[0] != self.index:
-            self._last = self.index, picture_of(self._recording[self.index], self._world)
+            frame = self._recording[self.index]
+            self._last = self.index, picture_of(frame, world_at(self._worlds, frame.step))
         return self._last[1]
 
     @property
@@ -176,7 +177,7 @@ def picture_of(frame: Frame, world: dict) -> Picture:
     ----------
     frame : Frame
     world : dict
-        Of `world_of_recording`.
+        Of `worlds_of_recording`, that of the frame's step.
     """
     packed = packed_frame(moment_of_frame(frame, world), world)
     return Picture(frame.step, packed, world, readings_of_frame(frame), frame.state_hash or "")

@@ -107,8 +107,8 @@ def sweep(
             sweep(FireFighting, {"strategy": ["A", "B"]}, seeds=1000)
 
     Only the process that calls `sweep` writes files, except for recordings. A worker process that dies is noticed
-    at once, since its connection closes; that machines vanish, only if the scheduler has a ``worker-ttl``: see
-    docs/sweeps.md.
+    at once, since its connection closes. One that falls silent, as on a machine that vanishes, is noticed after 5 s
+    or more, and only if the scheduler has a ``worker-ttl``: see docs/sweeps.md.
 
     Examples
     --------

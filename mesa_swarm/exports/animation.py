@@ -111,11 +111,14 @@ class Animation:
         return number_row(numbers, self._digits)
 
     def _standing(self) -> Iterator[str]:
-        for label, colour, contact in (("marks", pictures.MARK, False), ("obstacles", pictures.OBSTACLE, True)):
-            shapes = [shape for shape in self._first.obstacles if shape.contact is contact]
-            if shapes:
-                outlines = "".join(self._outline(shape) for shape in shapes)
-                yield f'<path class="{label}" fill="{colour}" d="{outlines}"/>'
+        shown = [self._portraits.scene.at(frame.step).obstacles for frame in self._frames]
+        for standing in {id(obstacles): obstacles for obstacles in shown}.values():
+            when = self._clock.jumping("visibility", ["visible" if one is standing else "hidden" for one in shown])
+            for label, colour, contact in (("marks", pictures.MARK, False), ("obstacles", pictures.OBSTACLE, True)):
+                shapes = [shape for shape in standing if shape.contact is contact]
+                if shapes:
+                    outlines = "".join(self._outline(shape) for shape in shapes)
+                    yield f'<path class="{label}" fill="{colour}" d="{outlines}">{when}</path>'
 
     def _outline(self, shape: Shape) -> str:
         if shape.is_disc:

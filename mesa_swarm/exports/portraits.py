@@ -88,7 +88,7 @@ class Portraits:
         return Portrait(
             steps=frame.step,
             bounds=scene.bounds,
-            obstacles=scene.obstacles,
+            obstacles=scene.at(frame.step).obstacles,
             loads=self._loads(frame),
             designs=scene.designs,
             robots=self._robots(frame),
@@ -101,11 +101,11 @@ class Portraits:
         """Return which robots are too hot to fight, as recorded or as their temperatures since the first row tell."""
         if "hot" in frame.columns:
             return frame["hot"]
-        if "temperature" not in frame.columns or frame is self._start or np.isinf(self.scene.leave):
+        if "temperature" not in frame.columns or frame is self._start:
             return np.zeros(len(frame.robots), bool)
         if self._hot is None:
             frames = (self._rows.frame(step) for step in self._rows.steps)
-            self._hot = list(hot_robots(frames, self.scene.leave, self.scene.join))
+            self._hot = list(hot_robots(frames, self.scene))
         return self._hot[int(np.searchsorted(self._rows.steps, frame.step))]
 
     def radius_of(self, robot: int) -> float:
@@ -131,7 +131,7 @@ class Portraits:
         return tuple(forms[load].shape_at(tuple(pose)) for load, *pose in frame["loads"].tolist() if load in forms)
 
 
-def hot_robots(frames: Iterator[Frame], leave: float, join: float) -> Iterator[np.ndarray]:
+def hot_robots(frames: Iterator[Frame], scene: Scene) -> Iterator[np.ndarray]:
     """Yield which robots are too hot in each frame: from `leave` on, until they have cooled to `join`.
 
     Robots that are first seen between the two are taken as not too hot.
@@ -140,8 +140,8 @@ def hot_robots(frames: Iterator[Frame], leave: float, join: float) -> Iterator[n
     for frame in frames:
         if not np.array_equal(robots, frame.robots):
             hot, robots = np.isin(frame.robots, robots[hot]), frame.robots
-        temperature = frame["temperature"]
-        hot = (temperature >= leave) | (hot & (temperature > join))
+        temperature, setting = frame["temperature"], scene.at(frame.step)
+        hot = (temperature >= setting.leave) | (hot & (temperature > setting.join))
         yield hot
 
 

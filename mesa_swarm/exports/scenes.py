@@ -1,6 +1,11 @@
 """What stands behind a recording and is not in its rows: obstacles, bodies, loads' forms, when robots are too hot."""
 
+import math
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
+from typing import cast
 
 import numpy as np
 
@@ -10,15 +15,35 @@ from mesa_swarm.model import SwarmModel
 from mesa_swarm.recording.layout import Chunk, Layout
 from mesa_swarm.recording.provenance import rebuilt
 from mesa_swarm.recording.recording import Frame, Recording, chunk_of
+from mesa_swarm.recording.scenery import scenery_of
 from mesa_swarm.robots.design import RobotDesign
+from mesa_swarm.robots.sensors import ProximitySensor
 from mesa_swarm.world.form import Form
-from mesa_swarm.world.load import Load
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.map_parts import Bounds
 from mesa_swarm.world.shapes import Shape, disc, polygon
 
 # Of whom nothing else is known: a body of the usual size, without sensors.
 UNKNOWN = RobotDesign(name="unknown", radius=5.0)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Setting:
+    """What is true from one step on, until the next setting.
+
+    Parameters
+    ----------
+    step : int
+    obstacles : tuple of Shape
+        The same one in settings that differ in something else.
+    leave, join : float
+        A robot is too hot to fight from `leave` on, until it has cooled to `join`.
+    """
+
+    step: int
+    obstacles: tuple[Shape, ...]
+    leave: float
+    join: float
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -30,15 +55,14 @@ class Scene:
     name : str
         Of the model.
     bounds : (x_min, y_min, x_max, y_max)
-    obstacles : tuple of Shape
+    settings : tuple of Setting
+        In the order of time, at least one.
     forms : dict of Form
         Of the loads, by unique_id.
     designs : tuple of RobotDesign
         The last one is that of robots of whom nothing is known.
     robots : dict
         By unique_id, the radius and the place of the design among `designs`.
-    leave, join : float
-        A robot is too hot to fight from `leave` on, until it has cooled to `join`.
     start : Frame or None
         What the first row would be, had the state before the first step been recorded.
     note : str
@@ -47,22 +71,24 @@ class Scene:
 
     name: str
     bounds: Bounds
-    obstacles: tuple[Shape, ...]
+    settings: tuple[Setting, ...]
     forms: dict[int, Form]
     designs: tuple[RobotDesign, ...]
     robots: dict[int, tuple[float, int]]
-    leave: float
-    join: float
     start: Frame | None
     note: str
 
+    def at(self, step: int) -> Setting:
+        """Return the setting of a step."""
+        return self.settings[max(bisect_right(self.settings, step, key=attrgetter("step")) - 1, 0)]
+
 
 def scene_of(recording: Recording) -> Scene:
-    """Return what a recording's pictures need besides its rows, from its model as the constructor makes it.
+    """Return what a recording's pictures need besides its rows: what it says itself, and where it began.
 
-    Only models that come with mesa_swarm are made: a file cannot make anybody import other code. Of others, and of
-    models that were changed by hand, there is what the recording says of their scenery; in recordings of older
-    versions, which do not, what the map says, and robots are drawn with a radius of 5.
+    Where it began is known of models that come with mesa_swarm and were not changed by hand before: a file cannot
+    make anybody import other code. What recordings of old versions do not say is taken from such a model too; of
+    others the map says what stands there, and robots are drawn with a radius of 5.
 
     Parameters
     ----------
@@ -80,42 +106,60 @@ def scene_of(recording: Recording) -> Scene:
     >>> len(scene.forms), len(scene.robots), scene.note
     (1, 5, '')
     """
-    try:
-        model = rebuilt(recording.provenance, class_of(recording))
-    except SwarmError:
-        return _scene_as_told(recording)
-    start = recording.provenance["start"]
-    if model.completed == start["step"] and model.state_hash() == start["state_hash"]:
-        return _scene_of_model(recording, model)
-    return _scene_as_told(recording)
-
-
-def _scene_as_told(recording: Recording) -> Scene:
-    """Return what the recording itself says of a model that cannot be made again, or was changed by hand."""
-    told = recording.provenance.get("scenery", {})
-    world = Map.from_toml(recording.provenance["map"], "the recording's map")
-    name = recording.provenance["model"]["name"]
-    try:
-        obstacles = tuple(_shape(one) for one in told["shapes"]) if told else world.obstacles
-        forms = {one["id"]: Form.of(_shape(one)) for one in told.get("loads", ())}
-        designs = [RobotDesign(name=one["name"], radius=one["radius"]) for one in told.get("designs", ())]
-        runs = [(range(first, last + 1), which) for first, last, which in told.get("robots", ())]
-        robots = {one: (designs[which].radius, which) for ids, which in runs for one in ids}
-        leave = float(told.get("leave", np.inf))
-    except (KeyError, TypeError, ValueError, IndexError, AttributeError):
-        raise RecordingError(f"{recording.path} does not say clearly what its world looks like") from None
+    model = _made_again(recording)
+    join = np.inf if model is None else model.fire_constants.join
+    sceneries = recording.sceneries
+    if not sceneries and model is not None:
+        sceneries = ((model.completed, scenery_of(model)),)
+    bounds, settings, forms, designs, robots = _told(recording, sceneries, join)
     return Scene(
-        name=name,
-        bounds=world.bounds,
-        obstacles=obstacles,
+        name=recording.provenance["model"]["name"],
+        bounds=bounds,
+        settings=settings,
         forms=forms,
         designs=(*designs, UNKNOWN),
         robots=robots,
-        leave=leave,
-        join=leave,
-        start=None,
-        note=_note(recording, robots),
+        start=None if model is None else _frame_of(recording, model),
+        note=_note(recording, robots, told=bool(sceneries)),
     )
+
+
+def _made_again(recording: Recording) -> SwarmModel | None:
+    """Return the model as the recording began, None if its constructor does not make that."""
+    try:
+        model = rebuilt(recording.provenance, class_of(recording))
+    except SwarmError:
+        return None
+    start = recording.provenance["start"]
+    same = model.completed == start["step"] and model.state_hash() == start["state_hash"]
+    return cast(SwarmModel, model) if same else None
+
+
+def _told(recording: Recording, sceneries: Sequence[tuple[int, dict]], join: float) -> tuple:
+    """Return bounds, settings, forms, designs and robots as sceneries tell them."""
+    world = Map.from_toml(recording.provenance["map"], "the recording's map")
+    if not sceneries:
+        return world.bounds, (Setting(step=0, obstacles=world.obstacles, leave=np.inf, join=np.inf),), {}, (), {}
+    try:
+        settings = tuple(_settings(sceneries, join))
+        _, told = sceneries[0]  # robots and loads are the same in all
+        forms = {one["id"]: Form.of(_shape(one)) for one in told["loads"]}
+        designs = tuple(_design(one) for one in told["designs"])
+        runs = [(range(first, last + 1), which) for first, last, which in told["robots"]]
+        robots = {one: (designs[which].radius, which) for ids, which in runs for one in ids}
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError):
+        raise RecordingError(f"{recording.path} does not say clearly what its world looks like") from None
+    return world.bounds, settings, forms, designs, robots
+
+
+def _settings(sceneries: Sequence[tuple[int, dict]], join: float) -> Iterator[Setting]:
+    shapes: list | None = None
+    obstacles: tuple[Shape, ...] = ()
+    for step, told in sceneries:
+        if told["shapes"] != shapes:
+            shapes, obstacles = told["shapes"], tuple(_shape(one) for one in told["shapes"])
+        leave = float(told["leave"])
+        yield Setting(step=step, obstacles=obstacles, leave=leave, join=float(told.get("join", min(join, leave))))
 
 
 def _shape(told: dict) -> Shape:
@@ -127,22 +171,18 @@ def _shape(told: dict) -> Shape:
     return polygon(shell, holes, contact=contact)
 
 
-def _scene_of_model(recording: Recording, model: SwarmModel) -> Scene:
-    swarm = model.swarm
-    rows = zip(swarm.agents, swarm.radius.tolist(), swarm.columns["design"].tolist(), strict=True)
-    robots = {robot.unique_id: (radius, design) for robot, radius, design in rows}
-    return Scene(
-        name=type(model).__name__,
-        bounds=model.map.bounds,
-        obstacles=tuple(body.shape for body in model.obstacles if not isinstance(body, Load)),
-        forms={load.unique_id: load.form for load in model.loads},
-        designs=(*swarm.designs, UNKNOWN),
-        robots=robots,
-        leave=model.fire_constants.leave,
-        join=model.fire_constants.join,
-        start=_frame_of(recording, model),
-        note="",
+def _design(told: dict) -> RobotDesign:
+    """Return a design as far as one sees it."""
+    sensors = tuple(
+        ProximitySensor(
+            bearing_degrees=math.degrees(bearing),
+            range=reach,
+            field_of_view_degrees=min(2 * math.degrees(half), 360.0),
+            mount=(x, y),
+        )
+        for x, y, bearing, half, reach in told["sensors"]
     )
+    return RobotDesign(name=told["name"], radius=told["radius"], max_speed=told["max_speed"], sensors=sensors)
 
 
 def _frame_of(recording: Recording, model: SwarmModel) -> Frame:
@@ -152,9 +192,9 @@ def _frame_of(recording: Recording, model: SwarmModel) -> Frame:
     return chunk_of(chunk.batch(1))[0]
 
 
-def _note(recording: Recording, known: dict) -> str:
+def _note(recording: Recording, known: dict, told: bool) -> str:
     """Say what cannot be drawn as it was."""
-    if "scenery" not in recording.provenance:
+    if not told:
         return (
             f"{recording.provenance['model']['name']} cannot be made again: all robots are drawn with a radius of "
             f"{UNKNOWN.radius:g}, obstacles as they are on the map, loads not at all"

@@ -1,8 +1,10 @@
 """Frames of films as pixels: what stands is drawn once, what changes in each frame."""
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -40,12 +42,15 @@ class Screen:
         self._canvas = FigureCanvasAgg(figure)
         self._axes = self._world(figure)
         self._name, self._count, self._step = self._captions(figure)
-        self._canvas.draw()
-        self._behind = self._canvas.copy_from_bbox(figure.bbox)
+        self._obstacles: tuple | None = None
+        self._standing: list[Artist] = []
+        self._behind: Any = None
 
     def show(self, step: int) -> np.ndarray:
         """Return a step as pixels, uint8 of shape (height, width, 4), valid until the next one is shown."""
         axes, portrait = self._axes, self._portraits.at(step)
+        if portrait.obstacles is not self._obstacles:
+            self._stand(portrait)
         self._canvas.restore_region(self._behind)
         standing = set(axes.get_children())
         draw_what_changes(axes, portrait, self._look.sectors)
@@ -62,12 +67,23 @@ class Screen:
         width, height = self.size
         inner = max(1, width - 2 * MARGIN), max(1, height - 2 * MARGIN - CAPTION)
         axes = figure.add_axes((MARGIN / width, MARGIN / height, inner[0] / width, inner[1] / height))
-        first = self._portraits.at(int(self._portraits.steps[0]))
-        draw_what_stands(axes, first)
         axes.set(xticks=[], yticks=[], xlabel="", ylabel="")
         for spine in axes.spines.values():
             spine.set(color=EDGE, linewidth=0.8)
         return axes
+
+    def _stand(self, portrait: Portrait) -> None:
+        """Draw what stands behind the next frames."""
+        axes = self._axes
+        for artist in self._standing:
+            artist.remove()
+        before = set(axes.get_children())
+        draw_what_stands(axes, portrait)
+        axes.set(xlabel="", ylabel="")
+        self._standing = [artist for artist in axes.get_children() if artist not in before]
+        self._canvas.draw()
+        self._behind = self._canvas.copy_from_bbox(axes.figure.bbox)
+        self._obstacles = portrait.obstacles
 
     def _captions(self, figure: Figure) -> list:
         y = 1 - (CAPTION + MARGIN) / 2 / self.size[1]

@@ -96,7 +96,9 @@ class _Told(Packed):
         return super().unpack(told)
 
 
-def checkpoint_of(model: ObservedWorld, since: dict[Path, int] | None = None) -> Checkpoint:
+def checkpoint_of(
+    model: ObservedWorld, since: dict[Path, int] | None = None, *, steps: int | None = None
+) -> Checkpoint:
     """Return the complete state of a model, between two steps.
 
     Stored are the swarm, obstacles, loads, fires, radio, control, all random streams, Mesa's counters, what was
@@ -109,6 +111,8 @@ def checkpoint_of(model: ObservedWorld, since: dict[Path, int] | None = None) ->
     since : dict, optional
         How much was collected at the last checkpoint (`lengths_of`): only what came since is stored. By
         default all.
+    steps : int, optional
+        What Mesa has counted, if it has already counted a step that has not begun.
 
     Raises
     ------
@@ -128,7 +132,7 @@ def checkpoint_of(model: ObservedWorld, since: dict[Path, int] | None = None) ->
         raise RecordingError("Mesa's schedule holds events besides the step, which cannot be stored")
     told = _Told(model)
     facts = {
-        "steps": model.steps,
+        "steps": model.steps if steps is None else steps,
         "things": things_to_json(model),
         "columns": {name: told.pack(column) for name, column in sorted(model.swarm.columns.items())},
         "disturbed": model.swarm.disturbed,

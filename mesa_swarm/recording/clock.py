@@ -33,6 +33,8 @@ def has_own_events(model: ObservedWorld) -> bool:
     """Tell whether anything besides the step is scheduled."""
     if not hasattr(model, "_default_schedule"):
         return False
-    others = [generator for generator in model._event_generators if generator is not model._default_schedule]
-    waiting = [event for event in model._event_list._events if not event.CANCELED]
-    return bool(others) or len(waiting) > 1 or model.time != model.steps
+    step = model._default_schedule
+    others = [generator for generator in model._event_generators if generator is not step]
+    # While the step is being taken, its own event is not among those that wait.
+    waiting = [event for event in model._event_list._events if not event.CANCELED and event is not step._current_event]
+    return bool(others) or bool(waiting) or model.time != model.steps

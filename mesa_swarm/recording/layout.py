@@ -12,6 +12,8 @@ from mesa_swarm.world.statics import BORDER, FIRE, ROBOT
 DEFAULT = ("position", "heading", "command", "layer", "distance", "kind", "temperature", "fires", "contacts", "loads")
 # Columns of the swarm from which the contacts are made when a chunk is written.
 CONTACT = ("collided", "contact_kind", "contact_index", "contact_normal", "contact_depth")
+# Columns that sensing writes.
+READINGS = frozenset({"distance", "kind", "error", "radiation", "line"})
 # Lists of things that are not robots, one field after the other; whole numbers are ids, counts and kinds.
 TABLES = {
     "fires": ("fire", "x", "y", "radius", "temperature", "robots", "out"),
@@ -44,7 +46,13 @@ class Layout:
         widths = {name: model.swarm.columns[name].shape[1:] for name in names if name not in TABLES}
         self.columns = tuple(name for name in widths if 0 not in widths[name])
         self.tables = tuple(name for name in names if name in TABLES)
+        self.has_readings = not READINGS.isdisjoint(self.columns)
         self.schema = self._schema(model, widths)
+
+    def prepare(self, model: ObservedWorld) -> None:
+        """Have sensors read what there is now, as whoever looks sees it; the next step then need not read them."""
+        if self.has_readings:
+            model.sense()
 
     def stored_type(self, dtype: np.dtype) -> np.dtype:
         """Return the type in which a column is kept: fewer bits where that loses nothing or is asked for."""
@@ -87,7 +95,6 @@ class Chunk:
     def __init__(self, layout: Layout, model: ObservedWorld, capacity: int) -> None:
         self.layout = layout
         self.capacity = capacity
-        self.population = population_of(model)
         self.steps = np.zeros(capacity, np.int64)
         self.hashes: list[str | None] = [None] * capacity
         self._robots = _ids(model.swarm.agents)
@@ -190,7 +197,7 @@ class Chunk:
 
 
 def population_of(model: ObservedWorld) -> tuple:
-    """Return what changes whenever a robot, obstacle or fire is added or removed.
+    """Return what changes whenever a robot, obstacle or fire is added or removed, or columns come or go.
 
     Ids only grow and what is added stands last, so length and last id tell of every change.
     """

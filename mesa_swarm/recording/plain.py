@@ -22,7 +22,7 @@ class Packed:
 
     Parameters
     ----------
-    arrays : dict of ndarray, optional
+    arrays : list of ndarray, optional
 
     Examples
     --------

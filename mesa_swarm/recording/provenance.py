@@ -16,7 +16,9 @@ from mesa_swarm.recording.scenery import scenery_of
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.world.map import Map
 
-FORMAT = 1
+# Since 2 readings are of the row's own poses, interventions are told, and scenery wherever it changes.
+FORMAT = 2
+READABLE = (1, FORMAT)
 PACKAGES = ("mesa-swarm", "mesa", "numpy", "numba", "shapely", "pyarrow")
 # Objects that parameters may be, besides plain values: written as {name: fields}.
 PARTS = {"FireConstants": FireConstants, "Radio": Radio}
@@ -119,9 +121,9 @@ def from_metadata(metadata: dict[bytes, bytes] | None, source: object) -> dict:
         facts = {name.decode(): json.loads(text) for name, text in (metadata or {}).items()}
     except ValueError:
         facts = {}
-    if facts.get("format") != FORMAT:
-        shown = shortened(facts.get("format"))
-        raise RecordingError(f"{source} has format {shown}, which this version cannot read; expected {FORMAT}")
+    if facts.get("format") not in READABLE:
+        shown, known = shortened(facts.get("format")), " or ".join(map(str, READABLE))
+        raise RecordingError(f"{source} has format {shown}, which this version cannot read; expected {known}")
     return facts
 
 

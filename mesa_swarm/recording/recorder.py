@@ -1,12 +1,10 @@
 """What writes a recording while its model runs."""
 
-import json
 import os
 import sys
 import weakref
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from time import perf_counter
 from types import TracebackType
 
 from mesa_swarm.errors import RecordingError, check_count, shortened
@@ -15,17 +13,15 @@ from mesa_swarm.recording.checkpoint import checkpoint_of
 from mesa_swarm.recording.collected import Path as SeriesPath
 from mesa_swarm.recording.collected import lengths_of
 from mesa_swarm.recording.container import to_bytes
-from mesa_swarm.recording.layout import DEFAULT, Chunk, Layout, population_of
+from mesa_swarm.recording.interventions import intervention_to_json
+from mesa_swarm.recording.layout import DEFAULT, Layout
+from mesa_swarm.recording.marks import Mark
 from mesa_swarm.recording.provenance import as_metadata, provenance_of
-from mesa_swarm.recording.sealed_stream import CHANGE, CHECKPOINT, SealedWriter
-from mesa_swarm.recording.things import summary
+from mesa_swarm.recording.sealed_stream import CHECKPOINT, INTERVENTION, SealedWriter
+from mesa_swarm.recording.tape import HASH_EVERY, Tape
 
-HASH_EVERY = 100
 CHECKPOINT_EVERY = 1000
-# A chunk ends with whichever comes first. Larger ones make finding a frame slow, smaller ones make the file large.
-MOST_ROWS = 256
-MOST_BYTES = 2_000_000
-MOST_SECONDS = 1.0
+NO_CHECKPOINTS = "checkpoint_every is 0"
 
 
 class Recorder:
@@ -40,7 +36,7 @@ class Recorder:
     layout : Layout
     writer : SealedWriter
     checkpoint_every : int
-        Fewest steps from one checkpoint to the next; 0 for none.
+        Most steps from one checkpoint to the next; 0 for none.
 
     Attributes
     ----------
@@ -58,13 +54,16 @@ class Recorder:
     ) -> None:
         self.path = path
         self.every = every
-        self._tape = _Tape(layout, writer)
+        self._tape = Tape(layout, writer, model)
         self._checkpoints = _Checkpoints(self._tape, checkpoint_every)
         try:
-            self._checkpoints.put_if_due(model)
+            if checkpoint_every:
+                self._checkpoints.put(model)
         except (RecordingError, OSError):
             writer.abandon()
             raise
+        self._mark = Mark(model)
+        self._unwritten: ObservedWorld | None = None
         self._observers = model.observers
         self._observers.append(self)
         self._finish = weakref.finalize(self, _close_silently, self._tape)
@@ -87,22 +86,39 @@ class Recorder:
         """Whether nothing more is recorded."""
         return self._tape.writer.closed
 
-    def after_step(self, model: ObservedWorld, step: int) -> None:
-        """Record the model if a row is due; called by the model at the end of each step."""
-        if step % self.every or self.closed:
+    def before_step(self, model: ObservedWorld) -> None:
+        """Store the state if somebody changed it since the last step; called by the model before each step."""
+        if self.closed:
             return
-        try:
-            self._tape.put(model, step)
-        except (RecordingError, OSError):
-            self._abandon()
-            raise
+        self._put_row()  # of a step that failed when only the class's own part was left
+        what = self._mark.changes(model)
+        if what:
+            model._sensed = None  # columns that are written directly do not tell: without us, they were read now
+            self._guarded(self._checkpoints.put_intervention, model, what)
+
+    def after_step(self, model: ObservedWorld, step: int) -> None:
+        """Take note that a row is due; called by the model when its class may still have more to do in this step."""
+        if not step % self.every and not self.closed:
+            self._unwritten = model
 
     def between_steps(self, model: ObservedWorld) -> None:
-        """Store a checkpoint if one is due; called by the model when nothing of the step is left to do."""
-        if self.closed or model.completed < self._checkpoints.due:
+        """Record what is due; called by the model when nothing of the step is left to do."""
+        if self.closed:
             return
+        self._put_row()
+        if model.completed >= self._checkpoints.due:
+            self._guarded(self._checkpoints.put, model)
+        self._mark = Mark(model)
+
+    def _put_row(self) -> None:
+        model, self._unwritten = self._unwritten, None
+        if model is not None:
+            self._guarded(self._tape.put, model)
+
+    def _guarded(self, write: Callable, *given: object) -> None:
+        """Write, and stop recording if that fails."""
         try:
-            self._checkpoints.put_if_due(model)
+            write(*given)
         except (RecordingError, OSError):
             self._abandon()
             raise
@@ -114,24 +130,21 @@ class Recorder:
 
     @property
     def why_no_checkpoint(self) -> str:
-        """What could not be stored when a checkpoint was due last; an empty text if all could."""
+        """Why the last checkpoint that was due was not stored; an empty text if it was."""
         return self._checkpoints.why_not
 
     def flush(self) -> None:
         """Write what was recorded so far into the file and have the system put it on the disk."""
-        if self.closed:
-            return
-        try:
-            self._tape.flush()
-            self._tape.writer.sync()
-        except (RecordingError, OSError):
-            self._abandon()
-            raise
+        if not self.closed:
+            self._guarded(self._tape.flush)
+            self._guarded(self._tape.writer.sync)
 
     def close(self) -> None:
         """Write what is left and end the file; a second time does nothing."""
         if self in self._observers:
             self._observers.remove(self)
+        if not self.closed:
+            self._put_row()
         self._tape.close()
         self._finish.detach()
 
@@ -142,97 +155,46 @@ class Recorder:
         self._tape.writer.abandon()
 
 
-class _Tape:
-    """Rows gathered in a chunk, and the file they go to.
-
-    What is pending follows from two counts, rows put and rows sealed, so that Ctrl-C between any two
-    instructions neither loses a row nor writes one twice.
-    """
-
-    def __init__(self, layout: Layout, writer: SealedWriter) -> None:
-        self.writer = writer
-        self.rows = 0
-        self._layout = layout
-        self._chunk: Chunk | None = None
-        self._hashed = -1
-        self._written_at = self._synced_at = perf_counter()
-
-    def put(self, model: ObservedWorld, step: int) -> None:
-        """Keep the model as it is now."""
-        chunk = self._chunk
-        if chunk is None or chunk.population != population_of(model):
-            self.flush()
-            if chunk is not None:
-                self.attach(CHANGE, json.dumps(summary(model)).encode(), step)
-            chunk = self._chunk = self._new_chunk(model)
-        state_hash = None
-        if step // HASH_EVERY != self._hashed:
-            state_hash, self._hashed = model.state_hash(), step // HASH_EVERY
-        row = self.rows - self.writer.sealed.rows
-        chunk.put(row, step, state_hash)
-        self.rows += 1
-        if row + 1 == chunk.capacity or perf_counter() - self._written_at > MOST_SECONDS:
-            self.flush()
-
-    def attach(self, name: str, content: bytes, step: int) -> None:
-        """Write what is no row, after all rows before it."""
-        self.flush()
-        self.writer.attach(name, content, step)
-
-    def flush(self) -> None:
-        """Write the pending rows as one chunk."""
-        pending = self.rows - self.writer.sealed.rows
-        if self._chunk is not None and pending:
-            self.writer.write(self._chunk.batch(pending), int(self._chunk.steps[0]))
-        self._written_at = perf_counter()
-        if self._written_at - self._synced_at > MOST_SECONDS:
-            self.writer.sync()
-            self._synced_at = self._written_at
-
-    def close(self) -> None:
-        """Write what is left and end the file."""
-        if self.writer.closed:
-            return
-        try:
-            self.flush()
-            self.writer.close()
-        except (RecordingError, OSError):
-            self.writer.abandon()
-            raise
-
-    def _new_chunk(self, model: ObservedWorld) -> Chunk:
-        row_bytes = Chunk(self._layout, model, 1).row_bytes
-        return Chunk(self._layout, model, max(1, min(MOST_ROWS, MOST_BYTES // row_bytes)))
-
-
 class _Checkpoints:
     """Complete states, stored every so many steps; what is collected over the steps is told from one to the next."""
 
-    def __init__(self, tape: _Tape, every: int) -> None:
+    def __init__(self, tape: Tape, every: int) -> None:
         self.steps: list[int] = []
-        self.why_not = ""
+        self.why_not = "" if every else NO_CHECKPOINTS
         self.due = 0 if every else sys.maxsize
         self._tape = tape
         self._every = every
         self._since: dict[SeriesPath, int] = {}
 
-    def put_if_due(self, model: ObservedWorld) -> None:
+    def put(self, model: ObservedWorld) -> None:
         """Store the model as it is now, unless it holds what cannot be stored."""
-        step = model.completed
-        if step < self.due:
-            return
-        self.due = step + self._every
+        self._attach(model, self._content(model, model.steps))
+
+    def put_intervention(self, model: ObservedWorld, what: list[str]) -> None:
+        """Tell what somebody changed before the step that Mesa has counted just now, and store what came of it."""
+        content = self._content(model, model.steps - 1) if self._every else b""
+        self._tape.attach(INTERVENTION, intervention_to_json(what, self.why_not), model.completed)
+        self._attach(model, content)
+
+    def _content(self, model: ObservedWorld, steps: int) -> bytes:
+        """Return a checkpoint as bytes; none, and why, if there is none."""
+        self.due = model.completed + self._every
         try:
-            content = to_bytes(checkpoint_of(model, self._since))
+            content = to_bytes(checkpoint_of(model, self._since, steps=steps))
         except RecordingError as error:
             self.why_not = str(error)
-            return
-        self._tape.attach(CHECKPOINT, content, step)
-        self.why_not, self._since = "", lengths_of(model)
-        self.steps.append(step)
+            return b""
+        self.why_not = ""
+        return content
+
+    def _attach(self, model: ObservedWorld, content: bytes) -> None:
+        if content:
+            self._tape.attach(CHECKPOINT, content, model.completed)
+            self._since = lengths_of(model)
+            self.steps.append(model.completed)
 
 
-def _close_silently(tape: _Tape) -> None:
+def _close_silently(tape: Tape) -> None:
     """Close at exit, when nobody is left whom an error would reach."""
     try:
         tape.close()
@@ -257,6 +219,12 @@ def record(
     are written in chunks of at most 256 rows, 2 MB or a second; a program that is killed loses at most the
     chunk that was not written yet.
 
+    A row is the model when nothing of the step is left to do. Its readings are those of its own poses, as whoever looks
+    at the model sees them; those on which its commands and layers were decided stand in the row of the step before.
+
+    What somebody changes by hand between two steps is noticed before the next one, as far as `Mark` says, told in the
+    file, and followed by a checkpoint (`Recording.interventions`): each such change makes the file longer by one.
+
     Parameters
     ----------
     model : ObservedWorld
@@ -275,9 +243,9 @@ def record(
     rerun : bool
         Whether the model must be one that can be run again from what the file says of it.
     checkpoint_every : int
-        Steps from one checkpoint, the complete state, to the next; 0 stores none. With them `resume` need not
-        run all steps again, and goes on from models that were changed by hand. A model that holds what cannot
-        be stored is recorded without, see `Recorder.why_no_checkpoint`.
+        Most steps from one checkpoint, the complete state, to the next; 0 stores none, also after changes by hand.
+        With them `resume` need not run all steps again, and goes on from models that were changed by hand. A model
+        that holds what cannot be stored is recorded without, see `Recorder.why_no_checkpoint`.
 
     Returns
     -------
@@ -312,7 +280,7 @@ def record(
         "exact": bool(exact),
         "hash_every": HASH_EVERY,
         "checkpoint_every": checkpoint_every,
-        "why_no_checkpoint": _why_not(model) if checkpoint_every else "checkpoint_every is 0",
+        "why_no_checkpoint": _why_not(model) if checkpoint_every else NO_CHECKPOINTS,
         "start": {"step": model.completed, "state_hash": model.state_hash()},
     }
     target = _checked_path(path)

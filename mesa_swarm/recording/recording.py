@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
 from pathlib import Path
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 import pandas as pd
@@ -18,9 +18,11 @@ import pyarrow as pa
 from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError, check_count, shortened, unknown_name
 from mesa_swarm.recording.container import Checkpoint, from_bytes
 from mesa_swarm.recording.events import Event, events_of
+from mesa_swarm.recording.interventions import Intervention, intervention_from_json
 from mesa_swarm.recording.layout import TABLES
 from mesa_swarm.recording.provenance import from_metadata
-from mesa_swarm.recording.sealed_stream import CHANGE, CHECKPOINT, Piece, SealedReader
+from mesa_swarm.recording.scenery import joined
+from mesa_swarm.recording.sealed_stream import CHANGE, CHECKPOINT, INTERVENTION, Piece, SealedReader
 
 # Chunks that are kept decoded, of about 2 MB each.
 MOST_CACHED = 8
@@ -186,14 +188,61 @@ class Recording:
         return checkpoint
 
     @cached_property
+    def interventions(self) -> tuple[Intervention, ...]:
+        """What somebody changed by hand while it was recorded, oldest first. Older versions did not tell.
+
+        Raises
+        ------
+        RecordingError
+            If that is damaged.
+        """
+        found, states = [], 0
+        names = [self._reader.name(piece) for piece in self._reader.attached]
+        for place, (name, piece) in enumerate(zip(names, self._reader.attached, strict=True)):
+            states += name == CHECKPOINT
+            if name == INTERVENTION:
+                stored = names[place + 1 : place + 2] == [CHECKPOINT]
+                content = self._reader.content(piece)
+                found.append(intervention_from_json(piece.step, content, states if stored else None))
+        return tuple(found)
+
+    @cached_property
     def changes(self) -> dict[int, list]:
-        """What there was when robots, obstacles or fires had come or gone, by the first step after it.
+        """What there was when robots, obstacles or fires had come or gone, by the first recorded step after it.
 
         Of each three kinds how many, and the last unique_id.
+
+        Raises
+        ------
+        RecordingError
+            If that is damaged.
         """
-        pieces = self._attached(CHANGE)
+        # Format 1 had nothing but this.
+        return {step: told["there"] if isinstance(told, dict) else told for step, told in self._changes.items()}
+
+    @cached_property
+    def sceneries(self) -> tuple[tuple[int, dict], ...]:
+        """What robots and things look like, see `scenery_of`, each with the first step of which it is true.
+
+        Each knows all robots and loads. None if the recording does not tell; one if nothing came or went, or a
+        version wrote it that did not tell.
+
+        Raises
+        ------
+        RecordingError
+            If that is damaged.
+        """
+        first = self.provenance.get("scenery")
+        later = [(step, told["scenery"]) for step, told in self._changes.items() if "scenery" in told]
         try:
-            return {piece.step: json.loads(self._reader.content(piece)) for piece in pieces}
+            return joined([(self.provenance["start"]["step"], first), *later]) if first else ()
+        except (KeyError, TypeError, ValueError, IndexError, AttributeError):
+            raise RecordingError(f"{self.path} does not say clearly what its world looks like") from None
+
+    @cached_property
+    def _changes(self) -> dict[int, Any]:
+        try:
+            return {piece.step: json.loads(self._reader.content(piece)) for piece in self._attached(CHANGE)}
         except (ValueError, RecursionError):
             raise RecordingError(f"{self.path} is damaged where it tells what came and went") from None
 

@@ -10,12 +10,12 @@ import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError, check_count, shortened, unknown_name
 from mesa_swarm.observed_world import ObservedWorld
-from mesa_swarm.recording.checkpoint import restore
 from mesa_swarm.recording.clock import set_clock
 from mesa_swarm.recording.collected import reporters_of
 from mesa_swarm.recording.provenance import rebuilt
 from mesa_swarm.recording.recording import Recording
-from mesa_swarm.recording.verify import last_same, run_to, started_again
+from mesa_swarm.recording.rerun import Rerun, restored, started_again, states_to
+from mesa_swarm.recording.verify import last_same, run_to
 
 MODELS = "mesa_swarm.models"
 # What parameters decide; all other columns are the state of the run.
@@ -32,7 +32,11 @@ def resume(base: type, path: str | os.PathLike[str], *, step: int | None = None,
     The nearest checkpoint at or before the step is restored, and the model runs from there to the step, compared
     with the recording on the way; where there is no checkpoint it is run again from its parameters. With other
     parameters, a second model is made with these and takes over the first one's state: positions,
-    readings, temperatures, what layers remember (by the layer's name), random streams, counters.
+    readings, temperatures, what layers remember (by the layer's name), random streams, counters. What was replaced by
+    hand before, such as `control` or `fire_constants`, is then again what the parameters say.
+
+    Where somebody changed the model by hand after that very step, it is returned with that change, if the state after
+    it was stored (`Recording.interventions`).
 
     Parameters
     ----------
@@ -48,8 +52,8 @@ def resume(base: type, path: str | os.PathLike[str], *, step: int | None = None,
     Raises
     ------
     RecordingError
-        If running again does not give what was recorded, as after a change by hand that no checkpoint follows; the
-        nearest steps that work are named.
+        If running again does not give what was recorded, as with other code, or after a change by hand of which no
+        state was stored; the nearest steps that work are named.
     InvalidValueError, UnknownNameError
         If there is no such step or parameter, or a change makes another world.
 
@@ -93,28 +97,28 @@ def state_at(recording: Recording, model_class: type, step: int) -> ObservedWorl
     RecordingError
         If what was recorded does not come out; the nearest steps from which one can go on are named.
     """
-    model = _nearest(recording, model_class, step) or started_again(recording, model_class)
-    begin = model.completed
+    rerun = _nearest(recording, model_class, step)
+    begin = rerun.model.completed
     try:
-        run_to(recording, model, step)
+        run_to(rerun, step)
     except RecordingError as error:
-        again = _nearest(recording, model_class, begin) or started_again(recording, model_class)
-        steps = [last_same(recording, again, step), *(kept for kept in recording.checkpoints if kept > step)][:2]
+        steps = [last_same(_nearest(recording, model_class, begin), step)]
+        steps = [*steps, *(kept for kept in recording.checkpoints if kept > step)][:2]
         there = " and ".join(map(str, steps))
-        raise RecordingError(f"{recording.path} {error}; the nearest steps to resume from are {there}") from None
-    return model
+        raise RecordingError(f"{recording.path}: {error}; the nearest steps to resume from are {there}") from None
+    return rerun.model
 
 
-def _nearest(recording: Recording, model_class: type, step: int) -> ObservedWorld | None:
-    """Return a model with the state of the last whole checkpoint at or before a step, None if there is none."""
+def _nearest(recording: Recording, model_class: type, step: int) -> Rerun:
+    """Return a model with the state of the last whole checkpoint at or before a step, or one started again."""
     usable = [place for place, kept in enumerate(recording.checkpoints) if kept <= step]
-    for last in reversed(usable):
+    for place in reversed(usable):
         try:
-            states = [recording.checkpoint(place) for place in range(last + 1)]
+            states = states_to(recording, place)
         except RecordingError:  # damaged: an earlier one, or running again, gives the same, only later
             continue
-        return restore(rebuilt(recording.provenance, model_class), states[-1], states[:-1])
-    return None
+        return Rerun(recording, restored(recording, model_class, states), place)
+    return Rerun(recording, started_again(recording, model_class))
 
 
 def take_over(new: ObservedWorld, old: ObservedWorld, fresh: ObservedWorld) -> None:

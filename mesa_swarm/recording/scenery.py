@@ -1,6 +1,7 @@
 """What a recording says of what robots and things look like: designs, obstacles, loads, layers."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from shapely import Point, Polygon
@@ -25,7 +26,8 @@ def scenery_of(model: ObservedWorld) -> dict:
     dict
         ``designs``; ``robots``, rows [first id, last id, index of their design]; ``shapes`` of obstacles and
         ground marks on the map; ``loads``, shapes about their own centres; ``layers``, names in the order of
-        the column `layer`; ``leave``, the temperature at which a robot is too hot.
+        the column `layer`; ``leave``, the temperature at which a robot is too hot, and ``join``, down to which it
+        is until it has cooled.
 
     Examples
     --------
@@ -45,7 +47,54 @@ def scenery_of(model: ObservedWorld) -> dict:
         "loads": [{"id": load.unique_id, **_written_form(load)} for load in model.loads],
         "layers": [layer.name for layer in layers],
         "leave": model.fire_constants.leave,
+        "join": model.fire_constants.join,
     }
+
+
+def shows(scenery: dict, other: dict) -> bool:
+    """Tell whether a scenery says all that a later one of the same model does: robots may only have gone.
+
+    Examples
+    --------
+    >>> shows({"robots": [[5, 7, 0]], "leave": 1.0}, {"robots": [[5, 5, 0], [7, 7, 0]], "leave": 1.0})
+    True
+    >>> shows({"robots": [[5, 7, 0]], "leave": 1.0}, {"robots": [[5, 8, 0]], "leave": 1.0})
+    False
+    """
+    last, newest = (max((run[1] for run in one["robots"]), default=0) for one in (scenery, other))
+    return newest <= last and {**scenery, "robots": ()} == {**other, "robots": ()}
+
+
+def joined(sceneries: Sequence[tuple[int, dict]]) -> tuple[tuple[int, dict], ...]:
+    """Return sceneries of one model, each of which knows all robots, designs and loads that any of them knows.
+
+    Obstacles, layers and heat are each one's own.
+
+    Parameters
+    ----------
+    sceneries : sequence of (step, dict)
+        In the order of time: ids only grow.
+
+    Examples
+    --------
+    >>> early = {"designs": ["a"], "robots": [[1, 2, 0]], "loads": [], "shapes": ["wall"]}
+    >>> late = {"designs": ["b", "a"], "robots": [[2, 2, 1], [5, 6, 0]], "loads": [], "shapes": []}
+    >>> (_, first), (_, second) = joined([(0, early), (9, late)])
+    >>> first["designs"], first["robots"], second["shapes"]
+    (['a', 'b'], [[1, 2, 0], [5, 6, 1]], [])
+    """
+    designs: list = []
+    robots: list[list[int]] = []
+    loads: dict[int, dict] = {}
+    for _, scenery in sceneries:
+        designs += [design for design in scenery["designs"] if design not in designs]
+        newest = robots[-1][1] if robots else -1
+        for first, last, which in scenery["robots"]:
+            if last > newest:
+                robots.append([max(first, newest + 1), last, designs.index(scenery["designs"][which])])
+        loads |= {load["id"]: load for load in scenery["loads"]}
+    same = {"designs": designs, "robots": robots, "loads": list(loads.values())}
+    return tuple((step, {**scenery, **same}) for step, scenery in sceneries)
 
 
 def written_shape(shape: Shape) -> dict:

@@ -24,8 +24,8 @@ from mesa_swarm.errors import RecordingError
 
 SEAL = re.compile(rb"crc32=([0-9a-f]{8}) rows=(\d{1,18}) step=(-?\d{1,18});")
 # What pieces without rows carry.
-CHECKPOINT, CHANGE = "checkpoint", "change"
-NAME = re.compile(rb"\0(checkpoint|change)\0")
+CHECKPOINT, CHANGE, INTERVENTION = "checkpoint", "change", "intervention"
+NAME = re.compile(rb"\0(checkpoint|change|intervention)\0")
 END_OF_STREAM = b"\xff\xff\xff\xff\x00\x00\x00\x00"
 # Level 1: higher ones cost a step more than they save on disk.
 ZSTD = pa.ipc.IpcWriteOptions(compression=pa.Codec("zstd", compression_level=1))

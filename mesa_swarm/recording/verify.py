@@ -1,17 +1,15 @@
 """Running a recorded model again, and finding the first step and robot that differ."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mesa_swarm.errors import RecordingError
-from mesa_swarm.observed_world import ObservedWorld
 from mesa_swarm.progress import progress_bar
-from mesa_swarm.recording.layout import TABLES, Chunk, Layout
-from mesa_swarm.recording.provenance import rebuilt
-from mesa_swarm.recording.recording import Frame, Recording, chunk_of
-from mesa_swarm.recording.things import summary
+from mesa_swarm.recording.interventions import Intervention, in_words
+from mesa_swarm.recording.layout import TABLES
+from mesa_swarm.recording.recording import Frame, Recording
+from mesa_swarm.recording.rerun import Rerun, started_again
 
 MOST_NAMED = 3
 
@@ -33,6 +31,8 @@ class Verification:
     column : str or None
         The first recorded column that differs.
     text : str
+    interventions : tuple of Intervention
+        What was changed by hand up to there. It is not verified but taken from the recording.
     """
 
     same: bool
@@ -41,13 +41,17 @@ class Verification:
     robots: tuple[int, ...] = ()
     column: str | None = None
     text: str = ""
+    interventions: tuple[Intervention, ...] = ()
 
     def __str__(self) -> str:
-        return self.text
+        return self.text + in_words(self.interventions)
 
 
 def verify(recording: Recording, model_class: type, progress: bool = False) -> Verification:
     """Run the model of a recording again from its parameters and compare every row.
+
+    Where somebody changed the model by hand, it goes on from the state that was stored after that; the verdict names
+    these places.
 
     Parameters
     ----------
@@ -73,40 +77,20 @@ def verify(recording: Recording, model_class: type, progress: bool = False) -> V
     ...     print(verify(Recording(f"{folder}/run.arrow"), FireFighting))
     all 20 rows to step 20 are the same
     """
-    model = started_again(recording, model_class)
-    layout = Layout(model, recording.columns, recording.provenance["exact"])
+    rerun = Rerun(recording, started_again(recording, model_class))
     with progress_bar(len(recording), "rows", progress) as bar:
-        for row, (frame, again) in enumerate(_pairs(recording, model, layout)):
-            difference = _difference(row, frame, again)
+        for row, frame in enumerate(recording):
+            difference = _compared(rerun, row, frame)
             if difference is not None:
-                return difference
+                return replace(difference, interventions=rerun.taken)
             bar.update()
     last = f" to step {recording[-1].step}" if len(recording) else ""
-    return Verification(same=True, rows=len(recording), text=f"all {len(recording)} rows{last} are the same")
+    text = f"all {len(recording)} rows{last} are the same"
+    return Verification(same=True, rows=len(recording), text=text, interventions=rerun.taken)
 
 
-def started_again(recording: Recording, model_class: type) -> ObservedWorld:
-    """Return the model as it was when the recording began.
-
-    Raises
-    ------
-    RecordingError
-        If its parameters alone do not make that model.
-    """
-    facts = recording.provenance
-    model = rebuilt(facts, model_class)
-    while model.completed < facts["start"]["step"]:
-        model.step()
-    if model.state_hash() != facts["start"]["state_hash"]:
-        raise RecordingError(
-            f"{recording.path} began with a model that {model_class.__name__}'s parameters alone do not make: "
-            "it was changed by hand, or other versions made it; build it in a constructor to run it again"
-        )
-    return model
-
-
-def run_to(recording: Recording, model: ObservedWorld, step: int) -> None:
-    """Run a model that is as it was at some step of a recording to a later one, compared with what was recorded.
+def run_to(rerun: Rerun, step: int) -> None:
+    """Run what is as it was at some step of a recording to a later one, compared with what was recorded.
 
     Rows are compared where they have fingerprints, and the last one; what came and went in between, always.
 
@@ -115,63 +99,42 @@ def run_to(recording: Recording, model: ObservedWorld, step: int) -> None:
     RecordingError
         If what was recorded does not come out.
     """
-    layout = Layout(model, recording.columns, recording.provenance["exact"])
-    begin = model.completed
-    for row in range(recording.row_after(begin), len(recording)):
+    recording = rerun.recording
+    for row in range(recording.row_after(rerun.model.completed), len(recording)):
         frame = recording[row]
         if frame.step > step:
             break
-        _check_change(recording, model, frame.step)
+        rerun.check_change(frame.step)
         if frame.state_hash is not None or frame.step == step:
-            difference = _difference(row, frame, _again(frame, model, layout))
+            difference = _difference(row, frame, rerun.frame(frame))
             if difference is not None:
                 raise RecordingError(f"does not come out the same when run again: {difference}")
-    while model.completed < step:
-        model.step()
+    rerun.to(step)
 
 
-def last_same(recording: Recording, model: ObservedWorld, step: int) -> int:
-    """Run a model beside a recording, and return the last step, at most the given one, at which all is the same."""
-    layout = Layout(model, recording.columns, recording.provenance["exact"])
-    same = model.completed
+def last_same(rerun: Rerun, step: int) -> int:
+    """Run beside a recording, and return the last step, at most the given one, at which all is the same."""
+    recording, same = rerun.recording, rerun.model.completed
     for row in range(recording.row_after(same), len(recording)):
         frame = recording[row]
         try:
-            _check_change(recording, model, frame.step)
+            rerun.check_change(frame.step)
+            different = frame.step > step or _difference(row, frame, rerun.frame(frame)) is not None
         except RecordingError:
             return same
-        if frame.step > step or _difference(row, frame, _again(frame, model, layout)) is not None:
+        if different:
             return same
         same = frame.step
     return same
 
 
-def _check_change(recording: Recording, model: ObservedWorld, step: int) -> None:
-    """Run to a step after which other robots, obstacles or fires were recorded, and see whether they are there."""
-    if step not in recording.changes:
-        return
-    while model.completed < step:
-        model.step()
-    if summary(model) != recording.changes[step]:
-        raise RecordingError(
-            f"does not come out the same when run again: step {step} is the first with robots, obstacles or fires "
-            "that were added or removed by hand"
-        )
-
-
-def _pairs(recording: Recording, model: ObservedWorld, layout: Layout) -> Iterator[tuple[Frame, Frame]]:
-    """Run beside the recording: each frame, and what it is now."""
-    for frame in recording:
-        yield frame, _again(frame, model, layout)
-
-
-def _again(frame: Frame, model: ObservedWorld, layout: Layout) -> Frame:
-    """Run to the step of a frame and return what it is now."""
-    while model.completed < frame.step:
-        model.step()
-    chunk = Chunk(layout, model, 1)
-    chunk.put(0, model.completed, model.state_hash() if frame.state_hash is not None else None)
-    return chunk_of(chunk.batch(1))[0]
+def _compared(rerun: Rerun, row: int, frame: Frame) -> Verification | None:
+    """Return how a frame differs from what is now, None if it does not."""
+    try:
+        return _difference(row, frame, rerun.frame(frame))
+    except RecordingError as error:
+        text = f"step {frame.step} is the first that cannot be compared: {error}"
+        return Verification(same=False, rows=row, step=frame.step, text=text)
 
 
 def _difference(row: int, frame: Frame, again: Frame) -> Verification | None:

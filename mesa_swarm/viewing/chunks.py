@@ -36,7 +36,7 @@ def packed_chunk(moments: Iterable[Moment], world: dict) -> bytes:
     ----------
     moments : iterable of Moment
     world : dict
-        Of `world_of_recording` or `world_of_model`.
+        Of `worlds_of_recording`, any of them, or `world_of_model`.
 
     Examples
     --------

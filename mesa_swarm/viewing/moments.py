@@ -73,7 +73,7 @@ def moment_of_frame(frame: Frame, world: dict) -> Moment:
     frame : Frame
         Of a `Recording`.
     world : dict
-        Of `world_of_recording`.
+        Of `worlds_of_recording`, that of the frame's step.
     """
     known, ids = frame.columns, frame.robots
     given = {"ids": ids, "fires": np.empty((0, 6)), "loads": np.empty((0, 4)), "contacts": np.empty((0, 2))}

@@ -223,6 +223,7 @@ class Player {
     this.about = about;
     this.film = new Film(about, loader(about));
     this.theme = matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
+    this.worlds = [about.world, ...about.later.map(({ step, ...own }) => ({ ...about.world, ...own }))];
     this.stage = new Stage(find("world"), about.world, {
       theme: this.theme,
       onSelect: () => this.tell(true),
@@ -257,10 +258,18 @@ class Player {
     const frame = this.film.at(row);
     if (!frame) return false;
     this.row = this.#wanted = row;
+    this.enter(this.worlds[this.about.later.findLastIndex(({ step }) => step <= frame.step) + 1]);
     this.stage.show(frame);
     this.film.ready(row + this.about.chunk_rows).catch((error) => this.complain(error));
     this.tell(!this.playing);
     return true;
+  }
+
+  /** Draw from now on a world in which other things stand, or other layers drive. */
+  enter(world) {
+    if (world === this.stage.world) return;
+    this.stage.world = world;
+    this.describeLayers();
   }
 
   play() {
@@ -384,7 +393,7 @@ class Player {
   }
 
   tellLayers() {
-    const { layer } = this.stage.frame ?? {}, counts = this.about.world.layers.map(() => 0);
+    const { layer } = this.stage.frame ?? {}, counts = this.stage.world.layers.map(() => 0);
     if (!layer) return;
     for (const index of layer) if (index >= 0) counts[index] += 1;
     document.querySelectorAll("#layers li b").forEach((cell, index) => (cell.textContent = String(counts[index])));
@@ -397,7 +406,7 @@ class Player {
     const [x, y, heading] = frame.pose.subarray(3 * row, 3 * row + 3), degrees = (heading * 180) / Math.PI;
     find("robot-name").textContent = `Robot ${id}`;
     const facts = { position: `${x.toFixed(1)}, ${y.toFixed(1)}`, heading: `${Math.round(degrees + 360) % 360}°` };
-    if (frame.layer) facts.layer = this.about.world.layers[frame.layer[row]] ?? (frame.layer[row] < 0 ? "none" : frame.layer[row]);
+    if (frame.layer) facts.layer = this.stage.world.layers[frame.layer[row]] ?? (frame.layer[row] < 0 ? "none" : frame.layer[row]);
     if (frame.heat && frame.counts.fires) facts.heat = `${Math.round(100 * frame.heat[row])} %`;
     if (frame.distance) facts.nearest = nearest(frame, row);
     fill(find("robot-facts"), facts);
@@ -423,13 +432,17 @@ class Player {
     find("world").setAttribute("aria-label", `The world of ${spaced(about.model)}, drawn to scale`);
     about.notes.forEach((text) => this.note(text));
     if (this.last < 0) this.note("Not one whole step was recorded.");
-    for (const { name, colour } of this.stage.legend()) find("layers").append(layerItem(name, colour));
-    find("layers-title").hidden = !world.layers.length;
+    this.describeLayers();
     const known = new Set(world.columns.map((column) => column.name));
     const needs = { sectors: "distance", perceived: "kind", layers: "layer", heat: "heat", messages: "heard" };
     for (const { name, label, on } of TOGGLES) {
       if (!needs[name] || known.has(needs[name])) find("toggles").append(this.toggleItem(name, label, on));
     }
+  }
+
+  describeLayers() {
+    find("layers").replaceChildren(...this.stage.legend().map(({ name, colour }) => layerItem(name, colour)));
+    find("layers-title").hidden = !this.stage.world.layers.length;
   }
 
   /** Take away the switches of what this world has none of. */

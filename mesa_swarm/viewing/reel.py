@@ -9,7 +9,7 @@ from mesa_swarm.recording.events import events_of
 from mesa_swarm.recording.recording import Frame, Recording
 from mesa_swarm.viewing.chunks import packed_chunk
 from mesa_swarm.viewing.moments import moment_of_frame
-from mesa_swarm.viewing.worlds import knows_bodies, world_of_recording
+from mesa_swarm.viewing.worlds import OWN, knows_bodies, world_at, worlds_of_recording
 
 # Rows of a chunk: many compress well, few are quickly fetched. Fewer of many robots.
 MOST_ROWS = 256
@@ -60,14 +60,16 @@ class Reel:
             raise InvalidValueError(f"chunk is {place}; expected 0 to {self.chunks - 1}")
         first = place * self.chunk_rows
         frames = self._frames(first, min(first + self.chunk_rows, self.rows))
-        return packed_chunk((moment_of_frame(frame, self._world) for frame in frames), self._world)
+        moments = (moment_of_frame(frame, world_at(self._worlds, frame.step)) for frame in frames)
+        return packed_chunk(moments, self._worlds[0][1])
 
     @cached_property
     def about(self) -> dict:
-        """What the player must know first: the world, and the run that was recorded in it."""
-        facts = self.recording.provenance
+        """What the player must know first: the world, how it changes, and the run that was recorded in it."""
+        facts, ((_, world), *later) = self.recording.provenance, self._worlds
         return {
-            "world": self._world,
+            "world": world,
+            "later": [{"step": step, **{name: other[name] for name in OWN}} for step, other in later],
             "model": facts["model"]["name"],
             "parameters": {name: _in_words(value) for name, value in facts["parameters"].items()},
             "seed": _in_words(facts["seed"]),
@@ -85,8 +87,8 @@ class Reel:
         return [{"step": event.step, "kind": event.kind, "text": event.text} for event in events_of(self)]
 
     @cached_property
-    def _world(self) -> dict:
-        return world_of_recording(self.recording)
+    def _worlds(self) -> list[tuple[int, dict]]:
+        return worlds_of_recording(self.recording)
 
     def _frames(self, begin: int, end: int) -> Iterator[Frame]:
         for row in range(begin, end):

@@ -1,6 +1,8 @@
 """What a browser must know of a world before it can draw a frame of it, as JSON has it."""
 
-from collections.abc import Iterable
+from bisect import bisect_right
+from collections.abc import Iterable, Sequence
+from operator import itemgetter
 
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.model import SwarmModel
@@ -26,6 +28,8 @@ COLUMNS: dict[str, tuple[str, int | str, str]] = {
 # Which recorded column a drawn one is made from, where the names differ; what is always there is not named.
 MADE_FROM = {"heat": "temperature", "heard": "heard_from"}
 ALWAYS = frozenset({"ids", "pose", "design", "fires", "loads", "contacts"})
+# In what the worlds of one recording may differ: robots and loads that came later are known to all of them.
+OWN = ("shapes", "layers", "leave")
 # Of robots and loads in recordings that do not tell: version 0.1.0 did not write scenery.
 USUAL_DESIGN = {"name": "robot", "radius": 5.0, "max_speed": 1.0, "holonomic": False, "sensors": []}
 USUAL_RADIUS = 10.0
@@ -52,8 +56,10 @@ def world_of_model(model: SwarmModel) -> dict:
     return _world(scenery_of(model), model.map, COLUMNS)
 
 
-def world_of_recording(recording: Recording) -> dict:
-    """Return the world of a recording; what is not recorded is drawn as it usually is, or not at all.
+def worlds_of_recording(recording: Recording) -> list[tuple[int, dict]]:
+    """Return the worlds of a recording, each with the first step that it is of, see `world_at`.
+
+    What is not recorded is drawn as it usually is, or not at all. The worlds differ in `OWN` alone.
 
     Parameters
     ----------
@@ -67,11 +73,28 @@ def world_of_recording(recording: Recording) -> dict:
     if "position" not in recording.columns:
         raise RecordingError(f"{recording.path} has no positions to draw; record the column 'position' as well")
     chart = Map.from_toml(recording.provenance["map"], "the recording's map")
-    scenery = recording.provenance.get("scenery") or _usual_scenery(recording, chart)
     recorded = [name for name in COLUMNS if name in ALWAYS or MADE_FROM.get(name, name) in recording.columns]
     if "kind" not in recorded or "distance" not in recorded:
         recorded = [name for name in recorded if name not in ("kind", "distance")]
-    return _world(scenery, chart, recorded)
+    sceneries = recording.sceneries or ((0, _usual_scenery(recording, chart)),)
+    return [(step, _world(scenery, chart, recorded)) for step, scenery in sceneries]
+
+
+def world_at(worlds: Sequence[tuple[int, dict]], step: int) -> dict:
+    """Return the world of a step.
+
+    Parameters
+    ----------
+    worlds : sequence of (step, dict)
+        Of `worlds_of_recording`.
+    step : int
+
+    Examples
+    --------
+    >>> world_at([(10, {"map": "a"}), (20, {"map": "b"})], 19)
+    {'map': 'a'}
+    """
+    return worlds[max(bisect_right(worlds, step, key=itemgetter(0)) - 1, 0)][1]
 
 
 def knows_bodies(recording: Recording) -> bool:
@@ -97,10 +120,6 @@ def _world(scenery: dict, chart: Map, columns: Iterable[str]) -> dict:
             dict(zip(("name", "table", "width", "type"), (name, *COLUMNS[name]), strict=True)) for name in columns
         ],
     }
-
-
-def _column(name: str, table: str, width: int | str, kind: str) -> dict:
-    return {"name": name, "table": table, "width": width, "type": kind}
 
 
 def _usual_scenery(recording: Recording, chart: Map) -> dict:

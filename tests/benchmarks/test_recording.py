@@ -18,7 +18,17 @@ def test_what_recording_adds_to_a_step(benchmark, tmp_path, columns):
     recorder = model.record(tmp_path / "run.arrow", columns=columns)
     model.observers.remove(recorder)
     steps = iter(range(model.completed + 1, 10**9))
-    benchmark(lambda: recorder.after_step(model, next(steps)))
+
+    def take_a_step():
+        model._completed = next(steps)
+        model.sense()  # which the next step would do otherwise
+
+    def record_it():
+        recorder.after_step(model, model.completed)
+        recorder.between_steps(model)
+        recorder.before_step(model)
+
+    benchmark.pedantic(record_it, setup=take_a_step, rounds=5_000, warmup_rounds=10)
     recorder.close()
 
 

@@ -13,14 +13,15 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
-from mesa_swarm import all_round
+from mesa_swarm import AGENT9, all_round, disc
+from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.model import SwarmModel
 from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
 from mesa_swarm.viewing.moments import moment_of_frame, moment_of_model, packed_frame
 from mesa_swarm.viewing.replay_page import asset, replay_page
-from mesa_swarm.viewing.worlds import world_of_model, world_of_recording
+from mesa_swarm.viewing.worlds import world_of_model, worlds_of_recording
 
 CHROMIUM = Path("/usr/bin/chromium")
 FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
@@ -295,7 +296,7 @@ def test_a_load_is_drawn_where_it_was_pushed_to(blank, tmp_path):
     with model.record(tmp_path / "run.arrow"):
         model.run(200)
     recording = Recording(tmp_path / "run.arrow")
-    world = world_of_recording(recording)
+    world = worlds_of_recording(recording)[0][1]
     staged(blank, world, packed_frame(moment_of_frame(recording[-1], world), world))
     x, y = model.load.position
     colour = blank.evaluate(
@@ -331,3 +332,30 @@ def crowd(moment, world, robots: int) -> bytes:
     rows["distance"] = np.where(rng.random((robots, 9)) < 0.33, rng.uniform(0, 50, (robots, 9)), -1.0)
     rows["layer"] = rng.integers(0, 3, (robots, 1))
     return packed_frame(replace(moment, columns=moment.columns | rows), world)
+
+
+def test_what_was_changed_while_it_was_recorded_is_drawn_from_then_on(blank, tmp_path):
+    model = SwarmModel(map="openspace", rng=5)
+    model.add_robots(AGENT9, poses=[(100, 100, 0.0)])
+    model.control = Subsumption(Avoid(), Explore())
+    with model.record(tmp_path / "run.arrow"):
+        model.run(5)
+        model.add_obstacle(disc((400, 300), 40))
+        model.add_robots(replace(AGENT9, name="wide", radius=20.0), poses=[(200, 480, 0.0)])
+        model.control = Subsumption(Explore())
+        model.run(5)
+    (tmp_path / "run.html").write_text(replay_page(Recording(tmp_path / "run.arrow")), encoding="utf-8")
+    page = opened(blank, (tmp_path / "run.html").as_uri())
+    middle = "(([x, y]) => [...document.getElementById('world').getContext('2d').getImageData(x, y, 1, 1).data])"
+    middle = f"{middle}(mesaSwarmReplay.stage.toCanvas(400, 300)).slice(0, 3)"
+    layers = "[...document.querySelectorAll('#layers li')].length"
+    shapes = "mesaSwarmReplay.stage.world.shapes.length"
+    assert (page.evaluate(shapes), page.evaluate(layers)) == (len(model.obstacles) - 1, 2)
+    page.evaluate("mesaSwarmReplay.goTo(9)")
+    until(page, "mesaSwarmReplay.stage.frame.step === 10")
+    assert page.evaluate(middle) == [0x64, 0x6B, 0x75]
+    assert (page.evaluate(shapes), page.evaluate(layers)) == (len(model.obstacles), 1)
+    assert page.evaluate("mesaSwarmReplay.stage.world.designs[mesaSwarmReplay.stage.frame.design[1]].radius") == 20
+    page.evaluate("mesaSwarmReplay.goTo(2)")
+    until(page, "mesaSwarmReplay.stage.frame.step === 3")
+    assert page.evaluate(shapes) == len(model.obstacles) - 1

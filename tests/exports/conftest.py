@@ -1,5 +1,8 @@
+from dataclasses import replace
+
 import pytest
 
+from mesa_swarm import AGENT9, SwarmModel, disc
 from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
@@ -27,4 +30,20 @@ def pushed(tmp_path_factory):
         model.run(20)
         model.loads[0].lay((400.0, 200.0, 0.5))
         model.run(20)
+    return Recording(path)
+
+
+@pytest.fixture(scope="session")
+def rebuilt(tmp_path_factory):
+    """Return a recording in which an obstacle stands during steps 6 to 10, and a wide robot from step 6 on."""
+    path = tmp_path_factory.mktemp("rebuilt") / "run.arrow"
+    model = SwarmModel(map="openspace", rng=1)
+    model.add_robots(AGENT9, poses=[(100, 100, 0.0)])
+    with model.record(path):
+        model.run(5)
+        wall = model.add_obstacle(disc((400, 300), 50))
+        model.add_robots(replace(AGENT9, name="wide", radius=20.0), poses=[(600, 200, 0.0)])
+        model.run(5)
+        wall.remove()
+        model.run(5)
     return Recording(path)

@@ -56,6 +56,30 @@ def test_a_frame_does_not_depend_on_the_frames_before(run):
     assert np.array_equal(screen.show(90), Screen(portraits, look).show(90))
 
 
+def test_what_stands_is_shown_while_it_stands(rebuilt):
+    portraits = Portraits(Rows(rebuilt))
+    screen = Screen(portraits, Look(sectors=True))
+    for step in (1, 5, 6, 10, 11, 15, 7):
+        pixels = screen.show(step)
+        wanted = pictures.OBSTACLE if 6 <= step <= 10 else "white"
+        seen = pixels[pixels.shape[0] - MARGIN - 300, MARGIN + 400, :3]
+        assert np.abs(seen - colour(wanted)).max() <= 3, step
+        assert np.array_equal(pixels, Screen(portraits, Look(sectors=True)).show(step))
+
+
+def test_what_stands_for_a_while_is_seen_for_a_while_in_an_animated_drawing(rebuilt, tmp_path):
+    (path,) = export(rebuilt, tmp_path / "a.svg", animate=True)
+    drawing = ET.parse(path).getroot()
+    shown = [
+        path.find(f"{SVG}animate[@attributeName='visibility']").get("values")
+        for path in drawing.iter(f"{SVG}path")
+        if path.get("class") == "obstacles" and "A50 50" in path.get("d")
+    ]
+    assert shown == ["hidden;visible;hidden"]
+    bodies = {body.get("id"): body.find(f"{SVG}circle").get("r") for body in drawing.iter(f"{SVG}g") if body.get("id")}
+    assert sorted(map(float, bodies.values())) == [5, 20]
+
+
 def test_a_film_has_the_frames_and_the_size_that_were_asked_for(run, tmp_path):
     (path,) = export(run, tmp_path / "a.mp4", every=10, first=100, last=200, fps=10, size=(320, 256))
     frames, seconds = imageio_ffmpeg.count_frames_and_secs(path)

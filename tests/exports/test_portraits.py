@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, Map, SwarmModel, disc, rectangle
-from mesa_swarm.errors import ExportWarning
 from mesa_swarm.experiments.portrait import portrait_of
 from mesa_swarm.exports.portraits import Portraits, Rows
 from mesa_swarm.exports.trails import trails_of
@@ -52,15 +51,21 @@ def test_robots_that_come_and_go_keep_their_own_bodies(tmp_path):
     with model.record(tmp_path / "run.arrow"):
         model.run(3)
         first.remove()
-        model.add_robots(AGENT9, poses=[(150, 50, 2.0)])
+        model.add_robots(replace(AGENT9, radius=8.0), poses=[(150, 50, 2.0)])
+        model.add_obstacle(disc((60, 90), 4))
         model.run(3)
-    with pytest.warns(ExportWarning, match="robots that were added while this was recorded"):
-        portraits = Portraits(Rows(Recording(tmp_path / "run.arrow")))
+    portraits = Portraits(Rows(Recording(tmp_path / "run.arrow")))
     assert portraits.steps.tolist() == [1, 2, 3, 4, 5, 6]
     assert portraits.at(3).robots["position"].tolist() == [[50, 50], [90, 50]]
     assert portraits.at(4).robots["position"].tolist() == [[90, 50], [150, 50]]
-    assert portraits.at(4).robots["radius"].tolist() == [5, 5]
-    assert portraits.at(4).obstacles == hall.obstacles
+    assert portraits.at(4).robots["radius"].tolist() == [5, 8]
+    assert portraits.at(3).obstacles == hall.obstacles
+    assert portraits.at(4).obstacles == tuple(body.shape for body in model.obstacles)
+    radii = [design.radius for design in portraits.at(4).designs]
+    assert [radii[design] for design in portraits.at(4).robots["design"]] == [5, 8]
+    sensors, own = portraits.at(4).designs[1].proximity, AGENT9.proximity
+    assert [sensor.range for sensor in sensors] == [sensor.range for sensor in own]
+    assert [sensor.bearing_degrees for sensor in sensors] == pytest.approx([sensor.bearing_degrees for sensor in own])
     assert [trail[:, 0].tolist() for trail in trails_of(portraits, 5, 4)] == [[90] * 5, [150] * 2]
 
 

@@ -2,6 +2,7 @@ import json
 import random
 from collections import deque
 
+import mesa
 import numpy as np
 import pytest
 
@@ -267,3 +268,14 @@ def test_columns_that_compiled_functions_cannot_take_are_refused(name):
     checkpoint.arrays[place][2:4] = WRONG[name]
     with pytest.raises(RecordingError, match=f"column {name}"):
         restore(FireFighting(rng=1), checkpoint)
+
+
+@pytest.mark.skipif(not hasattr(mesa.Model, "schedule_event"), reason="Mesa 3.3 has no schedule of its own")
+def test_a_single_event_in_the_schedule_is_seen_between_steps_and_while_one_is_taken(tmp_path):
+    model = FireFighting(n_robots=2, rng=1)
+    with model.record(tmp_path / "run.arrow", checkpoint_every=5) as recorder:
+        model.run(4)
+        model.schedule_event(model.sense, at=50.0)
+        model.run(2)
+        assert "schedule holds events" in recorder.why_no_checkpoint
+    assert recorder.checkpoints == (0,)

@@ -1,4 +1,5 @@
 import pytest
+from other_code import other_code
 
 from mesa_swarm import SwarmModel, disc
 from mesa_swarm.cli import main
@@ -54,10 +55,8 @@ def test_maps_constants_and_radios_are_told_whole(tmp_path):
 
 def test_the_first_step_and_robot_that_differ_are_named(tmp_path):
     model = FireFighting(n_robots=8, rng=1)
-    with model.record(tmp_path / "run.arrow"):
-        model.run(20)
-        model.robots[5].heading = 0.123
-        model.run(20)
+    with other_code(20, lambda model: setattr(model.robots[5], "heading", 0.123)), model.record(tmp_path / "run.arrow"):
+        model.run(40)
     verification = verify(Recording(tmp_path / "run.arrow"), FireFighting)
     assert not verification.same
     assert (verification.step, verification.rows) == (21, 20)
@@ -67,10 +66,11 @@ def test_the_first_step_and_robot_that_differ_are_named(tmp_path):
 
 def test_what_differs_but_was_not_recorded_is_found_by_the_fingerprint(tmp_path):
     model = FireFighting(n_robots=3, rng=1)
-    with model.record(tmp_path / "run.arrow", columns=("layer",)):
-        model.run(20)
-        model.fires[0].temperature = 0.5
-        model.run(90)
+    with (
+        other_code(20, lambda model: setattr(model.fires[0], "temperature", 0.5)),
+        model.record(tmp_path / "run.arrow", columns=("layer",)),
+    ):
+        model.run(110)
     verification = verify(Recording(tmp_path / "run.arrow"), FireFighting)
     assert (verification.same, verification.step, verification.robots) == (False, 100, ())
     assert "not recorded" in str(verification)
@@ -112,10 +112,8 @@ def test_the_command_line_records_and_verifies(tmp_path, capsys):
 
 def test_the_command_line_exits_with_1_if_a_recording_differs(tmp_path, capsys):
     model = FireFighting(rng=1)
-    with model.record(tmp_path / "run.arrow"):
-        model.run(5)
-        model.robots[0].heading = 1.0
-        model.run(5)
+    with other_code(5, lambda model: setattr(model.robots[0], "heading", 1.0)), model.record(tmp_path / "run.arrow"):
+        model.run(10)
     assert status_of("verify", tmp_path / "run.arrow", "--quiet") == 1
     assert "step 6 is the first that differs" in capsys.readouterr().out
 

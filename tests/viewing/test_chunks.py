@@ -7,7 +7,7 @@ from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.recording import Recording
 from mesa_swarm.viewing.chunks import _coded, packed_chunk
 from mesa_swarm.viewing.moments import Moment, moment_of_frame, moment_of_model
-from mesa_swarm.viewing.worlds import COLUMNS, world_of_model, world_of_recording
+from mesa_swarm.viewing.worlds import COLUMNS, world_of_model, worlds_of_recording
 from unpacking import Reader, unpacked_chunk
 
 WORLD = {
@@ -113,7 +113,7 @@ def test_chunks_keep_moments_to_the_stated_precision_also_when_robots_come_and_g
 def test_chunks_of_recordings_keep_their_frames(fires, transport):
     for path in (fires, transport):
         recording = Recording(path)
-        world = world_of_recording(recording)
+        world = worlds_of_recording(recording)[0][1]
         moments = [moment_of_frame(frame, world) for frame in recording]
         check(moments, unpacked_chunk(packed_chunk(moments, world), world), world)
 

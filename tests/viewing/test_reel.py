@@ -3,7 +3,8 @@ import json
 import numpy as np
 import pytest
 
-from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm import AGENT9, SwarmModel, disc
+from mesa_swarm.control import Explore, Subsumption
 from mesa_swarm.errors import InvalidValueError, RecordingError
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
@@ -130,3 +131,17 @@ def test_a_world_with_a_load_says_what_the_load_is_like(transport):
     (load,) = world["loads"]
     np.testing.assert_allclose(np.abs(load["rings"][0]), 25.0)
     assert any(shape.get("mark") for shape in world["shapes"])
+
+
+def test_the_player_is_told_from_which_step_on_other_things_stand(tmp_path):
+    model = FireFighting(n_robots=3, rng=1)
+    with model.record(tmp_path / "run.arrow"):
+        model.run(4)
+        model.add_obstacle(disc((300, 300), 20))
+        model.run(4)
+        model.control = Subsumption(Explore())
+        model.run(4)
+    about = json.loads(json.dumps(Reel(Recording(tmp_path / "run.arrow")).about, allow_nan=False))
+    assert [later["step"] for later in about["later"]] == [5, 9]
+    assert [len(world["shapes"]) - len(about["world"]["shapes"]) for world in about["later"]] == [1, 1]
+    assert about["later"][1]["layers"] == ["Explore"]

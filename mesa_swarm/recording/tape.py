@@ -1,0 +1,98 @@
+"""Rows on their way into a file: gathered in chunks, each with what came and went before it."""
+
+import json
+from time import perf_counter
+from typing import Any
+
+from mesa_swarm.errors import RecordingError
+from mesa_swarm.observed_world import ObservedWorld
+from mesa_swarm.recording.layout import Chunk, Layout, population_of
+from mesa_swarm.recording.scenery import scenery_of, shows
+from mesa_swarm.recording.sealed_stream import CHANGE, SealedWriter
+from mesa_swarm.recording.things import summary
+
+HASH_EVERY = 100
+# A chunk ends with whichever comes first. Larger ones make finding a frame slow, smaller ones make the file large.
+MOST_ROWS = 256
+MOST_BYTES = 2_000_000
+MOST_SECONDS = 1.0
+
+
+class Tape:
+    """Rows gathered in a chunk, and the file they go to.
+
+    What is pending follows from two counts, rows put and rows sealed, so that Ctrl-C between any two
+    instructions neither loses a row nor writes one twice.
+    """
+
+    def __init__(self, layout: Layout, writer: SealedWriter, model: ObservedWorld) -> None:
+        self.writer = writer
+        self.rows = 0
+        self._layout = layout
+        self._seen, self._scenery = _seen(model), scenery_of(model)
+        self._chunk: Chunk | None = None
+        self._hashed = -1
+        self._written_at = self._synced_at = perf_counter()
+
+    def put(self, model: ObservedWorld) -> None:
+        """Keep the model as it is now."""
+        chunk, step = self._chunk, model.completed
+        self._layout.prepare(model)
+        seen = _seen(model)
+        if chunk is None or seen != self._seen:
+            self.flush()
+            if seen != self._seen:
+                self._tell_change(model)
+                self._seen = seen
+            chunk = self._chunk = self._new_chunk(model)
+        state_hash = None
+        if step // HASH_EVERY != self._hashed:
+            state_hash, self._hashed = model.state_hash(), step // HASH_EVERY
+        row = self.rows - self.writer.sealed.rows
+        chunk.put(row, step, state_hash)
+        self.rows += 1
+        if row + 1 == chunk.capacity or perf_counter() - self._written_at > MOST_SECONDS:
+            self.flush()
+
+    def attach(self, name: str, content: bytes, step: int) -> None:
+        """Write what is no row, after all rows before it."""
+        self.flush()
+        self.writer.attach(name, content, step)
+
+    def flush(self) -> None:
+        """Write the pending rows as one chunk."""
+        pending = self.rows - self.writer.sealed.rows
+        if self._chunk is not None and pending:
+            self.writer.write(self._chunk.batch(pending), int(self._chunk.steps[0]))
+        self._written_at = perf_counter()
+        if self._written_at - self._synced_at > MOST_SECONDS:
+            self.writer.sync()
+            self._synced_at = self._written_at
+
+    def close(self) -> None:
+        """Write what is left and end the file."""
+        if self.writer.closed:
+            return
+        try:
+            self.flush()
+            self.writer.close()
+        except (RecordingError, OSError):
+            self.writer.abandon()
+            raise
+
+    def _tell_change(self, model: ObservedWorld) -> None:
+        """Write what there is since the last row, and what it looks like if that is news."""
+        told: dict[str, Any] = {"there": summary(model)}
+        scenery = scenery_of(model)
+        if not shows(self._scenery, scenery):
+            told["scenery"] = self._scenery = scenery
+        self.attach(CHANGE, json.dumps(told).encode(), model.completed)
+
+    def _new_chunk(self, model: ObservedWorld) -> Chunk:
+        row_bytes = Chunk(self._layout, model, 1).row_bytes
+        return Chunk(self._layout, model, max(1, min(MOST_ROWS, MOST_BYTES // row_bytes)))
+
+
+def _seen(model: ObservedWorld) -> tuple:
+    """Return what differs whenever the model may look other than it did, besides what rows hold."""
+    return population_of(model), model.fire_constants

@@ -1,0 +1,22 @@
+"""A model class whose code was another while a run was recorded: what comes out differs from one step on."""
+
+from contextlib import contextmanager
+
+from mesa_swarm.models.fire_fighting import FireFighting
+
+
+@contextmanager
+def other_code(after, change):
+    """Within this, every FireFighting does something more in the step that comes after `after` others."""
+    step = FireFighting.step
+
+    def other(self):
+        if self.completed == after:
+            change(self)
+        step(self)
+
+    FireFighting.step = other
+    try:
+        yield
+    finally:
+        FireFighting.step = step

@@ -1,0 +1,66 @@
+"""Recordings that older versions wrote are opened, compared, resumed and drawn as they were."""
+
+import json
+
+import pytest
+
+from mesa_swarm import AGENT9, SwarmModel, disc
+from mesa_swarm.errors import RecordingError
+from mesa_swarm.models.fire_fighting import FireFighting
+from mesa_swarm.recording import Recording, provenance, recorder, verify
+from mesa_swarm.recording.layout import Layout
+from mesa_swarm.recording.sealed_stream import CHANGE
+from mesa_swarm.recording.tape import Tape
+from mesa_swarm.recording.things import summary
+from mesa_swarm.viewing.worlds import worlds_of_recording
+
+
+def tell_only_what_there_is(tape, model):
+    tape.attach(CHANGE, json.dumps(summary(model)).encode(), model.completed)
+
+
+def recorded_in_format_1(path, change=None):
+    """Record as before format 2: readings of before the step, nothing of interventions or of other scenery."""
+    model = FireFighting(n_robots=4, strategy="A", rng=3)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(provenance, "FORMAT", 1)
+        patch.setattr(Layout, "prepare", lambda layout, model: None)
+        patch.setattr(recorder.Recorder, "before_step", lambda self, model: None)
+        patch.setattr(Tape, "_tell_change", tell_only_what_there_is)
+        with model.record(path, checkpoint_every=10):
+            model.run(5)
+            if change is not None:
+                change(model)
+            model.run(20)
+    return Recording(path), model.state_hash()
+
+
+def build(model):
+    model.add_obstacle(disc((400, 200), 20))
+    model.add_robots(AGENT9, 1)
+
+
+def test_a_recording_of_format_1_is_verified_and_resumed(tmp_path):
+    recording, state_hash = recorded_in_format_1(tmp_path / "run.arrow")
+    assert (recording.provenance["format"], recording.interventions) == (1, ())
+    assert str(verify(recording, FireFighting)) == "all 25 rows to step 25 are the same"
+    assert SwarmModel.resume(recording.path, step=13).run(12).state_hash() == state_hash
+
+
+def test_one_that_was_changed_by_hand_is_followed_from_the_next_checkpoint(tmp_path):
+    recording, state_hash = recorded_in_format_1(tmp_path / "run.arrow", build)
+    assert list(recording.changes) == [6]
+    assert verify(recording, FireFighting).step == 6
+    with pytest.raises(RecordingError, match="nearest steps to resume from are 5 and 10"):
+        SwarmModel.resume(recording.path, step=8)
+    assert SwarmModel.resume(recording.path, step=12).run(13).state_hash() == state_hash
+    ((step, world),) = worlds_of_recording(recording)
+    assert (step, len(world["shapes"])) == (0, len(FireFighting(rng=1).obstacles))
+
+
+def test_formats_of_the_future_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(provenance, "FORMAT", 3)
+    with FireFighting(n_robots=1, rng=1).record(tmp_path / "run.arrow"):
+        pass
+    with pytest.raises(RecordingError, match="has format 3, which this version cannot read; expected 1 or 2"):
+        Recording(tmp_path / "run.arrow")
