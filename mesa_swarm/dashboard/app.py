@@ -5,6 +5,7 @@ Every browser session builds its own `Session`, and closes it when the page is c
 """
 
 import os
+from collections.abc import Callable
 from importlib.resources import files
 
 import solara
@@ -14,7 +15,7 @@ from solara.server import settings
 
 from mesa_swarm.dashboard import FIRST, MODEL_VARIABLE
 from mesa_swarm.dashboard.address import address_from, query_of
-from mesa_swarm.dashboard.canvas_widget import Connection, SwarmCanvas
+from mesa_swarm.dashboard.canvas_widget import SwarmCanvas, use_connection
 from mesa_swarm.dashboard.charts import Charts
 from mesa_swarm.dashboard.compare_view import Compare
 from mesa_swarm.dashboard.controls import ControlPanel, Panel
@@ -30,6 +31,7 @@ from mesa_swarm.gallery import description
 
 CSS = (files("mesa_swarm.dashboard") / "style.css").read_text(encoding="utf-8")
 WATCH, MODELS = "Watch", "Models"
+CANVAS = {"bar": True, "keys": "page", "toggles": {}}
 # What stands beside the canvas, from top to bottom: components that are given the session.
 BESIDE: tuple = (InspectorView, Charts, ExportView)
 # More tabs: names, and components that are given the session.
@@ -46,13 +48,13 @@ settings.theme.show_banner = False
 
 
 @solara.component
-def Layout(children: list):
+def Layout(children: list) -> None:
     """Show the page and nothing else: no bar of Solara's above it."""
     solara.Div(children=children)
 
 
 @solara.component
-def Page():
+def Page() -> None:
     """Show the page, if there is a place for one more."""
     leave = solara.use_memo(PLACES.take, [])
     solara.use_effect(lambda: leave, [])
@@ -66,7 +68,7 @@ def Page():
 
 
 @solara.component
-def Full():
+def Full() -> None:
     """Show that too many pages are open."""
     with rv.Html(tag="section", class_="swarm-trouble", attributes={"role": "alert"}):
         solara.HTML(tag="h2", unsafe_innerHTML="No place left")
@@ -75,7 +77,7 @@ def Full():
 
 
 @solara.component
-def Room():
+def Room() -> None:
     """Show what the address asks for."""
     search = solara.use_router().search
     asked = solara.use_memo(lambda: address_from(search, os.environ.get(MODEL_VARIABLE, FIRST)), [])
@@ -99,7 +101,7 @@ def Room():
 
 
 @solara.component
-def Header(session: Session, tab: str, choose_tab):
+def Header(session: Session, tab: str, choose_tab: Callable[[str], None]) -> None:
     """Show the name, the tabs and the switch between light and dark."""
     use_changes(session.changed)
     with rv.Html(tag="header", class_="swarm-header"):
@@ -112,7 +114,7 @@ def Header(session: Session, tab: str, choose_tab):
 
 
 @solara.component
-def Tab(name: str, chosen: bool, choose_tab):
+def Tab(name: str, chosen: bool, choose_tab: Callable[[str], None]) -> None:
     """Show one tab as a button."""
     about = {"type": "button", "aria-current": "page"} if chosen else {"type": "button"}
     button = rv.Html(tag="button", children=[name], attributes=about)
@@ -120,7 +122,7 @@ def Tab(name: str, chosen: bool, choose_tab):
 
 
 @solara.component
-def Watch(session: Session, fault: str):
+def Watch(session: Session, fault: str) -> None:
     """Show the controls on the left, the world in the middle, and what tells of it on the right."""
     classes = ["swarm-watch", "swarm-beside"] if BESIDE else ["swarm-watch"]
     with solara.Div(classes=classes):
@@ -135,31 +137,20 @@ def Watch(session: Session, fault: str):
 
 
 @solara.component
-def Controls(session: Session):
+def Controls(session: Session) -> None:
     """Show the panel of controls."""
     panel = ControlPanel.element()
     solara.use_effect(lambda: Panel(solara.get_widget(panel), session).close, [])
 
 
 @solara.component
-def World(session: Session):
+def World(session: Session) -> None:
     """Show the canvas with its buttons."""
-    canvas = SwarmCanvas.element(options={"bar": True, "keys": "page", "toggles": {}})
-
-    def connect():
-        connection = Connection(solara.get_widget(canvas), session, session.reset)
-
-        def part() -> None:
-            session.pause()
-            connection.close()
-
-        return part
-
-    solara.use_effect(connect, [])
+    use_connection(SwarmCanvas.element(options=CANVAS), session, session.reset)
 
 
 @solara.component
-def Trouble(session: Session, fault: str):
+def Trouble(session: Session, fault: str) -> None:
     """Show what went wrong in the model, or with the link, on a card."""
     use_changes(session.changed)
     left, leave = solara.use_state(False)

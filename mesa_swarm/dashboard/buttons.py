@@ -8,7 +8,9 @@ from reacton import ipyvuetify as rv
 
 
 @solara.component
-def Button(label: str, act: Callable[[], object], class_: str = "", pressed: bool | None = None, enabled: bool = True):
+def Button(
+    label: str, act: Callable[[], object], class_: str = "", pressed: bool | None = None, enabled: bool = True
+) -> None:
     """Show a button; of those that are pressed or not, whether this one is."""
     about = {"type": "button"} | ({} if enabled else {"disabled": True})
     if pressed is not None:
@@ -18,7 +20,7 @@ def Button(label: str, act: Callable[[], object], class_: str = "", pressed: boo
 
 
 @solara.component
-def Item(name: str, act: Callable[[], object], more: str = "", chosen: bool = False):
+def Item(name: str, act: Callable[[], object], more: str = "", chosen: bool = False) -> None:
     """Show one line of a list as a button."""
     about = {"type": "button"} | ({"aria-current": "true"} if chosen else {})
     children = [name, rv.Html(tag="small", children=[more])] if more else [name]

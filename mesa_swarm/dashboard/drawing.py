@@ -88,7 +88,9 @@ def draw_fires(position: np.ndarray, radius: np.ndarray, temperature: np.ndarray
     )
 
 
-def label_fires(position: np.ndarray, radius: np.ndarray, out: np.ndarray, robots: np.ndarray, size) -> str:
+def label_fires(
+    position: np.ndarray, radius: np.ndarray, out: np.ndarray, robots: np.ndarray, size: tuple[float, float]
+) -> str:
     """Return the number of robots at each fire, and "out" on those that are, in a drawing of this size.
 
     Examples

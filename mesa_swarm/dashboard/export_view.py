@@ -35,14 +35,14 @@ class Exporter(anywidget.AnyWidget):
 
     Attributes
     ----------
-    kinds : list of (str, str, bool)
+    kinds : list of [str, str, bool]
         What can be made: key, label, and whether it is of the whole run.
     told : dict
         How things are.
     """
 
     _esm = script()
-    kinds = traitlets.List().tag(sync=True)
+    kinds: traitlets.List[list[str | bool]] = traitlets.List().tag(sync=True)
     told = traitlets.Dict().tag(sync=True)
 
 
@@ -75,7 +75,8 @@ class ExportDesk:
         self.exporting.check_tape()
         model = self.session.model
         burns = model is not None and len(model.fires) > 0
-        kinds = [[key, label, key not in PICTURES] for key, label in KINDS.items() if burns or "fires" not in key]
+        made = {key: label for key, label in KINDS.items() if burns or "fires" not in key}
+        kinds: list[list[str | bool]] = [[key, label, key not in PICTURES] for key, label in made.items()]
         if self.exporter.kinds != kinds:
             self.exporter.kinds = kinds
         self._show()
@@ -97,7 +98,7 @@ class ExportDesk:
                 self.exporting.record(bool(message.get("value")))
                 self._show()
             case "export":
-                self.exporting.start(**dict(message.get("value")))
+                self.exporting.start(**message["value"])
                 self._show()
             case "cancel":
                 self.exporting.cancel()
@@ -112,7 +113,7 @@ class ExportDesk:
         self.exporting.disconnect()
         self._downloads.close()
 
-    def _hear(self, _, message: dict, __: list) -> None:
+    def _hear(self, _: object, message: dict, __: list) -> None:
         self.act(message)
 
     def _show(self) -> None:
@@ -142,7 +143,7 @@ def told_of(exporting: Exporting) -> dict[str, Any]:
 
 
 @solara.component
-def ExportView(session: Session):  # noqa: N802 - Solara's components are named like classes
+def ExportView(session: Session) -> None:  # noqa: N802 - Solara's components are named like classes
     """Show what can be made of the run."""
     exporter = Exporter.element()
     solara.use_effect(lambda: ExportDesk(solara.get_widget(exporter), session).close, [])

@@ -7,9 +7,10 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from io import BufferedReader
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, cast
 
 from mesa_swarm.dashboard.readings import in_words
 from mesa_swarm.dashboard.session import Session
@@ -304,10 +305,11 @@ class Exporting:
         self._note("Making the file", None)
         self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
         said = b""
+        stderr = cast(BufferedReader, self._process.stderr)  # which is a pipe
         with self._process as process:
             if self._cancelled.is_set():
                 process.terminate()
-            while piece := process.stderr.read1(4096):
+            while piece := stderr.read1(4096):
                 said = (said + piece)[-4096:]
                 shares = PERCENT.findall(said.decode(errors="replace"))
                 self._note("Making the file", int(shares[-1]) / 100 if shares else None)
