@@ -6,7 +6,6 @@ Every browser session builds its own `Session`, and closes it when the page is c
 
 import os
 from collections.abc import Callable
-from importlib.resources import files
 
 import solara
 import solara.lab
@@ -26,10 +25,11 @@ from mesa_swarm.dashboard.listeners import use_changes
 from mesa_swarm.dashboard.page_bar import PageBar
 from mesa_swarm.dashboard.places import Places
 from mesa_swarm.dashboard.replay_view import Replay
+from mesa_swarm.dashboard.scripts import text_of
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.gallery import description
 
-CSS = (files("mesa_swarm.dashboard") / "style.css").read_text(encoding="utf-8")
+CSS = text_of("style.css")
 WATCH, MODELS = "Watch", "Models"
 CANVAS = {"bar": True, "keys": "page", "toggles": {}}
 # What stands beside the canvas, from top to bottom: components that are given the session.

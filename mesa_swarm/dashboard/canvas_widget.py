@@ -14,6 +14,7 @@ from mesa_swarm.dashboard.pair import Pair
 from mesa_swarm.dashboard.past import Past, Picture
 from mesa_swarm.dashboard.play_loop import AS_FAST_AS_IT_GOES
 from mesa_swarm.dashboard.player import Player
+from mesa_swarm.dashboard.scripts import text_of
 
 # Pictures on their way to the browser: one is drawn while the next is made.
 MOST_AHEAD = 2
@@ -28,19 +29,8 @@ def script() -> str:
     >>> "export default" in script()
     True
     """
-    canvas, around = files("mesa_swarm.viewing") / "canvas.js", files("mesa_swarm.dashboard") / "player.js"
-    return canvas.read_text(encoding="utf-8") + around.read_text(encoding="utf-8")
-
-
-def style() -> str:
-    """Return the look of the widget.
-
-    Examples
-    --------
-    >>> ".swarm-stage" in style()
-    True
-    """
-    return (files("mesa_swarm.dashboard") / "player.css").read_text(encoding="utf-8")
+    canvas = files("mesa_swarm.viewing") / "canvas.js"
+    return canvas.read_text(encoding="utf-8") + text_of("elements.js", "player.js")
 
 
 class SwarmCanvas(anywidget.AnyWidget):
@@ -75,7 +65,7 @@ class SwarmCanvas(anywidget.AnyWidget):
     """
 
     _esm = script()
-    _css = style()
+    _css = text_of("player.css")
     options = traitlets.Dict({"bar": True, "keys": "", "toggles": {}}).tag(sync=True)
     selected = traitlets.Int(None, allow_none=True).tag(sync=True)
 

@@ -2,7 +2,6 @@
 
 import threading
 import time
-from importlib.resources import files
 from typing import Any
 
 import anywidget
@@ -14,6 +13,7 @@ from matplotlib.figure import Figure
 
 from mesa_swarm.dashboard.downloads import Downloads
 from mesa_swarm.dashboard.past import Picture
+from mesa_swarm.dashboard.scripts import text_of
 from mesa_swarm.dashboard.series import Chart, Series
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.experiments.pictures import png
@@ -31,18 +31,6 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#b3508a", "#8a6d00", "#2b8cc4", "#4
 DASHES = ("-", "--", ":")
 
 
-def script() -> str:
-    """Return the widget's module.
-
-    Examples
-    --------
-    >>> script().count("export default")
-    1
-    """
-    here = files("mesa_swarm.dashboard")
-    return "".join((here / name).read_text(encoding="utf-8") for name in ("downloads.js", "charts.js"))
-
-
 class ChartBoard(anywidget.AnyWidget):
     """Charts drawn in the browser from numbers that are sent to it.
 
@@ -54,7 +42,7 @@ class ChartBoard(anywidget.AnyWidget):
         Keys of those that are.
     """
 
-    _esm = script()
+    _esm = text_of("elements.js", "downloads.js", "charts.js")
     charts: traitlets.List[dict[str, Any]] = traitlets.List().tag(sync=True)
     shown: traitlets.List[str] = traitlets.List().tag(sync=True)
 

@@ -2,7 +2,6 @@
 
 import math
 import secrets
-from importlib.resources import files
 from typing import Any
 
 import anywidget
@@ -10,6 +9,7 @@ import traitlets
 
 from mesa_swarm.dashboard.designer import Designer
 from mesa_swarm.dashboard.readings import value_text
+from mesa_swarm.dashboard.scripts import text_of
 from mesa_swarm.dashboard.session import LIVE, Session
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.parameters import Choice, Parameter, Slider
@@ -27,10 +27,6 @@ ORDER = ("World", "Robots", OTHERS, "Communication", "Fires and heat", "Disturba
 LARGEST_RANDOM_SEED = 999_999
 
 
-def _text(name: str) -> str:
-    return (files("mesa_swarm.dashboard") / name).read_text(encoding="utf-8")
-
-
 class ControlPanel(anywidget.AnyWidget):
     """Sliders, lists and fields in the browser, which tell what the user does to them.
 
@@ -40,8 +36,8 @@ class ControlPanel(anywidget.AnyWidget):
         Whether there is neither a seed nor a button for defaults.
     """
 
-    _esm = _text("panel.js")
-    _css = _text("panel.css")
+    _esm = text_of("elements.js", "panel.js")
+    _css = text_of("panel.css")
     bare = traitlets.Bool(False).tag(sync=True)
     groups: traitlets.List[dict[str, Any]] = traitlets.List().tag(sync=True)
     values = traitlets.Dict().tag(sync=True)

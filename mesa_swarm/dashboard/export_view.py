@@ -2,7 +2,6 @@
 
 import threading
 import time
-from importlib.resources import files
 from typing import Any
 
 import anywidget
@@ -12,22 +11,11 @@ import traitlets
 from mesa_swarm.dashboard.downloads import Downloads
 from mesa_swarm.dashboard.exporting import KINDS, PICTURES, Exporting
 from mesa_swarm.dashboard.past import Picture
+from mesa_swarm.dashboard.scripts import text_of
 from mesa_swarm.dashboard.session import Session
 
 # Progress, and what was recorded, are told so often, s.
 EVERY = 0.25
-
-
-def script() -> str:
-    """Return the widget's module.
-
-    Examples
-    --------
-    >>> script().count("export default")
-    1
-    """
-    here = files("mesa_swarm.dashboard")
-    return "".join((here / name).read_text(encoding="utf-8") for name in ("downloads.js", "exporter.js"))
 
 
 class Exporter(anywidget.AnyWidget):
@@ -36,12 +24,12 @@ class Exporter(anywidget.AnyWidget):
     Attributes
     ----------
     kinds : list of [str, str, bool]
-        What can be made: key, label, and whether it is of the whole run.
+        What Python can make: key, label, and whether it is of the whole run.
     told : dict
         How things are.
     """
 
-    _esm = script()
+    _esm = text_of("elements.js", "downloads.js", "exporter.js")
     kinds: traitlets.List[list[str | bool]] = traitlets.List().tag(sync=True)
     told = traitlets.Dict().tag(sync=True)
 
@@ -130,6 +118,7 @@ def told_of(exporting: Exporting) -> dict[str, Any]:
     model = session.model
     steps = model.completed if model is not None else 0
     return {
+        "name": session.name,
         "steps": steps if session.straight else 0,
         "straight": session.straight,
         "recording": tape.running,

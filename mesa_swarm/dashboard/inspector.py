@@ -1,7 +1,6 @@
 """The inspector: one robot closely, with its readings on its own sensor diagram."""
 
 import time
-from importlib.resources import files
 from typing import Any
 
 import anywidget
@@ -11,6 +10,7 @@ import traitlets
 from mesa_swarm.dashboard.inspection import inspect, move, neighbour_of, robot_of
 from mesa_swarm.dashboard.past import Picture
 from mesa_swarm.dashboard.readings import in_words
+from mesa_swarm.dashboard.scripts import text_of
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.errors import InvalidValueError
 
@@ -31,7 +31,7 @@ class Inspector(anywidget.AnyWidget):
         Why it could not be moved.
     """
 
-    _esm = (files("mesa_swarm.dashboard") / "inspector.js").read_text(encoding="utf-8")
+    _esm = text_of("elements.js", "inspector.js")
     told = traitlets.Dict().tag(sync=True)
     editable = traitlets.Bool(False).tag(sync=True)
     fault = traitlets.Unicode("").tag(sync=True)
