@@ -14,6 +14,7 @@ from solara.server import settings
 
 from mesa_swarm.dashboard import FIRST, MODEL_VARIABLE
 from mesa_swarm.dashboard.address import address_from, query_of
+from mesa_swarm.dashboard.buttons import TroubleCard
 from mesa_swarm.dashboard.canvas_widget import SwarmCanvas, use_connection
 from mesa_swarm.dashboard.charts import Charts
 from mesa_swarm.dashboard.compare_view import Compare
@@ -70,10 +71,11 @@ def Page() -> None:
 @solara.component
 def Full() -> None:
     """Show that too many pages are open."""
-    with rv.Html(tag="section", class_="swarm-trouble", attributes={"role": "alert"}):
-        solara.HTML(tag="h2", unsafe_innerHTML="No place left")
-        rv.Html(tag="p", children=[f"{PLACES.most} pages of this dashboard are open, and each has a model of its own."])
-        rv.Html(tag="p", children=["Close one that nobody needs, wait a minute, and load this page again."])
+    TroubleCard(
+        "No place left",
+        f"{PLACES.most} pages of this dashboard are open, and each has a model of its own.",
+        "Close one that nobody needs, wait a minute, and load this page again.",
+    )
 
 
 @solara.component
@@ -155,12 +157,7 @@ def Trouble(session: Session, fault: str) -> None:
     use_changes(session.changed)
     left, leave = solara.use_state(False)
     if session.error:
-        with rv.Html(tag="section", class_="swarm-trouble", attributes={"role": "alert"}):
-            solara.HTML(tag="h2", unsafe_innerHTML="The model stopped")
-            rv.Html(tag="p", children=[session.error])
-            solara.Button("Reset", session.reset, color="primary")
+        TroubleCard("The model stopped", session.error, way_out=("Reset", session.reset)).key("error")
     elif fault and not left:
-        with rv.Html(tag="section", class_="swarm-trouble", attributes={"role": "alert"}):
-            solara.HTML(tag="h2", unsafe_innerHTML="The link could not be followed")
-            rv.Html(tag="p", children=[fault])
-            solara.Button("Go on without it", lambda: leave(True))
+        way_out = "Go on without it", lambda: leave(True)
+        TroubleCard("The link could not be followed", fault, way_out=way_out).key("fault")

@@ -1,5 +1,5 @@
 # ruff: noqa: N802 - Solara's components are named like classes
-"""Buttons of the page, plain ones: Vuetify's are made for phones."""
+"""Buttons of the page, plain ones, for Vuetify's are made for phones; and the card on which trouble is told."""
 
 from collections.abc import Callable
 
@@ -26,3 +26,16 @@ def Item(name: str, act: Callable[[], object], more: str = "", chosen: bool = Fa
     children = [name, rv.Html(tag="small", children=[more])] if more else [name]
     button = rv.Html(tag="button", attributes=about, children=children)
     rv.use_event(button, "click", lambda *_: act())
+
+
+@solara.component
+def TroubleCard(title: str, *texts: str, way_out: tuple[str, Callable[[], object]] | None = None) -> None:
+    """Show what went wrong, and a button that leads out of it."""
+    with rv.Html(tag="section", class_="swarm-trouble", attributes={"role": "alert"}):
+        if title:
+            rv.Html(tag="h2", children=[title])
+        for text in texts:
+            rv.Html(tag="p", children=[text])
+        if way_out:
+            label, act = way_out
+            solara.Button(label, act, color="primary")

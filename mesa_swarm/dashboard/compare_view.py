@@ -9,7 +9,7 @@ from html import escape
 import solara
 from reacton import ipyvuetify as rv
 
-from mesa_swarm.dashboard.buttons import Button
+from mesa_swarm.dashboard.buttons import Button, TroubleCard
 from mesa_swarm.dashboard.canvas_widget import SwarmCanvas, extent_of, use_connection
 from mesa_swarm.dashboard.compare_panel import ComparePanel
 from mesa_swarm.dashboard.comparing import Comparing
@@ -127,9 +127,7 @@ def Trouble(comparing: Comparing) -> None:
     use_changes(comparing.pair.changed)
     fault = comparing.faults.get("worlds") or comparing.pair.error
     if fault:
-        with rv.Html(tag="section", class_="swarm-trouble", attributes={"role": "alert"}):
-            rv.Html(tag="p", children=[fault])
-            solara.Button("Reset", comparing.reset, color="primary")
+        TroubleCard("", fault, way_out=("Reset", comparing.reset))
 
 
 @solara.component

@@ -22,7 +22,7 @@ from mesa_swarm.exports.stills import svg
 from mesa_swarm.model import SwarmModel
 from mesa_swarm.recording.recorder import record
 
-# What can be made: the name of each, what is asked for, and which table it is.
+# What can be made, and what it is called; those with a dot are tables.
 KINDS = {
     "png": "Picture (PNG)",
     "svg": "Picture (SVG)",

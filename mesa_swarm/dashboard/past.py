@@ -10,7 +10,7 @@ MOST_BYTES = 48_000_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Picture:
-    """What is shown of a model after a step: a packed frame, the world that it is drawn in, numbers beside it."""
+    """What is shown of a step: a packed frame, the world that it is drawn in, numbers beside it."""
 
     step: int
     frame: bytes

@@ -7,7 +7,7 @@ from typing import Any
 import solara
 from reacton import ipyvuetify as rv
 
-from mesa_swarm.dashboard.buttons import Button, Item
+from mesa_swarm.dashboard.buttons import Button, Item, TroubleCard
 from mesa_swarm.dashboard.canvas_widget import SwarmCanvas, use_connection
 from mesa_swarm.dashboard.controls import ControlPanel, field_of, label_of, place_of, value_at
 from mesa_swarm.dashboard.file_picker import FilePicker, Upload
@@ -152,10 +152,8 @@ def Trouble(projector: Projector) -> None:
     """Show on a card what cannot be read."""
     use_changes(projector.changed)
     if projector.error:
-        with rv.Html(tag="section", class_="swarm-trouble", attributes={"role": "alert"}):
-            solara.HTML(tag="h2", unsafe_innerHTML="The recording cannot be shown here")
-            rv.Html(tag="p", children=[projector.error])
-            solara.Button("To the first step", projector.rewind, color="primary")
+        way_out = "To the first step", projector.rewind
+        TroubleCard("The recording cannot be shown here", projector.error, way_out=way_out)
 
 
 @solara.component

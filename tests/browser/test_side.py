@@ -136,7 +136,8 @@ def test_what_is_on_screen_is_saved_as_it_is_without_asking_the_server(visit, tm
     assert file.name == "fire_fighting_30_screen.png"
     assert file.read_bytes() == base64.b64decode(seen.partition(",")[2]) != base64.b64decode(whole.partition(",")[2])
     box = page.locator(".swarm-stage canvas").bounding_box()
-    assert Image.open(file).size == tuple(pytest.approx(2 * box[side], abs=6) for side in ("width", "height"))
+    with Image.open(file) as picture:
+        assert picture.size == tuple(pytest.approx(2 * box[side], abs=6) for side in ("width", "height"))
     page.get_by_label("What to make").select_option("png")
     assert downloaded(visitor, "Export", tmp_path).name == "fire_fighting_30.png"
     assert page.evaluate(ASKED) == 1
