@@ -111,7 +111,7 @@ class ExportForm {
   /** Save the canvas as it is: zoomed, with what is shown, in the pixels of the screen. */
   #saveScreen() {
     const canvas = this.#root.closest(".swarm-watch").querySelector(".swarm-stage canvas");
-    const name = `${this.#model.get("told").name}_${canvas.dataset.step}_screen.png`;
+    const name = `${this.#model.get("told").name}_${canvas.step}_screen.png`;
     canvas.toBlob((picture) => save(name, picture), "image/png");
   }
 }

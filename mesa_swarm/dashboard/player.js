@@ -187,7 +187,7 @@ class PlayerView {
     this.#stage?.show(unpacked(this.#world, picture.bytes));
     this.#send({ do: "drawn", value: picture.number });
     this.#root.dataset.drawn = ++this.#drawn;
-    this.#canvas.dataset.step = picture.step;
+    this.#canvas.step = picture.step;
     this.#shown = picture;
     const now = performance.now();
     if (picture.fingerprint || picture.rest || now - this.#told > 1000 * TELL_EVERY) {
