@@ -10,9 +10,13 @@ import webbrowser
 from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from mesa_swarm.errors import SwarmError, check_choice, check_count
 from mesa_swarm.gallery import model_names
+
+if TYPE_CHECKING:
+    import uvicorn
 
 # What the page shows first if nobody says otherwise.
 FIRST = "fire_fighting"
@@ -84,7 +88,7 @@ def _serve(host: str, port: int, address: str) -> None:
         server.run()
 
 
-def _open_when_served(server, address: str) -> None:
+def _open_when_served(server: "uvicorn.Server", address: str) -> None:
     while not server.started and not server.should_exit:
         time.sleep(0.1)
     webbrowser.open(address)

@@ -5,7 +5,7 @@ Every browser session builds its own `Session`, and closes it when the page is c
 """
 
 import os
-from importlib.resources import files
+from collections.abc import Callable
 
 import solara
 import solara.lab
@@ -14,7 +14,8 @@ from solara.server import settings
 
 from mesa_swarm.dashboard import FIRST, MODEL_VARIABLE
 from mesa_swarm.dashboard.address import address_from, query_of
-from mesa_swarm.dashboard.canvas_widget import Connection, SwarmCanvas
+from mesa_swarm.dashboard.buttons import TroubleCard
+from mesa_swarm.dashboard.canvas_widget import SwarmCanvas, use_connection
 from mesa_swarm.dashboard.charts import Charts
 from mesa_swarm.dashboard.compare_view import Compare
 from mesa_swarm.dashboard.controls import ControlPanel, Panel
@@ -25,11 +26,13 @@ from mesa_swarm.dashboard.listeners import use_changes
 from mesa_swarm.dashboard.page_bar import PageBar
 from mesa_swarm.dashboard.places import Places
 from mesa_swarm.dashboard.replay_view import Replay
+from mesa_swarm.dashboard.scripts import text_of
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.gallery import description
 
-CSS = (files("mesa_swarm.dashboard") / "style.css").read_text(encoding="utf-8")
+CSS = text_of("style.css")
 WATCH, MODELS = "Watch", "Models"
+CANVAS = {"bar": True, "keys": "page", "toggles": {}}
 # What stands beside the canvas, from top to bottom: components that are given the session.
 BESIDE: tuple = (InspectorView, Charts, ExportView)
 # More tabs: names, and components that are given the session.
@@ -46,13 +49,13 @@ settings.theme.show_banner = False
 
 
 @solara.component
-def Layout(children: list):
+def Layout(children: list) -> None:
     """Show the page and nothing else: no bar of Solara's above it."""
     solara.Div(children=children)
 
 
 @solara.component
-def Page():
+def Page() -> None:
     """Show the page, if there is a place for one more."""
     leave = solara.use_memo(PLACES.take, [])
     solara.use_effect(lambda: leave, [])
@@ -66,16 +69,17 @@ def Page():
 
 
 @solara.component
-def Full():
+def Full() -> None:
     """Show that too many pages are open."""
-    with rv.Html(tag="section", class_="swarm-trouble", attributes={"role": "alert"}):
-        solara.HTML(tag="h2", unsafe_innerHTML="No place left")
-        rv.Html(tag="p", children=[f"{PLACES.most} pages of this dashboard are open, and each has a model of its own."])
-        rv.Html(tag="p", children=["Close one that nobody needs, wait a minute, and load this page again."])
+    TroubleCard(
+        "No place left",
+        f"{PLACES.most} pages of this dashboard are open, and each has a model of its own.",
+        "Close one that nobody needs, wait a minute, and load this page again.",
+    )
 
 
 @solara.component
-def Room():
+def Room() -> None:
     """Show what the address asks for."""
     search = solara.use_router().search
     asked = solara.use_memo(lambda: address_from(search, os.environ.get(MODEL_VARIABLE, FIRST)), [])
@@ -99,7 +103,7 @@ def Room():
 
 
 @solara.component
-def Header(session: Session, tab: str, choose_tab):
+def Header(session: Session, tab: str, choose_tab: Callable[[str], None]) -> None:
     """Show the name, the tabs and the switch between light and dark."""
     use_changes(session.changed)
     with rv.Html(tag="header", class_="swarm-header"):
@@ -112,7 +116,7 @@ def Header(session: Session, tab: str, choose_tab):
 
 
 @solara.component
-def Tab(name: str, chosen: bool, choose_tab):
+def Tab(name: str, chosen: bool, choose_tab: Callable[[str], None]) -> None:
     """Show one tab as a button."""
     about = {"type": "button", "aria-current": "page"} if chosen else {"type": "button"}
     button = rv.Html(tag="button", children=[name], attributes=about)
@@ -120,7 +124,7 @@ def Tab(name: str, chosen: bool, choose_tab):
 
 
 @solara.component
-def Watch(session: Session, fault: str):
+def Watch(session: Session, fault: str) -> None:
     """Show the controls on the left, the world in the middle, and what tells of it on the right."""
     classes = ["swarm-watch", "swarm-beside"] if BESIDE else ["swarm-watch"]
     with solara.Div(classes=classes):
@@ -135,41 +139,25 @@ def Watch(session: Session, fault: str):
 
 
 @solara.component
-def Controls(session: Session):
+def Controls(session: Session) -> None:
     """Show the panel of controls."""
     panel = ControlPanel.element()
     solara.use_effect(lambda: Panel(solara.get_widget(panel), session).close, [])
 
 
 @solara.component
-def World(session: Session):
+def World(session: Session) -> None:
     """Show the canvas with its buttons."""
-    canvas = SwarmCanvas.element(options={"bar": True, "keys": "page", "toggles": {}})
-
-    def connect():
-        connection = Connection(solara.get_widget(canvas), session, session.reset)
-
-        def part() -> None:
-            session.pause()
-            connection.close()
-
-        return part
-
-    solara.use_effect(connect, [])
+    use_connection(SwarmCanvas.element(options=CANVAS), session, session.reset)
 
 
 @solara.component
-def Trouble(session: Session, fault: str):
+def Trouble(session: Session, fault: str) -> None:
     """Show what went wrong in the model, or with the link, on a card."""
     use_changes(session.changed)
     left, leave = solara.use_state(False)
     if session.error:
-        with rv.Html(tag="section", class_="swarm-trouble", attributes={"role": "alert"}):
-            solara.HTML(tag="h2", unsafe_innerHTML="The model stopped")
-            rv.Html(tag="p", children=[session.error])
-            solara.Button("Reset", session.reset, color="primary")
+        TroubleCard("The model stopped", session.error, way_out=("Reset", session.reset)).key("error")
     elif fault and not left:
-        with rv.Html(tag="section", class_="swarm-trouble", attributes={"role": "alert"}):
-            solara.HTML(tag="h2", unsafe_innerHTML="The link could not be followed")
-            rv.Html(tag="p", children=[fault])
-            solara.Button("Go on without it", lambda: leave(True))
+        way_out = "Go on without it", lambda: leave(True)
+        TroubleCard("The link could not be followed", fault, way_out=way_out).key("fault")

@@ -3,13 +3,18 @@
 import threading
 from collections.abc import Callable
 from importlib.resources import files
+from typing import Any
 
 import anywidget
+import solara
 import traitlets
+from reacton.core import Element
 
-from mesa_swarm.dashboard.past import Picture
+from mesa_swarm.dashboard.pair import Pair
+from mesa_swarm.dashboard.past import Past, Picture
 from mesa_swarm.dashboard.play_loop import AS_FAST_AS_IT_GOES
 from mesa_swarm.dashboard.player import Player
+from mesa_swarm.dashboard.scripts import text_of
 
 # Pictures on their way to the browser: one is drawn while the next is made.
 MOST_AHEAD = 2
@@ -24,19 +29,8 @@ def script() -> str:
     >>> "export default" in script()
     True
     """
-    canvas, around = files("mesa_swarm.viewing") / "canvas.js", files("mesa_swarm.dashboard") / "player.js"
-    return canvas.read_text(encoding="utf-8") + around.read_text(encoding="utf-8")
-
-
-def style() -> str:
-    """Return the look of the widget.
-
-    Examples
-    --------
-    >>> ".swarm-stage" in style()
-    True
-    """
-    return (files("mesa_swarm.dashboard") / "player.css").read_text(encoding="utf-8")
+    canvas = files("mesa_swarm.viewing") / "canvas.js"
+    return canvas.read_text(encoding="utf-8") + text_of("elements.js", "player.js")
 
 
 class SwarmCanvas(anywidget.AnyWidget):
@@ -71,7 +65,7 @@ class SwarmCanvas(anywidget.AnyWidget):
     """
 
     _esm = script()
-    _css = style()
+    _css = text_of("player.css")
     options = traitlets.Dict({"bar": True, "keys": "", "toggles": {}}).tag(sync=True)
     selected = traitlets.Int(None, allow_none=True).tag(sync=True)
 
@@ -125,7 +119,7 @@ class SwarmCanvas(anywidget.AnyWidget):
             self._begin()
         elif name == "drawn":
             with self._lock:
-                self._drawn = max(self._drawn, value)
+                self._drawn = max(self._drawn, message["value"])
                 self._send_picture()
             if self._drawn == self._sent:
                 self.caught_up()
@@ -141,9 +135,10 @@ class SwarmCanvas(anywidget.AnyWidget):
             self._send_picture()
 
     def _send_picture(self) -> None:
-        if not self._waits or not self.ready:
+        picture = self._picture
+        if picture is None or not self._waits or not self.ready:
             return
-        picture, self._waits = self._picture, False
+        self._waits = False
         if picture.world is not self._world:
             self._world = picture.world
             self.send({"kind": "world", "world": picture.world})
@@ -152,7 +147,7 @@ class SwarmCanvas(anywidget.AnyWidget):
         numbers = {"number": self._sent, "pushed": self._pushed}
         self.send({"kind": "picture", **numbers, **told, **self._beside}, [picture.frame])
 
-    def _repr_mimebundle_(self, **wanted: object) -> tuple[dict, dict] | None:
+    def _repr_mimebundle_(self, **wanted: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]] | None:
         """Return the widget, and beside it a picture."""
         bundle = super()._repr_mimebundle_(**wanted)
         if bundle is not None and self.still is not None:
@@ -166,22 +161,21 @@ class Connection:
     Parameters
     ----------
     canvas : SwarmCanvas
-    player : Player
+    player : Player or Pair
+        Of a pair only the buttons are shown: there is no robot to select.
     reset : function, optional
         What the button of this name does; without, there is none.
     """
 
-    def __init__(self, canvas: SwarmCanvas, player: Player, reset: Callable[[], None] | None = None) -> None:
+    def __init__(self, canvas: SwarmCanvas, player: Player | Pair, reset: Callable[[], None] | None = None) -> None:
         self.canvas, self.player, self._reset = canvas, player, reset
         canvas.commands = {name: getattr(player, name) for name in ("toggle", "play", "pause", "step", "back")}
         canvas.commands |= {"look": player.look, "speed": lambda index: player.set_speed(SPEEDS[index])}
         if reset is not None:
             canvas.commands["reset"] = reset
         self._leaves = [player.changed.add(self.tell)]
-        if canvas.options.get("stage", True):  # on a bar of buttons alone there is no robot to select
-            self._leaves.append(player.selection.add(self._mark))
-            canvas.observe(self._choose, "selected")
-            self._mark()
+        if isinstance(player, Player):
+            self._let_select(player)
         self.tell()
         player.add_viewer(self)
 
@@ -192,10 +186,9 @@ class Connection:
 
     def push(self, number: int, picture: Picture) -> None:
         """Hand a picture on, with what the player says of itself."""
-        player, past = self.player, self.player.past
-        kept = {"index": past.index, "length": len(past), "first": past.first_step, "last": past.last_step}
-        rest = not player.playing
-        self.canvas.push(number, picture, rate=rate_text(player.loop.rate), rest=rest, **kept)
+        player = self.player
+        rate, rest = rate_text(player.loop.rate), not player.playing
+        self.canvas.push(number, picture, rate=rate, rest=rest, **extent_of(player.past))
 
     def tell(self) -> None:
         """Hand on whether it is played, and how fast."""
@@ -217,11 +210,33 @@ class Connection:
         self.canvas.unobserve_all("selected")
         self.player.remove_viewer(self)
 
-    def _mark(self) -> None:
-        self.canvas.selected = self.player.selected
+    def _let_select(self, player: Player) -> None:
+        def mark() -> None:
+            self.canvas.selected = player.selected
 
-    def _choose(self, change: dict) -> None:
-        self.player.select(change["new"])
+        self._leaves.append(player.selection.add(mark))
+        self.canvas.observe(lambda change: player.select(change["new"]), "selected")
+        mark()
+
+
+def use_connection(canvas: Element, player: Player | Pair, reset: Callable[[], None]) -> None:
+    """Let a canvas of a Solara page show a player while it stands there, and pause it after that."""
+
+    def connect() -> Callable[[], None]:
+        connection = Connection(solara.get_widget(canvas), player, reset)
+
+        def part() -> None:
+            player.pause()
+            connection.close()
+
+        return part
+
+    solara.use_effect(connect, [])
+
+
+def extent_of(past: Past) -> dict[str, int]:
+    """Return what the time line is told of the pictures that one can go back to."""
+    return {"index": past.index, "length": len(past), "first": past.first_step, "last": past.last_step}
 
 
 def nearest_speed(speed: float) -> int:

@@ -12,16 +12,6 @@ const RINGS = ["#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442",
 const DASHED = [[], [5, 3], [1.5, 2.5]];
 const MARGIN = { left: 38, right: 8, top: 7, bottom: 17 };
 
-function piece(tag, attributes = {}, ...children) {
-  const element = document.createElement(tag);
-  for (const [name, value] of Object.entries(attributes)) {
-    if (typeof value === "function") element.addEventListener(name, value);
-    else if (value !== undefined) element.setAttribute(name, value);
-  }
-  element.append(...children);
-  return element;
-}
-
 /** Round numbers that divide a range into about so many parts. */
 function ticks(low, high, parts) {
   const rough = (high - low) / parts, power = 10 ** Math.floor(Math.log10(rough));
@@ -44,12 +34,12 @@ class ChartView {
   #canvas; #values; #news = null; #data = null; #lookedAt = null; #pointed = null; #fresh = true;
 
   constructor(title, ask) {
-    const button = (kind) => piece("button", { type: "button", title: `Download ${title} as ${kind.toUpperCase()}`, "aria-label": `Download ${title} as ${kind.toUpperCase()}`, click: () => ask(kind) }, kind.toUpperCase());
-    this.#canvas = piece("canvas", { role: "img", "aria-label": title });
-    this.#values = piece("ul");
-    this.name = piece("span", {}, title);
-    const head = piece("figcaption", {}, this.name, button("png"), button("csv"));
-    this.element = piece("figure", { class: "swarm-chart" }, head, this.#canvas, this.#values);
+    const button = (kind) => make("button", { type: "button", title: `Download ${title} as ${kind.toUpperCase()}`, "aria-label": `Download ${title} as ${kind.toUpperCase()}`, click: () => ask(kind) }, kind.toUpperCase());
+    this.#canvas = make("canvas", { role: "img", "aria-label": title });
+    this.#values = make("ul");
+    this.name = make("span", {}, title);
+    const head = make("figcaption", {}, this.name, button("png"), button("csv"));
+    this.element = make("figure", { class: "swarm-chart" }, head, this.#canvas, this.#values);
     this.#canvas.addEventListener("pointermove", (event) => this.#point(event.offsetX));
     this.#canvas.addEventListener("pointerleave", () => this.#point(null));
   }
@@ -213,7 +203,7 @@ class ChartView {
   #say(colours, row) {
     const { names, points } = this.#news;
     if (this.#fresh) {
-      this.#values.replaceChildren(...names.map((name) => piece("li", {}, piece("i"), piece("span", {}, names.length > 1 ? name : ""), piece("b"))));
+      this.#values.replaceChildren(...names.map((name) => make("li", {}, make("i"), make("span", {}, names.length > 1 ? name : ""), make("b"))));
       this.#fresh = false;
     }
     const at = row >= 0 && points ? this.#row("steps", 0)[row] : null;
@@ -238,10 +228,10 @@ class BoardView {
     this.#root = root;
     this.#downloads = new Downloads(model);
     root.classList.add("swarm-charts");
-    this.#choice = piece("div", {});
-    this.#stack = piece("div", {});
-    const list = piece("details", { class: "swarm-choice" }, piece("summary", {}, "Choose charts"), this.#choice);
-    root.append(piece("div", { class: "swarm-head" }, piece("h2", {}, "Charts"), list), this.#stack);
+    this.#choice = make("div", {});
+    this.#stack = make("div", {});
+    const list = make("details", { class: "swarm-choice" }, make("summary", {}, "Choose charts"), this.#choice);
+    root.append(make("div", { class: "swarm-head" }, make("h2", {}, "Charts"), list), this.#stack);
     this.#follow("charts", () => this.#build());
     this.#follow("shown", () => this.#build());
     const hear = (message, buffers) => this.#hear(message, buffers);
@@ -285,9 +275,9 @@ class BoardView {
     const charts = this.#model.get("charts"), shown = this.#model.get("shown");
     const boxes = charts.map(({ key, title }) => {
       const choose = () => this.#send({ do: "choose", value: charts.map((one) => one.key).filter((one) => (one === key ? box.checked : shown.includes(one))) });
-      const box = piece("input", { type: "checkbox", change: choose });
+      const box = make("input", { type: "checkbox", change: choose });
       box.checked = shown.includes(key);
-      return piece("label", {}, box, title);
+      return make("label", {}, box, title);
     });
     const at = [...this.#choice.querySelectorAll("input")].indexOf(document.activeElement);
     this.#choice.replaceChildren(...boxes);
@@ -296,7 +286,7 @@ class BoardView {
     const order = charts.filter(({ key }) => shown.includes(key));
     this.#views = new Map(order.map(({ key, title }) => [key, before.get(key) ?? new ChartView(title, (kind) => this.#send({ do: kind, value: key }))]));
     this.#stack.replaceChildren(...[...this.#views.values()].map((one) => one.element));
-    if (!order.length) this.#stack.append(piece("p", { class: "swarm-hint" }, "No chart is chosen."));
+    if (!order.length) this.#stack.append(make("p", { class: "swarm-hint" }, "No chart is chosen."));
     this.#redraw();
   }
 

@@ -2,7 +2,7 @@
 
 import threading
 import time
-from importlib.resources import files
+from typing import Any
 
 import anywidget
 import numpy as np
@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from mesa_swarm.dashboard.downloads import Downloads
 from mesa_swarm.dashboard.past import Picture
+from mesa_swarm.dashboard.scripts import text_of
 from mesa_swarm.dashboard.series import Chart, Series
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.experiments.pictures import png
@@ -30,18 +31,6 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#b3508a", "#8a6d00", "#2b8cc4", "#4
 DASHES = ("-", "--", ":")
 
 
-def script() -> str:
-    """Return the widget's module.
-
-    Examples
-    --------
-    >>> script().count("export default")
-    1
-    """
-    here = files("mesa_swarm.dashboard")
-    return "".join((here / name).read_text(encoding="utf-8") for name in ("downloads.js", "charts.js"))
-
-
 class ChartBoard(anywidget.AnyWidget):
     """Charts drawn in the browser from numbers that are sent to it.
 
@@ -53,9 +42,9 @@ class ChartBoard(anywidget.AnyWidget):
         Keys of those that are.
     """
 
-    _esm = script()
-    charts = traitlets.List().tag(sync=True)
-    shown = traitlets.List().tag(sync=True)
+    _esm = text_of("elements.js", "downloads.js", "charts.js")
+    charts: traitlets.List[dict[str, Any]] = traitlets.List().tag(sync=True)
+    shown: traitlets.List[str] = traitlets.List().tag(sync=True)
 
 
 class Charting:
@@ -108,7 +97,7 @@ class Charting:
 
     def act(self, message: dict) -> None:
         """Do what the browser asks for."""
-        value = message.get("value")
+        value: Any = message.get("value")
         match message.get("do"):
             case "look":
                 with self._lock:
@@ -130,7 +119,7 @@ class Charting:
         self.board.on_msg(self._hear, remove=True)
         self._downloads.close()
 
-    def _hear(self, _, message: dict, __: list) -> None:
+    def _hear(self, _: object, message: dict, __: list) -> None:
         self.act(message)
 
     def _choose(self, keys: list[str]) -> None:
@@ -232,10 +221,10 @@ def figure_of(series: Series, key: str) -> Figure:
     figure = Figure(figsize=(7, 3.6), layout="constrained")
     axes = figure.subplots()
     for k, name in enumerate(chart.names):
-        look = {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k // len(COLOURS) % len(DASHES)]}
-        axes.plot(curves.steps, curves.mean[k], label=name, linewidth=1.3, **look)
+        colour, dashes = COLOURS[k % len(COLOURS)], DASHES[k // len(COLOURS) % len(DASHES)]
+        axes.plot(curves.steps, curves.mean[k], label=name, linewidth=1.3, color=colour, linestyle=dashes)
         if curves.width > 1 and len(chart.names) <= 3:
-            axes.fill_between(curves.steps, curves.low[k], curves.high[k], color=look["color"], alpha=0.15, linewidth=0)
+            axes.fill_between(curves.steps, curves.low[k], curves.high[k], color=colour, alpha=0.15, linewidth=0)
     axes.set(title=chart.title, xlabel="step", ylabel=chart.unit)
     axes.spines[["top", "right"]].set_visible(False)
     if len(chart.names) > 1:
@@ -244,7 +233,7 @@ def figure_of(series: Series, key: str) -> Figure:
 
 
 @solara.component
-def Charts(session: Session):  # noqa: N802 - Solara's components are named like classes
+def Charts(session: Session) -> None:  # noqa: N802 - Solara's components are named like classes
     """Show the charts that the user chooses."""
     board = ChartBoard.element()
     solara.use_effect(lambda: Charting(solara.get_widget(board), session).close, [])

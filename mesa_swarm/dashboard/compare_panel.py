@@ -44,7 +44,8 @@ class ComparePanel:
 
     def act(self, message: dict) -> None:
         """Do what the user asks for."""
-        comparing, name, value = self.comparing, message.get("name", ""), message.get("value")
+        comparing, name = self.comparing, message.get("name", "")
+        value: Any = message.get("value")
         match message.get("do"):
             case "choose" if name == "model":
                 comparing.choose_model(str(value))
@@ -99,10 +100,10 @@ def groups_of(comparing: Comparing) -> list[dict[str, Any]]:
 def _value_field(comparing: Comparing, name: str) -> dict[str, Any]:
     """Return the control of the value in world A or B."""
     parameter = comparing.choices[comparing.parameter]
-    field = field_of(parameter, comparing.session)
+    field = field_of(parameter, comparing.session) or {}
     at_once = not isinstance(parameter.control, Slider)
     label = f"{label_of(parameter.name)} in {name}"
-    said = field["help"] if name == NAMES[0] else ""
+    said = parameter.help if name == NAMES[0] else ""
     return {**field, "name": name, "label": label, "help": said, "upload": False, "live": at_once}
 
 

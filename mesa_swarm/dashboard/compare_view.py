@@ -2,13 +2,15 @@
 """Two worlds side by side with one clock and one chart, and what many seeds say of the difference."""
 
 import base64
+from collections.abc import Callable
+from functools import partial
 from html import escape
 
 import solara
 from reacton import ipyvuetify as rv
 
-from mesa_swarm.dashboard.buttons import Button
-from mesa_swarm.dashboard.canvas_widget import Connection, SwarmCanvas
+from mesa_swarm.dashboard.buttons import Button, TroubleCard
+from mesa_swarm.dashboard.canvas_widget import SwarmCanvas, extent_of, use_connection
 from mesa_swarm.dashboard.compare_panel import ComparePanel
 from mesa_swarm.dashboard.comparing import Comparing
 from mesa_swarm.dashboard.controls import ControlPanel, label_of
@@ -36,7 +38,7 @@ class SideView:
         Returns what stands above the picture.
     """
 
-    def __init__(self, canvas: SwarmCanvas, side: Side, caption) -> None:
+    def __init__(self, canvas: SwarmCanvas, side: Side, caption: Callable[[], str]) -> None:
         self.canvas, self.side, self._caption = canvas, side, caption
         side.add_viewer(self)
 
@@ -47,10 +49,8 @@ class SideView:
 
     def push(self, number: int, picture: Picture) -> None:
         """Hand a picture on."""
-        past = self.side.past
         self.canvas.tell(caption=self._caption())
-        kept = {"index": past.index, "length": len(past), "first": past.first_step, "last": past.last_step}
-        self.canvas.push(number, picture, rest=not self.side.playing, **kept)
+        self.canvas.push(number, picture, rest=not self.side.playing, **extent_of(self.side.past))
 
     def close(self) -> None:
         """Part them."""
@@ -58,7 +58,7 @@ class SideView:
 
 
 @solara.component
-def Compare(session: Session):
+def Compare(session: Session) -> None:
     """Show what is compared on the left, two worlds in the middle, and below them what comes of it."""
     comparing = solara.use_memo(lambda: session.companion(Comparing), [])
     use_changes(comparing.runs.changed)
@@ -78,7 +78,7 @@ def Compare(session: Session):
             with solara.Div(classes=["swarm-below", "swarm-tall"] if is_tall else ["swarm-below"]):
                 with rv.Html(tag="nav", class_="swarm-tabs", attributes={"aria-label": "Results"}):
                     for name in (OVER_TIME, OVER_SEEDS):
-                        Button(name, lambda name=name: choose_below(name), pressed=name == below).key(name)
+                        Button(name, partial(choose_below, name), pressed=name == below).key(name)
                 if below == OVER_TIME:
                     Curves(comparing)
                 else:
@@ -86,31 +86,20 @@ def Compare(session: Session):
 
 
 @solara.component
-def Choices(comparing: Comparing):
+def Choices(comparing: Comparing) -> None:
     """Show the panel in which one says what is compared."""
     panel = ControlPanel.element()
     solara.use_effect(lambda: ComparePanel(solara.get_widget(panel), comparing).close, [])
 
 
 @solara.component
-def Clock(comparing: Comparing):
+def Clock(comparing: Comparing) -> None:
     """Show the buttons that play both worlds."""
-    bar = SwarmCanvas.element(options=BAR)
-
-    def connect():
-        connection = Connection(solara.get_widget(bar), comparing.pair, comparing.reset)
-
-        def part() -> None:
-            comparing.pair.pause()
-            connection.close()
-
-        return part
-
-    solara.use_effect(connect, [])
+    use_connection(SwarmCanvas.element(options=BAR), comparing.pair, comparing.reset)
 
 
 @solara.component
-def World(comparing: Comparing, index: int):
+def World(comparing: Comparing, index: int) -> None:
     """Show one of the two worlds."""
     canvas = SwarmCanvas.element(options=WORLD)
     side = comparing.pair.sides[index]
@@ -133,30 +122,25 @@ def captions(comparing: Comparing) -> tuple[str, str]:
 
 
 @solara.component
-def Trouble(comparing: Comparing):
+def Trouble(comparing: Comparing) -> None:
     """Show on a card what went wrong in one of the worlds."""
     use_changes(comparing.pair.changed)
     fault = comparing.faults.get("worlds") or comparing.pair.error
     if fault:
-        with rv.Html(tag="section", class_="swarm-trouble", attributes={"role": "alert"}):
-            rv.Html(tag="p", children=[fault])
-            solara.Button("Reset", comparing.reset, color="primary")
+        TroubleCard("", fault, way_out=("Reset", comparing.reset))
 
 
 @solara.component
-def Curves(comparing: Comparing):
+def Curves(comparing: Comparing) -> None:
     """Show the chart of both worlds."""
     picture, take = solara.use_state(b"")
 
-    def draw():
-        return CurveThread(comparing.pair, lambda: captions(comparing), take).close
-
-    solara.use_effect(draw, [])
+    solara.use_effect(lambda: CurveThread(comparing.pair, lambda: captions(comparing), take).close, [])
     Image(picture, "What both worlds report, over time", "swarm-curves")
 
 
 @solara.component
-def Image(picture: bytes, name: str, class_: str):
+def Image(picture: bytes, name: str, class_: str) -> None:
     """Show a PNG."""
     if picture:
         source = f"data:image/png;base64,{base64.b64encode(picture).decode()}"
@@ -166,7 +150,7 @@ def Image(picture: bytes, name: str, class_: str):
 
 
 @solara.component
-def Start(comparing: Comparing, on_start):
+def Start(comparing: Comparing, on_start: Callable[[], None]) -> None:
     """Show the button that starts the runs, and while they are under way how far they are."""
     runs = comparing.runs
     use_changes(runs.changed)
@@ -190,7 +174,7 @@ def Start(comparing: Comparing, on_start):
 
 
 @solara.component
-def Result(comparing: Comparing):
+def Result(comparing: Comparing) -> None:
     """Show what came of the runs: a sentence, a table, a picture."""
     runs = comparing.runs
     use_changes(runs.changed)
@@ -203,7 +187,7 @@ def Result(comparing: Comparing):
 
 
 @solara.component
-def Found(report: Report):
+def Found(report: Report) -> None:
     """Show a report."""
     with solara.Div(classes=["swarm-found"]):
         with solara.Div(classes=["swarm-said"]):

@@ -186,11 +186,12 @@ def two_values(model_class: type, parameter: Parameter, maps: list[str]) -> list
     named, values = getattr(model_class, "compares", (None, ()))
     if parameter.name == named and len(values) >= 2:
         return list(values[:2])
-    if isinstance(parameter.control, Slider):
-        default, slider = parameter.default, parameter.control
+    control = parameter.control
+    if isinstance(control, Slider):
+        default, slider = parameter.default, control
         ends = sorted((slider.minimum, slider.maximum), key=lambda end: -abs(end - default))
         return [default, parameter.kind(ends[0])]
-    options = maps if parameter.name == "map" else list(parameter.control.options)
+    options = list(control.options) if isinstance(control, Choice) and parameter.name != "map" else maps
     return (options * 2)[:2]
 
 

@@ -2,14 +2,16 @@
 
 import math
 import secrets
-from importlib.resources import files
 from typing import Any
 
 import anywidget
 import traitlets
 
 from mesa_swarm.dashboard.designer import Designer
+from mesa_swarm.dashboard.readings import value_text
+from mesa_swarm.dashboard.scripts import text_of
 from mesa_swarm.dashboard.session import LIVE, Session
+from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.parameters import Choice, Parameter, Slider
 
 # Groups, each with the beginnings or words of names that belong to it; a name goes to the first that fits.
@@ -25,10 +27,6 @@ ORDER = ("World", "Robots", OTHERS, "Communication", "Fires and heat", "Disturba
 LARGEST_RANDOM_SEED = 999_999
 
 
-def _text(name: str) -> str:
-    return (files("mesa_swarm.dashboard") / name).read_text(encoding="utf-8")
-
-
 class ControlPanel(anywidget.AnyWidget):
     """Sliders, lists and fields in the browser, which tell what the user does to them.
 
@@ -38,12 +36,12 @@ class ControlPanel(anywidget.AnyWidget):
         Whether there is neither a seed nor a button for defaults.
     """
 
-    _esm = _text("panel.js")
-    _css = _text("panel.css")
+    _esm = text_of("elements.js", "panel.js")
+    _css = text_of("panel.css")
     bare = traitlets.Bool(False).tag(sync=True)
-    groups = traitlets.List().tag(sync=True)
+    groups: traitlets.List[dict[str, Any]] = traitlets.List().tag(sync=True)
     values = traitlets.Dict().tag(sync=True)
-    notes = traitlets.List().tag(sync=True)
+    notes: traitlets.List[list[str]] = traitlets.List().tag(sync=True)
 
 
 class Panel:
@@ -59,7 +57,7 @@ class Panel:
         self.widget, self.session = widget, session
         self.designer = Designer(session)
         self._leave = session.changed.add(self.refresh)
-        self._model_name = ""
+        self._shown: tuple = ()
         self._hear = lambda _, message, buffers: self.act(message, buffers)
         widget.on_msg(self._hear)
         self.refresh()
@@ -67,9 +65,9 @@ class Panel:
     def refresh(self) -> None:
         """Show how everything is set."""
         session = self.session
-        known = (session.name, tuple(session.map_names()))
-        if known != self._model_name:
-            self._model_name = known
+        shown = session.name, tuple(session.map_names())
+        if shown != self._shown:
+            self._shown = shown
             self.widget.groups = groups_of(session)
         values = values_of(session) | (self.designer.values() if self.designer.fits else {})
         self.widget.values = values
@@ -77,7 +75,8 @@ class Panel:
 
     def act(self, message: dict, buffers: list) -> None:
         """Do what the user asks for."""
-        session, name, value = self.session, message.get("name", ""), message.get("value")
+        session, name = self.session, message.get("name", "")
+        value: Any = message.get("value")
         match message.get("do"):
             case "place" if name in session.parameters:
                 session.wish(name, value_at(int(value), session.parameters[name]))
@@ -116,7 +115,7 @@ def groups_of(session: Session) -> list[dict[str, Any]]:
         field = field_of(parameter, session)
         if field:
             groups[group_of(parameter.name)].append(field)
-    found = [{"title": title, "fields": members} for title, members in groups.items() if members]
+    found: list[dict[str, Any]] = [{"title": title, "fields": members} for title, members in groups.items() if members]
     designer = Designer(session)
     if designer.fits:
         found.append({"title": "Design the constants", "fields": designer.fields(), "notes": True})
@@ -136,7 +135,7 @@ def group_of(name: str) -> str:
 
 def field_of(parameter: Parameter, session: Session) -> dict[str, Any] | None:
     """Return one control, None for what the page cannot set."""
-    about = {"name": parameter.name, "label": label_of(parameter.name), "help": parameter.help}
+    about: dict[str, Any] = {"name": parameter.name, "label": label_of(parameter.name), "help": parameter.help}
     about["live"] = parameter.name in LIVE
     if parameter.name == "map":
         return {**about, "kind": "choice", "options": session.map_names(), "upload": True}
@@ -159,6 +158,19 @@ def label_of(name: str) -> str:
     return name.removeprefix("n_").replace("_", " ")
 
 
+def slider_of(parameter: Parameter) -> Slider:
+    """Return the slider of a parameter.
+
+    Raises
+    ------
+    InvalidValueError
+        If it has none.
+    """
+    if not isinstance(parameter.control, Slider):
+        raise InvalidValueError(f"{parameter.name} has no slider; choose or type its value")
+    return parameter.control
+
+
 def places_of(parameter: Parameter) -> tuple[int, int]:
     """Return the places of the ends of a slider, counted in its steps from the default.
 
@@ -170,7 +182,7 @@ def places_of(parameter: Parameter) -> tuple[int, int]:
     >>> places_of(Parameter("share", 0.75, float, Slider(0, 1, 0.1)))
     (-8, 3)
     """
-    slider, default = parameter.control, parameter.default
+    slider, default = slider_of(parameter), parameter.default
     low = math.floor(round((slider.minimum - default) / slider.step, 9))
     return low, math.ceil(round((slider.maximum - default) / slider.step, 9))
 
@@ -184,7 +196,7 @@ def value_at(place: int, parameter: Parameter) -> float:
     >>> value_at(2, share), value_at(9, share)
     (0.95, 1.0)
     """
-    slider = parameter.control
+    slider = slider_of(parameter)
     value = min(max(parameter.default + place * slider.step, slider.minimum), slider.maximum)
     return parameter.kind(round(value, 12)) if place else parameter.default
 
@@ -198,7 +210,7 @@ def place_of(value: float, parameter: Parameter) -> int:
     2
     """
     low, high = places_of(parameter)
-    return min(max(round((value - parameter.default) / parameter.control.step), low), high)
+    return min(max(round((value - parameter.default) / slider_of(parameter).step), low), high)
 
 
 def values_of(session: Session) -> dict[str, dict[str, Any]]:
@@ -206,7 +218,7 @@ def values_of(session: Session) -> dict[str, dict[str, Any]]:
     values: dict[str, dict[str, Any]] = {"seed": {"text": str(session.seed)}}
     for name, parameter in session.parameters.items():
         value = session.wishes[name]
-        values[name] = {"text": f"{value:.4g}" if isinstance(value, float) else str(value)}
+        values[name] = {"text": value_text(value)}
         if isinstance(parameter.control, Slider):
             values[name]["place"] = place_of(value, parameter)
     for name, entry in values.items():

@@ -1,4 +1,14 @@
-/* Files that Python hands over in pieces, so that none of them fills a connection. Put before a widget's module. */
+/* Files that Python hands over in pieces, so that none of them fills a connection. Put before a widget's module, after
+   elements.js. */
+
+/** Hand a file to the user. */
+function save(name, blob) {
+  const link = make("a", { href: URL.createObjectURL(blob), download: name });
+  document.body.append(link);
+  link.click();
+  link.remove();
+  setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
+}
 
 class Downloads {
   #model; #files = new Map();
@@ -19,13 +29,7 @@ class Downloads {
       return true;
     }
     this.#files.delete(number);
-    const link = document.createElement("a");
-    link.href = URL.createObjectURL(new Blob(pieces, { type }));
-    link.download = name;
-    document.body.append(link);
-    link.click();
-    link.remove();
-    setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
+    save(name, new Blob(pieces, { type }));
     return true;
   }
 }

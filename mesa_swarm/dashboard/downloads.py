@@ -1,7 +1,7 @@
 """Files that are handed to the browser through a widget, piece by piece."""
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Generator
 from pathlib import Path
 
 import anywidget
@@ -15,6 +15,10 @@ TYPES = {
     ".html": "text/html",
     ".csv": "text/csv",
 }
+
+
+# Each with whether it is the last one.
+Pieces = Generator[tuple[bytes, bool], None, None]
 
 
 class Downloads:
@@ -34,7 +38,7 @@ class Downloads:
     def __init__(self, widget: anywidget.AnyWidget) -> None:
         self._widget = widget
         self._lock = threading.Lock()
-        self._open: dict[int, tuple[str, Iterator]] = {}
+        self._open: dict[int, tuple[str, Pieces]] = {}
         self._number = 0
 
     def send(self, name: str, content: bytes | Path) -> None:
@@ -70,7 +74,7 @@ class Downloads:
             self._open.clear()
 
 
-def pieces_of(content: bytes | Path, size: int) -> Iterator[tuple[bytes, bool]]:
+def pieces_of(content: bytes | Path, size: int) -> Pieces:
     """Yield the pieces of bytes or of a file, and whether each is the last one."""
     if isinstance(content, bytes):
         for start in range(0, max(len(content), 1), size):

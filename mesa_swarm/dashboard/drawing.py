@@ -1,29 +1,24 @@
-"""The world as SVG text, from arrays: what stands, what burns, who drives and what they see.
+"""The world as SVG text, from arrays: what stands, what burns and who drives.
 
 Coordinates are relative to the map's lower left corner, y up, in one group that turns y round. All robots
-share one path per colour, and all sectors one per state, so that a browser lays out a dozen elements, not a
-thousand.
+share one path per colour, so that a browser lays out a dozen elements, not a thousand.
 """
 
 from collections.abc import Iterable
 
 import numpy as np
 
-from mesa_swarm.robots.table import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RANGE
 from mesa_swarm.world.shapes import Shape
 
 GROUND, SOLID, LOAD, MARK, ASHES = "#f7f6f2", "#5f6670", "#2e7d5b", "#1d1f23", "#b4b4ae"
 REAR, FRONT, OUTLINE = "#1d4e89", "#bfe5ff", "#0b2545"
-BLIND, SEEING = "#1d4e89", "#f0a03c"
 COLD, HOT = np.array([16, 12, 12]), np.array([232, 28, 20])
-# Two arcs, so that even a full circle starts and ends at different points.
-SECTOR = "M%.5g %.5gL%.5g %.5gA%.5g %.5g 0 0 1 %.5g %.5gA%.5g %.5g 0 0 1 %.5g %.5gZ"
 HALF_DISC = "M%.5g %.5gA%.5g %.5g 0 0 1 %.5g %.5gZ"
 STROKE = "M%.5g %.5gL%.5g %.5g"
 LINE = 'stroke-width="1" vector-effect="non-scaling-stroke"'
 
 
-def drawing(size: tuple[float, float], layers: Iterable[str], labels: str = "") -> str:
+def drawing(size: tuple[float, float], layers: Iterable[str]) -> str:
     """Return a whole drawing of a map of this width and height.
 
     Parameters
@@ -31,8 +26,6 @@ def drawing(size: tuple[float, float], layers: Iterable[str], labels: str = "") 
     size : (width, height), map units
     layers : iterable of str
         Elements with y up, the lowest layer first.
-    labels : str
-        Text, with y down from the map's upper edge.
 
     Examples
     --------
@@ -43,7 +36,7 @@ def drawing(size: tuple[float, float], layers: Iterable[str], labels: str = "") 
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" role="img" '
         f'aria-label="the world"><rect width="{width}" height="{height}" fill="{GROUND}"/>'
-        f'<g transform="translate(0 {height}) scale(1 -1)">{"".join(layers)}</g>{labels}</svg>'
+        f'<g transform="translate(0 {height}) scale(1 -1)">{"".join(layers)}</g></svg>'
     )
 
 
@@ -88,24 +81,6 @@ def draw_fires(position: np.ndarray, radius: np.ndarray, temperature: np.ndarray
     )
 
 
-def label_fires(position: np.ndarray, radius: np.ndarray, out: np.ndarray, robots: np.ndarray, size) -> str:
-    """Return the number of robots at each fire, and "out" on those that are, in a drawing of this size.
-
-    Examples
-    --------
-    >>> label_fires(np.array([[40, 10]]), np.array([8]), np.array([False]), np.array([3]), (80, 60))[-13:]
-    '>3</text></g>'
-    """
-    rows = zip(position.tolist(), radius.tolist(), out.tolist(), robots.tolist(), strict=True)
-    texts = (
-        f'<text x="{x:.5g}" y="{size[1] - y:.5g}" font-size="{min(0.9 * r, size[0] / 36):.4g}" '
-        f'fill="{MARK if dead else "#fff"}">{"out" if dead else count}</text>'
-        for (x, y), r, dead, count in rows
-    )
-    style = 'class="label" text-anchor="middle" dominant-baseline="central" font-weight="600"'
-    return f'<g {style} font-family="sans-serif">{"".join(texts)}</g>'
-
-
 def fire_colour(temperature: float) -> str:
     """Return the colour of a fire that burns at this temperature, 0 to 1.
 
@@ -138,36 +113,6 @@ def draw_robots(position: np.ndarray, heading: np.ndarray, radius: np.ndarray) -
     )
 
 
-def draw_sectors(position: np.ndarray, heading: np.ndarray, sensors: np.ndarray, distance: np.ndarray) -> str:
-    """Return the proximity sensors' sectors, those that see something brighter and only as far as they see.
-
-    Parameters
-    ----------
-    position, heading : ndarrays, shapes (n, 2) and (n,)
-    sensors : ndarray, shape (n, s, 9)
-        Of each robot, as in `DesignTable.proximity`.
-    distance : ndarray, shape (n, s)
-        What they read, below 0 for nothing.
-
-    Examples
-    --------
-    >>> sensor = np.array([[[5, 0, 1, 0, 0.9, 0.4, 50, 0, 0.5]]])
-    >>> "seeing" in draw_sectors(np.zeros((1, 2)), np.zeros(1), sensor, np.array([[12.0]]))
-    True
-    """
-    axis = np.arctan2(sensors[..., AXIS_Y], sensors[..., AXIS_X]) + heading[:, None]
-    mount = position[:, None] + _turned(sensors[..., [MOUNT_X, MOUNT_Y]], heading[:, None])
-    reach = np.where(distance >= 0, distance, sensors[..., RANGE])
-    arc = axis[..., None] + sensors[..., HALF, None] * np.array([-1, 0, 1])
-    rim = mount[..., None, :] + reach[..., None, None] * _unit(arc)
-    radii = np.stack([reach, reach], axis=-1)
-    rows = np.concatenate([mount, rim[..., 0, :], radii, rim[..., 1, :], radii, rim[..., 2, :]], axis=-1)
-    blind, seeing = (distance < 0) & (sensors[..., RANGE] > 0), distance > 0
-    return _path("blind", _outlines(SECTOR, rows[blind]), f'fill="{BLIND}" fill-opacity="0.07"') + _path(
-        "seeing", _outlines(SECTOR, rows[seeing]), f'fill="{SEEING}" fill-opacity="0.55"'
-    )
-
-
 def _outlines(template: str, rows: np.ndarray) -> str:
     """Return the template filled with each row in turn; formatting all at once takes half the time."""
     return (template * len(rows)) % tuple(rows.ravel().tolist())
@@ -190,9 +135,3 @@ def _path(name: str, outline: str, look: str) -> str:
 
 def _unit(angle: np.ndarray) -> np.ndarray:
     return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-
-
-def _turned(vector: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    x, y = vector[..., 0], vector[..., 1]
-    cos, sin = np.cos(angle), np.sin(angle)
-    return np.stack([x * cos - y * sin, x * sin + y * cos], axis=-1)

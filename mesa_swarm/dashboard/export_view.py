@@ -2,7 +2,6 @@
 
 import threading
 import time
-from importlib.resources import files
 from typing import Any
 
 import anywidget
@@ -12,22 +11,11 @@ import traitlets
 from mesa_swarm.dashboard.downloads import Downloads
 from mesa_swarm.dashboard.exporting import KINDS, PICTURES, Exporting
 from mesa_swarm.dashboard.past import Picture
+from mesa_swarm.dashboard.scripts import text_of
 from mesa_swarm.dashboard.session import Session
 
 # Progress, and what was recorded, are told so often, s.
 EVERY = 0.25
-
-
-def script() -> str:
-    """Return the widget's module.
-
-    Examples
-    --------
-    >>> script().count("export default")
-    1
-    """
-    here = files("mesa_swarm.dashboard")
-    return "".join((here / name).read_text(encoding="utf-8") for name in ("downloads.js", "exporter.js"))
 
 
 class Exporter(anywidget.AnyWidget):
@@ -35,14 +23,14 @@ class Exporter(anywidget.AnyWidget):
 
     Attributes
     ----------
-    kinds : list of (str, str, bool)
-        What can be made: key, label, and whether it is of the whole run.
+    kinds : list of [str, str, bool]
+        What Python can make: key, label, and whether it is of the whole run.
     told : dict
         How things are.
     """
 
-    _esm = script()
-    kinds = traitlets.List().tag(sync=True)
+    _esm = text_of("elements.js", "downloads.js", "exporter.js")
+    kinds: traitlets.List[list[str | bool]] = traitlets.List().tag(sync=True)
     told = traitlets.Dict().tag(sync=True)
 
 
@@ -75,7 +63,8 @@ class ExportDesk:
         self.exporting.check_tape()
         model = self.session.model
         burns = model is not None and len(model.fires) > 0
-        kinds = [[key, label, key not in PICTURES] for key, label in KINDS.items() if burns or "fires" not in key]
+        made = {key: label for key, label in KINDS.items() if burns or "fires" not in key}
+        kinds: list[list[str | bool]] = [[key, label, key not in PICTURES] for key, label in made.items()]
         if self.exporter.kinds != kinds:
             self.exporter.kinds = kinds
         self._show()
@@ -97,7 +86,7 @@ class ExportDesk:
                 self.exporting.record(bool(message.get("value")))
                 self._show()
             case "export":
-                self.exporting.start(**dict(message.get("value")))
+                self.exporting.start(**message["value"])
                 self._show()
             case "cancel":
                 self.exporting.cancel()
@@ -112,7 +101,7 @@ class ExportDesk:
         self.exporting.disconnect()
         self._downloads.close()
 
-    def _hear(self, _, message: dict, __: list) -> None:
+    def _hear(self, _: object, message: dict, __: list) -> None:
         self.act(message)
 
     def _show(self) -> None:
@@ -129,6 +118,7 @@ def told_of(exporting: Exporting) -> dict[str, Any]:
     model = session.model
     steps = model.completed if model is not None else 0
     return {
+        "name": session.name,
         "steps": steps if session.straight else 0,
         "straight": session.straight,
         "recording": tape.running,
@@ -142,7 +132,7 @@ def told_of(exporting: Exporting) -> dict[str, Any]:
 
 
 @solara.component
-def ExportView(session: Session):  # noqa: N802 - Solara's components are named like classes
+def ExportView(session: Session) -> None:  # noqa: N802 - Solara's components are named like classes
     """Show what can be made of the run."""
     exporter = Exporter.element()
     solara.use_effect(lambda: ExportDesk(solara.get_widget(exporter), session).close, [])

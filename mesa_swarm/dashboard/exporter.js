@@ -1,21 +1,14 @@
 /* Export from the page. Python says what can be made (kinds) and how things are (told); the user asks for a file, which
-   comes piece by piece (downloads.js), or switches recording on. */
+   comes piece by piece (downloads.js), or switches recording on. What is on screen never leaves the browser. */
 
-function item(tag, attributes = {}, ...children) {
-  const element = document.createElement(tag);
-  for (const [name, value] of Object.entries(attributes)) {
-    if (typeof value === "function") element.addEventListener(name, value);
-    else if (value !== undefined && value !== false) element.setAttribute(name, value === true ? "" : value);
-  }
-  element.append(...children);
-  return element;
-}
+const SCREEN = ["screen", "Picture as on screen (PNG)", false];
 
 class ExportForm {
-  #model; #parts = {}; #downloads; #leave = [];
+  #model; #root; #parts = {}; #downloads; #leave = [];
 
   constructor(model, root) {
     this.#model = model;
+    this.#root = root;
     this.#downloads = new Downloads(model);
     root.classList.add("swarm-export");
     this.#build(root);
@@ -36,30 +29,35 @@ class ExportForm {
 
   #build(root) {
     const parts = this.#parts, send = (message) => this.#model.send(message);
-    parts.record = item("button", { type: "button", "aria-pressed": "false", click: () => send({ do: "record", value: parts.record.getAttribute("aria-pressed") !== "true" }) }, item("i"), item("span", {}, "Record"));
-    parts.recorded = item("p", { class: "swarm-hint" });
-    parts.kind = item("select", { "aria-label": "What to make", change: () => this.#tell() });
-    parts.source = item("select", { "aria-label": "Of which steps" });
-    parts.every = item("select", { "aria-label": "Steps in the table" }, ...[1, 10, 100].map((every) => item("option", { value: every }, every === 1 ? "every step" : `every ${every} steps`)));
-    parts.sectors = item("input", { type: "checkbox" });
-    parts.trails = item("input", { type: "checkbox" });
-    parts.sectorsLabel = item("label", {}, parts.sectors, "sensors");
-    parts.trailsLabel = item("label", {}, parts.trails, "trails");
-    parts.start = item("button", { type: "button", class: "swarm-start", click: () => this.#start() }, "Export");
-    parts.cancel = item("button", { type: "button", click: () => send({ do: "cancel" }) }, "Cancel");
-    parts.bar = item("progress", { max: 1, "aria-label": "Progress" });
-    parts.doing = item("span");
-    parts.busy = item("div", { class: "swarm-busy", hidden: true }, parts.doing, parts.bar, parts.cancel);
-    parts.message = item("p", { class: "swarm-hint", role: "status" });
-    parts.fault = item("p", { class: "swarm-fault", role: "alert" });
-    root.append(item("div", { class: "swarm-head" }, item("h2", {}, "Export"), parts.record), parts.recorded,
-      item("div", { class: "swarm-wish" }, parts.kind, parts.source, parts.every, parts.sectorsLabel, parts.trailsLabel, parts.start),
+    parts.record = make("button", { type: "button", "aria-pressed": "false", click: () => send({ do: "record", value: parts.record.getAttribute("aria-pressed") !== "true" }) }, make("i"), make("span", {}, "Record"));
+    parts.recorded = make("p", { class: "swarm-hint" });
+    parts.kind = make("select", { "aria-label": "What to make", change: () => this.#tell() });
+    parts.source = make("select", { "aria-label": "Of which steps" });
+    parts.every = make("select", { "aria-label": "Steps in the table" }, ...[1, 10, 100].map((every) => make("option", { value: every }, every === 1 ? "every step" : `every ${every} steps`)));
+    parts.sectors = make("input", { type: "checkbox" });
+    parts.trails = make("input", { type: "checkbox" });
+    parts.sectorsLabel = make("label", {}, parts.sectors, "sensors");
+    parts.trailsLabel = make("label", {}, parts.trails, "trails");
+    parts.start = make("button", { type: "button", class: "swarm-start", click: () => this.#start() }, "Export");
+    parts.cancel = make("button", { type: "button", click: () => send({ do: "cancel" }) }, "Cancel");
+    parts.bar = make("progress", { max: 1, "aria-label": "Progress" });
+    parts.doing = make("span");
+    parts.busy = make("div", { class: "swarm-busy", hidden: true }, parts.doing, parts.bar, parts.cancel);
+    parts.message = make("p", { class: "swarm-hint", role: "status" });
+    parts.fault = make("p", { class: "swarm-fault", role: "alert" });
+    root.append(make("div", { class: "swarm-head" }, make("h2", {}, "Export"), parts.record), parts.recorded,
+      make("div", { class: "swarm-wish" }, parts.kind, parts.source, parts.every, parts.sectorsLabel, parts.trailsLabel, parts.start),
       parts.busy, parts.message, parts.fault);
+  }
+
+  get #kinds() {
+    const [first, ...others] = this.#model.get("kinds");
+    return [first, SCREEN, ...others];
   }
 
   #list() {
     const chosen = this.#parts.kind.value;
-    this.#parts.kind.replaceChildren(...this.#model.get("kinds").map(([key, label]) => item("option", { value: key }, label)));
+    this.#parts.kind.replaceChildren(...this.#kinds.map(([key, label]) => make("option", { value: key }, label)));
     if ([...this.#parts.kind.options].some((option) => option.value === chosen)) this.#parts.kind.value = chosen;
     this.#tell();
   }
@@ -67,7 +65,7 @@ class ExportForm {
   #tell() {
     const told = this.#model.get("told"), parts = this.#parts;
     if (told.doing === undefined) return;
-    const [kind, , whole] = this.#model.get("kinds").find(([key]) => key === parts.kind.value) ?? ["", "", false];
+    const [kind, , whole] = this.#kinds.find(([key]) => key === parts.kind.value) ?? ["", "", false];
     parts.record.setAttribute("aria-pressed", told.recording);
     parts.record.lastChild.textContent = told.recording ? "Stop recording" : "Record";
     parts.record.title = told.recording ? "Record no more; what was recorded stays" : "Record from the next step on; what was recorded before is replaced";
@@ -79,7 +77,7 @@ class ExportForm {
     parts.trailsLabel.hidden = !["gif", "mp4"].includes(kind);
     const busy = Boolean(told.doing);
     parts.busy.hidden = !busy;
-    parts.start.disabled = busy || (whole && !parts.source.value);
+    parts.start.disabled = kind !== SCREEN[0] && (busy || (whole && !parts.source.value));
     parts.doing.textContent = told.doing;
     if (told.progress === null) parts.bar.removeAttribute("value");
     else parts.bar.value = told.progress;
@@ -97,7 +95,7 @@ class ExportForm {
     const text = JSON.stringify(options);
     if (list.dataset.options !== text && document.activeElement !== list) {
       list.dataset.options = text;
-      list.replaceChildren(...options.map(([value, label]) => item("option", { value }, label)));
+      list.replaceChildren(...options.map(([value, label]) => make("option", { value }, label)));
       if (options.some(([value]) => value === chosen)) list.value = chosen;
     }
     list.hidden = !whole;
@@ -105,8 +103,16 @@ class ExportForm {
 
   #start() {
     const { kind, source, every, sectors, trails } = this.#parts;
+    if (kind.value === SCREEN[0]) return this.#saveScreen();
     const value = { kind: kind.value, source: source.value || "run", every: Number(every.value), sectors: sectors.checked, trails: trails.checked };
-    this.#model.send({ do: "export", value });
+    return this.#model.send({ do: "export", value });
+  }
+
+  /** Save the canvas as it is: zoomed, with what is shown, in the pixels of the screen. */
+  #saveScreen() {
+    const canvas = this.#root.closest(".swarm-watch").querySelector(".swarm-stage canvas");
+    const name = `${this.#model.get("told").name}_${canvas.step}_screen.png`;
+    canvas.toBlob((picture) => save(name, picture), "image/png");
   }
 }
 

@@ -7,9 +7,10 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from io import BufferedReader
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, cast
 
 from mesa_swarm.dashboard.readings import in_words
 from mesa_swarm.dashboard.session import Session
@@ -21,7 +22,7 @@ from mesa_swarm.exports.stills import svg
 from mesa_swarm.model import SwarmModel
 from mesa_swarm.recording.recorder import record
 
-# What can be made: the name of each, what is asked for, and which table it is.
+# What can be made, and what it is called; those with a dot are tables.
 KINDS = {
     "png": "Picture (PNG)",
     "svg": "Picture (SVG)",
@@ -304,10 +305,11 @@ class Exporting:
         self._note("Making the file", None)
         self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
         said = b""
+        stderr = cast(BufferedReader, self._process.stderr)  # which is a pipe
         with self._process as process:
             if self._cancelled.is_set():
                 process.terminate()
-            while piece := process.stderr.read1(4096):
+            while piece := stderr.read1(4096):
                 said = (said + piece)[-4096:]
                 shares = PERCENT.findall(said.decode(errors="replace"))
                 self._note("Making the file", int(shares[-1]) / 100 if shares else None)

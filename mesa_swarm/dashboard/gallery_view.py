@@ -58,7 +58,7 @@ def title(name: str) -> str:
 
 
 @solara.component
-def Gallery(chosen: str, on_choose: Callable[[str], None]):
+def Gallery(chosen: str, on_choose: Callable[[str], None]) -> None:
     """Show all models; one that is pressed is chosen.
 
     Parameters
@@ -68,7 +68,8 @@ def Gallery(chosen: str, on_choose: Callable[[str], None]):
     on_choose : function
         Called with the name of a model.
     """
-    pictures, set_pictures = solara.use_state({})
+    none_yet: dict[str, str] = {}
+    pictures, set_pictures = solara.use_state(none_yet)
     solara.use_effect(lambda: _drawing_thread(set_pictures), [])
     with solara.Div(classes=["swarm-gallery"]):
         for name in model_names():
@@ -76,7 +77,7 @@ def Gallery(chosen: str, on_choose: Callable[[str], None]):
 
 
 @solara.component
-def Card(name: str, picture: str, chosen: bool, on_choose: Callable[[str], None]):
+def Card(name: str, picture: str, chosen: bool, on_choose: Callable[[str], None]) -> None:
     """Show one model as a button."""
     with rv.Html(
         tag="button", class_="swarm-card swarm-chosen" if chosen else "swarm-card", attributes={"type": "button"}
@@ -92,7 +93,7 @@ def _drawing_thread(set_pictures: Callable[[dict], None]) -> Callable[[], None]:
     stop = threading.Event()
 
     def draw() -> None:
-        pictures = {}
+        pictures: dict[str, str] = {}
         for name in model_names():
             with _DRAWING:
                 if stop.is_set():

@@ -2,8 +2,16 @@
 
 import hashlib
 import hmac
+from collections.abc import Awaitable, Callable, MutableMapping
 from http.cookies import CookieError, SimpleCookie
+from typing import Any
 from urllib.parse import parse_qsl, quote, urlencode, urlsplit
+
+# As ASGI has them.
+Scope = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[Scope]]
+Send = Callable[[Scope], Awaitable[None]]
+Application = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 COOKIE = "mesa_swarm_token"
 LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
@@ -25,16 +33,15 @@ class Gate:
 
     Parameters
     ----------
-    app
-        An ASGI application.
+    app : ASGI application
     token : str
         What must be known, empty for nothing.
     """
 
-    def __init__(self, app, token: str = "") -> None:
+    def __init__(self, app: Application, token: str = "") -> None:
         self.app, self.token = app, token
 
-    async def __call__(self, scope, receive, send) -> None:
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a request on, or refuse it."""
         if scope["type"] not in ("http", "websocket"):
             await self.app(scope, receive, send)
@@ -49,7 +56,7 @@ class Gate:
         else:
             await self._ask(scope, send)
 
-    async def _ask(self, scope, send) -> None:
+    async def _ask(self, scope: Scope, send: Send) -> None:
         """Take the token from the address and remember it in a cookie, or ask for it."""
         words = dict(parse_qsl(scope.get("query_string", b"").decode("latin-1")))
         if scope["type"] == "http" and _same(words.pop("token", ""), self.token):
@@ -105,14 +112,14 @@ def _same(word: str, wanted: str) -> bool:
     return hmac.compare_digest(word.encode(), wanted.encode())
 
 
-async def _refuse(scope, send, status: int, text: str) -> None:
+async def _refuse(scope: Scope, send: Send, status: int, text: str) -> None:
     if scope["type"] == "websocket":
         await send({"type": "websocket.close", "code": 4403})
     else:
         await _answer(send, status, text)
 
 
-async def _answer(send, status: int, text: str, more: list | None = None) -> None:
+async def _answer(send: Send, status: int, text: str, more: list[tuple[bytes, bytes]] | None = None) -> None:
     kind = b"text/html; charset=utf-8" if text.startswith("<!") else b"text/plain; charset=utf-8"
     headers = [(b"content-type", kind), (b"cache-control", b"no-store"), *(more or [])]
     await send({"type": "http.response.start", "status": status, "headers": headers})

@@ -19,6 +19,8 @@ WATCHED = (*DECISIONS, "heard_layer", "heard_task", "radiation", "line")
 # What is kept of the last steps, so that the past can be looked into.
 MOST_BYTES = 20_000_000
 MOST_STEPS = 1000
+# What a field of the page hands over.
+Typed = float | str | None
 # Overlaps below this are rounding.
 TOUCHING = 1e-9
 
@@ -83,10 +85,11 @@ def inspect(model: SwarmModel, robot: Robot, step: int) -> dict[str, Any]:
     >>> inspect(model, robot, 0)["when"]
     'step 0 is no longer kept; readings are known of steps 1 to 3'
     """
-    kept = model.watched.steps.tolist() if model.watched is not None else []
+    watched = model.watched
+    kept = watched.steps.tolist() if watched is not None else []
     present = step == model.completed
-    if step in kept:
-        columns, when = model.watched.at(step), f"step {step:,}"
+    if watched is not None and step in kept:
+        columns, when = watched.at(step), f"step {step:,}"
     elif present and not kept:
         columns, when = model.swarm.columns, "before the first step"
     else:
@@ -177,7 +180,8 @@ def where(place: np.ndarray) -> str:
 
 def worth_of(model: SwarmModel, robot: Robot) -> list[tuple[str, float]]:
     """Return what each action is worth to a robot that learns, an empty list for others."""
-    learners = [layer for layer in model.control.layers if hasattr(layer, "worth")]
+    layers = model.control.layers if model.control is not None else ()
+    learners = [layer for layer in layers if hasattr(layer, "worth")]
     return learners[0].worth(robot.row) if learners else []
 
 
@@ -187,8 +191,17 @@ def pose_of(position: np.ndarray, heading: float) -> dict[str, float]:
     return {"x": round(float(position[0]), 2), "y": round(float(position[1]), 2), "heading": degrees + 0.0}
 
 
-def move(model: SwarmModel, robot: Robot, x: float, y: float, heading_degrees: float) -> None:
+def move(model: SwarmModel, robot: Robot, x: Typed, y: Typed, heading_degrees: Typed) -> None:
     """Put a robot elsewhere, between two steps.
+
+    Parameters
+    ----------
+    model : SwarmModel
+    robot : Robot
+    x, y : float
+        Map units, or what was typed of them.
+    heading_degrees : float
+        -360 to 360, or what was typed of it.
 
     Raises
     ------
@@ -242,9 +255,10 @@ def _was_at(columns: dict[str, np.ndarray], row: int) -> tuple[np.ndarray, float
     return columns["position"][row], columns["heading"][row]
 
 
-def _number(name: str, value: object) -> float:
+def _number(name: str, value: Typed) -> float:
     try:
-        return check_number(name, float(value), minimum=-1e9, maximum=1e9)
+        number = float(value)  # type: ignore[arg-type]  # None is answered below, like any other than a number
+        return check_number(name, number, minimum=-1e9, maximum=1e9)
     except (TypeError, ValueError) as error:
         known = isinstance(error, InvalidValueError)
         raise InvalidValueError(str(error) if known else f"{name} is {value!r:.40}; expected a number") from None

@@ -4,16 +4,6 @@
 const KINDS = ["obstacle", "robot", "fire", "load"];
 const SVG = "http://www.w3.org/2000/svg";
 
-function part(tag, attributes = {}, ...children) {
-  const element = document.createElement(tag);
-  for (const [name, value] of Object.entries(attributes)) {
-    if (typeof value === "function") element.addEventListener(name, value);
-    else if (value !== undefined && value !== false) element.setAttribute(name, value === true ? "" : value);
-  }
-  element.append(...children);
-  return element;
-}
-
 function drawn(tag, attributes, ...children) {
   const element = document.createElementNS(SVG, tag);
   for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
@@ -81,30 +71,30 @@ class InspectorView {
 
   #build(root) {
     const parts = this.#parts, act = (name) => () => this.#model.send({ do: name });
-    parts.title = part("h2", {}, "Robot");
-    parts.none = part("button", { type: "button", title: "Look at no robot closely", "aria-label": "Deselect", click: () => this.#model.send({ do: "select", value: null }) }, "\u2715");
-    const steps = part("div", { class: "swarm-pick" },
-      part("button", { type: "button", title: "Previous robot", "aria-label": "Previous robot", click: act("previous") }, "\u2039"),
-      part("button", { type: "button", title: "Next robot", "aria-label": "Next robot", click: act("next") }, "\u203A"), parts.none);
-    parts.hint = part("p", { class: "swarm-hint" }, "Click on a robot to see what it reads and why it does what it does.");
-    parts.when = part("p", { class: "swarm-hint" });
-    parts.picture = part("div", { class: "swarm-diagram" });
-    parts.why = part("p", { class: "swarm-why" });
-    parts.facts = part("dl", {});
-    parts.worth = part("table", {});
-    parts.pose = part("form", { class: "swarm-pose" });
+    parts.title = make("h2", {}, "Robot");
+    parts.none = make("button", { type: "button", title: "Look at no robot closely", "aria-label": "Deselect", click: () => this.#model.send({ do: "select", value: null }) }, "\u2715");
+    const steps = make("div", { class: "swarm-pick" },
+      make("button", { type: "button", title: "Previous robot", "aria-label": "Previous robot", click: act("previous") }, "\u2039"),
+      make("button", { type: "button", title: "Next robot", "aria-label": "Next robot", click: act("next") }, "\u203A"), parts.none);
+    parts.hint = make("p", { class: "swarm-hint" }, "Click on a robot to see what it reads and why it does what it does.");
+    parts.when = make("p", { class: "swarm-hint" });
+    parts.picture = make("div", { class: "swarm-diagram" });
+    parts.why = make("p", { class: "swarm-why" });
+    parts.facts = make("dl", {});
+    parts.worth = make("table", {});
+    parts.pose = make("form", { class: "swarm-pose" });
     for (const [name, label] of [["x", "x"], ["y", "y"], ["heading", "heading\u00b0"]]) {
-      this.#fields[name] = part("input", { type: "text", inputmode: "decimal", autocomplete: "off", "aria-label": name === "heading" ? "heading, degrees" : name });
-      parts.pose.append(part("label", {}, label, this.#fields[name]));
+      this.#fields[name] = make("input", { type: "text", inputmode: "decimal", autocomplete: "off", "aria-label": name === "heading" ? "heading, degrees" : name });
+      parts.pose.append(make("label", {}, label, this.#fields[name]));
     }
-    parts.move = part("button", { type: "submit" }, "Move");
+    parts.move = make("button", { type: "submit" }, "Move");
     parts.pose.append(parts.move);
     parts.pose.addEventListener("submit", (event) => (event.preventDefault(), this.#move()));
     parts.pose.addEventListener("focusout", () => setTimeout(() => this.#tell()));
-    parts.fault = part("p", { class: "swarm-fault", role: "alert", hidden: true });
-    parts.beside = part("div", { class: "swarm-known" }, parts.why);
-    parts.all = part("div", {}, parts.when, part("div", { class: "swarm-closely" }, parts.picture, parts.beside), parts.facts, parts.worth, parts.pose);
-    root.append(part("div", { class: "swarm-head" }, parts.title, steps), parts.hint, parts.all, parts.fault);
+    parts.fault = make("p", { class: "swarm-fault", role: "alert", hidden: true });
+    parts.beside = make("div", { class: "swarm-known" }, parts.why);
+    parts.all = make("div", {}, parts.when, make("div", { class: "swarm-closely" }, parts.picture, parts.beside), parts.facts, parts.worth, parts.pose);
+    root.append(make("div", { class: "swarm-head" }, parts.title, steps), parts.hint, parts.all, parts.fault);
   }
 
   #tell() {
@@ -117,8 +107,8 @@ class InspectorView {
     for (const name of ["picture", "beside", "facts", "worth", "pose"]) parts[name].hidden = !told.known;
     if (!told.known) return;
     parts.picture.replaceChildren(diagram(told));
-    parts.why.replaceChildren(...(told.does ? [part("b", {}, told.layer || "No layer"), part("span", {}, ` ${told.does}${told.reason ? `: ${told.reason}` : ""}`)] : []));
-    parts.facts.replaceChildren(...told.facts.flatMap(([name, value]) => [part("dt", {}, name), part("dd", {}, value)]));
+    parts.why.replaceChildren(...(told.does ? [make("b", {}, told.layer || "No layer"), make("span", {}, ` ${told.does}${told.reason ? `: ${told.reason}` : ""}`)] : []));
+    parts.facts.replaceChildren(...told.facts.flatMap(([name, value]) => [make("dt", {}, name), make("dd", {}, value)]));
     this.#worth(told.worth);
     if (!parts.pose.contains(document.activeElement)) for (const [name, field] of Object.entries(this.#fields)) field.value = told.pose[name];
   }
@@ -129,10 +119,10 @@ class InspectorView {
     table.hidden = !rows.length;
     const low = Math.min(0, ...values), high = Math.max(1e-9, ...values), best = Math.max(...values);
     const lines = rows.map(([name, value]) => {
-      const bar = part("i", { style: `margin-left:${(100 * (Math.min(value, 0) - low)) / (high - low)}%;width:${(100 * Math.abs(value)) / (high - low)}%` });
-      return part("tr", { class: value === best ? "swarm-best" : "" }, part("th", { scope: "row" }, name), part("td", {}, value.toFixed(3)), part("td", {}, bar));
+      const bar = make("i", { style: `margin-left:${(100 * (Math.min(value, 0) - low)) / (high - low)}%;width:${(100 * Math.abs(value)) / (high - low)}%` });
+      return make("tr", { class: value === best ? "swarm-best" : "" }, make("th", { scope: "row" }, name), make("td", {}, value.toFixed(3)), make("td", {}, bar));
     });
-    table.replaceChildren(part("caption", {}, "What each action is worth, Q"), ...lines);
+    table.replaceChildren(make("caption", {}, "What each action is worth, Q"), ...lines);
   }
 
   #edit() {

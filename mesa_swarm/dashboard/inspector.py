@@ -1,7 +1,7 @@
 """The inspector: one robot closely, with its readings on its own sensor diagram."""
 
 import time
-from importlib.resources import files
+from typing import Any
 
 import anywidget
 import solara
@@ -10,6 +10,7 @@ import traitlets
 from mesa_swarm.dashboard.inspection import inspect, move, neighbour_of, robot_of
 from mesa_swarm.dashboard.past import Picture
 from mesa_swarm.dashboard.readings import in_words
+from mesa_swarm.dashboard.scripts import text_of
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.errors import InvalidValueError
 
@@ -30,7 +31,7 @@ class Inspector(anywidget.AnyWidget):
         Why it could not be moved.
     """
 
-    _esm = (files("mesa_swarm.dashboard") / "inspector.js").read_text(encoding="utf-8")
+    _esm = text_of("elements.js", "inspector.js")
     told = traitlets.Dict().tag(sync=True)
     editable = traitlets.Bool(False).tag(sync=True)
     fault = traitlets.Unicode("").tag(sync=True)
@@ -67,13 +68,9 @@ class Inspecting:
     def refresh(self) -> None:
         """Show what is known now."""
         self._shown = time.monotonic()
-        session, told, editable = self.session, {}, False
-        with session.lock:
-            model, shown = session.model, session.past.shown
-            robot = None if model is None else robot_of(model, session.selected)
-            if robot is not None and shown is not None:
-                told = inspect(model, robot, shown.step)
-                editable = not session.playing and session.past.is_present and not session.error
+        with self.session.lock:
+            told = self._known()
+            editable = bool(told) and self._may_move()
         with self.inspector.hold_sync():
             self.inspector.told, self.inspector.editable = told, editable
             if not editable:
@@ -89,7 +86,7 @@ class Inspecting:
             case "select":
                 self._select(value)
             case "move":
-                self._move(dict(value))
+                self._move(message["value"])
 
     def close(self) -> None:
         """Part them."""
@@ -98,10 +95,22 @@ class Inspecting:
         self.session.remove_viewer(self)
         self.inspector.on_msg(self._hear, remove=True)
 
-    def _hear(self, _, message: dict, __: list) -> None:
+    def _hear(self, _: object, message: dict, __: list) -> None:
         self.act(message)
 
-    def _select(self, number: object) -> None:
+    def _known(self) -> dict[str, Any]:
+        """Return what is known of the robot in the step that is looked at, nothing if none is selected."""
+        model, shown = self.session.model, self.session.past.shown
+        if model is None or shown is None:
+            return {}
+        robot = robot_of(model, self.session.selected)
+        return {} if robot is None else inspect(model, robot, shown.step)
+
+    def _may_move(self) -> bool:
+        session = self.session
+        return not session.playing and session.past.is_present and not session.error
+
+    def _select(self, number: int | None) -> None:
         session = self.session
         if number is not None and (session.model is None or robot_of(session.model, number) is None):
             ids = [robot.unique_id for robot in session.model.swarm.agents] if session.model else []
@@ -110,17 +119,18 @@ class Inspecting:
             return
         session.select(number)
 
-    def _move(self, pose: dict) -> None:
+    def _move(self, pose: dict[str, float | str | None]) -> None:
         """Move the robot, or say why that cannot be; from then on the run is not the one that its link tells of."""
         session = self.session
         try:
             with session.lock:
-                if session.playing or not session.past.is_present or session.error:
+                if not self._may_move():
                     raise InvalidValueError("a robot is moved while the run is paused in the present; pause first")
-                robot = robot_of(session.model, session.selected)
-                if robot is None:
+                model = session.model
+                robot = None if model is None else robot_of(model, session.selected)
+                if model is None or robot is None:
                     raise InvalidValueError(f"there is no robot {session.selected}; select one")
-                move(session.model, robot, pose.get("x"), pose.get("y"), pose.get("heading"))
+                move(model, robot, pose.get("x"), pose.get("y"), pose.get("heading"))
                 session.straight = False
         except Exception as problem:  # whatever was typed is answered beside it
             self.inspector.fault = in_words(problem)
@@ -130,7 +140,7 @@ class Inspecting:
 
 
 @solara.component
-def InspectorView(session: Session):  # noqa: N802 - Solara's components are named like classes
+def InspectorView(session: Session) -> None:  # noqa: N802 - Solara's components are named like classes
     """Show the robot that is selected."""
     inspector = Inspector.element()
     solara.use_effect(lambda: Inspecting(solara.get_widget(inspector), session).close, [])

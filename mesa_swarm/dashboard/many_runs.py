@@ -7,10 +7,11 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import timedelta
+from typing import IO, Any, cast
 
 from joblib import cpu_count
 
@@ -171,7 +172,7 @@ class ManyRuns:
                     self._take(kind, value)
         finally:
             _end(process)
-            for pipe in (process.stdin, process.stdout):
+            for pipe in _pipes(process):
                 with suppress(OSError):
                     pipe.close()
             _under_way.release()
@@ -183,7 +184,7 @@ class ManyRuns:
             self.error = self.error or ("" if self.report else "the runs ended without a result; try again")
             self.changed.tell()
 
-    def _take(self, kind: str, value: object) -> None:
+    def _take(self, kind: str, value: Any) -> None:
         if kind == "run":
             self.done += 1
             if time.monotonic() - self._told > TELL_EVERY:
@@ -209,16 +210,23 @@ def _begun(plan: Plan) -> subprocess.Popen:
         start_new_session=True,
     )
     with suppress(BrokenPipeError):  # it has died already, which is heard soon
-        pickle.dump((plan, workers_for(plan)), process.stdin)
-        process.stdin.flush()  # and left open: when we die, the process reads its end
+        to_it, _ = _pipes(process)
+        pickle.dump((plan, workers_for(plan)), to_it)
+        to_it.flush()  # and left open: when we die, the process reads its end
     return process
 
 
-def _heard(process: subprocess.Popen):
+def _pipes(process: subprocess.Popen) -> tuple[IO[bytes], IO[bytes]]:
+    """Return the pipes to and from the process, which `_begun` has made."""
+    return cast(IO[bytes], process.stdin), cast(IO[bytes], process.stdout)
+
+
+def _heard(process: subprocess.Popen) -> Iterator[tuple[str, Any]]:
     """Yield what the process says."""
+    _, from_it = _pipes(process)
     while True:
         try:
-            yield pickle.load(process.stdout)
+            yield pickle.load(from_it)
         except Exception:  # its end, or half of what it said when it was killed
             return
 

@@ -59,7 +59,7 @@ def show(model: SwarmModel, *, speed: float = 60.0, height: int = 560) -> SwarmC
 
 
 @solara.component
-def _WorldView(model: SwarmModel, occasion: object):  # noqa: N802 - Solara's components are named like classes
+def _WorldView(model: SwarmModel, occasion: object) -> None:  # noqa: N802 - Solara's components are named like classes
     element = SwarmCanvas.element(options={"bar": False, "keys": "", "toggles": {}})
     player = solara.use_memo(lambda: Player(model), [model])
     solara.use_effect(lambda: Connection(solara.get_widget(element), player).close, [player])

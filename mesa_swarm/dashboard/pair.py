@@ -2,10 +2,10 @@
 
 import threading
 
-from mesa_swarm.dashboard.listeners import Listeners
 from mesa_swarm.dashboard.past import Past, Picture
 from mesa_swarm.dashboard.play_loop import PlayLoop
-from mesa_swarm.dashboard.player import Player, Viewer
+from mesa_swarm.dashboard.played import Played, Viewer
+from mesa_swarm.dashboard.player import Player
 from mesa_swarm.model import SwarmModel
 
 NAMES = ("A", "B")
@@ -33,17 +33,11 @@ class Side(Player):
     def advance(self) -> bool:
         """Take one step unless the model is done or broken; return whether there is more to come."""
         with self.minding():
-            return not self.error and not self.finished and self._advance()
+            return not self.finished and self._advance()
         return False
 
-    def hand_over(self, fingerprint: bool = False) -> None:
-        """Keep a picture of the present, and show what is looked at, whether or not anybody is ready."""
-        with self.minding():
-            self._keep(fingerprint)
-        self._push()
 
-
-class Pair:
+class Pair(Played):
     """Plays two models together, as a `Player` plays one.
 
     A model that is done, or breaks, stays as it is while the other goes on or, if it broke, both stop.
@@ -51,12 +45,8 @@ class Pair:
     Attributes
     ----------
     sides : tuple of two Side
-    lock : RLock
-        Held while either model changes.
-    changed : Listeners
-        Told when something else than the pictures changed.
     viewers : tuple of Viewer
-        Shown pictures without a world: the step, and numbers of both.
+        Shown pictures without a world: the step, and the fingerprints of both.
 
     Examples
     --------
@@ -68,17 +58,8 @@ class Pair:
     """
 
     def __init__(self) -> None:
-        self.lock = threading.RLock()
-        self.loop = PlayLoop(self._play_step, self.show, self.rest)
+        super().__init__()
         self.sides = Side(self.loop, self.lock), Side(self.loop, self.lock)
-        self.changed = Listeners()
-        self.viewers: tuple[Viewer, ...] = ()
-        self._number = 0
-
-    @property
-    def playing(self) -> bool:
-        """Whether they are played."""
-        return self.loop.playing
 
     @property
     def error(self) -> str:
@@ -109,38 +90,6 @@ class Pair:
                 side.place(model)
         self.rest()
 
-    def add_viewer(self, viewer: Viewer) -> None:
-        """Show pictures to somebody from now on."""
-        self.viewers = (*self.viewers, viewer)
-        self.show()
-
-    def remove_viewer(self, viewer: Viewer) -> None:
-        """Show pictures to somebody no longer."""
-        self.viewers = tuple(other for other in self.viewers if other is not viewer)
-
-    def set_speed(self, speed: float) -> None:
-        """Play at so many steps a second from now on."""
-        self.loop.speed = speed
-        self.changed.tell()
-
-    def play(self) -> None:
-        """Step in a thread until paused, finished or broken."""
-        if self._can_step() and not self.finished:
-            self.loop.play()
-            self.changed.tell()
-
-    def pause(self) -> None:
-        """Take no further step, and show how things are."""
-        self.loop.pause()
-        self.rest()
-
-    def toggle(self) -> None:
-        """Play if they are at rest, pause if they are played."""
-        if self.playing:
-            self.pause()
-        else:
-            self.play()
-
     def step(self) -> None:
         """Pause, and take one step in both."""
         self.loop.pause()
@@ -157,22 +106,17 @@ class Pair:
         """Pause, and look at the pictures of the step that has this index in `past`."""
         self.loop.pause()
         with self.lock:
-            shown = self.past.look(index)
-            if shown is not None:
-                self._look_at(shown.step)
+            past = self.past
+            past.look(index)
+            if past.shown is not None:
+                self._look_at(past.shown.step)
         self.rest()
 
-    def show(self) -> None:
-        """Show viewers how things are now; while they are played, only if one of them is ready."""
-        watching = [*self.viewers, *(viewer for side in self.sides for viewer in side.viewers)]
-        if self.playing and not any(viewer.ready for viewer in watching):
-            return
-        self._hand_over(fingerprint=False)
-
-    def rest(self) -> None:
-        """Show how things are at rest, with a fingerprint of the states, and tell that something changed."""
-        self._hand_over(fingerprint=not self.playing)
-        self.changed.tell()
+    def hand_over(self, fingerprint: bool = False) -> None:
+        """Show both sides, and tell the viewers of both at once."""
+        for side in self.sides:
+            side.hand_over(fingerprint)
+        self._push()
 
     def close(self) -> None:
         """Stop for good; let go of the models, the pictures and everybody who looks."""
@@ -181,6 +125,13 @@ class Pair:
         self.changed.clear()
         for side in self.sides:
             side.close()
+
+    def _watching(self) -> tuple[Viewer, ...]:
+        first, second = self.sides
+        return *self.viewers, *first.viewers, *second.viewers
+
+    def _can_go_on(self) -> bool:
+        return self._can_step() and not self.finished
 
     def _can_step(self) -> bool:
         return not self.error and all(side.model is not None for side in self.sides)
@@ -198,29 +149,18 @@ class Pair:
         """Go on by one step, or by one picture that is kept; return whether there is more."""
         if self.is_present:
             return any([side.advance() for side in self.sides])  # a list: both, whatever the first says
-        later = [side.past.after().step for side in self.sides if not side.past.is_present]
+        later = [side.kept.step_after() for side in self.sides if not side.past.is_present]
         self._look_at(min(later))
         return True
 
     def _look_at(self, step: int) -> None:
         for side in self.sides:
-            side.past.look_at(step)
+            side.kept.look_at(step)
 
-    def _hand_over(self, fingerprint: bool) -> None:
-        """Show both sides, and tell the viewers of both at once."""
-        for side in self.sides:
-            side.hand_over(fingerprint)
-        with self.lock:
-            self._number += 1
-            number, picture = self._number, self._both()
-        if picture is not None:
-            for viewer in self.viewers:
-                viewer.push(number, picture)
-
-    def _both(self) -> Picture | None:
+    def _shown(self) -> Picture | None:
         """Return a picture of no world, with the step that both are looked at, and their fingerprints."""
-        shown = [side.past.shown for side in self.sides]
-        if None in shown:
+        first, second = (side.past.shown for side in self.sides)
+        if first is None or second is None:
             return None
-        mark = "-".join(picture.fingerprint for picture in shown)
-        return Picture(max(picture.step for picture in shown), b"", {}, (), mark.strip("-"))
+        mark = f"{first.fingerprint}-{second.fingerprint}".strip("-")
+        return Picture(max(first.step, second.step), b"", {}, (), mark)

@@ -1,17 +1,6 @@
 /* The controls beside the canvas. Python says what there is (groups), how it is set (values) and what follows from it
    (notes); what the user does is sent back, and shown only when Python has taken it. */
 
-function make(tag, attributes = {}, ...children) {
-  const element = document.createElement(tag);
-  for (const [name, value] of Object.entries(attributes)) {
-    if (typeof value === "function") element.addEventListener(name, value);
-    else if (value === true) element.setAttribute(name, "");
-    else if (value !== false && value !== undefined) element.setAttribute(name, value);
-  }
-  element.append(...children);
-  return element;
-}
-
 const LARGEST_UPLOAD = 1_000_000;
 
 class PanelView {

@@ -1,5 +1,6 @@
-"""The last pictures of a run, kept in memory: as many as there is room for."""
+"""The pictures of a run that one can go back to, in memory as many as there is room for."""
 
+from abc import ABC, abstractmethod
 from bisect import bisect_right
 from collections import deque
 from dataclasses import dataclass, field
@@ -9,7 +10,7 @@ MOST_BYTES = 48_000_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Picture:
-    """What is shown of a model after a step: a packed frame, the world that it is drawn in, numbers beside it."""
+    """What is shown of a step: a packed frame, the world that it is drawn in, numbers beside it."""
 
     step: int
     frame: bytes
@@ -18,8 +19,53 @@ class Picture:
     fingerprint: str = ""
 
 
-class Past:
+class Past(ABC):
     """Pictures in the order of time, and the one that is looked at.
+
+    Attributes
+    ----------
+    index : int
+        Of the picture that is looked at.
+    """
+
+    def __init__(self) -> None:
+        self.index = 0
+
+    @abstractmethod
+    def __len__(self) -> int:
+        """How many there are."""
+
+    @property
+    @abstractmethod
+    def shown(self) -> Picture | None:
+        """The picture that is looked at, None if there are none."""
+
+    @property
+    @abstractmethod
+    def first_step(self) -> int:
+        """The step of the earliest picture, 0 if there is none."""
+
+    @property
+    @abstractmethod
+    def last_step(self) -> int:
+        """The step of the latest picture, 0 if there is none."""
+
+    @abstractmethod
+    def clear(self) -> None:
+        """Forget everything."""
+
+    @property
+    def is_present(self) -> bool:
+        """Whether the picture that is looked at is the latest."""
+        return self.index >= len(self) - 1
+
+    def look(self, index: int) -> None:
+        """Look at the picture with this index, the nearest one if there is none."""
+        self.index = min(max(index, 0), max(len(self) - 1, 0))
+
+
+class KeptPast(Past):
+    """The last pictures of a run, in memory.
 
     Parameters
     ----------
@@ -28,20 +74,19 @@ class Past:
 
     Examples
     --------
-    >>> past = Past()
+    >>> past = KeptPast()
     >>> for step in range(3):
     ...     past.append(Picture(step, b""))
-    >>> past.back().step, past.back().step, past.back().step, past.forward().step
-    (1, 0, 0, 1)
-    >>> past.is_present
-    False
+    >>> past.look(past.index - 1)
+    >>> past.shown.step, past.is_present
+    (1, False)
     """
 
     def __init__(self, most_bytes: int = MOST_BYTES) -> None:
+        super().__init__()
         self.most_bytes = most_bytes
         self._pictures: deque[Picture] = deque()
         self._bytes = 0
-        self.index = -1
 
     def __len__(self) -> int:
         return len(self._pictures)
@@ -61,11 +106,6 @@ class Past:
         """The step of the latest picture, 0 if there is none."""
         return self._pictures[-1].step if self._pictures else 0
 
-    @property
-    def is_present(self) -> bool:
-        """Whether the picture that is looked at is the latest."""
-        return self.index == len(self._pictures) - 1
-
     def append(self, picture: Picture) -> None:
         """Keep a new picture, and look at it; it replaces one of the same step."""
         if self._pictures and self._pictures[-1].step == picture.step:
@@ -76,28 +116,15 @@ class Past:
             self._bytes -= len(self._pictures.popleft().frame)
         self.index = len(self._pictures) - 1
 
-    def look(self, index: int) -> Picture | None:
-        """Look at the picture with this index, the nearest one if there is none."""
-        self.index = min(max(index, 0), len(self._pictures) - 1)
-        return self.shown
-
-    def look_at(self, step: int) -> Picture | None:
+    def look_at(self, step: int) -> None:
         """Look at the latest picture that is not of a later step, the first if there is none."""
-        return self.look(bisect_right(self._pictures, step, key=lambda picture: picture.step) - 1)
+        self.look(bisect_right(self._pictures, step, key=lambda picture: picture.step) - 1)
 
-    def after(self) -> Picture | None:
-        """Return the picture after the one that is looked at, the last if there is none."""
-        return self._pictures[min(self.index + 1, len(self) - 1)] if self._pictures else None
-
-    def back(self) -> Picture | None:
-        """Look at the picture before."""
-        return self.look(self.index - 1)
-
-    def forward(self) -> Picture | None:
-        """Look at the picture after."""
-        return self.look(self.index + 1)
+    def step_after(self) -> int:
+        """Return the step of the picture after the one that is looked at, of the last if there is none."""
+        return self._pictures[min(self.index + 1, len(self) - 1)].step
 
     def clear(self) -> None:
         """Forget everything."""
         self._pictures.clear()
-        self._bytes, self.index = 0, -1
+        self._bytes = self.index = 0

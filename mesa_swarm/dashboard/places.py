@@ -1,6 +1,7 @@
 """How many pages may be open at the same time: each has a model of its own in memory."""
 
 import threading
+from collections.abc import Callable
 
 MOST_PAGES = 40
 
@@ -33,7 +34,7 @@ class Places:
         """How many are taken."""
         return len(self._holders)
 
-    def take(self):
+    def take(self) -> Callable[[], None] | None:
         """Take a place, and return what gives it back, however often called; None if there is none."""
         holder = object()
         with self._lock:

@@ -1,4 +1,4 @@
-/* What stands around the canvas of canvas.js, to which this text is appended: buttons, readings, and the talk with
+/* What stands around the canvas of canvas.js, to which elements.js and this text are appended: buttons, readings, and the talk with
    Python. All that Python sends comes through one channel, so that it arrives in order: { kind: "world", ... },
    { kind: "picture", ... } with the frame as its buffer, { kind: "state", ... }. A picture is acknowledged as soon
    as it is drawn; Python sends no more than two ahead, so that a slow browser leaves some out and lags behind none. */
@@ -15,18 +15,6 @@ const TYPED_IN = "input, textarea, select, [contenteditable], [role=slider], [ro
 
 // Numbers change so often at most, s: nobody reads faster, and drawing text takes as long as drawing robots.
 const TELL_EVERY = 0.15;
-
-/** Return an element with attributes and children; a function as attribute listens. */
-function make(tag, attributes = {}, ...children) {
-  const element = document.createElement(tag);
-  for (const [name, value] of Object.entries(attributes)) {
-    if (typeof value === "function") element.addEventListener(name, value);
-    else if (value === true) element.setAttribute(name, "");
-    else if (value !== false && value !== undefined) element.setAttribute(name, value);
-  }
-  element.append(...children);
-  return element;
-}
 
 function iconButton(icon, label, act, more = {}) {
   const button = make("button", { type: "button", title: label, "aria-label": label, click: act, ...more });
@@ -199,6 +187,7 @@ class PlayerView {
     this.#stage?.show(unpacked(this.#world, picture.bytes));
     this.#send({ do: "drawn", value: picture.number });
     this.#root.dataset.drawn = ++this.#drawn;
+    this.#canvas.step = picture.step;
     this.#shown = picture;
     const now = performance.now();
     if (picture.fingerprint || picture.rest || now - this.#told > 1000 * TELL_EVERY) {

@@ -3,11 +3,10 @@
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Protocol
 
 from mesa_swarm.dashboard.listeners import Listeners
-from mesa_swarm.dashboard.past import Past, Picture
-from mesa_swarm.dashboard.play_loop import PlayLoop
+from mesa_swarm.dashboard.past import KeptPast, Past, Picture
+from mesa_swarm.dashboard.played import Played
 from mesa_swarm.dashboard.readings import in_words, readings_of
 from mesa_swarm.model import SwarmModel
 from mesa_swarm.viewing.moments import moment_of_model, packed_frame
@@ -17,16 +16,7 @@ from mesa_swarm.viewing.worlds import world_of_model
 FASTEST_KEPT = 100.0
 
 
-class Viewer(Protocol):
-    """Whoever is shown pictures: `ready` if it has done with the last one."""
-
-    ready: bool
-
-    def push(self, number: int, picture: Picture) -> None:
-        """Show a picture, now or as soon as it can, unless it had one of a higher number."""
-
-
-class Player:
+class Player(Played):
     """Plays a model, step by step or in a thread.
 
     Nothing here raises what a model raises: it is said in `error`, and the model is then left alone. While an
@@ -42,14 +32,9 @@ class Player:
     error : str
         What went wrong, empty if nothing did.
     past : Past
-        The pictures that are kept.
-    loop : PlayLoop
-    lock : RLock
-        Held while the model changes; hold it to look at a model that may be played.
+        The pictures that one can go back to.
     stepping : bool
         Whether it is taking a step.
-    changed : Listeners
-        Told when something else than the picture changed: playing or not, an error, another model.
     selected : int or None
         Id of the robot that is looked at closely.
     selection : Listeners
@@ -66,69 +51,27 @@ class Player:
     """
 
     def __init__(self, model: SwarmModel | None = None) -> None:
+        super().__init__()
         self.model, self.error = model, ""
-        self.past = Past()
-        self.loop = PlayLoop(self._play_step, self.show, self.rest)
-        self.lock = threading.RLock()
-        self.changed = Listeners()
+        self.kept = KeptPast()
+        self.past: Past = self.kept
         self.selected: int | None = None
         self.selection = Listeners()
-        self.viewers: tuple[Viewer, ...] = ()
         self.stepping = False
-        self._number = 0
         self._world: dict = {}
         self._world_key: tuple = ()
         self.rest()
-
-    @property
-    def playing(self) -> bool:
-        """Whether it is played."""
-        return self.loop.playing
 
     @property
     def finished(self) -> bool:
         """Whether the model has stopped running, and nothing later is kept."""
         return self.model is not None and not self.model.running and self.past.is_present
 
-    def add_viewer(self, viewer: Viewer) -> None:
-        """Show pictures to somebody from now on."""
-        self.viewers = (*self.viewers, viewer)
-        self.show()
-
-    def remove_viewer(self, viewer: Viewer) -> None:
-        """Show pictures to somebody no longer."""
-        self.viewers = tuple(other for other in self.viewers if other is not viewer)
-
-    def set_speed(self, speed: float) -> None:
-        """Play at so many steps a second from now on."""
-        self.loop.speed = speed
-        self.changed.tell()
-
-    def play(self) -> None:
-        """Step in a thread until paused, finished or broken."""
-        if self.model is None or self.error or self.finished:
-            return
-        self.loop.play()
-        self.changed.tell()
-
-    def pause(self) -> None:
-        """Take no further step, and show how things are."""
-        self.loop.pause()
-        self.rest()
-
-    def toggle(self) -> None:
-        """Play if it is at rest, pause if it plays."""
-        if self.playing:
-            self.pause()
-        else:
-            self.play()
-
     def step(self) -> None:
         """Pause, and take one step."""
         self.loop.pause()
-        if self.model is not None and not self.error:
-            with self.minding():
-                self._advance()
+        with self.minding():
+            self._advance()
         self.rest()
 
     def back(self) -> None:
@@ -147,26 +90,17 @@ class Player:
         with self.lock:
             self.past.look(len(self.past))
 
-    def show(self) -> None:
-        """Show viewers how things are now; while it plays, only if one of them is ready."""
-        if self.playing and not any(viewer.ready for viewer in self.viewers):
-            return
+    def hand_over(self, fingerprint: bool = False) -> None:
+        """Keep a picture of the present, and show what is looked at, whether or not anybody is ready."""
         with self.minding():
-            self._keep()
+            self._keep(fingerprint)
         self._push()
-
-    def rest(self) -> None:
-        """Show how things are at rest, with a fingerprint of the state, and tell that something changed."""
-        with self.minding():
-            self._keep(fingerprint=not self.playing)
-        self._push()
-        self.changed.tell()
 
     def retake(self) -> None:
         """Look at the present, and show it anew: the model was changed by hand between two steps."""
         with self.minding():
             if self.model is not None and not self.error:
-                self.past.append(self._picture(fingerprint=not self.playing))
+                self.kept.append(self._picture(self.model, fingerprint=not self.playing))
         self._push()
         self.changed.tell()
 
@@ -197,6 +131,12 @@ class Player:
                 self.loop.pause()
                 self.error = in_words(problem)
 
+    def _can_go_on(self) -> bool:
+        return self.model is not None and not self.error and not self.finished
+
+    def _shown(self) -> Picture | None:
+        return self.past.shown
+
     def _play_step(self, stop: threading.Event) -> bool:
         with self.minding():
             return not stop.is_set() and not self.finished and self._advance()
@@ -204,18 +144,23 @@ class Player:
         return False
 
     def _advance(self) -> bool:
-        """Go on by one step, or by one picture that is kept; return whether there is more."""
-        if not self.past.is_present:
-            self.past.forward()
-            return True
+        """Go on by one step, or by one picture that is kept, unless it is broken; return whether it did."""
+        if self.model is None or self.error:
+            return False
+        if self.past.is_present:
+            self._take_step(self.model)
+        else:
+            self.past.look(self.past.index + 1)
+        return True
+
+    def _take_step(self, model: SwarmModel) -> None:
         self.stepping = True
         try:
-            self.model.step()
+            model.step()
         finally:
             self.stepping = False
         if self.loop.speed <= FASTEST_KEPT:
             self._keep()
-        return True
 
     def _keep(self, fingerprint: bool = False) -> None:
         """Make a picture of the present, unless an earlier one is looked at or there is one."""
@@ -223,21 +168,12 @@ class Player:
             return
         known = self.past.shown
         if known is None or known.step != self.model.completed or (fingerprint and not known.fingerprint):
-            self.past.append(self._picture(fingerprint))
+            self.kept.append(self._picture(self.model, fingerprint))
 
-    def _picture(self, fingerprint: bool) -> Picture:
-        model = self.model
+    def _picture(self, model: SwarmModel, fingerprint: bool) -> Picture:
         key = id(model), model.swarm.version, len(model.obstacle_list), id(model.control), model.fire_constants.leave
         if key != self._world_key:
             self._world, self._world_key = world_of_model(model), key
         frame = packed_frame(moment_of_model(model, self._world), self._world)
         mark = model.state_hash() if fingerprint else ""
         return Picture(model.completed, frame, self._world, readings_of(model), mark)
-
-    def _push(self) -> None:
-        with self.lock:
-            self._number += 1
-            number, picture = self._number, self.past.shown
-        if picture is not None:
-            for viewer in self.viewers:
-                viewer.push(number, picture)

@@ -4,7 +4,7 @@ import threading
 from bisect import bisect_left
 from pathlib import Path
 
-from mesa_swarm.dashboard.past import Picture
+from mesa_swarm.dashboard.past import Past, Picture
 from mesa_swarm.dashboard.player import Player
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.recording.recording import Frame, Recording
@@ -12,8 +12,8 @@ from mesa_swarm.viewing.moments import moment_of_frame, packed_frame
 from mesa_swarm.viewing.worlds import world_at, worlds_of_recording
 
 
-class RecordedPast:
-    """The rows of a recording in the place of a `Past`: all are there, and none is in memory but the one looked at.
+class RecordedPast(Past):
+    """The rows of a recording: all are there, and none is in memory but the one looked at.
 
     Parameters
     ----------
@@ -23,14 +23,38 @@ class RecordedPast:
     """
 
     def __init__(self, recording: Recording, rows: int) -> None:
-        self._recording, self._rows = recording, range(rows)
+        super().__init__()
+        self._recording: Recording | None = recording
+        self._rows = range(rows)
         self._worlds = worlds_of_recording(recording)
         self._last: tuple[int, Picture] | None = None
-        self.index = 0
-        self.first_step, self.last_step = (recording[row].step if rows else 0 for row in (0, rows - 1))
+        self._ends = tuple(recording[row].step if rows else 0 for row in (0, rows - 1))
 
     def __len__(self) -> int:
         return len(self._rows)
+
+    @property
+    def recording(self) -> Recording:
+        """What it shows.
+
+        Raises
+        ------
+        RecordingError
+            If it was let go of.
+        """
+        if self._recording is None:
+            raise RecordingError("the recording was closed; open it again")
+        return self._recording
+
+    @property
+    def first_step(self) -> int:
+        """The step of the first row, 0 if there is none."""
+        return self._ends[0]
+
+    @property
+    def last_step(self) -> int:
+        """The step of the last row, 0 if there is none."""
+        return self._ends[1]
 
     @property
     def shown(self) -> Picture | None:
@@ -38,22 +62,13 @@ class RecordedPast:
         if not self._rows:
             return None
         if self._last is None or self._last[0] != self.index:
-            frame = self._recording[self.index]
+            frame = self.recording[self.index]
             self._last = self.index, picture_of(frame, world_at(self._worlds, frame.step))
         return self._last[1]
 
-    @property
-    def is_present(self) -> bool:
-        """Whether the last row is looked at."""
-        return self.index >= len(self._rows) - 1
-
     def step_of(self, row: int) -> int:
         """Return the step of a row."""
-        return self._recording[row].step
-
-    def look(self, index: int) -> None:
-        """Look at the row with this index, the nearest one if there is none."""
-        self.index = min(max(index, 0), max(len(self._rows) - 1, 0))
+        return self.recording[row].step
 
     def look_at(self, step: int) -> None:
         """Look at the first row that is not of an earlier step."""
@@ -93,14 +108,19 @@ class Projector(Player):
     """
 
     def __init__(self, path: str | Path) -> None:
-        self.recording = Recording(path)
-        rows = self.recording.intact
+        recording = Recording(path)
+        rows = recording.intact
         if not rows:
-            raise RecordingError(f"{self.recording.path.name} holds no step that can be shown; choose another file")
+            raise RecordingError(f"{recording.path.name} holds no step that can be shown; choose another file")
         super().__init__()
-        self.past = RecordedPast(self.recording, rows)
+        self.past = self.rows = RecordedPast(recording, rows)
         self._waited = 0
         self.rest()
+
+    @property
+    def recording(self) -> Recording:
+        """What is played."""
+        return self.rows.recording
 
     @property
     def finished(self) -> bool:
@@ -111,13 +131,7 @@ class Projector(Player):
     def step_shown(self) -> int:
         """The step that is looked at."""
         with self.lock:
-            return self.past.step_of(self.past.index) if len(self.past) else 0
-
-    def play(self) -> None:
-        """Go on in a thread, to the last row."""
-        if not self.error and not self.finished:
-            self.loop.play()
-            self.changed.tell()
+            return self.rows.step_of(self.rows.index) if len(self.rows) else 0
 
     def step(self) -> None:
         """Pause, and look at the next row."""
@@ -127,7 +141,7 @@ class Projector(Player):
         """Pause, and look at the first row that is not of an earlier step."""
         self.loop.pause()
         with self.minding():
-            self.past.look_at(step)
+            self.rows.look_at(step)
         self.rest()
 
     def rewind(self) -> None:
@@ -135,10 +149,8 @@ class Projector(Player):
         self.error = ""
         self.look(0)
 
-    def close(self) -> None:
-        """Stop for good, and let go of the recording."""
-        super().close()
-        self.recording = None
+    def _can_go_on(self) -> bool:
+        return not self.error and not self.finished
 
     def _play_step(self, stop: threading.Event) -> bool:
         with self.minding():
@@ -150,24 +162,21 @@ class Projector(Player):
         """Wait for one more step, and look at the next row when it is due; return whether there is more."""
         if self.past.is_present:
             return False
-        here, following = (self.past.step_of(row) for row in (self.past.index, self.past.index + 1))
+        here, following = (self.rows.step_of(row) for row in (self.rows.index, self.rows.index + 1))
         self._waited += 1
         if self._waited >= following - here:
             self._waited = 0
-            self.past.look(self.past.index + 1)
+            self.rows.look(self.rows.index + 1)
         return True
 
     def _keep(self, fingerprint: bool = False) -> None:
         """Keep nothing: all is in the file."""
 
-    def _push(self) -> None:
-        """Show what is looked at, and say so if it cannot be read."""
+    def _shown(self) -> Picture | None:
+        """Return the picture that is looked at, None if it cannot be read, which is then said."""
         with self.minding():
-            self._number += 1
-            number, picture = self._number, self.past.shown
-        if not self.error and picture is not None:
-            for viewer in self.viewers:
-                viewer.push(number, picture)
+            return None if self.error else self.past.shown
+        return None  # what went wrong is in `error`
 
 
 def picture_of(frame: Frame, world: dict) -> Picture:

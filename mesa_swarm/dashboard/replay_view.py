@@ -1,15 +1,19 @@
 # ruff: noqa: N802 - Solara's components are named like classes
 """A recording in the page: played, scrubbed, left for another run from any of its steps."""
 
+from functools import partial
+from typing import Any
+
 import solara
 from reacton import ipyvuetify as rv
 
-from mesa_swarm.dashboard.buttons import Button, Item
-from mesa_swarm.dashboard.canvas_widget import Connection, SwarmCanvas
+from mesa_swarm.dashboard.buttons import Button, Item, TroubleCard
+from mesa_swarm.dashboard.canvas_widget import SwarmCanvas, use_connection
 from mesa_swarm.dashboard.controls import ControlPanel, field_of, label_of, place_of, value_at
 from mesa_swarm.dashboard.file_picker import FilePicker, Upload
 from mesa_swarm.dashboard.gallery_view import title
 from mesa_swarm.dashboard.listeners import use_changes
+from mesa_swarm.dashboard.past import Past
 from mesa_swarm.dashboard.projector import Projector
 from mesa_swarm.dashboard.readings import value_text
 from mesa_swarm.dashboard.replaying import ENDING, MOST_EVENTS, Replaying
@@ -55,7 +59,8 @@ class BranchPanel:
 
     def act(self, message: dict) -> None:
         """Do what the user asks for."""
-        name, value = message.get("name", ""), message.get("value")
+        name = message.get("name", "")
+        value: Any = message.get("value")
         if name in self.known:
             is_place = message.get("do") == "place"
             self.replaying.wish(name, value_at(int(value), self.known[name]) if is_place else str(value))
@@ -75,7 +80,7 @@ class BranchPanel:
 
 
 @solara.component
-def Replay(session: Session):
+def Replay(session: Session) -> None:
     """Show the recordings on the left, the open one in the middle, and on the right its events and ways out of it."""
     replaying = solara.use_memo(lambda: session.companion(Replaying), [])
     use_changes(replaying.changed)
@@ -93,12 +98,12 @@ def Replay(session: Session):
                 rv.Html(tag="p", class_="swarm-hint", children=[NOTHING_OPEN])
         if projector:
             with solara.Div(classes=["swarm-side"]):
-                Events(replaying).key(f"events {id(projector)}")
+                Events(replaying, projector).key(f"events {id(projector)}")
                 Branch(replaying).key(f"branch {id(projector)}")
 
 
 @solara.component
-def Recordings(replaying: Replaying):
+def Recordings(replaying: Replaying) -> None:
     """Show what can be opened, and what is open."""
     use_changes(replaying.changed)
     solara.HTML(tag="h2", unsafe_innerHTML="Recordings")
@@ -112,26 +117,22 @@ def Recordings(replaying: Replaying):
         rv.Html(tag="p", class_="swarm-hint", children=[NOTHING_LISTED])
     with solara.Div(classes=["swarm-list"]):
         for name in names:
-            Item(name, lambda name=name: replaying.open_listed(name), chosen=name == replaying.name).key(name)
+            Item(name, partial(replaying.open_listed, name), chosen=name == replaying.name).key(name)
     if replaying.projector:
-        About(replaying)
+        About(replaying, replaying.projector.past)
 
 
 @solara.component
-def About(replaying: Replaying):
+def About(replaying: Replaying, past: Past) -> None:
     """Show what the open recording is of."""
-    recorded = replaying.projector.recording.provenance
-    past = replaying.projector.past
+    recorded = replaying.provenance
     facts = {
         "file": replaying.name,
         "model": title(replaying.model_name) if replaying.model_name else recorded["model"]["name"],
         "seed": recorded["seed"],
         "steps": f"{past.first_step:,} to {past.last_step:,}",
         "version": recorded["versions"].get("mesa-swarm", ""),
-        **{
-            name: f"{value:.4g}" if isinstance(value, float) else value
-            for name, value in recorded["parameters"].items()
-        },
+        **{name: value_text(value) for name, value in recorded["parameters"].items()},
     }
     solara.HTML(tag="h2", unsafe_innerHTML="What it is of")
     with rv.Html(tag="dl", class_="swarm-facts"):
@@ -141,35 +142,22 @@ def About(replaying: Replaying):
 
 
 @solara.component
-def Screen(projector: Projector):
+def Screen(projector: Projector) -> None:
     """Show the canvas with its buttons."""
-    canvas = SwarmCanvas.element(options=CANVAS)
-
-    def connect():
-        connection = Connection(solara.get_widget(canvas), projector, projector.rewind)
-
-        def part() -> None:
-            projector.pause()
-            connection.close()
-
-        return part
-
-    solara.use_effect(connect, [])
+    use_connection(SwarmCanvas.element(options=CANVAS), projector, projector.rewind)
 
 
 @solara.component
-def Trouble(projector: Projector):
+def Trouble(projector: Projector) -> None:
     """Show on a card what cannot be read."""
     use_changes(projector.changed)
     if projector.error:
-        with rv.Html(tag="section", class_="swarm-trouble", attributes={"role": "alert"}):
-            solara.HTML(tag="h2", unsafe_innerHTML="The recording cannot be shown here")
-            rv.Html(tag="p", children=[projector.error])
-            solara.Button("To the first step", projector.rewind, color="primary")
+        way_out = "To the first step", projector.rewind
+        TroubleCard("The recording cannot be shown here", projector.error, way_out=way_out)
 
 
 @solara.component
-def Branch(replaying: Replaying):
+def Branch(replaying: Replaying) -> None:
     """Show the way from the step that is looked at to a run that goes on."""
     use_changes(replaying.changed)
     solara.HTML(tag="h2", unsafe_innerHTML="Branch from here")
@@ -179,31 +167,28 @@ def Branch(replaying: Replaying):
         Button(label, replaying.branch, "swarm-do", enabled=not replaying.busy)
         Changes(replaying)
     else:
-        name = replaying.projector.recording.provenance["model"]["name"]
+        name = replaying.provenance["model"]["name"]
         rv.Html(tag="p", class_="swarm-hint", children=[f"{name} is no model of this page: it can be looked at only."])
 
 
 @solara.component
-def Changes(replaying: Replaying):
+def Changes(replaying: Replaying) -> None:
     """Show the panel of what is other after branching."""
     panel = ControlPanel.element(bare=True)
     solara.use_effect(lambda: BranchPanel(solara.get_widget(panel), replaying).close, [])
 
 
 def _changed(replaying: Replaying) -> str:
-    changes = replaying.changes
-    words = [
-        f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}" for name, value in changes.items()
-    ]
+    words = [f"{name} {value_text(value)}" for name, value in replaying.changes.items()]
     return ", ".join(words).replace("_", " ")
 
 
 @solara.component
-def Events(replaying: Replaying):
+def Events(replaying: Replaying, projector: Projector) -> None:
     """Show what happened, to jump to."""
     use_changes(replaying.changed)
     solara.HTML(tag="h2", unsafe_innerHTML="Events")
-    projector, events = replaying.projector, replaying.events
+    events = replaying.events
     if not events:
         text = "Looking through the recording ..." if events is None else "Nothing that is counted as an event."
         rv.Html(tag="p", class_="swarm-hint", children=[text])
@@ -212,4 +197,4 @@ def Events(replaying: Replaying):
         rv.Html(tag="p", class_="swarm-hint", children=[f"The first {MOST_EVENTS} of {len(events):,}."])
     with solara.Div(classes=["swarm-list", "swarm-events"]):
         for place, event in enumerate(events[:MOST_EVENTS]):
-            Item(f"{event.step:,}", lambda step=event.step: projector.look_at(step), event.text).key(f"{place}")
+            Item(f"{event.step:,}", partial(projector.look_at, event.step), event.text).key(f"{place}")

@@ -96,11 +96,16 @@ class Replaying:
         return [] if recording.complete else [f"The recording was not closed; it is whole up to step {last}."]
 
     @property
+    def provenance(self) -> dict[str, Any]:
+        """What the open recording says of its run, nothing if none is open."""
+        return {} if self.projector is None else self.projector.recording.provenance
+
+    @property
     def model_name(self) -> str:
         """The name in the gallery of the recorded model, empty if it is none of these."""
         if self.projector is None:
             return ""
-        recorded = self.projector.recording.provenance["model"]
+        recorded = self.provenance["model"]
         name = recorded["module"].rpartition(".")[2]
         shipped = name in model_names() and (recorded["module"], recorded["name"]) == _place_of(name)
         return name if shipped else ""
@@ -111,7 +116,7 @@ class Replaying:
         if not self.model_name:
             return {}
         known = parameters_of(find_model(self.model_name))
-        given = self.projector.recording.provenance["parameters"]
+        given = self.provenance["parameters"]
         return {name: given.get(name, known[name].default) for name in known if name != "map"}
 
     def open_listed(self, name: str) -> None:
@@ -198,7 +203,7 @@ class Replaying:
 
     def _origin(self) -> tuple[dict[str, Any], int]:
         """Return parameters and seed from which the recorded model was built."""
-        recorded = self.projector.recording.provenance
+        recorded = self.provenance
         if not self.model_name:
             raise RecordingError(
                 f"{recorded['model']['name']} is no model of this page; go on in Python with its class's resume"
@@ -224,18 +229,19 @@ class Replaying:
         projector.set_speed(self.session.loop.speed)
         self._path, self.name, self.projector = path, name, projector
         self.events, self.changes, self.fault = None, {}, ""
-        threading.Thread(target=self._find_events, args=(self._stop,), name="events", daemon=True).start()
+        rows = _Rows(path, len(projector.past), self._stop)
+        threading.Thread(target=self._find_events, args=(rows,), name="events", daemon=True).start()
         self.changed.tell()
 
-    def _find_events(self, stop: threading.Event) -> None:
+    def _find_events(self, rows: "_Rows") -> None:
         try:
-            found = events_of(_Rows(self._path, len(self.projector.past), stop))
+            found = events_of(rows)
         except StoppedError:
             return
         except Exception as problem:  # whatever is in a user's file
             found = []
             self.fault = in_words(problem).replace(str(self._path), self.name)
-        if not stop.is_set():
+        if not rows.stop.is_set():
             self.events = found
             self.changed.tell()
 
@@ -264,11 +270,11 @@ class _Rows:
     """The frames of a recording, which is opened once more: two threads must not read the same one."""
 
     def __init__(self, path: Path, rows: int, stop: threading.Event) -> None:
-        self._recording, self._rows, self._stop = Recording(path), rows, stop
+        self._recording, self._rows, self.stop = Recording(path), rows, stop
 
     def __iter__(self) -> Iterator[Frame]:
         for row in range(self._rows):
-            if self._stop.is_set():
+            if self.stop.is_set():
                 raise StoppedError
             yield self._recording[row]
 

@@ -256,7 +256,7 @@ def charts_of(model: SwarmModel) -> list[Chart]:
 
 def layer_names(model: SwarmModel) -> tuple[str, ...]:
     """Return the names of a model's layers, numbered where several are called the same."""
-    names = [layer.name for layer in model.control.layers]
+    names = [layer.name for layer in model.control.layers] if model.control is not None else []
     return tuple(f"{name} {k + 1}" if names.count(name) > 1 else name for k, name in enumerate(names))
 
 
@@ -286,6 +286,6 @@ def number_of(value: object) -> float:
     (1.0, nan)
     """
     try:
-        return float(value)
+        return float(value)  # type: ignore[arg-type]  # what has no number raises
     except (TypeError, ValueError):
         return np.nan

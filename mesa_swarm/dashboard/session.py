@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar, cast
 
 from mesa_swarm.dashboard.inspection import watch_closely
 from mesa_swarm.dashboard.listeners import Listeners
@@ -29,6 +29,9 @@ class Companion(Protocol):
 
     def close(self) -> None:
         """Stop, and let go of everything."""
+
+
+Kind = TypeVar("Kind", bound=Companion)
 
 
 class Session(Player):
@@ -82,14 +85,16 @@ class Session(Player):
         wishes: Mapping[str, Any] | None = None,
         seed: int = 1,
         steps: int = 0,
-        find: Callable[[str], Callable[..., SwarmModel]] = find_model,
+        find: Callable[[str], type[SwarmModel]] = find_model,
     ) -> None:
         self._find = find
         self.uploads: dict[str, Map] = {}
         self.series = Series()
         self.adopted = Listeners()
-        self._companions: dict[Callable, Companion] = {}
+        self._companions: dict[Callable[[Session], Companion], Companion] = {}
         self.chosen_charts: dict[str, list[str]] = {}
+        self.faults: dict[str, str] = {}
+        self.built: dict[str, Any] = {}
         super().__init__()
         self.loop.speed = USUAL_SPEED
         self._enter(name, dict(wishes or {}), seed)
@@ -171,15 +176,16 @@ class Session(Player):
                 chart = map_from(name, content)
             except Exception as problem:  # whatever is in a user's file
                 self.faults["map"] = in_words(problem)
-                chart = None
+                taken = False
             else:
                 self.faults.pop("map", None)
+                taken = True
                 known = f"{chart.name} (yours)" if chart.name in builtin_maps() else chart.name
                 self.uploads[known], self.wishes["map"] = chart, known
-        if chart is None:
-            self.changed.tell()
-        else:
+        if taken:
             self.reset()
+        else:
+            self.changed.tell()
 
     def map_names(self) -> list[str]:
         """Return the maps that may be wished for: the model's own first, then the others, then uploaded ones."""
@@ -211,12 +217,12 @@ class Session(Player):
         self.rest()
         self.adopted.tell()
 
-    def companion(self, kind: Callable[["Session"], "Companion"]) -> "Companion":
+    def companion(self, kind: Callable[["Session"], Kind]) -> Kind:
         """Return the one companion of this kind, made when it is first asked for, and closed with the session."""
         with self.lock:
             if kind not in self._companions:
                 self._companions[kind] = kind(self)
-            return self._companions[kind]
+            return cast(Kind, self._companions[kind])  # the one that was made by this kind
 
     def close(self) -> None:
         """Stop for good, and let go of everything."""
@@ -233,8 +239,7 @@ class Session(Player):
         self.name, self.seed = name, seed
         self.parameters = parameters_of(self.model_class)
         self.wishes = {name: parameter.default for name, parameter in self.parameters.items()} | wishes
-        self.faults: dict[str, str] = {}
-        self.built: dict[str, Any] = {}
+        self.faults, self.built = {}, {}
         self.model, self.error, self.straight = None, "", True
         self.past.clear()
 

@@ -96,7 +96,7 @@ class Tape:
 
     def copy(self, path: Path) -> None:
         """Copy what was recorded so far."""
-        if self.running:
+        if self._recorder is not None and not self._recorder.closed:
             self._recorder.flush()
         shutil.copyfile(self.path, path)
 

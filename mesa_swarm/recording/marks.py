@@ -12,9 +12,13 @@ from mesa_swarm.recording.layout import population_of
 # Columns that handles set, and the commands of the wheels, which stay where nothing decides.
 OF_ROBOTS = ("position", "heading", "command", "max_speed", "tendency", "temperature")
 OF_FIRES = ("temperature", "out")
-WORDS = ("which robots, obstacles or fires there are", "something that was set to what it was")
-WORDS += tuple(f"{name} of robots" for name in OF_ROBOTS) + tuple(f"{name} of fires" for name in OF_FIRES)
-WORDS += ("pose or resistance of loads",)
+WORDS = (
+    "which robots, obstacles or fires there are",
+    "something that was set to what it was",
+    *(f"{name} of robots" for name in OF_ROBOTS),
+    *(f"{name} of fires" for name in OF_FIRES),
+    "pose or resistance of loads",
+)
 ROBOTS, FIRES, BYTES = itemgetter(*OF_ROBOTS), itemgetter(*OF_FIRES), np.ndarray.tobytes
 # Attributes of a model that change when it is looked at or when Mesa counts a step, and on which no step depends.
 LOOKED_AT = frozenset(

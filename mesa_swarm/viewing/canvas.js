@@ -71,6 +71,15 @@ const MOST_BLIND = 2000;
 // All trails in sight together have so many points: of many robots they are shorter.
 const MOST_TRAIL = 6000;
 const BATCH = 32;
+// Points of a trail nearer to each other than this are left out, px.
+const TRAIL_APART = 2;
+// More robots in sight than this are copied from sheets of robots drawn beforehand, which takes a fourth of the time,
+// unless their radius is larger than this, px of the screen.
+const MOST_DRAWN = 100;
+const LARGEST_COPIED = 8;
+// On a sheet there are robots at so many places a pixel, along and across, and at so many headings a pixel of rim.
+const PLACES = 3;
+const TURNS = 1.5;
 const TRAIL_POINTS = 48;
 const TRAIL_EVERY = 2;
 // Frames farther apart in time belong to different stretches of the run.
@@ -103,6 +112,7 @@ export class Stage {
   #fitted = true;
   #width = 0; #height = 0; #ratio = 1;
   #still = null;
+  #sheets = { scale: 0, made: new Map() };
   #trail = [];
   #toggles = Object.fromEntries(TOGGLES.map(({ name, on }) => [name, on]));
   #theme = "light";
@@ -148,6 +158,7 @@ export class Stage {
   set theme(name) {
     this.#theme = name in THEMES ? name : "light";
     this.#still = null;
+    this.#sheets.scale = 0;
     this.draw();
   }
 
@@ -236,7 +247,7 @@ export class Stage {
     context.drawImage(this.#background(), 0, 0);
     if (this.#frame === null) return;
     const frame = this.#frame, rows = this.#rowsInSight(frame), detailed = rows.length <= MOST_DETAILED;
-    const on = this.#toggles;
+    const on = this.#toggles, rings = on.layers && frame.layer;
     this.#toMap(context);
     this.#drawFires(frame);
     this.#drawLoads(frame);
@@ -245,9 +256,9 @@ export class Stage {
     if (on.heat && frame.heat) this.#drawHeat(frame, rows);
     if (on.messages && frame.heard) this.#drawMessages(frame, rows);
     if (on.perceived && detailed && frame.kind) this.#drawPerceived(frame, rows);
-    if (detailed) this.#drawBodies(frame, rows);
-    else this.#drawPlainly(frame, rows);
-    if (on.layers && detailed && frame.layer) this.#drawLayers(frame, rows);
+    if (!detailed) this.#drawPlainly(frame, rows);
+    else if (this.#copies(rows)) this.#copyBodies(frame, rows, rings);
+    else this.#drawBodies(frame, rows, rings);
     if (detailed) this.#drawTravel(frame, rows);
     if (on.contacts && frame.contacts) this.#drawContacts(frame);
     this.#drawChosen(frame);
@@ -262,6 +273,7 @@ export class Stage {
     this.#designs = designs.map((design) => ({ ...design, rows: design.sensors.map(sensorRow) }));
     this.#shapes = shapes.map((shape) => ({ path: pathOf(shape), mark: shape.mark }));
     this.#loads = loads.map(pathOf);
+    this.#sheets.scale = 0;
   }
 
   #look(view) {
@@ -271,9 +283,14 @@ export class Stage {
     this.draw();
   }
 
-  #toMap(context) {
+  /** Return the pixels of the screen in a map unit, and how far right and down of the corner the map's origin is. */
+  #origin() {
     const { x, y, scale } = this.#view, s = scale * this.#ratio;
-    const left = (this.#width / 2) * this.#ratio - x * s, top = (this.#height / 2) * this.#ratio + y * s;
+    return [s, (this.#width / 2) * this.#ratio - x * s, (this.#height / 2) * this.#ratio + y * s];
+  }
+
+  #toMap(context) {
+    const [s, left, top] = this.#origin();
     context.setTransform(s, 0, 0, -s, left, top);
   }
 
@@ -383,10 +400,10 @@ export class Stage {
     context.lineWidth = 1.6 * this.#pixel;
     context.lineJoin = "bevel";
     const first = Math.max(0, trail.length - Math.ceil(MOST_TRAIL / rows.length));
+    const poses = trail.slice(first).map(({ pose }) => pose).reverse(), apart = TRAIL_APART * this.#pixel;
     rows.forEach((i, k) => {
       if (k % BATCH === 0) context.beginPath();
-      context.moveTo(now[3 * i], now[3 * i + 1]);
-      for (let m = trail.length - 1; m >= first; m--) context.lineTo(trail[m].pose[3 * i], trail[m].pose[3 * i + 1]);
+      addTrail(context, now, poses, 3 * i, apart);
       if (k % BATCH === BATCH - 1 || k === rows.length - 1) context.stroke();
     });
   }
@@ -454,17 +471,24 @@ export class Stage {
     context.fill(dots);
   }
 
-  #drawBodies(frame, rows) {
-    const context = this.#context, { pose } = frame, colours = this.#colours;
-    const rear = new Path2D(), front = new Path2D(), edge = new Path2D();
-    for (const i of rows) {
-      const x = pose[3 * i], y = pose[3 * i + 1], h = pose[3 * i + 2], r = this.#design(frame, i).radius;
-      const cos = r * Math.cos(h), sin = r * Math.sin(h);
+  #drawBodies(frame, rows, rings) {
+    const bodies = rows.map((i) => {
+      const [x, y, heading] = frame.pose.subarray(3 * i, 3 * i + 3);
+      return { x, y, heading, radius: this.#design(frame, i).radius, layer: rings ? frame.layer[i] : -1 };
+    });
+    this.#drawDiscs(this.#context, bodies);
+  }
+
+  /** Draw discs in two colours with a line ahead, and a ring in the colour of the layer, -1 for none. */
+  #drawDiscs(context, bodies) {
+    const colours = this.#colours, rear = new Path2D(), front = new Path2D(), edge = new Path2D();
+    for (const { x, y, heading, radius } of bodies) {
+      const cos = radius * Math.cos(heading), sin = radius * Math.sin(heading);
       rear.moveTo(x - sin, y + cos);
-      rear.arc(x, y, r, h + TAU / 4, h + (3 * TAU) / 4);
+      rear.arc(x, y, radius, heading + TAU / 4, heading + (3 * TAU) / 4);
       front.moveTo(x + sin, y - cos);
-      front.arc(x, y, r, h - TAU / 4, h + TAU / 4);
-      disc(edge, x, y, r);
+      front.arc(x, y, radius, heading - TAU / 4, heading + TAU / 4);
+      disc(edge, x, y, radius);
       edge.moveTo(x, y);
       edge.lineTo(x + cos, y + sin);
     }
@@ -475,6 +499,56 @@ export class Stage {
     context.strokeStyle = colours.outline;
     context.lineWidth = 1.1 * this.#pixel;
     context.stroke(edge);
+    this.#drawRings(context, bodies);
+  }
+
+  #drawRings(context, bodies) {
+    const rings = new Map();
+    context.lineWidth = this.#ringWidth;
+    for (const { x, y, radius, layer } of bodies) {
+      if (layer < 0) continue;
+      if (!rings.has(layer)) rings.set(layer, new Path2D());
+      disc(rings.get(layer), x, y, this.#ringRadius(radius));
+    }
+    for (const [layer, path] of rings) {
+      context.strokeStyle = layerColour(layer);
+      context.stroke(path);
+    }
+  }
+
+  get #ringWidth() { return Math.max(0.24 * this.#designs[0].radius, 1.6 * this.#pixel); }
+
+  #ringRadius(radius) { return radius + this.#ringWidth / 2 + 0.4 * this.#pixel; }
+
+  #copies(rows) {
+    const largest = this.#designs.reduce((most, { radius }) => Math.max(most, radius), 0);
+    return rows.length > MOST_DRAWN && largest * this.#view.scale * this.#ratio <= LARGEST_COPIED;
+  }
+
+  #copyBodies(frame, rows, rings) {
+    const context = this.#context, { pose } = frame, [s, left, top] = this.#origin();
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    for (const i of rows) {
+      const sheet = this.#sheet(this.#design(frame, i).radius, rings ? frame.layer[i] : -1);
+      sheet.copy(context, left + s * pose[3 * i], top - s * pose[3 * i + 1], pose[3 * i + 2]);
+    }
+    this.#toMap(context);
+  }
+
+  /** Return the sheet of robots of this radius and layer, drawn when the scale or the theme has changed. */
+  #sheet(radius, layer) {
+    const [scale] = this.#origin();
+    if (this.#sheets.scale !== scale) this.#sheets = { scale, made: new Map() };
+    const { made } = this.#sheets, key = 256 * radius + layer;
+    if (!made.has(key)) {
+      const outer = this.#ringRadius(radius) + this.#ringWidth / 2;
+      made.set(key, new Sheet(scale * radius, scale * outer, (context, places) => {
+        context.scale(scale, -scale);
+        const bodies = places.map(({ x, y, heading }) => ({ x: x / scale, y: -y / scale, heading, radius, layer }));
+        this.#drawDiscs(context, bodies);
+      }));
+    }
+    return made.get(key);
   }
 
   /** Draw many robots: discs in the colour of their layer, and a line ahead if there is room for one. */
@@ -516,22 +590,6 @@ export class Stage {
     const path = new Path2D();
     for (const i of rows) disc(path, frame.pose[3 * i], frame.pose[3 * i + 1], this.#design(frame, i).radius);
     this.#context.fill(path);
-  }
-
-  #drawLayers(frame, rows) {
-    const context = this.#context, rings = new Map(), width = Math.max(0.24 * this.#designs[0].radius, 1.6 * this.#pixel);
-    for (const i of rows) {
-      const layer = frame.layer[i];
-      if (layer < 0) continue;
-      if (!rings.has(layer)) rings.set(layer, new Path2D());
-      const r = this.#design(frame, i).radius + width / 2 + 0.4 * this.#pixel;
-      disc(rings.get(layer), frame.pose[3 * i], frame.pose[3 * i + 1], r);
-    }
-    context.lineWidth = width;
-    for (const [layer, path] of rings) {
-      context.strokeStyle = layerColour(layer);
-      context.stroke(path);
-    }
   }
 
   /** Draw where robots go that do not go where they look. */
@@ -718,6 +776,49 @@ class Batch {
     this.#path = new Path2D();
     this.#count = 1;
   }
+}
+
+/** Robots drawn beforehand at every place within a pixel and every heading: pixels are copied faster than drawn. */
+class Sheet {
+  #canvas = document.createElement("canvas");
+  #size; #turns;
+
+  /** Parameters in pixels; `draw` is given a context and the places and headings where robots are to stand. */
+  constructor(radius, outer, draw) {
+    const size = (this.#size = 2 * Math.ceil(outer + 2)), turns = (this.#turns = Math.ceil(TURNS * TAU * radius));
+    this.#canvas.width = size * PLACES ** 2;
+    this.#canvas.height = size * turns;
+    const places = [];
+    for (let turn = 0; turn < turns; turn++) {
+      for (let place = 0; place < PLACES ** 2; place++) {
+        const x = size * (place + 0.5) + (place % PLACES) / PLACES;
+        const y = size * (turn + 0.5) + Math.floor(place / PLACES) / PLACES;
+        places.push({ x, y, heading: (TAU * turn) / turns });
+      }
+    }
+    draw(this.#canvas.getContext("2d"), places);
+  }
+
+  /** Copy the robot that looks this way to a place of the canvas. */
+  copy(context, x, y, heading) {
+    const size = this.#size, across = Math.round(PLACES * x), down = Math.round(PLACES * y);
+    const left = Math.floor(across / PLACES), top = Math.floor(down / PLACES);
+    const place = across - PLACES * left + PLACES * (down - PLACES * top);
+    const turn = Math.round((heading / TAU) * this.#turns) % this.#turns;
+    const from = size * (turn < 0 ? turn + this.#turns : turn);
+    context.drawImage(this.#canvas, size * place, from, size, size, left - size / 2, top - size / 2, size, size);
+  }
+}
+
+/** Add the way back from where a robot is, past where it was; what is nearly the same point is left out. */
+function addTrail(path, now, poses, at, apart) {
+  let x = now[at], y = now[at + 1];
+  path.moveTo(x, y);
+  poses.forEach((pose, k) => {
+    const dx = pose[at] - x, dy = pose[at + 1] - y;
+    if (dx * dx + dy * dy < apart * apart && k < poses.length - 1) return;
+    path.lineTo((x = pose[at]), (y = pose[at + 1]));
+  });
 }
 
 function addSector(path, x, y, range, azimuth, half) {

@@ -1,11 +1,20 @@
 """What stands beside the canvas, in a real browser: charts, the inspector, export."""
 
+import base64
 import time
 
+import pytest
+from PIL import Image
 from visits import wait_until
 
 from mesa_swarm.recording import Recording
 
+LISTEN = """(() => {
+    const send = WebSocket.prototype.send;
+    window.sent = [];
+    WebSocket.prototype.send = function (data) { window.sent.push(String(data)); send.call(this, data); };
+})()"""
+ASKED = """window.sent.filter((data) => data.includes('"do":"export"')).length"""
 DRAWN = "document.querySelector('.swarm-charts').dataset.told"
 
 
@@ -111,6 +120,27 @@ def test_a_run_is_recorded_and_exported(visitor, tmp_path):
     visitor.press("Models")
     visitor.press("Watch")
     page.get_by_role("button", name="Stop recording").wait_for()
+
+
+def test_what_is_on_screen_is_saved_as_it_is_without_asking_the_server(visit, tmp_path):
+    visitor = visit("?model=fire_fighting&step=30", device_scale_factor=2)
+    page, whole = visitor.page, visitor.image()
+    visitor.press("Zoom in")
+    page.locator(".swarm-tools summary").click()
+    page.get_by_label("Sensor sectors").uncheck()
+    seen = visitor.image()
+    page.get_by_label("What to make").select_option(label="Picture as on screen (PNG)")
+    page.evaluate(LISTEN)
+    file = downloaded(visitor, "Export", tmp_path)
+    assert page.evaluate(ASKED) == 0
+    assert file.name == "fire_fighting_30_screen.png"
+    assert file.read_bytes() == base64.b64decode(seen.partition(",")[2]) != base64.b64decode(whole.partition(",")[2])
+    box = page.locator(".swarm-stage canvas").bounding_box()
+    with Image.open(file) as picture:
+        assert picture.size == tuple(pytest.approx(2 * box[side], abs=6) for side in ("width", "height"))
+    page.get_by_label("What to make").select_option("png")
+    assert downloaded(visitor, "Export", tmp_path).name == "fire_fighting_30.png"
+    assert page.evaluate(ASKED) == 1
 
 
 def test_everything_beside_the_canvas_is_looked_at(visit, shots):

@@ -10,17 +10,14 @@ from mesa_swarm.dashboard.drawing import (
     draw_fires,
     draw_loads,
     draw_robots,
-    draw_sectors,
     draw_shapes,
     drawing,
     fire_colour,
-    label_fires,
 )
 from mesa_swarm.world.shapes import disc, polygon, rectangle
 
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]\d+)?")
 ORIGIN = np.zeros(2)
-HALF_ANGLE = np.radians(20)
 
 
 def elements(svg: str) -> dict[str, list[dict]]:
@@ -35,13 +32,6 @@ def numbers(outline: str) -> np.ndarray:
     return np.array([float(number) for number in NUMBER.findall(outline)])
 
 
-def sector(distance: float, *, heading: float = 0.0, half: float = HALF_ANGLE) -> dict[str, list[dict]]:
-    """Draw the sector of range 50 of a sensor on the nose of a robot of radius 5 at (100, 100)."""
-    sensor = np.array([[[5, 0, 1, 0, np.cos(half), np.sin(half), 50, 0, half]]])
-    text = draw_sectors(np.array([[100.0, 100.0]]), np.array([heading]), sensor, np.array([[distance]]))
-    return elements(drawing((200, 200), [text]))
-
-
 def test_a_world_with_everything_in_it_is_well_formed_xml():
     shapes = [disc((20, 20), 5), rectangle((0, 0), (9, 60)), polygon([(30, 30), (50, 30), (40, 50)], contact=False)]
     position, fire = np.array([[40.0, 30.0]]), (np.array([[60.0, 40.0]]), np.array([8.0]))
@@ -52,9 +42,8 @@ def test_a_world_with_everything_in_it_is_well_formed_xml():
             draw_fires(*fire, np.array([0.5]), np.array([False])),
             draw_robots(position, np.array([1.0]), np.array([3.0])),
         ],
-        label_fires(*fire, np.array([False]), np.array([2]), (80, 60)),
     )
-    assert {"obstacle", "mark", "fire", "rear", "front", "heading", "label"} <= elements(svg).keys()
+    assert {"obstacle", "mark", "fire", "rear", "front", "heading"} <= elements(svg).keys()
     assert ElementTree.fromstring(svg).get("viewBox") == "0 0 80 60"
 
 
@@ -88,12 +77,6 @@ def test_y_points_up():
     assert numbers(elements(svg)["heading"][0]["d"])[3] == 15
 
 
-def test_labels_stand_on_their_fires_though_text_is_not_turned_round():
-    text = label_fires(np.array([[40.0, 10.0]]), np.array([8.0]), np.array([False]), np.array([3]), (80, 60))
-    label = ElementTree.fromstring(text)[0]
-    assert (label.get("x"), label.get("y"), label.text) == ("40", "50", "3")
-
-
 def test_a_map_that_does_not_start_at_the_origin_is_drawn_from_its_corner():
     drawn = elements(drawing((80, 60), [draw_shapes([disc((1e7 + 40, -30), 5)], np.array([1e7, -60.0]))]))
     assert numbers(drawn["obstacle"][0]["d"])[:2].tolist() == [35, 30]
@@ -125,32 +108,11 @@ def test_fires_go_from_black_to_red_with_their_temperature():
     assert int(fire_colour(1.0)[3:], 16) < 0x2020
 
 
-def test_a_fire_that_is_out_is_grey_and_says_so():
+def test_a_fire_that_is_out_is_grey():
     place = np.array([[40.0, 30.0]]), np.array([8.0])
     fill = elements(drawing((80, 60), [draw_fires(*place, np.array([0.0]), np.array([True]))]))["fire"][0]["fill"]
     red, green, blue = (int(fill[i : i + 2], 16) for i in (1, 3, 5))
     assert max(red, green, blue) - min(red, green, blue) < 16
-    assert ">out<" in label_fires(*place, np.array([True]), np.array([2]), (80, 60))
-
-
-def test_a_sector_that_sees_nothing_is_drawn_to_its_range_and_another_to_what_it_measured():
-    blind, seeing = sector(-1.0), sector(12.0)
-    assert "seeing" not in blind
-    assert "blind" not in seeing
-    assert numbers(blind["blind"][0]["d"])[4] == 50
-    assert numbers(seeing["seeing"][0]["d"])[4] == 12
-
-
-def test_a_sector_starts_at_its_mount_and_turns_with_the_robot():
-    outline = numbers(sector(12.0, heading=np.pi / 2)["seeing"][0]["d"])
-    assert outline[:2] == pytest.approx([100, 105])
-    assert outline[9:11] == pytest.approx([100, 117])
-
-
-def test_a_sector_all_round_has_an_outline():
-    outline = numbers(sector(-1.0, half=np.pi)["blind"][0]["d"])
-    start, middle = outline[2:4], outline[9:11]
-    assert np.hypot(*(start - middle)) == pytest.approx(100, abs=0.02)
 
 
 def test_numbers_are_rounded():

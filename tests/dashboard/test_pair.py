@@ -3,7 +3,7 @@
 from waiting import threads, wait_until
 
 from mesa_swarm.dashboard.pair import Pair
-from mesa_swarm.dashboard.past import Past, Picture
+from mesa_swarm.dashboard.past import KeptPast, Picture
 from mesa_swarm.dashboard.play_loop import AS_FAST_AS_IT_GOES
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
@@ -53,11 +53,15 @@ def shown_by(pair: Pair) -> list[int]:
 
 
 def test_the_past_is_looked_at_by_step():
-    past = Past()
+    past = KeptPast()
     for step in (0, 2, 4, 8):
         past.append(Picture(step, b""))
-    assert [past.look_at(step).step for step in (5, 8, 99, -1, 2)] == [4, 8, 8, 0, 2]
-    assert past.after().step == 4
+    shown = []
+    for step in (5, 8, 99, -1, 2):
+        past.look_at(step)
+        shown.append(past.shown.step)
+    assert shown == [4, 8, 8, 0, 2]
+    assert past.step_after() == 4
 
 
 def test_both_step_together_and_as_each_would_alone():
@@ -145,7 +149,7 @@ def test_whoever_looks_at_the_clock_is_told_the_step_and_both_fingerprints():
     pair.step()
     assert spectator.steps[-1] == 1
     marks = [side.model.state_hash() for side in pair.sides]
-    assert pair._both().fingerprint == "-".join(marks)
+    assert pair._shown().fingerprint == "-".join(marks)
     pair.remove_viewer(spectator)
     pair.step()
     assert spectator.steps[-1] == 1

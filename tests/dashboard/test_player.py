@@ -5,7 +5,7 @@ import time
 import pytest
 from waiting import threads, wait_until
 
-from mesa_swarm.dashboard.past import Past, Picture
+from mesa_swarm.dashboard.past import KeptPast, Picture
 from mesa_swarm.dashboard.play_loop import AS_FAST_AS_IT_GOES, PlayLoop
 from mesa_swarm.dashboard.player import Player
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
@@ -33,7 +33,7 @@ class Breaks(CollisionAvoidance):
 
 
 def test_what_is_kept_is_bounded_and_the_oldest_goes_first():
-    past = Past(most_bytes=1000)
+    past = KeptPast(most_bytes=1000)
     for step in range(50):
         past.append(Picture(step, b"x" * 100))
     assert (len(past), past.first_step, past.last_step, past.shown.step) == (10, 40, 49, 49)
@@ -42,7 +42,7 @@ def test_what_is_kept_is_bounded_and_the_oldest_goes_first():
 
 
 def test_a_picture_replaces_one_of_the_same_step():
-    past = Past()
+    past = KeptPast()
     past.append(Picture(0, b"a"))
     past.append(Picture(0, b"b", fingerprint="mark"))
     assert (len(past), past.shown.fingerprint) == (1, "mark")
