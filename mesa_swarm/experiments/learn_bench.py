@@ -10,6 +10,8 @@ from hashlib import blake2b
 from importlib.metadata import version
 from pathlib import Path
 
+import numpy as np
+
 from mesa_swarm.errors import check_choice, check_count
 from mesa_swarm.experiments.compare import checked_jobs
 from mesa_swarm.experiments.contestants import DESIGN, HOME, ROBOTS, Trained, contestants
@@ -27,7 +29,11 @@ PACKAGE = Path(__file__).resolve().parent.parent
 # What a result depends on: whoever changes this code does the runs again.
 ENGINE = "geometry", "world", "robots", "physics", "control", "learning", "model.py"
 SOURCES = (*ENGINE, "experiments/contestants.py", "experiments/driving.py", "experiments/evolution.py")
-GENERATED = 20
+# The generated maps that test what was learned: on none of these was anybody trained, bred, or chosen.
+GENERATED = range(40_001, 40_021)
+EVERY = "every generated map"
+# Who is measured on every generated map with every seed: the bred ones, and the rule whose coverage is their mark.
+RULE, BRED = "Avoid + Explore", ("evolved reflex", "evolved network")
 MODES = ("frozen", "learning")
 # Worlds of the evaluation have other seeds than those of training.
 APART = 1_000_000
@@ -56,7 +62,7 @@ class Benchmark:
     --------
     >>> bench = Benchmark(seeds=10)
     >>> len(bench.tasks()), bench.maps(1), bench.maps(10)[-1]
-    (100, ('original', 'sparse', 'openspace', 'openspace_fire', 'random 1', 'random 2'), 'random 20')
+    (100, ('original', 'sparse', 'openspace', 'openspace_fire', 'random 40001', 'random 40002'), 'random 40020')
     """
 
     seeds: int = 10
@@ -82,8 +88,9 @@ class Benchmark:
 
         The built-in ones, and two of the 20 generated ones: ten seeds see all of them.
         """
-        first = (2 * (seed - 1)) % GENERATED + 1
-        return (*builtin_maps(), f"random {first}", f"random {first % GENERATED + 1}")
+        first = 2 * (seed - 1)
+        mine = (GENERATED[k % len(GENERATED)] for k in (first, first + 1))
+        return (*builtin_maps(), *(f"random {number}" for number in mine))
 
     def tasks(self) -> list[tuple[str, int]]:
         """Return the trainings: contestant and seed. Seed by seed, so that an interrupted benchmark is a fair one."""
@@ -181,7 +188,15 @@ def measured(benchmark: Benchmark, name: str, seed: int) -> tuple[str, int, dict
         for mode in MODES:
             for measure, value in _measures(trained, mode, place, seed, benchmark.evaluation_steps).items():
                 results[f"{place}|{mode}|{measure}"] = value
+    if name in (RULE, *BRED):
+        results |= _on_every_map(trained, seed, benchmark.evaluation_steps)
     return name, seed, results
+
+
+def _on_every_map(trained: Trained, seed: int, steps: int) -> dict[str, float]:
+    """Return the means over all generated maps of what was learned, frozen."""
+    rows = [_measures(trained, "frozen", f"random {number}", seed, steps) for number in GENERATED]
+    return {f"{EVERY}|frozen|{measure}": float(np.mean([row[measure] for row in rows])) for measure in rows[0]}
 
 
 def _measures(trained: Trained, mode: str, place: str, seed: int, steps: int) -> dict[str, float]:
@@ -204,15 +219,15 @@ def map_named(place: str) -> Map:
 
 
 def group_of(place: str) -> str:
-    """Return what kind of map it is: where the training was, another that is built in, or a generated one.
+    """Return what kind of map it is: where the training was, another that is built in, a generated one, or all these.
 
     Examples
     --------
     >>> [group_of(place) for place in ("original", "sparse", "random 7")]
     ['home', 'built in', 'generated']
     """
-    if place == HOME:
-        return "home"
+    if place in (HOME, EVERY):
+        return "home" if place == HOME else "every"
     return "generated" if place.startswith("random") else "built in"
 
 
