@@ -189,14 +189,15 @@ def measured(benchmark: Benchmark, name: str, seed: int) -> tuple[str, int, dict
             for measure, value in _measures(trained, mode, place, seed, benchmark.evaluation_steps).items():
                 results[f"{place}|{mode}|{measure}"] = value
     if name in (RULE, *BRED):
-        results |= _on_every_map(trained, seed, benchmark.evaluation_steps)
+        means = on_every_map(trained, seed, benchmark.evaluation_steps)
+        results |= {f"{EVERY}|frozen|{measure}": value for measure, value in means.items()}
     return name, seed, results
 
 
-def _on_every_map(trained: Trained, seed: int, steps: int) -> dict[str, float]:
-    """Return the means over all generated maps of what was learned, frozen."""
+def on_every_map(trained: Trained, seed: int, steps: int) -> dict[str, float]:
+    """Return by measure the means over all generated maps of what was learned with a seed, frozen."""
     rows = [_measures(trained, "frozen", f"random {number}", seed, steps) for number in GENERATED]
-    return {f"{EVERY}|frozen|{measure}": float(np.mean([row[measure] for row in rows])) for measure in rows[0]}
+    return {measure: float(np.mean([row[measure] for row in rows])) for measure in rows[0]}
 
 
 def _measures(trained: Trained, mode: str, place: str, seed: int, steps: int) -> dict[str, float]:
