@@ -102,7 +102,7 @@ def _training(benchmark: Benchmark, runs: Sequence[Run]) -> str:
 
 
 def _on_every_map(runs: Sequence[Run], name: str) -> dict[int, list[float]]:
-    """Return by seed the collisions, the speed ahead and the coverage, means over all generated maps."""
+    """Return by seed the collisions, the speed ahead and the coverage, means over all unseen maps."""
     asked = [f"{EVERY}|frozen|{measure}" for measure in ("collisions", "speed ahead", "coverage")]
     mine = [run for run in runs if run.name == name and all(run.results.get(key) is not None for key in asked)]
     return {run.seed: [run.results[key] for key in asked] for run in mine}
@@ -118,7 +118,7 @@ def seed_by_seed(runs: Sequence[Run], name: str) -> str:
         for row, (c, a, s, r) in found.items()
     ]
     header = ("seed", "collisions", "ahead", "coverage", "of the rule", "reached")
-    title = f"**{name}: each seed on all generated maps, frozen (means)**"
+    title = f"**{name}: each seed on all twenty unseen maps, frozen (means)**"
     return "\n".join([title, "", *_table([header, *rows])])
 
 

@@ -11,7 +11,7 @@ from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments import learn_bench as bench
 from mesa_swarm.experiments.contestants import BREEDING, CHOOSING, contestants
 from mesa_swarm.experiments.driving import drive_measured, driven_world, within_reach
-from mesa_swarm.experiments.learn_bench import EVERY, GENERATED, Benchmark, Run, learn_bench
+from mesa_swarm.experiments.learn_bench import EVERY, GENERATED, UNSEEN, Benchmark, Run, learn_bench
 from mesa_swarm.experiments.learn_commands import bench as command
 from mesa_swarm.experiments.learn_table import lines_of, markdown, runs_csv, seed_by_seed, summary_json
 from mesa_swarm.world.random_map import random_map
@@ -40,16 +40,16 @@ def test_ten_seeds_see_all_built_in_and_twenty_generated_maps():
     assert seen == {"original", "sparse", "openspace", "openspace_fire", *(f"random {k}" for k in GENERATED)}
     assert all(len(ten.maps(seed)) == 6 for seed in range(1, 11))
     assert ten.maps(11) == ten.maps(1)
-    assert len(GENERATED) == 20
+    assert len(GENERATED) == len(UNSEEN) == 20
 
 
-def test_no_map_that_tests_is_one_of_those_on_which_was_bred_or_chosen():
-    assert not set(GENERATED) & (set(BREEDING) | set(CHOOSING))
-    assert not set(BREEDING) & set(CHOOSING)
+def test_no_map_is_in_two_of_the_blocks_to_breed_to_choose_to_compare_and_to_test():
+    blocks = BREEDING, CHOOSING, GENERATED, UNSEEN
+    assert len(set().union(*blocks)) == sum(map(len, blocks))
 
 
-def test_the_rule_and_the_bred_are_measured_on_every_generated_map_with_each_seed(tmp_path, monkeypatch):
-    monkeypatch.setattr(bench, "GENERATED", range(40_001, 40_004))
+def test_the_rule_and_the_bred_are_measured_on_every_unseen_map_with_each_seed(tmp_path, monkeypatch):
+    monkeypatch.setattr(bench, "UNSEEN", range(40_001, 40_004))
     alone = Benchmark(seeds=1, steps=40, evaluation_steps=10, only=("random", "Avoid + Explore", "evolved reflex"))
     runs = learn_bench(alone, out=tmp_path)
     rows = {run.name: {measure: value for place, _, measure, value in run.rows() if place == EVERY} for run in runs}
@@ -57,7 +57,7 @@ def test_the_rule_and_the_bred_are_measured_on_every_generated_map_with_each_see
     rule, apart = Subsumption(Avoid(), Explore()), bench.APART + 1
     each = [drive_measured(driven_world(rule, AGENT9, 15, random_map(k), apart), 10) for k in range(40_001, 40_004)]
     assert rows["Avoid + Explore"] == {measure: np.mean([row[measure] for row in each]) for measure in each[0]}
-    assert "evolved reflex: each seed on all generated maps" in markdown(alone, runs)
+    assert "evolved reflex: each seed on all twenty unseen maps" in markdown(alone, runs)
 
 
 def test_the_target_is_told_seed_by_seed_and_in_the_mean():

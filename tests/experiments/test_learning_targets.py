@@ -8,7 +8,7 @@ from mesa_swarm import AGENT9
 from mesa_swarm.control import Subsumption
 from mesa_swarm.experiments.contestants import BREEDING, CHOOSING, contestants
 from mesa_swarm.experiments.driving import driven_world
-from mesa_swarm.experiments.learn_bench import GENERATED, RULE, on_every_map
+from mesa_swarm.experiments.learn_bench import RULE, UNSEEN, on_every_map
 from mesa_swarm.learning import QLearning
 
 # Not chosen: the first of the benchmark's ten.
@@ -23,7 +23,7 @@ def test_a_bred_reflex_frozen_hardly_collides_is_fast_and_sees_no_less_than_the_
     rule = contestants()[RULE](SEED, 0)
     reflex, mark = (on_every_map(each, SEED, 5000) for each in (trained, rule))
     print(f"\n{trained.robot_steps:,} robot-steps in {used:.0f} s; reflex {reflex}; rule {mark}")
-    assert not set(GENERATED) & {*BREEDING, *CHOOSING}
+    assert not set(UNSEEN) & {*BREEDING, *CHOOSING}
     assert trained.robot_steps <= 10_000_000
     assert reflex["collisions"] <= 0.5
     assert reflex["speed ahead"] >= 0.6
