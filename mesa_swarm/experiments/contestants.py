@@ -105,7 +105,7 @@ def bred(units: int, seed: int, share: float = 1.0) -> Evolved:
         Of the generations and of the steps of every trial, above 0, at most 1: a shorter benchmark breeds less.
     """
     generations = max(round(GENERATIONS * share), 1)
-    fitness = Fitness(collision_cost=700, coverage_worth=6.5, square=20)
+    fitness = Fitness(collision_cost=700, coverage_worth=10, square=20)
     trial = Trial(
         robots=FEW_ROBOTS,
         steps=max(round(4500 * share), 1),
