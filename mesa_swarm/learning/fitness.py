@@ -26,17 +26,17 @@ class Fitness:
     with V the mean of the wheels' absolute speeds, dv half of the difference between their signed speeds, both as
     shares of max_speed, and i the greatest nearness that any sensor reads, 0 to 1 [1]_. "careful" is
 
-        ``ahead - collision_cost c + coverage_worth a``
+        ``speed_worth v - collision_cost c + coverage_worth a``
 
-    with the mean speed ahead as a share of max_speed, c the collisions a robot and step, and a the share of the
+    with v the mean speed ahead as a share of max_speed, c the collisions a robot and step, and a the share of the
     map's squares in which any robot has been.
 
     Parameters
     ----------
     kind : str
         "floreano" or "careful".
-    collision_cost, coverage_worth : float
-        At least 0; of "careful" only.
+    collision_cost, coverage_worth, speed_worth : float
+        At least 0; of "careful" only. Where coverage is worth far more than speed, robots may come to drive backwards.
     square : float
         Side of the squares, map units, 1 to 1,000. With small ones it pays to drive near walls.
 
@@ -57,6 +57,7 @@ class Fitness:
     kind: str = "careful"
     collision_cost: float = 800.0
     coverage_worth: float = 15.0
+    speed_worth: float = 1.0
     square: float = SQUARE
 
     def __post_init__(self) -> None:
@@ -64,13 +65,14 @@ class Fitness:
         check_choice("fitness", self.kind, FITNESSES)
         check_number("collision_cost", self.collision_cost, minimum=0, maximum=1e6)
         check_number("coverage_worth", self.coverage_worth, minimum=0, maximum=1e6)
+        check_number("speed_worth", self.speed_worth, minimum=0, maximum=1e6)
         check_number("square", self.square, minimum=1, maximum=1000)
 
     def of(self, *, floreano: float = 0.0, ahead: float = 0.0, collisions: float = 0.0, covered: float = 0.0) -> float:
         """Return the fitness of a drive, of its means over robots and steps, and the share of squares visited."""
         if self.kind == "floreano":
             return floreano
-        return ahead - self.collision_cost * collisions + self.coverage_worth * covered
+        return self.speed_worth * ahead - self.collision_cost * collisions + self.coverage_worth * covered
 
 
 def floreano(left: float, right: float, nearest: float) -> float:

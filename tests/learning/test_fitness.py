@@ -57,6 +57,7 @@ def test_a_robot_alone_on_its_way_has_all_of_both_fitnesses_and_has_been_in_the_
     assert means["covered"] == 4 / 50  # x from 101 to 200: columns 2 to 4, and 5 begins at 200
     assert Fitness(kind="floreano").of(**means) == 1.0
     assert Fitness(collision_cost=3, coverage_worth=10).of(**means) == pytest.approx(1.8)
+    assert Fitness(collision_cost=3, coverage_worth=10, speed_worth=5).of(**means) == pytest.approx(5.8)
 
 
 def test_small_squares_are_counted_where_they_are_asked_for():
@@ -87,7 +88,14 @@ def test_nearness_lowers_floreanos_product_by_the_nearest_reading():
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"kind": "nice"}, {"collision_cost": -1}, {"collision_cost": math.nan}, {"coverage_worth": "much"}, {"square": 0}],
+    [
+        {"kind": "nice"},
+        {"collision_cost": -1},
+        {"collision_cost": math.nan},
+        {"coverage_worth": "much"},
+        {"square": 0},
+        {"speed_worth": -1},
+    ],
 )
 def test_what_is_no_fitness_is_refused_in_one_line(wrong):
     with pytest.raises(SwarmError) as caught:
