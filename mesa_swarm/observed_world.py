@@ -57,10 +57,10 @@ class ObservedWorld(World):
         try:
             self._tell("before_step")
             type(self).step(self, *given, **named)
+            self._tell("between_steps")
         except BaseException:
             self._schedule_again()
             raise
-        self._tell("between_steps")
 
     def _tell(self, what: str) -> None:
         """Call what some observers have, and others have not."""

@@ -1,7 +1,7 @@
 """Who takes part in the benchmark of learning, how each is trained, and what it drives by afterwards."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -10,7 +10,8 @@ import numpy as np
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.experiments.driving import driven_world, tallied
-from mesa_swarm.experiments.evolution import Trial, evolve
+from mesa_swarm.experiments.evolution import Evolved, Trial, evolve
+from mesa_swarm.learning.fitness import Fitness
 from mesa_swarm.learning.hebbian import HebbianLearning
 from mesa_swarm.learning.networks import Networks
 from mesa_swarm.learning.policy import Policy, PolicyLayer, SensorLayout
@@ -24,9 +25,11 @@ from mesa_swarm.world.random_map import random_map
 DESIGN, ROBOTS, HOME = AGENT9, 15, "original"
 # The curve of a training has a point each so many parts of it.
 PARTS = 33
-# Maps on which the reflexes that are bred on several are bred: far from the numbers of those that test them.
-BREEDING: tuple[str | int, ...] = (HOME, *(10_000 + k for k in range(7)))
-GENERATIONS, BRED_STEPS = 30, 1000
+# What is bred is bred on small generated maps, on which a few robots get everywhere in the time of a trial, and chosen
+# on maps as large as those that test it. The numbers of all three are far apart.
+BREEDING, CHOOSING = range(10_000, 10_025), range(11_000, 11_004)
+SMALL, FEW_OBSTACLES, FEW_ROBOTS = (480, 360), 3, 6
+GENERATIONS = len(BREEDING)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,11 +89,42 @@ def _rule(seed: int, steps: int) -> Trained:
 
 
 def _evolved(units: int, seed: int, steps: int) -> Trained:
-    """Breed with robot-steps of its own, up to 10 million; a shorter benchmark breeds for less long."""
-    generations = max(round(GENERATIONS * min(steps / 33_000, 1.0)), 1)
-    maps = [name if isinstance(name, str) else random_map(name) for name in BREEDING]
-    bred = evolve(Trial(units=units, steps=BRED_STEPS), maps=maps, generations=generations, rng=seed)
-    return Trained(frozen=_by(bred.policy), robot_steps=bred.policy.steps)
+    policy = bred(units, seed, min(steps / 33_000, 1.0)).policy
+    return Trained(frozen=_by(policy), robot_steps=policy.steps)
+
+
+def bred(units: int, seed: int, share: float = 1.0) -> Evolved:
+    """Breed with robot-steps of its own, up to 10 million.
+
+    Parameters
+    ----------
+    units : int
+        Hidden units; 0 for reflexes.
+    seed : int
+    share : float
+        Of the generations and of the steps of every trial, above 0, at most 1: a shorter benchmark breeds less.
+    """
+    generations = max(round(GENERATIONS * share), 1)
+    fitness = Fitness(collision_cost=700, coverage_worth=10, square=20)
+    trial = Trial(
+        robots=FEW_ROBOTS,
+        steps=max(round(4500 * share), 1),
+        fitness=fitness,
+        units=units,
+        encoding="typed",
+        mirrored=True,
+    )
+    return evolve(
+        trial,
+        maps=[random_map(k, obstacles=FEW_OBSTACLES, size=SMALL) for k in BREEDING[:generations]],
+        generations=generations,
+        population=12,
+        constant=1.5,
+        finalists=6,
+        final=replace(trial, robots=ROBOTS, steps=max(round(5000 * share), 1)),
+        final_maps=[random_map(k) for k in CHOOSING],
+        rng=seed,
+    )
 
 
 def _taught(learner: type, options: dict[str, Any], seed: int, steps: int) -> Trained:

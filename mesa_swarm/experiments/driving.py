@@ -9,7 +9,7 @@ import shapely
 from mesa_swarm.analysis.coverage import coverage, reachable_cells
 from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.learning.actions import ranges_of
-from mesa_swarm.learning.fitness import Tally
+from mesa_swarm.learning.fitness import SQUARE, Tally
 from mesa_swarm.model import SwarmModel
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.world.map import Map
@@ -37,7 +37,9 @@ def driven_world(control: Arbiter, design: RobotDesign, robots: int, world: Map 
     return model
 
 
-def tallied(model: SwarmModel, steps: int, each: Callable[[int], None] = lambda step: None) -> Tally:
+def tallied(
+    model: SwarmModel, steps: int, each: Callable[[int], None] = lambda step: None, square: float = SQUARE
+) -> Tally:
     """Let a model take so many steps, and return what its robots did.
 
     Parameters
@@ -46,9 +48,11 @@ def tallied(model: SwarmModel, steps: int, each: Callable[[int], None] = lambda 
     steps : int
     each : callable
         Called after each step with its number, from 0 on.
+    square : float
+        Side of the squares that are counted, map units.
     """
     swarm = model.swarm
-    tally = Tally(len(swarm), model.map.bounds, ranges_of(swarm.table.proximity))
+    tally = Tally(len(swarm), model.map.bounds, ranges_of(swarm.table.proximity), square)
     for step in range(steps):
         model.step()
         tally.add(swarm.columns)

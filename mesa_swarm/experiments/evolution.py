@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field, replace
 import numpy as np
 
 from mesa_swarm.control import Subsumption
-from mesa_swarm.errors import InvalidValueError, check_count, shortened
+from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
 from mesa_swarm.experiments.compare import checked_jobs
 from mesa_swarm.experiments.diary import Diary
 from mesa_swarm.experiments.driving import driven_world, tallied
@@ -15,6 +15,7 @@ from mesa_swarm.experiments.experiment import shown_value
 from mesa_swarm.experiments.pool import results_of
 from mesa_swarm.learning.evolution import Evolution
 from mesa_swarm.learning.fitness import Fitness
+from mesa_swarm.learning.mirror import half_length, whole_genome
 from mesa_swarm.learning.policy import PolicyLayer, SensorLayout
 from mesa_swarm.learning.reflex_policy import ReflexPolicy, genome_length
 from mesa_swarm.progress import progress_bar
@@ -38,8 +39,10 @@ class Trial:
     fitness : Fitness
     units : int
         Hidden units, 0 for reflexes.
-    squash : str
+    squash, encoding : str
         See `ReflexPolicy`.
+    mirrored : bool
+        Whether controllers are their own mirror image, see `learning.mirror`: half as many weights to find.
     """
 
     design: RobotDesign = AGENT9
@@ -48,28 +51,38 @@ class Trial:
     fitness: Fitness = field(default_factory=Fitness)
     units: int = 2
     squash: str = "linear"
+    encoding: str = "distance"
+    mirrored: bool = False
 
     def __post_init__(self) -> None:
         """Check the parameters."""
         check_count("robots", self.robots, minimum=1)
         check_count("steps", self.steps, minimum=1)
-        self.policy(np.zeros(genome_length(self.sensors, self.units)))
+        self.policy(np.zeros(self.genes))
 
     @property
     def sensors(self) -> SensorLayout:
         """The proximity sensors of the robots."""
         return SensorLayout.of(self.design)
 
+    @property
+    def genes(self) -> int:
+        """How many weights are searched for."""
+        length = half_length if self.mirrored else genome_length
+        return length(self.sensors, self.units, self.encoding)
+
     def policy(self, genome: np.ndarray, steps: int = 1, **training: str | float) -> ReflexPolicy:
         """Return the policy that has these weights."""
+        sensors, units, encoding = self.sensors, self.units, self.encoding
+        weights = whole_genome(sensors, genome, units=units, encoding=encoding) if self.mirrored else genome
         return ReflexPolicy.of_genome(
-            self.sensors, genome, units=self.units, squash=self.squash, steps=steps, training=training
+            sensors, weights, units=units, encoding=encoding, squash=self.squash, steps=steps, training=training
         )
 
     def fitness_of(self, genome: np.ndarray, world: Map, rng: int) -> float:
         """Return what these weights are worth on a map, with a seed."""
         model = driven_world(Subsumption(PolicyLayer(policy=self.policy(genome))), self.design, self.robots, world, rng)
-        return self.fitness.of(**tallied(model, self.steps).means())
+        return self.fitness.of(**tallied(model, self.steps, square=self.fitness.square).means())
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,8 +108,11 @@ def evolve(
     generations: int = 40,
     population: int = 16,
     sigma: float = 0.7,
+    constant: float = 0.5,
     finalists: int = 5,
     final_trials: int = 4,
+    final: Trial | None = None,
+    final_maps: Sequence[Map | str | os.PathLike[str]] | None = None,
     rng: int = 1,
     jobs: int = 1,
     file: str | os.PathLike[str] | None = None,
@@ -116,9 +132,16 @@ def evolve(
     maps : sequence of map, name or path
     generations, population : int
     sigma : float
-        Standard deviation of the first candidates' weights, which begin around driving straight at half speed.
+        Standard deviation of the first candidates' weights, which begin around driving straight ahead.
+    constant : float
+        The weight from the constant to both wheels around which they begin; all other weights begin around 0.
     finalists, final_trials : int
-        At least 1; the trials at the end take four times as many steps.
+        At least 1.
+    final : Trial, optional
+        How the finalists are tried, which differs from `trial` in robots, steps and fitness at most; by default for
+        four times as many steps.
+    final_maps : sequence of map, name or path, optional
+        Where they are tried; by default on the same maps. Others tell who is good where none was bred.
     rng : int
         Seed of everything random.
     jobs : int
@@ -143,64 +166,107 @@ def evolve(
     >>> evolve(Trial(robots=3, steps=20), generations=2, population=4, finalists=1, final_trials=1).fitness.shape
     (2, 4)
     """
-    trial, worlds = _checked(Trial() if trial is None else trial, maps)
+    trial, worlds = checked_trial("trial", Trial() if trial is None else trial), checked_maps("maps", maps)
+    last = Finals.of(trial, worlds, final, final_maps, finalists, final_trials)
     count = check_count("generations", generations, minimum=1, maximum=1_000_000)
-    finals = check_count("finalists", finalists, minimum=1), check_count("final_trials", final_trials, minimum=1)
     streams = Streams(np.random.SeedSequence(check_count("rng", rng, maximum=2**63 - 1)))
     workers = checked_jobs(jobs)
     seed = int(streams["search"].integers(2**31))
-    search = Evolution(_first(trial), sigma=sigma, population=population, seed=seed)
-    diary = Diary(file, {**settings_of(trial, worlds), "rng": rng, "sigma": sigma, "population": population})
+    search = Evolution(_first(trial, constant), sigma=sigma, population=population, seed=seed)
+    begins = {"rng": rng, "sigma": sigma, "constant": constant, "population": population}
+    diary = Diary(file, {**settings_of(trial, worlds), **begins})
     diary.retell(search, count)
     seeds = streams["worlds"].integers(2**63, size=count).tolist()
     with progress_bar(count, "generations", progress) as bar:
         bar.update(search.generations)
         for g in range(search.generations, count):
             tried = [(x, worlds[g % len(worlds)], seeds[g]) for x in search.ask()]
-            search.tell(_in_order(workers, trial.fitness_of, tried))
+            search.tell(in_order(workers, trial.fitness_of, tried))
             diary.write(search)
             bar.update()
-    return Evolved(_best(search, trial, worlds, finals, streams, workers), np.array(search.told))
+    policy = last.best(search, streams["final"], workers, trial.robots * trial.steps)
+    return Evolved(policy, np.array(search.told))
 
 
-def _checked(trial: Trial, maps: Sequence[Map | str | os.PathLike[str]]) -> tuple[Trial, list[Map]]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finals:
+    """How the best of the last middles is found, in worlds in which none was tried.
+
+    Parameters
+    ----------
+    trial : Trial
+    worlds : list of Map
+        They take turns.
+    finalists, trials : int
+        At least 1.
+    """
+
+    trial: Trial
+    worlds: list[Map]
+    finalists: int
+    trials: int
+
+    @classmethod
+    def of(
+        cls,
+        trial: Trial,
+        worlds: list[Map],
+        final: Trial | None,
+        maps: Sequence[Map | str | os.PathLike[str]] | None,
+        finalists: int,
+        trials: int,
+    ) -> "Finals":
+        """Return the finals of an evolution with this trial on these worlds, or refuse them."""
+        last = replace(trial, steps=LONGER * trial.steps) if final is None else checked_trial("final", final)
+        if replace(last, robots=trial.robots, steps=trial.steps, fitness=trial.fitness) != trial:
+            raise InvalidValueError("final differs from trial in more than robots, steps and fitness; make it the same")
+        return cls(
+            trial=last,
+            worlds=worlds if maps is None else checked_maps("final_maps", maps),
+            finalists=check_count("finalists", finalists, minimum=1),
+            trials=check_count("final_trials", trials, minimum=1),
+        )
+
+    def best(self, search: Evolution, rng: np.random.Generator, workers: int, a_try: int) -> ReflexPolicy:
+        """Return the policy of the middle that does best; `a_try` is the robot-steps of a candidate's trial."""
+        means, worlds, trial = search.means[-self.finalists :], self.worlds, self.trial
+        seeds = rng.integers(2**63, size=self.trials).tolist()
+        tasks = [(x, worlds[k % len(worlds)], seeds[k]) for x in means for k in range(self.trials)]
+        worth = np.reshape(in_order(workers, trial.fitness_of, tasks), (len(means), self.trials)).mean(axis=1)
+        best = int(np.argmax(worth))
+        return trial.policy(
+            means[best],
+            steps=search.generations * search.population * a_try + len(tasks) * trial.robots * trial.steps,
+            learner="evolution",
+            fitness=trial.fitness.kind,
+            generations=search.generations,
+            worth=float(worth[best]),
+        )
+
+
+def checked_trial(name: str, trial: object) -> Trial:
+    """Return what is a trial, or refuse it."""
     if not isinstance(trial, Trial):
-        raise InvalidValueError(f"trial is {shortened(trial)}; expected Trial(...)")
+        raise InvalidValueError(f"{name} is {shortened(trial)}; expected Trial(...)")
+    return trial
+
+
+def checked_maps(name: str, maps: Sequence[Map | str | os.PathLike[str]]) -> list[Map]:
+    """Return the maps, or refuse them; at least one."""
     worlds = [Map.load(each) for each in maps]
     if not worlds:
-        raise InvalidValueError("maps is empty; give at least one map")
-    return trial, worlds
+        raise InvalidValueError(f"{name} is empty; give at least one map")
+    return worlds
 
 
-def _first(trial: Trial) -> np.ndarray:
-    """Return the weights around which the search begins: straight ahead at half speed, whatever is near."""
-    start = np.zeros(genome_length(trial.sensors, trial.units))
-    start[-2:] = 0.5
+def _first(trial: Trial, constant: float) -> np.ndarray:
+    """Return the weights around which the search begins: straight ahead, whatever is near."""
+    start = np.zeros(trial.genes)
+    start[-1 if trial.mirrored else -2 :] = check_number("constant", constant, minimum=-1000, maximum=1000)
     return start
 
 
-def _best(
-    search: Evolution, trial: Trial, worlds: list[Map], finals: tuple[int, int], streams: Streams, workers: int
-) -> ReflexPolicy:
-    """Return the policy of the middle of a generation that does best in worlds that none was tried in."""
-    finalists, trials = search.means[-finals[0] :], finals[1]
-    longer = replace(trial, steps=LONGER * trial.steps)
-    seeds = streams["final"].integers(2**63, size=trials)
-    tasks = [(x, worlds[k % len(worlds)], int(seeds[k])) for x in finalists for k in range(trials)]
-    worth = np.reshape(_in_order(workers, longer.fitness_of, tasks), (len(finalists), trials)).mean(axis=1)
-    best = int(np.argmax(worth))
-    tried = search.generations * search.population * trial.steps + len(tasks) * longer.steps
-    return trial.policy(
-        finalists[best],
-        steps=trial.robots * tried,
-        learner="evolution",
-        fitness=trial.fitness.kind,
-        generations=search.generations,
-        worth=float(worth[best]),
-    )
-
-
-def _in_order(workers: int, work: Callable, tasks: list[tuple]) -> list[float]:
+def in_order(workers: int, work: Callable, tasks: list[tuple]) -> list[float]:
     """Return what the work returns for each task, in their order, whoever is done first."""
     results = dict(results_of(workers, _numbered, ((k, work, task) for k, task in enumerate(tasks))))
     return [results[k] for k in range(len(tasks))]
@@ -212,7 +278,7 @@ def _numbered(k: int, work: Callable, task: tuple) -> tuple[int, float]:
 
 def settings_of(trial: Trial, worlds: list[Map]) -> dict:
     """Return all that decides what a fitness is, as texts and numbers."""
-    told = {name: getattr(trial, name) for name in ("robots", "steps", "units", "squash")}
+    told = {name: getattr(trial, name) for name in ("robots", "steps", "units", "squash", "encoding", "mirrored")}
     return {
         **told,
         "design": repr(trial.design),

@@ -10,6 +10,8 @@ from hashlib import blake2b
 from importlib.metadata import version
 from pathlib import Path
 
+import numpy as np
+
 from mesa_swarm.errors import check_choice, check_count
 from mesa_swarm.experiments.compare import checked_jobs
 from mesa_swarm.experiments.contestants import DESIGN, HOME, ROBOTS, Trained, contestants
@@ -28,7 +30,12 @@ PACKAGE = Path(__file__).resolve().parent.parent
 FOLDERS = "geometry", "world", "robots", "physics", "control", "fire", "learning", "analysis"
 ENGINE = (*FOLDERS, "streams.py", "world_model.py", "observed_world.py", "model.py")
 SOURCES = (*ENGINE, "experiments/contestants.py", "experiments/driving.py", "experiments/evolution.py")
-GENERATED = 20
+# Generated maps on which nobody was trained, bred or chosen: on GENERATED all are compared, and UNSEEN, at which nobody
+# looked before everything else stood, say whether the target is reached.
+GENERATED, UNSEEN = range(1, 21), range(40_001, 40_021)
+EVERY = "every unseen map"
+# Who is measured on every unseen map with every seed: the bred ones, and the rule whose coverage is their mark.
+RULE, BRED = "Avoid + Explore", ("evolved reflex", "evolved network")
 MODES = ("frozen", "learning")
 # Worlds of the evaluation have other seeds than those of training.
 APART = 1_000_000
@@ -83,8 +90,9 @@ class Benchmark:
 
         The built-in ones, and two of the 20 generated ones: ten seeds see all of them.
         """
-        first = (2 * (seed - 1)) % GENERATED + 1
-        return (*builtin_maps(), f"random {first}", f"random {first % GENERATED + 1}")
+        first = 2 * (seed - 1)
+        mine = (GENERATED[k % len(GENERATED)] for k in (first, first + 1))
+        return (*builtin_maps(), *(f"random {number}" for number in mine))
 
     def tasks(self) -> list[tuple[str, int]]:
         """Return the trainings: contestant and seed. Seed by seed, so that an interrupted benchmark is a fair one."""
@@ -174,7 +182,16 @@ def measured(benchmark: Benchmark, name: str, seed: int) -> tuple[str, int, dict
         for mode in MODES:
             for measure, value in _measures(trained, mode, place, seed, benchmark.evaluation_steps).items():
                 results[f"{place}|{mode}|{measure}"] = value
+    if name in (RULE, *BRED):
+        means = on_every_map(trained, seed, benchmark.evaluation_steps)
+        results |= {f"{EVERY}|frozen|{measure}": value for measure, value in means.items()}
     return name, seed, results
+
+
+def on_every_map(trained: Trained, seed: int, steps: int) -> dict[str, float]:
+    """Return by measure the means over all unseen maps of what was learned with a seed, frozen."""
+    rows = [_measures(trained, "frozen", f"random {number}", seed, steps) for number in UNSEEN]
+    return {measure: float(np.mean([row[measure] for row in rows])) for measure in rows[0]}
 
 
 def _measures(trained: Trained, mode: str, place: str, seed: int, steps: int) -> dict[str, float]:
@@ -197,15 +214,15 @@ def map_named(place: str) -> Map:
 
 
 def group_of(place: str) -> str:
-    """Return what kind of map it is: where the training was, another that is built in, or a generated one.
+    """Return what kind of map it is: where the training was, another that is built in, a generated one, or all unseen.
 
     Examples
     --------
     >>> [group_of(place) for place in ("original", "sparse", "random 7")]
     ['home', 'built in', 'generated']
     """
-    if place == HOME:
-        return "home"
+    if place in (HOME, EVERY):
+        return "home" if place == HOME else "every"
     return "generated" if place.startswith("random") else "built in"
 
 

@@ -8,12 +8,10 @@ from matplotlib.figure import Figure
 
 from mesa_swarm.experiments.figures import COLOURS
 from mesa_swarm.experiments.learn_bench import Run
-from mesa_swarm.experiments.learn_table import GROUPS, Line, lines_of
+from mesa_swarm.experiments.learn_table import FAST, FEW, GROUPS, Line, lines_of
 from mesa_swarm.experiments.pictures import INK, png
 
 MARKS = "osD^vP*Xhp"
-# What is asked of a good one: hardly any collisions, and most of the greatest speed.
-FEW, FAST = 0.5, 0.6
 # Below this, collisions are drawn on a scale that reaches 0.
 LINEAR = 0.1
 PANELS = {"home": "original, trained on", "built in": "other built-in maps", "generated": "generated maps"}

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mesa_swarm.experiments.driving import MEASURES
-from mesa_swarm.experiments.learn_bench import MODES, Benchmark, Run, group_of
+from mesa_swarm.experiments.learn_bench import BRED, EVERY, MODES, RULE, Benchmark, Run, group_of
 from mesa_swarm.experiments.statistics import Interval, bootstrap_interquartile_mean
 from mesa_swarm.experiments.tables import csv_text
 
@@ -20,6 +20,8 @@ TITLES = {
 HOW = {"frozen": "frozen", "learning": "still learning"}
 GROUPS = tuple(TITLES)
 HEADER = ("contestant", "collisions [95 %]", "worst", "ahead", "coverage")
+# What is asked of a good one: hardly any collisions, most of the greatest speed, and to see what the rule sees.
+FEW, FAST = 0.5, 0.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +87,7 @@ def markdown(benchmark: Benchmark, runs: Sequence[Run]) -> str:
             rows = [_cells(line) for line in lines if (line.group, line.mode) == (group, mode)]
             if rows:
                 parts.append("\n".join([f"**{TITLES[group]}, {HOW[mode]}**", "", *_table([HEADER, *rows])]))
+    parts += [seed_by_seed(runs, name) for name in BRED if _on_every_map(runs, name)]
     return "\n\n".join(parts) + "\n"
 
 
@@ -96,6 +99,31 @@ def _training(benchmark: Benchmark, runs: Sequence[Run]) -> str:
         rows.append((name, str(len(mine)), f"{mine[0]['robot-steps']:,.0f}", f"{wall:.1f}", f"{used:.1f}"))
     title = f"**Training: {benchmark.steps:,} steps of 15 robots on `original`; evaluation: "
     return "\n".join([f"{title}{benchmark.evaluation_steps:,} steps a map**", "", *_table(rows)])
+
+
+def _on_every_map(runs: Sequence[Run], name: str) -> dict[int, list[float]]:
+    """Return by seed the collisions, the speed ahead and the coverage, means over all unseen maps."""
+    asked = [f"{EVERY}|frozen|{measure}" for measure in ("collisions", "speed ahead", "coverage")]
+    found = {run.seed: [run.results.get(key) for key in asked] for run in runs if run.name == name}
+    return {seed: [v for v in values if v is not None] for seed, values in found.items() if None not in values}
+
+
+def seed_by_seed(runs: Sequence[Run], name: str) -> str:
+    """Return a table of who reaches what is asked: by each seed alone, and in the mean."""
+    mine, rule = _on_every_map(runs, name), _on_every_map(runs, RULE)
+    found = {str(seed): (*values, rule[seed][2] if seed in rule else math.nan) for seed, values in mine.items()}
+    found["mean"] = tuple(np.mean(list(found.values()), axis=0))
+    rows = [
+        (row, f"{c:.2f}", f"{a:.2f}", f"{s:.3f}", f"{r:.3f}", _reached(c, a, s, r))
+        for row, (c, a, s, r) in found.items()
+    ]
+    header = ("seed", "collisions", "ahead", "coverage", "of the rule", "reached")
+    title = f"**{name}: each seed on all twenty unseen maps, frozen (means)**"
+    return "\n".join([title, "", *_table([header, *rows])])
+
+
+def _reached(collisions: float, ahead: float, seen: float, of_the_rule: float) -> str:
+    return "yes" if collisions <= FEW and ahead >= FAST and seen >= of_the_rule else "no"
 
 
 def _cells(line: Line) -> tuple[str, ...]:

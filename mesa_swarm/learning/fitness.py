@@ -9,7 +9,7 @@ from mesa_swarm.errors import InvalidValueError, check_choice, check_number, sho
 from mesa_swarm.geometry.compiled import compiled
 
 FITNESSES = ("floreano", "careful")
-# Squares in which robots have been are counted: 40 x 40 map units, eight robots' lengths of the thesis.
+# Squares in which robots have been are counted: 40 x 40 map units, four robots of the thesis side by side.
 SQUARE = 40.0
 # What is added up for each robot.
 SUMS = ("floreano", "ahead", "collisions")
@@ -26,17 +26,19 @@ class Fitness:
     with V the mean of the wheels' absolute speeds, dv half of the difference between their signed speeds, both as
     shares of max_speed, and i the greatest nearness that any sensor reads, 0 to 1 [1]_. "careful" is
 
-        ``ahead - collision_cost c + coverage_worth a``
+        ``speed_worth v - collision_cost c + coverage_worth a``
 
-    with the mean speed ahead as a share of max_speed, c the collisions a robot and step, and a the share of the
-    map's squares of 40 x 40 in which any robot has been.
+    with v the mean speed ahead as a share of max_speed, c the collisions a robot and step, and a the share of the
+    map's squares in which any robot has been.
 
     Parameters
     ----------
     kind : str
         "floreano" or "careful".
-    collision_cost, coverage_worth : float
-        At least 0; of "careful" only.
+    collision_cost, coverage_worth, speed_worth : float
+        At least 0; of "careful" only. Where coverage is worth far more than speed, robots may come to drive backwards.
+    square : float
+        Side of the squares, map units, 1 to 1,000. With small ones it pays to drive near walls.
 
     Raises
     ------
@@ -55,18 +57,22 @@ class Fitness:
     kind: str = "careful"
     collision_cost: float = 800.0
     coverage_worth: float = 15.0
+    speed_worth: float = 1.0
+    square: float = SQUARE
 
     def __post_init__(self) -> None:
         """Check the parameters."""
         check_choice("fitness", self.kind, FITNESSES)
         check_number("collision_cost", self.collision_cost, minimum=0, maximum=1e6)
         check_number("coverage_worth", self.coverage_worth, minimum=0, maximum=1e6)
+        check_number("speed_worth", self.speed_worth, minimum=0, maximum=1e6)
+        check_number("square", self.square, minimum=1, maximum=1000)
 
     def of(self, *, floreano: float = 0.0, ahead: float = 0.0, collisions: float = 0.0, covered: float = 0.0) -> float:
         """Return the fitness of a drive, of its means over robots and steps, and the share of squares visited."""
         if self.kind == "floreano":
             return floreano
-        return ahead - self.collision_cost * collisions + self.coverage_worth * covered
+        return self.speed_worth * ahead - self.collision_cost * collisions + self.coverage_worth * covered
 
 
 def floreano(left: float, right: float, nearest: float) -> float:
@@ -103,21 +109,25 @@ class Tally:
         Of the map.
     ranges : ndarray, shape (d, s)
         Of the sensors of each design, see `actions.ranges_of`.
+    square : float
+        Side of the squares, map units.
 
     Attributes
     ----------
     sums : ndarray, shape (n, 3)
         For each robot: of Floreano's and Mondada's products, of speeds ahead, of collisions.
     visited : bool ndarray, shape (rows, columns)
-        Squares of 40 x 40 in which any robot has been.
+        Squares in which any robot has been.
     """
 
-    def __init__(self, robots: int, bounds: tuple[float, float, float, float], ranges: np.ndarray) -> None:
+    def __init__(
+        self, robots: int, bounds: tuple[float, float, float, float], ranges: np.ndarray, square: float = SQUARE
+    ) -> None:
         x_min, y_min, x_max, y_max = bounds
         self.sums = np.zeros((robots, len(SUMS)))
-        self.visited = np.zeros((math.ceil((y_max - y_min) / SQUARE), math.ceil((x_max - x_min) / SQUARE)), np.bool_)
+        self.visited = np.zeros((math.ceil((y_max - y_min) / square), math.ceil((x_max - x_min) / square)), np.bool_)
         self.steps = 0
-        self._corner, self._ranges = (float(x_min), float(y_min)), ranges
+        self._corner, self._ranges, self._square = (float(x_min), float(y_min)), ranges, float(square)
 
     def add(self, columns: dict[str, np.ndarray]) -> None:
         """Add the step that was just taken, of which these are the swarm's columns."""
@@ -130,6 +140,7 @@ class Tally:
             columns["collided"],
             columns["position"],
             self._corner,
+            self._square,
             self.visited,
             self.sums,
         )
@@ -144,7 +155,7 @@ class Tally:
 
 
 @compiled
-def tally(distance, design, ranges, command, max_speed, collided, position, corner, visited, sums):
+def tally(distance, design, ranges, command, max_speed, collided, position, corner, square, visited, sums):
     """Add what every robot did in a step to its sums, and mark the square in which it is."""
     for i in range(command.shape[0]):
         speed = max_speed[i] if max_speed[i] > 0.0 else 1.0
@@ -157,8 +168,8 @@ def tally(distance, design, ranges, command, max_speed, collided, position, corn
         sums[i, 0] += fast_straight_far(left, right, nearest)
         sums[i, 1] += 0.5 * (left + right)
         sums[i, 2] += 1.0 if collided[i] else 0.0
-        row = min(max(int((position[i, 1] - corner[1]) / SQUARE), 0), visited.shape[0] - 1)
-        column = min(max(int((position[i, 0] - corner[0]) / SQUARE), 0), visited.shape[1] - 1)
+        row = min(max(int((position[i, 1] - corner[1]) / square), 0), visited.shape[0] - 1)
+        column = min(max(int((position[i, 0] - corner[0]) / square), 0), visited.shape[1] - 1)
         visited[row, column] = True
 
 

@@ -10,9 +10,12 @@ from numpy.typing import ArrayLike
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, shortened
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.policy import SensorLayout, checked_chances
+from mesa_swarm.world.statics import ROBOT
 
 # What becomes of a wheel's sum: kept within [-1, 1]; full speed ahead or back; a soft limit.
 SQUASHES = ("linear", "threshold", "tanh")
+# Inputs a sensor.
+REFLEX_ENCODINGS = {"distance": 1, "typed": 2}
 PARTS = ("hidden", "wheel")
 MOST_UNITS = 64
 
@@ -28,17 +31,20 @@ class ReflexPolicy:
 
     Without hidden units it is a reflex, as Braitenberg's vehicles have them; with them a small recurrent network,
     which can keep to a side until a turn is done. Without the whim, robots drive round and round on the same way.
+    Where the encoding is "typed", p holds the s proximities twice: of whatever is there, and of robots alone.
 
     Parameters
     ----------
     sensors : SensorLayout
-    hidden : ndarray, shape (copies, s + u + 2, u)
-        U, the weights into the u hidden units: from the s proximities, from the units themselves, from the whim, and
+    hidden : ndarray, shape (copies, s + u + 2, u) or, typed, (copies, 2 s + u + 2, u)
+        U, the weights into the u hidden units: from the proximities, from the units themselves, from the whim, and
         a constant. Robot i acts by set ``i % copies``.
-    wheel : ndarray, shape (copies, s + u + 2, 2)
+    wheel : ndarray, shape (copies, s + u + 2, 2) or, typed, (copies, 2 s + u + 2, 2)
         W, the weights to the left and right wheel.
     squash : str
         "linear" (cut off at -1 and 1), "threshold" (-1 or 1) or "tanh".
+    encoding : str
+        "distance", or "typed": whether what a sensor sees is a robot is known too.
     steps : int
         Robot-steps of training, 0 for none.
     training : dict
@@ -64,6 +70,7 @@ class ReflexPolicy:
     hidden: np.ndarray
     wheel: np.ndarray
     squash: str = "linear"
+    encoding: str = "distance"
     steps: int = 0
     training: dict = field(default_factory=dict)
 
@@ -73,11 +80,11 @@ class ReflexPolicy:
         check_count("steps", self.steps, maximum=2**62)
         hidden, wheel = np.asarray(self.hidden), np.asarray(self.wheel)
         copies, units = (hidden.shape[0], hidden.shape[-1]) if hidden.ndim == 3 else (0, 0)
-        rows = rows_of(self.sensors, units)
+        rows = rows_of(self.sensors, units, self.encoding)
         if not copies or hidden.shape != (copies, rows, units) or wheel.shape != (copies, rows, 2):
             raise InvalidValueError(
                 f"hidden and wheel have the shapes {hidden.shape} and {wheel.shape}; expected (copies, {rows}, u) "
-                f"and (copies, {rows}, 2): {len(self.sensors)} sensors, u hidden units, a whim, a constant"
+                f"and (copies, {rows}, 2): inputs of {len(self.sensors)} sensors, u hidden units, a whim, a constant"
             )
         if not (np.isfinite(hidden).all() and np.isfinite(wheel).all()):
             raise InvalidValueError("hidden or wheel holds weights that are not finite; train them anew")
@@ -92,23 +99,27 @@ class ReflexPolicy:
         return cls(sensors=sensors, hidden=np.zeros((1, len(wheel[0]), 0)), wheel=wheel, squash=squash, steps=1)
 
     @classmethod
-    def of_genome(cls, sensors: SensorLayout, genome: ArrayLike, *, units: int = 0, **more: Any) -> "ReflexPolicy":
+    def of_genome(
+        cls, sensors: SensorLayout, genome: ArrayLike, *, units: int = 0, encoding: str = "distance", **more: Any
+    ) -> "ReflexPolicy":
         """Return the policy whose weights are these numbers, row by row: into the hidden units, then to the wheels.
 
         Parameters
         ----------
         sensors : SensorLayout
-        genome : ndarray, shape (genome_length(sensors, units),)
+        genome : ndarray, shape (genome_length(sensors, units, encoding),)
         units : int
             Hidden units, 0 to 64.
+        encoding : str
         **more
             Other fields of the policy.
         """
-        rows, genes = rows_of(sensors, units), np.array(genome, dtype=float)
-        if genes.shape != (genome_length(sensors, units),):
-            raise InvalidValueError(f"genome has shape {genes.shape}; expected ({genome_length(sensors, units)},)")
+        rows, genes = rows_of(sensors, units, encoding), np.array(genome, dtype=float)
+        if genes.shape != (rows * (units + 2),):
+            raise InvalidValueError(f"genome has shape {genes.shape}; expected ({rows * (units + 2)},)")
         hidden, wheel = np.split(genes, [rows * units])
-        return cls(sensors=sensors, hidden=hidden.reshape(1, rows, units), wheel=wheel.reshape(1, rows, 2), **more)
+        shaped, wheels = hidden.reshape(1, rows, units), wheel.reshape(1, rows, 2)
+        return cls(sensors=sensors, encoding=encoding, hidden=shaped, wheel=wheels, **more)
 
     @property
     def memory(self) -> int:
@@ -131,14 +142,15 @@ class ReflexPolicy:
         memory : float64 ndarray, shape (n, u), written
             What the hidden units said in the step before; without it, nothing.
         """
-        distance, _ = self.sensors.check_readings(readings, kinds)
+        distance, kind = self.sensors.check_readings(readings, kinds)
         kept = np.zeros((len(distance), self.memory)) if memory is None else memory
         if kept.shape != (len(distance), self.memory):
             raise InvalidValueError(f"memory is {shortened(kept.shape)}; expected {(len(distance), self.memory)}")
         shares = np.empty((len(distance), 2))
         chances = np.full(len(distance), 0.5) if chance is None else checked_chances(chance, len(distance))
         ranges = np.array(self.sensors.ranges)
-        react(distance, ranges, self.hidden, self.wheel, SQUASHES.index(self.squash), chances, kept, shares)
+        squash = SQUASHES.index(self.squash)
+        react(distance, kind, ranges, self.hidden, self.wheel, squash, self.encoding == "typed", chances, kept, shares)
         return shares
 
     def arrays(self) -> dict[str, np.ndarray]:
@@ -147,27 +159,35 @@ class ReflexPolicy:
 
     def settings(self) -> dict:
         """Return what else it takes to act."""
-        return {"squash": self.squash}
+        return {"squash": self.squash, "encoding": self.encoding}
 
     @classmethod
     def restored(
         cls, sensors: SensorLayout, steps: int, training: dict, settings: dict, arrays: dict[str, np.ndarray]
     ) -> "ReflexPolicy":
         """Return the policy of these parts, as a file has them."""
-        if sorted(arrays) != sorted(PARTS) or sorted(settings) != ["squash"]:
+        # Files from before there were encodings name none.
+        if sorted(arrays) != sorted(PARTS) or sorted({"encoding", *settings}) != ["encoding", "squash"]:
             raise InvalidValueError(f"a reflex policy has {', '.join(arrays)}; expected {', '.join(PARTS)}")
-        hidden, wheel = arrays["hidden"], arrays["wheel"]
+        encoding = str(settings.get("encoding", "distance"))
         return cls(
-            sensors=sensors, hidden=hidden, wheel=wheel, squash=settings["squash"], steps=steps, training=training
+            sensors=sensors,
+            hidden=arrays["hidden"],
+            wheel=arrays["wheel"],
+            squash=str(settings["squash"]),
+            encoding=encoding,
+            steps=steps,
+            training=training,
         )
 
 
-def rows_of(sensors: SensorLayout, units: int) -> int:
+def rows_of(sensors: SensorLayout, units: int, encoding: str = "distance") -> int:
     """Return how many numbers a unit or wheel takes: of sensors, hidden units, the whim and the constant."""
-    return len(sensors) + check_count("units", units, maximum=MOST_UNITS) + 2
+    inputs = REFLEX_ENCODINGS[check_choice("encoding", encoding, REFLEX_ENCODINGS)] * len(sensors)
+    return inputs + check_count("units", units, maximum=MOST_UNITS) + 2
 
 
-def genome_length(sensors: SensorLayout, units: int) -> int:
+def genome_length(sensors: SensorLayout, units: int, encoding: str = "distance") -> int:
     """Return how many weights a policy has.
 
     Examples
@@ -176,26 +196,29 @@ def genome_length(sensors: SensorLayout, units: int) -> int:
     >>> genome_length(SensorLayout.of(AGENT9), 2)
     52
     """
-    return rows_of(sensors, units) * (units + 2)
+    return rows_of(sensors, units, encoding) * (units + 2)
 
 
 @compiled
-def react(distance, ranges, hidden, wheel, squash, chance, memory, shares):
+def react(distance, kind, ranges, hidden, wheel, squash, typed, chance, memory, shares):
     """Write the wheel commands of every robot (n, 2), and what its hidden units say (n, u) over what they said."""
     sensors, units = distance.shape[1], memory.shape[1]
-    known, said = np.empty(sensors + units + 2), np.empty(units)
-    known[sensors + units + 1] = 1.0
+    inputs = 2 * sensors if typed else sensors
+    known, said = np.empty(inputs + units + 2), np.empty(units)
+    known[inputs + units + 1] = 1.0
     for i in range(distance.shape[0]):
         copy = i % wheel.shape[0]
         for s in range(sensors):
             known[s] = nearness(distance[i, s], ranges[s])
+            if typed:
+                known[sensors + s] = known[s] if kind[i, s] == ROBOT else 0.0
         for u in range(units):
-            known[sensors + u] = memory[i, u]
-        known[sensors + units] = 2.0 * chance[i] - 1.0
+            known[inputs + u] = memory[i, u]
+        known[inputs + units] = 2.0 * chance[i] - 1.0
         for u in range(units):
             said[u] = math.tanh(weighted(hidden, copy, u, known))
         for u in range(units):
-            known[sensors + u] = said[u]
+            known[inputs + u] = said[u]
             memory[i, u] = said[u]
         for side in range(2):
             shares[i, side] = squashed_sum(squash, weighted(wheel, copy, side, known))

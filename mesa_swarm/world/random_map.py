@@ -1,11 +1,12 @@
 """Random maps: walls all round, and discs and tilted walls inside that close nothing off."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import shapely
 
-from mesa_swarm.errors import check_count, check_number
+from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
 from mesa_swarm.streams import Streams
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.placement import free_space
@@ -19,8 +20,14 @@ SHARE_OF_DISCS = 0.4
 TRIES = 50
 
 
-def random_map(number: int, *, obstacles: int = 8, passage: float = 30.0) -> Map:
-    """Return a map of 800 x 600 on which one can get from everywhere to everywhere; the same number gives the same.
+def random_map(
+    number: int,
+    *,
+    obstacles: int = 8,
+    passage: float = 30.0,
+    size: tuple[float, float] = (WIDTH, HEIGHT),
+) -> Map:
+    """Return a map on which one can get from everywhere to everywhere; the same arguments give the same.
 
     Parameters
     ----------
@@ -30,6 +37,8 @@ def random_map(number: int, *, obstacles: int = 8, passage: float = 30.0) -> Map
         Discs and tilted walls besides the four outer walls, at most 30. Fewer if no more find room.
     passage : float
         A disc of this diameter can get from any place where it fits to any other, above 0, at most 200.
+    size : (width, height)
+        Map units, 200 to 10,000 each.
 
     Raises
     ------
@@ -39,51 +48,62 @@ def random_map(number: int, *, obstacles: int = 8, passage: float = 30.0) -> Map
     --------
     >>> random_map(1) == random_map(1), random_map(1) == random_map(2)
     (True, False)
-    >>> len(random_map(1, obstacles=3).obstacles)
-    7
+    >>> len(random_map(1, obstacles=3).obstacles), random_map(1, obstacles=2, size=(400, 300)).bounds
+    (7, (0.0, 0.0, 400.0, 300.0))
     """
     number = check_count("number", number)
     wanted = check_count("obstacles", obstacles, maximum=30)
+    extent = _checked_size(size)
     width = check_number("passage", passage, above=0, maximum=200)
     rng = Streams(np.random.SeedSequence(number))["random map"]
-    shapes = _outer_walls()
+    shapes = _outer_walls(*extent)
     for _ in range(wanted):
-        shapes += _one_more(shapes, width, rng)
-    return Map(name=f"random {number}", bounds=(0, 0, WIDTH, HEIGHT), obstacles=tuple(shapes))
+        shapes += _one_more(shapes, extent, width, rng)
+    return Map(name=f"random {number}", bounds=(0, 0, *extent), obstacles=tuple(shapes))
 
 
-def _outer_walls() -> list[Shape]:
+def _checked_size(size: object) -> tuple[float, float]:
+    if not isinstance(size, Sequence) or isinstance(size, str) or len(size) != 2:
+        raise InvalidValueError(f"size is {shortened(size)}; expected (width, height)")
+    width, height = (check_number("size", side, minimum=200, maximum=10_000) for side in size)
+    return width, height
+
+
+def _outer_walls(width: float, height: float) -> list[Shape]:
     return [
-        rectangle((0, 0), (WALL, HEIGHT)),
-        rectangle((WIDTH - WALL, 0), (WIDTH, HEIGHT)),
-        rectangle((0, 0), (WIDTH, WALL)),
-        rectangle((0, HEIGHT - WALL), (WIDTH, HEIGHT)),
+        rectangle((0, 0), (WALL, height)),
+        rectangle((width - WALL, 0), (width, height)),
+        rectangle((0, 0), (width, WALL)),
+        rectangle((0, height - WALL), (width, height)),
     ]
 
 
-def _one_more(shapes: list[Shape], passage: float, rng: np.random.Generator) -> list[Shape]:
+def _one_more(
+    shapes: list[Shape], extent: tuple[float, float], passage: float, rng: np.random.Generator
+) -> list[Shape]:
     """Return an obstacle that leaves free space in one piece, or none if chance does not find one."""
     for _ in range(TRIES):
-        drawn = _drawn(rng)
-        if drawn is not None and _is_whole([*shapes, drawn], passage):
+        drawn = _drawn(extent, rng)
+        if drawn is not None and _is_whole([*shapes, drawn], extent, passage):
             return [drawn]
     return []
 
 
-def _drawn(rng: np.random.Generator) -> Shape | None:
+def _drawn(extent: tuple[float, float], rng: np.random.Generator) -> Shape | None:
     """Return a disc or a wall; None for a wall whose corners lie beyond the map."""
-    centre = rng.uniform((WALL, WALL), (WIDTH - WALL, HEIGHT - WALL))
+    width, height = extent
+    centre = rng.uniform((WALL, WALL), (width - WALL, height - WALL))
     if rng.random() < SHARE_OF_DISCS:
         return disc(centre, rng.uniform(*RADII))
     length, thickness, turn = rng.uniform(*LENGTHS), rng.uniform(*THICKNESSES), rng.uniform(0, math.pi)
     along = np.array([math.cos(turn), math.sin(turn)]) * length / 2
     across = np.array([-math.sin(turn), math.cos(turn)]) * thickness / 2
     corners = centre + np.array([along + across, along - across, -along - across, -along + across])
-    inside = (corners >= 0).all() and (corners <= (WIDTH, HEIGHT)).all()
+    inside = (corners >= 0).all() and (corners <= extent).all()
     return polygon(corners) if inside else None
 
 
-def _is_whole(shapes: list[Shape], passage: float) -> bool:
+def _is_whole(shapes: list[Shape], extent: tuple[float, float], passage: float) -> bool:
     """Whether where a disc as wide as the passage may be is one piece."""
-    space = free_space((0, 0, WIDTH, HEIGHT), shapes, np.empty((0, 3)), passage / 2)
+    space = free_space((0, 0, *extent), shapes, np.empty((0, 3)), passage / 2)
     return not space.is_empty and len(shapely.get_parts(space)) == 1

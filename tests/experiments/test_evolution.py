@@ -2,7 +2,7 @@
 
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -36,6 +36,46 @@ def test_finds_the_middle_of_a_sphere():
     assert np.abs(weights(found) - 0.25).max() < 1e-4
     assert found.fitness.shape == (150, 12)
     assert found.policy.steps == 150 * 12 * 20 + 80
+
+
+def test_a_mirrored_trial_finds_half_of_the_weights_and_all_its_middles_are_mirrored():
+    sphere = Sphere(design=AGENT3, steps=10, robots=2, units=2, encoding="typed", mirrored=True)
+    assert sphere.genes == 2 * (6 + 2 + 2)
+    found = evolve(sphere, generations=3, population=6, finalists=1, final_trials=1).policy
+    assert (found.encoding, found.wheel.shape, found.hidden.shape) == ("typed", (1, 10, 2), (1, 10, 2))
+    left, right = found.wheel[0].T
+    assert (right == left[[0, 2, 1, 3, 5, 4, 7, 6, 8, 9]] * [1, 1, 1, 1, 1, 1, 1, 1, -1, 1]).all()
+
+
+def test_candidates_begin_around_the_constant_that_was_given():
+    searched = {"generations": 1, "population": 4, "finalists": 1, "final_trials": 1, "sigma": 1e-6}
+    policy = evolve(replace(BRIEF, mirrored=True), **searched, constant=1.5).policy
+    assert np.abs(policy.wheel[0, -1] - 1.5).max() < 1e-4
+    assert np.abs(policy.wheel[0, :-1]).max() < 1e-4
+
+
+@dataclass(frozen=True, kw_only=True)
+class Noted(Sphere):
+    """Notes where it is tried, with how many robots and steps."""
+
+    def fitness_of(self, genome, world, rng):
+        PLACES.append((world.name, self.robots, self.steps))
+        return super().fitness_of(genome, world, rng)
+
+
+PLACES = []
+
+
+def test_finalists_are_tried_on_maps_and_by_trials_of_their_own_and_their_robot_steps_count():
+    PLACES.clear()
+    trial, final = Noted(robots=3, steps=15), Noted(robots=5, steps=40)
+    bred = evolve(trial, **SMALL, maps=["sparse"], final=final, final_maps=["openspace", "original"])
+    assert PLACES[:12] == [("sparse", 3, 15)] * 12
+    assert PLACES[12:] == [("openspace", 5, 40)] * 2
+    assert bred.policy.steps == 12 * 45 + 2 * 200
+    PLACES.clear()
+    evolve(trial, **SMALL)
+    assert PLACES[12:] == [("original", 3, 60)] * 2
 
 
 def test_the_seed_decides_and_nothing_else():
@@ -128,6 +168,11 @@ def test_a_fitness_that_is_no_number_ends_it_with_candidate_and_generation(tmp_p
         {"sigma": math.nan},
         {"finalists": 0},
         {"final_trials": 0},
+        {"final": "longer"},
+        {"final": Trial(units=0)},
+        {"final": Trial(encoding="typed")},
+        {"final_maps": []},
+        {"constant": math.inf},
         {"rng": -1},
         {"jobs": 0},
         {"file": "mine.txt"},
@@ -139,7 +184,17 @@ def test_what_is_no_evolution_is_refused_in_one_line_before_anything_is_tried(wr
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("wrong", [{"robots": 0}, {"steps": 0}, {"units": -1}, {"squash": "no"}])
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"robots": 0},
+        {"steps": 0},
+        {"units": -1},
+        {"squash": "no"},
+        {"encoding": "no"},
+        {"mirrored": True, "units": 1},
+    ],
+)
 def test_what_is_no_trial_is_refused(wrong):
     with pytest.raises(SwarmError):
         Trial(**wrong)

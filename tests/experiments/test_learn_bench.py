@@ -10,11 +10,12 @@ from mesa_swarm import AGENT9, Map, disc
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments import learn_bench as bench
-from mesa_swarm.experiments.contestants import contestants
+from mesa_swarm.experiments.contestants import BREEDING, CHOOSING, contestants
 from mesa_swarm.experiments.driving import drive_measured, driven_world, within_reach
-from mesa_swarm.experiments.learn_bench import Benchmark, Run, learn_bench
+from mesa_swarm.experiments.learn_bench import EVERY, GENERATED, UNSEEN, Benchmark, Run, learn_bench
 from mesa_swarm.experiments.learn_commands import bench as command
-from mesa_swarm.experiments.learn_table import lines_of, markdown, runs_csv, summary_json
+from mesa_swarm.experiments.learn_table import lines_of, markdown, runs_csv, seed_by_seed, summary_json
+from mesa_swarm.world.random_map import random_map
 
 BRIEF = {"seeds": 2, "steps": 40, "evaluation_steps": 10}
 TWO = ("random", "Hebbian")
@@ -37,9 +38,47 @@ def test_all_that_the_table_must_list_take_part():
 def test_ten_seeds_see_all_built_in_and_twenty_generated_maps():
     ten = Benchmark(seeds=10)
     seen = {place for seed in range(1, 11) for place in ten.maps(seed)}
-    assert seen == {"original", "sparse", "openspace", "openspace_fire", *(f"random {k}" for k in range(1, 21))}
+    assert seen == {"original", "sparse", "openspace", "openspace_fire", *(f"random {k}" for k in GENERATED)}
     assert all(len(ten.maps(seed)) == 6 for seed in range(1, 11))
     assert ten.maps(11) == ten.maps(1)
+    assert len(GENERATED) == len(UNSEEN) == 20
+
+
+def test_no_map_is_in_two_of_the_blocks_to_breed_to_choose_to_compare_and_to_test():
+    blocks = BREEDING, CHOOSING, GENERATED, UNSEEN
+    assert len(set().union(*blocks)) == sum(map(len, blocks))
+
+
+def test_the_rule_and_the_bred_are_measured_on_every_unseen_map_with_each_seed(tmp_path, monkeypatch):
+    monkeypatch.setattr(bench, "UNSEEN", range(40_001, 40_004))
+    alone = Benchmark(seeds=1, steps=40, evaluation_steps=10, only=("random", "Avoid + Explore", "evolved reflex"))
+    runs = learn_bench(alone, out=tmp_path)
+    rows = {run.name: {measure: value for place, _, measure, value in run.rows() if place == EVERY} for run in runs}
+    assert (rows["random"], len(rows["evolved reflex"])) == ({}, 4)
+    rule, apart = Subsumption(Avoid(), Explore()), bench.APART + 1
+    each = [drive_measured(driven_world(rule, AGENT9, 15, random_map(k), apart), 10) for k in range(40_001, 40_004)]
+    assert rows["Avoid + Explore"] == {measure: np.mean([row[measure] for row in each]) for measure in each[0]}
+    assert "evolved reflex: each seed on all twenty unseen maps" in markdown(alone, runs)
+
+
+def test_the_target_is_told_seed_by_seed_and_in_the_mean():
+    def told(seed, name, *values):
+        measures = ("collisions", "speed ahead", "coverage")
+        return Run(name, seed, {f"{EVERY}|frozen|{m}": v for m, v in zip(measures, values, strict=True)})
+
+    rule = [told(seed, "Avoid + Explore", 60.0, 0.9, 0.8) for seed in (1, 2)]
+    bred = [told(1, "evolved reflex", 0.25, 0.875, 0.8125), told(2, "evolved reflex", 0.75, 0.875, 0.8125)]
+    table = [
+        [cell.strip() for cell in row.split("|")[1:-1]]
+        for row in seed_by_seed(rule + bred, "evolved reflex").splitlines()[4:]
+    ]
+    assert table == [
+        ["1", "0.25", "0.88", "0.812", "0.800", "yes"],
+        ["2", "0.75", "0.88", "0.812", "0.800", "no"],
+        ["mean", "0.50", "0.88", "0.812", "0.800", "yes"],
+    ]
+    alone = seed_by_seed(bred[:1], "evolved reflex").splitlines()[-1]
+    assert [cell.strip() for cell in alone.split("|")[-3:-1]] == ["nan", "no"]
 
 
 def test_a_robot_that_drives_straight_is_fast_and_sees_what_it_passes():

@@ -17,11 +17,11 @@ HALL = Map(name="hall", bounds=(0, 0, 400, 200))
 WHEEL = st.floats(-1, 1)
 
 
-def tallied(poses, steps, world=HALL, control=None):
+def tallied(poses, steps, world=HALL, control=None, **options):
     model = SwarmModel(map=world, rng=1)
     model.add_robots(AGENT9, poses=poses)
     model.control = control or Subsumption(Explore())
-    tally = Tally(len(poses), model.map.bounds, ranges_of(model.swarm.table.proximity))
+    tally = Tally(len(poses), model.map.bounds, ranges_of(model.swarm.table.proximity), **options)
     for _ in range(steps):
         model.step()
         tally.add(model.swarm.columns)
@@ -57,6 +57,14 @@ def test_a_robot_alone_on_its_way_has_all_of_both_fitnesses_and_has_been_in_the_
     assert means["covered"] == 4 / 50  # x from 101 to 200: columns 2 to 4, and 5 begins at 200
     assert Fitness(kind="floreano").of(**means) == 1.0
     assert Fitness(collision_cost=3, coverage_worth=10).of(**means) == pytest.approx(1.8)
+    assert Fitness(collision_cost=3, coverage_worth=10, speed_worth=5).of(**means) == pytest.approx(5.8)
+
+
+def test_small_squares_are_counted_where_they_are_asked_for():
+    tally = tallied([(100, 100, 0.0)], 99, square=10)  # x from 101 to 199, columns 10 to 19
+    assert tally.visited.shape == (20, 40)
+    assert np.flatnonzero(tally.visited.any(axis=0)).tolist() == list(range(10, 20))
+    assert tally.means()["covered"] == 10 / 800
 
 
 def test_a_robot_that_drives_against_a_wall_collides_in_each_step_and_earns_nothing_of_floreanos():
@@ -80,7 +88,14 @@ def test_nearness_lowers_floreanos_product_by_the_nearest_reading():
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"kind": "nice"}, {"collision_cost": -1}, {"collision_cost": math.nan}, {"coverage_worth": "much"}],
+    [
+        {"kind": "nice"},
+        {"collision_cost": -1},
+        {"collision_cost": math.nan},
+        {"coverage_worth": "much"},
+        {"square": 0},
+        {"speed_worth": -1},
+    ],
 )
 def test_what_is_no_fitness_is_refused_in_one_line(wrong):
     with pytest.raises(SwarmError) as caught:

@@ -12,6 +12,7 @@ from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import LearningError, SwarmError
 from mesa_swarm.learning import PolicyLayer, SensorLayout, load_policy, save_policy
 from mesa_swarm.learning.reflex_policy import ReflexPolicy, genome_length
+from mesa_swarm.world.statics import ROBOT
 
 NINE = SensorLayout.of(AGENT9)
 SQUASHED = {
@@ -21,18 +22,21 @@ SQUASHED = {
 }
 
 
-def drawn(seed=1, units=2, squash="linear", copies=1):
+def drawn(seed=1, units=2, squash="linear", copies=1, encoding="distance"):
     rng = np.random.default_rng(seed)
-    rows = 9 + units + 2
+    rows = (18 if encoding == "typed" else 9) + units + 2
     hidden, wheel = rng.normal(size=(copies, rows, units)), rng.normal(size=(copies, rows, 2))
-    return ReflexPolicy(sensors=NINE, hidden=hidden, wheel=wheel, squash=squash, steps=7, training={"learner": "luck"})
+    options = {"squash": squash, "encoding": encoding, "steps": 7, "training": {"learner": "luck"}}
+    return ReflexPolicy(sensors=NINE, hidden=hidden, wheel=wheel, **options)
 
 
-def twin(policy, readings, chance, memory):
+def twin(policy, readings, kinds, chance, memory):
     """Return wheels and memory of each robot, by the equation."""
     wheels = []
     for i, reading in enumerate(readings):
         near = np.where(reading < 0, 0.0, 1 - np.minimum(reading / policy.sensors.ranges, 1))
+        if policy.encoding == "typed":
+            near = np.concatenate([near, np.where(kinds[i] == ROBOT, near, 0.0)])
         whim = [2 * chance[i] - 1, 1.0]
         copy = i % len(policy.wheel)
         memory[i] = np.tanh(np.concatenate([near, memory[i], whim]) @ policy.hidden[copy])
@@ -47,16 +51,22 @@ def driven(policy, steps, design=AGENT9, seed=2, robots=4, **options):
     return model.run(steps)
 
 
-@given(st.integers(0, 10**6), st.sampled_from([0, 1, 3]), st.sampled_from(sorted(SQUASHED)), st.integers(1, 3))
-@settings(max_examples=40, deadline=None)
-def test_acts_as_its_equation_says_over_several_steps(seed, units, squash, copies):
-    policy, rng = drawn(seed, units, squash, copies), np.random.default_rng(seed)
+@given(
+    st.integers(0, 10**6),
+    st.sampled_from([0, 1, 3]),
+    st.sampled_from(sorted(SQUASHED)),
+    st.integers(1, 3),
+    st.sampled_from(["distance", "typed"]),
+)
+@settings(max_examples=60, deadline=None)
+def test_acts_as_its_equation_says_over_several_steps(seed, units, squash, copies, encoding):
+    policy, rng = drawn(seed, units, squash, copies, encoding), np.random.default_rng(seed)
     kept, other = np.zeros((5, units)), np.zeros((5, units))
     for _ in range(4):
         readings = np.where(rng.random((5, 9)) < 0.4, -1.0, rng.uniform(0, 60, (5, 9)))
-        chance = rng.random(5)
-        wheels = policy.act(readings, np.zeros((5, 9)), chance, kept)
-        np.testing.assert_allclose(wheels, twin(policy, readings, chance, other), atol=1e-12)
+        kinds, chance = rng.integers(0, 4, (5, 9)), rng.random(5)
+        wheels = policy.act(readings, kinds, chance, kept)
+        np.testing.assert_allclose(wheels, twin(policy, readings, kinds, chance, other), atol=1e-12)
         np.testing.assert_allclose(kept, other, atol=1e-12)
 
 
@@ -86,7 +96,7 @@ def test_a_layer_keeps_each_robots_memory_from_step_to_step():
     ahead = model.swarm.distance.copy(), model.swarm.columns["0.Policy.memory"].copy()
     model.step()
     layer._rng.bit_generator.state = state
-    twin(layer.policy, ahead[0], layer._rng.random(4), ahead[1])
+    twin(layer.policy, ahead[0], model.swarm.kind, layer._rng.random(4), ahead[1])
     np.testing.assert_allclose(model.swarm.columns["0.Policy.memory"], ahead[1], atol=1e-12)
     assert (ahead[1] != other).any()
 
@@ -112,12 +122,35 @@ def test_a_genome_is_all_weights_row_by_row():
 
 
 @pytest.mark.parametrize("units", [0, 2])
-def test_a_file_gives_back_all_of_it(tmp_path, units):
-    policy = drawn(units=units, squash="tanh", copies=2)
+@pytest.mark.parametrize("encoding", ["distance", "typed"])
+def test_a_file_gives_back_all_of_it(tmp_path, units, encoding):
+    policy = drawn(units=units, squash="tanh", copies=2, encoding=encoding)
     again = load_policy(save_policy(policy, tmp_path / "mine.npz"))
     assert all((a == b).all() for a, b in zip(again.arrays().values(), policy.arrays().values(), strict=True))
     assert (again.sensors, again.steps, again.squash) == (policy.sensors, 7, "tanh")
-    assert again.training["learner"] == "luck"
+    assert (again.encoding, again.training["learner"]) == (encoding, "luck")
+
+
+def test_parts_from_before_there_were_encodings_are_of_a_policy_that_knows_distances_only():
+    policy = drawn()
+    again = ReflexPolicy.restored(NINE, 7, {}, {"squash": "linear"}, policy.arrays())
+    assert again.encoding == "distance"
+    with pytest.raises(SwarmError):
+        ReflexPolicy.restored(NINE, 7, {}, {"squash": "linear", "colour": "red"}, policy.arrays())
+    with pytest.raises(SwarmError):
+        ReflexPolicy.restored(NINE, 7, {}, {"encoding": "distance"}, policy.arrays())
+
+
+def test_who_knows_robots_tells_them_from_walls_at_the_same_distance():
+    wheel = np.zeros((1, 20, 2))
+    wheel[0, 9] = -1.0  # the robot ahead
+    wheel[0, 19] = 1.0
+    policy = ReflexPolicy(sensors=NINE, hidden=np.zeros((1, 20, 0)), wheel=wheel, encoding="typed", steps=1)
+    readings = np.full((2, 9), -1.0)
+    readings[:, 0] = 12.5  # of a range of 50
+    kinds = np.full((2, 9), -1)
+    kinds[:, 0] = [0, ROBOT]
+    assert policy.act(readings, kinds).tolist() == [[1.0, 1.0], [0.25, 0.25]]
 
 
 @pytest.mark.parametrize(
@@ -131,6 +164,8 @@ def test_a_file_gives_back_all_of_it(tmp_path, units):
         {"hidden": np.full((1, 13, 2), math.inf)},
         {"squash": "sigmoid"},
         {"squash": []},
+        {"encoding": "typed"},
+        {"encoding": "kinds"},
         {"steps": -1},
     ],
 )

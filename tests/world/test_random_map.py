@@ -31,6 +31,14 @@ def test_there_are_as_many_obstacles_as_asked_for_unless_they_find_no_room(monke
     assert 4 < len(random_map(3, obstacles=30).obstacles) < 34
 
 
+def test_it_is_as_large_as_asked_for_and_one_piece():
+    made = random_map(4, obstacles=3, size=(400, 300))
+    assert made.bounds == (0, 0, 400, 300)
+    assert all(made.bounds[2] >= shapely.bounds(o.geometry)[2] for o in made.obstacles)
+    assert len(shapely.get_parts(free_space(made.bounds, made.obstacles, np.empty((0, 3)), 15))) == 1
+    assert random_map(4, size=(800, 600)) == random_map(4)
+
+
 def test_robots_live_there():
     model = SwarmModel(map=random_map(2), rng=1)
     model.add_robots(AGENT9, 15)
@@ -42,7 +50,17 @@ def test_robots_live_there():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"number": -1}, {"number": 0.5}, {"number": 1, "obstacles": 31}, {"number": 1, "passage": 0}]
+    "wrong",
+    [
+        {"number": -1},
+        {"number": 0.5},
+        {"number": 1, "obstacles": 31},
+        {"number": 1, "passage": 0},
+        {"number": 1, "size": (100, 300)},
+        {"number": 1, "size": 400},
+        {"number": 1, "size": "400 x 300"},
+        {"number": 1, "size": (400, 300, 200)},
+    ],
 )
 def test_what_is_no_map_is_refused_in_one_line(wrong):
     with pytest.raises(InvalidValueError) as caught:
