@@ -197,13 +197,14 @@ class Recording:
             If that is damaged.
         """
         found, states = [], 0
-        names = [self._reader.name(piece) for piece in self._reader.attached]
-        for place, (name, piece) in enumerate(zip(names, self._reader.attached, strict=True)):
+        attached = [(self._reader.name(piece), piece.step) for piece in self._reader.attached]
+        for place, (name, step) in enumerate(attached):
             states += name == CHECKPOINT
             if name == INTERVENTION:
-                stored = names[place + 1 : place + 2] == [CHECKPOINT]
-                content = self._reader.content(piece)
-                found.append(intervention_from_json(piece.step, content, states if stored else None))
+                # A checkpoint of a later step has nothing to do with it.
+                stored = attached[place + 1 : place + 2] == [(CHECKPOINT, step)]
+                content = self._reader.content(self._reader.attached[place])
+                found.append(intervention_from_json(step, content, states if stored else None))
         return tuple(found)
 
     @cached_property

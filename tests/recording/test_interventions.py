@@ -232,6 +232,27 @@ def test_what_cannot_be_stored_is_said(tmp_path):
     assert "not stored (friend is <object" in str(verify(recording, FireFighting))
 
 
+def test_a_later_checkpoint_is_not_taken_for_the_state_after_what_could_not_be_stored(tmp_path):
+    class Forgetful(FireFighting):
+        def step(self):
+            super().step()
+            self.friend = None
+
+    path, model = tmp_path / "run.arrow", Forgetful(n_robots=6, rng=3)
+    with model.record(path, checkpoint_every=5):
+        model.run(4)
+        model.friend = object()
+        model.run(8)
+    recording = Recording(path)
+    (told,) = recording.interventions
+    assert (told.step, told.checkpoint, recording.checkpoints) == (4, None, (0, 9))
+    assert told.why_not.startswith("friend is <object")
+    assert "step 5 is the first that cannot be compared: after step 4 somebody" in str(verify(recording, Forgetful))
+    assert Forgetful.resume(path).state_hash() == model.state_hash()
+    with pytest.raises(RecordingError, match=r"the nearest steps to resume from are 4 and 9$"):
+        Forgetful.resume(path, step=7)
+
+
 def test_what_was_computed_is_still_compared_after_an_intervention(tmp_path):
     with other_code(15, lambda model: setattr(model.robots[2], "heading", 1.0)):
         recording, _ = recorded(tmp_path / "run.arrow", turn)
