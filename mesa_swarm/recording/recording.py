@@ -197,14 +197,14 @@ class Recording:
             If that is damaged.
         """
         found, states = [], 0
-        attached = [(self._reader.name(piece), piece.step) for piece in self._reader.attached]
-        for place, (name, step) in enumerate(attached):
+        for place, (name, piece) in enumerate(self._named):
             states += name == CHECKPOINT
             if name == INTERVENTION:
                 # A checkpoint of a later step has nothing to do with it.
-                stored = attached[place + 1 : place + 2] == [(CHECKPOINT, step)]
-                content = self._reader.content(self._reader.attached[place])
-                found.append(intervention_from_json(step, content, states if stored else None))
+                following = [(known, other.step) for known, other in self._named[place + 1 : place + 2]]
+                stored = following == [(CHECKPOINT, piece.step)]
+                content = self._reader.content(piece)
+                found.append(intervention_from_json(piece.step, content, states if stored else None))
         return tuple(found)
 
     @cached_property
@@ -278,7 +278,12 @@ class Recording:
         return events_of(self)
 
     def _attached(self, name: str) -> list[Piece]:
-        return [piece for piece in self._reader.attached if self._reader.name(piece) == name]
+        return [piece for known, piece in self._named if known == name]
+
+    @cached_property
+    def _named(self) -> list[tuple[str, Piece]]:
+        """What is no row, each with its name, which is looked for among all that a piece carries: once is enough."""
+        return [(self._reader.name(piece), piece) for piece in self._reader.attached]
 
     def _frame(self, row: int) -> Frame:
         count = len(self)

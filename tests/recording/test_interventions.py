@@ -208,6 +208,28 @@ def test_changes_at_each_step_are_all_kept(tmp_path):
     assert SwarmModel.resume(recording.path, step=3).completed == 3
 
 
+def test_a_run_that_all_robots_left_is_verified_and_resumes(tmp_path):
+    model = FireFighting(n_robots=3, rng=1)
+    with model.record(tmp_path / "run.arrow"):
+        model.run(3)
+        model.remove_robots(list(model.robots))
+        model.run(3)
+    verification = verify(Recording(tmp_path / "run.arrow"), FireFighting)
+    assert (verification.same, verification.rows) == (True, 6)
+    assert FireFighting.resume(tmp_path / "run.arrow", step=5).run(1).state_hash() == model.state_hash()
+
+
+def test_each_stored_state_is_read_once(tmp_path, monkeypatch):
+    model, places, read = FireFighting(n_robots=3, rng=1), [], Recording.checkpoint
+    with model.record(tmp_path / "run.arrow"):
+        for _ in range(6):
+            model.robots[0].heading += 0.1
+            model.step()
+    monkeypatch.setattr(Recording, "checkpoint", lambda self, place: places.append(place) or read(self, place))
+    assert verify(Recording(tmp_path / "run.arrow"), FireFighting).same
+    assert places == list(range(7))
+
+
 def test_without_checkpoints_it_is_said_where_the_run_cannot_be_followed(tmp_path):
     recording, _ = recorded(tmp_path / "run.arrow", turn, checkpoint_every=0)
     verification = verify(recording, FireFighting)
