@@ -39,11 +39,9 @@ class Rerun:
         self._states: list[Checkpoint] = []
         self._layout = Layout(model, recording.columns, recording.provenance["exact"])
         first, has = model.completed, checkpoint
-        self._ahead = [
-            one
-            for one in recording.interventions
-            if one.step >= first and (one.checkpoint is None or one.checkpoint > has)
-        ]
+        # Where a step failed and was taken again there are several: the last one knows all that is other.
+        last = {one.step: one for one in recording.interventions}.values()
+        self._ahead = [one for one in last if one.step >= first and (one.checkpoint is None or one.checkpoint > has)]
 
     def to(self, step: int) -> None:
         """Run to a later step.

@@ -311,6 +311,30 @@ def test_a_step_that_failed_leaves_a_recording_that_resumes(tmp_path, monkeypatc
     assert again.steps == model.steps
 
 
+def test_a_state_stored_after_a_step_that_failed_makes_up_for_one_that_could_not_be(tmp_path):
+    class Moody(FireFighting):
+        fails = False
+
+        def step(self):
+            if Moody.fails:
+                raise ArithmeticError
+            super().step()
+
+    path, model = tmp_path / "run.arrow", Moody(n_robots=5, rng=1)
+    with model.record(path):
+        model.run(5)
+        model.friend, Moody.fails = object(), True
+        with pytest.raises(ArithmeticError):
+            model.step()
+        model.friend, Moody.fails = None, False
+        model.run(5)
+    recording = Recording(path)
+    assert [(one.step, one.checkpoint) for one in recording.interventions] == [(5, None), (5, 1)]
+    verification = verify(recording, Moody)
+    assert (verification.same, len(verification.interventions)) == (True, 1)
+    assert [Moody.resume(path, step=step).completed for step in (5, 8)] == [5, 8]
+
+
 def test_a_damaged_intervention_is_no_surprise(tmp_path):
     recording, _ = recorded(tmp_path / "run.arrow", turn)
     content = bytearray(recording.path.read_bytes())
