@@ -91,13 +91,16 @@ def reality_gap(
     model: Annotated[str | None, typer.Argument(help="Without one, all models.", metavar="[MODEL]")] = None,
     *,
     preset: Annotated[str, typer.Option(help="What 1 on the dial is: measured or robotarium.")] = "measured",
-    measure: Annotated[str | None, typer.Option(help="The result that is the score; else the model's first.")] = None,
+    measure: Annotated[
+        str | None, typer.Option(help="The result that is the score; else the model's headline, or the first.")
+    ] = None,
     seeds: Annotated[int, typer.Option(min=1, max=100_000, help="Runs at each place; the same seeds for all.")] = 10,
     steps: StepsOfRuns = None,
     setting: Settings = None,
     jobs: Jobs = -1,
     out: Annotated[
-        Path | None, typer.Option(help="Folder for table and picture; by default results/reality_gap_MODEL.")
+        Path | None,
+        typer.Option(help="For table and picture; by default results/reality_gap_MODEL, of all results/reality_gap."),
     ] = None,
     quiet: Quiet = False,
 ) -> None:

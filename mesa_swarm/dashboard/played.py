@@ -79,8 +79,11 @@ class Played(ABC):
 
     def show(self) -> None:
         """Show viewers how things are now; while it plays, only if one of them is ready."""
-        if not self.playing or any(viewer.ready for viewer in self._watching()):
+        playing = self.playing
+        if not playing or any(viewer.ready for viewer in self._watching()):
             self.hand_over()
+        if playing and not self.playing:  # making the picture broke it
+            self.changed.tell()
 
     def rest(self) -> None:
         """Show how things are at rest, with a fingerprint of the state, and tell that something changed."""

@@ -171,7 +171,9 @@ class Player(Played):
             self.kept.append(self._picture(self.model, fingerprint))
 
     def _picture(self, model: SwarmModel, fingerprint: bool) -> Picture:
-        key = id(model), model.swarm.version, len(model.obstacle_list), id(model.control), model.fire_constants.leave
+        standing = model.obstacle_list
+        last = standing[-1].unique_id if standing else 0  # ids only grow: with the number it tells of every change
+        key = id(model), model.swarm.version, len(standing), last, id(model.control), model.fire_constants.leave
         if key != self._world_key:
             self._world, self._world_key = world_of_model(model), key
         frame = packed_frame(moment_of_model(model, self._world), self._world)

@@ -137,10 +137,18 @@ class Projector(Player):
         """Pause, and look at the next row."""
         self.look(self.past.index + 1)
 
+    def look(self, index: int) -> None:
+        """Pause, and look at one of the rows, for as long as any other when it is played on."""
+        self.loop.pause()
+        with self.lock:
+            self._waited = 0
+        super().look(index)
+
     def look_at(self, step: int) -> None:
         """Pause, and look at the first row that is not of an earlier step."""
         self.loop.pause()
         with self.minding():
+            self._waited = 0
             self.rows.look_at(step)
         self.rest()
 

@@ -73,12 +73,15 @@ class Tape:
         model.observers.append(self)
 
     def after_step(self, model: SwarmModel, step: int) -> None:
-        """Take note of a step; called by the model."""
+        """Take note of a step; called by the model when its class may still have more to do in this step."""
+        if self.running:
+            self.last = step
+
+    def between_steps(self, model: SwarmModel) -> None:
+        """End the recording if it must; called by the model when nothing of the step is left to do."""
         if not self.running:
             self._end("the recording could not be written any more")
-            return
-        self.last = step
-        if step % LOOK_EVERY == 0 and self.path.stat().st_size > self.most_bytes:
+        elif model.completed % LOOK_EVERY == 0 and self.path.stat().st_size > self.most_bytes:
             self._end(f"the recording has {self.most_bytes / 1e6:,.0f} MB, which is the limit")
 
     def stop(self) -> None:

@@ -130,7 +130,7 @@ def reality_gap(
     places = checked_dial(dial)
     plan = checked_plan(find_model(model), seeds=checked_seeds(seeds), steps=steps, settings=_freed(model, settings))
     tasks = [(model, settings or {}, whole, place, seed, plan.steps) for place in places for seed in plan.seeds]
-    results = _made(tasks, min(workers, len(tasks)), progress)
+    results = _made(tasks, min(workers, len(tasks)), measure, progress)
     rows = {place: [results[place, seed] for seed in plan.seeds] for place in places}
     wanted = chosen_measure(rows, measure, getattr(find_model(model), "headline", ())[:1])
     scores = {place: [row[wanted] for row in row_of] for place, row_of in rows.items()}
@@ -145,10 +145,12 @@ def _freed(model: str, settings: dict[str, Any] | None) -> dict[str, Any]:
     return {name: value for name, value in (settings or {}).items() if name != varied}
 
 
-def _made(tasks: list[tuple], workers: int, progress: bool) -> dict[tuple[float, int], dict]:
+def _made(tasks: list[tuple], workers: int, measure: str | None, progress: bool) -> dict[tuple[float, int], dict]:
     results = {}
     with progress_bar(len(tasks), "runs", progress) as bar:
         for place, seed, row in results_of(workers, gap_run, tasks):
+            if measure is not None:
+                check_choice("measure", measure, row)  # now, not when all is done
             results[place, seed] = row
             bar.update()
     return results

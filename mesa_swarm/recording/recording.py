@@ -197,11 +197,12 @@ class Recording:
             If that is damaged.
         """
         found, states = [], 0
-        names = [self._reader.name(piece) for piece in self._reader.attached]
-        for place, (name, piece) in enumerate(zip(names, self._reader.attached, strict=True)):
+        for place, (name, piece) in enumerate(self._named):
             states += name == CHECKPOINT
             if name == INTERVENTION:
-                stored = names[place + 1 : place + 2] == [CHECKPOINT]
+                # A checkpoint of a later step has nothing to do with it.
+                following = [(known, other.step) for known, other in self._named[place + 1 : place + 2]]
+                stored = following == [(CHECKPOINT, piece.step)]
                 content = self._reader.content(piece)
                 found.append(intervention_from_json(piece.step, content, states if stored else None))
         return tuple(found)
@@ -277,7 +278,12 @@ class Recording:
         return events_of(self)
 
     def _attached(self, name: str) -> list[Piece]:
-        return [piece for piece in self._reader.attached if self._reader.name(piece) == name]
+        return [piece for known, piece in self._named if known == name]
+
+    @cached_property
+    def _named(self) -> list[tuple[str, Piece]]:
+        """What is no row, each with its name, which is looked for among all that a piece carries: once is enough."""
+        return [(self._reader.name(piece), piece) for piece in self._reader.attached]
 
     def _frame(self, row: int) -> Frame:
         count = len(self)

@@ -36,13 +36,12 @@ class Rerun:
     def __init__(self, recording: Recording, model: ObservedWorld, checkpoint: int = -1) -> None:
         self.recording, self.model = recording, model
         self.taken: tuple[Intervention, ...] = ()
+        self._states: list[Checkpoint] = []
         self._layout = Layout(model, recording.columns, recording.provenance["exact"])
         first, has = model.completed, checkpoint
-        self._ahead = [
-            one
-            for one in recording.interventions
-            if one.step >= first and (one.checkpoint is None or one.checkpoint > has)
-        ]
+        # Where a step failed and was taken again there are several: the last one knows all that is other.
+        last = {one.step: one for one in recording.interventions}.values()
+        self._ahead = [one for one in last if one.step >= first and (one.checkpoint is None or one.checkpoint > has)]
 
     def to(self, step: int) -> None:
         """Run to a later step.
@@ -92,8 +91,8 @@ class Rerun:
         """Go on from the state that was stored after an intervention."""
         if intervention.checkpoint is None:
             raise RecordingError(f"{intervention}, and what came of it is not stored ({intervention.why_not})")
-        states = states_to(self.recording, intervention.checkpoint)
-        self.model = restored(self.recording, type(self.model), states)
+        self._states += states_to(self.recording, intervention.checkpoint, known=len(self._states))
+        self.model = restored(self.recording, type(self.model), self._states)
         self.taken += (self._ahead.pop(0),)
 
 
@@ -117,15 +116,22 @@ def started_again(recording: Recording, model_class: type) -> ObservedWorld:
     return model
 
 
-def states_to(recording: Recording, checkpoint: int) -> list[Checkpoint]:
+def states_to(recording: Recording, checkpoint: int, known: int = 0) -> list[Checkpoint]:
     """Return the stored states up to one of `Recording.checkpoints`, by its place: each goes on from those before.
+
+    Parameters
+    ----------
+    recording : Recording
+    checkpoint : int
+    known : int
+        So many first ones are left out.
 
     Raises
     ------
     RecordingError
         If one of them is damaged.
     """
-    return [recording.checkpoint(place) for place in range(checkpoint + 1)]
+    return [recording.checkpoint(place) for place in range(known, checkpoint + 1)]
 
 
 def restored(recording: Recording, model_class: type, states: list[Checkpoint]) -> ObservedWorld:

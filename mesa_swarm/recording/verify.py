@@ -156,7 +156,7 @@ def _differing(name: str, frame: Frame, again: Frame) -> tuple[int, ...] | None:
     if name in TABLES:
         return None if old.tobytes() == new.tobytes() else ()
     same = (old == new) | ((old != old) & (new != new))  # noqa: PLR0124 - NaN is as good as NaN
-    wrong = ~same.reshape(len(same), -1).all(axis=1)
+    wrong = ~same.all(axis=tuple(range(1, same.ndim)))
     return tuple(frame.robots[wrong].tolist()) if wrong.any() else None
 
 

@@ -111,6 +111,20 @@ def test_a_recording_ends_at_its_limit_and_says_so(tmp_path):
     assert Recording(tape.path).steps.tolist() == list(range(1, tape.last + 1))
 
 
+def test_a_recording_that_ends_at_its_limit_has_whole_steps_only(tmp_path, monkeypatch):
+    class More(FireFighting):
+        def step(self):
+            super().step()
+            self.robots[0].heading += 0.1
+
+    monkeypatch.setattr("mesa_swarm.dashboard.tape.LOOK_EVERY", 3)
+    tape, model = Tape(tmp_path, most_bytes=1), More(n_robots=3, rng=1)
+    tape.start(model)
+    model.run(3)
+    assert (tape.running, tape.last) == (False, 3)
+    assert Recording(tape.path).at(3)["heading"][0] == np.float32(model.robots[0].heading)
+
+
 def test_recording_does_not_change_a_run(desk):
     desk.record(True)
     for _ in range(10):

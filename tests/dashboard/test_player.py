@@ -5,6 +5,7 @@ import time
 import pytest
 from waiting import threads, wait_until
 
+from mesa_swarm import disc
 from mesa_swarm.dashboard.past import KeptPast, Picture
 from mesa_swarm.dashboard.play_loop import AS_FAST_AS_IT_GOES, PlayLoop
 from mesa_swarm.dashboard.player import Player
@@ -162,6 +163,16 @@ def test_an_error_in_a_step_is_said_and_the_model_left_alone():
     assert (player.model.steps, player.playing) == (3, False)
 
 
+def test_an_error_in_a_picture_is_told_at_any_speed(monkeypatch):
+    player, told = Player(CollisionAvoidance(rng=1)), []
+    player.add_viewer(Spectator())
+    player.changed.add(lambda: told.append(player.error))
+    monkeypatch.setattr("mesa_swarm.dashboard.player.readings_of", lambda model: 1 / 0)
+    player.loop.speed = AS_FAST_AS_IT_GOES
+    player.play()
+    wait_until(lambda: told and told[-1] == "ZeroDivisionError: division by zero")
+
+
 def test_viewers_that_are_busy_are_not_waited_for_and_see_the_end():
     player, busy = Player(CollisionAvoidance(rng=1)), Spectator(ready=False)
     player.add_viewer(busy)
@@ -183,6 +194,16 @@ def test_a_robot_that_is_added_changes_the_world_that_is_drawn():
         player.model.remove_robots(list(player.model.robots)[:1])
     player.step()
     assert player.past.shown.world is not before
+
+
+def test_an_obstacle_in_place_of_another_is_drawn():
+    player = Player(CollisionAvoidance(rng=1))
+    obstacle = player.model.add_obstacle(disc((100, 100), 20))
+    player.step()
+    obstacle.remove()
+    player.model.add_obstacle(disc((300, 300), 20))
+    player.step()
+    assert player.past.shown.world["shapes"][-1] == {"disc": [300.0, 300.0, 20.0]}
 
 
 def test_closing_lets_go_of_everything():

@@ -117,6 +117,21 @@ def test_speed_counts_steps_also_where_only_every_tenth_was_recorded(folder):
     projector.close()
 
 
+def test_a_row_that_one_jumps_to_is_shown_as_long_as_any_other(folder):
+    projector, go_on = Projector(folder / "own.arrow"), threading.Event()
+    for jump in (lambda: projector.look(1), lambda: projector.look_at(projector.past.step_of(1))):
+        projector.rewind()
+        for _ in range(9):
+            projector._play_step(go_on)
+        jump()
+        for _ in range(9):
+            projector._play_step(go_on)
+        assert projector.past.index == 1
+        projector._play_step(go_on)
+        assert projector.past.index == 2
+    projector.close()
+
+
 def test_a_row_that_cannot_be_read_is_said_and_the_first_one_is_found_again(folder, monkeypatch):
     projector = Projector(folder / "fires.arrow")
     real = type(projector.recording).__getitem__

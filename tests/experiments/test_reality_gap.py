@@ -6,7 +6,7 @@ from PIL import Image
 from mesa_swarm import cli
 from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.experiments import reality_gap_commands
-from mesa_swarm.experiments.reality_gap import gap_figure, reality_gap
+from mesa_swarm.experiments.reality_gap import gap_figure, gap_run, reality_gap
 from mesa_swarm.gallery import find_model
 
 SMALL = {"n_robots": 5}
@@ -55,6 +55,19 @@ def test_the_parameter_that_a_model_compares_may_be_set():
 def test_what_is_wrong_is_refused(more, error, words):
     with pytest.raises(error, match=words):
         reality_gap("agglomeration", **{"seeds": 1, "steps": 2, "settings": SMALL, **more})
+
+
+def test_an_unknown_measure_is_refused_after_the_first_run(monkeypatch):
+    made = []
+
+    def counted(*task):
+        made.append(task)
+        return gap_run(*task)
+
+    monkeypatch.setattr("mesa_swarm.experiments.reality_gap.gap_run", counted)
+    with pytest.raises(UnknownNameError, match="did you mean 'groups'"):
+        reality_gap("agglomeration", seeds=3, steps=2, settings=SMALL, measure="group", jobs=1)
+    assert len(made) == 1
 
 
 def test_the_command_prints_scores_and_writes_picture_and_table(capsys, monkeypatch, tmp_path):

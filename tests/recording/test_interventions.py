@@ -208,6 +208,28 @@ def test_changes_at_each_step_are_all_kept(tmp_path):
     assert SwarmModel.resume(recording.path, step=3).completed == 3
 
 
+def test_a_run_that_all_robots_left_is_verified_and_resumes(tmp_path):
+    model = FireFighting(n_robots=3, rng=1)
+    with model.record(tmp_path / "run.arrow"):
+        model.run(3)
+        model.remove_robots(list(model.robots))
+        model.run(3)
+    verification = verify(Recording(tmp_path / "run.arrow"), FireFighting)
+    assert (verification.same, verification.rows) == (True, 6)
+    assert FireFighting.resume(tmp_path / "run.arrow", step=5).run(1).state_hash() == model.state_hash()
+
+
+def test_each_stored_state_is_read_once(tmp_path, monkeypatch):
+    model, places, read = FireFighting(n_robots=3, rng=1), [], Recording.checkpoint
+    with model.record(tmp_path / "run.arrow"):
+        for _ in range(6):
+            model.robots[0].heading += 0.1
+            model.step()
+    monkeypatch.setattr(Recording, "checkpoint", lambda self, place: places.append(place) or read(self, place))
+    assert verify(Recording(tmp_path / "run.arrow"), FireFighting).same
+    assert places == list(range(7))
+
+
 def test_without_checkpoints_it_is_said_where_the_run_cannot_be_followed(tmp_path):
     recording, _ = recorded(tmp_path / "run.arrow", turn, checkpoint_every=0)
     verification = verify(recording, FireFighting)
@@ -230,6 +252,27 @@ def test_what_cannot_be_stored_is_said(tmp_path):
     assert told.what == ("friend",)
     assert told.why_not.startswith("friend is <object")
     assert "not stored (friend is <object" in str(verify(recording, FireFighting))
+
+
+def test_a_later_checkpoint_is_not_taken_for_the_state_after_what_could_not_be_stored(tmp_path):
+    class Forgetful(FireFighting):
+        def step(self):
+            super().step()
+            self.friend = None
+
+    path, model = tmp_path / "run.arrow", Forgetful(n_robots=6, rng=3)
+    with model.record(path, checkpoint_every=5):
+        model.run(4)
+        model.friend = object()
+        model.run(8)
+    recording = Recording(path)
+    (told,) = recording.interventions
+    assert (told.step, told.checkpoint, recording.checkpoints) == (4, None, (0, 9))
+    assert told.why_not.startswith("friend is <object")
+    assert "step 5 is the first that cannot be compared: after step 4 somebody" in str(verify(recording, Forgetful))
+    assert Forgetful.resume(path).state_hash() == model.state_hash()
+    with pytest.raises(RecordingError, match=r"the nearest steps to resume from are 4 and 9$"):
+        Forgetful.resume(path, step=7)
 
 
 def test_what_was_computed_is_still_compared_after_an_intervention(tmp_path):
@@ -266,6 +309,30 @@ def test_a_step_that_failed_leaves_a_recording_that_resumes(tmp_path, monkeypatc
     again.step()
     assert again.state_hash() == model.state_hash()
     assert again.steps == model.steps
+
+
+def test_a_state_stored_after_a_step_that_failed_makes_up_for_one_that_could_not_be(tmp_path):
+    class Moody(FireFighting):
+        fails = False
+
+        def step(self):
+            if Moody.fails:
+                raise ArithmeticError
+            super().step()
+
+    path, model = tmp_path / "run.arrow", Moody(n_robots=5, rng=1)
+    with model.record(path):
+        model.run(5)
+        model.friend, Moody.fails = object(), True
+        with pytest.raises(ArithmeticError):
+            model.step()
+        model.friend, Moody.fails = None, False
+        model.run(5)
+    recording = Recording(path)
+    assert [(one.step, one.checkpoint) for one in recording.interventions] == [(5, None), (5, 1)]
+    verification = verify(recording, Moody)
+    assert (verification.same, len(verification.interventions)) == (True, 1)
+    assert [Moody.resume(path, step=step).completed for step in (5, 8)] == [5, 8]
 
 
 def test_a_damaged_intervention_is_no_surprise(tmp_path):
