@@ -53,13 +53,17 @@ class ObservedWorld(World):
         return self._completed
 
     def _whole_step(self, *given: Any, **named: Any) -> None:
-        """Take the step that the class says, of which this class's own is a part; tell observers before and after."""
+        """Take the step that the class says, of which this class's own is a part; tell observers before and after.
+
+        Of a step that fails they are told as well: what it has left is all that will come of it.
+        """
         try:
             self._tell("before_step")
             type(self).step(self, *given, **named)
             self._tell("between_steps")
         except BaseException:
             self._schedule_again()
+            self._tell("after_failure")
             raise
 
     def _tell(self, what: str) -> None:

@@ -112,7 +112,7 @@ class ExportForm {
   #saveScreen() {
     const canvas = this.#root.closest(".swarm-watch").querySelector(".swarm-stage canvas");
     const name = `${this.#model.get("told").name}_${canvas.step}_screen.png`;
-    canvas.toBlob((picture) => save(name, picture), "image/png");
+    canvas.toBlob((picture) => picture && save(name, picture), "image/png");
   }
 }
 

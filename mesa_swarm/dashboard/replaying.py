@@ -98,7 +98,8 @@ class Replaying:
     @property
     def provenance(self) -> dict[str, Any]:
         """What the open recording says of its run, nothing if none is open."""
-        return {} if self.projector is None else self.projector.recording.provenance
+        projector = self.projector  # another thread may let go of it
+        return {} if projector is None else projector.recording.provenance
 
     @property
     def model_name(self) -> str:
@@ -188,14 +189,16 @@ class Replaying:
     def _branch(self, path: Path, step: int, changes: dict[str, Any]) -> None:
         stop = self._stop
         try:
-            wishes, seed = self._origin()
+            (wishes, seed), name = self._origin(), self.model_name
             model = SwarmModel.resume(path, step=step, **changes)
         except Exception as problem:  # whatever a recorded model raises
-            self._done(in_words(problem).replace(str(path), self.name))
+            fault = in_words(problem).replace(str(path), self.name)
+            if not stop.is_set():
+                self._done(fault)
             return
-        self._done("")
         if not stop.is_set():
-            self.session.adopt(model, self.model_name, wishes | changes, seed)
+            self._done("")
+            self.session.adopt(model, name, wishes | changes, seed)
 
     def _done(self, fault: str) -> None:
         self.busy, self.fault = "", fault

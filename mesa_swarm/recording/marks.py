@@ -36,9 +36,10 @@ class Mark:
     `OF_ROBOTS` and `OF_FIRES` that are written directly, and loads that are laid elsewhere; every attribute of the
     model that is replaced: `control`, `fire_constants`, `imperfections`, `communication`, a number, a text.
 
-    Not noticed are draws from the model's random streams; what changes within an attribute, as a list, an array, a
-    learner or the memory of a layer; other columns that are written directly; what is written onto agents. What a step
-    that failed has left is noticed as if somebody had changed it.
+    Not noticed are attributes that change when a model is looked at (`LOOKED_AT`), as its data collector; draws from
+    the model's random streams; what changes within an attribute, as a list, an array, a learner or the memory of a
+    layer; other columns that are written directly; what is written onto agents. What a step that failed has left is
+    noticed as if somebody had changed it.
 
     Parameters
     ----------

@@ -90,7 +90,6 @@ class Recorder:
         """Store the state if somebody changed it since the last step; called by the model before each step."""
         if self.closed:
             return
-        self._put_row()  # of a step that failed when only the class's own part was left
         what = self._mark.changes(model)
         if what:
             model._sensed = None  # columns that are written directly do not tell: without us, they were read now
@@ -100,6 +99,11 @@ class Recorder:
         """Take note that a row is due; called by the model when its class may still have more to do in this step."""
         if not step % self.every and not self.closed:
             self._unwritten = model
+
+    def after_failure(self, model: ObservedWorld) -> None:
+        """Record the row of a step that failed when only the class's own part was left; called by the model."""
+        if not self.closed:
+            self._put_row()
 
     def between_steps(self, model: ObservedWorld) -> None:
         """Record what is due; called by the model when nothing of the step is left to do."""

@@ -785,7 +785,7 @@ class Sheet {
 
   /** Parameters in pixels; `draw` is given a context and the places and headings where robots are to stand. */
   constructor(radius, outer, draw) {
-    const size = (this.#size = 2 * Math.ceil(outer + 2)), turns = (this.#turns = Math.ceil(TURNS * TAU * radius));
+    const size = (this.#size = 2 * Math.ceil(outer + 2)), turns = (this.#turns = Math.max(1, Math.ceil(TURNS * TAU * radius)));
     this.#canvas.width = size * PLACES ** 2;
     this.#canvas.height = size * turns;
     const places = [];

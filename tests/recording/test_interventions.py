@@ -311,6 +311,28 @@ def test_a_step_that_failed_leaves_a_recording_that_resumes(tmp_path, monkeypatc
     assert again.steps == model.steps
 
 
+def test_the_row_of_a_step_that_failed_is_what_the_step_left_whatever_is_changed_after_it(tmp_path):
+    class Moody(FireFighting):
+        fails = False
+
+        def step(self):
+            super().step()
+            if Moody.fails:
+                raise ValueError("not today")
+
+    path, model = tmp_path / "run.arrow", Moody(n_robots=3, rng=1)
+    with model.record(path, exact=True):
+        model.run(4)
+        Moody.fails = True
+        with pytest.raises(ValueError, match="not today"):
+            model.step()
+        left, Moody.fails = float(model.swarm.heading[0]), False
+        model.robots[0].heading = left + 1.0
+        model.run(3)
+    assert Recording(path).at(5)["heading"][0] == left
+    assert verify(Recording(path), Moody).same
+
+
 def test_a_state_stored_after_a_step_that_failed_makes_up_for_one_that_could_not_be(tmp_path):
     class Moody(FireFighting):
         fails = False
