@@ -39,7 +39,7 @@ class Rows:
         if not len(self.steps):
             raise ExportError(f"{recording.path} {recording.damage or 'has no rows'}; there is nothing to export")
         if recording.damage:
-            _warn(f"{recording.path} {recording.damage}; whole rows are exported")
+            _warn(f"{recording.path} {recording.damage}; the whole rows are exported")
         elif not recording.complete:
             _warn(f"{recording.path} was not closed: its {len(self.steps)} whole rows are exported")
 
