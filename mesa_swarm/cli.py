@@ -84,7 +84,7 @@ def _in_words(error: Exception) -> str:
     if hasattr(error, "format_message"):  # what was typed is not a command
         return f"{error.format_message()} (mesa-swarm --help says what is possible)"
     if isinstance(error, SwarmError):
-        return str(error)
+        return str(error).replace("overwrite=True (--force)", "--force")  # what one types, not what one calls
     if isinstance(error, OSError):
         return ": ".join(str(part) for part in (error.filename, error.strerror or error) if part)
     return f"{type(error).__name__}: {error} (with --debug, mesa-swarm shows where)"

@@ -82,6 +82,11 @@ class RecordedWorld(ObservedWorld):
             By default the last one recorded.
         **changes
             Parameters of the model that are other from then on.
+
+        Returns
+        -------
+        ObservedWorld
+            Of this class. At a step after which something was changed by hand, with that change.
         """
         from mesa_swarm.recording.resume import resume  # noqa: PLC0415 - a floor above, and slow to load
 

@@ -55,7 +55,10 @@ class QLearning(SwarmModel):
         self,
         *,
         n_robots: Annotated[int, Slider(1, 100, 1, "robots")] = 15,
-        reward: Annotated[str, Choice(("a", "b", "c"), "what is paid for, see above")] = "b",
+        reward: Annotated[
+            str,
+            Choice(("a", "b", "c"), "pays (a) speed, (b) driving straight, (c) b without its leap"),
+        ] = "b",
         actions: Annotated[int, Slider(4, 8, 4, "what robots can do: 8, or the first 4 of them")] = 4,
         beta: Annotated[float, Slider(0, 0.01, 1e-4, "share by which T nears its end in each step")] = 1e-4,
         alpha: Annotated[float, Slider(0, 1, 0.05, "how much of a new experience counts")] = 0.4,

@@ -1,6 +1,6 @@
 """Behaviour that gets nowhere: turning to and fro, blocking each other, being stuck; found in kept arrays."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,8 +63,13 @@ class Episode:
         """How many steps it lasted."""
         return self.last_step - self.first_step + 1
 
-    def describe(self) -> str:
+    def describe(self, ids: Sequence[int] | None = None) -> str:
         """Say in one sentence what happened.
+
+        Parameters
+        ----------
+        ids : sequence of int, optional
+            The unique_id of each row, by which `explain` names robots too; by default they are named by their rows.
 
         Examples
         --------
@@ -72,7 +77,7 @@ class Episode:
         'Robot 3 drove and did not move, in steps 10 to 49 (layer 1).'
         """
         who = "Robot " if len(self.robots) == 1 else "Robots "
-        who += " and ".join(map(str, self.robots))
+        who += " and ".join(str(row if ids is None else ids[row]) for row in self.robots)
         layers = ", ".join(map(str, self.layers))
         drove = f" (layer{'s' if len(self.layers) > 1 else ''} {layers})" if layers else ""
         words = FINDERS[self.kind][1].format(flips=self.flips)

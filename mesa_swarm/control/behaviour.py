@@ -21,6 +21,8 @@ from mesa_swarm.robots.swarm import Swarm
 
 # What a rule returns when it has nothing to say: a pair of numbers like any other, so that it compiles.
 PASS = (np.inf, np.inf)
+# Functions that return something to wait for, which no step does.
+NOT_AT_ONCE = (inspect.iscoroutinefunction, inspect.isgeneratorfunction, inspect.isasyncgenfunction)
 # Beyond this, floats do not tell whole numbers apart.
 LARGEST_WHOLE = 2**53
 
@@ -135,7 +137,7 @@ def behaviour(rule: Callable) -> Behaviour:
     Raises
     ------
     InvalidValueError
-        If it is not a function of me, or a parameter of it has no such default.
+        If it is not a function of me, does not return at once (async, yield), or a parameter of it has no such default.
 
     Examples
     --------
@@ -150,6 +152,10 @@ def behaviour(rule: Callable) -> Behaviour:
     function = getattr(rule, "py_func", rule)  # as it was written, if Numba has it already
     if not isinstance(function, FunctionType):
         raise InvalidValueError(f"behaviour got {rule!r:.60}; expected a function of me")
+    if any(is_kind(function) for is_kind in NOT_AT_ONCE):
+        raise InvalidValueError(
+            f"rule {function.__name__} is async or yields; expected a function that returns two speeds or PASS at once"
+        )
     parameters = list(inspect.signature(function).parameters.values())
     if not parameters:
         raise InvalidValueError(f"rule {function.__name__} takes nothing; expected me as its first parameter")

@@ -9,6 +9,7 @@ from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.experiments.compare import checked_jobs, run_plan
 from mesa_swarm.experiments.files import check_writable
 from mesa_swarm.experiments.plan import checked_plan
+from mesa_swarm.experiments.run_records import filled_in
 from mesa_swarm.gallery import description, find_model, model_names
 from mesa_swarm.parameters import parameters_of, parsed_settings
 
@@ -35,6 +36,7 @@ def run(
 ) -> None:
     """Run a model, record it if asked, and print what came of it."""
     model_class = find_model(model)
+    record = record and Path(filled_in(str(record), model, rng))
     built = model_class(**parsed_settings(model_class, settings), rng=rng)
     with built.record(record, overwrite=force) if record else nullcontext():
         try:

@@ -1,7 +1,6 @@
 """What the command diagnose does with what was typed."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from mesa_swarm.analysis.pathology import Pathologies
 from mesa_swarm.experiments.commands import print_pairs
@@ -40,7 +39,6 @@ def told(found: Pathologies, ids: Sequence[int]) -> list[str]:
     ['Robot 7 drove and did not move, in steps 10 to 49.']
     """
     longest = sorted(found, key=lambda episode: -episode.steps)
-    named = [replace(episode, robots=tuple(ids[row] for row in episode.robots)) for episode in longest[:MOST_TOLD]]
-    sentences = [episode.describe() for episode in named] or ["No pathology was found."]
+    sentences = [episode.describe(ids) for episode in longest[:MOST_TOLD]] or ["No pathology was found."]
     more = len(longest) - MOST_TOLD
     return [*sentences, f"... and {more} more, none of them longer."] if more > 0 else sentences

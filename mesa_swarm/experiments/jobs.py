@@ -12,7 +12,7 @@ from mesa_swarm.errors import InvalidValueError, JobError, SwarmError, check_cou
 from mesa_swarm.experiments.experiment import Experiment, checked_experiment
 from mesa_swarm.experiments.job_files import file_within
 from mesa_swarm.experiments.job_tables import RunTable, checked_run
-from mesa_swarm.experiments.run_records import RunRecords
+from mesa_swarm.experiments.run_records import RunRecords, filled_in
 from mesa_swarm.experiments.sampling import Sample
 from mesa_swarm.gallery import find_model
 from mesa_swarm.world.map import ALIASES, builtin_maps
@@ -81,6 +81,7 @@ def recorded_to(job: Job, file: Path) -> Job:
     >>> job.records[0].path("first", 1).as_posix()
     '/runs/first.arrow'
     """
+    filled_in(str(file), "name", 1)
     records = []
     for experiment, before in zip(job.experiments, job.records, strict=True):
         options = before.options if before else {}

@@ -54,15 +54,12 @@ class RunRecords:
 
     def __post_init__(self) -> None:
         """Check the name with places filled in, so that braces left over are refused too."""
-        for place in PLACE.findall(self.file):
-            if place not in PLACES:
-                raise InvalidValueError(unknown_name("place in the name of a recording", place, PLACES))
+        filled_in(self.file, "name", 1)
         self.path("name", 1)
 
     def path(self, name: str, seed: int) -> Path:
         """Return the file of one run."""
-        filled = {"name": name, "seed": str(seed)}
-        return recording_within(self.folder, PLACE.sub(lambda place: filled[place[1]], self.file))
+        return recording_within(self.folder, filled_in(self.file, name, seed))
 
     def check(self, experiment: Experiment) -> None:
         """Refuse options that cannot be, and one file for several runs.
@@ -76,6 +73,26 @@ class RunRecords:
                 f"{len(experiment.seeds)} runs would be recorded to {shortened(self.file)}; put {{seed}} into its name"
             )
         check_options(self.options, experiment)
+
+
+def filled_in(file: str, name: str, seed: int) -> str:
+    """Return the name of a recording with ``{seed}`` and ``{name}`` filled in.
+
+    Raises
+    ------
+    InvalidValueError
+        If there are others in it.
+
+    Examples
+    --------
+    >>> filled_in("{name}_{seed}.arrow", "boids", 7)
+    'boids_7.arrow'
+    """
+    filled = {"name": name, "seed": str(seed)}
+    for place in PLACE.findall(file):
+        if place not in PLACES:
+            raise InvalidValueError(unknown_name("place in the name of a recording", place, PLACES))
+    return PLACE.sub(lambda place: filled[place[1]], file)
 
 
 def check_options(options: Mapping[str, Any], experiment: Experiment) -> None:

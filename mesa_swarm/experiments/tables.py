@@ -137,7 +137,7 @@ def _cells(row: Row, first: bool) -> list[str]:
 
 
 def _difference(row: Row, difference: Interval) -> str:
-    counted = f" ({row.pairs} pairs)" if 0 < row.pairs < row.summary.runs else ""
+    counted = f" ({row.pairs} pair{'s' if row.pairs > 1 else ''})" if 0 < row.pairs < row.summary.runs else ""
     return in_words(difference, signed=True) + counted
 
 

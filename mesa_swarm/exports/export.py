@@ -97,7 +97,7 @@ def export(
     InvalidValueError, UnknownNameError
         If something is asked for that this kind of file cannot show, or steps that are not there.
     ExportError
-        If a file exists already or cannot be written, or nothing was recorded.
+        If a file exists already or cannot be written, its folder is not there, or nothing was recorded.
     RecordingError
         If the recording cannot be read.
 
@@ -126,6 +126,7 @@ def export(
         progress,
     )
     source = recording if isinstance(recording, Recording) else Recording(recording)
+    source.checked_table("robots" if table is None else table)
     try:
         return job.write(source, sheet, animate, "robots" if table is None else table)
     except OSError as error:
@@ -205,4 +206,6 @@ def _check_free(paths: Sequence[Path] | dict, overwrite: bool) -> None:
                 f"{path} exists already; choose another name, or replace it with overwrite=True (--force)"
             )
     for folder in {path.parent for path in paths}:
+        if not folder.is_dir():
+            raise ExportError(f"there is no folder {folder}; make it first, or choose another place")
         check_writable(folder)

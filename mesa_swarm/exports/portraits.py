@@ -2,10 +2,11 @@
 
 import warnings
 from collections.abc import Iterator
+from itertools import islice
 
 import numpy as np
 
-from mesa_swarm.errors import ExportError, ExportWarning, RecordingError
+from mesa_swarm.errors import ExportError, ExportWarning
 from mesa_swarm.experiments.portrait import Portrait
 from mesa_swarm.exports.scenes import Scene, scene_of
 from mesa_swarm.recording.recording import Frame, Recording
@@ -34,10 +35,12 @@ class Rows:
 
     def __init__(self, recording: Recording) -> None:
         self.recording = recording
-        self.steps = np.array(list(_whole_steps(recording)), np.int64)
+        self.steps = np.array([frame.step for frame in islice(recording, recording.intact)], np.int64)
         if not len(self.steps):
-            raise ExportError(f"{recording.path} has no rows; there is nothing to export")
-        if not recording.complete:
+            raise ExportError(f"{recording.path} {recording.damage or 'has no rows'}; there is nothing to export")
+        if recording.damage:
+            _warn(f"{recording.path} {recording.damage}; the whole rows are exported")
+        elif not recording.complete:
             _warn(f"{recording.path} was not closed: its {len(self.steps)} whole rows are exported")
 
     def frame(self, step: int) -> Frame:
@@ -163,19 +166,6 @@ def _fires(frame: Frame) -> dict[str, np.ndarray]:
         "temperature": np.clip(fires["temperature"].astype(float), 0.0, 1.0),
         "out": fires["out"],
     }
-
-
-def _whole_steps(recording: Recording) -> Iterator[int]:
-    """Yield the steps of the rows that can be read; damage further on is told and passed over."""
-    rows = 0
-    try:
-        for frame in recording:
-            yield frame.step
-            rows += 1
-    except RecordingError as error:
-        if not rows:
-            raise
-        _warn(f"{error}; the {rows} rows before are exported")
 
 
 def _warn(text: str) -> None:

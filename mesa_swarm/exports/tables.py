@@ -1,5 +1,6 @@
 """Tables of a recording as CSV or Parquet, written in pieces."""
 
+import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import pandas as pd
 import pyarrow as pa
 from pyarrow import parquet
 
+from mesa_swarm.errors import ExportWarning
 from mesa_swarm.experiments.files import draft_of
 from mesa_swarm.exports.portraits import Rows
 from mesa_swarm.progress import progress_bar
@@ -45,7 +47,7 @@ def export_parquet(rows: Rows, path: Path, steps: Sequence[int], table: str, pro
 
 
 def pieces(rows: Rows, steps: Sequence[int], table: str, progress: bool) -> Iterator[pd.DataFrame]:
-    """Yield the table of some steps, never more than 256 at once.
+    """Yield the table of some steps, never more than 256 at once; warn at the end if it is empty.
 
     Raises
     ------
@@ -53,8 +55,14 @@ def pieces(rows: Rows, steps: Sequence[int], table: str, progress: bool) -> Iter
         If that table was not recorded.
     """
     rows.recording.checked_table(table)
+    found = 0
     with progress_bar(len(steps), "steps", progress) as bar:
         for begin in range(0, len(steps), STEPS_AT_ONCE):
             chosen = steps[begin : begin + STEPS_AT_ONCE]
-            yield table_of((rows.frame(step) for step in chosen), table)
+            piece = table_of((rows.frame(step) for step in chosen), table)
+            found += len(piece)
+            yield piece
             bar.update(len(chosen))
+    if not found:
+        text = f"{rows.recording.path} has no {table} in these steps: the table is empty"
+        warnings.warn(text, ExportWarning, stacklevel=2)

@@ -42,6 +42,7 @@ SENSORS = (ProximitySensor, RadiationSensor, LineSensor)
 IMPERFECT = (Imperfection, Imperfections)
 DRIVES = (DifferentialDrive, HolonomicDrive)
 PARTS = {part.__name__: part for part in (RobotDesign, *SENSORS, *DRIVES, FireConstants, Radio, *IMPERFECT, *LAYERS)}
+OWN_CODE = "code of one's own"
 ARBITERS = {"Subsumption": Subsumption, "VectorSum": VectorSum}
 PLAIN = (bool, int, float, str, type(None))
 
@@ -178,9 +179,24 @@ def control_from_json(value: object) -> object:
     name, given = _only_item(value)
     if name not in ARBITERS or not isinstance(given, dict) or not isinstance(given.get("layers"), list):
         raise RecordingError(f"there is no arbiter {shortened(name)} that a recording may tell of")
+    own = own_code(value)
+    if own:
+        raise RecordingError(f"the control has code of one's own in it ({shortened(own[0])}), which no recording holds")
     layers = [part_from_json(layer) for layer in given["layers"]]
     more = {} if given.get("weights") is None else {"weights": given["weights"]}
     return _made(name, lambda: ARBITERS[name](*layers, **more), {})
+
+
+def own_code(control: Any) -> list[str]:
+    """Return what is called of the layers that are code of one's own in what `control_to_json` returned.
+
+    Examples
+    --------
+    >>> own_code(control_to_json(Subsumption(Avoid(distance=9))))
+    []
+    """
+    layers = [layer for given in (control or {}).values() for layer in given["layers"]]
+    return [str(layer[OWN_CODE]) for layer in layers if isinstance(layer, dict) and OWN_CODE in layer]
 
 
 def _layer_to_json(layer: object) -> object:
@@ -188,7 +204,7 @@ def _layer_to_json(layer: object) -> object:
         return part_to_json(layer)
     except RecordingError:
         values = [f"{name}={value!r}" for name, value in getattr(layer, "parameters", {}).items()]
-        return {"code of one's own": " ".join([type(layer).__name__, str(getattr(layer, "name", "")), *values])}
+        return {OWN_CODE: " ".join([type(layer).__name__, str(getattr(layer, "name", "")), *values])}
 
 
 def _checked_shape(value: object) -> dict:

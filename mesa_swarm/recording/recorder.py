@@ -16,6 +16,7 @@ from mesa_swarm.recording.container import to_bytes
 from mesa_swarm.recording.interventions import intervention_to_json
 from mesa_swarm.recording.layout import DEFAULT, Layout
 from mesa_swarm.recording.marks import Mark
+from mesa_swarm.recording.parts import control_to_json, own_code
 from mesa_swarm.recording.provenance import as_metadata, provenance_of
 from mesa_swarm.recording.sealed_stream import CHECKPOINT, INTERVENTION, SealedWriter
 from mesa_swarm.recording.tape import HASH_EVERY, Tape
@@ -55,7 +56,7 @@ class Recorder:
         self.path = path
         self.every = every
         self._tape = Tape(layout, writer, model)
-        self._checkpoints = _Checkpoints(self._tape, checkpoint_every)
+        self._checkpoints = _Checkpoints(self._tape, checkpoint_every, model)
         try:
             if checkpoint_every:
                 self._checkpoints.put(model)
@@ -162,12 +163,13 @@ class Recorder:
 class _Checkpoints:
     """Complete states, stored every so many steps; what is collected over the steps is told from one to the next."""
 
-    def __init__(self, tape: Tape, every: int) -> None:
+    def __init__(self, tape: Tape, every: int, model: ObservedWorld) -> None:
         self.steps: list[int] = []
         self.why_not = "" if every else NO_CHECKPOINTS
         self.due = 0 if every else sys.maxsize
         self._tape = tape
         self._every = every
+        self._control = control_to_json(model.control)
         self._since: dict[SeriesPath, int] = {}
 
     def put(self, model: ObservedWorld) -> None:
@@ -184,12 +186,23 @@ class _Checkpoints:
         """Return a checkpoint as bytes; none, and why, if there is none."""
         self.due = model.completed + self._every
         try:
+            self._check_control(model)
             content = to_bytes(checkpoint_of(model, self._since, steps=steps))
         except RecordingError as error:
             self.why_not = str(error)
             return b""
         self.why_not = ""
         return content
+
+    def _check_control(self, model: ObservedWorld) -> None:
+        """Refuse a control with code that the model's constructor, as far as is known, does not give it."""
+        now = control_to_json(model.control)
+        own = own_code(now)
+        if own and now != self._control:
+            raise RecordingError(
+                f"its control has code of one's own in it ({own[0]}), which no recording holds: set it again by hand "
+                "after resuming from before, or record a model whose class has the rule"
+            )
 
     def _attach(self, model: ObservedWorld, content: bytes) -> None:
         if content:

@@ -69,7 +69,8 @@ class Recording:
         model, parameters, map (as TOML), seed, versions, every, exact, start ...
     columns : tuple of str
     complete : bool
-        Whether the recording was closed. If not, its program was killed or still runs.
+        Whether the recording was closed and reaches to its end. If not, and there is no `damage`, its program was
+        killed or still runs.
     lost : int
         Bytes at the end that do not make a whole chunk and were passed over.
 
@@ -105,7 +106,7 @@ class Recording:
         self._chunks: OrderedDict[int, _Chunk] = OrderedDict()
 
     def __repr__(self) -> str:
-        state = "" if self.complete else ", not closed"
+        state = "" if self.complete else ", damaged" if self._reader.broken else ", not closed"
         return f"<Recording of {self.provenance['model']['name']}, {len(self)} rows{state}: {self.path}>"
 
     def __len__(self) -> int:
@@ -118,6 +119,17 @@ class Recording:
         torn = (place for place, piece in enumerate(self._reader.pieces) if not self._reader.is_whole(piece))
         damaged = next(torn, len(self._ends))
         return self._ends[damaged - 1] if damaged else 0
+
+    @cached_property
+    def damage(self) -> str:
+        """What is damaged, in words that follow the file's name; empty if nothing is, also where it was not closed."""
+        if self.intact < len(self) or self._reader.broken:
+            step = self[self.intact - 1].step if self.intact else self.provenance["start"]["step"]
+            return f"is damaged after step {step}: {_counted(self.intact)} whole to there, what follows is not read"
+        torn = next((piece for piece in self._reader.attached if not self._reader.is_whole(piece)), None)
+        if torn is None:
+            return ""
+        return f"is damaged at what it carries for step {torn.step}: {_counted(self.intact)} whole"
 
     def __iter__(self) -> Iterator[Frame]:
         """Iterate over all frames, oldest first."""
@@ -312,6 +324,10 @@ class Recording:
         if len(self._chunks) > MOST_CACHED:
             self._chunks.popitem(last=False)
         return chunk
+
+
+def _counted(rows: int) -> str:
+    return f"{rows} row{' is' if rows == 1 else 's are'}"
 
 
 def table_of(frames: Iterable[Frame], table: str) -> pd.DataFrame:

@@ -14,7 +14,9 @@ import os
 import re
 import zlib
 from collections.abc import Iterator
+from functools import cached_property
 from io import FileIO
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,7 +28,8 @@ SEAL = re.compile(rb"crc32=([0-9a-f]{8}) rows=(\d{1,18}) step=(-?\d{1,18});")
 # What pieces without rows carry.
 CHECKPOINT, CHANGE, INTERVENTION = "checkpoint", "change", "intervention"
 NAME = re.compile(rb"\0(checkpoint|change|intervention)\0")
-END_OF_STREAM = b"\xff\xff\xff\xff\x00\x00\x00\x00"
+BEGIN_OF_MESSAGE = b"\xff\xff\xff\xff"
+END_OF_STREAM = BEGIN_OF_MESSAGE + b"\x00\x00\x00\x00"
 # Level 1: higher ones cost a step more than they save on disk.
 ZSTD = pa.ipc.IpcWriteOptions(compression=pa.Codec("zstd", compression_level=1))
 
@@ -214,8 +217,17 @@ class SealedReader:
             found.pop()
         self.pieces = [piece for piece in found[1:] if piece.rows]
         self.attached = [piece for piece in found[1:] if not piece.rows]
-        self.lost = self._bytes.size - found[-1].end
-        self.complete = self._bytes[found[-1].end :].to_pybytes() == END_OF_STREAM
+        self._end = found[-1].end
+        self.lost = self._bytes.size - self._end
+        self.complete = self._bytes[self._end :].to_pybytes() == END_OF_STREAM
+
+    @cached_property
+    def broken(self) -> bool:
+        """Whether what follows the last piece was once more than the torn end of a stream that nobody closed."""
+        if self.complete:
+            return False
+        rest = memoryview(self._bytes)[self._end :].tobytes()
+        return rest.endswith(END_OF_STREAM) or _holds_whole_piece(rest)
 
     def batch(self, piece: Piece) -> pa.RecordBatch:
         """Return the rows of a piece.
@@ -258,14 +270,17 @@ class SealedReader:
             raise RecordingError(damage) from None
 
     def _found(self) -> Iterator[Piece]:
-        begin = batch = 0
+        begin = 0
+        batch: int | None = None
         for at, end, metadata in self._messages():
             seal = SEAL.search(metadata) if at else None  # the schema may hold any text
-            if seal is None:
+            if (seal is None) == (batch is not None):  # every second message is a seal: this one, or that, is damaged
+                return
+            if seal is None or batch is None:
                 batch = at
             else:
                 yield Piece(begin, batch, at, end, int(seal[1], 16), int(seal[2]), int(seal[3]))
-                begin = at
+                begin, batch = at, None
 
     def _messages(self) -> Iterator[tuple[int, int, bytes]]:
         """Iterate over messages: where each begins and ends, and its metadata; the first that is torn ends it."""
@@ -280,6 +295,16 @@ class SealedReader:
 
     def _message(self, at: int) -> pa.Message:
         return pa.ipc.read_message(pa.BufferReader(self._bytes[at:]))
+
+
+def _holds_whole_piece(rest: bytes) -> bool:
+    """Tell whether a seal fits what stands between it and the one before, wherever the two are."""
+    seals = [(rest.rfind(BEGIN_OF_MESSAGE, 0, seal.start()), seal) for seal in SEAL.finditer(rest)]
+    return any(_fits(rest[begin:end], seal) for (begin, _), (end, seal) in pairwise(seals))
+
+
+def _fits(content: bytes, seal: re.Match[bytes]) -> bool:
+    return zlib.crc32(b"%b %b" % (seal[2], seal[3]), zlib.crc32(content)) == int(seal[1], 16)
 
 
 def _mapped(path: Path) -> mmap.mmap | bytes:

@@ -1,6 +1,7 @@
 """Running a recorded model again, and finding the first step and robot that differ."""
 
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 
@@ -21,7 +22,7 @@ class Verification:
     Parameters
     ----------
     same : bool
-        Whether nothing differs.
+        Whether nothing differs and nothing of the recording is damaged.
     rows : int
         How many rows were compared before the first that differs.
     step : int or None
@@ -51,7 +52,7 @@ def verify(recording: Recording, model_class: type, progress: bool = False) -> V
     """Run the model of a recording again from its parameters and compare every row.
 
     Where somebody changed the model by hand, it goes on from the state that was stored after that; the verdict names
-    these places.
+    these places. Of a damaged recording the rows before the damage are compared, and the verdict names it.
 
     Parameters
     ----------
@@ -78,15 +79,10 @@ def verify(recording: Recording, model_class: type, progress: bool = False) -> V
     all 20 rows to step 20 are the same
     """
     rerun = Rerun(recording, started_again(recording, model_class))
-    with progress_bar(len(recording), "rows", progress) as bar:
-        for row, frame in enumerate(recording):
-            difference = _compared(rerun, row, frame)
-            if difference is not None:
-                return replace(difference, interventions=rerun.taken)
-            bar.update()
-    last = f" to step {recording[-1].step}" if len(recording) else ""
-    text = f"all {len(recording)} rows{last} are the same"
-    return Verification(same=True, rows=len(recording), text=text, interventions=rerun.taken)
+    verdict = _all_compared(rerun, progress)
+    if recording.damage:
+        verdict = replace(verdict, same=False, text=f"{verdict.text}; {recording.path} {recording.damage}")
+    return replace(verdict, interventions=rerun.taken)
 
 
 def run_to(rerun: Rerun, step: int) -> None:
@@ -126,6 +122,18 @@ def last_same(rerun: Rerun, step: int) -> int:
             return same
         same = frame.step
     return same
+
+
+def _all_compared(rerun: Rerun, progress: bool) -> Verification:
+    recording, rows = rerun.recording, rerun.recording.intact
+    with progress_bar(rows, "rows", progress) as bar:
+        for row, frame in enumerate(islice(recording, rows)):
+            difference = _compared(rerun, row, frame)
+            if difference is not None:
+                return difference
+            bar.update()
+    last = f" to step {recording[rows - 1].step}" if rows else ""
+    return Verification(same=True, rows=rows, text=f"all {rows} rows{last} are the same")
 
 
 def _compared(rerun: Rerun, row: int, frame: Frame) -> Verification | None:

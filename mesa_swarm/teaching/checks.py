@@ -187,6 +187,8 @@ def check_estimate(
         wanted, came = float(guess), np.array([run(seed) for seed in seeds], dtype=float)
     except (TypeError, ValueError):
         return Verdict(False, told("your answer", guess, "a number"), hint)
+    if not np.isfinite(wanted):
+        return Verdict(False, told("your answer", guess, "a number"), hint)
     text = (
         f"you expected {shown(wanted)} for {what}, and {shown(came.mean())} came in the mean of "
         f"{seeds_in_words(seeds)}, from {shown(came.min())} to {shown(came.max())}; within {within:g} is near enough"

@@ -211,4 +211,5 @@ def _most_that_fit(space: shapely.Geometry, radius: float) -> int:
 
 
 def _does_not_fit(n: int, radius: float, where: str, fit: int | str) -> str:
-    return f"{n} robots of radius {radius:g} do not fit on {where}: {fit} would; ask for fewer or a larger map"
+    what = f"{n} robot of radius {radius:g} does" if n == 1 else f"{n} robots of radius {radius:g} do"
+    return f"{what} not fit on {where}: {fit} would; ask for fewer or a larger map"

@@ -141,6 +141,8 @@ def test_episodes_say_who_did_what_when_and_who_drove():
         "Robots 2 and 5 faced each other at close quarters and blocked each other's way, "
         "in steps 3 to 90 (layers 0, 1)."
     )
+    ids = [10, 11, 12, 13, 14, 15]
+    assert episode.describe(ids).startswith("Robots 12 and 15 faced each other")
     assert "12 times" in Episode(kind=CORRIDOR, robots=(2,), first_step=3, last_step=90, flips=12).describe()
 
 

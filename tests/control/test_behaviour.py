@@ -144,6 +144,24 @@ def test_what_is_not_a_rule_is_refused(wrong):
         behaviour(wrong)
 
 
+async def waits(me):
+    return PASS
+
+
+def yields(me):
+    yield PASS
+
+
+async def waits_and_yields(me):
+    yield PASS
+
+
+@pytest.mark.parametrize("wrong", [waits, yields, waits_and_yields])
+def test_a_rule_that_does_not_return_at_once_is_refused(wrong):
+    with pytest.raises(InvalidValueError, match=f"rule {wrong.__name__} is async or yields; expected a function that"):
+        behaviour(wrong)
+
+
 def test_a_rule_is_compiled_once_for_all_its_variants():
     model, _ = facing_a_disc()
     for distance in (5, 6.0, np.float32(7)):

@@ -250,6 +250,7 @@ def test_another_number_that_is_missing_is_left_out_and_the_pairs_are_counted():
     row = summary_rows(comparison)[1]
     assert (row.pairs, row.ranked, row.larger.estimate) == (2, 2, 1.0)
     assert "(2 pairs)" in comparison.table()
+    assert "(1 pair)" in made_up({"A": {"spread": [None, 1.0]}, "B": {"spread": [5.0, 3.0]}}).table()
 
 
 def test_each_value_is_compared_with_the_first():

@@ -33,6 +33,35 @@ def test_run_does_every_run_of_a_job_and_prints_what_the_model_alone_says(typed)
     assert out.splitlines()[:3] == ["run_1, rng 4", "steps       20", "fires out   0"]
 
 
+@pytest.mark.parametrize("line", ["run fire_fighting --steps 5", "run job.toml"])
+def test_a_recording_is_named_by_seed_and_name_and_other_places_are_refused(typed, line):
+    Path("job.toml").write_text(MODEL + 'robots = 3\nsteps = 5\nname = "fire_fighting"')
+    assert typed(f"{line} --quiet --record {{name}}_{{seed}}.arrow")[0] == 0
+    assert Path("fire_fighting_1.arrow").exists()
+    before = sorted(Path().iterdir())
+    for name in ("a{seed}{nme}.arrow", "{nme}/a.arrow"):
+        status, out, err = typed(f"{line} --quiet --record {name}")
+        assert (status, out, err.count("\n")) == (2, "", 1)
+        assert "place in the name of a recording 'nme'; did you mean 'name'? known: name, seed" in err
+    assert sorted(Path().iterdir()) == before
+
+
+def test_a_job_that_records_to_an_unknown_place_is_refused(typed):
+    Path("job.toml").write_text(MODEL + 'record = "a{seed}{nme}.arrow"')
+    status, out, err = typed("run job.toml --quiet")
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert "did you mean 'name'? known: name, seed" in err
+
+
+def test_a_file_that_is_there_is_replaced_by_what_one_types(typed):
+    Path("a.arrow").write_text("precious")
+    status, _, err = typed("run boids --steps 2 --quiet --record a.arrow")
+    assert (status, err) == (
+        2,
+        "mesa-swarm: a.arrow exists already; choose another name, or replace it with --force\n",
+    )
+
+
 RECORDED = MODEL + 'robots = 2\nsteps = 20\nseeds = 2\nrecord = { file = "runs/{seed}.arrow", every = 5 }'
 
 

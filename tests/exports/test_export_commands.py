@@ -1,6 +1,6 @@
 import pytest
 
-from mesa_swarm import cli
+from mesa_swarm import SwarmModel, cli
 
 
 @pytest.fixture
@@ -45,6 +45,8 @@ def test_options_have_the_names_that_one_expects(typed, tmp_path):
         "out.csv --table fire",
         "out.mp4 --size 65x65",
         "/proc/out.png",
+        "nowhere/out.png",
+        "nowhere/out.csv",
         "out.png --every 0",
     ],
 )
@@ -68,3 +70,24 @@ def test_a_torn_recording_is_exported_as_far_as_it_is_whole_and_this_is_said(typ
     status, out, err = typed("a.csv --quiet", "torn.arrow")
     assert (status, out) == (0, "a.csv\n")
     assert err == "mesa-swarm: warning: torn.arrow was not closed: its 256 whole rows are exported\n"
+
+
+def test_a_folder_that_is_not_there_is_not_made(typed):
+    status, _, err = typed("nowhere/a.csv --quiet")
+    assert (status, err) == (2, "mesa-swarm: there is no folder nowhere; make it first, or choose another place\n")
+
+
+@pytest.mark.filterwarnings("default")
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_an_empty_table_is_written_and_this_is_said(typed, tmp_path, kind):
+    model = SwarmModel(rng=1)
+    with model.record(tmp_path / "bare.arrow"):
+        model.run(3)
+    status, out, err = typed(f"a.{kind} --table fires --quiet", "bare.arrow")
+    assert (status, out) == (0, f"a.{kind}\n")
+    assert err == "mesa-swarm: warning: bare.arrow has no fires in these steps: the table is empty\n"
+
+
+def test_an_unknown_table_is_told_before_a_file_that_is_there(typed, tmp_path):
+    (tmp_path / "a.csv").write_text("precious")
+    assert "table 'fire'; did you mean 'fires'" in typed("a.csv --table fire --quiet")[2]

@@ -11,3 +11,9 @@ def recorded(tmp_path_factory):
     with model.record(path):
         model.run(600)
     return path
+
+
+@pytest.fixture(scope="session")
+def recorded_run(recorded):
+    """Return the same, for those who have a `recorded` of their own."""
+    return recorded

@@ -100,6 +100,50 @@ def test_a_recording_that_is_torn_in_its_header_is_refused(short, tmp_path):
         assert check_prefix(path, content[:length], whole) is None
 
 
+def flipped(path, content, place):
+    """Return the recording with another bit somewhere."""
+    path.write_bytes(content[:place] + bytes([content[place] ^ 4]) + content[place + 1 :])
+    return Recording(path)
+
+
+def test_a_flipped_bit_of_a_closed_recording_is_told_as_damage_wherever_it_is(short, tmp_path):
+    content, _ = short
+    path = tmp_path / "flipped.arrow"
+    path.write_bytes(content)
+    reader = SealedReader(path)
+    begin, rest = reader.attached[0].batch, reader.pieces[1]
+    for place in range(begin, len(content) - len(END_OF_STREAM), 41):
+        recording = flipped(path, content, place)
+        # Bytes that only fill up the last seal are sealed by none.
+        assert recording.damage or place > reader.pieces[-1].seal, place
+    second = flipped(path, content, (rest.batch + rest.seal) // 2)
+    assert second.damage == "is damaged after step 5: 5 rows are whole to there, what follows is not read"
+
+
+def test_what_tears_a_closed_recording_apart_is_damage_and_not_the_end_of_a_killed_run(short, tmp_path):
+    content, _ = short
+    path = tmp_path / "flipped.arrow"
+    path.write_bytes(content)
+    second = SealedReader(path).pieces[1]
+    recording = flipped(path, content, second.batch + 5)  # how long the next message is
+    assert (len(recording), recording.complete) == (5, False)
+    assert recording.damage.startswith("is damaged after step 5: 5 rows are whole")
+    # Also where the run was killed later: whole chunks follow.
+    assert flipped(path, content[:-60], second.batch + 5).damage == recording.damage
+
+
+def test_a_run_that_was_killed_is_not_called_damaged(short, tmp_path):
+    content, _ = short
+    path = tmp_path / "torn.arrow"
+    path.write_bytes(content)
+    last = SealedReader(path).pieces[-1]
+    for length in range(last.batch, len(content), 7):
+        path.write_bytes(content[:length])
+        assert Recording(path).damage == ""
+    path.write_bytes(content[: last.batch + 30] + bytes(200))  # a power cut leaves holes
+    assert Recording(path).damage == ""
+
+
 def flip(short, path, seed, count):
     content, whole = short
     draw = random.Random(seed)

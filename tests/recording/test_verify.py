@@ -10,6 +10,7 @@ from mesa_swarm.gallery import find_model, model_names
 from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording, verify
+from mesa_swarm.recording.sealed_stream import SealedReader
 from mesa_swarm.robots.design import AGENT9
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.world.map import Map
@@ -138,3 +139,37 @@ def test_ctrl_c_on_the_command_line_keeps_what_was_recorded(tmp_path, capsys, mo
     assert f"12 steps are kept in {path}" in capsys.readouterr().out
     assert Recording(path).complete
     assert len(Recording(path)) == 12
+
+
+def test_verify_compares_what_is_whole_of_a_damaged_recording_and_ends_with_status_1(recorded_run, tmp_path, capsys):
+    content = recorded_run.read_bytes()
+    path = tmp_path / "run.arrow"
+    for place in damaged_places(recorded_run):
+        path.write_bytes(content[:place] + bytes([content[place] ^ 4]) + content[place + 1 :])
+        assert status_of("verify", path, "--quiet") == 1
+        assert capsys.readouterr().out == (
+            f"all 256 rows to step 256 are the same; {path} is damaged after step 256: "
+            "256 rows are whole to there, what follows is not read\n"
+        )
+
+
+def damaged_places(path):
+    """Return a place among the rows of the second chunk, and one in how long it is."""
+    second = SealedReader(path).pieces[1]
+    return (second.batch + second.seal) // 2, second.batch + 5
+
+
+def test_verify_says_of_a_recording_that_was_not_closed_what_it_always_said(recorded_run, tmp_path, capsys):
+    path = tmp_path / "run.arrow"
+    path.write_bytes(recorded_run.read_bytes()[:-200])
+    assert status_of("verify", path, "--quiet") == 0
+    assert "run.arrow was not closed: 512 rows are whole, " in capsys.readouterr().out
+
+
+def test_a_state_that_is_damaged_is_told_though_all_rows_are_whole(recorded_run, tmp_path):
+    content, state = recorded_run.read_bytes(), SealedReader(recorded_run).attached[0]
+    place, path = (state.batch + state.seal) // 2, tmp_path / "run.arrow"
+    path.write_bytes(content[:place] + bytes([content[place] ^ 4]) + content[place + 1 :])
+    verification = verify(Recording(path), FireFighting)
+    assert not verification.same
+    assert verification.text.endswith("is damaged at what it carries for step 0: 600 rows are whole")

@@ -151,7 +151,13 @@ class TestEstimates:
 
     @pytest.mark.parametrize(
         ("guess", "says"),
-        [(3, "You expected 3 for the mean, and 1.5 came"), (..., "no answer"), ("many", "expected a number")],
+        [
+            (3, "You expected 3 for the mean, and 1.5 came"),
+            (..., "no answer"),
+            ("many", "expected a number"),
+            (float("nan"), "Your answer is nan; expected a number"),
+            (float("inf"), "expected a number"),
+        ],
     )
     def test_others_are_told_what_came(self, guess, says):
         verdict = check_estimate(guess, float, within=0.2, seeds=[1, 2])

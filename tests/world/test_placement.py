@@ -52,7 +52,7 @@ def promised(place, n):
         place(n)
     text = str(caught.value)
     assert "\n" not in text
-    assert text.startswith(f"{n} robots of radius ")
+    assert text.startswith("1 robot of radius " if n == 1 else f"{n} robots of radius ")
     return int(re.search(r": (\d+) would; ask for fewer", text)[1])
 
 
