@@ -86,6 +86,14 @@ def test_nothing_stands_upon_the_maps_whatever_their_height(compared, shots):
         maps = page.evaluate(COVERED)
         assert [upon for _, *upon in maps] == [[], []]
         assert all(shown > 140 for shown, *_ in maps)
+        menu = page.locator(".swarm-worlds .swarm-tools summary").first
+        menu.click()
+        page.screenshot(path=shots / f"compare_menu_{height}.png")
+        stage, list_ = (page.locator(f".swarm-stage{part}").first.bounding_box() for part in ("", " details > div"))
+        assert stage["y"] <= list_["y"]
+        assert list_["y"] + list_["height"] <= stage["y"] + stage["height"], "the whole list is in sight"
+        assert stage["x"] <= list_["x"]
+        menu.click()
     compared.press("Watch")
     page.wait_for_selector(".swarm-side")
     compared.wait("player.drawn")
