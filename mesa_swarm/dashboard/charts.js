@@ -203,7 +203,7 @@ class ChartView {
   #say(colours, row) {
     const { names, points } = this.#news;
     if (this.#fresh) {
-      this.#values.replaceChildren(...names.map((name) => make("li", {}, make("i"), make("span", {}, names.length > 1 ? name : ""), make("b"))));
+      this.#values.replaceChildren(...names.map((name) => make("li", {}, make("i"), make("span", {}, name), make("b"))));
       this.#fresh = false;
     }
     const at = row >= 0 && points ? this.#row("steps", 0)[row] : null;

@@ -4,7 +4,7 @@
 const SCREEN = ["screen", "Picture as on screen (PNG)", false];
 
 class ExportForm {
-  #model; #root; #parts = {}; #downloads; #leave = [];
+  #model; #root; #parts = {}; #downloads; #leave = []; #asked = false;
 
   constructor(model, root) {
     this.#model = model;
@@ -38,7 +38,7 @@ class ExportForm {
     parts.trails = make("input", { type: "checkbox" });
     parts.sectorsLabel = make("label", {}, parts.sectors, "sensors");
     parts.trailsLabel = make("label", {}, parts.trails, "trails");
-    parts.start = make("button", { type: "button", class: "swarm-start", click: () => this.#start() }, "Export");
+    parts.start = make("button", { type: "button", class: "swarm-make", click: () => this.#start() }, "Export");
     parts.cancel = make("button", { type: "button", click: () => send({ do: "cancel" }) }, "Cancel");
     parts.bar = make("progress", { max: 1, "aria-label": "Progress" });
     parts.doing = make("span");
@@ -85,6 +85,10 @@ class ExportForm {
     parts.message.hidden = !told.message;
     parts.fault.textContent = told.fault;
     parts.fault.hidden = !told.fault;
+    if (this.#asked && !busy && (told.fault || told.message)) {
+      this.#asked = false;
+      parts[told.fault ? "fault" : "message"].scrollIntoView({ block: "nearest" });
+    }
   }
 
   #sources(told, whole) {
@@ -105,6 +109,7 @@ class ExportForm {
     const { kind, source, every, sectors, trails } = this.#parts;
     if (kind.value === SCREEN[0]) return this.#saveScreen();
     const value = { kind: kind.value, source: source.value || "run", every: Number(every.value), sectors: sectors.checked, trails: trails.checked };
+    this.#asked = true;
     return this.#model.send({ do: "export", value });
   }
 

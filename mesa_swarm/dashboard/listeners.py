@@ -9,6 +9,11 @@ import solara
 class Listeners:
     """Functions that are called with whatever is told.
 
+    Attributes
+    ----------
+    told : int
+        How often anything was told, also when nobody listened.
+
     Never tell while holding a lock: a listener may draw a page, whose own lock somebody holds who waits for yours.
 
     Examples
@@ -20,11 +25,14 @@ class Listeners:
     >>> listeners.tell("still there?")
     >>> heard
     ['hello']
+    >>> listeners.told
+    2
     """
 
     def __init__(self) -> None:
         self._functions: list[Callable] = []
         self._lock = threading.Lock()
+        self.told = 0
 
     def __len__(self) -> int:
         return len(self._functions)
@@ -42,7 +50,10 @@ class Listeners:
 
     def tell(self, *news: object) -> None:
         """Call all, in the order in which they came."""
-        for function in self._functions:
+        with self._lock:
+            self.told += 1
+            functions = self._functions
+        for function in functions:
             function(*news)
 
     def clear(self) -> None:
@@ -54,5 +65,16 @@ class Listeners:
 def use_changes(listeners: Listeners) -> int:
     """Draw a Solara component anew whenever these listeners are told; return how often that was."""
     count, set_count = solara.use_state(0)
-    solara.use_effect(lambda: listeners.add(lambda *_: set_count(lambda n: n + 1)), [listeners])
+    drawn = solara.use_memo(lambda: listeners.told, [listeners])
+
+    def hear(*_: object) -> None:
+        set_count(lambda n: n + 1)
+
+    def listen() -> Callable[[], None]:
+        leave = listeners.add(hear)
+        if listeners.told != drawn:  # before anybody heard it, but after the component had looked
+            hear()
+        return leave
+
+    solara.use_effect(listen, [listeners])
     return count

@@ -15,6 +15,8 @@ const TYPED_IN = "input, textarea, select, [contenteditable], [role=slider], [ro
 
 // Numbers change so often at most, s: nobody reads faster, and drawing text takes as long as drawing robots.
 const TELL_EVERY = 0.15;
+// A stage that is lower is all map, CSS pixels; and the gap between the map and what stands beside it.
+const LOW = 240, GAP = 8;
 
 function iconButton(icon, label, act, more = {}) {
   const button = make("button", { type: "button", title: label, "aria-label": label, click: act, ...more });
@@ -123,10 +125,10 @@ class PlayerView {
     const summary = make("summary", { title: "What is drawn", "aria-label": "What is drawn" });
     summary.innerHTML = `<svg viewBox="0 0 20 20" aria-hidden="true"><path fill-rule="evenodd" d="${ICONS.eye}"/></svg>`;
     parts.menu = make("details", {}, summary, make("div", {}, ...boxes));
-    return make("div", { class: "swarm-tools" },
+    return (parts.tools = make("div", { class: "swarm-tools" },
       iconButton("closer", "Zoom in", () => this.#stage?.zoom(1.4)),
       iconButton("farther", "Zoom out", () => this.#stage?.zoom(1 / 1.4)),
-      iconButton("fit", "Show the whole map", () => this.#fit()), parts.follow, parts.menu);
+      iconButton("fit", "Show the whole map", () => this.#fit()), parts.follow, parts.menu));
   }
 
   #key() {
@@ -173,10 +175,27 @@ class PlayerView {
     this.#world = world;
     this.#next = null;
     const onSelect = (id) => this.#choose(id), onFollow = (id) => this.#followed(id);
-    this.#stage = new Stage(this.#canvas, world, { theme: this.#root.dataset.theme, onSelect, onFollow });
+    this.#stage = new Stage(this.#canvas, world, { theme: this.#root.dataset.theme, onSelect, onFollow, covered: () => this.#covered() });
     for (const [name, on] of Object.entries(this.#parts.on)) this.#stage.set(name, on);
     this.#stage.select(this.#model.get("selected"));
     this.#fillKey();
+    this.#canvas.arena = () => this.#arena();
+  }
+
+  /** Return where the map is on the canvas: left, top, right, bottom in CSS pixels. */
+  #arena() {
+    const [x0, y0, x1, y1] = this.#world.bounds;
+    return [...this.#stage.toCanvas(x0, y1), ...this.#stage.toCanvas(x1, y0)];
+  }
+
+  /** Return how far from each edge buttons, legend and scale reach; in a low stage all of them stand at the sides. */
+  #covered() {
+    const { tools, key } = this.#parts, stage = this.#canvas.parentElement, all = stage.getBoundingClientRect();
+    const low = all.height < LOW, nothing = { left: 0, top: 0, bottom: 0 };
+    stage.classList.toggle("swarm-low", low);
+    const layers = key.getBoundingClientRect(), right = all.right - tools.getBoundingClientRect().left + GAP;
+    if (low) return { ...nothing, right, left: Math.max(SCALE.width, layers.right - all.left) + GAP };
+    return { ...nothing, right, bottom: Math.max(SCALE.height, key.hidden ? 0 : all.bottom - layers.top) + GAP };
   }
 
   #draw() {
@@ -247,6 +266,7 @@ class PlayerView {
       dot.style.background = colour;
       return make("li", {}, dot, name);
     }));
+    this.#stage?.resize(); // the legend may cover more or less now
   }
 
   #choose(id) {

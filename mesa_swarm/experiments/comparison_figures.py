@@ -22,8 +22,12 @@ TITLE, TEXT = 17, 14
 MOST_ROWS = 12
 # Half the width over which the pairs of one value are spread, as a part of the way to the next value.
 SPREAD = 0.28
-# How far beside its runs a mean stands, likewise; and how far beyond all numbers what has none, as a part of them.
-ASIDE, LANE = 0.14, 0.12
+# How far beside its runs a mean stands, likewise.
+ASIDE = 0.14
+# As parts of all numbers: how far beyond them what has none stands, half the width of its place, and where the axis of
+# numbers ends.
+LANE, BROAD, END = 0.3, 0.13, 0.08
+BEYOND = "#efefec"
 
 
 def main_measure(comparison: "Comparison") -> str:
@@ -42,7 +46,7 @@ def comparison_figure(comparison: "Comparison", measures: Sequence[str]) -> Figu
 
     A thin line is a seed. Rings are means, and bars their 95 % intervals, beside the runs and not upon them. An
     interval of the differences that does not meet the line at 0 is drawn in orange. Times that never came stand on a
-    dotted line beyond all others.
+    dotted line beyond a gap, where the axis has ended.
 
     Parameters
     ----------
@@ -68,10 +72,12 @@ def _draw_runs(axes: Axes, comparison: "Comparison", measure: str) -> None:
     plan = comparison.plan
     places = places_of(plan.values)
     columns = np.array([_numbers(comparison.column(value, measure)) for value in plan.values])
-    if measure.endswith(TIME) and np.isnan(columns).any():
-        lane = _lane(columns, 1)
-        columns = np.where(np.isnan(columns), lane, columns)
-        _name_lane(axes, lane, f"not by step {plan.steps:,}")
+    if measure.endswith(TIME):
+        axes.yaxis.set_major_locator(MaxNLocator("auto", integer=True, min_n_ticks=1))
+        if np.isnan(columns).any():
+            _name_lane(axes, columns, 1, f"not by step {plan.steps:,}")
+            _end_axis(axes, columns)
+            columns = np.where(np.isnan(columns), _lane(columns, 1), columns)
     faint = min(0.8, 8 / columns.shape[1] + 0.12)
     axes.plot(places, columns, "o-", color=PAIR, linewidth=0.8, markersize=5, alpha=faint)
     nearest = float(np.diff(np.sort(places)).min())
@@ -90,7 +96,7 @@ def _draw_differences(axes: Axes, comparison: "Comparison", measure: str) -> Non
     reach = SPREAD * float(np.diff(np.sort(everywhere)).min())
     base = comparison.column(first, measure)
     pairs = {value: _pairs(base, comparison.column(value, measure), measure) for value in others}
-    axes.yaxis.set_major_locator(MaxNLocator(6))
+    axes.yaxis.set_major_locator(MaxNLocator(6, integer=measure.endswith(TIME), min_n_ticks=1))
     _name_lanes(axes, pairs, first)
     below, above = (_lane(np.concatenate([[0.0], *pairs.values()]), side) for side in (-1, 1))
     axes.axhline(0, color=INK, linewidth=1.2)
@@ -119,25 +125,47 @@ def _name_lanes(axes: Axes, pairs: dict[Any, np.ndarray], first: Any) -> None:
     other = next(iter(pairs)) if len(pairs) == 1 else "this"
     for side, never in ((-1, first), (1, other)):
         if (together == side * np.inf).any():
-            _name_lane(axes, _lane(together, side), f"never with {never}")
+            _name_lane(axes, together, side, f"never with {never}")
+            _end_axis(axes, together)
     if not np.isfinite(together[1:]).any():
         axes.yaxis.set_major_locator(FixedLocator([0]))
         axes.text(0.5, 0.6, "on no seed with both", transform=axes.transAxes, ha="center", fontsize=TEXT)
 
 
-def _lane(numbers: np.ndarray, side: int) -> float:
-    """Return where to draw what has no number: beyond all that have one."""
+def _reach(numbers: np.ndarray) -> tuple[float, float, float]:
+    """Return the least and the greatest of those that are numbers, and how far they lie apart."""
     finite = numbers[np.isfinite(numbers)]
-    low, high = (finite.min(), finite.max()) if finite.size else (0.0, 1.0)
-    beyond = LANE * ((high - low) or 1.0)
-    return float(high + beyond if side > 0 else low - beyond)
+    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
+    return low, high, (high - low) or 1.0
 
 
-def _name_lane(axes: Axes, lane: float, text: str) -> None:
+def _lane(numbers: np.ndarray, side: int) -> float:
+    """Return where to draw what has no number: beyond a gap after all that have one."""
+    low, high, span = _reach(numbers)
+    return high + LANE * span if side > 0 else low - LANE * span
+
+
+def _name_lane(axes: Axes, numbers: np.ndarray, side: int, text: str) -> None:
+    """Draw the place of what has no number, and say what stands there."""
+    lane, half = _lane(numbers, side), BROAD * _reach(numbers)[2]
+    axes.axhspan(lane - half, lane + half, color=BEYOND, linewidth=0, zorder=0)
     axes.axhline(lane, color=INK, linewidth=0.8, linestyle=":")
     above = ("axes fraction", "data")
     axes.annotate(text, (0.5, lane), (0, 6), above, "offset points", ha="center", fontsize=TEXT - 2)
-    axes.margins(y=0.12)
+
+
+def _end_axis(axes: Axes, numbers: np.ndarray) -> None:
+    """Let the axis, and what is written on it, end with the numbers."""
+    if not np.isfinite(numbers).any():
+        axes.yaxis.set_major_locator(FixedLocator([]))
+        axes.spines["left"].set_visible(False)
+        return
+    low, high, span = _reach(numbers)
+    first, last = low - END * span, high + END * span
+    ticks = axes.yaxis.get_major_locator().tick_values(low, high)
+    axes.yaxis.set_major_locator(FixedLocator(ticks[(first <= ticks) & (ticks <= last)]))
+    axes.update_datalim([(0.0, first), (0.0, last)], updatex=False)
+    axes.spines["left"].set_bounds(first, last)
 
 
 def places_of(values: Sequence[Any]) -> np.ndarray:

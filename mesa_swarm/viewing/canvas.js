@@ -7,6 +7,7 @@
      stage.theme = "dark";
      stage.world = another;               // when things that stand still, designs or layers have changed
      stage.fit(); stage.zoom(1.5); stage.follow(id); stage.select(id);
+     new Stage(canvas, world, { covered: () => ({ left: 0, right: 52, top: 0, bottom: 44 }) });  // px that buttons cover
      stage.legend();                      // [{ name, colour }] of the layers that drive robots
      stage.destroy();
 
@@ -104,6 +105,10 @@ export function unpacked(world, bytes) {
   return frame;
 }
 
+const NOTHING = { left: 0, right: 0, top: 0, bottom: 0 };
+/** What the scale covers in the lower left corner, CSS pixels. */
+export const SCALE = { width: 131, height: 36 };
+
 /** A canvas on which a world is drawn. */
 export class Stage {
   #canvas; #context; #world; #designs; #shapes; #loads;
@@ -124,14 +129,16 @@ export class Stage {
   #listeners = new AbortController();
   #observer;
   #asked = 0;
+  #covered;
 
-  constructor(canvas, world, { theme = "light", onSelect = () => {}, onFollow = () => {} } = {}) {
+  constructor(canvas, world, { theme = "light", onSelect = () => {}, onFollow = () => {}, covered = () => NOTHING } = {}) {
     this.#canvas = canvas;
     this.#context = canvas.getContext("2d");
     this.#world = world;
     this.#theme = theme;
     this.onSelect = onSelect;
     this.onFollow = onFollow;
+    this.#covered = covered;
     this.#prepare();
     this.#listen();
     this.#observer = new ResizeObserver(() => this.resize());
@@ -175,11 +182,12 @@ export class Stage {
     this.draw();
   }
 
-  /** Show the whole map. */
+  /** Show the whole map, beside what covers the canvas. */
   fit() {
-    const [x0, y0, x1, y1] = this.#world.bounds;
-    const scale = 0.97 * Math.min(this.#width / (x1 - x0), this.#height / (y1 - y0));
-    this.#look({ x: (x0 + x1) / 2, y: (y0 + y1) / 2, scale });
+    const [x0, y0, x1, y1] = this.#world.bounds, { left, right, top, bottom } = this.#covered();
+    const width = Math.max(this.#width - left - right, 1), height = Math.max(this.#height - top - bottom, 1);
+    const scale = 0.97 * Math.min(width / (x1 - x0), height / (y1 - y0));
+    this.#look({ x: (x0 + x1 + (right - left) / scale) / 2, y: (y0 + y1 + (top - bottom) / scale) / 2, scale });
     this.#fitted = true;
   }
 

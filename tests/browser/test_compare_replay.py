@@ -6,6 +6,18 @@ from visits import wait_until
 from mesa_swarm.models.fire_fighting import FireFighting
 
 SIDES = ".swarm-worlds .swarm-player"
+# Of every map: its height, and what stands upon it.
+COVERED = """[...document.querySelectorAll(".swarm-stage")].map((stage) => {
+    const canvas = stage.querySelector("canvas"), [left, top, right, bottom] = canvas.arena();
+    const { x, y, height } = canvas.getBoundingClientRect(), upon = [];
+    for (const part of stage.querySelectorAll(".swarm-tools, .swarm-tools > *, .swarm-key")) {
+        const box = part.getBoundingClientRect();
+        const beside = box.right <= x + left || box.left >= x + right || box.bottom <= y + top || box.top >= y + bottom;
+        if (!beside || box.bottom > y + height || box.top < y) upon.push(part.className || part.title || "menu");
+    }
+    if (left < 131 && bottom > height - 36) upon.push("scale");
+    return [bottom - top, ...upon];
+})"""
 
 
 @pytest.fixture(scope="module")
@@ -63,6 +75,29 @@ def test_two_worlds_step_back_and_play_as_one(compared):
     press("r")
     wait_until(lambda: steps_of(compared) == ["0", "0"])
     wait_until(lambda: clock(compared, "fingerprint") == "-".join(marks_of(compared)))
+
+
+def test_nothing_stands_upon_the_maps_whatever_their_height(compared, shots):
+    page = compared.page
+    for height in (768, 640, 1000):
+        page.set_viewport_size({"width": 1366, "height": height})
+        page.wait_for_timeout(300)
+        page.screenshot(path=shots / f"compare_{height}.png")
+        maps = page.evaluate(COVERED)
+        assert [upon for _, *upon in maps] == [[], []]
+        assert all(shown > 140 for shown, *_ in maps)
+        menu = page.locator(".swarm-worlds .swarm-tools summary").first
+        menu.click()
+        page.screenshot(path=shots / f"compare_menu_{height}.png")
+        stage, list_ = (page.locator(f".swarm-stage{part}").first.bounding_box() for part in ("", " details > div"))
+        assert stage["y"] <= list_["y"]
+        assert list_["y"] + list_["height"] <= stage["y"] + stage["height"], "the whole list is in sight"
+        assert stage["x"] <= list_["x"]
+        menu.click()
+    compared.press("Watch")
+    page.wait_for_selector(".swarm-side")
+    compared.wait("player.drawn")
+    assert [upon for _, *upon in page.evaluate(COVERED)] == [[]]
 
 
 def test_what_is_compared_is_chosen_and_named(compared, shots):

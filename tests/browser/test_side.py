@@ -15,6 +15,19 @@ LISTEN = """(() => {
     WebSocket.prototype.send = function (data) { window.sent.push(String(data)); send.call(this, data); };
 })()"""
 ASKED = """window.sent.filter((data) => data.includes('"do":"export"')).length"""
+# What of the export panel is shown but not wholly within the side of the page.
+CUT_OFF = """(() => {
+    const side = document.querySelector(".swarm-side").getBoundingClientRect();
+    const panel = document.querySelector(".swarm-export"), cut = [];
+    for (const part of panel.querySelectorAll("h2, button, select, label, p, progress, .swarm-busy")) {
+        const box = part.getBoundingClientRect();
+        const wide = part.tagName !== "SELECT" && part.scrollWidth > part.clientWidth + 1 && part.clientWidth > 0;
+        const within = box.left >= side.left && box.right <= side.right && box.bottom <= side.bottom;
+        if (box.width && (!within || wide)) cut.push(part.textContent);
+    }
+    if (panel.scrollLeft || panel.scrollTop) cut.push("scrolled");
+    return cut;
+})()"""
 DRAWN = "document.querySelector('.swarm-charts').dataset.told"
 
 
@@ -120,6 +133,37 @@ def test_a_run_is_recorded_and_exported(visitor, tmp_path):
     visitor.press("Models")
     visitor.press("Watch")
     page.get_by_role("button", name="Stop recording").wait_for()
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_all_of_the_export_panel_is_in_sight_and_stays_there(visit, theme):
+    page = visit("?model=fire_fighting&step=3", color_scheme=theme).page
+    start = page.get_by_role("button", name="Export", exact=True)
+    for kind in ("png", "mp4"):
+        page.get_by_label("What to make").select_option(kind)
+        page.locator(".swarm-side").evaluate("side => side.scrollTop = side.scrollHeight")
+        assert page.evaluate(CUT_OFF) == []
+    start.focus()
+    assert page.evaluate(CUT_OFF) == []
+    page.get_by_label("Of which steps").evaluate("list => list.append(new Option('gone', 'gone'))")
+    page.get_by_label("Of which steps").select_option("gone")
+    start.click()
+    fault = page.locator(".swarm-export .swarm-fault")
+    fault.wait_for()
+    page.wait_for_timeout(100)
+    assert fault.inner_text()
+    assert page.evaluate(CUT_OFF) == [], "what went wrong is in sight without scrolling"
+
+
+def test_titles_of_charts_are_whole_and_every_curve_has_a_name(visitor):
+    page = visitor.page
+    visitor.press("Step")
+    visitor.wait_for_step(1)
+    wait_until(lambda: page.locator(".swarm-chart li").count() > 4)
+    titles = page.locator(".swarm-chart figcaption span")
+    assert titles.count() == 3
+    assert titles.evaluate_all("all => all.filter((one) => one.scrollWidth > one.clientWidth)") == []
+    assert all(page.locator(".swarm-chart li span").all_inner_texts())
 
 
 def test_what_is_on_screen_is_saved_as_it_is_without_asking_the_server(visit, tmp_path):

@@ -1,0 +1,60 @@
+"""The picture of a comparison: what never came is no number, and steps are whole."""
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+from mesa_swarm.experiments.compare import Comparison
+from mesa_swarm.experiments.comparison_figures import comparison_figure
+from mesa_swarm.experiments.plan import Plan, Run
+from mesa_swarm.gallery import find_model
+
+STEPS, MEASURE = 15_000, "all fires out at"
+
+
+def panels_of(first, second):
+    """Return both panels of a comparison whose fires were out at these steps."""
+    columns, seeds = {"A": first, "B": second}, range(1, len(first) + 1)
+    runs = [Run(name, rng, STEPS, "hash", {MEASURE: columns[name][rng - 1]}) for rng in seeds for name in columns]
+    plan = Plan(find_model("fire_fighting"), "strategy", tuple(columns), seeds, STEPS, {})
+    figure = comparison_figure(Comparison(plan, tuple(runs)), [MEASURE])
+    FigureCanvasAgg(figure).draw()
+    return figure.axes
+
+
+def ticks_of(axes) -> list[float]:
+    low, high = axes.get_ylim()
+    return [tick for tick in axes.get_yticks() if low <= tick <= high]
+
+
+def lanes_of(axes) -> list[float]:
+    return [line.get_ydata()[0] for line in axes.lines if line.get_linestyle() == ":"]
+
+
+def test_what_never_came_stands_beyond_a_gap_where_no_number_is():
+    left, right = panels_of([13_000, 14_200, None], [8_000, 9_500, 7_000])
+    (lane,) = lanes_of(left)
+    span = 14_200 - 7_000
+    assert lane >= 14_200 + 0.25 * span
+    assert max(ticks_of(left)) <= 14_200 + 0.1 * span
+    assert "not by step 15,000" in [text.get_text() for text in left.texts]
+    (lane,) = lanes_of(right)
+    assert lane <= -5_000 - 0.25 * 5_000
+    assert min(ticks_of(right)) >= -5_000 - 0.1 * 5_000
+    assert left.spines["left"].get_bounds()[1] < 14_200 + 0.2 * span, "the axis ends where the numbers do"
+
+
+@pytest.mark.parametrize(
+    "times", [([486, 487], [486, None]), ([486, None], [None, None]), ([5, 5], [6, 5]), ([12, 900], [33, 4_000])]
+)
+def test_ticks_of_steps_are_whole_numbers(times):
+    for axes in panels_of(*times):
+        ticks = ticks_of(axes)
+        assert ticks
+        assert np.array_equal(ticks, np.round(ticks))
+
+
+def test_where_nothing_ever_came_there_are_no_numbers():
+    left, right = panels_of([None, None], [None, None])
+    assert ticks_of(left) == []
+    assert ticks_of(right) == [0]
