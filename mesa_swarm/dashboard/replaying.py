@@ -93,6 +93,8 @@ class Replaying:
         recording, last = self.projector.recording, self.projector.past.last_step
         if len(self.projector.past) < len(recording):
             return [f"The recording is damaged after step {last}; what follows is left out."]
+        if recording.damage:
+            return [f"The recording {recording.damage}."]
         return [] if recording.complete else [f"The recording was not closed; it is whole up to step {last}."]
 
     @property

@@ -162,8 +162,8 @@ def _end_axis(axes: Axes, numbers: np.ndarray) -> None:
         return
     low, high, span = _reach(numbers)
     first, last = low - END * span, high + END * span
-    ticks = axes.yaxis.get_major_locator().tick_values(low, high)
-    axes.yaxis.set_major_locator(FixedLocator(ticks[(first <= ticks) & (ticks <= last)]))
+    ticks = np.asarray(axes.yaxis.get_major_locator().tick_values(low, high))
+    axes.yaxis.set_major_locator(FixedLocator(ticks[(first <= ticks) & (ticks <= last)].tolist()))
     axes.update_datalim([(0.0, first), (0.0, last)], updatex=False)
     axes.spines["left"].set_bounds(first, last)
 

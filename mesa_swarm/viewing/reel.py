@@ -100,6 +100,8 @@ class Reel:
         recording = self.recording
         if self.rows < len(recording):
             yield f"The recording is damaged after step {self._last_step}; what follows is left out."
+        elif recording.damage:
+            yield f"The recording {recording.damage}."
         elif not recording.complete:
             yield f"The recording was not closed; it is whole up to step {self._last_step}."
         if not knows_bodies(recording):
