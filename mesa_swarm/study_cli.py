@@ -1,6 +1,5 @@
 """What one types to study models: many runs, comparisons, pictures, learners, the thesis's results."""
 
-from functools import partial
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -107,9 +106,8 @@ def reality_gap(
     """Turn a dial from ideal robots to imperfect ones, and draw what a model scores."""
     if model is not None:
         check_choice("model", model, model_names())
-    does = work("reality_gap_commands")
-    draw = does.all_gaps if model is None else partial(does.gap, model)
-    draw(
+    work("reality_gap_commands").gap(
+        model,
         setting or [],
         preset=preset,
         measure=measure,

@@ -7,7 +7,8 @@ from pathlib import Path
 from mesa_swarm.dashboard.past import Past, Picture
 from mesa_swarm.dashboard.player import Player
 from mesa_swarm.errors import RecordingError
-from mesa_swarm.recording.recording import Frame, Recording
+from mesa_swarm.recording.frames import Frame
+from mesa_swarm.recording.recording import Recording
 from mesa_swarm.viewing.moments import moment_of_frame, packed_frame
 from mesa_swarm.viewing.worlds import world_at, worlds_of_recording
 

@@ -17,7 +17,8 @@ from mesa_swarm.gallery import class_name, find_model, model_names
 from mesa_swarm.model import SwarmModel
 from mesa_swarm.parameters import parameters_of
 from mesa_swarm.recording.events import Event, events_of
-from mesa_swarm.recording.recording import Frame, Recording
+from mesa_swarm.recording.frames import Frame
+from mesa_swarm.recording.recording import Recording
 from mesa_swarm.world.map import Map, builtin_maps
 
 ENDING = ".arrow"

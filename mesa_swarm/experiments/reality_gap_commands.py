@@ -12,7 +12,7 @@ from mesa_swarm.parameters import parsed_settings
 
 
 def gap(
-    model: str,
+    model: str | None,
     settings: Sequence[str],
     *,
     preset: str,
@@ -23,38 +23,18 @@ def gap(
     out: Path | None,
     progress: bool,
 ) -> None:
-    """Do all runs, write the picture and the table, and print the scores and the paths."""
-    folder = check_writable(out or Path("results", f"reality_gap_{model}"))
-    found = reality_gap(
-        model,
-        preset=preset,
-        seeds=seeds,
-        steps=steps,
-        measure=measure,
-        settings=parsed_settings(find_model(model), settings),
-        jobs=jobs,
-        progress=progress,
-    )
-    print("\n".join([found.table(), "", *map(str, found.save(folder))]))
-
-
-def all_gaps(
-    settings: Sequence[str],
-    *,
-    preset: str,
-    measure: str | None,
-    seeds: int,
-    steps: int | None,
-    jobs: int,
-    out: Path | None,
-    progress: bool,
-) -> None:
-    """Do so for every model, each in a folder of its own, and draw all pictures as one."""
-    if settings or measure is not None:
+    """Do all runs of a model, or of all models, write pictures and tables, and print the scores and the paths."""
+    if model is None and (settings or measure is not None):
         what = "--set" if settings else "--measure"
         raise InvalidValueError(f"{what} was given without a model; name the model that it is for")
-    folder, found = check_writable(out or Path("results", "reality_gap")), []
-    for model in model_names():
-        found.append(reality_gap(model, preset=preset, seeds=seeds, steps=steps, jobs=jobs, progress=progress))
-        print("\n".join([found[-1].table(), "", *map(str, found[-1].save(folder / model)), ""]))
-    print(write_whole(folder / "reality_gap.png", png(gaps_figure(found))))
+    folder = check_writable(out or Path("results", f"reality_gap_{model}" if model else "reality_gap"))
+    found = []
+    for name in (model,) if model else model_names():
+        given = parsed_settings(find_model(name), settings)
+        one = reality_gap(
+            name, preset=preset, measure=measure, seeds=seeds, steps=steps, settings=given, jobs=jobs, progress=progress
+        )
+        found.append(one)
+        print("\n".join([one.table(), "", *map(str, one.save(folder if model else folder / name))]))
+    if model is None:
+        print(write_whole(folder / "reality_gap.png", png(gaps_figure(found))))

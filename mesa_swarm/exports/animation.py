@@ -17,7 +17,7 @@ from mesa_swarm.exports.portraits import Portraits
 from mesa_swarm.exports.smil import Clock, number_row
 from mesa_swarm.exports.tracks import Track, tracks
 from mesa_swarm.progress import Progress, progress_bar
-from mesa_swarm.recording.recording import Frame
+from mesa_swarm.recording.frames import Frame
 from mesa_swarm.world.shapes import Shape
 
 SHADE, FAINT = "#555555", "#888888"

@@ -9,7 +9,8 @@ import numpy as np
 from mesa_swarm.errors import ExportError, ExportWarning
 from mesa_swarm.experiments.portrait import Portrait
 from mesa_swarm.exports.scenes import Scene, scene_of
-from mesa_swarm.recording.recording import Frame, Recording
+from mesa_swarm.recording.frames import Frame
+from mesa_swarm.recording.recording import Recording
 
 NEEDED = ("position", "heading")
 NO_FIRES = {"position": np.zeros((0, 2)), "radius": np.zeros(0), "temperature": np.zeros(0), "out": np.zeros(0, bool)}

@@ -12,9 +12,10 @@ import numpy as np
 from mesa_swarm.errors import RecordingError, SwarmError
 from mesa_swarm.experiments.recording_commands import class_of
 from mesa_swarm.model import SwarmModel
+from mesa_swarm.recording.frames import Frame, Rows
 from mesa_swarm.recording.layout import Chunk, Layout
 from mesa_swarm.recording.provenance import rebuilt
-from mesa_swarm.recording.recording import Frame, Recording, chunk_of
+from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.scenery import scenery_of
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.sensors import ProximitySensor
@@ -189,7 +190,7 @@ def _frame_of(recording: Recording, model: SwarmModel) -> Frame:
     layout = Layout(model, recording.columns, recording.provenance["exact"])
     chunk = Chunk(layout, model, 1)
     chunk.put(0, model.completed, None)
-    return chunk_of(chunk.batch(1))[0]
+    return Rows(chunk.batch(1))[0]
 
 
 def _note(recording: Recording, known: dict, told: bool) -> str:

@@ -12,7 +12,7 @@ from mesa_swarm.errors import ExportWarning
 from mesa_swarm.experiments.files import draft_of
 from mesa_swarm.exports.portraits import Rows
 from mesa_swarm.progress import progress_bar
-from mesa_swarm.recording.recording import table_of
+from mesa_swarm.recording.frames import table_of
 
 STEPS_AT_ONCE = 256
 

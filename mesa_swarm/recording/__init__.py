@@ -1,8 +1,9 @@
 """Runs written to files and read back: see `record`, `Recording`, `verify` and `resume`."""
 
 from mesa_swarm.recording.events import Event
+from mesa_swarm.recording.frames import Frame
 from mesa_swarm.recording.recorder import Recorder, record
-from mesa_swarm.recording.recording import Frame, Recording
+from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.resume import resume
 from mesa_swarm.recording.verify import Verification, verify
 

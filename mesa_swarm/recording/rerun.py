@@ -4,10 +4,11 @@ from mesa_swarm.errors import RecordingError
 from mesa_swarm.observed_world import ObservedWorld
 from mesa_swarm.recording.checkpoint import restore
 from mesa_swarm.recording.container import Checkpoint
+from mesa_swarm.recording.frames import Frame, Rows
 from mesa_swarm.recording.interventions import Intervention
 from mesa_swarm.recording.layout import Chunk, Layout
 from mesa_swarm.recording.provenance import rebuilt
-from mesa_swarm.recording.recording import Frame, Recording, chunk_of
+from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.things import summary
 
 # In recordings of this format readings are those from which a step began, except in rows with a fingerprint.
@@ -64,7 +65,7 @@ class Rerun:
         state_hash = self.model.state_hash() if frame.state_hash is not None else None
         chunk = Chunk(self._layout, self.model, 1)
         chunk.put(0, self.model.completed, state_hash)
-        return chunk_of(chunk.batch(1))[0]
+        return Rows(chunk.batch(1))[0]
 
     def check_change(self, step: int) -> None:
         """If other robots, obstacles or fires were recorded at a step than before, run to it and look for them.

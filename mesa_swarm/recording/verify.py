@@ -7,9 +7,10 @@ import numpy as np
 
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.progress import progress_bar
+from mesa_swarm.recording.frames import Frame
 from mesa_swarm.recording.interventions import Intervention, in_words
 from mesa_swarm.recording.layout import TABLES
-from mesa_swarm.recording.recording import Frame, Recording
+from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.rerun import Rerun, started_again
 
 MOST_NAMED = 3

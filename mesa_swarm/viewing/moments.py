@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mesa_swarm.model import SwarmModel
-from mesa_swarm.recording.recording import Frame
+from mesa_swarm.recording.frames import Frame
 from mesa_swarm.viewing.worlds import COLUMNS
 from mesa_swarm.world.load import Load
 

@@ -6,7 +6,8 @@ from threading import Lock
 
 from mesa_swarm.errors import InvalidValueError, shortened
 from mesa_swarm.recording.events import events_of
-from mesa_swarm.recording.recording import Frame, Recording
+from mesa_swarm.recording.frames import Frame
+from mesa_swarm.recording.recording import Recording
 from mesa_swarm.viewing.chunks import packed_chunk
 from mesa_swarm.viewing.moments import moment_of_frame
 from mesa_swarm.viewing.worlds import OWN, knows_bodies, world_at, worlds_of_recording

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 from other_code import other_code
-from rules import timid
 
 from mesa_swarm import AGENT3, AGENT9, Radio, SwarmModel, disc
 from mesa_swarm.cli import main
@@ -285,79 +284,6 @@ def test_what_was_computed_is_still_compared_after_an_intervention(tmp_path):
     assert "after step 12" in str(verification)
 
 
-def test_a_step_that_failed_leaves_a_recording_that_resumes(tmp_path, monkeypatch):
-    class Moody(FireFighting):
-        fails = False
-
-        def step(self):
-            super().step()
-            if self.fails:
-                raise ValueError("not today")
-
-    model = Moody(n_robots=3, rng=1)
-    with model.record(tmp_path / "run.arrow"):
-        model.run(5)
-        Moody.fails = True
-        with pytest.raises(ValueError, match="not today"):
-            model.step()
-        Moody.fails = False
-        model.step()
-        model.step()
-    recording = Recording(tmp_path / "run.arrow")
-    assert recording.steps.tolist() == [1, 2, 3, 4, 5, 6, 7, 8]
-    again = Moody.resume(recording.path, step=6)
-    again.step()
-    again.step()
-    assert again.state_hash() == model.state_hash()
-    assert again.steps == model.steps
-
-
-def test_the_row_of_a_step_that_failed_is_what_the_step_left_whatever_is_changed_after_it(tmp_path):
-    class Moody(FireFighting):
-        fails = False
-
-        def step(self):
-            super().step()
-            if Moody.fails:
-                raise ValueError("not today")
-
-    path, model = tmp_path / "run.arrow", Moody(n_robots=3, rng=1)
-    with model.record(path, exact=True):
-        model.run(4)
-        Moody.fails = True
-        with pytest.raises(ValueError, match="not today"):
-            model.step()
-        left, Moody.fails = float(model.swarm.heading[0]), False
-        model.robots[0].heading = left + 1.0
-        model.run(3)
-    assert Recording(path).at(5)["heading"][0] == left
-    assert verify(Recording(path), Moody).same
-
-
-def test_a_state_stored_after_a_step_that_failed_makes_up_for_one_that_could_not_be(tmp_path):
-    class Moody(FireFighting):
-        fails = False
-
-        def step(self):
-            if Moody.fails:
-                raise ArithmeticError
-            super().step()
-
-    path, model = tmp_path / "run.arrow", Moody(n_robots=5, rng=1)
-    with model.record(path):
-        model.run(5)
-        model.friend, Moody.fails = object(), True
-        with pytest.raises(ArithmeticError):
-            model.step()
-        model.friend, Moody.fails = None, False
-        model.run(5)
-    recording = Recording(path)
-    assert [(one.step, one.checkpoint) for one in recording.interventions] == [(5, None), (5, 1)]
-    verification = verify(recording, Moody)
-    assert (verification.same, len(verification.interventions)) == (True, 1)
-    assert [Moody.resume(path, step=step).completed for step in (5, 8)] == [5, 8]
-
-
 def test_a_damaged_intervention_is_no_surprise(tmp_path):
     recording, _ = recorded(tmp_path / "run.arrow", turn)
     content = bytearray(recording.path.read_bytes())
@@ -395,59 +321,3 @@ def test_readings_of_a_row_are_those_of_its_own_poses(tmp_path):
             model.sense()
             seen.append(model.swarm.distance.copy())
     assert np.array_equal(Recording(tmp_path / "run.arrow")["distance"], seen)
-
-
-@pytest.fixture(scope="module")
-def ruled(tmp_path_factory):
-    """Return a recording in which a rule of one's own drives after step 12; steps 15 and 20 would have states."""
-    path = tmp_path_factory.mktemp("ruled") / "run.arrow"
-    model = FireFighting(n_robots=3, rng=1)
-    with model.record(path, checkpoint_every=5) as recorder:
-        model.run(HAND)
-        model.control = Subsumption(timid, Explore())
-        model.run(LAST - HAND)
-    return Recording(path), recorder
-
-
-def test_a_control_with_a_rule_of_ones_own_is_told_and_no_state_stored_that_nobody_could_restore(ruled):
-    recording, recorder = ruled
-    (told,) = recording.interventions
-    assert (told.step, told.what[0], told.checkpoint) == (HAND, "control", None)
-    assert "code of one's own in it (Behaviour timid distance=20.0), which no recording holds" in told.why_not
-    assert recording.checkpoints == (0, 5, 10)
-    assert recorder.why_no_checkpoint == told.why_not
-
-
-@pytest.mark.parametrize("step", [HAND + 1, LAST])
-def test_resuming_after_a_rule_of_ones_own_was_set_says_what_happened_and_what_to_do(ruled, step):
-    with pytest.raises(RecordingError, match="after step 12 somebody changed control") as refusal:
-        FireFighting.resume(ruled[0].path, step=step)
-    words = str(refusal.value)
-    assert "set it again by hand after resuming from before, or record a model whose class has the rule" in words
-    assert words.endswith("the nearest steps to resume from are 12")
-
-
-def test_where_a_rule_of_ones_own_was_set_a_run_resumes_and_goes_on_when_it_is_set_again(ruled):
-    model = FireFighting.resume(ruled[0].path, step=HAND)
-    model.control = Subsumption(timid, Explore())
-    assert np.array_equal(model.run(LAST - HAND).swarm.position.astype(np.float32), ruled[0].at(LAST)["position"])
-
-
-def test_a_rule_that_the_class_has_itself_is_stored_as_ever(tmp_path):
-    model = Timid(rng=1)
-    with model.record(tmp_path / "run.arrow", checkpoint_every=5):
-        model.run(HAND)
-        model.control = Subsumption(timid(distance=30), Explore())
-        model.run(1)
-        model.control = Subsumption(timid, Explore())
-        model.run(LAST - HAND)
-    recording = Recording(tmp_path / "run.arrow")
-    assert [one.checkpoint is None for one in recording.interventions] == [True, False]
-    assert Timid.resume(recording.path).state_hash() == model.state_hash()
-
-
-class Timid(SwarmModel):
-    def __init__(self, rng=None):
-        super().__init__(map="openspace", rng=rng)
-        self.add_robots(AGENT9, 3)
-        self.control = Subsumption(timid, Explore())

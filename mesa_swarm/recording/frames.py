@@ -1,0 +1,126 @@
+"""What was recorded after a step: chunks of rows as frames, and frames as tables."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from mesa_swarm.errors import UnknownNameError, unknown_name
+from mesa_swarm.recording.layout import TABLES
+
+AXES = {"position": ("x", "y"), "command": ("command_left", "command_right")}
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Frame:
+    """What was recorded after one step; ``frame["position"]`` is a column, ``frame["fires"]["x"]`` one of a table.
+
+    Parameters
+    ----------
+    step : int
+    state_hash : str or None
+        The model's fingerprint, in about every hundredth step.
+    robots : int32 ndarray, shape (n,)
+        unique_id of each robot, in the order of all columns.
+    columns : dict of ndarray
+        Columns of shape (n, ...); tables as structured arrays.
+    """
+
+    step: int
+    state_hash: str | None
+    robots: np.ndarray
+    columns: dict[str, np.ndarray]
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        if name not in self.columns:
+            raise UnknownNameError(unknown_name("recorded column", name, self.columns))
+        return self.columns[name]
+
+
+class Rows:
+    """The rows of a chunk as arrays; frames are slices of them.
+
+    Parameters
+    ----------
+    batch : RecordBatch
+    """
+
+    def __init__(self, batch: pa.RecordBatch) -> None:
+        steps, hashes, robots, *columns = batch.columns
+        self._steps, self._hashes = steps.to_numpy(), hashes.to_pylist()
+        self._robots = _Lists(robots)
+        self._columns = {name: _Lists(column) for name, column in zip(batch.schema.names[3:], columns, strict=True)}
+
+    def __len__(self) -> int:
+        return len(self._steps)
+
+    def __iter__(self) -> Iterator[Frame]:
+        return (self[row] for row in range(len(self)))
+
+    def __getitem__(self, row: int) -> Frame:
+        if row >= len(self):
+            raise IndexError(row)
+        return Frame(
+            step=int(self._steps[row]),
+            state_hash=self._hashes[row],
+            robots=self._robots[row],
+            columns={name: lists[row] for name, lists in self._columns.items()},
+        )
+
+
+class _Lists:
+    """A list column as one array and the places where its lists begin."""
+
+    def __init__(self, column: pa.ListArray) -> None:
+        self._begins = column.offsets.to_numpy().tolist()
+        self._values = _array(column.values)
+        self._values.flags.writeable = False
+
+    def __getitem__(self, row: int) -> np.ndarray:
+        return self._values[self._begins[row] : self._begins[row + 1]]
+
+
+def _array(values: pa.Array) -> np.ndarray:
+    """Return Arrow's values as NumPy's: lists of fixed length as further axes, structs as structured arrays."""
+    if pa.types.is_fixed_size_list(values.type):
+        inner = _array(values.values)
+        return inner.reshape(len(values), values.type.list_size, *inner.shape[1:])
+    if pa.types.is_struct(values.type):
+        parts = {field.name: _array(values.field(i)) for i, field in enumerate(values.type)}
+        table = np.empty(len(values), [(name, part.dtype) for name, part in parts.items()])
+        for name, part in parts.items():
+            table[name] = part
+        return table
+    return np.array(values.to_numpy(zero_copy_only=False))
+
+
+def table_of(frames: Iterable[Frame], table: str) -> pd.DataFrame:
+    """Return the rows of frames as a table, see `Recording.to_pandas`.
+
+    Parameters
+    ----------
+    frames : iterable of Frame
+    table : str
+        "robots", "fires", "contacts" or "loads".
+    """
+    parts = [_robot_table(frame) if table == "robots" else _table(frame, table) for frame in frames]
+    names = parts[0].keys() if parts else ("step",)
+    return pd.DataFrame({name: np.concatenate([part[name] for part in parts] or [np.empty(0)]) for name in names})
+
+
+def _robot_table(frame: Frame) -> dict[str, np.ndarray]:
+    flat = {"step": np.full(len(frame.robots), frame.step), "robot": frame.robots}
+    for name, values in frame.columns.items():
+        if name in TABLES:
+            continue
+        parts = values.T if values.ndim > 1 else [values]
+        names = [name] if values.ndim == 1 else AXES.get(name) or [f"{name}_{i}" for i in range(values.shape[1])]
+        flat |= dict(zip(names, parts, strict=True))
+    return flat
+
+
+def _table(frame: Frame, name: str) -> dict[str, np.ndarray]:
+    rows = frame[name]
+    return {"step": np.full(len(rows), frame.step), **{field: rows[field] for field in rows.dtype.names or ()}}

@@ -1,0 +1,69 @@
+"""Rules of one's own that are set by hand while a run is recorded: no recording holds code."""
+
+import numpy as np
+import pytest
+from rules import timid
+
+from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm.control import Explore, Subsumption
+from mesa_swarm.errors import RecordingError
+from mesa_swarm.models.fire_fighting import FireFighting
+from mesa_swarm.recording import Recording
+
+HAND, LAST = 12, 20
+
+
+class Timid(SwarmModel):
+    def __init__(self, rng=None):
+        super().__init__(map="openspace", rng=rng)
+        self.add_robots(AGENT9, 3)
+        self.control = Subsumption(timid, Explore())
+
+
+@pytest.fixture(scope="module")
+def ruled(tmp_path_factory):
+    """Return a recording in which a rule of one's own drives after step 12; steps 15 and 20 would have states."""
+    path = tmp_path_factory.mktemp("ruled") / "run.arrow"
+    model = FireFighting(n_robots=3, rng=1)
+    with model.record(path, checkpoint_every=5) as recorder:
+        model.run(HAND)
+        model.control = Subsumption(timid, Explore())
+        model.run(LAST - HAND)
+    return Recording(path), recorder
+
+
+def test_a_control_with_a_rule_of_ones_own_is_told_and_no_state_stored_that_nobody_could_restore(ruled):
+    recording, recorder = ruled
+    (told,) = recording.interventions
+    assert (told.step, told.what[0], told.checkpoint) == (HAND, "control", None)
+    assert "code of one's own in it (Behaviour timid distance=20.0), which no recording holds" in told.why_not
+    assert recording.checkpoints == (0, 5, 10)
+    assert recorder.why_no_checkpoint == told.why_not
+
+
+@pytest.mark.parametrize("step", [HAND + 1, LAST])
+def test_resuming_after_a_rule_of_ones_own_was_set_says_what_happened_and_what_to_do(ruled, step):
+    with pytest.raises(RecordingError, match="after step 12 somebody changed control") as refusal:
+        FireFighting.resume(ruled[0].path, step=step)
+    words = str(refusal.value)
+    assert "set it again by hand after resuming from before, or record a model whose class has the rule" in words
+    assert words.endswith("the nearest steps to resume from are 12")
+
+
+def test_where_a_rule_of_ones_own_was_set_a_run_resumes_and_goes_on_when_it_is_set_again(ruled):
+    model = FireFighting.resume(ruled[0].path, step=HAND)
+    model.control = Subsumption(timid, Explore())
+    assert np.array_equal(model.run(LAST - HAND).swarm.position.astype(np.float32), ruled[0].at(LAST)["position"])
+
+
+def test_a_rule_that_the_class_has_itself_is_stored_as_ever(tmp_path):
+    model = Timid(rng=1)
+    with model.record(tmp_path / "run.arrow", checkpoint_every=5):
+        model.run(HAND)
+        model.control = Subsumption(timid(distance=30), Explore())
+        model.run(1)
+        model.control = Subsumption(timid, Explore())
+        model.run(LAST - HAND)
+    recording = Recording(tmp_path / "run.arrow")
+    assert [one.checkpoint is None for one in recording.interventions] == [True, False]
+    assert Timid.resume(recording.path).state_hash() == model.state_hash()
