@@ -83,7 +83,7 @@ class SensorLayout:
                 f"readings are {shortened(np.shape(readings))} and kinds {shortened(np.shape(kinds))}; "
                 f"expected numbers, n rows of {len(self)} of both"
             )
-        if not np.isfinite(distance).all():
+        if not all_finite(distance):
             raise InvalidValueError("readings hold NaN or infinity; expected finite distances, -1 for nothing seen")
         return distance, kind
 
@@ -274,6 +274,16 @@ class PolicyLayer:
     def _check_designs(self) -> None:
         check_designs(self.policy.sensors, self._swarm)
         self._known = len(self._swarm.designs)
+
+
+@compiled
+def all_finite(table):
+    """Return whether a table (n, s) holds neither NaN nor infinity; of few robots in a tenth of NumPy's time."""
+    for i in range(table.shape[0]):
+        for s in range(table.shape[1]):
+            if not math.isfinite(table[i, s]):
+                return False
+    return True
 
 
 @compiled

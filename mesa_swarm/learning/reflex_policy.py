@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -148,10 +149,13 @@ class ReflexPolicy:
             raise InvalidValueError(f"memory is {shortened(kept.shape)}; expected {(len(distance), self.memory)}")
         shares = np.empty((len(distance), 2))
         chances = np.full(len(distance), 0.5) if chance is None else checked_chances(chance, len(distance))
-        ranges = np.array(self.sensors.ranges)
-        squash = SQUASHES.index(self.squash)
-        react(distance, kind, ranges, self.hidden, self.wheel, squash, self.encoding == "typed", chances, kept, shares)
+        squash, typed = SQUASHES.index(self.squash), self.encoding == "typed"
+        react(distance, kind, self._ranges, self.hidden, self.wheel, squash, typed, chances, kept, shares)
         return shares
+
+    @cached_property
+    def _ranges(self) -> np.ndarray:
+        return np.array(self.sensors.ranges)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the weights by name."""

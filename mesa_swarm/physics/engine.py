@@ -1,7 +1,5 @@
 """The compiled engine: what sensing and moving do to the swarm's columns."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Protocol
 
 import numpy as np
@@ -9,7 +7,7 @@ import numpy as np
 from mesa_swarm.geometry.grid import Grid, sort_into_cells
 from mesa_swarm.physics.contact import MARGIN, travel
 from mesa_swarm.physics.loads import carry
-from mesa_swarm.physics.motion import achieved_motion, slip_of
+from mesa_swarm.physics.motion import achieved_motion, keep_free_wheels, slip_of
 from mesa_swarm.physics.scene import Scene
 from mesa_swarm.physics.sensing import (
     err,
@@ -53,8 +51,10 @@ class CompiledEngine:
         columns, table = swarm.columns, swarm.table
         position, heading, design = columns["position"], columns["heading"], columns["design"]
         if columns["distance"].shape[1]:
-            with held_readings(swarm, step):
-                self._sense_proximity(swarm, scene, step, draws)
+            old = (columns["distance"].copy(), columns["kind"].copy()) if table.slow else None
+            self._sense_proximity(swarm, scene, step, draws)
+            if old:
+                hold_readings(swarm, step, *old)
         if columns["radiation"].shape[1]:
             fires, temperature = scene.fires, scene.temperature
             sense_radiation(position, heading, design, table.radiation, fires, temperature, columns["radiation"])
@@ -88,7 +88,7 @@ class CompiledEngine:
             columns["radius"],
             columns["number"],
             turn_angle,
-            self._grid.numbers,
+            self._cells,
             self._statics,
             columns["collided"],
             columns["contact_kind"],
@@ -106,7 +106,7 @@ class CompiledEngine:
             columns["position"],
             columns["radius"],
             columns["number"],
-            self._grid.numbers,
+            self._cells,
             self._statics,
             scene.statics.rings,
         )
@@ -115,7 +115,7 @@ class CompiledEngine:
         columns, table, statics = swarm.columns, swarm.table, scene.statics
         position, heading, design = columns["position"], columns["heading"], columns["design"]
         distance, kind = columns["distance"], columns["kind"]
-        sort_into_cells(position, self._grid.numbers, self._start, self._order, self._cell_of)
+        sort_into_cells(position, self._cells, self._start, self._order, self._cell_of)
         sense_proximity(
             position,
             heading,
@@ -125,13 +125,13 @@ class CompiledEngine:
             table.proximity,
             table.counts,
             table.reach,
-            self._grid.numbers,
+            self._cells,
             self._start,
             self._order,
             statics.edges,
             statics.discs,
             statics.kind,
-            statics.grid.numbers,
+            self._static_cells,
             statics.seen_start,
             statics.seen_items,
             distance,
@@ -170,12 +170,13 @@ class CompiledEngine:
 
     def _achieved_wheels(self, swarm: Swarm, wheels: np.ndarray) -> np.ndarray:
         """Return the wheel speeds with those of robots that met something replaced by what they achieved."""
-        collided, achieved = swarm.collided, np.empty_like(wheels)
+        columns, achieved = swarm.columns, np.empty_like(wheels)
         for drive, rows in self._drives:
             speeds = achieved[rows]
-            drive.wheels(self._motion[rows], swarm.radius[rows], speeds)
+            drive.wheels(self._motion[rows], columns["radius"][rows], speeds)
             achieved[rows] = speeds
-        return np.where(collided[:, None], achieved, wheels)
+        keep_free_wheels(wheels, columns["collided"], achieved)
+        return achieved
 
     def _prepare(self, swarm: Swarm, scene: Scene) -> None:
         """Make the grids and the scratch arrays anew when robots, designs or obstacles have changed."""
@@ -186,8 +187,9 @@ class CompiledEngine:
         self._largest_radius = float(radius.max(initial=0.0))
         margin = MARGIN * float(radius.min(initial=self._largest_radius))
         cell = max(2 * self._largest_radius + margin, 1e-9)
-        self._grid = Grid.over(scene.bounds, cell, FEWEST_CELLS + CELLS_PER_ROBOT * n)
-        self._start = np.zeros(self._grid.cells + 1, np.int64)
+        grid = Grid.over(scene.bounds, cell, FEWEST_CELLS + CELLS_PER_ROBOT * n)
+        self._cells, self._static_cells = grid.numbers, scene.statics.grid.numbers
+        self._start = np.zeros(grid.cells + 1, np.int64)
         self._order, self._cell_of = np.zeros(n, np.int64), np.zeros(n, np.int64)
         self._motion, self._extra_turn = np.zeros((n, 3)), np.zeros(n)
         statics = scene.statics
@@ -197,7 +199,7 @@ class CompiledEngine:
             statics.owner,
             statics.body,
             statics.bounds,
-            statics.grid.numbers,
+            self._static_cells,
             statics.touched_start,
             statics.touched_items,
         )
@@ -205,17 +207,11 @@ class CompiledEngine:
         self._version, self._scene = swarm.version, scene
 
 
-@contextmanager
-def held_readings(swarm: Swarm, step: int) -> Iterator[None]:
-    """Keep the old readings of sensors that are not due in this step: those whose period does not divide it."""
-    if not swarm.table.slow:
-        yield
-        return
-    distance, kind = swarm.columns["distance"], swarm.columns["kind"]
-    old = distance.copy(), kind.copy()
-    yield
+def hold_readings(swarm: Swarm, step: int, old_distance: np.ndarray, old_kind: np.ndarray) -> None:
+    """Put back the old readings of sensors that are not due in this step: those whose period does not divide it."""
     waits = step % np.maximum(swarm.table.noise[swarm.design, :, PERIOD], 1) != 0
-    distance[waits], kind[waits] = old[0][waits], old[1][waits]
+    distance, kind = swarm.columns["distance"], swarm.columns["kind"]
+    distance[waits], kind[waits] = old_distance[waits], old_kind[waits]
 
 
 def _drives_by_rows(swarm: Swarm) -> list:

@@ -77,6 +77,15 @@ def achieved_motion(start, position, start_heading, extra_turn, collided, motion
 
 
 @compiled
+def keep_free_wheels(wheels, collided, achieved):
+    """Replace what wheels (n, 2) achieved by what was asked of them, of robots that met nothing."""
+    for i in range(wheels.shape[0]):
+        if not collided[i]:
+            achieved[i, 0] = wheels[i, 0]
+            achieved[i, 1] = wheels[i, 1]
+
+
+@compiled
 def slip_of(command, wheels, slip):
     """Write (m - v) / m per wheel, 0 where m = 0 (A.5).
 

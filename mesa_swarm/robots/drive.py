@@ -48,8 +48,7 @@ class DifferentialDrive:
 
     def wheels(self, motion: np.ndarray, radius: np.ndarray, wheels: np.ndarray) -> None:
         """Write the rim speeds (n, 2) that would have made the motion (n, 3)."""
-        wheels[:, 0] = motion[:, 0] - motion[:, 2] * radius
-        wheels[:, 1] = motion[:, 0] + motion[:, 2] * radius
+        motion_to_wheels(motion, radius, wheels)
 
     def __eq__(self, other: object) -> bool:
         """Compare as equal to every other differential drive."""
@@ -102,6 +101,15 @@ def wheels_to_motion(wheels, radius, motion):
         motion[i, 0] = (right + left) / 2.0
         motion[i, 1] = 0.0
         motion[i, 2] = (right - left) / (2.0 * radius[i])
+
+
+@compiled
+def motion_to_wheels(motion, radius, wheels):
+    """Write the rim speeds of differential drives that make these motions: A.2 and A.4, solved for the wheels."""
+    for i in range(motion.shape[0]):
+        forward, rim = motion[i, 0], motion[i, 2] * radius[i]
+        wheels[i, 0] = forward - rim
+        wheels[i, 1] = forward + rim
 
 
 @compiled
