@@ -78,15 +78,16 @@ def travel(
     extra_turn[:] = 0.0
     before = np.empty_like(position)
     face = np.empty((n, 3))
+    free = np.empty(n, np.bool_)
     pieces = count_pieces(motion, radius)
     for _ in range(pieces):
         before[:] = position
         face[:] = 0.0
         advance(position, heading, motion, pieces)
         contacts = (contact_kind, contact_index, contact_normal, contact_depth, face)
-        settled = separate(position, radius, number, grid, statics, contacts, MOST_SWEEPS)
+        settled, listed, pairs = separate(position, radius, number, grid, statics, contacts, free, MOST_SWEEPS)
         if not settled:
-            put_back(position, before, radius, grid, statics, contacts)
+            put_back(position, before, radius, grid, statics, contacts, free, listed, pairs)
         turn_along_faces(heading, motion, face, turn_angle, extra_turn)
     for i in range(n):
         collided[i] = contact_depth[i] > 0.0
@@ -95,13 +96,16 @@ def travel(
 
 
 @compiled
-def separate(position, radius, number, grid, statics, contacts, most_sweeps):
-    """Push until nothing overlaps, at most `most_sweeps` times, and return whether nothing does."""
+def separate(position, radius, number, grid, statics, contacts, free, most_sweeps):
+    """Push until nothing overlaps, at most `most_sweeps` times, and return whether nothing does.
+
+    Who is clear of all that stands still is written into `free` (n,). Returned too: the pairs of robots that are
+    near each other, and the positions by which they were listed.
+    """
     n = position.shape[0]
     margin = MARGIN * radius.min() if n else 0.0
-    free = np.ones(n, np.bool_)
     moved = np.empty(n, np.int64)
-    push_all_from_statics(position, radius, statics, contacts, free)
+    push_all_from_statics(np.arange(n), position, radius, statics, contacts, free)
     pairs = near_pairs(position, radius, margin, grid)
     listed = position.copy()
     push = np.zeros((n, 2))
@@ -111,38 +115,30 @@ def separate(position, radius, number, grid, statics, contacts, most_sweeps):
     for _ in range(most_sweeps):
         overlaps = push_pairs(position, radius, number, pairs, awake, push, contacts, met)
         if overlaps == 0:
-            return free.all()
+            return free.all(), listed, pairs
         count = apply_pushes(position, push, radius, pairs, met[:overlaps], awake, moved)
-        push_moved_from_statics(position, radius, moved[:count], statics, contacts, free)
+        push_all_from_statics(moved[:count], position, radius, statics, contacts, free)
         if 2.0 * farthest_from(listed, position, moved[:count]) > margin:
             pairs = near_pairs(position, radius, margin, grid)
             met = np.empty(pairs.shape[0], np.int64)
             listed[:] = position
             awake[:] = True
-    return False
+    return False, listed, pairs
 
 
 @compiled
-def push_all_from_statics(position, radius, statics, contacts, free):
-    """Move all robots out of what stands still, and write for whom that was possible."""
+def push_all_from_statics(rows, position, radius, statics, contacts, free):
+    """Move the robots in these rows out of what stands still, and write for whom that was possible."""
     bounds, grid, start = statics[4], statics[5], statics[6]
-    left, below, per_unit, columns, rows = grid
-    for i in range(position.shape[0]):
+    left, below, per_unit, columns, lines = grid
+    for i in rows:
         x, y, r = position[i, 0], position[i, 1], radius[i]
-        cell = cell_index(x, left, per_unit, columns) + columns * cell_index(y, below, per_unit, rows)
+        cell = cell_index(x, left, per_unit, columns) + columns * cell_index(y, below, per_unit, lines)
         # Most robots are near nothing; see to it that they cost nothing.
-        if start[cell] == start[cell + 1] and (
+        clear = start[cell] == start[cell + 1] and (
             bounds[0] + r <= x <= bounds[2] - r and bounds[1] + r <= y <= bounds[3] - r
-        ):
-            continue
-        free[i] = push_from_statics(i, position, r, statics, contacts)
-
-
-@compiled
-def push_moved_from_statics(position, radius, moved, statics, contacts, free):
-    """Do the same for those robots only that others have just moved, once each."""
-    for i in moved:
-        free[i] = push_from_statics(i, position, radius[i], statics, contacts)
+        )
+        free[i] = clear or push_from_statics(i, position, r, statics, contacts)
 
 
 @compiled
@@ -285,20 +281,20 @@ def push_from_statics(i, position, radius, statics, contacts):
 
 
 @compiled
-def put_back(position, before, radius, grid, statics, contacts):
+def put_back(position, before, radius, grid, statics, contacts, free, listed, pairs):
     """Return to their last free place the robots that overlap, and those who then overlap them."""
     n = position.shape[0]
     back = np.zeros(n, np.bool_)
-    farthest = 0.0
-    for i in range(n):
-        dx, dy = position[i, 0] - before[i, 0], position[i, 1] - before[i, 1]
-        farthest = max(farthest, math.hypot(dx, dy))
+    everybody = np.arange(n)
+    farthest = max(farthest_from(listed, position, everybody), farthest_from(listed, before, everybody))
     # Whoever can overlap whom, wherever of the two places each of them ends.
-    pairs = near_pairs(position, radius, 2.0 * farthest, grid)
+    if n and 2.0 * farthest > MARGIN * radius.min():
+        pairs = near_pairs(listed, radius, 2.0 * farthest, grid)
     goes = np.zeros(n, np.bool_)
     for i in range(n):
-        depth = deepest_static(position[i, 0], position[i, 1], radius[i], statics)[0]
-        goes[i] = depth > SLOP * radius[i]
+        if not free[i]:  # the last push may have freed it
+            depth = deepest_static(position[i, 0], position[i, 1], radius[i], statics)[0]
+            goes[i] = depth > SLOP * radius[i]
     while True:
         # All who overlap return at once, so that the order of the pairs is nothing.
         for k in range(pairs.shape[0]):

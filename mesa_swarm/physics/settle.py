@@ -42,7 +42,8 @@ def settle(
     n = len(position)
     normal, face = np.zeros((n, 2)), np.zeros((n, 3))
     contacts = (np.zeros(n, np.int64), np.zeros(n, np.int64), normal, np.zeros(n), face)
-    if not separate(position, radius, number, grid, statics, contacts, SWEEPS):
+    settled, _, _ = separate(position, radius, number, grid, statics, contacts, np.empty(n, np.bool_), SWEEPS)
+    if not settled:
         lost = leave_each_other(position, radius, statics, rings)
         if lost >= 0:
             raise PlacementError(
