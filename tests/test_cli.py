@@ -32,7 +32,7 @@ def typed(capsys, monkeypatch, tmp_path):
 
 def process(*words, **more):
     command = [sys.executable, "-m", "mesa_swarm.cli", *words]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, **more)
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, **more)
 
 
 @pytest.mark.parametrize("line", ["", "--help", "-h", "map", "run --help", "compare -h", "map import --help"])
@@ -360,7 +360,7 @@ def test_ctrl_c_stops_a_comparison_on_all_cores_and_writes_nothing(tmp_path):
         seen += running.stderr.read(1)
     time.sleep(1)
     os.killpg(running.pid, signal.SIGINT)  # as a terminal does: to all processes
-    out, err = running.communicate(timeout=30)
+    out, err = running.communicate(timeout=120)
     assert (running.returncode, out) == (130, "")
     assert "mesa-swarm: interrupted; nothing more was written" in err.splitlines()
     assert "Traceback" not in err

@@ -152,7 +152,7 @@ def test_a_process_is_cancelled(desk):
     desk.start(kind="gif")
     wait_until(lambda: desk._process is not None)
     desk.cancel()
-    wait_until(lambda: not desk.doing, 10)
+    wait_until(lambda: not desk.doing)
     assert (desk.message, desk.fault, desk.made) == ("Cancelled.", "", {})
 
 

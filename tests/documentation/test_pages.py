@@ -95,7 +95,7 @@ def assert_serves(words: list[str]) -> None:
         assert any("http://" in line for line in server.stdout)
     finally:
         os.killpg(server.pid, signal.SIGINT)
-        server.communicate(timeout=30)
+        server.communicate(timeout=120)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -71,7 +71,7 @@ def said_by(tmp_path, program, *words):
     tests = Path(__file__).parents[1]
     environment = {"PATH": "/usr/bin:/bin", "HOME": str(tmp_path), "PYTHONPATH": f"{tests.parent}:{tests}"}
     command = [sys.executable, script, *map(str, words)]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout.splitlines()
 
@@ -102,7 +102,7 @@ def test_a_notebook_shows_the_time_left_and_when_it_will_be_done(tmp_path):
     try:
         code = CELL.format(out=str(tmp_path / "out"))
         reply = client.execute_interactive(
-            code, timeout=60, output_hook=lambda message: said.append(message["content"])
+            code, timeout=300, output_hook=lambda message: said.append(message["content"])
         )
     finally:
         client.stop_channels()

@@ -112,7 +112,7 @@ def test_a_notebook_runs_to_its_end_and_complains_of_nothing(path, tmp_path):
     notebook = read(path)
     work = {"metadata": {"path": str(ROOT)}}
     surroundings = {**os.environ, "MESA_SWARM_QUICK": "1"}
-    NotebookClient(notebook, timeout=120, kernel_name="python3", resources=work).execute(env=surroundings)
+    NotebookClient(notebook, timeout=600, kernel_name="python3", resources=work).execute(env=surroundings)
     for cell in notebook.cells:
         for output in cell.get("outputs", []):
             assert output.output_type != "error"

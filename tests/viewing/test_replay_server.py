@@ -20,7 +20,7 @@ def server(fires):
 
 
 def ask(server, path, host=None, method="GET"):
-    connection = http.client.HTTPConnection(server.host, timeout=10)
+    connection = http.client.HTTPConnection(server.host, timeout=60)
     connection.request(method, path, headers={"Host": host or server.host})
     answer = connection.getresponse()
     content = answer.read()
