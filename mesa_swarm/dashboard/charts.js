@@ -72,7 +72,7 @@ class ChartView {
   draw() {
     const news = this.#news, width = this.#canvas.clientWidth, height = this.#canvas.clientHeight;
     if (!news || !width) return;
-    const dark = Boolean(this.element.closest(".theme--dark")), colours = this.#colours(dark);
+    const dark = themeAround(this.element) === "dark", colours = this.#colours(dark);
     const ratio = devicePixelRatio || 1, context = this.#canvas.getContext("2d");
     this.#canvas.width = width * ratio;
     this.#canvas.height = height * ratio;
@@ -242,10 +242,9 @@ class BoardView {
     this.#leave.push(() => document.removeEventListener("pointerdown", close));
     const sized = new ResizeObserver(() => this.#redraw()), seen = () => this.#look();
     sized.observe(root);
-    const page = root.closest(".v-application"), themed = new MutationObserver(() => this.#redraw());
-    if (page) themed.observe(page, { attributes: true, attributeFilter: ["class"] });
+    this.#leave.push(watchTheme(root, () => this.#redraw()));
     document.addEventListener("visibilitychange", seen);
-    this.#leave.push(() => (sized.disconnect(), themed.disconnect(), document.removeEventListener("visibilitychange", seen)));
+    this.#leave.push(() => (sized.disconnect(), document.removeEventListener("visibilitychange", seen)));
     this.#build();
     seen();
   }

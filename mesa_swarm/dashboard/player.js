@@ -31,27 +31,6 @@ function relabel(button, icon, label) {
   button.querySelector("path").setAttribute("d", ICONS[icon]);
 }
 
-/** The theme that surrounds an element: of a Vuetify page, of JupyterLab, else of the system. */
-function themeAround(element) {
-  const page = element.closest(".v-application");
-  if (page) return page.classList.contains("theme--dark") ? "dark" : "light";
-  const lab = document.body.dataset.jpThemeLight;
-  if (lab) return lab === "false" ? "dark" : "light";
-  return matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
-}
-
-function watchTheme(element, act) {
-  const observer = new MutationObserver(act), query = matchMedia("(prefers-color-scheme: dark)");
-  for (const one of [element.closest(".v-application"), document.body]) {
-    if (one) observer.observe(one, { attributes: true, attributeFilter: ["class", "data-jp-theme-light"] });
-  }
-  query.addEventListener("change", act);
-  return () => {
-    observer.disconnect();
-    query.removeEventListener("change", act);
-  };
-}
-
 /** The bar, the canvas and the time line of one view of a widget. */
 class PlayerView {
   #model; #root; #canvas; #stage = null; #world = null;
