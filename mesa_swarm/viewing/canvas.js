@@ -182,10 +182,12 @@ export class Stage {
     this.draw();
   }
 
-  /** Show the whole map, beside what covers the canvas. */
+  /** Show the whole map, beside what covers the canvas, unless that leaves less than half of it. */
   fit() {
-    const [x0, y0, x1, y1] = this.#world.bounds, { left, right, top, bottom } = this.#covered();
-    const width = Math.max(this.#width - left - right, 1), height = Math.max(this.#height - top - bottom, 1);
+    const [x0, y0, x1, y1] = this.#world.bounds, covered = this.#covered();
+    const [left, right] = roomy(this.#width, covered.left, covered.right);
+    const [top, bottom] = roomy(this.#height, covered.top, covered.bottom);
+    const width = this.#width - left - right, height = this.#height - top - bottom;
     const scale = 0.97 * Math.min(width / (x1 - x0), height / (y1 - y0));
     this.#look({ x: (x0 + x1 + (right - left) / scale) / 2, y: (y0 + y1 + (top - bottom) / scale) / 2, scale });
     this.#fitted = true;
@@ -752,6 +754,11 @@ function sensorRow([mx, my, bearing, half, range]) {
 
 function layerColour(index) {
   return LAYER_COLOURS[index % LAYER_COLOURS.length];
+}
+
+/** Return what to leave free before and after, nothing if less than half of the whole would remain. */
+function roomy(whole, before, after) {
+  return before + after <= whole / 2 ? [before, after] : [0, 0];
 }
 
 function reachOf(design) {
