@@ -70,9 +70,7 @@ def open_tab(visitor, tab: str, recording) -> None:
     visitor.wait("player.drawn")
 
 
-@pytest.mark.parametrize(
-    "tab", ["Watch", *(pytest.param(tab, marks=pytest.mark.slow) for tab in ("Compare", "Replay"))]
-)
+@pytest.mark.parametrize("tab", TABS)
 def test_the_world_is_large_in_a_window_of_any_size(watched, recording, tab, shots):
     page = watched.page
     open_tab(watched, tab, recording)
