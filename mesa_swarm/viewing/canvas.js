@@ -41,7 +41,7 @@ export const TOGGLES = [
   { name: "layers", label: "Winning layer", on: true },
   { name: "heat", label: "Hot robots", on: true },
   { name: "messages", label: "Messages", on: true },
-  { name: "labels", label: "Robots at fires", on: true },
+  { name: "labels", label: "Fire numbers, robots at fires", on: true },
 ];
 
 // Colours that people with any colour vision tell apart (Okabe and Ito 2008).
@@ -86,6 +86,8 @@ const TRAIL_EVERY = 2;
 // Frames farther apart in time belong to different stretches of the run.
 const LONGEST_GAP = 200;
 const NARROWEST = 4;
+// The number of a smaller fire is not drawn, radius in px.
+const SMALLEST_NUMBERED = 4;
 
 /** Return the frame that these bytes hold, as views into them. */
 export function unpacked(world, bytes) {
@@ -651,6 +653,24 @@ export class Stage {
       context.font = `600 ${out ? 0.85 * size : size}px system-ui, sans-serif`;
       context.fillStyle = out ? this.#colours.onAshes : this.#colours.onFire;
       context.fillText(out ? "out" : String(robots), ...this.toCanvas(x, y));
+    }
+    this.#drawNumbers(fires, counts.fires);
+  }
+
+  /** Write below each fire what charts call it. */
+  #drawNumbers(fires, count) {
+    const context = this.#context;
+    context.font = "600 12px system-ui, sans-serif";
+    context.lineWidth = 3;
+    context.lineJoin = "round";
+    context.strokeStyle = this.#colours.ground;
+    context.fillStyle = this.#colours.text;
+    for (let i = 0; i < count; i++) {
+      const radius = fires[6 * i + 2] * this.#view.scale;
+      if (radius < SMALLEST_NUMBERED) continue;
+      const [x, y] = this.toCanvas(fires[6 * i], fires[6 * i + 1]), text = `fire ${i + 1}`;
+      context.strokeText(text, x, y + radius + 9);
+      context.fillText(text, x, y + radius + 9);
     }
   }
 
