@@ -263,6 +263,7 @@ export class Stage {
     this.#toMap(context);
     this.#drawFires(frame);
     this.#drawLoads(frame);
+    if (on.labels && frame.counts.fires) this.#drawNumbers(frame);
     if (on.trails && detailed) this.#drawTrails(rows);
     if (on.sectors && detailed && frame.distance) this.#drawSectors(frame, rows);
     if (on.heat && frame.heat) this.#drawHeat(frame, rows);
@@ -388,6 +389,27 @@ export class Stage {
         context.stroke();
       }
     }
+  }
+
+  /** Write below each fire what charts call it; robots stand upon that. */
+  #drawNumbers({ fires, counts }) {
+    const context = this.#context, ratio = this.#ratio, colours = this.#colours;
+    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    context.font = "600 12px system-ui, sans-serif";
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    context.lineWidth = 3;
+    context.lineJoin = "round";
+    context.strokeStyle = colours.ground;
+    context.fillStyle = colours.text;
+    for (let i = 0; i < counts.fires; i++) {
+      const [x, y, r] = fires.subarray(6 * i, 6 * i + 3), [across, down] = this.toCanvas(x, y);
+      const radius = r * this.#view.scale, text = `fire ${i + 1}`;
+      if (radius < SMALLEST_NUMBERED) continue;
+      context.strokeText(text, across, down + radius + 9);
+      context.fillText(text, across, down + radius + 9);
+    }
+    this.#toMap(context);
   }
 
   #drawLoads({ loads, counts }) {
@@ -653,24 +675,6 @@ export class Stage {
       context.font = `600 ${out ? 0.85 * size : size}px system-ui, sans-serif`;
       context.fillStyle = out ? this.#colours.onAshes : this.#colours.onFire;
       context.fillText(out ? "out" : String(robots), ...this.toCanvas(x, y));
-    }
-    this.#drawNumbers(fires, counts.fires);
-  }
-
-  /** Write below each fire what charts call it. */
-  #drawNumbers(fires, count) {
-    const context = this.#context;
-    context.font = "600 12px system-ui, sans-serif";
-    context.lineWidth = 3;
-    context.lineJoin = "round";
-    context.strokeStyle = this.#colours.ground;
-    context.fillStyle = this.#colours.text;
-    for (let i = 0; i < count; i++) {
-      const radius = fires[6 * i + 2] * this.#view.scale;
-      if (radius < SMALLEST_NUMBERED) continue;
-      const [x, y] = this.toCanvas(fires[6 * i], fires[6 * i + 1]), text = `fire ${i + 1}`;
-      context.strokeText(text, x, y + radius + 9);
-      context.fillText(text, x, y + radius + 9);
     }
   }
 
