@@ -4,6 +4,8 @@ import pytest
 
 from mesa_swarm.models.fire_fighting import FireFighting
 
+pytestmark = pytest.mark.slow
+
 # The width and height of every map that is shown, as far as it is within its canvas, px.
 MAPS = """[...document.querySelectorAll(".swarm-stage canvas")].map((canvas) => {
     const [left, top, right, bottom] = canvas.arena();
@@ -31,7 +33,6 @@ CHART = """(() => {
 # The window's width and height, and the least width of the map on Watch and Replay, and of each on Compare.
 WINDOWS = {(1366, 768): (600, 380), (1024, 768): (600, 400), (911, 512): (340, 300), (800, 600): (440, 300)}
 WINDOWS |= {(683, 384): (260, 240), (400, 700): (280, 120)}
-TABS = ["Watch", *(pytest.param(tab, marks=pytest.mark.slow) for tab in ("Compare", "Replay"))]
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +71,7 @@ def open_tab(visitor, tab: str, recording) -> None:
     visitor.wait("player.drawn")
 
 
-@pytest.mark.parametrize("tab", TABS)
+@pytest.mark.parametrize("tab", ["Watch", "Compare", "Replay"])
 def test_the_world_is_large_in_a_window_of_any_size(watched, recording, tab, shots):
     page = watched.page
     open_tab(watched, tab, recording)
@@ -100,7 +101,6 @@ def test_three_columns_stand_beside_each_other_on_a_laptop_and_two_or_one_where_
     assert page.locator(".swarm-header").bounding_box()["y"] == 0, "the tabs stay in sight"
 
 
-@pytest.mark.slow
 def test_on_a_projector_all_text_is_a_quarter_larger(watched, recording, shots):
     page = watched.page
     for tab in ("Compare", "Replay", "Models", "Watch"):
