@@ -40,7 +40,7 @@ class ChartView {
     this.name = make("span", {}, title);
     const head = make("figcaption", {}, this.name, button("png"), button("csv"));
     this.element = make("figure", { class: "swarm-chart" }, head, this.#canvas, this.#values);
-    this.#canvas.addEventListener("pointermove", (event) => this.#point(event.offsetX));
+    this.#canvas.addEventListener("pointermove", (event) => this.#point(this.#place(event)));
     this.#canvas.addEventListener("pointerleave", () => this.#point(null));
   }
 
@@ -64,6 +64,12 @@ class ChartView {
     return this.#data.subarray(first * points, (first + 1) * points);
   }
 
+  /** Return how far right in the chart that is; the page may be made larger by CSS, and the chart with it. */
+  #place(event) {
+    const { left, width } = this.#canvas.getBoundingClientRect();
+    return ((event.clientX - left) * this.#canvas.clientWidth) / width;
+  }
+
   #point(x) {
     this.#pointed = x;
     this.draw();
@@ -72,8 +78,8 @@ class ChartView {
   draw() {
     const news = this.#news, width = this.#canvas.clientWidth, height = this.#canvas.clientHeight;
     if (!news || !width) return;
-    const dark = Boolean(this.element.closest(".theme--dark")), colours = this.#colours(dark);
-    const ratio = devicePixelRatio || 1, context = this.#canvas.getContext("2d");
+    const dark = themeAround(this.element) === "dark", colours = this.#colours(dark);
+    const ratio = (devicePixelRatio || 1) * (this.#canvas.currentCSSZoom ?? 1), context = this.#canvas.getContext("2d");
     this.#canvas.width = width * ratio;
     this.#canvas.height = height * ratio;
     context.scale(ratio, ratio);
@@ -242,10 +248,9 @@ class BoardView {
     this.#leave.push(() => document.removeEventListener("pointerdown", close));
     const sized = new ResizeObserver(() => this.#redraw()), seen = () => this.#look();
     sized.observe(root);
-    const page = root.closest(".v-application"), themed = new MutationObserver(() => this.#redraw());
-    if (page) themed.observe(page, { attributes: true, attributeFilter: ["class"] });
+    this.#leave.push(watchTheme(root, () => this.#redraw()));
     document.addEventListener("visibilitychange", seen);
-    this.#leave.push(() => (sized.disconnect(), themed.disconnect(), document.removeEventListener("visibilitychange", seen)));
+    this.#leave.push(() => (sized.disconnect(), document.removeEventListener("visibilitychange", seen)));
     this.#build();
     seen();
   }

@@ -1,4 +1,4 @@
-/* How widgets build their part of the page. Put before their modules. */
+/* How widgets build their part of the page, and which theme it has. Put before their modules. */
 
 /** Return an element with attributes and children; a function as attribute listens. */
 function make(tag, attributes = {}, ...children) {
@@ -10,4 +10,38 @@ function make(tag, attributes = {}, ...children) {
   }
   element.append(...children);
   return element;
+}
+
+/** Return Vuetify's page around an element. Widgets are built before they are put on a page, so that none may be around
+    them yet; a page of Vuetify has but one, whereas in JupyterLab there may be others beside them. */
+function pageAround(element) {
+  const lab = document.body.dataset.jpThemeLight;
+  return element.closest(".v-application") ?? (lab ? null : document.querySelector(".v-application"));
+}
+
+/** The theme that surrounds an element: of a Vuetify page, of JupyterLab, else of the system. */
+function themeAround(element) {
+  const page = pageAround(element);
+  if (page) return page.classList.contains("theme--dark") ? "dark" : "light";
+  const lab = document.body.dataset.jpThemeLight;
+  if (lab) return lab === "false" ? "dark" : "light";
+  return matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
+}
+
+/** Act whenever that theme changes, and once the element is on its page; return how to stop. */
+function watchTheme(element, act) {
+  const observer = new MutationObserver(act), query = matchMedia("(prefers-color-scheme: dark)");
+  const observe = () => {
+    for (const one of [pageAround(element), document.body]) {
+      if (one) observer.observe(one, { attributes: true, attributeFilter: ["class", "data-jp-theme-light"] });
+    }
+    act();
+  };
+  const asked = requestAnimationFrame(observe);
+  query.addEventListener("change", act);
+  return () => {
+    cancelAnimationFrame(asked);
+    observer.disconnect();
+    query.removeEventListener("change", act);
+  };
 }

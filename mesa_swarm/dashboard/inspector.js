@@ -13,6 +13,8 @@ function drawn(tag, attributes, ...children) {
 
 /** Ahead is up, left is left. */
 const place = (x, y) => [-y, -x];
+// As in style.css: how wide the diagram is, and the least text that is read with ease, px.
+const WIDTH = 150, TEXT = 11;
 
 function sector({ mount, bearing, half }, reach) {
   const points = [place(...mount)];
@@ -26,7 +28,7 @@ function sector({ mount, bearing, half }, reach) {
 function diagram(told) {
   const { sensors, radius } = told, few = sensors.length <= 12;
   const reach = Math.max(1.6 * radius, ...sensors.map((one) => Math.hypot(...one.mount) + one.range));
-  const size = reach * 1.14, text = size / 11;
+  const size = reach * 1.1, text = (TEXT * 2 * size) / WIDTH;
   const picture = drawn("svg", { viewBox: `${-size} ${-size} ${2 * size} ${2 * size}`, role: "img", "aria-label": `Sensors of robot ${told.id}, heading up` });
   const labels = [];
   for (const one of sensors) {
@@ -40,7 +42,7 @@ function diagram(told) {
       picture.append(filled);
     }
     if (!seen || !(few || one.triggered)) continue;
-    const far = Math.max(Math.hypot(...one.mount) + one.range * 0.62, radius + text);
+    const far = Math.max(Math.hypot(...one.mount) + one.range * 0.8, radius + text);
     const [x, y] = place(far * Math.cos(one.bearing), far * Math.sin(one.bearing));
     labels.push(drawn("text", { class: one.triggered ? "triggered" : "", x, y, "font-size": text, dy: text * 0.36 }, one.distance.toFixed(1)));
   }

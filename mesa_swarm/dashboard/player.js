@@ -11,7 +11,10 @@ const ICONS = {
   eye: "M10 4.5c4.2 0 7.2 3 8.5 5.5-1.3 2.5-4.3 5.5-8.5 5.5S2.8 12.5 1.5 10C2.8 7.5 5.8 4.5 10 4.5zM10 6.8a3.2 3.2 0 1 0 0 6.4 3.2 3.2 0 0 0 0-6.400z",
 };
 const FASTEST = "as fast as it goes";
-const TYPED_IN = "input, textarea, select, [contenteditable], [role=slider], [role=listbox]";
+const TYPED_IN = "input, textarea, select, [contenteditable], [role=listbox]";
+// What a slider and what a button do themselves; all other keys are the player's there too.
+const SLIDES = /^(Arrow|Home$|End$|Page)/, SLIDER = "input[type=range], [role=slider]";
+const PRESSED = "button, summary, a, input[type=checkbox]";
 
 // Numbers change so often at most, s: nobody reads faster, and drawing text takes as long as drawing robots.
 const TELL_EVERY = 0.15;
@@ -31,25 +34,11 @@ function relabel(button, icon, label) {
   button.querySelector("path").setAttribute("d", ICONS[icon]);
 }
 
-/** The theme that surrounds an element: of a Vuetify page, of JupyterLab, else of the system. */
-function themeAround(element) {
-  const page = element.closest(".v-application");
-  if (page) return page.classList.contains("theme--dark") ? "dark" : "light";
-  const lab = document.body.dataset.jpThemeLight;
-  if (lab) return lab === "false" ? "dark" : "light";
-  return matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
-}
-
-function watchTheme(element, act) {
-  const observer = new MutationObserver(act), query = matchMedia("(prefers-color-scheme: dark)");
-  for (const one of [element.closest(".v-application"), document.body]) {
-    if (one) observer.observe(one, { attributes: true, attributeFilter: ["class", "data-jp-theme-light"] });
-  }
-  query.addEventListener("change", act);
-  return () => {
-    observer.disconnect();
-    query.removeEventListener("change", act);
-  };
+/** Whether what has the focus makes use of a key itself. */
+function isTaken(key, target) {
+  if (target.closest(SLIDER)) return SLIDES.test(key);
+  if (target.closest(PRESSED)) return key === " ";
+  return Boolean(target.closest(TYPED_IN));
 }
 
 /** The bar, the canvas and the time line of one view of a widget. */
@@ -309,8 +298,7 @@ class PlayerView {
   #press(event) {
     const name = { " ": "toggle", ArrowRight: "step", ArrowLeft: "back", r: "reset" }[event.key];
     const target = event.target instanceof Element ? event.target : document.body;
-    if (!name || event.ctrlKey || event.metaKey || event.altKey || target.closest(TYPED_IN)) return;
-    if (event.key === " " && target.closest("button, summary, a")) return;
+    if (!name || event.ctrlKey || event.metaKey || event.altKey || isTaken(event.key, target)) return;
     if (name === "reset" && !this.#state.can_reset) return;
     event.preventDefault();
     event.stopPropagation();

@@ -41,7 +41,7 @@ export const TOGGLES = [
   { name: "layers", label: "Winning layer", on: true },
   { name: "heat", label: "Hot robots", on: true },
   { name: "messages", label: "Messages", on: true },
-  { name: "labels", label: "Robots at fires", on: true },
+  { name: "labels", label: "Fire numbers, robots at fires", on: true },
 ];
 
 // Colours that people with any colour vision tell apart (Okabe and Ito 2008).
@@ -86,6 +86,8 @@ const TRAIL_EVERY = 2;
 // Frames farther apart in time belong to different stretches of the run.
 const LONGEST_GAP = 200;
 const NARROWEST = 4;
+// The number of a smaller fire is not drawn, radius in px.
+const SMALLEST_NUMBERED = 4;
 
 /** Return the frame that these bytes hold, as views into them. */
 export function unpacked(world, bytes) {
@@ -182,10 +184,12 @@ export class Stage {
     this.draw();
   }
 
-  /** Show the whole map, beside what covers the canvas. */
+  /** Show the whole map, beside what covers the canvas, unless that leaves less than half of it. */
   fit() {
-    const [x0, y0, x1, y1] = this.#world.bounds, { left, right, top, bottom } = this.#covered();
-    const width = Math.max(this.#width - left - right, 1), height = Math.max(this.#height - top - bottom, 1);
+    const [x0, y0, x1, y1] = this.#world.bounds, covered = this.#covered();
+    const [left, right] = roomy(this.#width, covered.left, covered.right);
+    const [top, bottom] = roomy(this.#height, covered.top, covered.bottom);
+    const width = this.#width - left - right, height = this.#height - top - bottom;
     const scale = 0.97 * Math.min(width / (x1 - x0), height / (y1 - y0));
     this.#look({ x: (x0 + x1 + (right - left) / scale) / 2, y: (y0 + y1 + (top - bottom) / scale) / 2, scale });
     this.#fitted = true;
@@ -259,6 +263,7 @@ export class Stage {
     this.#toMap(context);
     this.#drawFires(frame);
     this.#drawLoads(frame);
+    if (on.labels && frame.counts.fires) this.#drawNumbers(frame);
     if (on.trails && detailed) this.#drawTrails(rows);
     if (on.sectors && detailed && frame.distance) this.#drawSectors(frame, rows);
     if (on.heat && frame.heat) this.#drawHeat(frame, rows);
@@ -384,6 +389,27 @@ export class Stage {
         context.stroke();
       }
     }
+  }
+
+  /** Write below each fire what charts call it; robots stand upon that. */
+  #drawNumbers({ fires, counts }) {
+    const context = this.#context, ratio = this.#ratio, colours = this.#colours;
+    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    context.font = "600 12px system-ui, sans-serif";
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    context.lineWidth = 3;
+    context.lineJoin = "round";
+    context.strokeStyle = colours.ground;
+    context.fillStyle = colours.text;
+    for (let i = 0; i < counts.fires; i++) {
+      const [x, y, r] = fires.subarray(6 * i, 6 * i + 3), [across, down] = this.toCanvas(x, y);
+      const radius = r * this.#view.scale, text = `fire ${i + 1}`;
+      if (radius < SMALLEST_NUMBERED) continue;
+      context.strokeText(text, across, down + radius + 9);
+      context.fillText(text, across, down + radius + 9);
+    }
+    this.#toMap(context);
   }
 
   #drawLoads({ loads, counts }) {
@@ -752,6 +778,11 @@ function sensorRow([mx, my, bearing, half, range]) {
 
 function layerColour(index) {
   return LAYER_COLOURS[index % LAYER_COLOURS.length];
+}
+
+/** Return what to leave free before and after, nothing if less than half of the whole would remain. */
+function roomy(whole, before, after) {
+  return before + after <= whole / 2 ? [before, after] : [0, 0];
 }
 
 function reachOf(design) {

@@ -510,7 +510,8 @@ class Player {
     };
     document.addEventListener("keydown", (event) => {
       const { target, key } = event, name = keys[key.length === 1 ? key.toLowerCase() : key];
-      const own = target.matches("#speed") || (key === " " && target.matches("button, summary, input[type=checkbox]"));
+      const slides = target.matches("#speed") && /^(Arrow|Home$|End$)/.test(key);
+      const own = slides || (key === " " && target.matches("button, summary, input[type=checkbox]"));
       if (!name || own || event.ctrlKey || event.metaKey || event.altKey) return;
       event.preventDefault();
       if (event.shiftKey && /^Arrow/.test(key)) this.stepBy(name === "back" ? -10 : 10);

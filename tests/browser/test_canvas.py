@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
+from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.viewing.moments import moment_of_model, packed_frame
 from mesa_swarm.viewing.worlds import world_of_model
 
@@ -29,6 +30,17 @@ DRAW = """async ({ script, world, frame, before, turned, scale }) => {
   }
   stage.show(chosen);
   return { robots: rows.length, pixels: [...canvas.getContext("2d").getImageData(0, 0, 150, 675).data] };
+}"""
+
+# What is written on the canvas and where, and where on it each place of the map is.
+WRITE = """async ({ script, world, frame, places }) => {
+  const { Stage, unpacked } = await import(URL.createObjectURL(new Blob([script], { type: "text/javascript" })));
+  const canvas = document.body.appendChild(document.createElement("canvas")), written = [];
+  const stage = new Stage(canvas, world);
+  canvas.getContext("2d").fillText = (...text) => written.push(text);
+  stage.show(unpacked(world, Uint8Array.from(atob(frame), (c) => c.charCodeAt(0))));
+  stage.set("labels", false);
+  return [written, places.map(([x, y]) => stage.toCanvas(x, y))];
 }"""
 
 
@@ -62,3 +74,19 @@ def test_robots_that_are_copied_look_like_those_that_are_drawn(drawn, scale):
     shifted = np.roll(exact, 1, axis=1)
     print(f"of 255: {off(copied):.1f} off, turned round {off(turned):.1f}, a pixel away {off(shifted):.1f}")
     assert 0 < off(copied) < min(0.7 * off(turned), 0.25 * off(shifted))
+
+
+def test_every_fire_has_the_number_that_charts_give_it_written_below_it(chromium):
+    model = FireFighting(rng=1).run(20)
+    world = world_of_model(model)
+    frame = base64.b64encode(packed_frame(moment_of_model(model, world), world)).decode()
+    page = chromium.new_page(viewport={"width": WIDTH, "height": HEIGHT})
+    page.set_content("<style>canvas { position: fixed; width: 900px; height: 675px }</style>")
+    told = {"script": SCRIPT, "world": world, "frame": frame, "places": model.fires.position.tolist()}
+    written, places = page.evaluate(WRITE, told)
+    page.close()
+    found = {text: place for text, *place in written if text.startswith("fire ")}
+    assert list(found) == [f"fire {number}" for number in range(1, len(model.fires) + 1)]
+    for (x, y), (middle, centre) in zip(found.values(), places, strict=True):
+        assert x == pytest.approx(middle, abs=0.01)
+        assert centre < y < centre + 60

@@ -166,6 +166,28 @@ def test_keys_play_and_step_but_not_while_one_types(visitor):
     assert (visitor.step, visitor.about("playing")) == (0, "false")
 
 
+def test_a_slider_or_a_box_that_was_touched_takes_only_the_keys_that_move_it(visitor):
+    press = visitor.page.keyboard.press
+    robots = visitor.field("n_robots").get_by_role("slider")
+    robots.click()
+    before = robots.input_value()
+    press("ArrowLeft")
+    assert robots.input_value() != before
+    press(" ")
+    visitor.wait("player.playing === 'true' && +player.step > 3")
+    press(" ")
+    visitor.wait("player.rest === 'true'")
+    press("r")
+    visitor.wait_for_step(0)
+    visitor.page.locator(".swarm-tools summary").click()
+    sectors = visitor.page.get_by_label("Sensor sectors")
+    sectors.uncheck()
+    press(" ")
+    assert sectors.is_checked()
+    press("ArrowRight")
+    visitor.wait_for_step(1)
+
+
 def test_a_map_is_uploaded_and_what_is_none_is_said_in_one_line(visit):
     visitor = visit("?model=boids")
     visitor.page.set_input_files(

@@ -154,6 +154,9 @@ def test_keys_step_forth_and_back_and_to_the_ends(page, recorded):
     assert_shows(page, recording[STEPS - 3])
     press(page, "Home", "ArrowRight", "Shift+ArrowRight")
     assert_shows(page, recording[11])
+    page.get_by_label("Speed").focus()
+    press(page, "End", " ", " ", "n")
+    assert step(page) == min(event.step for event in recording.events() if event.step > 12)
 
 
 def test_keys_go_on_from_the_row_asked_for_though_it_is_not_at_hand_yet(page):
