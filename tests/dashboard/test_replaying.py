@@ -18,6 +18,7 @@ from mesa_swarm.dashboard.replaying import LARGEST_UPLOAD, Replaying
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.model import SwarmModel
+from mesa_swarm.models.boids import Boids
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.robots.design import AGENT9
 
@@ -35,6 +36,9 @@ def folder(tmp_path_factory):
     own.add_robots(AGENT9, 3)
     with own.record(place / "own.arrow", every=10):
         own.run(100)
+    boids = Boids(n_robots=5, rng=1)
+    with boids.record(place / "boids.arrow"):
+        boids.run(3)
     (place / "text.arrow").write_text("no recording at all")
     return place
 
@@ -152,7 +156,7 @@ def test_a_row_that_cannot_be_read_is_said_and_the_first_one_is_found_again(fold
 
 
 def test_recordings_of_the_folder_are_listed_and_nothing_else_is_opened(replaying, folder):
-    assert set(replaying.listed) == {"fires.arrow", "own.arrow", "text.arrow"}
+    assert set(replaying.listed) == {"boids.arrow", "fires.arrow", "own.arrow", "text.arrow"}
     for name in ("../fires.arrow", str(folder / "fires.arrow"), "missing.arrow", ""):
         replaying.open_listed(name)
         assert replaying.projector is None
@@ -270,6 +274,19 @@ def test_a_branch_may_have_other_parameters(replaying):
     assert (session.model.completed, session.wishes["strategy"], session.model.fire_constants.k2) == (60, "B", 0.02)
     panel.act({"do": "choose", "name": "strategy", "value": "A"})
     assert replaying.changes == {"k2": 0.02}
+    panel.close()
+
+
+@pytest.mark.parametrize("names", [("fires.arrow", "boids.arrow"), ("boids.arrow", "fires.arrow")])
+def test_the_panel_of_a_recording_has_nothing_to_say_of_the_next_one(replaying, names):
+    first, second = names
+    opened(replaying, first)
+    panel = BranchPanel(ControlPanel(), replaying)
+    shown = panel.widget.values
+    opened(replaying, second)
+    assert panel.widget.values == shown
+    panel.act({"do": "text", "name": next(iter(shown)), "value": "3"})
+    assert (replaying.changes, replaying.fault) == ({}, "")
     panel.close()
 
 
