@@ -11,7 +11,8 @@ from mesa_swarm.dashboard.incoming import Incoming
 from mesa_swarm.dashboard.listeners import Listeners
 from mesa_swarm.dashboard.projector import Projector
 from mesa_swarm.dashboard.readings import in_words
-from mesa_swarm.dashboard.session import LARGEST_SEED, MOST_ROBOTS, Session
+from mesa_swarm.dashboard.session import Session
+from mesa_swarm.dashboard.wishes import LARGEST_SEED, MOST_ROBOTS
 from mesa_swarm.errors import InvalidValueError, RecordingError, check_choice, check_count
 from mesa_swarm.gallery import class_name, find_model, model_names
 from mesa_swarm.model import SwarmModel
