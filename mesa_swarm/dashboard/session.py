@@ -100,7 +100,7 @@ class Session(Player):
         self.chosen_charts: dict[str, list[str]] = {}
         self.faults: dict[str, str] = {}
         self.built: dict[str, Any] = {}
-        self.note, self.unbuilt = "", False
+        self.note, self.unbuilt, self.seed = "", False, seed
         super().__init__()
         self.loop.speed = USUAL_SPEED
         self._enter(name, dict(wishes or {}), seed)
