@@ -4,15 +4,18 @@ from dataclasses import dataclass, field
 from typing import Any
 from urllib.parse import parse_qsl, urlencode
 
-from mesa_swarm.dashboard.session import LARGEST_SEED, Session
+from mesa_swarm.dashboard.session import Session
+from mesa_swarm.dashboard.wishes import LARGEST_SEED, checked_wish
 from mesa_swarm.errors import InvalidValueError, SwarmError, UnknownNameError, check_choice, check_count, unknown_name
 from mesa_swarm.gallery import find_model, model_names
-from mesa_swarm.parameters import parameters_of
+from mesa_swarm.parameters import Parameter, parameters_of
 from mesa_swarm.world.map import builtin_maps
 
 LONGEST = 4000
 # A link that took longer than some seconds to open would be taken for a broken one.
 MOST_STEPS = 20_000
+COUNTS = {"seed": LARGEST_SEED, "step": MOST_STEPS}
+MOST_FAULTS = 5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,19 +28,19 @@ class Address:
     wishes : dict
         Parameters that are not the model's defaults.
     seed, steps : int
-    fault : str
-        Why it does not ask for what the link says, empty if it does.
+    faults : tuple of str
+        Why it does not ask for all that the link says, empty if it does.
     """
 
     model: str
     wishes: dict[str, Any] = field(default_factory=dict)
     seed: int = 1
     steps: int = 0
-    fault: str = ""
+    faults: tuple[str, ...] = ()
 
 
 def address_from(query: str | None, first: str) -> Address:
-    """Return what a link's query asks for; what is wrong with it is said, and the rest left at its default.
+    """Return what a link's query asks for; each word that is wrong is told of, and left out.
 
     Parameters
     ----------
@@ -49,31 +52,39 @@ def address_from(query: str | None, first: str) -> Address:
     Examples
     --------
     >>> address_from("model=fire_fighting&strategy=A&seed=7", "boids")
-    Address(model='fire_fighting', wishes={'strategy': 'A'}, seed=7, steps=0, fault='')
-    >>> address_from("model=fire_fihgting", "boids").fault[:59]
-    "unknown model 'fire_fihgting'; did you mean 'fire_fighting'"
+    Address(model='fire_fighting', wishes={'strategy': 'A'}, seed=7, steps=0, faults=())
+    >>> address_from("model=fire_fighting&strategie=A&seed=7", "boids").faults[0][:67]
+    "unknown parameter of fire_fighting 'strategie'; did you mean 'strat"
     """
-    try:
-        return _asked(dict(parse_qsl((query or "")[:LONGEST])), first)
-    except SwarmError as error:
-        return Address(model=first, fault=str(error))
-
-
-def _asked(words: dict[str, str], first: str) -> Address:
-    name = check_choice("model", words.pop("model", first), model_names())
+    words = dict(parse_qsl((query or "")[:LONGEST]))
     words.pop("token", None)
-    seed = _count("seed", words.pop("seed", "1"), LARGEST_SEED)
-    steps = _count("step", words.pop("step", "0"), MOST_STEPS)
-    known = parameters_of(find_model(name))
-    for word in words:
-        if word not in known:
-            raise UnknownNameError(unknown_name(f"parameter of {name}", word, known))
+    try:
+        name = check_choice("model", words.pop("model", first), model_names())
+    except SwarmError as error:  # of a model that nobody knows the other words mean nothing
+        return Address(model=first, faults=(str(error),))
+    known, values, faults = parameters_of(find_model(name)), {}, []
+    for word, text in words.items():
+        try:
+            values[word] = _value(name, known, word, text)
+        except SwarmError as error:
+            faults.append(str(error))
+    seed, steps = values.pop("seed", 1), values.pop("step", 0)
+    return Address(model=name, wishes=values, seed=seed, steps=steps, faults=_first_few(faults))
+
+
+def _value(model: str, known: dict[str, Parameter], word: str, text: str) -> Any:
+    """Return what one word of a link asks for."""
+    if word in COUNTS:
+        return _count(word, text, COUNTS[word])
+    if word not in known:
+        raise UnknownNameError(unknown_name(f"parameter of {model}", word, known))
     # A link never names a file: whoever sends one would have this machine read it.
-    wishes = {
-        word: check_choice("map", text, builtin_maps()) if word == "map" else known[word].parse(text)
-        for word, text in words.items()
-    }
-    return Address(model=name, wishes=wishes, seed=seed, steps=steps)
+    return check_choice("map", text, builtin_maps()) if word == "map" else checked_wish(known[word], text)
+
+
+def _first_few(faults: list[str]) -> tuple[str, ...]:
+    more = len(faults) - MOST_FAULTS
+    return (*faults[:MOST_FAULTS], f"and {more} more") if more > 0 else tuple(faults)
 
 
 def _count(name: str, text: str, most: int) -> int:

@@ -99,7 +99,7 @@ def Room() -> None:
         elif tab in MORE_TABS:
             MORE_TABS[tab](session)
         else:
-            Watch(session, asked.fault)
+            Watch(session, asked.faults)
 
 
 @solara.component
@@ -124,13 +124,13 @@ def Tab(name: str, chosen: bool, choose_tab: Callable[[str], None]) -> None:
 
 
 @solara.component
-def Watch(session: Session, fault: str) -> None:
+def Watch(session: Session, faults: tuple[str, ...]) -> None:
     """Show the controls on the left, the world in the middle, and what tells of it on the right."""
     classes = ["swarm-watch", "swarm-beside"] if BESIDE else ["swarm-watch"]
     with solara.Div(classes=classes):
         Controls(session)
         with solara.Div(classes=["swarm-middle"]):
-            Trouble(session, fault)
+            Trouble(session, faults)
             World(session)
         if BESIDE:
             with solara.Div(classes=["swarm-side"]):
@@ -152,12 +152,16 @@ def World(session: Session) -> None:
 
 
 @solara.component
-def Trouble(session: Session, fault: str) -> None:
+def Trouble(session: Session, faults: tuple[str, ...]) -> None:
     """Show what went wrong in the model, or with the link, on a card."""
     use_changes(session.changed)
     left, leave = solara.use_state(False)
-    if session.error:
+    told = (*faults, *filter(None, [session.note]))
+    if session.error and session.unbuilt:
+        way_out = "Back to the last settings" if session.built else "Back to the defaults", session.go_back
+        TroubleCard("These settings cannot be built", session.error, way_out=way_out).key("unbuilt")
+    elif session.error:
         TroubleCard("The model stopped", session.error, way_out=("Reset", session.reset)).key("error")
-    elif fault and not left:
+    elif told and not left:
         way_out = "Go on without it", lambda: leave(True)
-        TroubleCard("The link could not be followed", fault, way_out=way_out).key("fault")
+        TroubleCard("Not all of the link could be followed", *told, way_out=way_out).key("fault")

@@ -5,7 +5,8 @@ from typing import Any
 from mesa_swarm.dashboard.many_runs import ManyRuns
 from mesa_swarm.dashboard.pair import NAMES, Pair
 from mesa_swarm.dashboard.readings import in_words
-from mesa_swarm.dashboard.session import LARGEST_SEED, MOST_ROBOTS, Session
+from mesa_swarm.dashboard.session import Session
+from mesa_swarm.dashboard.wishes import LARGEST_SEED, checked_wish
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count
 from mesa_swarm.experiments.plan import DEFAULT_STEPS, Plan, checked_plan
 from mesa_swarm.gallery import find_model, model_names
@@ -167,10 +168,7 @@ class Comparing:
         parameter = self.choices[self.parameter]
         if parameter.name == "map":
             return check_choice("map", value, self.session.map_names())
-        value = parameter.checked(parameter.parse(value) if isinstance(value, str) else value)
-        if parameter.name == "n_robots":
-            check_count("n_robots", value, maximum=MOST_ROBOTS)
-        return value
+        return checked_wish(parameter, value)
 
 
 def two_values(model_class: type, parameter: Parameter, maps: list[str]) -> list:

@@ -89,6 +89,11 @@ class Projector(Player):
     ----------
     path : str or Path
 
+    Attributes
+    ----------
+    provenance : dict
+        What the recording says of its run, also once it is closed.
+
     Raises
     ------
     RecordingError
@@ -114,6 +119,7 @@ class Projector(Player):
         if not rows:
             raise RecordingError(f"{recording.path.name} holds no step that can be shown; choose another file")
         super().__init__()
+        self.provenance = recording.provenance
         self.past = self.rows = RecordedPast(recording, rows)
         self._waited = 0
         self.rest()

@@ -31,7 +31,7 @@ NOTHING_OPEN = "Open a recording: one that `mesa-swarm run MODEL --record FILE.a
 
 
 class BranchPanel:
-    """Lets a control panel show and change the parameters with which a run branches off.
+    """Lets a control panel show and change the parameters with which a run branches off the open recording.
 
     Parameters
     ----------
@@ -41,6 +41,7 @@ class BranchPanel:
 
     def __init__(self, widget: ControlPanel, replaying: Replaying) -> None:
         self.widget, self.replaying = widget, replaying
+        self.projector = replaying.projector
         self.known = parameters_of(find_model(replaying.model_name))
         self._leave = replaying.changed.add(self.refresh)
         self._hear = lambda _, message, __: self.act(message)
@@ -52,16 +53,22 @@ class BranchPanel:
         ]
         self.refresh()
 
+    @property
+    def is_current(self) -> bool:
+        """Whether the recording is still open for which it was made."""
+        return self.projector is not None and self.projector is self.replaying.projector
+
     def refresh(self) -> None:
-        """Show how everything is set."""
-        if self.replaying.model_name:
-            self.widget.values = self._values()
+        """Show how everything is set, unless another recording was opened, which gets a panel of its own."""
+        wished = self.replaying.parameters | self.replaying.changes
+        if self.is_current:  # asked last: another thread may open one
+            self.widget.values = {name: self._shown(name, value) for name, value in wished.items()}
 
     def act(self, message: dict) -> None:
         """Do what the user asks for."""
         name = message.get("name", "")
         value: Any = message.get("value")
-        if name in self.known:
+        if self.is_current and name in self.known:
             is_place = message.get("do") == "place"
             self.replaying.wish(name, value_at(int(value), self.known[name]) if is_place else str(value))
 
@@ -70,13 +77,11 @@ class BranchPanel:
         self._leave()
         self.widget.on_msg(self._hear, remove=True)
 
-    def _values(self) -> dict[str, dict]:
-        values = {}
-        for name, value in (self.replaying.parameters | self.replaying.changes).items():
-            values[name] = {"text": value_text(value), "waits": False, "fault": ""}
-            if isinstance(self.known[name].control, Slider):
-                values[name]["place"] = place_of(value, self.known[name])
-        return values
+    def _shown(self, name: str, value: Any) -> dict[str, Any]:
+        shown: dict[str, Any] = {"text": value_text(value), "waits": False, "fault": ""}
+        if isinstance(self.known[name].control, Slider):
+            shown["place"] = place_of(value, self.known[name])
+        return shown
 
 
 @solara.component

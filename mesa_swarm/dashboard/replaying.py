@@ -1,17 +1,18 @@
 """What one user replays: a recording of this machine or one handed over, its events, and runs that branch off it."""
 
 import os
-import tempfile
 import threading
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 from mesa_swarm.dashboard import RECORDINGS_VARIABLE
+from mesa_swarm.dashboard.incoming import Incoming
 from mesa_swarm.dashboard.listeners import Listeners
 from mesa_swarm.dashboard.projector import Projector
 from mesa_swarm.dashboard.readings import in_words
-from mesa_swarm.dashboard.session import LARGEST_SEED, MOST_ROBOTS, Session
+from mesa_swarm.dashboard.session import Session
+from mesa_swarm.dashboard.wishes import LARGEST_SEED, MOST_ROBOTS
 from mesa_swarm.errors import InvalidValueError, RecordingError, check_choice, check_count
 from mesa_swarm.gallery import class_name, find_model, model_names
 from mesa_swarm.model import SwarmModel
@@ -49,8 +50,8 @@ class Replaying:
         Parameters that are other after branching.
     fault : str
         Why a recording could not be opened or branched off, empty if nothing is wrong.
-    busy : str
-        What is being done in the background, empty if nothing is.
+    notes : list of str
+        What must be said of the open recording.
     changed : Listeners
 
     Examples
@@ -67,11 +68,13 @@ class Replaying:
         self.projector: Projector | None = None
         self.events: list[Event] | None = []
         self.changes: dict[str, Any] = {}
-        self.fault = self.busy = self.name = ""
+        self.notes: list[str] = []
+        self.fault = self.name = self._going_on = ""
         self._path = Path()
-        self._incoming: BinaryIO | None = None
         self._stop = threading.Event()
-        self._folder: tempfile.TemporaryDirectory | None = None
+        # The open recording if it was handed over, and one that is on its way.
+        self._own: Incoming | None = None
+        self._coming: Incoming | None = None
         place = recordings_place()
         if place is not None and place.is_file():
             self.open_listed(place.name)
@@ -87,40 +90,30 @@ class Replaying:
         return [path.name for path in found[:MOST_LISTED]]
 
     @property
-    def notes(self) -> list[str]:
-        """What must be said of the open recording."""
-        if self.projector is None:
-            return []
-        recording, last = self.projector.recording, self.projector.past.last_step
-        if len(self.projector.past) < len(recording):
-            return [f"The recording is damaged after step {last}; what follows is left out."]
-        if recording.damage:
-            return [f"The recording {recording.damage}."]
-        return [] if recording.complete else [f"The recording was not closed; it is whole up to step {last}."]
+    def busy(self) -> str:
+        """What is being done in the background, empty if nothing is."""
+        coming = self._coming
+        return f"receiving {coming.name:.60} ..." if coming else self._going_on
 
     @property
     def provenance(self) -> dict[str, Any]:
         """What the open recording says of its run, nothing if none is open."""
-        projector = self.projector  # another thread may let go of it
-        return {} if projector is None else projector.recording.provenance
+        projector = self.projector  # once: another thread may open another recording
+        return projector.provenance if projector else {}
 
     @property
     def model_name(self) -> str:
         """The name in the gallery of the recorded model, empty if it is none of these."""
-        if self.projector is None:
-            return ""
-        recorded = self.provenance["model"]
-        name = recorded["module"].rpartition(".")[2]
-        shipped = name in model_names() and (recorded["module"], recorded["name"]) == _place_of(name)
-        return name if shipped else ""
+        return _gallery_name(self.provenance)
 
     @property
     def parameters(self) -> dict[str, Any]:
         """The parameters that the recorded run had, by name; only those of a model of the gallery."""
-        if not self.model_name:
+        recorded = self.provenance  # once, as above
+        model_name = _gallery_name(recorded)
+        if not model_name:
             return {}
-        known = parameters_of(find_model(self.model_name))
-        given = self.provenance["parameters"]
+        known, given = parameters_of(find_model(model_name)), recorded["parameters"]
         return {name: given.get(name, known[name].default) for name in known if name != "map"}
 
     def open_listed(self, name: str) -> None:
@@ -136,30 +129,29 @@ class Replaying:
         if size > LARGEST_UPLOAD:
             self._say(f"{name:.60} has {size:,} bytes; expected at most {LARGEST_UPLOAD:,}")
             return False
-        self._leave()
-        self._folder = tempfile.TemporaryDirectory(prefix="mesa_swarm_", ignore_cleanup_errors=True)
-        self._incoming = Path(self._folder.name, f"upload{ENDING}").open("wb")  # noqa: SIM115 - pieces come later
-        self.name, self.busy = name, f"receiving {name:.60} ..."
+        self._drop()
+        self._coming = Incoming(name)
         self.changed.tell()
         return True
 
     def take(self, piece: bytes) -> bool:
         """Take the next piece; return whether more may come."""
-        if self._incoming is None:
+        coming = self._coming
+        if coming is None:
             return False
-        self._incoming.write(piece)
-        if self._incoming.tell() <= LARGEST_UPLOAD:
+        if coming.take(piece) <= LARGEST_UPLOAD:
             return True
-        self._say(f"{self.name:.60} is too large; expected at most {LARGEST_UPLOAD:,} bytes")
+        self._drop()
+        self._say(f"{coming.name:.60} is too large; expected at most {LARGEST_UPLOAD:,} bytes")
         return False
 
     def end_upload(self) -> None:
-        """Open what was handed over."""
-        if self._incoming is not None:
-            path, name = Path(self._incoming.name), self.name
-            self._incoming.close()
-            self._incoming, self.busy = None, ""
-            self._open(path, name)
+        """Open what was handed over; what is no recording is deleted, and the open one stays."""
+        coming, self._coming = self._coming, None
+        if coming is not None:
+            coming.end()
+            if not self._open(coming.path, coming.name, coming):
+                coming.discard()
 
     def wish(self, name: str, value: Any) -> None:
         """Wish for another value of a parameter, from the branching on."""
@@ -180,13 +172,14 @@ class Replaying:
             return
         self.projector.pause()
         step, changes, path = self.projector.step_shown, dict(self.changes), self._path
-        self.busy, self.fault = f"going on from step {step:,} ...", ""
+        self._going_on, self.fault = f"going on from step {step:,} ...", ""
         self.changed.tell()
         threading.Thread(target=self._branch, args=(path, step, changes), name="branch", daemon=True).start()
 
     def close(self) -> None:
         """Let go of the recording, and of what was handed over."""
         self.changed.clear()
+        self._drop()
         self._leave()
 
     def _branch(self, path: Path, step: int, changes: dict[str, Any]) -> None:
@@ -204,7 +197,7 @@ class Replaying:
             self.session.adopt(model, name, wishes | changes, seed)
 
     def _done(self, fault: str) -> None:
-        self.busy, self.fault = "", fault
+        self._going_on, self.fault = "", fault
         self.changed.tell()
 
     def _origin(self) -> tuple[dict[str, Any], int]:
@@ -224,20 +217,21 @@ class Replaying:
             raise InvalidValueError(f"seed is {seed!r:.60}; expected a whole number, so that the page can reset it")
         return wishes, seed
 
-    def _open(self, path: Path, name: str) -> None:
-        if self._folder is None or path.parent != Path(self._folder.name):
-            self._leave()
+    def _open(self, path: Path, name: str, own: Incoming | None = None) -> bool:
+        """Open another recording in place of the open one, which stays if that cannot be; return whether it could."""
         try:
             projector = Projector(path)
         except Exception as problem:  # whatever is in a user's file
             self._say(in_words(problem).replace(str(path), name))
-            return
+            return False
         projector.set_speed(self.session.loop.speed)
-        self._path, self.name, self.projector = path, name, projector
-        self.events, self.changes, self.fault = None, {}, ""
+        self._leave(projector)
+        self._path, self.name, self._own = path, name, own
+        self.events, self.notes = None, _notes_of(projector)
         rows = _Rows(path, len(projector.past), self._stop)
         threading.Thread(target=self._find_events, args=(rows,), name="events", daemon=True).start()
         self.changed.tell()
+        return True
 
     def _find_events(self, rows: "_Rows") -> None:
         try:
@@ -252,24 +246,27 @@ class Replaying:
             self.changed.tell()
 
     def _say(self, fault: str) -> None:
-        self._leave()
         self.fault = fault
         self.changed.tell()
 
-    def _leave(self) -> None:
-        """Let go of the open recording; a file that was handed over is deleted."""
+    def _drop(self) -> None:
+        """Take no more of what is on its way."""
+        coming, self._coming = self._coming, None
+        if coming is not None:
+            coming.discard()
+
+    def _leave(self, projector: Projector | None = None) -> None:
+        """Let go of the open recording, for another one or none; a file that was handed over is deleted."""
         self._stop.set()
         self._stop = threading.Event()
-        projector, self.projector = self.projector, None
-        if projector is not None:
-            projector.close()
-        if self._incoming is not None:
-            self._incoming.close()
-        folder, self._folder, self._incoming = self._folder, None, None
-        if folder is not None:
-            folder.cleanup()
-        self.events, self.changes = [], {}
-        self.name = self.fault = self.busy = ""
+        left, self.projector = self.projector, projector
+        if left is not None:
+            left.close()
+        own, self._own = self._own, None
+        if own is not None:
+            own.discard()
+        self.events, self.changes, self.notes = [], {}, []
+        self.name = self.fault = self._going_on = ""
 
 
 class _Rows:
@@ -289,6 +286,22 @@ def recordings_place() -> Path | None:
     """Return the recording or the folder of them that the server was told of, None if there is none."""
     told = os.environ.get(RECORDINGS_VARIABLE, "")
     return Path(told) if told else None
+
+
+def _notes_of(projector: Projector) -> list[str]:
+    recording, last = projector.recording, projector.past.last_step
+    if len(projector.past) < len(recording):
+        return [f"The recording is damaged after step {last}; what follows is left out."]
+    if recording.damage:
+        return [f"The recording {recording.damage}."]
+    return [] if recording.complete else [f"The recording was not closed; it is whole up to step {last}."]
+
+
+def _gallery_name(provenance: dict[str, Any]) -> str:
+    recorded = provenance.get("model", {"module": "", "name": ""})
+    name = recorded["module"].rpartition(".")[2]
+    shipped = name in model_names() and (recorded["module"], recorded["name"]) == _place_of(name)
+    return name if shipped else ""
 
 
 def _place_of(name: str) -> tuple[str, str]:

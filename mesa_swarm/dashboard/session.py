@@ -1,5 +1,6 @@
 """What one browser session owns: its model, and the wishes for the next one."""
 
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 from typing import Any, Protocol, TypeVar, cast
@@ -9,19 +10,19 @@ from mesa_swarm.dashboard.listeners import Listeners
 from mesa_swarm.dashboard.player import Player
 from mesa_swarm.dashboard.readings import in_words
 from mesa_swarm.dashboard.series import Series
-from mesa_swarm.errors import InvalidValueError, check_count
+from mesa_swarm.dashboard.wishes import checked_wish, map_from, seed_from
+from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.fire import FireConstants
 from mesa_swarm.gallery import find_model
 from mesa_swarm.model import SwarmModel
-from mesa_swarm.parameters import Choice, Parameter, parameters_of
+from mesa_swarm.parameters import Choice, parameters_of
 from mesa_swarm.world.map import Map, builtin_maps
 
 # Parameters that a running model takes at once.
 LIVE = frozenset(field.name for field in fields(FireConstants)) - {"remarks"}
-MOST_ROBOTS = 10_000
-LARGEST_UPLOAD = 1_000_000
-LARGEST_SEED = 2**53 - 1
 USUAL_SPEED = 60.0
+# Seconds for the steps before anything is shown: whoever waits longer takes the page for a broken one.
+LONGEST_WAIT = 5.0
 
 
 class Companion(Protocol):
@@ -46,7 +47,7 @@ class Session(Player):
     seed : int
         Of everything random, 0 to 2**53 - 1.
     steps : int
-        Taken before anything is shown.
+        Taken before anything is shown, as many as `LONGEST_WAIT` permits.
     find : function
         Returns the class of a model by its name.
 
@@ -60,6 +61,10 @@ class Session(Player):
     seed : int
     faults : dict of str
         What is wrong with a wish, by parameter, or with "seed" or an "upload".
+    unbuilt : bool
+        Whether `error` says why there is no model as wished, not what went wrong in one.
+    note : str
+        That fewer steps were taken than asked for, empty if all were.
     built : dict
         What the present model was built from, and was given since.
     series : Series
@@ -95,6 +100,7 @@ class Session(Player):
         self.chosen_charts: dict[str, list[str]] = {}
         self.faults: dict[str, str] = {}
         self.built: dict[str, Any] = {}
+        self.note, self.unbuilt, self.seed = "", False, seed
         super().__init__()
         self.loop.speed = USUAL_SPEED
         self._enter(name, dict(wishes or {}), seed)
@@ -117,16 +123,19 @@ class Session(Player):
         """Stop, and build a new model as wished; the old one stays where that cannot be."""
         self.loop.pause()
         with self.minding():
-            self.error = ""
-            model = self._made({**self.wishes, "seed": self.seed})
-            self.past.clear()
-            self.series.follow(model)
-            watch_closely(model)
-            self.model, self.built, self.straight = model, {**self.wishes, "seed": self.seed}, True
-            for _ in range(steps):
-                if model.running:
-                    model.step()
+            self.error = self.note = ""
+            self._build()
+            self._catch_up(steps)
         self.rest()
+
+    def go_back(self) -> None:
+        """Start over as the present model was built, or from the defaults if there is none."""
+        with self.lock:
+            last = dict(self.built)
+            self.seed = last.pop("seed", self.seed)
+            self.wishes = last or self._defaults()
+            self.faults = {}
+        self.reset()
 
     def remade(self) -> SwarmModel:
         """Return a model as the present one was at its start; if the run is `straight`, it takes the same steps."""
@@ -137,9 +146,7 @@ class Session(Player):
         """Wish for a parameter, as its type, and give it to the present model where that can take it."""
         with self.lock:
             try:
-                self.wishes[name] = self._checked(self.parameters[name], value)
-                self.faults.pop(name, None)
-                self._give()
+                self._take({name: value})
             except Exception as problem:  # what is wrong with a wish is said beside it
                 self.faults[name] = in_words(problem)
         self.show()
@@ -148,22 +155,19 @@ class Session(Player):
     def wish_all(self, values: Mapping[str, Any]) -> None:
         """Wish for several parameters at once."""
         with self.lock:
-            self.wishes |= {name: self._checked(self.parameters[name], value) for name, value in values.items()}
-            for name in values:
-                self.faults.pop(name, None)
-            self._give()
+            self._take(values)
         self.show()
         self.changed.tell()
 
     def wish_defaults(self) -> None:
         """Wish for the model's defaults."""
-        self.wish_all({name: parameter.default for name, parameter in self.parameters.items()})
+        self.wish_all(self._defaults())
 
     def set_seed(self, text: str | int) -> None:
         """Take another seed for the next model."""
         with self.lock:
             try:
-                self.seed = _seed(text)
+                self.seed = seed_from(text)
                 self.faults.pop("seed", None)
             except InvalidValueError as problem:
                 self.faults["seed"] = str(problem)
@@ -238,10 +242,36 @@ class Session(Player):
         self.model_class = self._find(name)
         self.name, self.seed = name, seed
         self.parameters = parameters_of(self.model_class)
-        self.wishes = {name: parameter.default for name, parameter in self.parameters.items()} | wishes
+        self.wishes = self._defaults() | wishes
         self.faults, self.built = {}, {}
         self.model, self.error, self.straight = None, "", True
+        self.note, self.unbuilt = "", False
         self.past.clear()
+
+    def _defaults(self) -> dict[str, Any]:
+        return {name: parameter.default for name, parameter in self.parameters.items()}
+
+    def _build(self) -> None:
+        """Go on with a new model as wished."""
+        self.unbuilt = True
+        model = self._made({**self.wishes, "seed": self.seed})
+        self.past.clear()
+        self.series.follow(model)
+        watch_closely(model)
+        self.model, self.built, self.straight = model, {**self.wishes, "seed": self.seed}, True
+        self.unbuilt = False
+
+    def _catch_up(self, steps: int) -> None:
+        """Take steps, as many as there is time for, and say if those were not all."""
+        if self.model is None:
+            return
+        end = time.monotonic() + LONGEST_WAIT
+        while self.model.running and self.model.completed < steps:
+            self.model.step()
+            if time.monotonic() > end and self.model.completed < steps:
+                done = f"step {self.model.completed:,} of {steps:,}"
+                self.note = f"{done}: more was asked for than can be computed at once; play on from here"
+                return
 
     def _made(self, given: Mapping[str, Any]) -> SwarmModel:
         """Return a model of these parameters, of which "seed" is one."""
@@ -250,16 +280,22 @@ class Session(Player):
             named["map"] = self.uploads[named["map"]]
         return self.model_class(**named, rng=given["seed"])
 
-    def _checked(self, parameter: Parameter, value: Any) -> Any:
-        if parameter.name == "map":
-            if value in self.map_names():
-                return value
-        elif isinstance(value, str):
-            value = parameter.parse(value)
-        value = parameter.checked(value)
-        if parameter.name == "n_robots":
-            check_count("n_robots", value, maximum=MOST_ROBOTS)
-        return value
+    def _checked(self, name: str, value: Any) -> Any:
+        if name == "map" and value in self.map_names():
+            return value
+        return checked_wish(self.parameters[name], value)
+
+    def _take(self, values: Mapping[str, Any]) -> None:
+        """Wish for these values, unless one of them is refused: then all stays as it was."""
+        before = self.wishes
+        self.wishes = before | {name: self._checked(name, value) for name, value in values.items()}
+        try:
+            self._give()
+        except Exception:
+            self.wishes = before
+            raise
+        for name in values:
+            self.faults.pop(name, None)
 
     def _give(self) -> None:
         """Give the present model the wishes that it can take."""
@@ -272,35 +308,3 @@ class Session(Player):
             self.straight = self.model.completed == 0 and self.straight
             self.faults = {name: fault for name, fault in self.faults.items() if name not in wished}
             self.look_now()
-
-
-def map_from(name: str, content: bytes) -> Map:
-    """Return the map in a file that was handed over.
-
-    Raises
-    ------
-    MapError, InvalidValueError
-        If it is too large, of another kind, or not a map.
-
-    Examples
-    --------
-    >>> map_from("hall.svg", b'<svg width="80" height="60"><circle cx="40" cy="20" r="5"/></svg>').name
-    'hall'
-    """
-    if len(content) > LARGEST_UPLOAD:
-        raise InvalidValueError(f"{name:.60} has {len(content):,} bytes; expected at most {LARGEST_UPLOAD:,}")
-    if name.lower().endswith(".svg"):
-        return Map.from_svg(content, name)
-    if name.lower().endswith(".toml"):
-        try:
-            return Map.from_toml(content.decode(), name)
-        except UnicodeDecodeError:
-            raise InvalidValueError(f"{name:.60} is not UTF-8 text; expected a map as TOML") from None
-    raise InvalidValueError(f"{name!r:.60} is no map; expected a file that ends in .svg or .toml")
-
-
-def _seed(text: str | int) -> int:
-    try:
-        return check_count("seed", int(text), maximum=LARGEST_SEED)
-    except ValueError:
-        raise InvalidValueError(f"seed is {text!r:.60}; expected a whole number from 0 on") from None

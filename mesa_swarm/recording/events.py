@@ -30,7 +30,7 @@ class Event:
     ids : tuple of int
         unique_ids: of the fire, of the robots that collided, of the robots of the merged group.
     text : str
-        The same in words.
+        The same in words. A fire has the number that it has in charts and pictures: the first is fire 1.
     """
 
     step: int
@@ -60,9 +60,10 @@ def _fires_out(frames: Iterable) -> Iterator[Event]:
         if "fires" not in frame.columns:
             return
         fires = frame["fires"]
-        out = set(fires["fire"][fires["out"]].tolist())
-        for fire in sorted(out & burning):
-            yield Event(step=frame.step, kind="fire out", ids=(fire,), text=f"fire {fire} is out")
+        gone_out = burning & set(fires["fire"][fires["out"]].tolist())
+        for number, fire in enumerate(fires["fire"].tolist(), start=1):
+            if fire in gone_out:
+                yield Event(step=frame.step, kind="fire out", ids=(fire,), text=f"fire {number} is out")
         burning = set(fires["fire"][~fires["out"]].tolist())
 
 

@@ -11,6 +11,7 @@ from waiting import threads, wait_until
 from mesa_swarm.dashboard import RECORDINGS_VARIABLE
 from mesa_swarm.dashboard.controls import ControlPanel
 from mesa_swarm.dashboard.file_picker import FilePicker, Upload
+from mesa_swarm.dashboard.incoming import Incoming
 from mesa_swarm.dashboard.play_loop import AS_FAST_AS_IT_GOES
 from mesa_swarm.dashboard.projector import Projector
 from mesa_swarm.dashboard.replay_view import BranchPanel
@@ -18,6 +19,7 @@ from mesa_swarm.dashboard.replaying import LARGEST_UPLOAD, Replaying
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.model import SwarmModel
+from mesa_swarm.models.boids import Boids
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.robots.design import AGENT9
 
@@ -35,6 +37,9 @@ def folder(tmp_path_factory):
     own.add_robots(AGENT9, 3)
     with own.record(place / "own.arrow", every=10):
         own.run(100)
+    boids = Boids(n_robots=5, rng=1)
+    with boids.record(place / "boids.arrow"):
+        boids.run(3)
     (place / "text.arrow").write_text("no recording at all")
     return place
 
@@ -152,7 +157,7 @@ def test_a_row_that_cannot_be_read_is_said_and_the_first_one_is_found_again(fold
 
 
 def test_recordings_of_the_folder_are_listed_and_nothing_else_is_opened(replaying, folder):
-    assert set(replaying.listed) == {"fires.arrow", "own.arrow", "text.arrow"}
+    assert set(replaying.listed) == {"boids.arrow", "fires.arrow", "own.arrow", "text.arrow"}
     for name in ("../fires.arrow", str(folder / "fires.arrow"), "missing.arrow", ""):
         replaying.open_listed(name)
         assert replaying.projector is None
@@ -195,15 +200,50 @@ def test_events_are_found_and_jumped_to(replaying):
 def test_a_recording_is_handed_over_in_pieces_and_deleted_afterwards(replaying, folder):
     content = (folder / "fires.arrow").read_bytes()
     hand_over(replaying, "mine.arrow", content, piece=10_000)
-    place = Path(replaying._folder.name)
+    place = replaying._own.path.parent
     assert (replaying.fault, replaying.name, replaying.projector.step_shown) == ("", "mine.arrow", 1)
     wait_until(lambda: replaying.events is not None)
-    hand_over(replaying, "bad.arrow", b"nothing")
-    assert replaying.fault.startswith("bad.arrow is not a recording")
+    replaying.open_listed("fires.arrow")
     assert not place.exists()
-    hand_over(replaying, "empty.arrow", b"")
-    assert "\n" not in replaying.fault
-    assert replaying.projector is None
+
+
+def test_a_recording_stays_open_until_another_one_could_be_opened(replaying, folder, monkeypatch):
+    content = (folder / "fires.arrow").read_bytes()
+    hand_over(replaying, "mine.arrow", content)
+    wait_until(lambda: replaying.events is not None)
+    open_one, events, place = replaying.projector, replaying.events, replaying._own.path.parent
+    open_one.look_at(60)
+    replaying.wish("strategy", "B")
+    wrong = (
+        ("bad.arrow", b"nothing", "bad.arrow is not a recording"),
+        ("my half.arrow", content[: len(content) // 50], "my half.arrow"),
+        ("empty.arrow", b"", ""),
+    )
+    for name, text, fault in wrong:
+        hand_over(replaying, name, text)
+        assert replaying.fault.startswith(fault)
+        assert "\n" not in replaying.fault
+        assert (replaying.projector, replaying.name, replaying.events) == (open_one, "mine.arrow", events)
+    replaying.open_listed("text.arrow")
+    replaying.open_listed("missing.arrow")
+    assert not replaying.begin_upload("large.arrow", LARGEST_UPLOAD + 1)
+    assert (open_one.step_shown, replaying.changes) == (60, {"strategy": "B"})
+    assert place.exists()
+    monkeypatch.setattr("mesa_swarm.dashboard.replaying.LARGEST_UPLOAD", 1000)
+    assert replaying.begin_upload("lying.arrow", 10)
+    assert (replaying.busy, replaying.projector) == ("receiving lying.arrow ...", open_one)
+    assert not replaying.take(b"x" * 2000)
+    assert (replaying.busy, replaying.projector) == ("", open_one)
+
+
+@pytest.mark.parametrize("name", ["../../up.arrow", "..", "", "a\0b/\ud800.arrow", "C:\\x\\" + "long" * 90, "é" * 300])
+def test_a_file_is_kept_in_its_folder_whatever_it_is_called(name):
+    incoming = Incoming(name)
+    assert incoming.take(b"abc") == 3
+    incoming.end()
+    assert [path.read_bytes() for path in incoming.path.parent.iterdir()] == [b"abc"]
+    incoming.discard()
+    assert not incoming.path.parent.exists()
 
 
 def test_what_is_too_large_is_refused_before_and_while_it_comes(replaying, monkeypatch):
@@ -211,7 +251,7 @@ def test_what_is_too_large_is_refused_before_and_while_it_comes(replaying, monke
     assert replaying.fault == "large.arrow has 200,000,001 bytes; expected at most 200,000,000"
     monkeypatch.setattr("mesa_swarm.dashboard.replaying.LARGEST_UPLOAD", 1000)
     assert replaying.begin_upload("lying.arrow", 10)
-    place = Path(replaying._folder.name)
+    place = replaying._coming.path.parent
     assert not replaying.take(b"x" * 2000)
     assert "too large" in replaying.fault
     assert not replaying.take(b"more")
@@ -273,6 +313,28 @@ def test_a_branch_may_have_other_parameters(replaying):
     panel.close()
 
 
+@pytest.mark.parametrize("names", [("fires.arrow", "boids.arrow"), ("boids.arrow", "fires.arrow")])
+def test_the_panel_of_a_recording_has_nothing_to_say_of_the_next_one(replaying, names):
+    first, second = names
+    opened(replaying, first)
+    panel = BranchPanel(ControlPanel(), replaying)
+    shown = panel.widget.values
+    opened(replaying, second)
+    assert panel.widget.values == shown
+    panel.act({"do": "text", "name": next(iter(shown)), "value": "3"})
+    assert (replaying.changes, replaying.fault) == ({}, "")
+    panel.close()
+
+
+def test_what_is_known_of_a_recording_can_be_asked_for_while_it_is_being_closed(replaying):
+    replaying.open_listed("fires.arrow")
+    replaying.projector.close()
+    assert (replaying.model_name, replaying.notes) == ("fire_fighting", [])
+    assert replaying.parameters["strategy"] == "A"
+    replaying.open_listed("boids.arrow")
+    assert replaying.model_name == "boids"
+
+
 def test_a_change_that_makes_another_world_is_refused_in_words(replaying):
     opened(replaying)
     replaying.wish("n_robots", 11)
@@ -294,7 +356,7 @@ def test_a_model_that_is_not_of_the_gallery_can_be_looked_at_only(replaying):
 def test_closing_lets_go_of_file_folder_and_threads(replaying, folder):
     content = (folder / "fires.arrow").read_bytes()
     hand_over(replaying, "mine.arrow", content)
-    place, projector = replaying._folder.name, replaying.projector
+    place, projector = str(replaying._own.path.parent), replaying.projector
     projector.play()
     replaying.session.close()
     del projector

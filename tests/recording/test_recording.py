@@ -117,9 +117,15 @@ def test_fires_that_went_out_are_events(tmp_path):
     with model.record(tmp_path / "run.arrow"):
         model.run(3000)
     told = {
-        event.ids[0]: event.step for event in Recording(tmp_path / "run.arrow").events() if event.kind == "fire out"
+        (event.ids[0], event.text): event.step
+        for event in Recording(tmp_path / "run.arrow").events()
+        if event.kind == "fire out"
     }
-    assert told == {fire.unique_id: step for fire, step in zip(model.fires, model.fires.out_step.tolist(), strict=True)}
+    assert [fire.unique_id for fire in model.fires] != list(range(1, len(model.fires) + 1))
+    assert told == {
+        (fire.unique_id, f"fire {number} is out"): step
+        for number, (fire, step) in enumerate(zip(model.fires, model.fires.out_step.tolist(), strict=True), start=1)
+    }
 
 
 def frame(step, position=None, contacts=()):

@@ -1,0 +1,85 @@
+"""The page without a browser: what stands on cards and in the address bar, and where the buttons lead."""
+
+import ipyvuetify
+import pytest
+import solara
+
+from mesa_swarm.dashboard import app
+from mesa_swarm.dashboard.page_bar import PageBar
+from mesa_swarm.dashboard.session import Session
+from mesa_swarm.models.fire_fighting import FireFighting
+
+
+@pytest.fixture
+def session():
+    session = Session("fire_fighting", {"n_robots": 4}, seed=3)
+    yield session
+    session.close()
+
+
+@pytest.fixture
+def drawn():
+    """Return what draws a component; all are taken from the page in the end."""
+    contexts = []
+
+    def draw(element):
+        _, context = solara.render(element, handle_error=False)
+        contexts.append(context)
+        return context
+
+    yield draw
+    for context in contexts:
+        context.close()
+
+
+def texts(context, tag: str) -> list[str]:
+    return [widget.children[0] for widget in context.find(ipyvuetify.Html, tag=tag).widgets]
+
+
+def press(context) -> str:
+    """Press the button of the card; return what stood on it."""
+    button = context.find(ipyvuetify.Btn).widget
+    label = button.children[0]
+    button.click()
+    return label
+
+
+def test_settings_that_cannot_be_built_are_told_from_a_model_that_stopped(session, drawn, monkeypatch):
+    page = drawn(app.Trouble(session, ()))
+    assert texts(page, "h2") == []
+    session.wish("n_robots", 9999)
+    session.reset()
+    assert texts(page, "h2") == ["These settings cannot be built"]
+    assert press(page) == "Back to the last settings"
+    assert (texts(page, "h2"), session.wishes["n_robots"], session.error) == ([], 4, "")
+    monkeypatch.setattr(FireFighting, "step", lambda model: 1 / 0)
+    session.step()
+    assert texts(page, "h2") == ["The model stopped"]
+    assert press(page) == "Reset"
+    assert (texts(page, "h2"), session.error) == ([], "")
+
+
+def test_a_link_that_cannot_be_built_leads_to_the_defaults(drawn):
+    session = Session("fire_fighting", {"k1": -5.0})
+    page = drawn(app.Trouble(session, ()))
+    assert texts(page, "h2") == ["These settings cannot be built"]
+    assert press(page) == "Back to the defaults"
+    assert (texts(page, "h2"), session.model.steps) == ([], 0)
+    session.close()
+
+
+def test_all_that_is_wrong_with_a_link_is_told_until_one_goes_on(session, drawn):
+    session.note = "step 3 of 20,000"
+    page = drawn(app.Trouble(session, ("unknown foo", "unknown bar")))
+    assert texts(page, "p") == ["unknown foo", "unknown bar", "step 3 of 20,000"]
+    assert press(page) == "Go on without it"
+    assert texts(page, "p") == []
+
+
+def test_the_address_bar_holds_a_run_that_was_built_elsewhere(session, drawn):
+    page = drawn(app.Header(session, app.WATCH, lambda name: None))
+    bar = page.find(PageBar).widget
+    assert bar.query == "model=fire_fighting&n_robots=4&seed=3"
+    wishes = session.wishes | {"strategy": "A", "n_robots": 10}
+    session.adopt(FireFighting(strategy="A", rng=5).run(2), "fire_fighting", wishes, 5)
+    assert bar.query == "model=fire_fighting&strategy=A&seed=5"

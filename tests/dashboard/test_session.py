@@ -1,0 +1,105 @@
+"""What one user wishes for: taken, refused, built or not."""
+
+import pytest
+
+from mesa_swarm.dashboard.address import address_from, query_of
+from mesa_swarm.dashboard.session import Session
+from mesa_swarm.models.fire_fighting import FireFighting
+
+MODULE = "mesa_swarm.dashboard.session"
+
+
+@pytest.fixture
+def session():
+    session = Session("fire_fighting", {"n_robots": 4}, seed=3)
+    yield session
+    session.close()
+
+
+@pytest.mark.parametrize(("name", "value"), [("k1", "-5"), ("k1", -5.0), ("join", 1e4), ("n_robots", -3)])
+def test_a_value_that_is_refused_changes_nothing(session, name, value):
+    session.step()
+    wishes, link, model = dict(session.wishes), query_of(session), session.model
+    session.wish(name, value)
+    assert name in session.faults
+    assert (session.wishes, session.waiting, query_of(session)) == (wishes, frozenset(), link)
+    session.reset()
+    assert session.error == ""
+    assert session.model is not model
+    session.wish(name, wishes[name])
+    assert session.faults == {}
+
+
+def test_several_values_are_taken_together_or_not_at_all(session):
+    wishes = dict(session.wishes)
+    with pytest.raises(ValueError, match="join"):
+        session.wish_all({"k1": 0.001, "join": 1e4})
+    assert (session.wishes, session.waiting) == (wishes, frozenset())
+    session.wish_all({"join": 10.0, "leave": 20.0})
+    assert (session.model.fire_constants.join, session.model.fire_constants.leave) == (10.0, 20.0)
+
+
+def test_settings_that_cannot_be_built_are_left_for_the_last_ones(session):
+    session.step()
+    session.wish("n_robots", 9999)
+    session.set_seed(8)
+    session.reset()
+    assert session.unbuilt
+    assert session.error
+    session.go_back()
+    assert (session.error, session.unbuilt, session.waiting) == ("", False, frozenset())
+    assert (session.wishes["n_robots"], session.seed, session.model.steps) == (4, 3, 0)
+    assert session.model.state_hash() == FireFighting(n_robots=4, rng=3).state_hash()
+
+
+def test_settings_from_which_nothing_was_built_yet_are_left_for_the_defaults():
+    session = Session("fire_fighting", {"k1": -5.0}, seed=3)
+    assert (session.unbuilt, session.built, session.model) == (True, {}, None)
+    session.go_back()
+    assert (session.error, session.model.state_hash()) == ("", FireFighting(rng=3).state_hash())
+    session.close()
+
+
+def test_a_model_that_breaks_is_not_one_that_could_not_be_built(session, monkeypatch):
+    monkeypatch.setattr(FireFighting, "step", lambda model: 1 / 0)
+    session.step()
+    assert (session.error, session.unbuilt) == ("ZeroDivisionError: division by zero", False)
+
+
+def test_steps_before_the_first_picture_end_when_they_take_too_long(monkeypatch):
+    at_once = Session("fire_fighting", seed=2, steps=20)
+    assert (at_once.model.steps, at_once.note) == (20, "")
+    monkeypatch.setattr(f"{MODULE}.LONGEST_WAIT", 0.0)
+    cut = Session("fire_fighting", seed=2, steps=2000)
+    assert 0 < cut.model.steps < 2000
+    assert cut.note.startswith(f"step {cut.model.steps} of 2,000: ")
+    assert cut.past.shown.step == cut.model.steps
+    cut.reset()
+    assert cut.note == ""
+    for session in (at_once, cut):
+        session.close()
+
+
+def test_a_word_that_is_wrong_does_not_throw_the_link_away():
+    asked = address_from("model=flocking&seed=7&foo=1&n_robots=12&step=x&sight=nan", "fire_fighting")
+    assert (asked.model, asked.seed, asked.steps, asked.wishes) == ("flocking", 7, 0, {"n_robots": 12})
+    about = ("'foo'", "step is 'x'", "sight")
+    assert all(part in fault for part, fault in zip(about, asked.faults, strict=True))
+
+
+@pytest.mark.parametrize("robots", ["20000", "-3", "many"])
+def test_a_link_cannot_ask_for_what_the_page_would_refuse(robots):
+    asked = address_from(f"model=fire_fighting&n_robots={robots}&strategy=A", "boids")
+    assert (asked.wishes, len(asked.faults)) == ({"strategy": "A"}, 1)
+    assert asked.faults[0].startswith("n_robots is ")
+
+
+def test_a_link_full_of_nonsense_is_told_of_in_few_lines():
+    asked = address_from("model=boids&" + "&".join(f"word{i}=1" for i in range(50)), "fire_fighting")
+    assert (asked.model, len(asked.faults), asked.faults[-1]) == ("boids", 6, "and 45 more")
+
+
+def test_of_an_unknown_model_nothing_is_taken():
+    asked = address_from("model=fire_fihgting&seed=7&strategy=A", "boids")
+    assert (asked.model, asked.seed, asked.wishes, len(asked.faults)) == ("boids", 1, {}, 1)
+    assert "did you mean 'fire_fighting'" in asked.faults[0]
