@@ -51,12 +51,12 @@ class DifferentialDrive:
         motion_to_wheels(motion, radius, wheels)
 
     def __eq__(self, other: object) -> bool:
-        """Compare as equal to every other differential drive."""
-        return isinstance(other, DifferentialDrive)
+        """Compare as equal to drives of the same class that hold the same values."""
+        return alike(self, other)
 
     def __hash__(self) -> int:
-        """Hash as every differential drive does."""
-        return hash(DifferentialDrive)
+        """Hash as all drives of the same class do."""
+        return hash(type(self))
 
 
 class HolonomicDrive:
@@ -85,12 +85,29 @@ class HolonomicDrive:
         wheels[:] = motion[:, :2]
 
     def __eq__(self, other: object) -> bool:
-        """Compare as equal to every other holonomic drive."""
-        return isinstance(other, HolonomicDrive)
+        """Compare as equal to drives of the same class that hold the same values."""
+        return alike(self, other)
 
     def __hash__(self) -> int:
-        """Hash as every holonomic drive does."""
-        return hash(HolonomicDrive)
+        """Hash as all drives of the same class do."""
+        return hash(type(self))
+
+
+def alike(one: object, other: object) -> bool:
+    """Tell whether two drives are of the same class and hold the same values, which may be arrays.
+
+    Examples
+    --------
+    >>> class Geared(DifferentialDrive):
+    ...     def __init__(self, ratio):
+    ...         self.ratio = ratio
+    >>> Geared(2.0) == Geared(2.0), Geared(2.0) == Geared(3.0), Geared(2.0) == DifferentialDrive()
+    (True, False, False)
+    """
+    if type(one) is not type(other):
+        return False
+    mine, theirs = vars(one), vars(other)
+    return mine.keys() == theirs.keys() and all(np.array_equal(mine[name], theirs[name]) for name in mine)
 
 
 @compiled

@@ -88,7 +88,7 @@ def test_wheels_of_a_holonomic_robot_slip_by_chance_too():
     assert model.swarm.slip[0] == pytest.approx((0.25, 0.25))
 
 
-def test_holonomic_drives_are_all_the_same_and_differ_from_wheels():
+def test_plain_holonomic_drives_are_all_the_same_and_differ_from_wheels():
     assert HolonomicDrive() == HolonomicDrive()
     assert hash(HolonomicDrive()) == hash(HolonomicDrive())
     assert HolonomicDrive() != DifferentialDrive()
