@@ -15,9 +15,10 @@ class Drive(Protocol):
 
     Attributes
     ----------
-    turns : bool, optional
-        Whether a command is the speeds of wheels left and right, which turn the body (taken to be so where it is
-        not said); else it is speeds forward and sideways.
+    turns : bool or None, optional
+        True if a command is the speeds of wheels left and right, which turn the body (taken to be so where it is
+        not said), each limited to max_speed; False if it is speeds forward and sideways, of which the speed of the
+        body is limited; None if it is neither: each number is limited, and layers of all kinds may command it.
     """
 
     def motion(self, wheels: np.ndarray, radius: np.ndarray, motion: np.ndarray) -> None:
@@ -62,8 +63,8 @@ class DifferentialDrive:
 class HolonomicDrive:
     """Rollers that move the body in any direction, forward and sideways, and never turn it.
 
-    A command's two numbers are the speeds forward and to the left, in the robot's own frame; each is limited
-    to max_speed, as the speeds of wheels are.
+    A command's two numbers are the speeds forward and to the left, in the robot's own frame: a velocity. One that is
+    longer than max_speed is made as long as that, and keeps its direction.
 
     Examples
     --------
@@ -150,13 +151,45 @@ def slipped_wheels(command, slip_probability, slip_magnitude, design, draws, whe
 
 
 @compiled
-def limit_command(command, max_speed):
-    """Limit |command| to each robot's max_speed, in place, and return the first row that is NaN, or -1."""
+def limit_command(command, max_speed, design, sideways):
+    """Limit commands to each robot's max_speed, in place, and return the first row that is NaN, or -1.
+
+    Parameters
+    ----------
+    command : ndarray, shape (n, 2)
+    max_speed : ndarray, shape (n,)
+    design : int64 ndarray, shape (n,)
+    sideways : bool ndarray, shape (d,)
+        Whether commands to robots of a design are velocities, which are limited as a whole, or else each number alone.
+    """
     for i in range(command.shape[0]):
+        if math.isnan(command[i, 0]) or math.isnan(command[i, 1]):
+            return i
+        if sideways[design[i]]:
+            command[i, 0], command[i, 1] = no_longer(command[i, 0], command[i, 1], max_speed[i])
+            continue
         for w in range(2):
             value = command[i, w]
             if not (-max_speed[i] <= value <= max_speed[i]):
-                if math.isnan(value):
-                    return i
                 command[i, w] = max_speed[i] if value > 0.0 else -max_speed[i]
     return -1
+
+
+@compiled
+def no_longer(x: float, y: float, most: float) -> tuple[float, float]:
+    """Return a vector in the same direction that is at most so long; infinities count as equally large.
+
+    Examples
+    --------
+    >>> no_longer(6.0, 8.0, 5.0), no_longer(0.3, 0.4, 5.0), no_longer(1.0, -math.inf, 2.0)
+    ((3.0, 4.0), (0.3, 0.4), (0.0, -2.0))
+    """
+    if math.isinf(x) or math.isinf(y):
+        x = math.copysign(1.0, x) if math.isinf(x) else 0.0
+        y = math.copysign(1.0, y) if math.isinf(y) else 0.0
+    elif math.hypot(x, y) <= most:
+        return x, y
+    largest = max(abs(x), abs(y))
+    x, y = x / largest, y / largest
+    share = most / math.hypot(x, y)
+    return share * x, share * y

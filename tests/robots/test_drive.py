@@ -109,16 +109,39 @@ def test_wheels_are_found_again_from_the_motion_that_they_make(left, right, radi
 # ---- limits of commands
 
 
+def on_wheels(n):
+    return np.zeros(n, np.int64), np.array([False, True])
+
+
+def on_rollers(n):
+    return np.ones(n, np.int64), np.array([False, True])
+
+
 @given(st.lists(st.tuples(st.floats(allow_nan=False), st.floats(allow_nan=False)), min_size=1, max_size=5))
 def test_commands_are_limited_to_the_greatest_speed_with_their_sign_kept(rows):
     command = np.array(rows)
     asked, limit = command.copy(), np.arange(len(rows)) + 0.5
-    assert limit_command(command, limit) == -1
+    assert limit_command(command, limit, *on_wheels(len(rows))) == -1
     assert (command == np.clip(asked, -limit[:, None], limit[:, None])).all()
 
 
 def test_the_first_robot_whose_command_is_nan_is_named():
-    assert limit_command(np.array([[0.0, 1.0], [0.0, np.nan], [np.nan, 0.0]]), np.ones(3)) == 1
+    for kind in (on_wheels, on_rollers):
+        assert limit_command(np.array([[0.0, 1.0], [0.0, np.nan], [np.nan, 0.0]]), np.ones(3), *kind(3)) == 1
+
+
+@given(st.lists(st.tuples(st.floats(allow_nan=False), st.floats(allow_nan=False)), min_size=1, max_size=5))
+def test_velocities_are_limited_as_a_whole_and_keep_their_direction(rows):
+    command = np.array(rows)
+    asked, limit = command.copy(), np.arange(len(rows)) + 0.5
+    assert limit_command(command, limit, *on_rollers(len(rows))) == -1
+    for (x, y), (u, v), most in zip(asked, command, limit, strict=True):
+        assert math.hypot(u, v) <= most * (1 + 1e-15)
+        if math.hypot(x, y) <= most:
+            assert (u, v) == (x, y)
+        elif np.isfinite((x, y)).all():
+            assert math.hypot(u, v) == pytest.approx(most)
+            assert math.atan2(v, u) == pytest.approx(math.atan2(y, x))
 
 
 def test_a_robot_made_slower_drives_slower():
@@ -145,7 +168,7 @@ class Bicycle:
     of the angle of the front wheel, up to 45 degrees (the kinematic bicycle).
     """
 
-    turns = False
+    turns = None
 
     def motion(self, wheels, radius, motion):
         """Write forward speed and turn."""
