@@ -5,7 +5,7 @@ import os
 import mesa
 import numpy as np
 
-from mesa_swarm.control.arbiter import Arbiter
+from mesa_swarm.control.arbiter import Arbiter, check_drives, driver
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import BehaviourError, InvalidValueError, check_choice, check_count, check_number, shortened
 from mesa_swarm.fire.burning import burn
@@ -167,6 +167,8 @@ class SwarmModel(RecordedWorld):
             raise InvalidValueError(
                 f"control is {control!r:.60}; expected an arbiter such as Subsumption(Avoid(), Explore())"
             )
+        if control is not None:
+            check_drives(control, [self.swarm.designs[d] for d in np.unique(self.swarm.design)])
         self.swarm.forget()
         self.swarm.columns["command"].fill(0.0)
         self.swarm.columns["layer"].fill(-1)
@@ -256,9 +258,9 @@ class SwarmModel(RecordedWorld):
             self._senses_version = self.swarm.version
         columns["last_command"][:] = command
         self._control.decide(self._senses, command, layer)
-        wrong = limit_command(command, columns["max_speed"])
+        wrong = limit_command(command, columns["max_speed"], columns["design"], self.swarm.table.sideways)
         if wrong >= 0:
-            name = self._control.layers[layer[wrong]].name if layer[wrong] >= 0 else "no layer"
+            name = driver(self._control, int(layer[wrong]))
             raise BehaviourError(
                 f"{name} commanded NaN to robot {self.swarm.agents[wrong].unique_id} in step {self.steps}; "
                 "expected two finite wheel speeds"

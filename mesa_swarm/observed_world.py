@@ -7,12 +7,13 @@ from typing import Any, SupportsIndex
 
 import numpy as np
 
-from mesa_swarm.control.arbiter import Arbiter
+from mesa_swarm.control.arbiter import Arbiter, check_drives
 from mesa_swarm.control.explain import Explanation, explanation
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.errors import InvalidValueError, check_count
 from mesa_swarm.physics.contacts import Contacts
+from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.robot import Robot
-from mesa_swarm.robots.snapshots import DECISIONS, Snapshots
+from mesa_swarm.robots.snapshots import DECISIONS, Snapshots, check_kept
 from mesa_swarm.streams import Seed
 from mesa_swarm.world.map import Map
 from mesa_swarm.world_model import World
@@ -46,6 +47,11 @@ class ObservedWorld(World):
         super().__init__(map=map, rng=rng, history_every=history_every)
         self.observers = Observers()
         self._user_step: Callable[..., None] = self._whole_step  # what Mesa calls in its own wrapping of a step
+
+    def _check_driven(self, design: RobotDesign) -> None:
+        """Refuse robots that the control is not for."""
+        if self._control is not None:
+            check_drives(self._control, [design])
 
     @property
     def completed(self) -> int:
@@ -136,7 +142,7 @@ class ObservedWorld(World):
         Raises
         ------
         InvalidValueError
-            If nobody watches, there is no control, or the step is not kept.
+            If nobody watches, columns are missing, there is no control, or the step is not kept.
         RemovedRobotError
             If the robot was removed.
 
@@ -153,13 +159,11 @@ class ObservedWorld(World):
         """
         if not isinstance(robot, Robot) or robot.model is not self:
             raise InvalidValueError(f"robot is {robot!r:.60}; expected one of this model's robots")
-        row, kept = robot.alive(), self._snapshots
-        missing = set(DECISIONS) if kept is None else set(DECISIONS) - set(kept.columns)
-        if kept is None or missing or not len(kept):
-            raise InvalidValueError("nothing was kept to explain; call model.watch() before the steps in question")
+        row, kept = robot.alive(), check_kept(self._snapshots, DECISIONS, "explain")
         if self._control is None:
             raise InvalidValueError("there is no control to explain; set model.control")
-        return explanation(self._control, self.swarm, kept, row, kept.steps[-1] if step is None else step)
+        wanted = int(kept.steps[-1]) if step is None else check_count("step", step)
+        return explanation(self._control, self.swarm, kept, row, wanted)
 
     def state_hash(self) -> str:
         """Return a fingerprint of the published state: equal for equal runs, on every machine and Python.

@@ -111,7 +111,8 @@ class World(mesa.Model):
         PlacementError
             If they do not fit; the message says how many would.
         InvalidValueError
-            If neither or both of n and poses are given, or a pose is not on the map.
+            If neither or both of n and poses are given, a pose is not on the map, or the control is not for such a
+            drive.
 
         Examples
         --------
@@ -121,6 +122,7 @@ class World(mesa.Model):
         """
         if not isinstance(design, RobotDesign):
             raise InvalidValueError(f"design is {design!r:.60}; expected a RobotDesign such as AGENT9")
+        self._check_driven(design)
         if (n is None) == (poses is None):
             raise InvalidValueError("add_robots takes either n or poses; give exactly one of them")
         if poses is None:
@@ -133,6 +135,9 @@ class World(mesa.Model):
         self.swarm.agents += robots
         self.swarm.disturbed |= poses is not None
         return robots
+
+    def _check_driven(self, design: RobotDesign) -> None:
+        """Refuse robots that what drives the others cannot drive; a world without control has nothing against any."""
 
     def remove_robots(self, robots: Iterable[Robot]) -> None:
         """Take robots out of the model, between two steps."""

@@ -21,6 +21,7 @@ EXTENDING IT. Let groups move (a slow Explore above Gather) and see whether they
 REFERENCE. Thesis, sections 5.2.3.1 and 5.3.2.
 """
 
+import math
 from typing import Annotated
 
 import numpy as np
@@ -81,7 +82,9 @@ class Agglomeration(SwarmModel):
 
     @property
     def neighbour_distance(self) -> float:
-        """Mean distance to the nearest other robot, between centres, map units."""
+        """Mean distance to the nearest other robot, between centres, map units; NaN for fewer than two robots."""
+        if len(self.swarm) < 2:
+            return math.nan
         return float(np.mean(nearest_neighbour_distances(self.swarm.position)))
 
     def results(self) -> dict[str, float | None]:

@@ -70,10 +70,15 @@ class CollisionAvoidance(SwarmModel):
         built = built.with_proximity(error_probability=error_probability, error_magnitude=0.2)
         built = built.with_slip(probability=slip_probability, magnitude=0.5)
         self.add_robots(built, check_count("n_robots", n_robots))
+        self.robot_steps = 0
         spot = (Avoid(distance=spot_distance, turn="stationary", name="AvoidOnTheSpot"),) if spot_distance else ()
         self.control = Subsumption(*spot, Avoid(distance=distance, turn=turn), Explore(turn_interval=turn_interval))
 
+    def step(self) -> None:
+        """Advance by one step, and count those that robots have taken: there may be other robots later."""
+        super().step()
+        self.robot_steps += len(self.swarm)
+
     def results(self) -> dict[str, float]:
         """Return what a comparison compares: collisions per robot and 1,000 steps."""
-        robot_steps = max(self.steps * len(self.swarm), 1)
-        return {"collisions per robot and 1,000 steps": 1000.0 * self.total_collisions / robot_steps}
+        return {"collisions per robot and 1,000 steps": 1000.0 * self.total_collisions / max(self.robot_steps, 1)}

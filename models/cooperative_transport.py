@@ -7,7 +7,8 @@ HOW IT WORKS. A load gives way when the sum of the robots' pushes exceeds its re
 ellipsoidal limit surface). A beacon at the goal is heard by whoever is not in the load's shadow. Layers, the first
 that is active drives: Avoid (not of loads), Push (in the shadow push, out of it go round), Explore with random turns.
 
-HOW TO USE IT. `n_robots` and `resistance`: how many full pushes the load withstands. `load` is a disc or a box.
+HOW TO USE IT. `n_robots` and `resistance`: how many full pushes through its centre the load withstands. Elsewhere there
+is a lever: a push at a corner of the box counts as up to 1.65. `load` is a disc or a box.
 
 THINGS TO NOTICE. One robot pushes for ever. With as many robots as the resistance asks for the load moves seldom: all
 must be there at once, and push the same way. A box turns.
@@ -58,7 +59,9 @@ class CooperativeTransport(SwarmModel):
         self,
         *,
         n_robots: Annotated[int, Slider(1, 50, 1, "robots")] = 5,
-        resistance: Annotated[float, Slider(0.5, 10, 0.1, "full pushes that the load withstands")] = 1.5,
+        resistance: Annotated[
+            float, Slider(0.5, 10, 0.1, "full pushes that the load withstands; one at a corner counts as up to 1.65")
+        ] = 1.7,
         load: Annotated[str, Choice(tuple(LOADS), "the shape of the load")] = "disc",
         sight: Annotated[float, Slider(20, 200, 5, "range of the infrared sensors, map units")] = 150.0,
         turn_interval: Annotated[int, Slider(0, 1000, 10, "steps between random turns, 0 for none")] = 200,

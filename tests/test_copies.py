@@ -5,7 +5,9 @@ import pickle
 
 import pytest
 
+from mesa_swarm import disc
 from mesa_swarm.control import Subsumption
+from mesa_swarm.errors import RemovedRobotError, SwarmError
 from mesa_swarm.models.fire_fighting import FireFighting
 from scenes import ahead, blind, empty
 
@@ -39,3 +41,42 @@ def test_robots_whose_control_is_taken_away_stop():
     model.run(3)
     assert model.swarm.position[0].tolist() == [103.0, 100.0]
     assert model.swarm.layer.tolist() == [-1]
+
+
+def things(model):
+    """Return two of each kind of what comes and goes, of which the second stays."""
+    return {
+        "robot": model.add_robots(blind(), poses=[(40, 40, 0.0), (60, 100, 1.0)]),
+        "fire": [model.add_fire((100 + 50 * k, 250), radius=5) for k in range(2)],
+        "load": [model.add_load(disc((100 + 60 * k, 200), 10), resistance=1) for k in range(2)],
+        "obstacle": [model.add_obstacle(disc((200 + 60 * k, 100), 10)) for k in range(2)],
+    }
+
+
+@pytest.mark.parametrize("kind", ["robot", "fire", "load", "obstacle"])
+def test_a_copy_of_a_handle_is_the_handle_and_so_stays_with_its_own(kind):
+    model = empty()
+    first, second = things(model)[kind]
+    twin, place = copy.copy(second), second.position.tolist()
+    first.remove()
+    assert twin is second
+    assert twin.position.tolist() == place
+    second.remove()
+    if kind in ("robot", "fire"):
+        with pytest.raises(RemovedRobotError if kind == "robot" else SwarmError):
+            twin.position  # noqa: B018
+
+
+def test_a_deep_copy_of_a_model_has_things_of_its_own():
+    model = empty()
+    things(model)
+    model.control = Subsumption(ahead)
+    twin = copy.deepcopy(model)
+    assert twin.state_hash() == model.state_hash()
+    both = [[*world.robots, *world.fires, *world.loads] for world in (model, twin)]
+    for mine, theirs in zip(*both, strict=True):
+        assert mine is not theirs
+        assert (mine.position == theirs.position).all()
+    twin.robots[0].remove()
+    assert len(model.swarm) == 2
+    assert model.run(5).swarm.position[0].tolist() == [45.0, 40.0]

@@ -24,7 +24,7 @@ FINDERS = {
     ),
     "centroid flip": (
         centroid_flips,
-        "turned left and right on the spot, {flips} times, after robots that other sensors saw each time",
+        "turned left and right by turns, {flips} times, after robots that other sensors saw each time",
     ),
     "head-on pair": (head_on_pairs, "faced each other at close quarters and blocked each other's way"),
     "back-and-forth at a threshold": (threshold_flips, "drove forwards and backwards by turns, {flips} times"),
@@ -159,8 +159,8 @@ def find_pathologies(
     kind                           what it is
     =============================  ===================================================================================
     corridor flip                  the turn flips, both this turn and the one before it are away from something nearer
-                                   than `near`, and one of them at least from an obstacle or fire: turning left, the
-                                   right or the front sensor reads it; turning right, the left or the front one
+                                   than `near`, and one of them at least from an obstacle, fire or load: turning left,
+                                   the right or the front sensor reads it; turning right, the left or the front one
     centroid flip                  the turn flips, some sensor sees a robot at both turns, other sensors do than at the
                                    turn before, and neither turn is away from a robot nearer than `near` that only
                                    the sensor of the other side reads
@@ -179,8 +179,9 @@ def find_pathologies(
     such commands, by less than `stuck_share` of what max_speed would do. Without moving means that in `fewest_steps`
     of such commands both the displacement and the way along the headings are below `stuck_share` of what was commanded.
 
-    Stretches of a kind that overlap or follow each other at once are one episode. A robot's step belongs to one kind:
-    what the kinds above have taken is not there for those below.
+    Stretches of a kind that overlap or follow each other at once are one episode; of flips, without the steps in which
+    the robot gets farther than its radius within `window` steps, and only if `fewest_flips` are left. A robot's step
+    belongs to one kind: what the kinds above have taken is not there for those below.
 
     Parameters
     ----------
@@ -191,7 +192,7 @@ def find_pathologies(
     command, layer : ndarrays, shape (k, n, 2) and (k, n)
         Rim speeds left and right, and the layer that chose them, of each step.
     distance, kind : ndarrays, shape (k, n, s)
-        What each step was decided on: -1 for nothing; 0 obstacle, 1 robot, 2 fire.
+        What each step was decided on: -1 for nothing; 0 obstacle, 1 robot, 2 fire, 3 load.
     radius, max_speed : ndarrays, shape (n,)
     forward : ndarray, shape (n, 3)
         Index of the front, left and right sensors, -1 for none.

@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 
 from mesa_swarm.analysis.pathology_track import (
     FIRE,
+    LOAD,
     OBSTACLE,
     ROBOT,
     Track,
@@ -64,8 +65,8 @@ def corridor_flips(track: Track, limits: Thresholds, taken: np.ndarray) -> list[
     """Find turns away from what is near on the left and on the right by turns, robots alone left out."""
     turn = track.turn
     before = last_before(turn)
-    from_any = _away(track, limits, (OBSTACLE, ROBOT, FIRE))
-    from_solid = _away(track, limits, (OBSTACLE, FIRE))
+    from_any = _away(track, limits, (OBSTACLE, ROBOT, FIRE, LOAD))
+    from_solid = _away(track, limits, (OBSTACLE, FIRE, LOAD))
     flip = from_any & at(from_any, before) & (from_solid | at(from_solid, before))
     return _flipping(flips_of(turn) & flip, track, limits, taken)
 
@@ -101,7 +102,23 @@ def _flipping(flip: np.ndarray, track: Track, limits: Thresholds, taken: np.ndar
     mine = (who == row[limits.fewest_flips - 1 :]) & (others[first, who] == others[last, who])
     good = mine & (last - first <= limits.window) & _gets_nowhere(track, limits, who, first, last)
     mask = covered(flip.shape, who[good], first[good], last[good])
-    return [((i,), a, b, int(np.count_nonzero(flip[a : b + 1, i]))) for i, a, b in runs(mask)]
+    mask &= ~_gets_away(track, limits, mask)
+    found = [((i,), a, b, int(np.count_nonzero(flip[a : b + 1, i]))) for i, a, b in runs(mask)]
+    return [episode for episode in found if episode[3] >= limits.fewest_flips]
+
+
+def _gets_away(track: Track, limits: Thresholds, mask: np.ndarray) -> np.ndarray:
+    """Tell in which of these steps (k, n) a robot gets farther than its radius within `window` steps of them.
+
+    Stretches in each of which it does not may, joined, be a journey.
+    """
+    away = np.zeros(mask.shape, bool)
+    for i, a, b in runs(mask):
+        length = min(limits.window, b - a)
+        way = np.hypot(*(track.position[a + length : b + 1, i] - track.position[a : b + 1 - length, i]).T)
+        first = a + np.flatnonzero(way >= track.radius[i])
+        away |= covered(mask.shape, np.full(len(first), i), first, first + length)
+    return away
 
 
 def _gets_nowhere(track: Track, limits: Thresholds, row: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:

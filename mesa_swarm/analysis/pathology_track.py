@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from mesa_swarm.analysis.arrays import check_array, check_steps, check_whole
 from mesa_swarm.errors import InvalidValueError
 
-OBSTACLE, ROBOT, FIRE = 0, 1, 2
+OBSTACLE, ROBOT, FIRE, LOAD = 0, 1, 2, 3
 # A command below this share of max_speed is none: rounding.
 NOTHING = 1e-9
 

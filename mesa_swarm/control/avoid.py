@@ -1,6 +1,7 @@
 """Avoid: turn away from what is near (thesis 5.2.2)."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -48,6 +49,7 @@ class Avoid:
     fires: str = "always"
     loads: str = "always"
     name: str = "Avoid"
+    commands_wheels: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         """Check the parameters."""

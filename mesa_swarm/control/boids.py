@@ -7,6 +7,7 @@ from how the neighbours' perceived centroid moves.
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -47,6 +48,7 @@ class Separate:
     distance: float = 15.0
     what: str = "everything"
     name: str = "Separate"
+    commands_wheels: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         """Check the parameters."""
@@ -113,6 +115,7 @@ class Align:
     memory: float = 10.0
     jump: float = 15.0
     name: str = "Align"
+    commands_wheels: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         """Check the parameters."""
@@ -165,6 +168,7 @@ class Cohere:
 
     distance: float = 40.0
     name: str = "Cohere"
+    commands_wheels: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         """Check the parameters."""
@@ -213,6 +217,7 @@ class Cruise:
 
     speed: float = 0.7
     name: str = "Cruise"
+    commands_wheels: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         """Check the parameter."""

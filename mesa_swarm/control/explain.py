@@ -6,6 +6,7 @@ import numpy as np
 
 from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.control.layer import Layer
+from mesa_swarm.errors import BehaviourError
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.snapshots import Snapshots
 from mesa_swarm.robots.swarm import Swarm
@@ -50,8 +51,18 @@ def explanation(control: Arbiter, swarm: Swarm, snapshots: Snapshots, row: int, 
     ----------
     control : Arbiter
         What drove the robots then.
+
+    Raises
+    ------
+    BehaviourError
+        If a layer of one's own wrote the index of a layer that does not exist.
     """
     moment, won = moment_of(swarm, snapshots.at(step), row)
+    if won >= len(control.layers):
+        raise BehaviourError(
+            f"layer {won} drove robot {swarm.agents[row].unique_id} in step {step:,}, of {len(control.layers)} layers; "
+            "a layer of one's own must write the index that `decide` is given"
+        )
     layer = control.layers[won] if won >= 0 else None
     reason = Reason("") if layer is None else reason_of(layer, moment)
     if layer is not None and control.sums:
@@ -80,7 +91,7 @@ def moment_of(swarm: Swarm, columns: dict[str, np.ndarray], row: int) -> tuple[M
         bearing=table.bearing[d, :sensors],
         forward=(front, left, right),
         command=columns["command"][row],
-        turns=getattr(swarm.designs[d].drive, "turns", True),
+        turns=bool(swarm.designs[d].turns),
         columns={name: column[row] for name, column in columns.items()},
     )
     return moment, int(columns["layer"][row])

@@ -41,6 +41,8 @@ class Senses:
     sensors : ndarray, shape (d, s, 9)
         Mounts, axes and ranges, see `robots.table`.
     bearing : ndarray, shape (d, s), rad
+    sideways : bool ndarray, shape (d,)
+        Whether a command is speeds forward and sideways.
     """
 
     distance: np.ndarray
@@ -65,6 +67,7 @@ class Senses:
     forward: np.ndarray
     sensors: np.ndarray
     bearing: np.ndarray
+    sideways: np.ndarray
 
     @classmethod
     def of(cls, swarm: Swarm) -> "Senses":
@@ -72,7 +75,8 @@ class Senses:
         table = swarm.table
         told = {field.name for field in fields(cls)}
         columns = {name: column for name, column in swarm.columns.items() if name in told}
-        return cls(**columns, forward=table.forward, sensors=table.proximity, bearing=table.bearing)
+        of_designs = {"forward": table.forward, "sensors": table.proximity, "bearing": table.bearing}
+        return cls(**columns, **of_designs, sideways=table.sideways)
 
 
 class Layer(Protocol):
@@ -80,7 +84,9 @@ class Layer(Protocol):
 
     A rule about one robot is written more simply with `behaviour`. A layer of one's own is a class with
     these two; see `Explore`, which remembers something, and `Avoid`, which does not. It may have a third,
-    ``reason(moment) -> Reason``, which says why it drove a robot (`SwarmModel.explain`).
+    ``reason(moment) -> Reason``, which says why it drove a robot (`SwarmModel.explain`), and may say what it commands:
+    ``commands_wheels`` is True for speeds of wheels left and right, False for speeds forward and sideways. It is
+    then refused for robots with a drive of the other kind.
     """
 
     @property

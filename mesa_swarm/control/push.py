@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -51,6 +52,7 @@ class Push:
     clearance: float = 20.0
     critical_angle_degrees: float = 20.0
     name: str = "Push"
+    commands_wheels: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         """Check the parameters."""
@@ -87,7 +89,7 @@ class Push:
         if self.side == "anywhere":
             why = "it pushes from anywhere"
         else:
-            why = "it hears the goal, so it goes round" if hears else "it hears no goal, so it pushes"
+            why = "it hears the goal, so it goes round" if hears else "no goal is to be heard here, so it pushes"
         return Reason(f"{moment.reading(seeing[0])}; {why}", tuple(seeing))
 
 

@@ -3,6 +3,7 @@
 from mesa_swarm.analysis.pathology import Pathologies, find_pathologies
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.model import SwarmModel
+from mesa_swarm.robots.snapshots import check_kept
 
 NEEDED = ("position", "heading", "command", "layer", "distance", "kind")
 
@@ -34,10 +35,7 @@ def pathologies_of(model: SwarmModel) -> Pathologies:
     >>> len(pathologies_of(model.run(100)))
     0
     """
-    kept, swarm = model.watched, model.swarm
-    missing = [] if kept is None else [name for name in NEEDED if name not in kept.columns]
-    if kept is None or missing or not len(kept):
-        raise InvalidValueError("nothing was kept to diagnose; call model.watch(last=None) before running the model")
+    swarm, kept = model.swarm, check_kept(model.watched, NEEDED, "diagnose", "watch(last=None)")
     if kept.every != 1:
         raise InvalidValueError(f"every {kept.every}th step was kept; expected all of them: watch with every=1")
     check_wheels(model)
@@ -63,7 +61,7 @@ def check_wheels(model: SwarmModel) -> None:
     InvalidValueError
     """
     for design in model.swarm.designs:
-        if not getattr(design.drive, "turns", True):
+        if not design.turns:
             raise InvalidValueError(
                 f"robots of the design {design.name} have no wheels left and right; diagnose those that have"
             )

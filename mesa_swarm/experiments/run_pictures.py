@@ -8,7 +8,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from matplotlib.ticker import StrMethodFormatter
+from matplotlib.ticker import FuncFormatter, MaxNLocator, StrMethodFormatter
 
 from mesa_swarm.analysis import layer_shares
 from mesa_swarm.errors import InvalidValueError, check_count
@@ -16,6 +16,7 @@ from mesa_swarm.experiments.pictures import world_figure
 from mesa_swarm.experiments.portrait import portrait_of
 from mesa_swarm.model import SwarmModel
 from mesa_swarm.progress import progress_bar
+from mesa_swarm.robots.snapshots import check_kept
 
 # Okabe and Ito's colours for layers, in order; white for no layer.
 LAYER_COLOURS = ("#d55e00", "#0072b2", "#009e73", "#e69f00", "#cc79a7", "#56b4e9", "#f0e442", "#000000")
@@ -113,7 +114,7 @@ def _draw_trace(axes: Axes, points: np.ndarray, colour: str) -> None:
 def ethogram(model: SwarmModel, *, robots: int | None = None) -> Figure:
     """Return a figure of which layer drove which robot when, from what `model.watch()` has kept.
 
-    Above, a row a robot; below, the share of robots that each layer drives.
+    Above, a row a robot, named by its unique_id; below, the share of robots that each layer drives.
 
     Parameters
     ----------
@@ -124,7 +125,7 @@ def ethogram(model: SwarmModel, *, robots: int | None = None) -> Figure:
     Raises
     ------
     InvalidValueError
-        If nothing was kept, or there is no control.
+        If nothing was kept, the column `layer` is missing, or there is no control.
 
     Examples
     --------
@@ -134,16 +135,19 @@ def ethogram(model: SwarmModel, *, robots: int | None = None) -> Figure:
     >>> [axes.get_ylabel() for axes in ethogram(model.run(50)).axes]
     ['robot', 'share of robots']
     """
-    kept = model.watched
-    if kept is None or not len(kept) or "layer" not in kept.columns or model.control is None:
-        raise InvalidValueError("nothing was kept to draw; call model.watch(last=None) before running the model")
+    if model.control is None:
+        raise InvalidValueError("there is no control to draw; set model.control")
+    kept = check_kept(model.watched, ("layer",), "draw", "watch(last=None)")
     if robots is not None:
         check_count("robots", robots, minimum=1)
     names = [layer.name for layer in model.control.layers]
-    return ethogram_figure(kept.steps, kept["layer"][:, :robots], names)
+    ids = [robot.unique_id for robot in model.swarm.agents[:robots]]
+    return ethogram_figure(kept.steps, kept["layer"][:, :robots], names, ids)
 
 
-def ethogram_figure(steps: np.ndarray, layer: np.ndarray, names: Sequence[str]) -> Figure:
+def ethogram_figure(
+    steps: np.ndarray, layer: np.ndarray, names: Sequence[str], ids: Sequence[int] | None = None
+) -> Figure:
     """Return the figure of `ethogram` from plain arrays.
 
     Parameters
@@ -153,6 +157,8 @@ def ethogram_figure(steps: np.ndarray, layer: np.ndarray, names: Sequence[str]) 
         Index of the layer that drove each robot, -1 for none.
     names : sequence of str
         Of the layers.
+    ids : sequence of int, optional
+        What each robot is called, its unique_id in `ethogram`; by default 1, 2, ...
     """
     n = layer.shape[1]
     colours = [NO_LAYER, *(LAYER_COLOURS[k % len(LAYER_COLOURS)] for k in range(len(names)))]
@@ -169,6 +175,7 @@ def ethogram_figure(steps: np.ndarray, layer: np.ndarray, names: Sequence[str]) 
         extent=(*edges, n + 0.5, 0.5),
     )
     above.set(ylabel="robot")
+    _name_rows(above, range(1, n + 1) if ids is None else ids)
     shares = layer_shares(layer, len(names))
     # A share is drawn back to the step before, the first one too.
     below.stackplot([edges[0], *steps], np.vstack([shares[:1], shares])[:, :-1].T, colors=colours[1:], step="pre")
@@ -179,3 +186,13 @@ def ethogram_figure(steps: np.ndarray, layer: np.ndarray, names: Sequence[str]) 
         shown.append(Patch(facecolor=NO_LAYER, edgecolor=FAINT, label="no layer: it stands"))
     figure.legend(handles=shown, loc="outside upper center", ncols=min(len(shown), 5), fontsize=9, frameon=False)
     return figure
+
+
+def _name_rows(axes: Axes, ids: Sequence[int]) -> None:
+    """Write on the axis of the rows 1, 2, ... what each is called, as many as there is room for."""
+
+    def called(row: float, _: int | None) -> str:
+        return str(ids[int(row) - 1]) if row == int(row) and 1 <= row <= len(ids) else ""
+
+    axes.yaxis.set_major_locator(MaxNLocator(nbins="auto", integer=True, min_n_ticks=1))
+    axes.yaxis.set_major_formatter(FuncFormatter(called))

@@ -17,7 +17,7 @@ from mesa_swarm.physics.sensing import (
     sense_radiation,
 )
 from mesa_swarm.physics.settle import settle
-from mesa_swarm.robots.drive import slipped_wheels
+from mesa_swarm.robots.drive import Drive, slipped_wheels
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.robots.table import PERIOD
 
@@ -216,7 +216,10 @@ def hold_readings(swarm: Swarm, step: int, old_distance: np.ndarray, old_kind: n
 
 def _drives_by_rows(swarm: Swarm) -> list:
     """Return each drive with the rows of the robots that have it; all rows as a slice, which copies nothing."""
-    drives = list(dict.fromkeys(design.drive for design in swarm.designs))
+    drives: list[Drive] = []
+    for design in swarm.designs:
+        if design.drive not in drives:
+            drives.append(design.drive)
     if len(drives) == 1:
         return [(drives[0], slice(None))]
     of_design = np.array([drives.index(design.drive) for design in swarm.designs], np.int64)

@@ -8,6 +8,7 @@ import numpy as np
 
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.physics.radio import GOLDEN, mixed
+from mesa_swarm.robots.drive import no_longer
 from mesa_swarm.robots.imperfections import Imperfections, is_ideal
 from mesa_swarm.robots.swarm import LASTING, Swarm
 from mesa_swarm.robots.table import RANGE
@@ -95,6 +96,8 @@ class Imperfect:
             kept(swarm, "used"),
             kept(swarm, "broken"),
             swarm.columns["max_speed"],
+            swarm.columns["design"],
+            swarm.table.sideways,
             swarm.columns["number"],
             given.driving.limits,
             (float(given.battery), float(given.failure)),
@@ -204,7 +207,7 @@ def spoil_line(line, last, there, design, number, limits, step, key):
 
 
 @compiled
-def spoil_wheels(command, told, wheels, used, broken, max_speed, number, limits, wear, step, key):
+def spoil_wheels(command, told, wheels, used, broken, max_speed, design, sideways, number, limits, wear, step, key):
     """Replace commands by what wheels make of them; count what it takes of the charge, and break robots down."""
     error, dropout, outliers, hold, period, lag = limits
     battery, failure = wear
@@ -226,6 +229,9 @@ def spoil_wheels(command, told, wheels, used, broken, max_speed, number, limits,
                 wanted *= 1.0 + error * normal(key, number[i], channel, moment)
             wheels[i, w] += share * (wanted - wheels[i, w])
             wheels[i, w] = 0.0 if stands else min(max(wheels[i, w], -max_speed[i]), max_speed[i])
+        if sideways[design[i]]:
+            wheels[i, 0], wheels[i, 1] = no_longer(wheels[i, 0], wheels[i, 1], max_speed[i])
+        for w in range(2):
             command[i, w] = wheels[i, w]
             if max_speed[i] > 0.0:
                 used[i] += 0.5 * abs(wheels[i, w]) / max_speed[i]

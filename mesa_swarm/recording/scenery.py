@@ -126,7 +126,7 @@ def _written_design(design: RobotDesign) -> dict:
         "name": design.name,
         "radius": design.radius,
         "max_speed": design.max_speed,
-        "holonomic": not getattr(design.drive, "turns", True),
+        "holonomic": not design.turns,
         "sensors": [
             [
                 *mount_of(sensor, design.radius),

@@ -27,7 +27,7 @@ class RobotDesign:
     radius : float
         Of the round body, map units, above 0.
     max_speed : float
-        Limit of each wheel's rim speed, map units a step, 0 to 1000 radii.
+        Limit of each wheel's rim speed, of the body's speed where it goes sideways, map units a step, 0 to 1000 radii.
     sensors : tuple
         Of `ProximitySensor`, `RadiationSensor` and `LineSensor`.
     slip_probability, slip_magnitude : float
@@ -88,6 +88,12 @@ class RobotDesign:
     def line(self) -> tuple[LineSensor, ...]:
         """The line sensors, in the order of the column `line`."""
         return tuple(s for s in self.sensors if isinstance(s, LineSensor))
+
+    @property
+    def turns(self) -> bool | None:
+        """What a command is: speeds of wheels left and right (True), forward and sideways (False); see `Drive`."""
+        told = getattr(self.drive, "turns", True)
+        return None if told is None else bool(told)
 
     @property
     def front(self) -> int:

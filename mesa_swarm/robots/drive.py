@@ -15,9 +15,10 @@ class Drive(Protocol):
 
     Attributes
     ----------
-    turns : bool, optional
-        Whether a command is the speeds of wheels left and right, which turn the body (taken to be so where it is
-        not said); else it is speeds forward and sideways.
+    turns : bool or None, optional
+        True if a command is the speeds of wheels left and right, which turn the body (taken to be so where it is
+        not said), each limited to max_speed; False if it is speeds forward and sideways, of which the speed of the
+        body is limited; None if it is neither: each number is limited, and layers of all kinds may command it.
     """
 
     def motion(self, wheels: np.ndarray, radius: np.ndarray, motion: np.ndarray) -> None:
@@ -51,19 +52,19 @@ class DifferentialDrive:
         motion_to_wheels(motion, radius, wheels)
 
     def __eq__(self, other: object) -> bool:
-        """Compare as equal to every other differential drive."""
-        return isinstance(other, DifferentialDrive)
+        """Compare as equal to drives of the same class that hold the same values."""
+        return alike(self, other)
 
     def __hash__(self) -> int:
-        """Hash as every differential drive does."""
-        return hash(DifferentialDrive)
+        """Hash as all drives of the same class do."""
+        return hash(type(self))
 
 
 class HolonomicDrive:
     """Rollers that move the body in any direction, forward and sideways, and never turn it.
 
-    A command's two numbers are the speeds forward and to the left, in the robot's own frame; each is limited
-    to max_speed, as the speeds of wheels are.
+    A command's two numbers are the speeds forward and to the left, in the robot's own frame: a velocity. One that is
+    longer than max_speed is made as long as that, and keeps its direction.
 
     Examples
     --------
@@ -85,12 +86,29 @@ class HolonomicDrive:
         wheels[:] = motion[:, :2]
 
     def __eq__(self, other: object) -> bool:
-        """Compare as equal to every other holonomic drive."""
-        return isinstance(other, HolonomicDrive)
+        """Compare as equal to drives of the same class that hold the same values."""
+        return alike(self, other)
 
     def __hash__(self) -> int:
-        """Hash as every holonomic drive does."""
-        return hash(HolonomicDrive)
+        """Hash as all drives of the same class do."""
+        return hash(type(self))
+
+
+def alike(one: object, other: object) -> bool:
+    """Tell whether two drives are of the same class and hold the same values, which may be arrays.
+
+    Examples
+    --------
+    >>> class Geared(DifferentialDrive):
+    ...     def __init__(self, ratio):
+    ...         self.ratio = ratio
+    >>> Geared(2.0) == Geared(2.0), Geared(2.0) == Geared(3.0), Geared(2.0) == DifferentialDrive()
+    (True, False, False)
+    """
+    if type(one) is not type(other):
+        return False
+    mine, theirs = vars(one), vars(other)
+    return mine.keys() == theirs.keys() and all(np.array_equal(mine[name], theirs[name]) for name in mine)
 
 
 @compiled
@@ -133,13 +151,45 @@ def slipped_wheels(command, slip_probability, slip_magnitude, design, draws, whe
 
 
 @compiled
-def limit_command(command, max_speed):
-    """Limit |command| to each robot's max_speed, in place, and return the first row that is NaN, or -1."""
+def limit_command(command, max_speed, design, sideways):
+    """Limit commands to each robot's max_speed, in place, and return the first row that is NaN, or -1.
+
+    Parameters
+    ----------
+    command : ndarray, shape (n, 2)
+    max_speed : ndarray, shape (n,)
+    design : int64 ndarray, shape (n,)
+    sideways : bool ndarray, shape (d,)
+        Whether commands to robots of a design are velocities, which are limited as a whole, or else each number alone.
+    """
     for i in range(command.shape[0]):
+        if math.isnan(command[i, 0]) or math.isnan(command[i, 1]):
+            return i
+        if sideways[design[i]]:
+            command[i, 0], command[i, 1] = no_longer(command[i, 0], command[i, 1], max_speed[i])
+            continue
         for w in range(2):
             value = command[i, w]
             if not (-max_speed[i] <= value <= max_speed[i]):
-                if math.isnan(value):
-                    return i
                 command[i, w] = max_speed[i] if value > 0.0 else -max_speed[i]
     return -1
+
+
+@compiled
+def no_longer(x: float, y: float, most: float) -> tuple[float, float]:
+    """Return a vector in the same direction that is at most so long; infinities count as equally large.
+
+    Examples
+    --------
+    >>> no_longer(6.0, 8.0, 5.0), no_longer(0.3, 0.4, 5.0), no_longer(1.0, -math.inf, 2.0)
+    ((3.0, 4.0), (0.3, 0.4), (0.0, -2.0))
+    """
+    if math.isinf(x) or math.isinf(y):
+        x = math.copysign(1.0, x) if math.isinf(x) else 0.0
+        y = math.copysign(1.0, y) if math.isinf(y) else 0.0
+    elif math.hypot(x, y) <= most:
+        return x, y
+    largest = max(abs(x), abs(y))
+    x, y = x / largest, y / largest
+    share = most / math.hypot(x, y)
+    return share * x, share * y

@@ -56,7 +56,7 @@ class Robot(ArenaAgent):
 
     @property
     def max_speed(self) -> float:
-        """Limit of the rim speed of each wheel, map units a step."""
+        """Limit of the rim speed of each wheel, of its own speed if it goes sideways, map units a step."""
         return float(self._read("max_speed"))
 
     @max_speed.setter

@@ -1,6 +1,7 @@
 """Snapshots: columns of the swarm kept over the last steps, as arrays."""
 
 from collections import deque
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -136,3 +137,42 @@ class Snapshots:
         if name not in self.columns:
             raise UnknownNameError(unknown_name("column that is watched", name, self.columns))
         return self.columns.index(name)
+
+
+def check_kept(kept: Snapshots | None, needed: Iterable[str], purpose: str, call: str = "watch()") -> Snapshots:
+    """Return what was kept if it is enough, or say what is wanting.
+
+    Parameters
+    ----------
+    kept : Snapshots or None
+        What `SwarmModel.watch` keeps.
+    needed : iterable of str
+        Columns.
+    purpose, call : str
+        What it is wanted for, and how to watch for that.
+
+    Raises
+    ------
+    InvalidValueError
+        If nobody watches, columns are missing, or no step is kept.
+
+    Examples
+    --------
+    >>> check_kept(None, ["layer"], "explain")
+    Traceback (most recent call last):
+    mesa_swarm.errors.InvalidValueError: nothing was kept to explain; call model.watch() before the steps in question
+    """
+    if kept is None:
+        raise InvalidValueError(f"nothing was kept to {purpose}; call model.{call} before the steps in question")
+    missing = [name for name in needed if name not in kept.columns]
+    if missing:
+        names = ", ".join(missing)
+        raise InvalidValueError(
+            f"columns that it takes to {purpose} are not kept: {names}; add them to those that model.watch is given"
+        )
+    if not len(kept):
+        raise InvalidValueError(
+            f"no step is kept to {purpose}: none was taken since watch() was called, or since robots came or went "
+            "or the control was changed; run the model on"
+        )
+    return kept

@@ -40,6 +40,8 @@ class DesignTable:
         Indices of the front, left and right proximity sensors, -1 for none.
     slip : ndarray, shape (2, d)
         Probability and magnitude.
+    sideways : bool ndarray, shape (d,)
+        Whether a command is speeds forward and sideways.
     slips, noisy, slow, exposed : bool
         Whether any wheel slips at random, any sensor errs, any sensor is refreshed less often than every step,
         any proximity sensor sits outside its robot's body, where an obstacle can be.
@@ -55,6 +57,7 @@ class DesignTable:
     reach: np.ndarray
     forward: np.ndarray
     slip: np.ndarray
+    sideways: np.ndarray
     slips: bool
     noisy: bool
     slow: bool
@@ -84,6 +87,7 @@ class DesignTable:
             reach=np.max(mounts + proximity[..., RANGE], axis=1, initial=0.0),
             forward=np.array([(d.front, d.left, d.right) for d in designs], np.int64).reshape(-1, 3),
             slip=slip,
+            sideways=np.array([d.turns is False for d in designs], np.bool_),
             slips=bool((slip[0] * slip[1] > 0).any()),
             noisy=bool((noise[..., PROBABILITY] * noise[..., MAGNITUDE] > 0).any()),
             slow=bool((noise[..., PERIOD] > 1).any()),

@@ -211,6 +211,10 @@ class ArenaAgent(ContinuousSpaceAgent):
         if value is not None:
             self.position = value
 
+    def __copy__(self) -> "ArenaAgent":
+        """Return the agent itself: a second handle would not be told when its row moves."""
+        return self
+
     def get_neighbors_in_radius(self, radius: float = 1) -> Neighbours:
         """Return the other agents whose positions are within `radius`, and their distances."""
         distances, agents = self._others()

@@ -27,17 +27,34 @@ def test_flips_away_from_what_is_too_far_are_none():
     assert len(find_pathologies(**flipping(20, distance=20.0))) == 0
 
 
-@pytest.mark.parametrize(("kind", "count"), [(0, 1), (1, 0), (2, 1)])
-def test_obstacles_and_fires_make_a_corridor_and_robots_alone_do_not(kind, count):
+@pytest.mark.parametrize(("kind", "count"), [(0, 1), (1, 0), (2, 1), (3, 1)])
+def test_obstacles_fires_and_loads_make_a_corridor_and_robots_alone_do_not(kind, count):
     assert find_pathologies(**flipping(20, kind=kind)).counts()[CORRIDOR] == count
 
 
 def test_flips_on_the_way_to_somewhere_are_none():
-    moving = flipping(60)
+    moving = flipping(30)
     moving["position"][:, 0, 0] = 0.25 * np.arange(100)
     assert len(find_pathologies(**moving)) == 0
     moving["position"][:, 0, 0] = 0.15 * np.arange(100)
     assert len(find_pathologies(**moving)) == 1
+
+
+@pytest.mark.parametrize(("speed", "count"), [(0.08, 1), (0.09, 0), (0.19, 0)])
+def test_stretches_that_get_nowhere_and_joined_make_a_journey_are_none(speed, count):
+    moving = flipping(980, k=1000)
+    moving["position"][:, 0, 0] = speed * np.arange(1000)
+    assert len(find_pathologies(**moving)) == count
+
+
+def test_the_journey_is_cut_out_of_what_is_none():
+    moving = flipping(980, k=1000)
+    moving["position"][:, 0, 0] = 0.15 * np.clip(np.arange(1000) - 400, 0, 200)
+    before, after = only(find_pathologies(**moving), CORRIDOR)
+    assert (before.first_step, after.last_step) == (12, 991)
+    assert 370 <= before.last_step <= 405
+    assert 597 <= after.first_step <= 632
+    assert before.flips == before.steps
 
 
 def test_flips_of_a_robot_that_turns_away_in_the_end_are_none():

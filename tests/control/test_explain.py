@@ -1,12 +1,15 @@
 """Explaining: which layer drove a robot, in every model, of every rule; and what is refused."""
 
+import json
+from dataclasses import asdict
+
 import numpy as np
 import pytest
 from told import AHEAD, first, told, watched
 
 from mesa_swarm import AGENT3, AGENT9, disc
 from mesa_swarm.control import PASS, Avoid, Explore, Subsumption, VectorSum, behaviour
-from mesa_swarm.errors import InvalidValueError, RemovedRobotError
+from mesa_swarm.errors import BehaviourError, InvalidValueError, RemovedRobotError
 from mesa_swarm.gallery import find_model, model_names
 from mesa_swarm.robots.reasons import Moment, Reason
 from scenes import ahead, blind, empty
@@ -103,14 +106,58 @@ def test_a_step_in_the_past_is_explained_by_what_was_known_then():
     assert "Avoid" in layers
 
 
-@pytest.mark.parametrize("prepare", [lambda model: None, lambda model: model.watch(columns=("layer",))])
-def test_where_nothing_was_kept_it_says_what_to_do(prepare):
+NOTHING = r"nothing was kept to explain; call model\.watch\(\) before"
+COLUMNS = r"not kept: position, heading, command, d.*; add"
+
+
+@pytest.mark.parametrize(("columns", "words"), [(None, NOTHING), (("layer",), COLUMNS)])
+def test_where_nothing_was_kept_it_says_what_to_do(columns, words):
     model = empty()
     model.add_robots(AGENT3, poses=[(200, 150, 0.0)])
     model.control = Subsumption(Explore())
-    prepare(model)
+    if columns:
+        model.watch(columns=columns)
     model.run(2)
-    with pytest.raises(InvalidValueError, match=r"call model\.watch\(\) before the steps in question"):
+    with pytest.raises(InvalidValueError, match=words):
+        model.explain(first(model))
+
+
+@pytest.mark.parametrize("change", ["come", "go", "control", "nothing"])
+def test_to_whoever_watches_and_lost_what_was_kept_it_is_said_why(change):
+    model = watched(Explore(), poses=[(200, 150, 0.0), (100, 100, 0.0)])
+    if change != "nothing":
+        model.run(2)
+    if change == "come":
+        model.add_robots(AGENT3, poses=[(300, 250, 0.0)])
+    elif change == "go":
+        model.robots[1].remove()
+    elif change == "control":
+        model.control = Subsumption(Avoid())
+    words = r"no step is kept to explain: .* robots came or went .* run the model on"
+    with pytest.raises(InvalidValueError, match=words):
+        model.explain(first(model))
+    assert told(model.run(1)).step == model.steps
+
+
+def test_an_explanation_is_plain_values_whatever_kind_of_number_the_step_is():
+    model = watched(Explore()).run(20)
+    for step in (None, 20, 20.0, np.int64(20)):
+        why = told(model, step)
+        assert str(why).startswith("step 20: ")
+        assert json.loads(json.dumps(asdict(why)))["step"] == 20
+
+
+def test_a_layer_that_writes_an_index_that_is_none_is_told_of():
+    class Stray:
+        name = "Stray"
+
+        def bind(self, swarm, prefix, rng): ...
+
+        def decide(self, senses, command, layer, index):
+            layer[:] = 7
+
+    model = watched(Stray()).run(1)
+    with pytest.raises(BehaviourError, match=r"layer 7 drove robot \d+ in step 1, of 1 layers; a layer of one's own"):
         model.explain(first(model))
 
 
@@ -119,7 +166,7 @@ def test_a_step_that_was_not_kept_is_refused(step):
     model = watched(Explore())
     if step is not None:
         model.run(2)
-    with pytest.raises(InvalidValueError, match=r"was not kept|nothing was kept") as caught:
+    with pytest.raises(InvalidValueError, match=r"was not kept|no step is kept|a whole number") as caught:
         model.explain(first(model), step)
     assert "\n" not in str(caught.value)
 
@@ -142,7 +189,7 @@ def test_a_removed_robot_is_refused():
 def test_the_robots_that_stay_are_not_mistaken_for_those_that_went():
     model = watched(Avoid(), Explore(), poses=[(200, 150, 0.0), (100, 100, 0.0)], obstacles=[AHEAD]).run(1)
     first(model).remove()
-    with pytest.raises(InvalidValueError, match="nothing was kept"):
+    with pytest.raises(InvalidValueError, match="no step is kept"):
         model.explain(first(model))
     assert told(model.run(1)).layer == "Explore"
 
@@ -150,7 +197,7 @@ def test_the_robots_that_stay_are_not_mistaken_for_those_that_went():
 def test_another_control_is_not_asked_about_steps_of_the_former():
     model = watched(Avoid(), Explore()).run(2)
     model.control = Subsumption(Explore(name="Other"))
-    with pytest.raises(InvalidValueError, match="nothing was kept"):
+    with pytest.raises(InvalidValueError, match="no step is kept"):
         told(model)
     assert told(model.run(1)).layer == "Other"
 

@@ -173,10 +173,15 @@ class TestPush:
         model.add_load(disc((200, 150), 25), resistance=100)
         return told(model.run(1))
 
+    def test_says_without_a_radio_what_is_true_without_one(self):
+        model = watched(Push(), design=ROUND, poses=[(100, 150, 0.0)])
+        model.add_load(disc((200, 150), 25), resistance=100)
+        assert told(model.run(1)).reason.endswith("no goal is to be heard here, so it pushes")
+
     def test_pushes_where_the_goal_is_hidden(self):
         why = self.model(100, [(380, 150)])
         assert (why.does, why.sensors) == ("goes ahead at 1", (0,))
-        assert why.reason == "front sensor 70.0 (a load); it hears no goal, so it pushes"
+        assert why.reason == "front sensor 70.0 (a load); no goal is to be heard here, so it pushes"
 
     def test_goes_round_where_it_hears_the_goal(self):
         why = self.model(100, [(20, 150)])

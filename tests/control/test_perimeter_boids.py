@@ -7,7 +7,7 @@ import pytest
 from mesa_swarm import HolonomicDrive, ProximitySensor, RobotDesign, disc
 from mesa_swarm.control import Cohere, Explore, Perimeter, Separate, Subsumption
 from mesa_swarm.errors import InvalidValueError, UnknownNameError
-from scenes import empty
+from scenes import ahead, empty
 
 EYES = tuple(ProximitySensor(bearing_degrees=10.0 * k, field_of_view_degrees=10, range=150) for k in range(36))
 
@@ -19,7 +19,7 @@ def decision(layer, other, *, heading=0.0, obstacle=None, drive=None):
     design = RobotDesign(sensors=EYES) if drive is None else RobotDesign(sensors=EYES, drive=drive)
     others = [] if other is None else [(*other, 0.0)]
     model.add_robots(design, poses=[(200, 150, heading), *others])
-    model.control = Subsumption(layer, Explore(speed=0.5))
+    model.control = Subsumption(layer, ahead(speed=0.5))
     model.step()
     return model.swarm.command[0].tolist(), int(model.swarm.layer[0])
 
@@ -62,15 +62,15 @@ class TestSeparate:
         assert near < far < 0
 
     def test_is_not_active_when_nothing_is_near(self):
-        assert decision(Separate(distance=10), (225, 150))[1] == 1
+        assert decision(Separate(distance=10), (225, 150), drive=HolonomicDrive())[1] == 1
 
     @pytest.mark.parametrize(
         ("what", "from_robot", "from_obstacle"), [("robots", 0, 1), ("others", 1, 0), ("everything", 0, 0)]
     )
     def test_keeps_away_only_from_what_it_is_told_to(self, what, from_robot, from_obstacle):
         layer = Separate(distance=20, what=what)
-        assert decision(layer, (220, 150))[1] == from_robot
-        assert decision(layer, None, obstacle=(220, 150))[1] == from_obstacle
+        assert decision(layer, (220, 150), drive=HolonomicDrive())[1] == from_robot
+        assert decision(layer, None, obstacle=(220, 150), drive=HolonomicDrive())[1] == from_obstacle
 
     def test_refuses_an_unknown_thing_by_name(self):
         with pytest.raises(UnknownNameError, match="did you mean 'robots'"):

@@ -1,13 +1,14 @@
 """VectorSum: the weighted sum of what active layers ask for."""
 
 import math
+from itertools import permutations
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mesa_swarm import AGENT3
+from mesa_swarm import AGENT3, HolonomicDrive, RobotDesign
 from mesa_swarm.control import PASS, Avoid, Explore, Subsumption, VectorSum, behaviour
 from mesa_swarm.errors import BehaviourError, InvalidValueError
 from scenes import empty
@@ -72,7 +73,7 @@ def test_one_layer_of_weight_one_does_what_subsumption_does():
     assert (runs[0] == runs[1]).all()
 
 
-@pytest.mark.parametrize("weights", [(1,), (1, 2, 3), "11", 3, (1, "x"), (1, math.inf)])
+@pytest.mark.parametrize("weights", [(1,), (1, 2, 3), "11", 3, (1, "x"), (1, math.inf), (1, 1.7e308)])
 def test_weights_that_are_not_one_number_a_layer_are_refused(weights):
     with pytest.raises(InvalidValueError, match="weight"):
         VectorSum(Avoid(), Explore(), weights=weights)
@@ -99,3 +100,53 @@ def test_a_layer_that_asks_for_nan_is_named():
     model.control = VectorSum(Lost(), Explore())
     with pytest.raises(BehaviourError, match=f"commanded NaN to robot {robot.unique_id} in step 1"):
         model.step()
+
+
+class Asks:
+    """A layer of one's own that asks for the same speeds always."""
+
+    def __init__(self, name, speed):
+        self.name, self.speed = name, speed
+
+    def bind(self, swarm, prefix, rng):
+        pass
+
+    def decide(self, senses, command, layer, index):
+        command[:], layer[:] = self.speed, index
+
+
+@pytest.mark.parametrize("order", list(permutations(["A", "B", "Lost"])))
+def test_nan_is_said_to_be_of_the_layer_that_asked_for_it(order):
+    model = empty()
+    model.add_robots(AGENT3, 3)
+    model.control = VectorSum(*(Asks(name, math.nan if name == "Lost" else 1.0) for name in order))
+    with pytest.raises(BehaviourError, match=r"^Lost commanded NaN"):
+        model.step()
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf])
+def test_a_layer_of_weight_nought_is_not_heard_whatever_it_says(wrong):
+    command, _ = summed(Asks("Lost", wrong), wheels(left=0.25, right=0.5), weights=(0, 1))
+    assert command == [0.25, 0.5]
+
+
+@pytest.mark.parametrize("design", [AGENT3, RobotDesign(drive=HolonomicDrive())])
+def test_however_much_is_asked_for_the_sum_is_what_a_robot_can_do(design):
+    model = empty()
+    model.add_robots(design, poses=[(200, 150, 0.0)])
+    model.control = VectorSum(Asks("A", math.inf), Asks("B", 1e308), Asks("C", -1.0), weights=(1e6, 1e6, 1e6))
+    model.step()
+    longest = np.hypot(*model.swarm.command[0]) if design is not AGENT3 else model.swarm.command[0].max()
+    assert longest == pytest.approx(1.0)
+    assert model.swarm.command[0, 0] == model.swarm.command[0, 1]
+
+
+@pytest.mark.parametrize("arbiter", [Subsumption, VectorSum])
+def test_a_layer_without_a_name_is_refused_in_words(arbiter):
+    class Nameless:
+        def bind(self, swarm, prefix, rng): ...
+
+        def decide(self, senses, command, layer, index): ...
+
+    with pytest.raises(InvalidValueError, match=f"{arbiter.__name__} got a Nameless without a name; give"):
+        arbiter(Explore(), Nameless())

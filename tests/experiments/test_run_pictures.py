@@ -233,9 +233,33 @@ def test_where_nothing_was_kept_it_says_what_to_do():
     headings.watch(columns=("heading",))
     undriven = SwarmModel(rng=1)
     undriven.watch()
-    for model in (unwatched, unstepped, headings.run(2), undriven.run(2)):
-        with pytest.raises(InvalidValueError, match=r"nothing was kept to draw; call model\.watch\(last=None\)"):
+    for model, words in (
+        (unwatched, r"nothing was kept to draw; call model\.watch\(last=None\)"),
+        (unstepped, "no step is kept to draw"),
+        (headings.run(2), "not kept: layer; add them"),
+        (undriven.run(2), r"there is no control to draw; set model\.control"),
+    ):
+        with pytest.raises(InvalidValueError, match=words):
             ethogram(model)
+
+
+@pytest.mark.parametrize("n", [1, 3, 60])
+def test_the_rows_of_an_ethogram_are_named_by_unique_ids_as_explanations_are(n):
+    model = AVOIDANCE(n_robots=n, map="sparse", rng=1)
+    model.watch(last=None)
+    figure = ethogram(model.run(5))
+    figure.draw_without_rendering()
+    axis = figure.axes[0].yaxis
+    named = {row: label.get_text() for row, label in zip(axis.get_ticklocs(), axis.get_ticklabels(), strict=True)}
+    shown = {row: text for row, text in named.items() if text}
+    assert shown == {row: str(model.robots[int(row) - 1].unique_id) for row in shown}
+    assert len(shown) >= min(n, 3)
+
+
+def test_rows_without_ids_are_counted():
+    figure = ethogram_figure(np.arange(1, 5), LAYERS, ["Avoid", "Explore"])
+    figure.draw_without_rendering()
+    assert {label.get_text() for label in figure.axes[0].get_yticklabels()} - {""} == {"1", "2", "3"}
 
 
 # ---- what is typed

@@ -7,8 +7,10 @@ import pytest
 from joblib import Parallel, delayed
 
 from mesa_swarm import all_round
+from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.models.cooperative_transport import GOAL, NEAR, START, CooperativeTransport
+from scenes import ahead
 
 SEEDS = range(20)
 
@@ -17,7 +19,7 @@ SEEDS = range(20)
 @pytest.mark.parametrize("seed", range(3))
 def test_one_robot_never_moves_the_load(seed, load):
     model = CooperativeTransport(n_robots=1, load=load, rng=seed)
-    model.run(1500)
+    model.run(3000)
     assert tuple(model.load.position) == START
     assert model.load.heading == 0.0
     assert model.results() == {"arrived at": None, "way left": GOAL[0] - START[0]}
@@ -69,12 +71,29 @@ def test_an_unknown_load_suggests_the_nearest():
         CooperativeTransport(load="disk", rng=1)
 
 
-def arrived(n_robots, seed):
-    return CooperativeTransport(n_robots=n_robots, rng=seed).run(10_000).arrived_at is not None
+@pytest.mark.parametrize("heading", np.radians([0, 15, 30, 45]))
+@pytest.mark.parametrize("height", [0.0, 15.0, 22.0, 25.0, 27.0])
+def test_one_robot_does_not_move_the_box_wherever_it_pushes(height, heading):
+    model = CooperativeTransport(n_robots=1, load="box", rng=1)
+    model.remove_robots(model.robots)
+    model.add_robots(all_round(12), poses=[(START[0] - 31, START[1] + height, -heading)])
+    model.control = Subsumption(ahead)
+    most = 0
+    for _ in range(30):
+        model.step()
+        most = max(most, model.pushers)
+    assert most == 1
+    assert tuple(model.load.position) == START
+    assert model.load.heading == 0.0
+
+
+def arrived(n_robots, seed, load):
+    return CooperativeTransport(n_robots=n_robots, load=load, rng=seed).run(10_000).arrived_at is not None
 
 
 @pytest.mark.slow
-def test_five_robots_bring_the_load_to_the_goal_and_one_does_not():
-    brought = {n: np.array(Parallel(2)(delayed(arrived)(n, seed) for seed in SEEDS)) for n in (1, 5)}
+@pytest.mark.parametrize("load", ["disc", "box"])
+def test_five_robots_bring_the_load_to_the_goal_and_one_does_not(load):
+    brought = {n: np.array(Parallel(2)(delayed(arrived)(n, seed, load) for seed in SEEDS)) for n in (1, 5)}
     assert brought[5].sum() >= 18
     assert not brought[1].any()

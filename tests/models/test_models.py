@@ -1,4 +1,5 @@
 import inspect
+import math
 from pathlib import Path
 
 import mesa
@@ -12,6 +13,24 @@ from mesa_swarm.parameters import Choice, Slider, parameters_of
 
 NAMES = model_names()
 STEPS = 60
+
+
+def test_collisions_are_counted_per_robot_that_there_was_whoever_has_come_or_gone_since():
+    model = find_model("collision_avoidance")(n_robots=40, rng=1).run(100)
+    model.remove_robots(list(model.robots)[1:])
+    model.run(50)
+    rate = 1000 * model.total_collisions / (40 * 100 + 50)
+    assert rate > 0
+    assert model.results() == {"collisions per robot and 1,000 steps": pytest.approx(rate)}
+
+
+@pytest.mark.parametrize("left", [0, 1])
+def test_of_fewer_than_two_robots_there_is_no_distance_to_the_nearest(left):
+    model = find_model("agglomeration")(n_robots=5, rng=1).run(2)
+    model.remove_robots(list(model.robots)[left:])
+    model.run(1)
+    assert math.isnan(model.neighbour_distance)
+    assert model.results()["mean distance to the nearest robot"] is None
 
 
 def batch_of_two(model_class, **more):

@@ -1,13 +1,14 @@
 import json
 import random
 from collections import deque
+from dataclasses import replace
 
 import mesa
 import numpy as np
 import pytest
 
 from mesa_swarm import AGENT3, AGENT9, Radio, SwarmModel, disc, polygon, rectangle
-from mesa_swarm.control import Avoid, Explore, Subsumption, VectorSum, behaviour
+from mesa_swarm.control import Align, Avoid, Cohere, Cruise, Explore, Separate, Subsumption, VectorSum, behaviour
 from mesa_swarm.control.behaviour import PASS
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.fire import FireConstants
@@ -17,7 +18,7 @@ from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording.checkpoint import checkpoint_of, restore
 from mesa_swarm.recording.container import from_bytes, to_bytes
 from mesa_swarm.robots.design import RobotDesign
-from mesa_swarm.robots.drive import HolonomicDrive
+from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive
 
 
 def stored(model):
@@ -59,14 +60,19 @@ def test_a_checkpoint_alone_decides_whatever_the_seed_of_the_new_model():
     assert_goes_on_alike(model, restore(FireFighting(rng=99), stored(model)))
 
 
-def changed_by_hand():
+ON_WHEELS = DifferentialDrive(), VectorSum(Avoid(distance=15), Explore(turn_interval=20), weights=(2, 1))
+ON_ROLLERS = HolonomicDrive(), VectorSum(Separate(distance=15), Align(), Cohere(), Cruise(), weights=(2, 1, 1, 1))
+
+
+def changed_by_hand(drive=ON_WHEELS[0], control=ON_WHEELS[1]):
     """Return a model that no constructor makes."""
     model = SwarmModel(map="openspace_fire", rng=5)
-    noisy = AGENT9.with_proximity(error_probability=0.3, error_magnitude=0.2, hold=7, period=3)
+    noisy = replace(AGENT9, drive=drive)
+    noisy = noisy.with_proximity(error_probability=0.3, error_magnitude=0.2, hold=7, period=3)
     model.add_robots(noisy.with_slip(probability=0.2, magnitude=0.5), 6)
-    rolling = RobotDesign(name="rolling", drive=HolonomicDrive(), sensors=AGENT3.sensors, radius=4)
-    model.add_robots(rolling, 3)
-    model.control = VectorSum(Avoid(distance=15), Explore(turn_interval=20), weights=(2, 1))
+    small = RobotDesign(name="small", drive=drive, sensors=AGENT3.sensors, radius=4)
+    model.add_robots(small, 3)
+    model.control = control
     model.run(10)
     model.robots[1].remove()
     model.fires[2].remove()
@@ -78,16 +84,17 @@ def changed_by_hand():
     )
     model.add_load(rectangle((600, 100), (630.7, 120.1)), resistance=0.4)
     model.add_fire((500, 500), area=3.3)
-    model.add_robots(AGENT3, poses=[(590, 110, 0.0), (570, 110, 0.1)], tendency="left")
+    model.add_robots(replace(AGENT3, drive=drive), poses=[(590, 110, 0.0), (570, 110, 0.1)], tendency="left")
     model.communication = Radio(range=150, loss_probability=0.3)
     model.fire_constants = FireConstants(0.001, 0.02, 0.08, 0.25, 250, 150)
     model.fires[0].temperature = 0.7
     return model
 
 
+@pytest.mark.parametrize("driven", [ON_WHEELS, ON_ROLLERS], ids=["on wheels", "on rollers"])
 @pytest.mark.parametrize("steps", [0, 1, 30])
-def test_a_model_that_was_changed_by_hand_goes_on_bit_by_bit(steps):
-    model = changed_by_hand().run(steps)
+def test_a_model_that_was_changed_by_hand_goes_on_bit_by_bit(steps, driven):
+    model = changed_by_hand(*driven).run(steps)
     again = restore(SwarmModel(map="openspace_fire", rng=5), stored(model))
     assert [agent.unique_id for agent in again.agents] == [agent.unique_id for agent in model.agents]
     assert [body.shape for body in again.obstacles] == [body.shape for body in model.obstacles]

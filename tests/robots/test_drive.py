@@ -1,6 +1,8 @@
 """Wheels become motion by exact arcs, commands have limits, and a drive may be one's own (PHYSICS 2)."""
 
 import math
+from dataclasses import dataclass, replace
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -13,7 +15,7 @@ from mesa_swarm.control import Subsumption, behaviour
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.physics.motion import advance, sinc
 from mesa_swarm.robots.drive import DifferentialDrive, limit_command
-from scenes import circle, empty
+from scenes import blind, circle, empty
 
 wheel = st.floats(-1, 1)
 
@@ -107,16 +109,39 @@ def test_wheels_are_found_again_from_the_motion_that_they_make(left, right, radi
 # ---- limits of commands
 
 
+def on_wheels(n):
+    return np.zeros(n, np.int64), np.array([False, True])
+
+
+def on_rollers(n):
+    return np.ones(n, np.int64), np.array([False, True])
+
+
 @given(st.lists(st.tuples(st.floats(allow_nan=False), st.floats(allow_nan=False)), min_size=1, max_size=5))
 def test_commands_are_limited_to_the_greatest_speed_with_their_sign_kept(rows):
     command = np.array(rows)
     asked, limit = command.copy(), np.arange(len(rows)) + 0.5
-    assert limit_command(command, limit) == -1
+    assert limit_command(command, limit, *on_wheels(len(rows))) == -1
     assert (command == np.clip(asked, -limit[:, None], limit[:, None])).all()
 
 
 def test_the_first_robot_whose_command_is_nan_is_named():
-    assert limit_command(np.array([[0.0, 1.0], [0.0, np.nan], [np.nan, 0.0]]), np.ones(3)) == 1
+    for kind in (on_wheels, on_rollers):
+        assert limit_command(np.array([[0.0, 1.0], [0.0, np.nan], [np.nan, 0.0]]), np.ones(3), *kind(3)) == 1
+
+
+@given(st.lists(st.tuples(st.floats(allow_nan=False), st.floats(allow_nan=False)), min_size=1, max_size=5))
+def test_velocities_are_limited_as_a_whole_and_keep_their_direction(rows):
+    command = np.array(rows)
+    asked, limit = command.copy(), np.arange(len(rows)) + 0.5
+    assert limit_command(command, limit, *on_rollers(len(rows))) == -1
+    for (x, y), (u, v), most in zip(asked, command, limit, strict=True):
+        assert math.hypot(u, v) <= most * (1 + 1e-15)
+        if math.hypot(x, y) <= most:
+            assert (u, v) == (x, y)
+        elif np.isfinite((x, y)).all():
+            assert math.hypot(u, v) == pytest.approx(most)
+            assert math.atan2(v, u) == pytest.approx(math.atan2(y, x))
 
 
 def test_a_robot_made_slower_drives_slower():
@@ -143,7 +168,7 @@ class Bicycle:
     of the angle of the front wheel, up to 45 degrees (the kinematic bicycle).
     """
 
-    turns = False
+    turns = None
 
     def motion(self, wheels, radius, motion):
         """Write forward speed and turn."""
@@ -189,6 +214,64 @@ def test_both_engines_drive_a_drive_of_ones_own():
         hashes.append(model.run(60).swarm.position.copy())
     assert model.total_collisions > 0
     assert hashes[0] == pytest.approx(hashes[1], abs=1e-9)
+
+
+class Worn(DifferentialDrive):
+    """Wheels of which each has lost a share of its size."""
+
+    def __init__(self, left, right=0.0):
+        self.kept = 1.0 - np.array([left, right])
+
+    def motion(self, wheels, radius, motion):
+        super().motion(wheels * self.kept, radius, motion)
+
+    def wheels(self, motion, radius, wheels):
+        super().wheels(motion, radius, wheels)
+        wheels /= self.kept
+
+
+@pytest.mark.parametrize("engine", ["compiled", "shapely"])
+@pytest.mark.parametrize("name", ["blind", "worn"])
+@pytest.mark.parametrize("order", list(permutations([0.0, 0.1, 0.4])))
+def test_each_robot_has_its_own_drive_however_like_the_others_its_design_is(order, name, engine):
+    model = empty(engine=engine)
+    for k, lost in enumerate(order):
+        design = replace(blind(), name=name, drive=Worn(lost)) if lost else blind()
+        model.add_robots(design, poses=[(100, 50 + 80 * k, 0.0)])
+    model.control = Subsumption(circle(left=1.0, right=1.0))
+    model.run(20)
+    assert model.swarm.heading == pytest.approx([20 * lost / 10 for lost in order], abs=1e-12)
+
+
+def test_drives_are_equal_if_they_are_of_one_class_and_hold_the_same():
+    assert Worn(0.1) == Worn(0.1)
+    assert hash(Worn(0.1)) == hash(Worn(0.1))
+    assert Worn(0.1) != Worn(0.2)
+    assert Worn(0.0) != DifferentialDrive()
+    assert DifferentialDrive() != Worn(0.0)
+
+
+@dataclass
+class Weak:
+    """A drive of one's own that has no hash."""
+
+    share: float
+
+    def motion(self, wheels, radius, motion):
+        DifferentialDrive().motion(self.share * wheels, radius, motion)
+
+    def wheels(self, motion, radius, wheels):
+        DifferentialDrive().wheels(motion, radius, wheels)
+        wheels /= self.share
+
+
+def test_a_drive_without_a_hash_drives_beside_others():
+    model = empty()
+    for k, share in enumerate([0.5, 1.0, 0.25]):
+        model.add_robots(RobotDesign(drive=Weak(share)), poses=[(100, 50 + 80 * k, 0.0)])
+    model.control = Subsumption(circle(left=1.0, right=1.0))
+    model.run(20)
+    assert model.swarm.position[:, 0] == pytest.approx([110, 120, 105], abs=1e-12)
 
 
 @pytest.mark.parametrize("drive", [Bicycle, None, object(), "wheels"])
