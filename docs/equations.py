@@ -4,16 +4,31 @@ import re
 from html import unescape
 
 from latex2mathml.converter import convert
+from mkdocs.structure.pages import Page
 
 EQUATION = re.compile(r'<(span|div) class="arithmatex">(.*?)</\1>', re.DOTALL)
+# Notebooks keep their dollars; those in code, in what it prints and in what is copied from it are none of an equation.
+OF_NOTEBOOK = re.compile(
+    r'<(?P<code>pre|code|script|style)\b.*?</(?P=code)>|<div [^>]*class="clipboard-copy-txt"[^>]*>.*?</div>'
+    r"|(?P<mark>\$\$?)(?P<latex>[^$]+)(?P=mark)",
+    re.DOTALL,
+)
 
 
-def on_page_content(html: str, **_: object) -> str:
+def on_page_content(html: str, *, page: Page, **_: object) -> str:
     """Replace every equation of a page."""
-    return EQUATION.sub(_mathml, html)
+    html = EQUATION.sub(_of_markdown, html)
+    return OF_NOTEBOOK.sub(_of_notebook, html) if page.file.src_uri.endswith(".ipynb") else html
 
 
-def _mathml(found: re.Match) -> str:
+def _of_markdown(found: re.Match) -> str:
     latex = unescape(found[2]).strip()
-    shown = "block" if latex.startswith(r"\[") else "inline"
-    return convert(latex[2:-2].strip(), display=shown)
+    return _mathml(latex[2:-2], is_block=latex.startswith(r"\["))
+
+
+def _of_notebook(found: re.Match) -> str:
+    return _mathml(unescape(found["latex"]), is_block=found["mark"] == "$$") if found["latex"] else found[0]
+
+
+def _mathml(latex: str, is_block: bool) -> str:
+    return convert(latex.strip(), display="block" if is_block else "inline")

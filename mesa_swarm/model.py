@@ -1,6 +1,7 @@
 """SwarmModel: a Mesa model of robots in a world, and its step, written once."""
 
 import os
+from typing import Self
 
 import mesa
 import numpy as np
@@ -216,7 +217,7 @@ class SwarmModel(RecordedWorld):
             self._imperfect.spoil_readings(self.swarm, self._completed)
         self._sensed = state
 
-    def run(self, steps: int, progress: bool = False) -> "SwarmModel":
+    def run(self, steps: int, progress: bool = False) -> Self:
         """Take so many steps, fewer if the model stops running, and return the model.
 
         Parameters

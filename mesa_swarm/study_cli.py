@@ -221,7 +221,9 @@ def reproduce(
     out: Annotated[Path, typer.Option(help="Folder for pictures, tables and the runs, which are kept.")] = Path(
         "results", "reproduction"
     ),
-    quick: Annotated[bool, typer.Option("--quick", help="Few seeds and short runs: to see that it works.")] = False,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Few seeds and short runs, in files of their own: to see that it works.")
+    ] = False,
     jobs: Jobs = -1,
     report: Annotated[Path | None, typer.Option(metavar="FILE.md", help="Write a page of what came of them.")] = None,
     quiet: Quiet = False,

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterable, Sequence
-from typing import Any, cast
+from typing import Any, Self, cast
 
 import mesa
 import numpy as np
@@ -39,7 +39,7 @@ class World(mesa.Model):
         Steps between two rows of `fires.history`; 0 keeps none.
     """
 
-    def __new__(cls, *given: Any, **named: Any) -> "World":
+    def __new__(cls, *given: Any, **named: Any) -> Self:
         """Take note of what the outermost constructor was given: a recording tells it, so that it can be run again."""
         world = super().__new__(cls)
         world.given = given, named  # before any constructor of a subclass has changed them
@@ -67,7 +67,7 @@ class World(mesa.Model):
             self.add_fire(spot.position, radius=spot.radius, temperature=spot.temperature)
 
     @property
-    def robots(self) -> Agents:
+    def robots(self) -> Agents[Robot]:
         """The robots as Mesa agents, in the order of the swarm's rows."""
         return Agents(self.swarm.agents, random=self.random)
 
@@ -77,12 +77,12 @@ class World(mesa.Model):
         return self._obstacles
 
     @property
-    def obstacles(self) -> Agents:
+    def obstacles(self) -> Agents[Obstacle]:
         """The obstacles, loads and ground marks as Mesa agents, in the order in which they were added."""
         return Agents(self._obstacles, random=self.random)
 
     @property
-    def loads(self) -> Agents:
+    def loads(self) -> Agents[Load]:
         """The loads as Mesa agents, in the order in which they were added."""
         return Agents(self._loads, random=self.random)
 

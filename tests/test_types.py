@@ -1,6 +1,9 @@
 """What type checkers are told: every function that people call says what it takes and returns."""
 
 import ast
+import re
+import subprocess
+import sys
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,6 +18,20 @@ PACKAGE = ROOT / "mesa_swarm"
 MYPY = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["mypy"]
 # Numba infers the types of what these decorate, and compares the signatures of overloads with each other.
 FOR_NUMBA = {"compiled", "overload"}
+IMPORTS = "from mesa_swarm.models.fire_fighting import FireFighting"
+NUMBERS = "ndarray[tuple[Any, ...], dtype[float64]]"
+READ_FIRST = {
+    "model.run(3)": "FireFighting",
+    "model.run(3).results()": "dict[str, float | None]",
+    "model.robots[0]": "Robot",
+    "model.robots[:2]": "list[Robot]",
+    "[robot for robot in model.robots]": "list[Robot]",
+    "model.robots[0].position": NUMBERS,
+    "model.swarm.heading": NUMBERS,
+    "model.fires[0].position": NUMBERS,
+    "model.obstacles[0]": "Obstacle",
+    "model.loads[0]": "Load",
+}
 
 
 def files_of(pattern: str) -> list[Path]:
@@ -66,6 +83,19 @@ def test_type_checkers_find_every_name_that_is_imported_when_it_is_used(package)
     block = next(n for n in tree.body if isinstance(n, ast.If) and ast.unparse(n.test) == "TYPE_CHECKING")
     told = {alias.name: line.module for line in block.body for alias in line.names}
     assert told == {name: f"{package.__name__}.{home}" for name, home in package._HOME.items()}
+
+
+@pytest.mark.slow
+def test_type_checkers_know_what_people_read_first(tmp_path):
+    file = tmp_path / "reads.py"
+    reads = "\n".join(f"reveal_type({expression})" for expression in READ_FIRST)
+    file.write_text(f"{IMPORTS}\nmodel = FireFighting(rng=1)\n{reads}\n")
+    command = [sys.executable, "-m", "mypy", str(file)]
+    told = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False).stdout
+    revealed = [re.sub(r"\b(?:\w+\.)+(?=\w)", "", text) for text in re.findall(r'type is "(.+)"', told)]
+    # Older NumPys write it so.
+    revealed = [text.replace("floating[_64Bit]", "float64") for text in revealed]
+    assert dict(zip(READ_FIRST, revealed, strict=True)) == READ_FIRST
 
 
 def test_no_error_is_passed_over_without_saying_which():

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mesa_swarm.errors import InvalidValueError, RemovedRobotError, check_number
 from mesa_swarm.world.arena import Arena, ArenaAgent, Model
@@ -45,13 +46,13 @@ class Fires:
     0
     """
 
-    position: np.ndarray
-    radius: np.ndarray
-    area: np.ndarray
-    temperature: np.ndarray
-    out: np.ndarray
-    out_step: np.ndarray
-    robots: np.ndarray
+    position: NDArray[np.float64]
+    radius: NDArray[np.float64]
+    area: NDArray[np.float64]
+    temperature: NDArray[np.float64]
+    out: NDArray[np.bool]
+    out_step: NDArray[np.int64]
+    robots: NDArray[np.int64]
 
     def __init__(self, history_every: int = 1) -> None:
         self.agents: list[Fire] = []
@@ -132,7 +133,7 @@ class Fire(ArenaAgent):
         return f"<Fire {self.unique_id} at ({x}, {y}), {state}>"
 
     @property
-    def position(self) -> np.ndarray:
+    def position(self) -> NDArray[np.float64]:
         """Centre, shape (2,)."""
         return self._read("position").copy()
 

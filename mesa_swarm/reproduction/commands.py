@@ -40,7 +40,7 @@ def reproduce(
     out : Path
         Folder for pictures, tables and the runs, which are kept.
     quick : bool
-        Whether few seeds and short runs are enough.
+        Whether few seeds and short runs are enough; the names of files then end in _quick.
     jobs : int
     report_to : Path, optional
         Where to write the page of all that were made.
@@ -52,7 +52,7 @@ def reproduce(
         checked_file(report_to, ".md", "report")
     with Laboratory(folder, quick=quick, jobs=workers, progress=progress) as laboratory:
         try:
-            made = [announced(one, folder) for one in made_by(laboratory, chosen)]
+            made = [announced(one, folder, "_quick" if quick else "") for one in made_by(laboratory, chosen)]
         except KeyboardInterrupt:
             print(f"the runs so far are kept in {folder}; the same command goes on where this one stopped")
             raise
@@ -82,9 +82,9 @@ def made_by(laboratory: Laboratory, chosen: Sequence[Item]) -> Iterator[Made]:
         yield Made(item=item, result=result, seconds=perf_counter() - started)
 
 
-def announced(one: Made, folder: Path) -> Made:
+def announced(one: Made, folder: Path, mark: str) -> Made:
     """Write the files of a result, print what came of it, and return it."""
-    paths = written(one.item.figure, one.result, folder)
+    paths = written(one.item.figure, one.result, folder, mark)
     print(f"{one.item.figure:5} {one.result.verdict}: {one.item.title} ({one.seconds:.0f} s)")
     for check in one.result.checks:
         print(f"        {check.outcome}: {check.claim}: {check.measured} (the thesis: {check.reported})")
@@ -92,11 +92,14 @@ def announced(one: Made, folder: Path) -> Made:
     return one
 
 
-def written(figure: str, result: Result, folder: Path) -> list[Path]:
-    """Write the pictures and the table of a result, each whole or not at all; the first is its picture."""
+def written(figure: str, result: Result, folder: Path, mark: str) -> list[Path]:
+    """Write the pictures and the table of a result, each whole or not at all; the first is its picture.
+
+    The mark ends their names: quick results do not take the place of full ones.
+    """
     contents: dict[str, str | bytes] = {}
     for word, picture in result.pictures.items():
-        name = f"figure_{figure}" + (f"_{word}" if word else "")
+        name = f"figure_{figure}" + (f"_{word}" if word else "") + mark
         contents |= {f"{name}.png": png(picture), f"{name}.svg": svg(picture)}
-    contents[f"figure_{figure}.csv"] = result.csv()
+    contents[f"figure_{figure}{mark}.csv"] = result.csv()
     return [write_whole(folder / name, content) for name, content in contents.items()]

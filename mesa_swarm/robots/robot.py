@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 from mesa import Model
+from numpy.typing import NDArray
 
 from mesa_swarm.errors import RemovedRobotError, check_choice, check_number
 from mesa_swarm.geometry.overlap import wrapped
@@ -36,7 +37,7 @@ class Robot(ArenaAgent):
         return f"<Robot {self.unique_id} at ({x}, {y}), heading {heading}>"
 
     @property
-    def position(self) -> np.ndarray:
+    def position(self) -> NDArray[np.float64]:
         """Centre of the body, shape (2,), map units."""
         return self._read("position").copy()
 
@@ -93,7 +94,7 @@ class Robot(ArenaAgent):
         return float(self._read("radius"))
 
     @property
-    def command(self) -> np.ndarray:
+    def command(self) -> NDArray[np.float64]:
         """Commanded rim speeds, left and right."""
         return self._read("command").copy()
 
@@ -108,17 +109,17 @@ class Robot(ArenaAgent):
         return int(self._read("task"))
 
     @property
-    def goal(self) -> np.ndarray:
+    def goal(self) -> NDArray[np.float64]:
         """The position at which it works, in its own frame when it decided, NaN for none."""
         return self._read("goal").copy()
 
     @property
-    def distance(self) -> np.ndarray:
+    def distance(self) -> NDArray[np.float64]:
         """Readings of its proximity sensors, -1 where nothing is seen."""
         return self._read("distance")[: len(self.design.proximity)].copy()
 
     @property
-    def kind(self) -> np.ndarray:
+    def kind(self) -> NDArray[np.int8]:
         """What its proximity sensors see: 0 obstacle, 1 robot, 2 fire, 3 load, -1 nothing."""
         return self._read("kind")[: len(self.design.proximity)].copy()
 
@@ -133,17 +134,17 @@ class Robot(ArenaAgent):
         return bool(self._read("collided"))
 
     @property
-    def radiation(self) -> np.ndarray:
+    def radiation(self) -> NDArray[np.float64]:
         """Readings of its radiation sensors: temperatures, 0 for no fire."""
         return self._read("radiation")[: len(self.design.radiation)].copy()
 
     @property
-    def line(self) -> np.ndarray:
+    def line(self) -> NDArray[np.bool]:
         """Readings of its line sensors: whether each is over a mark."""
         return self._read("line")[: len(self.design.line)].copy()
 
     @property
-    def slip(self) -> np.ndarray:
+    def slip(self) -> NDArray[np.float64]:
         """The truth about its wheels, left and right: 0 rolled as commanded, 1 not at all (A.5)."""
         return self._read("slip").copy()
 

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.robots.design import RobotDesign
@@ -101,38 +102,38 @@ class Swarm:
     (0, 2)
     """
 
-    number: np.ndarray
-    design: np.ndarray
-    position: np.ndarray
-    heading: np.ndarray
-    radius: np.ndarray
-    max_speed: np.ndarray
-    tendency: np.ndarray
-    distance: np.ndarray
-    kind: np.ndarray
-    error: np.ndarray
-    radiation: np.ndarray
-    line: np.ndarray
-    command: np.ndarray
-    last_command: np.ndarray
-    layer: np.ndarray
-    task: np.ndarray
-    goal: np.ndarray
-    sent_goal: np.ndarray
-    heard_layer: np.ndarray
-    heard_task: np.ndarray
-    heard_from: np.ndarray
-    heard_goal: np.ndarray
-    slip: np.ndarray
-    collided: np.ndarray
-    contact_kind: np.ndarray
-    contact_index: np.ndarray
-    contact_normal: np.ndarray
-    contact_depth: np.ndarray
-    temperature: np.ndarray
-    heat: np.ndarray
-    hot: np.ndarray
-    fire: np.ndarray
+    number: NDArray[np.int64]
+    design: NDArray[np.int64]
+    position: NDArray[np.float64]
+    heading: NDArray[np.float64]
+    radius: NDArray[np.float64]
+    max_speed: NDArray[np.float64]
+    tendency: NDArray[np.float64]
+    distance: NDArray[np.float64]
+    kind: NDArray[np.int8]
+    error: NDArray[np.float64]
+    radiation: NDArray[np.float64]
+    line: NDArray[np.bool]
+    command: NDArray[np.float64]
+    last_command: NDArray[np.float64]
+    layer: NDArray[np.int64]
+    task: NDArray[np.int64]
+    goal: NDArray[np.float64]
+    sent_goal: NDArray[np.float64]
+    heard_layer: NDArray[np.int64]
+    heard_task: NDArray[np.int64]
+    heard_from: NDArray[np.float64]
+    heard_goal: NDArray[np.float64]
+    slip: NDArray[np.float64]
+    collided: NDArray[np.bool]
+    contact_kind: NDArray[np.int64]
+    contact_index: NDArray[np.int64]
+    contact_normal: NDArray[np.float64]
+    contact_depth: NDArray[np.float64]
+    temperature: NDArray[np.float64]
+    heat: NDArray[np.float64]
+    hot: NDArray[np.bool]
+    fire: NDArray[np.int64]
 
     def __init__(self) -> None:
         self.table = DesignTable.of(())

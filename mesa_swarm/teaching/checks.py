@@ -114,7 +114,7 @@ def _layer(rule: Any) -> Any:
 
 
 def check_settings(
-    model: type,
+    model: Callable[..., Any],
     settings: Mapping[str, Any],
     *wishes: Wish,
     only: Sequence[str] = (),
@@ -126,8 +126,8 @@ def check_settings(
 
     Parameters
     ----------
-    model : type
-        Of the gallery, or one of your own.
+    model : type or function
+        Of the gallery, one of your own, or a function that makes one; with keyword-only parameters and `rng`.
     settings : mapping
         Its parameters by name.
     *wishes : Wish
@@ -144,9 +144,9 @@ def check_settings(
     """
     if is_missing(settings) or (isinstance(settings, Mapping) and any(map(is_missing, settings.values()))):
         return Verdict(False, NO_ANSWER, hint)
-    if not isinstance(settings, Mapping):
-        return Verdict(False, told("your answer", settings, "settings such as dict(n_robots=10)"), hint)
     known = [name for name in parameters_of(model) if not only or name in only]
+    if not isinstance(settings, Mapping):
+        return Verdict(False, told("your answer", settings, f"settings by name, such as dict({known[0]}=...)"), hint)
     for name in settings:
         if name not in known:
             return Verdict(False, unknown_name("parameter", name, known), hint)
@@ -225,6 +225,8 @@ def check_function(
     """
     if is_missing(function):
         return Verdict(False, NO_ANSWER, hint)
+    if not callable(function):
+        return Verdict(False, told("your answer", function, "a function"), hint)
     for seed in seeds:
         expected = twin(*inputs(seed))
         try:

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import count
 from random import Random
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, overload
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -15,6 +15,7 @@ from mesa_swarm.errors import InvalidValueError, shortened
 
 # Mesa grows its store by a fifth of what is there, which is nothing at all below three rows.
 SMALLEST_STORE = 16
+Kind = TypeVar("Kind", bound="ArenaAgent")
 Point = Sequence[float] | np.ndarray
 Neighbours = tuple[list[ContinuousSpaceAgent], np.ndarray]
 ONE_AT_A_TIME = "positions are written one agent at a time; set agent.position"
@@ -189,10 +190,20 @@ class Arena(ContinuousSpace):
                 self._agent_positions[rows] = bodies.position
 
 
-class Agents(AgentSet):
+class Agents(AgentSet, Generic[Kind]):
     """Agents in order: Mesa's AgentSet, which may also be indexed, as it will not be from Mesa 4 on."""
 
-    def __getitem__(self, item: int | slice) -> Any:
+    if TYPE_CHECKING:  # what Mesa, which has no types, does
+
+        def __iter__(self) -> Iterator[Kind]: ...
+
+    @overload
+    def __getitem__(self, item: int) -> Kind: ...
+
+    @overload
+    def __getitem__(self, item: slice) -> list[Kind]: ...
+
+    def __getitem__(self, item: int | slice) -> Kind | list[Kind]:
         """Return one agent, or a list of them for a slice."""
         return list(self)[item]
 

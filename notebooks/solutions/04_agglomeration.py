@@ -7,4 +7,4 @@ groups_of_100 = 24
 # %% exercise-2
 # The centroid is hardly ever nearer than 4 units, so that robots keep on pushing inwards; and groups that keep on
 # moving meet others.
-answer = dict(sight=200, stop_distance=4, avoid_distance=1)
+answer = dict(stop_distance=4, avoid_distance=1)

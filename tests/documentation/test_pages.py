@@ -13,10 +13,12 @@ from pathlib import Path
 import pytest
 
 from mesa_swarm import cli
+from mesa_swarm.experiments.bench import PEERS, TARGETS
 from mesa_swarm.study_cli import study
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+MAKE_AN_ENVIRONMENT = [page for page in PAGES if "-m venv" in page.read_text(encoding="utf-8")]
 # These have tests of their own, which look at what comes out.
 OWN = {"sweeps.md", "environments.md", "mesa.md"}
 # What these show takes minutes.
@@ -33,14 +35,19 @@ SMALL = {
 SERVES = {"dashboard", "replay"}
 
 
+def every_block(page: Path) -> list[tuple[str, str]]:
+    """Return the languages and contents of a page's blocks in their order."""
+    text = page.read_text(encoding="utf-8")
+    return re.findall(r"^ *```(\w+)\n(.*?)^ *```", text, re.DOTALL | re.MULTILINE)
+
+
 def blocks(page: Path, language: str) -> list[str]:
-    return re.findall(rf"^ *```{language}\n(.*?)^ *```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+    return [block for spoken, block in every_block(page) if spoken == language]
 
 
-def commands(page: Path) -> list[list[str]]:
-    """Return the commands of a page in their order, without the name of the program."""
-    lines = [line for block in blocks(page, "sh") for line in block.splitlines()]
-    typed = [line.removeprefix("mesa-swarm ") for line in lines if line.startswith("mesa-swarm ")]
+def commands(block: str) -> list[list[str]]:
+    """Return the commands of a block in their order, without the name of the program."""
+    typed = [line.removeprefix("mesa-swarm ") for line in block.splitlines() if line.startswith("mesa-swarm ")]
     smaller = [next((small for start, small in SMALL.items() if line.startswith(start)), "") for line in typed]
     return [f"{line} {small}".split() for line, small in zip(typed, smaller, strict=True)]
 
@@ -50,28 +57,68 @@ def of(pages: list[Path], language: str) -> list:
     return [pytest.param(page, id=page.name, marks=[pytest.mark.slow] * (page.name in LONG)) for page in shown]
 
 
+def run_code(block: str, number: int, names: dict) -> None:
+    source = Path(f"block{number}.py").absolute()  # rules are compiled from their source
+    source.write_text(block)
+    with contextlib.redirect_stdout(io.StringIO()):
+        exec(compile(block, str(source), "exec"), names)
+
+
+def run_command(words: list[str], capsys) -> None:
+    if words[0] in SERVES:
+        assert_serves(words)
+        return
+    with pytest.raises(SystemExit) as end:
+        cli.main(words)
+    assert end.value.code == 0, f"mesa-swarm {' '.join(words)}: {capsys.readouterr().err}"
+
+
 @pytest.mark.parametrize("page", of(PAGES, "python"))
 def test_the_code_on_a_page_runs_from_top_to_bottom(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with contextlib.redirect_stdout(io.StringIO()):
-        names = {"__name__": "page"}
-        for number, block in enumerate(blocks(page, "python")):
-            source = tmp_path / f"block{number}.py"  # rules are compiled from their source
-            source.write_text(block)
-            exec(compile(block, str(source), "exec"), names)
+    names = {"__name__": "page"}
+    for number, block in enumerate(blocks(page, "python")):
+        run_code(block, number, names)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", of(PAGES, "sh"))
-def test_the_commands_on_a_page_run_in_their_order(page, tmp_path, monkeypatch, capsys):
+def test_commands_and_code_of_a_page_run_in_one_folder_in_their_order(page, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    for words in commands(page):
-        if words[0] in SERVES:
-            assert_serves(words)
-            continue
-        with pytest.raises(SystemExit) as end:
-            cli.main(words)
-        assert end.value.code == 0, f"mesa-swarm {' '.join(words)}: {capsys.readouterr().err}"
+    names = {"__name__": "page"}
+    for number, (language, block) in enumerate(every_block(page)):
+        if language == "python":
+            run_code(block, number, names)
+        for words in commands(block) if language == "sh" else ():
+            run_command(words, capsys)
+
+
+def test_no_two_recordings_of_all_pages_have_the_same_name():
+    texts = [page.read_text(encoding="utf-8") for page in PAGES]
+    made = [name for text in texts for name in re.findall(r'--record (\w+\.arrow)|record\((?:model, )?"(\S+?)"', text)]
+    names = ["".join(either) for either in made]
+    assert len(names) >= 5
+    assert len(set(names)) == len(names)
+
+
+@pytest.mark.parametrize("page", MAKE_AN_ENVIRONMENT, ids=lambda page: page.name)
+def test_a_page_that_makes_an_environment_activates_it_before_a_command_is_typed(page):
+    lines = [line for block in blocks(page, "sh") for line in block.splitlines()]
+    typed = [number for number, line in enumerate(lines) if line.startswith("mesa-swarm ")]
+    assert lines.index(". .venv/bin/activate") < typed[0]
+    assert r".venv\Scripts\activate" in page.read_text(encoding="utf-8")
+
+
+def test_the_table_of_speeds_has_a_row_of_ours_and_those_of_the_bench():
+    text = (ROOT / "docs" / "comparison.md").read_text(encoding="utf-8").split("## Speed")[1]
+    rows = [[cell.strip(" *") for cell in line.strip("|").split("|")] for line in text.splitlines() if line[:1] == "|"]
+    robots = [int(cell.replace(",", "")) for cell in rows[0][1:]]
+    ours, *others = rows[2:]
+    assert ours[0] == "mesa_swarm"
+    assert robots == list(TARGETS)
+    assert all(float(cell) > 0 for cell in ours[1:])
+    told = [{n: float(cell) for n, cell in zip(robots, row[1:], strict=True) if cell} for row in others]
+    assert told == list(PEERS.values())
 
 
 def free_port() -> str:

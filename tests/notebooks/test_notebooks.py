@@ -85,26 +85,55 @@ def last_value(source: str, place: dict, path: Path):
     return eval(compile(ast.Expression(last.value), str(path), "eval"), place)
 
 
+def verdict_of(path: Path, exercise: str, answer: str, folder: Path):
+    """Return what the check of an exercise says of an answer."""
+    cells, place = cells_of(path), {"__name__": "__main__"}
+    with redirect_stdout(io.StringIO()):
+        for number, source in enumerate([cells["setup"], answer]):
+            last_value(source, place, folder / f"cell_{number}.py")
+        return last_value(cells[check_of(exercise)], place, folder / "check.py")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("exercise", EXERCISES)
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=NAMES)
 class TestExercises:
-    def verdict(self, path, exercise, answer, folder):
-        cells, place = cells_of(path), {"__name__": "__main__"}
-        with redirect_stdout(io.StringIO()):
-            for number, source in enumerate([cells["setup"], answer]):
-                last_value(source, place, folder / f"cell_{number}.py")
-            return last_value(cells[check_of(exercise)], place, folder / "check.py")
-
     def test_an_exercise_that_is_not_solved_says_so_in_plain_words(self, path, exercise, tmp_path):
-        verdict = self.verdict(path, exercise, cells_of(path)[exercise], tmp_path)
+        verdict = verdict_of(path, exercise, cells_of(path)[exercise], tmp_path)
         assert not verdict.passed
         assert str(verdict).startswith("Not yet.")
         assert "Traceback" not in str(verdict)
 
     def test_its_solution_passes(self, path, exercise, tmp_path):
-        verdict = self.verdict(path, exercise, solutions_of(path)[exercise], tmp_path)
+        verdict = verdict_of(path, exercise, solutions_of(path)[exercise], tmp_path)
         assert verdict.passed, verdict
+
+
+BACKS = "@behaviour\ndef turn_away(me, distance=15.0):\n    return -0.03, -0.03"
+
+
+@pytest.mark.parametrize(
+    ("number", "exercise", "answer", "says"),
+    [
+        ("02", 1, "answer = ...", "no answer so far"),
+        ("02", 1, "answer = (30, 'stationary')", "expected settings by name, such as dict(distance=...)"),
+        ("02", 1, "answer = dict(distanc=30)", "did you mean 'distance'"),
+        ("03", 1, BACKS, "nearest to the corner: at most 60 was asked for"),
+        ("03", 2, "distance = ...", "no answer so far"),
+        ("03", 2, "distance = None", "no answer so far"),
+        ("03", 2, "distance = '6'", "distance is '6'; expected"),
+        ("03", 2, "distance = -1", "distance is -1; expected"),
+        ("03", 2, "distance = [6]", "distance is [6]; expected"),
+        ("04", 2, "answer = dict(sight=2000, stop_distance=1, avoid_distance=0)", "Unknown parameter 'sight'"),
+        ("05", 1, "leaders = 5", "Your answer is 5; expected a function"),
+        ("07", 1, "wishes = dict(stay=1000)", "Unknown parameter 'stay'"),
+    ],
+)
+def test_an_answer_that_cannot_be_or_passes_by_a_gap_is_refused_in_words(number, exercise, answer, says, tmp_path):
+    (path,) = (path for path in NOTEBOOKS if path.stem.startswith(number))
+    verdict = verdict_of(path, f"exercise-{exercise}", answer, tmp_path)
+    assert not verdict.passed
+    assert says in str(verdict)
 
 
 @pytest.mark.parametrize("path", SLOWLY)

@@ -31,8 +31,8 @@ def test_a_figure_is_written_as_pictures_and_a_table_and_its_verdict_is_printed(
     assert (status, err) == (0, "")
     made = tmp_path / "results" / "reproduction"
     names = {path.name for path in made.iterdir()}
-    assert {f"figure_{f}.{end}" for f in ("8.2", "D.3") for end in ("png", "svg", "csv")} <= names
-    assert (made / "figure_8.2.png").read_bytes()[1:4] == b"PNG"
+    assert {f"figure_{f}_quick.{end}" for f in ("8.2", "D.3") for end in ("png", "svg", "csv")} <= names
+    assert (made / "figure_8.2_quick.png").read_bytes()[1:4] == b"PNG"
     verdicts = [line.split(":")[0] for line in out.splitlines() if line[:1] in "8D"]
     assert verdicts == ["8.2   confirmed with limits", "D.3   confirmed"]
 
@@ -41,7 +41,17 @@ def test_the_same_figure_gives_the_same_files(typed, tmp_path):
     for folder in ("a", "b"):
         typed(f"reproduce --figure D.1 --quick --quiet --out {folder}")
     for end in ("png", "svg", "csv"):
-        assert (tmp_path / f"a/figure_D.1.{end}").read_bytes() == (tmp_path / f"b/figure_D.1.{end}").read_bytes()
+        first, second = (tmp_path / folder / f"figure_D.1_quick.{end}" for folder in ("a", "b"))
+        assert first.read_bytes() == second.read_bytes()
+
+
+def test_quick_results_do_not_take_the_place_of_full_ones(typed, tmp_path):
+    typed("reproduce --figure B.1 --quiet --out here")
+    full = {path: path.read_bytes() for path in (tmp_path / "here").glob("figure_*")}
+    typed("reproduce --figure B.1 --quick --quiet --out here")
+    assert full
+    assert {path: path.read_bytes() for path in full} == full
+    assert len(list((tmp_path / "here").glob("figure_*_quick.*"))) == len(full)
 
 
 def test_a_report_says_that_few_seeds_mean_nothing(typed, tmp_path):

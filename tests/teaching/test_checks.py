@@ -3,7 +3,7 @@
 import pytest
 
 from mesa_swarm.control import PASS, Avoid
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.errors import InvalidValueError, check_number
 from mesa_swarm.model import SwarmModel
 from mesa_swarm.models.boids import Boids
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
@@ -134,7 +134,7 @@ class TestSettings:
         [
             (dict(distance=...), "no answer so far"),
             (..., "no answer so far"),
-            ([1], "expected settings such as"),
+            ([1], "expected settings by name, such as dict(distance=...)"),
             (dict(n_robots=3), "unknown parameter 'n_robots'"),
             (dict(distance="far"), "distance is 'far'"),
         ],
@@ -143,6 +143,22 @@ class TestSettings:
         verdict = check_settings(CollisionAvoidance, settings, self.WISH, only=["distance"], steps=5, seeds=[1])
         assert not verdict.passed
         assert says in str(verdict).replace("Unknown", "unknown").replace("Distance", "distance")
+
+    @pytest.mark.parametrize(
+        ("settings", "says"),
+        [
+            (dict(side=1), "as asked with all 2 seeds"),
+            (dict(side="1"), "Side is '1'; expected a finite number"),
+            (dict(syde=1), "Unknown parameter 'syde'; did you mean 'side'"),
+            (1, "expected settings by name, such as dict(side=...)"),
+        ],
+    )
+    def test_they_may_be_those_of_a_function_that_makes_the_model(self, settings, says):
+        def made(*, side, rng):
+            return {"area": check_number("side", side) ** 2}
+
+        verdict = check_settings(made, settings, Wish("area", at_most=1), seeds=[1, 2])
+        assert says in str(verdict)
 
 
 class TestEstimates:
@@ -174,6 +190,7 @@ class TestFunctions:
             (lambda x: [x, x], "returned [2. 2.]"),
             (lambda x: x / 0, "ZeroDivisionError"),
             (..., "no answer so far"),
+            (5, "Your answer is 5; expected a function"),
         ],
     )
     def test_a_function_that_is_not_like_its_twin_is_told_of(self, function, says):
