@@ -30,7 +30,7 @@ import numpy as np
 
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.control import Subsumption
-from mesa_swarm.errors import InvalidValueError, check_count, shortened
+from mesa_swarm.errors import InvalidValueError, check_choice, check_count, shortened
 from mesa_swarm.learning import q_learning
 from mesa_swarm.parameters import Choice, Slider
 from mesa_swarm.reporters import held
@@ -79,7 +79,7 @@ class QLearning(SwarmModel):
         layer = q_learning.QLearning(
             reward=reward, actions=actions, encoding=encoding, alpha=alpha, eta=eta, gamma=gamma, beta=beta,
             first_temperature=first_temperature, last_temperature=last_temperature, critical=critical,
-            shared=shared == "yes", self_adjusting=self_adjusting == "yes",
+            shared=_is_yes("shared", shared), self_adjusting=_is_yes("self_adjusting", self_adjusting),
         )  # fmt: skip
         self.control = Subsumption(layer)
 
@@ -115,3 +115,8 @@ class QLearning(SwarmModel):
             "the same in the last 3,000 steps": 1000.0 * float(counts.sum()) / (robots * max(len(counts), 1)),
             "forward speed in the end": self.forward_speed,
         }
+
+
+def _is_yes(name: str, answer: str | bool) -> bool:
+    """Return whether it is yes; sweeps and scripts say True and False."""
+    return bool(answer) if isinstance(answer, bool | np.bool_) else check_choice(name, answer, YES_NO) == "yes"

@@ -117,7 +117,9 @@ def test_a_model_of_learners_goes_on_from_a_recording_as_if_it_had_not_stopped(t
     assert again.run(100).state_hash() == whole.run(100).state_hash()
 
 
-@pytest.mark.parametrize("wrong", [{"gamma": 1.0}, {"alpha": -1}, {"hold": 0}, {"arrival": np.nan}, {"beta": 2}])
+@pytest.mark.parametrize(
+    "wrong", [{"gamma": 1.0}, {"alpha": -1}, {"hold": 0}, {"arrival": np.nan}, {"beta": 2}, {"shared": "no"}]
+)
 def test_nonsense_is_refused_in_words(wrong):
     (name,) = wrong
     with pytest.raises(InvalidValueError, match=f"{name} is "):

@@ -123,6 +123,15 @@ def test_divergence_is_told_with_robot_and_step_and_what_was_learned_is_kept():
     assert (weights(model)[1] == kept[1]).all()
 
 
+def test_expectations_that_grow_beyond_all_bounds_are_told_of_before_they_overflow():
+    model = learning(20)
+    column(model, "usual")[1] = 1e12
+    with pytest.raises(LearningError, match="grows beyond all bounds; lower average or gamma") as caught:
+        model.step()
+    assert "\n" not in str(caught.value)
+    assert column(model, "usual")[1] == 1e12
+
+
 def test_nobody_has_learned_nothing():
     with pytest.raises(LearningError, match="there are no robots"):
         learning(0, robots=0).control.layers[0].policy()
@@ -142,6 +151,7 @@ def test_nobody_has_learned_nothing():
         {"critical": 0},
         {"limit": 0},
         {"start": "mine.npz"},
+        {"frozen": "no"},
     ],
 )
 def test_what_is_out_of_range_is_refused_in_one_line(wrong):
