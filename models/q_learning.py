@@ -19,7 +19,8 @@ learns of one situation changes what it says of others. With beta 0.005 collisio
 THINGS TO TRY. Reward (a): why do robots quiver? Eight actions: are there more collisions, and why? gamma 0.9: at what
 distance do robots turn? A single robot: does it learn as well without the others?
 
-EXTENDING IT. Put `Avoid(distance=3)` above the learner, as a reflex.
+EXTENDING IT. Put a reflex above the learner: `model.control = Subsumption(Avoid(distance=3), model.learner)`. What
+robots have learned so far stays.
 
 REFERENCE. Thesis, chapters 6 to 8.
 """
@@ -30,7 +31,7 @@ import numpy as np
 
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.control import Subsumption
-from mesa_swarm.errors import InvalidValueError, check_choice, check_count, shortened
+from mesa_swarm.errors import InvalidValueError, check_choice, check_count
 from mesa_swarm.learning import q_learning
 from mesa_swarm.parameters import Choice, Slider
 from mesa_swarm.reporters import held
@@ -101,10 +102,12 @@ class QLearning(SwarmModel):
     @property
     def learner(self) -> q_learning.QLearning:
         """The layer that learns, with what it knows."""
-        layer = None if self.control is None else self.control.layers[0]
-        if not isinstance(layer, q_learning.QLearning):
-            raise InvalidValueError(f"the model's first layer is {shortened(layer)}, which does not learn")
-        return layer
+        layers = () if self.control is None else self.control.layers
+        learner = next((layer for layer in layers if isinstance(layer, q_learning.QLearning)), None)
+        if learner is None:
+            names = ", ".join(layer.name for layer in layers) or "nothing"
+            raise InvalidValueError(f"the model is driven by {names}; expected a layer that learns, QLearning(...)")
+        return learner
 
     def results(self) -> dict[str, float]:
         """Return what a comparison compares: collisions per robot and 1,000 steps, and those of the end."""

@@ -88,6 +88,13 @@ def test_the_table_is_of_each_robot_s_own_or_of_all():
     assert (tables == tables[:1]).all()
 
 
+def test_a_map_without_fires_is_refused():
+    with pytest.raises(
+        InvalidValueError, match=r"^map original has no fires; choose one with fires, such as openspace"
+    ):
+        LearningFires(map="original", rng=1)
+
+
 def test_random_skills_learn_nothing():
     model = LearningFires(controller="random", n_robots=4, rng=2).run(500)
     assert not model.control.layers[1].values.any()
