@@ -57,13 +57,16 @@ class HebbianLearning(Keeper):
     limit : float
         Of the weights, above 0.
     frozen : bool
-        Whether it only acts, tries nothing and learns nothing.
+        Whether it only acts, tries nothing and learns nothing; then it takes a `start` that is trained.
     start : ReflexPolicy, optional
-        What robots know when they are born, without hidden units; small random weights by default.
+        What robots know when they are born: without hidden units or whim, of distances, linear; small random
+        weights by default. What they expect begins anew.
 
     Raises
     ------
     InvalidValueError, UnknownNameError
+    LearningError
+        If it is frozen and knows nothing.
 
     References
     ----------
@@ -102,10 +105,10 @@ class HebbianLearning(Keeper):
         check_number("persistence", self.persistence, minimum=0, maximum=0.999)
         check_number("critical", self.critical, above=0, maximum=1)
         check_number("limit", self.limit, above=0, maximum=1e6)
-        check_flag("frozen", self.frozen)
-        start = self.start
-        if start is not None and not (isinstance(start, ReflexPolicy) and not start.memory):
-            raise InvalidValueError(f"start is {shortened(start)}; expected a ReflexPolicy without hidden units")
+        self.frozen = check_flag("frozen", self.frozen)
+        if self.start is not None:
+            check_reflex(self.start)
+        self._check_frozen()
 
     def _take_along(self) -> None:
         """Let the robots of another model start with the weights that were learned."""
@@ -139,13 +142,12 @@ class HebbianLearning(Keeper):
         whim, constant = np.zeros((len(self._robots), 1, 2)), self._column("constant")[:, None]
         wheel = np.concatenate([self._column("weights"), whim, constant], axis=1)
         lessons = int(self._column("lessons").sum())
-        told = {name: getattr(self, name) for name in TOLD}
         return ReflexPolicy(
             sensors=sensors,
             hidden=np.zeros((*wheel.shape[:2], 0)),
             wheel=wheel,
             steps=lessons + (self.start.steps if self.start else 0),
-            training={"learner": "hebbian", **told, "robots": len(self._robots), "lessons": lessons, **training},
+            training=self._training(TOLD, lessons, training),
         )
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
@@ -215,6 +217,23 @@ class HebbianLearning(Keeper):
             known = self.start.wheel[self._robots.columns["number"][new] % len(self.start.wheel)]
             weights[new], constant[new] = known[:, :-2], known[:, -1]
         born[:] = True
+
+
+def check_reflex(start: object) -> None:
+    """Refuse what weights from distances to wheels alone cannot go on with.
+
+    Raises
+    ------
+    InvalidValueError
+    """
+    if not isinstance(start, ReflexPolicy) or start.memory:
+        raise InvalidValueError(f"start is {shortened(start)}; expected a ReflexPolicy without hidden units")
+    if (start.encoding, start.squash) != ("distance", "linear"):
+        raise InvalidValueError(
+            f"start has encoding {start.encoding!r} and squash {start.squash!r}; expected 'distance' and 'linear'"
+        )
+    if start.wheel[:, -2].any():
+        raise InvalidValueError("start has weights of the whim, which this does not learn; expected them to be 0")
 
 
 @compiled

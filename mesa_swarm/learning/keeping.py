@@ -1,5 +1,7 @@
 """What learners know outlasts the control that they are in: taken out they keep it, put back they go on with it."""
 
+from collections.abc import Sequence
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
@@ -57,6 +59,8 @@ class Keeper:
     """
 
     name: str
+    frozen: bool
+    start: Any = None
     # A swarm, or what is left of it to a layer that was taken out.
     _home: Any = None
     _prefix = ""
@@ -75,6 +79,26 @@ class Keeper:
     def unbind(self) -> None:
         """Keep what the robots know, as its columns are about to be dropped."""
         self._home = Left(self._robots, self._prefix)
+
+    def _check_frozen(self) -> None:
+        """Refuse to drive by what nobody has learned."""
+        if self.frozen and not (self.start and self.start.steps):
+            raise LearningError(
+                f"{self.name} is frozen and knows nothing; give it a trained policy as start, or let it learn"
+            )
+
+    def _training(self, names: Sequence[str], lessons: int, training: dict) -> dict:
+        """Return where a policy comes from: these parameters, the world, what it started from, and what is given."""
+        return {
+            "learner": type(self).__name__,
+            "mesa_swarm": version("mesa-swarm"),
+            **whereabouts(self._robots),
+            **{name: getattr(self, name) for name in names},
+            "robots": len(self._robots),
+            "lessons": lessons,
+            **({"started_from": self.start.training} if self.start else {}),
+            **training,
+        }
 
     def _remember(self, swarm: Swarm, prefix: str) -> None:
         """Make the columns."""

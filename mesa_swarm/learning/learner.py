@@ -20,6 +20,8 @@ from mesa_swarm.robots.swarm import Swarm
 # Rewards are within [-1, 1], so that nothing is worth more than 1 / (1 - gamma), at most 1,000: a correction or a
 # weight a million times as large has diverged. What is within stays finite.
 LARGEST = 1e9
+# T_0 of the thesis (8.3).
+HOT = 1.0
 # What a policy tells of how it was trained.
 TOLD = ("reward", "alpha", "eta", "gamma", "beta", "critical", "shared", "self_adjusting")
 
@@ -34,7 +36,7 @@ class Learner(Keeper):
     eta: float = 0.1
     gamma: float = 0.7
     beta: float = 1e-4
-    first_temperature: float = 1.0
+    first_temperature: float | None = None
     last_temperature: float = 0.2
     critical: float = 0.4
     shared: bool = False
@@ -52,19 +54,20 @@ class Learner(Keeper):
         for name in ("alpha", "eta", "beta"):
             check_number(name, getattr(self, name), minimum=0, maximum=1)
         check_number("gamma", self.gamma, minimum=0, maximum=0.999)
-        for name in ("first_temperature", "last_temperature"):
-            check_number(name, getattr(self, name), above=0, maximum=1e6)
+        check_number("first_temperature", self._hottest, above=0, maximum=1e6)
+        check_number("last_temperature", self.last_temperature, above=0, maximum=1e6)
         for name in ("critical", "bump_rate"):
             check_number(name, getattr(self, name), above=0, maximum=1)
         check_number("bump_window", self.bump_window, minimum=1, maximum=1e9)
         check_number("bump_distance", self.bump_distance, minimum=0, maximum=1e6)
         for name in ("shared", "self_adjusting", "frozen"):
-            check_flag(name, getattr(self, name))
+            setattr(self, name, check_flag(name, getattr(self, name)))
 
     def _check_start(self, family: type[NetworkPolicy], count: int) -> None:
         """Refuse a policy that a learner with so many actions or wires cannot go on with."""
         start = self.start
         if start is None:
+            self._check_frozen()
             return
         if not isinstance(start, family):
             raise InvalidValueError(
@@ -76,6 +79,12 @@ class Learner(Keeper):
                 f"start has {known} {family.counted} and encoding {start.encoding!r}; "
                 f"expected {count} and {self.encoding!r}"
             )
+        self._check_frozen()
+
+    @property
+    def _hottest(self) -> float:
+        """T_0."""
+        return HOT if self.first_temperature is None else self.first_temperature
 
     def unbind(self) -> None:
         """Keep what the robots know, as its columns are about to be dropped."""
@@ -94,7 +103,8 @@ class Learner(Keeper):
         """Let the robots of another model start with what was learned, at the temperature of that."""
         if self._column("lessons").any():
             self.start = self.policy()
-            self.first_temperature = self.start.temperature
+            if not self.self_adjusting:
+                self.first_temperature = self.start.temperature
 
     def _remember(self, swarm: Swarm, prefix: str) -> None:
         """Make the columns: networks of a robot, its last inputs and reward, its temperature and recent bumps."""
@@ -102,7 +112,8 @@ class Learner(Keeper):
         self._memory = self._networks_in(swarm, prefix)
         swarm.remember(f"{prefix}.inputs", (per_sensor, "proximity"), np.float64, 1.0)
         swarm.remember(f"{prefix}.reward", (), np.float64, 0.0)
-        swarm.remember(f"{prefix}.temperature", (), np.float64, self.first_temperature)
+        goes_on = self.start is not None and self.first_temperature is None
+        swarm.remember(f"{prefix}.temperature", (), np.float64, self.start.temperature if goes_on else self._hottest)
         swarm.remember(f"{prefix}.bumps", (), np.float64, self.bump_rate)
         swarm.remember(f"{prefix}.lessons", (), np.int64, 0)
 
@@ -134,7 +145,7 @@ class Learner(Keeper):
             self._rng.random(len(inputs)),
             REWARDS.index(self.reward),
             (float(self.alpha * self.eta), float(self.gamma), float(self.critical)),
-            (float(self.beta), float(self.first_temperature), float(self.last_temperature)),
+            (float(self.beta), float(self._hottest), float(self.last_temperature)),
             (float(self.bump_rate), 1.0 / self.bump_window, float(self.bump_distance)),
             (bool(self.shared), bool(self.self_adjusting), bool(self.frozen)),
         )
@@ -163,14 +174,13 @@ class Learner(Keeper):
         """Return what every policy has, whatever its family."""
         sensors, lessons = sensors_of(self._robots), int(self._column("lessons").sum())
         self._memory.give_birth(self._rng, self.shared)
-        told = {name: getattr(self, name) for name in TOLD}
         return {
             "sensors": sensors,
             "networks": self._memory.networks(1 if self.shared else len(self._robots)),
             "encoding": self.encoding,
             "temperature": float(self._column("temperature").mean()),
             "steps": lessons + (self.start.steps if self.start else 0),
-            "training": {**told, "robots": len(self._robots), "lessons": lessons, **training},
+            "training": self._training(TOLD, lessons, training),
         }
 
 

@@ -48,8 +48,10 @@ class QLearning(Learner):
         What the next step's value counts, 0 to below 1.
     beta : float
         How fast the temperature falls, 0 to 1.
-    first_temperature, last_temperature : float
-        T_0 and T_c, above 0.
+    first_temperature : float, optional
+        T_0, above 0; 1 by default. Robots that start with a policy begin at its temperature by default.
+    last_temperature : float
+        T_c, above 0.
     critical : float
         Reading, as a share of the range, below which the reward tells only of nearness; above 0, at most 1.
     shared : bool
@@ -66,15 +68,20 @@ class QLearning(Learner):
     bump_distance : float
         Map units, at least 0.
     frozen : bool
-        Whether it only acts, at the temperature that each robot has, and learns nothing.
+        Whether it only acts, at the temperature that each robot has, and learns nothing; then it takes a `start`
+        that is trained.
     start : QPolicy, optional
         What robots know when they are born, small random weights by default: the way to go on with a saved
         policy. The k-th robot ever made gets set ``k % copies``, or all the first one where networks are shared.
+        Sensors must be those that it was trained with; robots may be larger or faster, for actions are shares of
+        max_speed.
 
     Raises
     ------
     InvalidValueError, UnknownNameError
         If a value is out of its range, or `start` has other actions or another encoding.
+    LearningError
+        If it is frozen and knows nothing.
 
     Examples
     --------
@@ -196,7 +203,7 @@ def learn_and_choose(
 
 @compiled
 def learn_one(weights, m, inputs, i, hidden, wanted, rate):
-    """Move Q of what robot i did to what is wanted; return whether that was within bounds; if not, nothing is changed."""
+    """Move Q of what robot i did to what is wanted; return whether that was within bounds, else change nothing."""
     inner, inner_bias, outer, outer_bias = weights
     step = rate * (wanted - forward(inner, inner_bias, outer, outer_bias, m, inputs, i, hidden))
     if not is_bounded(outer, m, step):

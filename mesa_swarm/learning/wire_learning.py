@@ -40,7 +40,8 @@ self_adjusting, bump_rate, bump_window, bump_distance, frozen
 
     Raises
     ------
-    InvalidValueError, UnknownNameError
+    InvalidValueError, UnknownNameError, LearningError
+        As for `QLearning`.
 
     Examples
     --------
@@ -139,7 +140,7 @@ def learn_wires(
 
 @compiled
 def learn_one(weights, first, inputs, i, hidden, ends, values, action, wanted, rate):
-    """Move Q of what robot i did to what is wanted; return whether that was within bounds; if not, nothing is changed."""
+    """Move Q of what robot i did to what is wanted; return whether that was within bounds, else change nothing."""
     inner, inner_bias, outer, outer_bias = weights
     wires = values.shape[0]
     propose(weights, first, inputs, i, hidden, ends, values)

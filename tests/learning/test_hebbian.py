@@ -7,8 +7,8 @@ import pytest
 
 from mesa_swarm import AGENT3, AGENT9, SwarmModel
 from mesa_swarm.control import Avoid, Subsumption
-from mesa_swarm.errors import LearningError, SwarmError
-from mesa_swarm.learning import PolicyLayer, reward
+from mesa_swarm.errors import InvalidValueError, LearningError, SwarmError
+from mesa_swarm.learning import PolicyLayer, ReflexPolicy, SensorLayout, reward
 from mesa_swarm.learning.hebbian import HebbianLearning
 
 PREFIX = "0.HebbianLearning"
@@ -91,6 +91,36 @@ def test_goes_on_where_a_policy_left_off():
     assert again.run(10).control.layers[0].policy().steps == policy.steps + 3 * 10
     with pytest.raises(LearningError, match="trained with"):
         learning(1, design=AGENT3, start=policy)
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"encoding": "typed", "rows": 20}, "start has encoding 'typed' and squash 'linear'; expected 'distance'"),
+        ({"squash": "tanh"}, "start has encoding 'distance' and squash 'tanh'"),
+        ({"squash": "threshold"}, "squash 'threshold'"),
+        ({"whim": 0.5}, "weights of the whim"),
+        ({"units": 2, "rows": 13}, "without hidden units"),
+    ],
+)
+def test_reflexes_that_it_cannot_go_on_with_are_refused_by_name(changes, says):
+    given = {"rows": 11, "units": 0, "whim": 0.0, **changes}
+    rows, units, whim = given.pop("rows"), given.pop("units"), given.pop("whim")
+    wheel = np.full((1, rows, 2), 0.1)
+    wheel[:, -2] = whim
+    policy = ReflexPolicy(
+        sensors=SensorLayout.of(AGENT9), hidden=np.zeros((1, rows, units)), wheel=wheel, steps=1, **given
+    )
+    with pytest.raises(InvalidValueError) as caught:
+        HebbianLearning(start=policy)
+    assert says in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_reflex_that_somebody_thought_up_can_be_gone_on_with():
+    away = ReflexPolicy.reflex(SensorLayout.of(AGENT3), [[0, 0], [0, -2], [-2, 0], [1, 1]])
+    model = learning(20, design=AGENT3, start=away, eta=0.0)
+    assert (weights(model) == np.delete(away.wheel[0], 3, axis=0)).all()
 
 
 def test_the_same_seed_gives_the_same_bits_and_weights_stay_within_their_limits():

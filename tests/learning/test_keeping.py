@@ -1,6 +1,8 @@
 """Learners keep what they know when they are taken out of a control, and go on with it wherever they are put."""
 
 import copy
+from dataclasses import replace
+from importlib.metadata import version
 
 import numpy as np
 import pytest
@@ -8,7 +10,7 @@ import pytest
 from mesa_swarm import AGENT3, AGENT9, SwarmModel
 from mesa_swarm.control import Avoid, Subsumption
 from mesa_swarm.errors import LearningError
-from mesa_swarm.learning import HebbianLearning, PolicyLayer, QLearning, WireFittedQ
+from mesa_swarm.learning import HebbianLearning, PolicyLayer, QLearning, WireFittedQ, load_policy, save_policy
 from mesa_swarm.learning.fire_learning import LearnFires
 
 LEARNERS = [QLearning, WireFittedQ, HebbianLearning, LearnFires]
@@ -141,6 +143,31 @@ def test_copies_of_a_model_whose_control_was_taken_out_can_put_it_back():
     other = copy.deepcopy(model)
     other.control = other.kept
     assert same(known(other), before)
+
+
+@pytest.mark.parametrize("learner", OF_POLICIES)
+def test_what_is_frozen_and_knows_nothing_is_refused(learner):
+    with pytest.raises(LearningError, match=rf"^{learner.__name__} is frozen and knows nothing; give it a trained"):
+        learner(frozen=True)
+    policy = learning(learner, 5).control.layers[0].policy()
+    with pytest.raises(LearningError, match="knows nothing"):
+        learner(frozen=True, start=replace(policy, steps=0))
+    model = learning(learner, 0)
+    model.control = Subsumption(learner(frozen=True, start=policy))
+    assert model.run(5).control.layers[0].policy().steps == policy.steps
+
+
+@pytest.mark.parametrize("learner", OF_POLICIES)
+def test_a_policy_tells_where_it_comes_from_and_what_it_started_from(learner, tmp_path):
+    first = learning(learner, 9).control.layers[0].policy(collisions=0.5)
+    model = learning(learner, 0, start=load_policy(save_policy(first, tmp_path / "first.npz")))
+    model.control = Subsumption(Avoid(distance=3), model.run(6).control.layers[0])
+    again = load_policy(save_policy(model.control.layers[1].policy(), tmp_path / "again.npz"))
+    told = {"learner": learner.__name__, "mesa_swarm": version("mesa-swarm"), "design": "AGENT9", "map": "original"}
+    assert {**told, "model_steps": 9, "collisions": 0.5, "lessons": 32}.items() <= first.training.items()
+    assert "started_from" not in first.training
+    assert {**told, "model_steps": 6, "lessons": 20}.items() <= again.training.items()
+    assert first.training.items() <= again.training["started_from"].items()
 
 
 @pytest.mark.parametrize("learner", OF_POLICIES)

@@ -165,8 +165,10 @@ class TestWhatIsLearned:
         assert after[2].any()
 
     def test_stays_when_robots_with_more_sensors_come(self):
-        model = learning(robots=1, design=AGENT3, frozen=True).run(5)
+        model = learning(robots=1, design=AGENT3).run(5)
+        layer_of(model).frozen = True
         policy = layer_of(model).policy()
+        model.step()
         model.add_robots(AGENT9, 1)
         model.step()
         views = layer_of(model)._memory.weights
@@ -183,7 +185,8 @@ class TestWhatIsLearned:
         assert model.steps == 30
 
     def test_does_not_change_when_frozen(self):
-        model = learning(frozen=True).run(2)
+        model = learning().run(2)
+        layer_of(model).frozen = True
         before = columns(model, *PARTS, "temperature")
         after = columns(model.run(40), *PARTS, "temperature")
         assert all((a == b).all() for a, b in zip(before, after, strict=True))
