@@ -48,8 +48,8 @@ class Left:
         for name, old in self.columns.items():
             if name != "number":
                 # Columns may have become wider, with robots of more sensors.
-                shared = tuple(slice(0, width) for width in old.shape[1:])
-                columns[prefix + name.removeprefix(self.prefix)][(now, *shared)] = old[then]
+                known: Any = (now, *(slice(0, width) for width in old.shape[1:]))
+                columns[prefix + name.removeprefix(self.prefix)][known] = old[then]
 
 
 class Keeper:

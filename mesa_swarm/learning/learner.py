@@ -86,6 +86,11 @@ class Learner(Keeper):
         """T_0."""
         return HOT if self.first_temperature is None else self.first_temperature
 
+    @property
+    def _begun_at(self) -> float:
+        """The temperature at which robots are born."""
+        return self._hottest if self.start is None or self.first_temperature is not None else self.start.temperature
+
     def unbind(self) -> None:
         """Keep what the robots know, as its columns are about to be dropped."""
         super().unbind()
@@ -98,6 +103,10 @@ class Learner(Keeper):
 
     def _networks_in(self, swarm: Any, prefix: str) -> Memory:
         return Memory(swarm, prefix, self._count, ENCODINGS[self.encoding], self.start)
+
+    def policy(self, **training: str | float) -> NetworkPolicy:
+        """Return what the robots have learned so far; see `QLearning.policy`."""
+        raise NotImplementedError
 
     def _take_along(self) -> None:
         """Let the robots of another model start with what was learned, at the temperature of that."""
@@ -112,8 +121,7 @@ class Learner(Keeper):
         self._memory = self._networks_in(swarm, prefix)
         swarm.remember(f"{prefix}.inputs", (per_sensor, "proximity"), np.float64, 1.0)
         swarm.remember(f"{prefix}.reward", (), np.float64, 0.0)
-        goes_on = self.start is not None and self.first_temperature is None
-        swarm.remember(f"{prefix}.temperature", (), np.float64, self.start.temperature if goes_on else self._hottest)
+        swarm.remember(f"{prefix}.temperature", (), np.float64, self._begun_at)
         swarm.remember(f"{prefix}.bumps", (), np.float64, self.bump_rate)
         swarm.remember(f"{prefix}.lessons", (), np.int64, 0)
 
