@@ -9,6 +9,7 @@ import pytest
 
 from mesa_swarm import AGENT3, AGENT9, SwarmModel
 from mesa_swarm.control import Avoid, Subsumption
+from mesa_swarm.environments.commanded import Commanded
 from mesa_swarm.errors import LearningError
 from mesa_swarm.learning import HebbianLearning, PolicyLayer, QLearning, WireFittedQ, load_policy, save_policy
 from mesa_swarm.learning.fire_learning import LearnFires
@@ -192,3 +193,12 @@ def test_so_does_worth():
     for layer in (QLearning(), WireFittedQ()):
         with pytest.raises(LearningError, match="is in no model"):
             layer.worth(0)
+
+
+def test_so_do_the_wheels_of_commanded_robots():
+    layer = Commanded(2)
+    with pytest.raises(LearningError, match=r"this Commanded is in no model: .* model\.control\.layers\[0\]"):
+        _ = layer.wheels
+    model = learning(QLearning, 0)
+    model.control = Subsumption(layer)
+    assert model.control.layers[0].wheels.shape == (2, 2)
