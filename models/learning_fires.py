@@ -67,8 +67,7 @@ class LearningFires(SwarmModel):
         super().__init__(map=map, rng=rng, history_every=0, model_reporters={"robots_at_largest": "robots_at_largest"})
         if not len(self.fires):
             raise InvalidValueError(f"map {self.map.name} has no fires; choose one with fires, such as openspace_fire")
-        self.round_steps = check_count("round_steps", round_steps, minimum=1)
-        self.round_began = 0
+        self.round_steps, self.round_began = check_count("round_steps", round_steps, minimum=1), 0
         self.rounds: list[list[int]] = []  # how long each lasted, whether all went out, whether the largest did
         self.add_robots(AGENT_FIRE, check_count("n_robots", n_robots))
         learner = LearnFires(

@@ -19,8 +19,7 @@ learns of one situation changes what it says of others. With beta 0.005 collisio
 THINGS TO TRY. Reward (a): why do robots quiver? Eight actions: are there more collisions, and why? gamma 0.9: at what
 distance do robots turn? A single robot: does it learn as well without the others?
 
-EXTENDING IT. Put a reflex above the learner: `model.control = Subsumption(Avoid(distance=3), model.learner)`. What
-robots have learned so far stays.
+EXTENDING IT. A reflex above the learner: `model.control = Subsumption(Avoid(distance=3), model.learner)`.
 
 REFERENCE. Thesis, chapters 6 to 8.
 """
@@ -31,7 +30,7 @@ import numpy as np
 
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.control import Subsumption
-from mesa_swarm.errors import InvalidValueError, check_choice, check_count
+from mesa_swarm.errors import InvalidValueError, check_choice, check_count, shortened
 from mesa_swarm.learning import q_learning
 from mesa_swarm.parameters import Choice, Slider
 from mesa_swarm.reporters import held
@@ -56,10 +55,7 @@ class QLearning(SwarmModel):
         self,
         *,
         n_robots: Annotated[int, Slider(1, 100, 1, "robots")] = 15,
-        reward: Annotated[
-            str,
-            Choice(("a", "b", "c"), "pays (a) speed, (b) driving straight, (c) b without its leap"),
-        ] = "b",
+        reward: Annotated[str, Choice(("a", "b", "c"), "pays (a) speed, (b) going straight, (c) b but no leap")] = "b",
         actions: Annotated[int, Slider(4, 8, 4, "what robots can do: 8, or the first 4 of them")] = 4,
         beta: Annotated[float, Slider(0, 0.01, 1e-4, "share by which T nears its end in each step")] = 1e-4,
         alpha: Annotated[float, Slider(0, 1, 0.05, "how much of a new experience counts")] = 0.4,
@@ -74,8 +70,7 @@ class QLearning(SwarmModel):
         map: Annotated[str, Choice(("original", "sparse", "openspace"), "the world")] = "original",
         rng: Seed = None,
     ) -> None:
-        measured = held("temperature", "reward", "forward_speed")
-        super().__init__(map=map, rng=rng, model_reporters=measured)
+        super().__init__(map=map, rng=rng, model_reporters=held("temperature", "reward", "forward_speed"))
         self.add_robots(AGENT9, check_count("n_robots", n_robots, minimum=1))
         layer = q_learning.QLearning(
             reward=reward, actions=actions, encoding=encoding, alpha=alpha, eta=eta, gamma=gamma, beta=beta,
@@ -105,8 +100,7 @@ class QLearning(SwarmModel):
         layers = () if self.control is None else self.control.layers
         learner = next((layer for layer in layers if isinstance(layer, q_learning.QLearning)), None)
         if learner is None:
-            names = ", ".join(layer.name for layer in layers) or "nothing"
-            raise InvalidValueError(f"the model is driven by {names}; expected a layer that learns, QLearning(...)")
+            raise InvalidValueError(f"the model is driven by {shortened(layers)}; expected a layer that learns")
         return learner
 
     def results(self) -> dict[str, float]:
