@@ -146,6 +146,20 @@ def check_choice(name: str, value: object, choices: Iterable[str]) -> str:
     raise UnknownNameError(unknown_name(name, value, known))
 
 
+def check_flag(name: str, value: object) -> bool:
+    """Return `value` as a bool, or say that it is neither True nor False: "no" would count as True.
+
+    Examples
+    --------
+    >>> check_flag("shared", True)
+    True
+    """
+    # By the names of NumPy's own, which nothing is imported for here.
+    if type(value).__name__ in ("bool", "bool_"):
+        return bool(value)
+    raise InvalidValueError(f"{name} is {shortened(value)}; expected True or False")
+
+
 def unknown_name(what: str, got: object, known: Iterable[str]) -> str:
     """Return one sentence that says `got` is unknown and names the nearest known name.
 

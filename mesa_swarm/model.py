@@ -168,8 +168,18 @@ class SwarmModel(RecordedWorld):
             raise InvalidValueError(
                 f"control is {control!r:.60}; expected an arbiter such as Subsumption(Avoid(), Explore())"
             )
-        if control is not None:
+        if isinstance(control, Arbiter):
             check_drives(control, [self.swarm.designs[d] for d in np.unique(self.swarm.design)])
+        before = self._control
+        if isinstance(before, Arbiter):
+            before.unbind()
+        try:
+            self._drive_by(control)
+        except Exception:
+            self._drive_by(before)
+            raise
+
+    def _drive_by(self, control: Arbiter | None) -> None:
         self.swarm.forget()
         self.swarm.columns["command"].fill(0.0)
         self.swarm.columns["layer"].fill(-1)

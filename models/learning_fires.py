@@ -28,7 +28,7 @@ import numpy as np
 
 from mesa_swarm import AGENT_FIRE, SwarmModel
 from mesa_swarm.control import Avoid, Explore, Follow, Subsumption
-from mesa_swarm.errors import check_choice, check_count
+from mesa_swarm.errors import InvalidValueError, check_choice, check_count
 from mesa_swarm.fire import FightFire
 from mesa_swarm.learning.fire_learning import LearnFires
 from mesa_swarm.parameters import Choice, Slider
@@ -65,8 +65,9 @@ class LearningFires(SwarmModel):
         rng: Seed = None,
     ) -> None:
         super().__init__(map=map, rng=rng, history_every=0, model_reporters={"robots_at_largest": "robots_at_largest"})
-        self.round_steps = check_count("round_steps", round_steps, minimum=1)
-        self.round_began = 0
+        if not len(self.fires):
+            raise InvalidValueError(f"map {self.map.name} has no fires; choose one with fires, such as openspace_fire")
+        self.round_steps, self.round_began = check_count("round_steps", round_steps, minimum=1), 0
         self.rounds: list[list[int]] = []  # how long each lasted, whether all went out, whether the largest did
         self.add_robots(AGENT_FIRE, check_count("n_robots", n_robots))
         learner = LearnFires(

@@ -19,7 +19,7 @@ learns of one situation changes what it says of others. With beta 0.005 collisio
 THINGS TO TRY. Reward (a): why do robots quiver? Eight actions: are there more collisions, and why? gamma 0.9: at what
 distance do robots turn? A single robot: does it learn as well without the others?
 
-EXTENDING IT. Put `Avoid(distance=3)` above the learner, as a reflex.
+EXTENDING IT. A reflex above the learner: `model.control = Subsumption(Avoid(distance=3), model.learner)`.
 
 REFERENCE. Thesis, chapters 6 to 8.
 """
@@ -30,7 +30,7 @@ import numpy as np
 
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.control import Subsumption
-from mesa_swarm.errors import InvalidValueError, check_count, shortened
+from mesa_swarm.errors import InvalidValueError, check_choice, check_count, shortened
 from mesa_swarm.learning import q_learning
 from mesa_swarm.parameters import Choice, Slider
 from mesa_swarm.reporters import held
@@ -55,10 +55,7 @@ class QLearning(SwarmModel):
         self,
         *,
         n_robots: Annotated[int, Slider(1, 100, 1, "robots")] = 15,
-        reward: Annotated[
-            str,
-            Choice(("a", "b", "c"), "pays (a) speed, (b) driving straight, (c) b without its leap"),
-        ] = "b",
+        reward: Annotated[str, Choice(("a", "b", "c"), "pays (a) speed, (b) going straight, (c) b but no leap")] = "b",
         actions: Annotated[int, Slider(4, 8, 4, "what robots can do: 8, or the first 4 of them")] = 4,
         beta: Annotated[float, Slider(0, 0.01, 1e-4, "share by which T nears its end in each step")] = 1e-4,
         alpha: Annotated[float, Slider(0, 1, 0.05, "how much of a new experience counts")] = 0.4,
@@ -73,13 +70,12 @@ class QLearning(SwarmModel):
         map: Annotated[str, Choice(("original", "sparse", "openspace"), "the world")] = "original",
         rng: Seed = None,
     ) -> None:
-        measured = held("temperature", "reward", "forward_speed")
-        super().__init__(map=map, rng=rng, model_reporters=measured)
+        super().__init__(map=map, rng=rng, model_reporters=held("temperature", "reward", "forward_speed"))
         self.add_robots(AGENT9, check_count("n_robots", n_robots, minimum=1))
         layer = q_learning.QLearning(
             reward=reward, actions=actions, encoding=encoding, alpha=alpha, eta=eta, gamma=gamma, beta=beta,
             first_temperature=first_temperature, last_temperature=last_temperature, critical=critical,
-            shared=shared == "yes", self_adjusting=self_adjusting == "yes",
+            shared=_is_yes("shared", shared), self_adjusting=_is_yes("self_adjusting", self_adjusting),
         )  # fmt: skip
         self.control = Subsumption(layer)
 
@@ -101,10 +97,11 @@ class QLearning(SwarmModel):
     @property
     def learner(self) -> q_learning.QLearning:
         """The layer that learns, with what it knows."""
-        layer = None if self.control is None else self.control.layers[0]
-        if not isinstance(layer, q_learning.QLearning):
-            raise InvalidValueError(f"the model's first layer is {shortened(layer)}, which does not learn")
-        return layer
+        layers = () if self.control is None else self.control.layers
+        learner = next((layer for layer in layers if isinstance(layer, q_learning.QLearning)), None)
+        if learner is None:
+            raise InvalidValueError(f"the model is driven by {shortened(layers)}; expected a layer that learns")
+        return learner
 
     def results(self) -> dict[str, float]:
         """Return what a comparison compares: collisions per robot and 1,000 steps, and those of the end."""
@@ -115,3 +112,8 @@ class QLearning(SwarmModel):
             "the same in the last 3,000 steps": 1000.0 * float(counts.sum()) / (robots * max(len(counts), 1)),
             "forward speed in the end": self.forward_speed,
         }
+
+
+def _is_yes(name: str, answer: str | bool) -> bool:
+    """Return whether it is yes; sweeps and scripts say True and False."""
+    return bool(answer) if isinstance(answer, bool | np.bool_) else check_choice(name, answer, YES_NO) == "yes"

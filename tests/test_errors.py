@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, SwarmModel
-from mesa_swarm.errors import InvalidValueError, SwarmError, check_count, check_number, shortened
+from mesa_swarm.errors import InvalidValueError, SwarmError, check_count, check_flag, check_number, shortened
 from mesa_swarm.parameters import Choice, Parameter
 
 
@@ -22,6 +22,16 @@ def test_limits_of_counts_are_shown_to_the_last_digit():
         check_count("n", 2**40)
     with pytest.raises(InvalidValueError, match=r"at least 0 and at most 1e\+09$"):
         check_number("x", -1, minimum=0, maximum=1e9)
+
+
+@pytest.mark.parametrize("wrong", ["no", "yes", 0, 1, None, np.array([True]), [True]])
+def test_whatever_is_neither_true_nor_false_is_refused(wrong):
+    with pytest.raises(InvalidValueError, match=r"^shared is .*; expected True or False$"):
+        check_flag("shared", wrong)
+
+
+def test_numpy_s_true_and_false_are_taken():
+    assert [check_flag("shared", flag) for flag in (True, False, np.True_, np.False_)] == [True, False, True, False]
 
 
 def test_numbers_of_numpy_and_paths_are_shown_as_plain_ones():

@@ -50,13 +50,21 @@ class Arbiter:
     def bound(self, swarm: Swarm, streams: Streams) -> "Arbiter":
         """Return a copy whose layers have their columns and random streams in this swarm.
 
-        A copy, so that one arbiter can be given to many models.
+        A copy, so that one arbiter can be given to many models. Layers that were bound before begin anew, but
+        learners go on with what they have learned.
         """
         mine = copy(self)
         mine.layers = tuple(map(copy, self.layers))
         for index, layer in enumerate(mine.layers):
             layer.bind(swarm, f"{index}.{layer.name}", streams[f"decide.{layer.name}"])
         return mine
+
+    def unbind(self) -> None:
+        """Let layers that have an ``unbind()`` keep what they know, as the columns of all are about to be dropped."""
+        for layer in self.layers:
+            unbind = getattr(layer, "unbind", None)
+            if callable(unbind):
+                unbind()
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray) -> None:
         """Write the command (n, 2) and the winning layer (n,) of every robot."""

@@ -84,9 +84,10 @@ class Layer(Protocol):
 
     A rule about one robot is written more simply with `behaviour`. A layer of one's own is a class with
     these two; see `Explore`, which remembers something, and `Avoid`, which does not. It may have a third,
-    ``reason(moment) -> Reason``, which says why it drove a robot (`SwarmModel.explain`), and may say what it commands:
-    ``commands_wheels`` is True for speeds of wheels left and right, False for speeds forward and sideways. It is
-    then refused for robots with a drive of the other kind.
+    ``reason(moment) -> Reason``, which says why it drove a robot (`SwarmModel.explain`), and a fourth, ``unbind()``,
+    which is called before another control takes the place of the one that it is in, and all columns are dropped.
+    It may say what it commands: ``commands_wheels`` is True for speeds of wheels left and right, False for speeds
+    forward and sideways. It is then refused for robots with a drive of the other kind.
     """
 
     @property

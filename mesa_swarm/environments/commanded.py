@@ -3,7 +3,7 @@
 import numpy as np
 
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import check_count
+from mesa_swarm.errors import LearningError, check_count
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm
 
@@ -38,13 +38,24 @@ class Commanded:
     """
 
     name = "Commanded"
+    _wheels: np.ndarray | None = None
 
     def __init__(self, count: int) -> None:
         self.count = check_count("count", count, minimum=1)
 
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
         """Make room for the commands: a copy of this layer belongs to each swarm."""
-        self.wheels = np.zeros((self.count, 2))
+        self._wheels = np.zeros((self.count, 2))
+
+    @property
+    def wheels(self) -> np.ndarray:
+        """What the commanded robots are told; LearningError if the layer is in no model."""
+        if self._wheels is None:
+            raise LearningError(
+                "this Commanded is in no model: a model drives by a copy of it; write to the wheels of "
+                "model.control.layers[0], or whichever layer it is there"
+            )
+        return self._wheels
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Hand on what was told; this is the uppermost layer."""

@@ -18,7 +18,6 @@ from mesa_swarm.learning.policy import Policy, PolicyLayer, SensorLayout
 from mesa_swarm.learning.q_learning import QLearning
 from mesa_swarm.learning.q_policy import QPolicy
 from mesa_swarm.learning.wire_learning import WireFittedQ
-from mesa_swarm.learning.wire_policy import WirePolicy
 from mesa_swarm.robots.design import AGENT9
 from mesa_swarm.world.random_map import random_map
 
@@ -136,10 +135,7 @@ def _taught(learner: type, options: dict[str, Any], seed: int, steps: int) -> Tr
         curve.append(1000.0 * tally.means()["collisions"])
     layers = model.control.layers if model.control else ()
     policy = next(layer for layer in layers if isinstance(layer, QLearning | WireFittedQ | HebbianLearning)).policy()
-    started = {**options, "start": policy}
-    if isinstance(policy, QPolicy | WirePolicy):
-        started["first_temperature"] = policy.temperature
-    goes_on = Subsumption(learner(**started))
+    goes_on = Subsumption(learner(**options, start=policy))
     return Trained(frozen=_by(policy), learning=goes_on, robot_steps=steps * ROBOTS, curve=curve)
 
 

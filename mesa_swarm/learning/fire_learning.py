@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import check_count, check_number
+from mesa_swarm.errors import LearningError, check_count, check_flag, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import best_of, chosen
+from mesa_swarm.learning.keeping import Keeper
 from mesa_swarm.learning.skills import SITUATIONS, SKILLS, perform, situation_of
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm
@@ -16,7 +17,7 @@ LARGEST_REWARD = 1e6
 
 
 @dataclass(kw_only=True)
-class LearnFires:
+class LearnFires(Keeper):
     """Learn which skill pays in which situation: explore, approach, wait, back off, follow; always active.
 
     A situation is: free, at a fire, too hot in the heat, or too hot out of it; whether a fire is seen; whether a
@@ -82,10 +83,16 @@ class LearnFires:
         for name in ("first_temperature", "last_temperature"):
             check_number(name, getattr(self, name), above=0, maximum=LARGEST_REWARD)
         check_count("hold", self.hold, minimum=1)
+        for name in ("shared", "frozen"):
+            check_flag(name, getattr(self, name))
 
-    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
-        """Remember each robot's table, what it is doing since when, and what it got for it."""
-        self._swarm, self._prefix, self._rng = swarm, prefix, rng
+    def _take_along(self) -> None:
+        """Refuse to: there is no file or policy of tables, by which robots of another model could start."""
+        if self._column("values").any():
+            raise LearningError(f"{self.name} has learned in another model; give this one a new LearnFires(...)")
+
+    def _remember(self, swarm: Swarm, prefix: str) -> None:
+        """Make the columns: a table, what a robot is doing since when, and what it got for it."""
         swarm.remember(f"{prefix}.values", (len(SITUATIONS), len(SKILLS)), np.float64, 0.0)
         for name in ("situation", "skill", "last", "before"):
             swarm.remember(f"{prefix}.{name}", (), np.int64, -1)
@@ -105,11 +112,8 @@ class LearnFires:
 
     def begin_again(self) -> None:
         """Take note that all fires are about to be lit anew, so that nobody takes that for a fire put out."""
-        self._column("before")[self._swarm.columns["fire"] >= 0] = -1
+        self._column("before")[self._robots.columns["fire"] >= 0] = -1
         self._column("last")[:] = -1
-
-    def _column(self, name: str) -> np.ndarray:
-        return self._swarm.columns[f"{self._prefix}.{name}"]
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Learn from the last step, choose anew where it is time to, and drive those that no other layer drives."""

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import InvalidValueError, LearningError, check_choice, check_number, shortened
+from mesa_swarm.errors import InvalidValueError, LearningError, check_choice, check_flag, check_number, shortened
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import ranges_of
+from mesa_swarm.learning.keeping import Keeper
+from mesa_swarm.learning.learner import LARGEST
 from mesa_swarm.learning.policy import check_designs, sensors_of
 from mesa_swarm.learning.reflex_policy import ReflexPolicy, nearness
 from mesa_swarm.learning.rewards import REWARDS, rewarded
@@ -19,7 +21,7 @@ TOLD = ("reward", "eta", "trace", "gamma", "average", "jitter", "persistence", "
 
 
 @dataclass(kw_only=True)
-class HebbianLearning:
+class HebbianLearning(Keeper):
     """Learn weights from readings to wheels by a Hebbian rule that reward modulates; always active.
 
     Each robot drives by ``u = W' x`` within [-1, 1], with x the proximities (0 nothing near, 1 touching) and a
@@ -32,6 +34,7 @@ class HebbianLearning:
 
     so that what was tried where x was seen is strengthened if it led to more than was expected there: a Hebbian rule
     with a third factor [1]_, the surprise, and a trace for rewards that come late. Weights stay within [-limit, limit].
+    What becomes of it when controls are changed: as `QLearning`.
 
     Parameters
     ----------
@@ -54,13 +57,16 @@ class HebbianLearning:
     limit : float
         Of the weights, above 0.
     frozen : bool
-        Whether it only acts, tries nothing and learns nothing.
+        Whether it only acts, tries nothing and learns nothing; then it takes a `start` that is trained.
     start : ReflexPolicy, optional
-        What robots know when they are born, without hidden units; small random weights by default.
+        What robots know when they are born: without hidden units or whim, of distances, linear; small random
+        weights by default. What they expect begins anew.
 
     Raises
     ------
     InvalidValueError, UnknownNameError
+    LearningError
+        If it is frozen and knows nothing.
 
     References
     ----------
@@ -99,13 +105,18 @@ class HebbianLearning:
         check_number("persistence", self.persistence, minimum=0, maximum=0.999)
         check_number("critical", self.critical, above=0, maximum=1)
         check_number("limit", self.limit, above=0, maximum=1e6)
-        start = self.start
-        if start is not None and not (isinstance(start, ReflexPolicy) and not start.memory):
-            raise InvalidValueError(f"start is {shortened(start)}; expected a ReflexPolicy without hidden units")
+        self.frozen = check_flag("frozen", self.frozen)
+        if self.start is not None:
+            check_reflex(self.start)
+        self._check_frozen()
 
-    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
-        """Remember each robot's weights and traces, its last inputs, commands and reward, and what it expects."""
-        self._swarm, self._prefix, self._rng = swarm, prefix, rng
+    def _take_along(self) -> None:
+        """Let the robots of another model start with the weights that were learned."""
+        if self._column("lessons").any():
+            self.start = self.policy()
+
+    def _remember(self, swarm: Swarm, prefix: str) -> None:
+        """Make the columns: weights and traces, last inputs, commands and reward, and what a robot expects."""
         self._check_start()
         columns: dict[str, tuple[tuple[int | str, ...], type, object]] = {
             "weights": (("proximity", 2), np.float64, 0.0),
@@ -126,18 +137,17 @@ class HebbianLearning:
 
     def policy(self, **training: str | float) -> ReflexPolicy:
         """Return what the robots have learned so far as reflexes that no longer learn; see `QLearning.policy`."""
-        sensors = sensors_of(self._swarm)
+        sensors = sensors_of(self._robots)
         self._give_birth()
-        whim, constant = np.zeros((len(self._swarm), 1, 2)), self._column("constant")[:, None]
+        whim, constant = np.zeros((len(self._robots), 1, 2)), self._column("constant")[:, None]
         wheel = np.concatenate([self._column("weights"), whim, constant], axis=1)
         lessons = int(self._column("lessons").sum())
-        told = {name: getattr(self, name) for name in TOLD}
         return ReflexPolicy(
             sensors=sensors,
             hidden=np.zeros((*wheel.shape[:2], 0)),
             wheel=wheel,
             steps=lessons + (self.start.steps if self.start else 0),
-            training={"learner": "hebbian", **told, "robots": len(self._swarm), "lessons": lessons, **training},
+            training=self._training(TOLD, lessons, training),
         )
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
@@ -146,7 +156,7 @@ class HebbianLearning:
         Raises
         ------
         LearningError
-            If what a robot has learned is no longer finite; all that was learned before is kept.
+            If what a robot expects grows beyond all bounds; all that it learned before is kept.
         """
         self._give_birth()
         self._try_anew(self._column("tried"))
@@ -169,19 +179,16 @@ class HebbianLearning:
             index,
         )
         if diverged >= 0:
-            robot = self._swarm.agents[diverged]
+            robot = self._robots.agents[diverged]
             raise LearningError(
                 f"{self.name} diverged for robot {robot.unique_id} in step {robot.model.steps}: what it expects "
-                "is not finite; lower average or gamma"
+                "grows beyond all bounds; lower average or gamma"
             )
 
     @property
     def last_reward(self) -> np.ndarray:
         """What every robot got for its last action (n,); a copy."""
         return self._column("reward").copy()
-
-    def _column(self, name: str) -> np.ndarray:
-        return self._swarm.columns[f"{self._prefix}.{name}"]
 
     def _try_anew(self, tried: np.ndarray) -> None:
         """Let what is tried (n, 2) drift; nothing is tried by robots that no longer learn."""
@@ -193,7 +200,7 @@ class HebbianLearning:
 
     def _check_start(self) -> None:
         if self.start is not None:
-            check_designs(self.start.sensors, self._swarm)
+            check_designs(self.start.sensors, self._robots)
 
     def _give_birth(self) -> None:
         """Give robots that have no weights yet theirs."""
@@ -207,9 +214,26 @@ class HebbianLearning:
             weights[new] = self._rng.uniform(-0.1, 0.1, (len(new), *weights.shape[1:]))
             constant[new] = self._rng.uniform(-0.1, 0.1, (len(new), 2))
         else:
-            known = self.start.wheel[self._swarm.columns["number"][new] % len(self.start.wheel)]
+            known = self.start.wheel[self._robots.columns["number"][new] % len(self.start.wheel)]
             weights[new], constant[new] = known[:, :-2], known[:, -1]
         born[:] = True
+
+
+def check_reflex(start: object) -> None:
+    """Refuse what weights from distances to wheels alone cannot go on with.
+
+    Raises
+    ------
+    InvalidValueError
+    """
+    if not isinstance(start, ReflexPolicy) or start.memory:
+        raise InvalidValueError(f"start is {shortened(start)}; expected a ReflexPolicy without hidden units")
+    if (start.encoding, start.squash) != ("distance", "linear"):
+        raise InvalidValueError(
+            f"start has encoding {start.encoding!r} and squash {start.squash!r}; expected 'distance' and 'linear'"
+        )
+    if start.wheel[:, -2].any():
+        raise InvalidValueError("start has weights of the whim, which this does not learn; expected them to be 0")
 
 
 @compiled
@@ -217,7 +241,7 @@ def learn_and_try(
     distance, ranges, design, max_speed, weights, last, counts, critic, tried, reward, rates, expecting, frozen,
     command, layer, index,
 ):  # fmt: skip
-    """Learn from the last action and try the next; return a robot whose expectations are not finite, or -1."""
+    """Learn from the last action and try the next; return a robot whose expectations diverged, or -1."""
     rewards, lessons = counts
     diverged = -1
     inputs = np.empty(distance.shape[1])
@@ -230,7 +254,7 @@ def learn_and_try(
             rewards[i] = rewarded(reward, 1.0 - nearest, last[i, 0], last[i, 1], expecting[2])
             if not frozen:
                 surprise = surprised(critic, i, rewards[i], inputs, expecting)
-                if math.isfinite(surprise):
+                if abs(surprise) <= LARGEST:
                     strengthen(weights, i, surprise, rates)
                     lessons[i] += 1
                 else:
@@ -248,7 +272,7 @@ def learn_and_try(
 
 @compiled
 def surprised(critic, i, reward, inputs, expecting):
-    """Return ``r + gamma v' y - v' x`` of robot i, and let its expectations follow, unless it is not finite."""
+    """Return ``r + gamma v' y - v' x`` of robot i, and let its expectations follow, unless it is beyond bounds."""
     seen, expected, usual = critic
     gamma, average = expecting[0], expecting[1]
     before, after = usual[i], usual[i]
@@ -256,7 +280,7 @@ def surprised(critic, i, reward, inputs, expecting):
         before += expected[i, s] * seen[i, s]
         after += expected[i, s] * inputs[s]
     surprise = reward + gamma * after - before
-    if math.isfinite(surprise):
+    if abs(surprise) <= LARGEST:
         usual[i] += average * surprise
         for s in range(inputs.shape[0]):
             expected[i, s] += average * surprise * seen[i, s]

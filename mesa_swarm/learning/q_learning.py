@@ -1,6 +1,5 @@
 """QLearning: robots that teach themselves to drive fast and touch nothing (thesis chapters 7 and 8)."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +7,7 @@ import numpy as np
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, best_of, checked_actions, chosen, write_inputs
-from mesa_swarm.learning.learner import Learner, cool
+from mesa_swarm.learning.learner import Learner, cool, is_bounded
 from mesa_swarm.learning.networks import back_propagate, forward
 from mesa_swarm.learning.q_policy import QPolicy, say_values
 from mesa_swarm.learning.rewards import rewarded
@@ -29,6 +28,10 @@ class QLearning(Learner):
     What is learned is in columns of the swarm, one row a robot. In a `Subsumption` a robot learns of its own
     actions only, not of those of layers above.
 
+    A model learns with a copy of the layer that it is given: ``model.control.layers[0]``, or whichever it is there.
+    That one keeps what it knows when another control takes its place. Put into a control of the same model again,
+    robots go on as if nothing had happened; in another model they begin with its `policy()`.
+
     Parameters
     ----------
     reward : str
@@ -45,8 +48,10 @@ class QLearning(Learner):
         What the next step's value counts, 0 to below 1.
     beta : float
         How fast the temperature falls, 0 to 1.
-    first_temperature, last_temperature : float
-        T_0 and T_c, above 0.
+    first_temperature : float, optional
+        T_0, above 0; 1 by default. Robots that start with a policy begin at its temperature by default.
+    last_temperature : float
+        T_c, above 0.
     critical : float
         Reading, as a share of the range, below which the reward tells only of nearness; above 0, at most 1.
     shared : bool
@@ -63,15 +68,20 @@ class QLearning(Learner):
     bump_distance : float
         Map units, at least 0.
     frozen : bool
-        Whether it only acts, at the temperature that each robot has, and learns nothing.
+        Whether it only acts, at the temperature that each robot has, and learns nothing; then it takes a `start`
+        that is trained.
     start : QPolicy, optional
         What robots know when they are born, small random weights by default: the way to go on with a saved
         policy. The k-th robot ever made gets set ``k % copies``, or all the first one where networks are shared.
+        Sensors must be those that it was trained with; robots may be larger or faster, for actions are shares of
+        max_speed.
 
     Raises
     ------
     InvalidValueError, UnknownNameError
         If a value is out of its range, or `start` has other actions or another encoding.
+    LearningError
+        If it is frozen and knows nothing.
 
     Examples
     --------
@@ -89,9 +99,13 @@ class QLearning(Learner):
         self._check_rates()
         self._check_start(QPolicy, self.actions)
 
-    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
-        """Remember each robot's networks, its last inputs, action and reward, its temperature and recent bumps."""
-        self._remember(swarm, prefix, rng, self.actions)
+    @property
+    def _count(self) -> int:
+        return self.actions
+
+    def _remember(self, swarm: Swarm, prefix: str) -> None:
+        """Make the columns, of each robot's last action too."""
+        super()._remember(swarm, prefix)
         swarm.remember(f"{prefix}.action", (), np.int64, -1)
 
     def policy(self, **training: str | float) -> QPolicy:
@@ -115,7 +129,7 @@ class QLearning(Learner):
         Raises
         ------
         LearningError
-            If what a robot has learned is no longer finite; all that was learned before is kept.
+            If what a robot is to learn lies beyond all bounds; all that it learned before is kept.
         """
         self._end_lesson(learn_and_choose(*self._known(senses), command, layer, index))
 
@@ -153,7 +167,7 @@ def learn_and_choose(
     distance, kind, ranges, design, max_speed, weights, inputs, action, lessons, memory, chance,
     reward, rates, cooling, bumping, options, command, layer, index,
 ):  # fmt: skip
-    """Learn from the last action and choose the next; return a robot whose values are not finite, or -1."""
+    """Learn from the last action and choose the next; return a robot whose values diverged, or -1."""
     rewards, temperature, bumps = memory
     rate, gamma, critical = rates
     shared, self_adjusting, frozen = options
@@ -189,10 +203,10 @@ def learn_and_choose(
 
 @compiled
 def learn_one(weights, m, inputs, i, hidden, wanted, rate):
-    """Move Q of what robot i did towards what is wanted; return whether that was finite, else nothing is changed."""
+    """Move Q of what robot i did to what is wanted; return whether that was within bounds, else change nothing."""
     inner, inner_bias, outer, outer_bias = weights
     step = rate * (wanted - forward(inner, inner_bias, outer, outer_bias, m, inputs, i, hidden))
-    if not math.isfinite(step):
+    if not is_bounded(outer, m, step):
         return False
     back_propagate(inner, inner_bias, outer, outer_bias, m, inputs, i, hidden, step)
     return True

@@ -9,7 +9,7 @@ from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import check_count, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import best_of, chosen, write_inputs
-from mesa_swarm.learning.learner import Learner, cool
+from mesa_swarm.learning.learner import LARGEST, Learner, cool, is_bounded
 from mesa_swarm.learning.networks import back_propagate
 from mesa_swarm.learning.rewards import rewarded
 from mesa_swarm.learning.wire_fitting import SMOOTHING, TINY, interpolate
@@ -40,7 +40,8 @@ self_adjusting, bump_rate, bump_window, bump_distance, frozen
 
     Raises
     ------
-    InvalidValueError, UnknownNameError
+    InvalidValueError, UnknownNameError, LearningError
+        As for `QLearning`.
 
     Examples
     --------
@@ -61,9 +62,13 @@ self_adjusting, bump_rate, bump_window, bump_distance, frozen
         self._check_rates()
         self._check_start(WirePolicy, self.wires)
 
-    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
-        """Remember each robot's networks, its last inputs, action and reward, its temperature and recent bumps."""
-        self._remember(swarm, prefix, rng, OUTPUTS * self.wires)
+    @property
+    def _count(self) -> int:
+        return OUTPUTS * self.wires
+
+    def _remember(self, swarm: Swarm, prefix: str) -> None:
+        """Make the columns, of each robot's last action too."""
+        super()._remember(swarm, prefix)
         swarm.remember(f"{prefix}.action", (2,), np.float64, math.nan)
 
     def policy(self, **training: str | float) -> WirePolicy:
@@ -76,7 +81,7 @@ self_adjusting, bump_rate, bump_window, bump_distance, frozen
         Raises
         ------
         LearningError
-            If what a robot has learned is no longer finite; all that was learned before is kept.
+            If what a robot is to learn lies beyond all bounds; all that it learned before is kept.
         """
         known = self._known(senses)
         errors = self.jitter * self._rng.normal(size=(len(layer), 2))
@@ -99,7 +104,7 @@ def learn_wires(
     distance, kind, ranges, design, max_speed, weights, inputs, action, lessons, memory, chance,
     reward, rates, cooling, bumping, options, errors, wires, command, layer, index,
 ):  # fmt: skip
-    """Learn from the last action and choose the next; return a robot whose values are not finite, or -1."""
+    """Learn from the last action and choose the next; return a robot whose values diverged, or -1."""
     rewards, temperature, bumps = memory
     rate, gamma, critical = rates
     shared, self_adjusting, frozen = options
@@ -135,20 +140,22 @@ def learn_wires(
 
 @compiled
 def learn_one(weights, first, inputs, i, hidden, ends, values, action, wanted, rate):
-    """Move Q of what robot i did towards what is wanted; return whether that was finite, else nothing is changed."""
+    """Move Q of what robot i did to what is wanted; return whether that was within bounds, else change nothing."""
     inner, inner_bias, outer, outer_bias = weights
     wires = values.shape[0]
     propose(weights, first, inputs, i, hidden, ends, values)
     by_end, by_value = np.empty((wires, 2)), np.empty(wires)
     value = interpolate(action[i, 0], action[i, 1], ends, values, SMOOTHING, TINY, by_end, by_value)
     step = rate * (wanted - value)
-    if not math.isfinite(step):
-        return False
+    steps = np.empty(OUTPUTS * wires)
+    bounded = abs(step) <= LARGEST
     for w in range(wires):
         for side in range(2):
-            m = OUTPUTS * w + side
-            slope = by_end[w, side] * (1.0 - ends[w, side] * ends[w, side])
-            back_propagate(inner, inner_bias, outer, outer_bias, first + m, inputs, i, hidden[m], step * slope)
-        m = OUTPUTS * w + 2
-        back_propagate(inner, inner_bias, outer, outer_bias, first + m, inputs, i, hidden[m], step * by_value[w])
-    return True
+            steps[OUTPUTS * w + side] = step * (by_end[w, side] * (1.0 - ends[w, side] * ends[w, side]))
+        steps[OUTPUTS * w + 2] = step * by_value[w]
+    for m in range(OUTPUTS * wires):
+        bounded = bounded and is_bounded(outer, first + m, steps[m])
+    if bounded:
+        for m in range(OUTPUTS * wires):
+            back_propagate(inner, inner_bias, outer, outer_bias, first + m, inputs, i, hidden[m], steps[m])
+    return bounded

@@ -88,6 +88,13 @@ def test_the_table_is_of_each_robot_s_own_or_of_all():
     assert (tables == tables[:1]).all()
 
 
+def test_a_map_without_fires_is_refused():
+    with pytest.raises(
+        InvalidValueError, match=r"^map original has no fires; choose one with fires, such as openspace"
+    ):
+        LearningFires(map="original", rng=1)
+
+
 def test_random_skills_learn_nothing():
     model = LearningFires(controller="random", n_robots=4, rng=2).run(500)
     assert not model.control.layers[1].values.any()
@@ -117,7 +124,9 @@ def test_a_model_of_learners_goes_on_from_a_recording_as_if_it_had_not_stopped(t
     assert again.run(100).state_hash() == whole.run(100).state_hash()
 
 
-@pytest.mark.parametrize("wrong", [{"gamma": 1.0}, {"alpha": -1}, {"hold": 0}, {"arrival": np.nan}, {"beta": 2}])
+@pytest.mark.parametrize(
+    "wrong", [{"gamma": 1.0}, {"alpha": -1}, {"hold": 0}, {"arrival": np.nan}, {"beta": 2}, {"shared": "no"}]
+)
 def test_nonsense_is_refused_in_words(wrong):
     (name,) = wrong
     with pytest.raises(InvalidValueError, match=f"{name} is "):

@@ -7,8 +7,8 @@ import pytest
 
 from mesa_swarm import AGENT3, AGENT9, SwarmModel
 from mesa_swarm.control import Avoid, Subsumption
-from mesa_swarm.errors import LearningError, SwarmError
-from mesa_swarm.learning import PolicyLayer, reward
+from mesa_swarm.errors import InvalidValueError, LearningError, SwarmError
+from mesa_swarm.learning import PolicyLayer, ReflexPolicy, SensorLayout, reward
 from mesa_swarm.learning.hebbian import HebbianLearning
 
 PREFIX = "0.HebbianLearning"
@@ -93,6 +93,36 @@ def test_goes_on_where_a_policy_left_off():
         learning(1, design=AGENT3, start=policy)
 
 
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"encoding": "typed", "rows": 20}, "start has encoding 'typed' and squash 'linear'; expected 'distance'"),
+        ({"squash": "tanh"}, "start has encoding 'distance' and squash 'tanh'"),
+        ({"squash": "threshold"}, "squash 'threshold'"),
+        ({"whim": 0.5}, "weights of the whim"),
+        ({"units": 2, "rows": 13}, "without hidden units"),
+    ],
+)
+def test_reflexes_that_it_cannot_go_on_with_are_refused_by_name(changes, says):
+    given = {"rows": 11, "units": 0, "whim": 0.0, **changes}
+    rows, units, whim = given.pop("rows"), given.pop("units"), given.pop("whim")
+    wheel = np.full((1, rows, 2), 0.1)
+    wheel[:, -2] = whim
+    policy = ReflexPolicy(
+        sensors=SensorLayout.of(AGENT9), hidden=np.zeros((1, rows, units)), wheel=wheel, steps=1, **given
+    )
+    with pytest.raises(InvalidValueError) as caught:
+        HebbianLearning(start=policy)
+    assert says in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_reflex_that_somebody_thought_up_can_be_gone_on_with():
+    away = ReflexPolicy.reflex(SensorLayout.of(AGENT3), [[0, 0], [0, -2], [-2, 0], [1, 1]])
+    model = learning(20, design=AGENT3, start=away, eta=0.0)
+    assert (weights(model) == np.delete(away.wheel[0], 3, axis=0)).all()
+
+
 def test_the_same_seed_gives_the_same_bits_and_weights_stay_within_their_limits():
     one, two = (learning(150, eta=1.0, limit=0.5) for _ in range(2))
     assert one.state_hash() == two.state_hash()
@@ -123,6 +153,15 @@ def test_divergence_is_told_with_robot_and_step_and_what_was_learned_is_kept():
     assert (weights(model)[1] == kept[1]).all()
 
 
+def test_expectations_that_grow_beyond_all_bounds_are_told_of_before_they_overflow():
+    model = learning(20)
+    column(model, "usual")[1] = 1e12
+    with pytest.raises(LearningError, match="grows beyond all bounds; lower average or gamma") as caught:
+        model.step()
+    assert "\n" not in str(caught.value)
+    assert column(model, "usual")[1] == 1e12
+
+
 def test_nobody_has_learned_nothing():
     with pytest.raises(LearningError, match="there are no robots"):
         learning(0, robots=0).control.layers[0].policy()
@@ -142,6 +181,7 @@ def test_nobody_has_learned_nothing():
         {"critical": 0},
         {"limit": 0},
         {"start": "mine.npz"},
+        {"frozen": "no"},
     ],
 )
 def test_what_is_out_of_range_is_refused_in_one_line(wrong):

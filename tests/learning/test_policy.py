@@ -4,6 +4,7 @@ import io
 import json
 import pickle
 import zipfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -118,6 +119,26 @@ def test_learning_goes_on_where_a_saved_policy_left_off(policy, file):
     again = learned(model)
     assert all((a == b).all() for a, b in zip(again.networks.weights, policy.networks.weights, strict=True))
     assert learned(model.run(11)).steps == policy.steps + 3 * 10
+
+
+@pytest.mark.parametrize("options", [{}, {"frozen": True}, {"self_adjusting": True, "frozen": True}])
+def test_robots_that_start_with_a_policy_begin_at_its_temperature(options):
+    policy = learned(trained(steps=100, beta=0.02))
+    assert 0.2 < policy.temperature < 0.4
+    assert driven(QLearning(start=policy, **options)).control.layers[0].temperature.tolist() == [policy.temperature] * 3
+    hot = driven(QLearning(start=policy, first_temperature=2.5, **options))
+    assert hot.control.layers[0].temperature.tolist() == [2.5] * 3
+
+
+def test_self_adjusting_robots_that_start_with_a_cool_policy_still_heat_up_when_they_bump(policy):
+    model = driven(QLearning(start=replace(policy, temperature=0.2), self_adjusting=True, bump_window=1))
+    model.run(1)
+    model.swarm.columns["0.QLearning.bumps"][:] = 1.0
+    assert model.control.layers[0].temperature.max() <= 1.0
+    layer = model.control.layers[0]
+    layer.bump_window = 1e9
+    model.step()
+    assert layer.temperature == pytest.approx([1.0] * 3)
 
 
 def test_one_robots_knowledge_can_be_shared_with_all(policy):

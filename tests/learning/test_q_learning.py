@@ -13,6 +13,8 @@ from mesa_swarm import AGENT3, AGENT9, SwarmModel
 from mesa_swarm.control import Avoid, Subsumption, behaviour
 from mesa_swarm.errors import InvalidValueError, LearningError, SwarmError
 from mesa_swarm.learning.actions import ACTIONS, boltzmann, chosen, temperature_at
+from mesa_swarm.learning.learner import is_bounded
+from mesa_swarm.learning.networks import Networks, back_propagate
 from mesa_swarm.learning.q_learning import QLearning
 from mesa_swarm.learning.rewards import reward
 
@@ -163,8 +165,10 @@ class TestWhatIsLearned:
         assert after[2].any()
 
     def test_stays_when_robots_with_more_sensors_come(self):
-        model = learning(robots=1, design=AGENT3, frozen=True).run(5)
+        model = learning(robots=1, design=AGENT3).run(5)
+        layer_of(model).frozen = True
         policy = layer_of(model).policy()
+        model.step()
         model.add_robots(AGENT9, 1)
         model.step()
         views = layer_of(model)._memory.weights
@@ -181,7 +185,8 @@ class TestWhatIsLearned:
         assert model.steps == 30
 
     def test_does_not_change_when_frozen(self):
-        model = learning(frozen=True).run(2)
+        model = learning().run(2)
+        layer_of(model).frozen = True
         before = columns(model, *PARTS, "temperature")
         after = columns(model.run(40), *PARTS, "temperature")
         assert all((a == b).all() for a, b in zip(before, after, strict=True))
@@ -234,12 +239,67 @@ def test_divergence_names_the_robot_and_the_step_and_keeps_what_was_learned():
     assert np.isfinite(columns(model, "inner")[0]).all()
 
 
+HASTY = {"alpha": 1, "eta": 1, "gamma": 0, "beta": 0, "first_temperature": 1e6, "last_temperature": 1e6}
+
+
+@pytest.mark.parametrize("options", [{}, {"shared": True}])
+def test_what_a_learner_knew_when_it_diverged_can_be_had_and_driven_by(options):
+    model = learning(robots=5, rng=3, **{**HASTY, **options})
+    for _ in range(3000):
+        before = columns(model, *PARTS)
+        try:
+            model.step()
+        except LearningError as error:
+            robot = int(str(error).split("robot ")[1].split()[0])
+            break
+    else:
+        raise AssertionError("it did not diverge")
+    row = [each.unique_id for each in model.robots].index(robot)
+    after = columns(model, *PARTS)
+    assert all(np.isfinite(part).all() for part in after)
+    if not options.get("shared"):
+        assert all((new[row] == old[row]).all() for new, old in zip(after, before, strict=True))
+    policy = layer_of(model).policy()
+    assert np.isfinite(policy.values(model.swarm.distance, model.swarm.kind)).all()
+
+
+def test_every_step_after_a_divergence_stays_finite_and_tells_of_it_or_learns():
+    model, told = learning(robots=5, rng=3, **HASTY), 0
+    for _ in range(1500):
+        lessons = columns(model, "lessons")[0].sum()
+        try:
+            model.step()
+        except LearningError:
+            told += 1
+        else:
+            assert columns(model, "lessons")[0].sum() == lessons + (5 if model.steps > 1 else 0)
+    assert told > 1
+    assert all(np.isfinite(part).all() for part in columns(model, *PARTS))
+
+
+@given(st.floats(-1e9, 1e9), st.floats(-1e9, 1e9), st.floats(-1e300, 1e300))
+def test_a_step_within_bounds_leaves_weights_finite(step, outer, inner):
+    networks = Networks(np.full((1, 2, 3), inner), np.full((1, 3), inner), np.full((1, 3), outer), np.zeros(1))
+    hidden = np.array([-1.0, 0.0, 1.0])
+    assert is_bounded(networks.outer, 0, step)
+    back_propagate(*networks.weights, 0, np.ones((1, 2)), 0, hidden, step)
+    assert all(np.isfinite(weights).all() for weights in networks.weights)
+
+
+@pytest.mark.parametrize(
+    ("step", "outer"), [(2e9, 0.0), (math.nan, 0.0), (0.0, -2e9), (0.0, math.nan), (0.0, math.inf)]
+)
+def test_steps_and_weights_beyond_bounds_are_not_taken(step, outer):
+    assert not is_bounded(np.array([[0.0, outer, 0.0]]), 0, step)
+
+
 @pytest.mark.parametrize(
     "wrong",
     [
         {"reward": "d"}, {"actions": 5}, {"actions": "8"}, {"encoding": "colour"}, {"alpha": 2}, {"eta": math.nan},
         {"gamma": 1}, {"beta": -1}, {"first_temperature": 0}, {"last_temperature": 0}, {"critical": 0},
         {"bump_rate": 0}, {"bump_window": 0}, {"bump_distance": -1}, {"start": "a.npz"},
+        {"shared": "no"}, {"self_adjusting": "no"}, {"frozen": 1},
     ],
 )  # fmt: skip
 def test_nonsense_is_refused_in_one_line(wrong):

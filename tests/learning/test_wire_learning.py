@@ -103,8 +103,38 @@ def test_divergence_is_told_and_nothing_is_lost():
     assert (model.swarm.columns["0.WireFittedQ.inner"][1] == before).all()
 
 
+def test_what_it_knew_when_it_diverged_can_be_had():
+    model = learning().run(3)
+    model.swarm.columns["0.WireFittedQ.outer_bias"][1, 2] = 1e300
+    before = {name: column.copy() for name, column in model.swarm.columns.items()}
+    with pytest.raises(LearningError, match="diverged for robot"):
+        model.step()
+    for part in ("inner", "inner_bias", "outer", "outer_bias"):
+        column = model.swarm.columns[f"0.WireFittedQ.{part}"]
+        assert (column[1] == before[f"0.WireFittedQ.{part}"][1]).all()
+        assert (column[0] != before[f"0.WireFittedQ.{part}"][0]).any()
+    assert model.control.layers[0].policy().steps == 3 * 3 - 1
+
+
+def test_a_best_wire_that_is_the_only_one_worth_anything_can_be_learned_of():
+    model = learning().run(3)
+    model.swarm.columns["0.WireFittedQ.outer_bias"][:, 5::3] = -1e8
+    assert model.run(200).steps == 203
+    assert all(np.isfinite(column).all() for name, column in model.swarm.columns.items() if "outer" in name)
+
+
 @pytest.mark.parametrize(
-    "wrong", [{"wires": 0}, {"wires": 9}, {"jitter": -1}, {"reward": "d"}, {"gamma": 1}, {"start": 3}, {"eta": "x"}]
+    "wrong",
+    [
+        {"wires": 0},
+        {"wires": 9},
+        {"jitter": -1},
+        {"reward": "d"},
+        {"gamma": 1},
+        {"start": 3},
+        {"eta": "x"},
+        {"shared": "no"},
+    ],
 )
 def test_nonsense_is_refused_in_one_line(wrong):
     with pytest.raises(SwarmError) as caught:

@@ -1,0 +1,39 @@
+"""The model of robots that teach themselves: what it takes for yes and no, and where it finds what learns."""
+
+import numpy as np
+import pytest
+
+from mesa_swarm.control import Avoid, Subsumption
+from mesa_swarm.errors import InvalidValueError, SwarmError
+from mesa_swarm.models.q_learning import QLearning
+
+
+@pytest.mark.parametrize(("answer", "meant"), [("yes", True), ("no", False), (True, True), (np.False_, False)])
+def test_yes_and_true_switch_on_and_no_and_false_switch_off(answer, meant):
+    learner = QLearning(n_robots=2, rng=1, shared=answer, self_adjusting=answer).learner
+    assert (learner.shared, learner.self_adjusting) == (meant, meant)
+
+
+@pytest.mark.parametrize("wrong", ["maybe", 1, "True", None])
+@pytest.mark.parametrize("name", ["shared", "self_adjusting"])
+def test_what_is_neither_is_refused_by_name(name, wrong):
+    with pytest.raises(SwarmError, match=rf"^unknown {name} .*known: no, yes$"):
+        QLearning(n_robots=2, rng=1, **{name: wrong})
+
+
+def test_a_reflex_above_the_learner_is_driven_by_and_the_model_goes_on_measuring_what_is_learned():
+    model = QLearning(n_robots=3, rng=1).run(50)
+    steps = model.learner.policy().steps
+    model.control = Subsumption(Avoid(distance=3), model.learner)
+    assert model.learner.policy().steps == steps
+    model.run(20)
+    assert model.control.layers[1] is model.learner
+    assert model.learner.policy().steps > steps
+    assert len(model.datacollector.model_vars["temperature"]) >= 70
+
+
+def test_a_model_without_a_learner_says_what_it_is_driven_by():
+    model = QLearning(n_robots=3, rng=1)
+    model.control = Subsumption(Avoid(distance=3))
+    with pytest.raises(InvalidValueError, match=r"^the model is driven by \(Avoid\(.*; expected a layer that learns"):
+        _ = model.learner
