@@ -28,6 +28,11 @@ class Networks:
     inner_bias, outer : ndarrays, shape (m, h)
     outer_bias : ndarray, shape (m,)
 
+    Raises
+    ------
+    InvalidValueError
+        If the four are not arrays of finite float64 numbers that fit together.
+
     Examples
     --------
     >>> Networks.random(3, inputs=9, rng=np.random.default_rng(1)).inner.shape
@@ -38,6 +43,17 @@ class Networks:
     inner_bias: np.ndarray
     outer: np.ndarray
     outer_bias: np.ndarray
+
+    def __post_init__(self) -> None:
+        """Check that the parts fit together: compiled functions read and write where they say."""
+        first = self.inner
+        m, k, h = first.shape if isinstance(first, np.ndarray) and first.ndim == 3 else ("m", "k", "h")
+        wanted = ((m, k, h), (m, h), (m, h), (m,))
+        for name, part, shape in zip(PARTS, self.weights, wanted, strict=True):
+            if not isinstance(part, np.ndarray) or part.dtype != np.float64 or part.shape != shape:
+                raise InvalidValueError(f"{name} is {_told(part)}; expected an array of float64, shape {_row(shape)}")
+            if not np.isfinite(part).all():
+                raise InvalidValueError(f"{name} holds weights that are not finite; train them anew")
 
     @classmethod
     def random(cls, count: int, *, inputs: int, rng: np.random.Generator, hidden: int | None = None) -> "Networks":
@@ -158,6 +174,16 @@ def fit(
     return stack
 
 
+def _told(part: object) -> str:
+    """Return what is no array of weights, in words."""
+    return f"an array of {part.dtype}, shape {part.shape}" if isinstance(part, np.ndarray) else shortened(part)
+
+
+def _row(shape: tuple[int | str, ...]) -> str:
+    """Return a shape, of which some sides may only have names."""
+    return f"({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})"
+
+
 def check_networks(networks: Networks, inputs: int, group: int) -> None:
     """Refuse networks that are not groups of so many, with so many inputs, and with finite weights.
 
@@ -165,15 +191,15 @@ def check_networks(networks: Networks, inputs: int, group: int) -> None:
     ------
     InvalidValueError
     """
-    inner = networks.inner
-    m, k, h = inner.shape if inner.ndim == 3 else (0, -1, 0)
-    wanted = ((m, k, h), (m, h), (m, h), (m,))
-    fits = m and m % group == 0 and k == inputs
-    if not fits or any(w.shape != s for w, s in zip(networks.weights, wanted, strict=True)):
+    if not isinstance(networks, Networks):
+        raise InvalidValueError(f"networks is {shortened(networks)}; expected Networks(...)")
+    m, k, _ = networks.inner.shape
+    if not m or m % group or k != inputs:
         raise InvalidValueError(
             f"networks have the shapes {[w.shape for w in networks.weights]}; expected {inputs} inputs "
             f"and {group} networks a robot"
         )
+    # They may have learned since they were made.
     if not all(np.isfinite(w).all() for w in networks.weights):
         raise InvalidValueError("networks hold weights that are not finite; train them anew")
 

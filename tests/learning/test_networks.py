@@ -90,3 +90,36 @@ def test_what_has_another_shape_or_is_not_finite_is_refused_and_nothing_is_learn
         networks.learn(inputs, targets, rate)
     assert "\n" not in str(caught.value)
     assert all((a == b).all() for a, b in zip(before, networks.weights, strict=True))
+
+
+def shaped(**changed):
+    parts = {"inner": np.ones((2, 3, 4)), "inner_bias": np.ones((2, 4)), "outer": np.ones((2, 4))}
+    return Networks(**{**parts, "outer_bias": np.ones(2), **changed})
+
+
+@pytest.mark.parametrize(
+    ("changed", "says"),
+    [
+        ({"outer": np.ones((2, 1))}, r"^outer is an array of float64, shape \(2, 1\); expected .* shape \(2, 4\)$"),
+        ({"inner": np.ones((2, 3, 400))}, "^inner_bias is .*(2, 4).*; expected .*(2, 400)"),
+        ({"inner_bias": np.ones((3, 4))}, "^inner_bias is"),
+        ({"outer_bias": np.ones((2, 1))}, r"^outer_bias is .*; expected .* shape \(2,\)$"),
+        ({"inner": np.ones((3, 4))}, r"^inner is .*; expected .* shape \(m, k, h\)$"),
+        ({"inner": np.ones((2, 3, 4)).tolist()}, r"^inner is \[\[\[1.0, .*; expected an array of float64"),
+        ({"inner": None}, "^inner is None"),
+        ({"outer": np.ones((2, 4), int)}, "^outer is an array of int64"),
+        ({"outer": np.full((2, 4), np.nan)}, "^outer holds weights that are not finite"),
+        ({"outer_bias": np.array([1, np.inf])}, "^outer_bias holds weights that are not finite"),
+    ],
+)
+def test_parts_that_do_not_fit_together_are_refused_by_name(changed, says):
+    assert shaped().outputs(np.ones((2, 3))).shape == (2,)
+    with pytest.raises(InvalidValueError, match=says) as caught:
+        shaped(**changed)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_arrays_are_taken_as_they_are_and_learn():
+    outer = np.ones((2, 4))
+    shaped(outer=outer).learn(np.ones((2, 3)), np.zeros(2))
+    assert (outer != 1).all()
