@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
+from mesa_swarm.errors import InvalidValueError, LearningError, check_count, check_number, shortened
 from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.learning.actions import as_floats
 
 # Of the thesis's regression (6.4); for robots it used 0.1 (8.3).
 REGRESSION_RATE = 0.5
@@ -67,6 +68,7 @@ class Networks:
         hidden : int, optional
             Hidden units, twice the inputs by default (thesis 8.1).
         """
+        check_generator(rng)
         m, k = check_count("count", count, minimum=1), check_count("inputs", inputs, minimum=1)
         h = 2 * k if hidden is None else check_count("hidden", hidden, minimum=1)
         low, high = 1 / math.sqrt(k + 1), 1 / math.sqrt(h + 1)
@@ -120,10 +122,7 @@ class Networks:
         return errors
 
     def _checked(self, name: str, values: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:
-        try:
-            array = np.ascontiguousarray(values, dtype=float)
-        except (TypeError, ValueError):
-            array = np.empty(0)
+        array = as_floats(values)
         if array.shape != shape or not np.isfinite(array).all():
             raise InvalidValueError(f"{name} is {shortened(values)}; expected finite numbers of shape {shape}")
         return array
@@ -158,6 +157,13 @@ def fit(
     -------
     Networks
 
+    Raises
+    ------
+    InvalidValueError
+        If x and y are not as many finite numbers, or anything else is out of its range.
+    LearningError
+        If it diverged.
+
     Examples
     --------
     >>> x = np.linspace(-1, 1, 20)
@@ -166,12 +172,38 @@ def fit(
     np.True_
     """
     stack = Networks.random(networks, inputs=1, hidden=hidden, rng=rng)
-    points = np.column_stack([x, y])
+    points = _points(x, y)
     for _ in range(check_count("presentations", presentations)):
         order = rng.permuted(np.tile(np.arange(len(points)), (networks, 1)), axis=1)
         for shown in order.T:
             stack.learn(points[shown, :1], points[shown, 1], rate)
+    if not all(np.isfinite(part).all() for part in stack.weights):
+        raise LearningError(f"the fit diverged: its weights are not finite; lower rate, which is {rate:g}, or scale y")
     return stack
+
+
+def check_generator(rng: object) -> None:
+    """Refuse what draws no random numbers.
+
+    Raises
+    ------
+    InvalidValueError
+    """
+    if not isinstance(rng, np.random.Generator):
+        raise InvalidValueError(f"rng is {shortened(rng)}; expected numpy.random.default_rng(1) or the like")
+
+
+def _points(x: ArrayLike, y: ArrayLike) -> np.ndarray:
+    """Return x and y as rows of points (p, 2), or refuse them."""
+    columns = {"x": as_floats(x), "y": as_floats(y)}
+    for name, column in columns.items():
+        if column.ndim != 1 or not len(column) or not np.isfinite(column).all():
+            raise InvalidValueError(f"{name} is {_told(column)}; expected a row of finite numbers")
+    if len(columns["x"]) != len(columns["y"]):
+        raise InvalidValueError(
+            f"x has {len(columns['x'])} numbers and y {len(columns['y'])}; expected as many of both"
+        )
+    return np.column_stack([columns["x"], columns["y"]])
 
 
 def _told(part: object) -> str:
