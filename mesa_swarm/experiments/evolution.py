@@ -63,8 +63,8 @@ class Trial:
         """Check the parameters."""
         if not isinstance(self.fitness, Fitness):
             raise InvalidValueError(f"fitness is {shortened(self.fitness)}; expected Fitness(kind='floreano')")
-        check_count("robots", self.robots, minimum=1)
-        check_count("steps", self.steps, minimum=1)
+        for name, least in (("robots", 1), ("steps", 1), ("units", 0)):
+            object.__setattr__(self, name, check_count(name, getattr(self, name), minimum=least))
         self.policy(np.zeros(self.genes))
 
     @property

@@ -208,6 +208,11 @@ def test_what_is_no_trial_is_refused(wrong):
         Trial(**wrong)
 
 
+def test_whole_numbers_may_be_written_as_floats():
+    assert Trial(robots=3.0, steps=15.0, units=2.0) == BRIEF
+    assert Trial(robots=3.0, steps=15.0, units=2.0).genes == 52
+
+
 def test_a_single_map_is_one_map():
     wanted = evolve(BRIEF, **SMALL, maps=["sparse"], final_maps=[Map.load("openspace")])
     for maps in ("sparse", Map.load("sparse")):
