@@ -113,7 +113,7 @@ def checked_actions(actions: int) -> int:
     4
     """
     if not isinstance(actions, int | np.integer) or actions not in (4, 8):
-        raise InvalidValueError(f"actions is {shortened(actions)}; expected the whole number 4 or 8")
+        raise InvalidValueError(f"actions is {shortened(actions)}; expected 4 or 8, a whole number")
     return int(actions)
 
 

@@ -171,6 +171,7 @@ def fit(
     >>> abs(fitted.outputs([[0.5]])[0] - np.tanh(1.0)) < 0.1
     np.True_
     """
+    networks = check_count("networks", networks, minimum=1)
     stack = Networks.random(networks, inputs=1, hidden=hidden, rng=rng)
     points = _points(x, y)
     for _ in range(check_count("presentations", presentations)):

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.errors import LearningError, check_count, check_number, shortened
+from mesa_swarm.errors import InvalidValueError, LearningError, check_count, check_number, shortened
 from mesa_swarm.learning.policy import Policy, SensorLayout, check_policy
 from mesa_swarm.learning.q_policy import QPolicy
 from mesa_swarm.learning.reflex_policy import ReflexPolicy
@@ -44,7 +44,7 @@ def save_policy(policy: Policy, path: str | os.PathLike[str]) -> Path:
     LearningError
         If the file cannot be written, or its name ends otherwise.
     InvalidValueError
-        If `policy` is none.
+        If `policy` or `path` is none.
 
     Examples
     --------
@@ -56,7 +56,7 @@ def save_policy(policy: Policy, path: str | os.PathLike[str]) -> Path:
     True
     """
     check_policy(policy, "arrays", "settings")
-    file = Path(path)
+    file = _file_of(path)
     if file.suffix != ".npz":
         raise LearningError(f"{file.name} does not end with .npz; give the policy such a name")
     header = {
@@ -84,7 +84,7 @@ def load_policy(path: str | os.PathLike[str]) -> Policy:
     LearningError
         If there is no such file, or it is damaged, hostile, or not a policy.
     """
-    file = Path(path)
+    file = _file_of(path)
     try:
         with zipfile.ZipFile(file) as archive:
             _check_members(file, archive)
@@ -99,6 +99,13 @@ def load_policy(path: str | os.PathLike[str]) -> Policy:
     except Exception as error:  # of zip, zlib and NumPy, as many kinds as there are kinds of damage
         raise _refusal(file, f"it is damaged ({type(error).__name__})") from None
     return _policy_of(file, _header_of(file, arrays), arrays)
+
+
+def _file_of(path: str | os.PathLike[str]) -> Path:
+    try:
+        return Path(path)
+    except TypeError:
+        raise InvalidValueError(f"path is {shortened(path)}; expected a text or Path") from None
 
 
 def _number(value: object) -> float:

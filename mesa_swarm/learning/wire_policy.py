@@ -47,7 +47,7 @@ class WirePolicy(NetworkPolicy):
 
     def __post_init__(self) -> None:
         """Check that the parts fit together."""
-        check_count("wires", self.wires, minimum=1, maximum=len(STARTS))
+        object.__setattr__(self, "wires", check_count("wires", self.wires, minimum=1, maximum=len(STARTS)))
         self._check_parts()
 
     @property

@@ -16,6 +16,6 @@ def test_values_that_are_no_row_of_numbers_are_refused(values):
 
 @pytest.mark.parametrize("actions", [8.0, "8", 5, None, np.array([4, 8])])
 def test_actions_are_the_whole_number_4_or_8(actions):
-    with pytest.raises(InvalidValueError, match=r"^actions is .*; expected the whole number 4 or 8$"):
+    with pytest.raises(InvalidValueError, match=r"^actions is .*; expected 4 or 8, a whole number$"):
         QLearning(actions=actions)
     assert checked_actions(np.int64(8)) == 8

@@ -332,6 +332,12 @@ def test_numpys_other_figures_are_refused(tmp_path, figure):
         save_policy(learned(trained(steps=2), figure=figure), tmp_path / "a.npz")
 
 
+def test_what_is_no_path_is_refused(policy):
+    for wrong in (lambda: save_policy(policy, 5), lambda: load_policy(None)):
+        with pytest.raises(InvalidValueError, match=r"^path is .*; expected a text or Path"):
+            wrong()
+
+
 @pytest.mark.parametrize("policy", ["x", QPolicy, None])
 def test_what_is_no_policy_cannot_be_saved(tmp_path, policy):
     with pytest.raises(InvalidValueError, match=r"^policy is .*; expected what load_policy\(\) returns"):
