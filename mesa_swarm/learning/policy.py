@@ -15,6 +15,9 @@ from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm
 
+# To compare a dtype with another takes a tenth of the time that it takes with a type.
+DOUBLE = np.dtype(np.float64)
+
 
 @dataclass(frozen=True, slots=True)
 class SensorLayout:
@@ -279,7 +282,7 @@ class PolicyLayer:
         said = self.policy.act(senses.distance, senses.kind, chance, *kept, **told)
         shares = said
         # Compiled code reads as many rows as there are robots, and is compiled anew for other kinds of arrays.
-        if type(said) is not np.ndarray or said.shape != command.shape or said.dtype != np.float64:
+        if type(said) is not np.ndarray or said.shape != command.shape or said.dtype != DOUBLE:
             shares = _shares_of(said)
         if shares.shape != command.shape or not drive(shares, senses.max_speed, command, layer, index):
             raise BehaviourError(

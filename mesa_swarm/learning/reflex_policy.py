@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, shortened
 from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.learning.policy import SensorLayout
+from mesa_swarm.learning.policy import DOUBLE, SensorLayout
 from mesa_swarm.learning.told import checked_chances, checked_numbers
 from mesa_swarm.world.statics import ROBOT
 
@@ -160,7 +160,7 @@ class ReflexPolicy:
         """
         distance, kind = self.sensors.check_readings(readings, kinds, self.encoding)
         kept = np.zeros((len(distance), self.memory)) if memory is None else memory
-        if getattr(kept, "dtype", None) != np.float64 or kept.shape != (len(distance), self.memory):
+        if getattr(kept, "dtype", None) != DOUBLE or kept.shape != (len(distance), self.memory):
             raise InvalidValueError(
                 f"memory is {shortened(memory)}; expected an array of float64, shape {(len(distance), self.memory)}"
             )
