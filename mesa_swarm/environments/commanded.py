@@ -3,7 +3,7 @@
 import numpy as np
 
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import LearningError, check_count
+from mesa_swarm.errors import InvalidValueError, LearningError, check_count
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm
 
@@ -58,7 +58,17 @@ class Commanded:
         return self._wheels
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Hand on what was told; this is the uppermost layer."""
+        """Hand on what was told; this is the uppermost layer.
+
+        Raises
+        ------
+        InvalidValueError
+            If there are fewer robots than are commanded.
+        """
+        if len(layer) < self.count:
+            raise InvalidValueError(
+                f"{self.name}({self.count}) has {len(layer)} robots to command; add robots, or command fewer"
+            )
         command[: self.count] = self.wheels
         layer[: self.count] = index
 

@@ -1,7 +1,7 @@
 """evolve: reflexes and small networks that are bred in worlds, on many processes, with nothing lost on Ctrl-C."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
@@ -25,6 +25,7 @@ from mesa_swarm.world.map import Map
 
 # The trials at the end take so many times more steps.
 LONGER = 4
+Maps = Sequence[Map | str | os.PathLike[str]] | Map | str | os.PathLike[str]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +44,10 @@ class Trial:
         See `ReflexPolicy`.
     mirrored : bool
         Whether controllers are their own mirror image, see `learning.mirror`: half as many weights to find.
+
+    Raises
+    ------
+    InvalidValueError, UnknownNameError
     """
 
     design: RobotDesign = AGENT9
@@ -56,8 +61,10 @@ class Trial:
 
     def __post_init__(self) -> None:
         """Check the parameters."""
-        check_count("robots", self.robots, minimum=1)
-        check_count("steps", self.steps, minimum=1)
+        if not isinstance(self.fitness, Fitness):
+            raise InvalidValueError(f"fitness is {shortened(self.fitness)}; expected Fitness(kind='floreano')")
+        for name, least in (("robots", 1), ("steps", 1), ("units", 0)):
+            object.__setattr__(self, name, check_count(name, getattr(self, name), minimum=least))
         self.policy(np.zeros(self.genes))
 
     @property
@@ -104,7 +111,7 @@ class Evolved:
 def evolve(
     trial: Trial | None = None,
     *,
-    maps: Sequence[Map | str | os.PathLike[str]] = ("original",),
+    maps: Maps = ("original",),
     generations: int = 40,
     population: int = 16,
     sigma: float = 0.7,
@@ -112,7 +119,7 @@ def evolve(
     finalists: int = 5,
     final_trials: int = 4,
     final: Trial | None = None,
-    final_maps: Sequence[Map | str | os.PathLike[str]] | None = None,
+    final_maps: Maps | None = None,
     rng: int = 1,
     jobs: int = 1,
     file: str | os.PathLike[str] | None = None,
@@ -129,7 +136,7 @@ def evolve(
     ----------
     trial : Trial, optional
         How a candidate is tried, and what it is worth.
-    maps : sequence of map, name or path
+    maps : sequence of map, name or path, or a single one
     generations, population : int
     sigma : float
         Standard deviation of the first candidates' weights, which begin around driving straight ahead.
@@ -140,7 +147,7 @@ def evolve(
     final : Trial, optional
         How the finalists are tried, which differs from `trial` in robots, steps and fitness at most; by default for
         four times as many steps.
-    final_maps : sequence of map, name or path, optional
+    final_maps : as maps, optional
         Where they are tried; by default on the same maps. Others tell who is good where none was bred.
     rng : int
         Seed of everything random.
@@ -212,7 +219,7 @@ class Finals:
         trial: Trial,
         worlds: list[Map],
         final: Trial | None,
-        maps: Sequence[Map | str | os.PathLike[str]] | None,
+        maps: Maps | None,
         finalists: int,
         trials: int,
     ) -> "Finals":
@@ -251,8 +258,12 @@ def checked_trial(name: str, trial: object) -> Trial:
     return trial
 
 
-def checked_maps(name: str, maps: Sequence[Map | str | os.PathLike[str]]) -> list[Map]:
+def checked_maps(name: str, maps: Maps) -> list[Map]:
     """Return the maps, or refuse them; at least one."""
+    if isinstance(maps, Map | str | os.PathLike):
+        return [Map.load(maps)]
+    if not isinstance(maps, Iterable):
+        raise InvalidValueError(f"{name} is {shortened(maps)}; expected maps, names or paths")
     worlds = [Map.load(each) for each in maps]
     if not worlds:
         raise InvalidValueError(f"{name} is empty; give at least one map")

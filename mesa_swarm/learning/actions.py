@@ -56,11 +56,25 @@ def boltzmann(values: ArrayLike, temperature: float) -> np.ndarray:
     >>> boltzmann([3000.0, 2000.0], 0.2)
     array([1., 0.])
     """
-    array = np.asarray(values, dtype=float)
+    array = as_floats(values)
     if array.ndim != 1 or not len(array) or not np.isfinite(array).all():
         raise InvalidValueError(f"values is {shortened(values)}; expected a row of finite numbers")
     shares = np.exp((array - array.max()) / check_number("temperature", temperature, above=0))
     return shares / shares.sum()
+
+
+def as_floats(values: ArrayLike) -> np.ndarray:
+    """Return values as an array of floats, C-contiguous; NaN, which every check refuses, if they are no numbers.
+
+    Examples
+    --------
+    >>> as_floats([1, 2]), as_floats("ab")
+    (array([1., 2.]), array(nan))
+    """
+    try:
+        return np.asarray(values, dtype=np.float64, order="C")
+    except (TypeError, ValueError, OverflowError):
+        return np.array(np.nan)
 
 
 def temperature_at(step: float, *, beta: float, first: float = 1.0, last: float = 0.2) -> float:
@@ -98,8 +112,8 @@ def checked_actions(actions: int) -> int:
     >>> checked_actions(4)
     4
     """
-    if actions not in (4, 8):
-        raise InvalidValueError(f"actions is {shortened(actions)}; expected 4 or 8")
+    if not isinstance(actions, int | np.integer) or actions not in (4, 8):
+        raise InvalidValueError(f"actions is {shortened(actions)}; expected 4 or 8, a whole number")
     return int(actions)
 
 

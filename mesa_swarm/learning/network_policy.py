@@ -1,6 +1,7 @@
 """What policies share whose networks say what there is to choose among, and what it is worth."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import ClassVar, Self
 
 import numpy as np
@@ -9,7 +10,8 @@ from numpy.typing import ArrayLike
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number
 from mesa_swarm.learning.actions import ENCODINGS, choose_all
 from mesa_swarm.learning.networks import PARTS, Networks, check_networks
-from mesa_swarm.learning.policy import SensorLayout, checked_chances
+from mesa_swarm.learning.policy import SensorLayout
+from mesa_swarm.learning.told import checked_chances
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,12 +33,37 @@ class NetworkPolicy:
     steps: int = 0
     training: dict = field(default_factory=dict)
 
-    def _check_parts(self, group: int) -> None:
-        """Check that the parts fit together, with so many networks a robot."""
+    @property
+    def group(self) -> int:
+        """How many networks a robot has."""
+        raise NotImplementedError
+
+    def _check_parts(self) -> None:
+        """Check that the parts fit together."""
         inputs = ENCODINGS[check_choice("encoding", self.encoding, ENCODINGS)] * len(self.sensors)
         check_number("temperature", self.temperature, above=0)
         check_count("steps", self.steps, maximum=2**62)
-        check_networks(self.networks, inputs, group)
+        check_networks(self.networks, inputs, self.group)
+
+    @property
+    def copies(self) -> int:
+        """How many robots' networks there are."""
+        return len(self.networks.outer_bias) // self.group
+
+    def of_robot(self, index: int) -> Self:
+        """Return the policy of one of the robots alone, to share it with others.
+
+        Parameters
+        ----------
+        index : int
+            0 to ``copies - 1``.
+        """
+        row = check_count("index", index, maximum=self.copies - 1) * self.group
+        return replace(self, networks=Networks(*(w[row : row + self.group].copy() for w in self.networks.weights)))
+
+    @cached_property
+    def _ranges(self) -> np.ndarray:
+        return np.array([self.sensors.ranges])
 
     def _taken(self, values: np.ndarray, chance: ArrayLike | None) -> np.ndarray:
         """Return which one every robot takes (n,), of what each is worth (n, a)."""

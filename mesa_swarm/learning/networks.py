@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
+from mesa_swarm.errors import InvalidValueError, LearningError, check_count, check_number, shortened
 from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.learning.actions import as_floats
 
 # Of the thesis's regression (6.4); for robots it used 0.1 (8.3).
 REGRESSION_RATE = 0.5
@@ -28,6 +29,11 @@ class Networks:
     inner_bias, outer : ndarrays, shape (m, h)
     outer_bias : ndarray, shape (m,)
 
+    Raises
+    ------
+    InvalidValueError
+        If the four are not arrays of finite float64 numbers that fit together.
+
     Examples
     --------
     >>> Networks.random(3, inputs=9, rng=np.random.default_rng(1)).inner.shape
@@ -38,6 +44,17 @@ class Networks:
     inner_bias: np.ndarray
     outer: np.ndarray
     outer_bias: np.ndarray
+
+    def __post_init__(self) -> None:
+        """Check that the parts fit together: compiled functions read and write where they say."""
+        first = self.inner
+        m, k, h = first.shape if isinstance(first, np.ndarray) and first.ndim == 3 else ("m", "k", "h")
+        wanted = ((m, k, h), (m, h), (m, h), (m,))
+        for name, part, shape in zip(PARTS, self.weights, wanted, strict=True):
+            if not isinstance(part, np.ndarray) or part.dtype != np.float64 or part.shape != shape:
+                raise InvalidValueError(f"{name} is {_told(part)}; expected an array of float64, shape {_row(shape)}")
+            if not np.isfinite(part).all():
+                raise InvalidValueError(f"{name} holds weights that are not finite; train them anew")
 
     @classmethod
     def random(cls, count: int, *, inputs: int, rng: np.random.Generator, hidden: int | None = None) -> "Networks":
@@ -51,6 +68,7 @@ class Networks:
         hidden : int, optional
             Hidden units, twice the inputs by default (thesis 8.1).
         """
+        check_generator(rng)
         m, k = check_count("count", count, minimum=1), check_count("inputs", inputs, minimum=1)
         h = 2 * k if hidden is None else check_count("hidden", hidden, minimum=1)
         low, high = 1 / math.sqrt(k + 1), 1 / math.sqrt(h + 1)
@@ -104,10 +122,7 @@ class Networks:
         return errors
 
     def _checked(self, name: str, values: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:
-        try:
-            array = np.ascontiguousarray(values, dtype=float)
-        except (TypeError, ValueError):
-            array = np.empty(0)
+        array = as_floats(values)
         if array.shape != shape or not np.isfinite(array).all():
             raise InvalidValueError(f"{name} is {shortened(values)}; expected finite numbers of shape {shape}")
         return array
@@ -142,6 +157,13 @@ def fit(
     -------
     Networks
 
+    Raises
+    ------
+    InvalidValueError
+        If x and y are not as many finite numbers, or anything else is out of its range.
+    LearningError
+        If it diverged.
+
     Examples
     --------
     >>> x = np.linspace(-1, 1, 20)
@@ -149,13 +171,50 @@ def fit(
     >>> abs(fitted.outputs([[0.5]])[0] - np.tanh(1.0)) < 0.1
     np.True_
     """
+    networks = check_count("networks", networks, minimum=1)
     stack = Networks.random(networks, inputs=1, hidden=hidden, rng=rng)
-    points = np.column_stack([x, y])
+    points = _points(x, y)
     for _ in range(check_count("presentations", presentations)):
         order = rng.permuted(np.tile(np.arange(len(points)), (networks, 1)), axis=1)
         for shown in order.T:
             stack.learn(points[shown, :1], points[shown, 1], rate)
+    if not all(np.isfinite(part).all() for part in stack.weights):
+        raise LearningError(f"the fit diverged: its weights are not finite; lower rate, which is {rate:g}, or scale y")
     return stack
+
+
+def check_generator(rng: object) -> None:
+    """Refuse what draws no random numbers.
+
+    Raises
+    ------
+    InvalidValueError
+    """
+    if not isinstance(rng, np.random.Generator):
+        raise InvalidValueError(f"rng is {shortened(rng)}; expected numpy.random.default_rng(1) or the like")
+
+
+def _points(x: ArrayLike, y: ArrayLike) -> np.ndarray:
+    """Return x and y as rows of points (p, 2), or refuse them."""
+    columns = {"x": as_floats(x), "y": as_floats(y)}
+    for name, column in columns.items():
+        if column.ndim != 1 or not len(column) or not np.isfinite(column).all():
+            raise InvalidValueError(f"{name} is {_told(column)}; expected a row of finite numbers")
+    if len(columns["x"]) != len(columns["y"]):
+        raise InvalidValueError(
+            f"x has {len(columns['x'])} numbers and y {len(columns['y'])}; expected as many of both"
+        )
+    return np.column_stack([columns["x"], columns["y"]])
+
+
+def _told(part: object) -> str:
+    """Return what is no array of weights, in words."""
+    return f"an array of {part.dtype}, shape {part.shape}" if isinstance(part, np.ndarray) else shortened(part)
+
+
+def _row(shape: tuple[int | str, ...]) -> str:
+    """Return a shape, of which some sides may only have names."""
+    return f"({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})"
 
 
 def check_networks(networks: Networks, inputs: int, group: int) -> None:
@@ -165,15 +224,15 @@ def check_networks(networks: Networks, inputs: int, group: int) -> None:
     ------
     InvalidValueError
     """
-    inner = networks.inner
-    m, k, h = inner.shape if inner.ndim == 3 else (0, -1, 0)
-    wanted = ((m, k, h), (m, h), (m, h), (m,))
-    fits = m and m % group == 0 and k == inputs
-    if not fits or any(w.shape != s for w, s in zip(networks.weights, wanted, strict=True)):
+    if not isinstance(networks, Networks):
+        raise InvalidValueError(f"networks is {shortened(networks)}; expected Networks(...)")
+    m, k, _ = networks.inner.shape
+    if not m or m % group or k != inputs:
         raise InvalidValueError(
             f"networks have the shapes {[w.shape for w in networks.weights]}; expected {inputs} inputs "
             f"and {group} networks a robot"
         )
+    # They may have learned since they were made.
     if not all(np.isfinite(w).all() for w in networks.weights):
         raise InvalidValueError("networks hold weights that are not finite; train them anew")
 

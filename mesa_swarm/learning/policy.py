@@ -2,17 +2,21 @@
 
 import math
 from dataclasses import dataclass
+from inspect import signature
 from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import InvalidValueError, LearningError, shortened
+from mesa_swarm.errors import BehaviourError, InvalidValueError, LearningError, shortened
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm
+
+# To compare a dtype with another takes a tenth of the time that it takes with a type.
+DOUBLE = np.dtype(np.float64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +41,15 @@ class SensorLayout:
 
     @classmethod
     def of(cls, design: RobotDesign) -> "SensorLayout":
-        """Return the layout of a design."""
+        """Return the layout of a design.
+
+        Raises
+        ------
+        InvalidValueError
+            If `design` is none.
+        """
+        if not isinstance(design, RobotDesign):
+            raise InvalidValueError(f"design is {shortened(design)}; expected a RobotDesign such as AGENT9")
         eyes = design.proximity
         return cls(
             tuple(float(s.bearing_degrees) for s in eyes),
@@ -63,19 +75,26 @@ class SensorLayout:
             what = f"{len(self)} proximity sensors and {design.name} has {len(other)}"
         else:
             first = next(i for i in range(len(self)) if other._row(i) != self._row(i))
-            what = f"{_told(self._row(first))} as sensor {first} and {design.name} has {_told(other._row(first))}"
+            what = f"{_eye(self._row(first))} as sensor {first} and {design.name} has {_eye(other._row(first))}"
         raise LearningError(f"the policy was trained with {what}; use the design that it was trained with")
 
-    def check_readings(self, readings: ArrayLike, kinds: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """Return readings and kinds (n, s) as arrays, or refuse them.
+    def check_readings(
+        self, readings: ArrayLike, kinds: ArrayLike | None, encoding: str = "distance"
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return readings and kinds (n, s) as arrays, or refuse them; without kinds, all that is seen is an obstacle.
 
         Raises
         ------
         InvalidValueError
-            If they have not one value a sensor, or a reading is not finite.
+            If they have not one value a sensor, or a reading is not finite, or the encoding takes kinds and there
+            are none.
         """
+        if kinds is None and encoding != "distance":
+            raise InvalidValueError(f"kinds is None; expected what each sensor sees, as the encoding is {encoding!r}")
         try:
-            distance, kind = np.ascontiguousarray(readings, np.float64), np.ascontiguousarray(kinds, np.int8)
+            distance = np.ascontiguousarray(readings, np.float64)
+            # 0 is an obstacle, -1 nothing.
+            kind = np.ascontiguousarray(np.where(distance < 0.0, -1, 0) if kinds is None else kinds, np.int8)
         except (TypeError, ValueError, OverflowError):
             distance, kind = np.empty(0), np.empty(0, np.int8)
         if distance.ndim != 2 or distance.shape[1] != len(self) or distance.shape != kind.shape:
@@ -91,7 +110,7 @@ class SensorLayout:
         return self.bearings[i], self.ranges[i], self.fields_of_view[i]
 
 
-def _told(row: tuple[float, float, float]) -> str:
+def _eye(row: tuple[float, float, float]) -> str:
     return "one at {:g} degrees, range {:g}, field of view {:g} degrees".format(*row)
 
 
@@ -121,25 +140,15 @@ def check_designs(sensors: SensorLayout, swarm: Swarm) -> None:
         sensors.check(design)
 
 
-def checked_chances(chance: ArrayLike, robots: int) -> np.ndarray:
-    """Return the numbers from which a policy draws as an array (n,), or refuse them.
+def check_policy(policy: object, *methods: str) -> None:
+    """Refuse what lacks these methods of a policy.
 
     Raises
     ------
     InvalidValueError
-
-    Examples
-    --------
-    >>> checked_chances([0.5, 1], 2)
-    array([0.5, 1. ])
     """
-    try:
-        chances = np.asarray(chance, dtype=float)
-    except (TypeError, ValueError):
-        raise InvalidValueError(f"chance is {shortened(chance)}; expected {robots} numbers from 0 to 1") from None
-    if chances.shape != (robots,):
-        raise InvalidValueError(f"chance has shape {chances.shape}; expected ({robots},)")
-    return chances
+    if isinstance(policy, type) or not all(callable(getattr(policy, method, None)) for method in methods):
+        raise InvalidValueError(f"policy is {shortened(policy)}; expected what load_policy() returns")
 
 
 class Policy(Protocol):
@@ -148,7 +157,9 @@ class Policy(Protocol):
     What learners of all families make, what files hold, and what `PolicyLayer` drives robots by. A policy does
     not change when it acts. One that goes by what was before has one thing more, ``memory``, how many numbers each
     robot keeps from step to step, and its `act` one argument more: these numbers (n, memory), 0 at first, which it
-    writes; see `ReflexPolicy`.
+    writes; see `ReflexPolicy`. One in which robots have sets of weights of their own tells in ``copies`` how many
+    there are, and its `act` has a keyword ``numbers`` (n,): the k-th robot ever made acts by set ``k % copies``,
+    also when robots before it are gone; see `QPolicy`.
     """
 
     family: ClassVar[str]  # by which files know it, see `learning.policy_files`
@@ -165,15 +176,15 @@ class Policy(Protocol):
     def training(self) -> dict:
         """Where it comes from, and figures of its training: texts and numbers by name."""
 
-    def act(self, readings: ArrayLike, kinds: ArrayLike, chance: ArrayLike | None = None) -> np.ndarray:
+    def act(self, readings: ArrayLike, kinds: ArrayLike | None = None, chance: ArrayLike | None = None) -> np.ndarray:
         """Return wheel commands as shares of max_speed.
 
         Parameters
         ----------
         readings : ndarray, shape (n, s), map units
             Of the proximity sensors, -1 for nothing seen.
-        kinds : int ndarray, shape (n, s)
-            0 obstacle, 1 robot, 2 fire, 3 load, -1 nothing.
+        kinds : int ndarray, shape (n, s), optional
+            0 obstacle, 1 robot, 2 fire, 3 load, -1 nothing. A policy that knows distances only acts without them.
         chance : ndarray, shape (n,), optional
             Numbers from 0 to 1, from which a policy that tries things draws; without them it does what it holds
             best.
@@ -186,7 +197,7 @@ class Policy(Protocol):
         Raises
         ------
         InvalidValueError
-            If the readings are not those of its sensors.
+            If the readings are not those of its sensors, or a chance is not from 0 to 1.
         """
 
     def arrays(self) -> dict[str, np.ndarray]:
@@ -238,8 +249,7 @@ class PolicyLayer:
 
     def __post_init__(self) -> None:
         """Check the policy."""
-        if isinstance(self.policy, type) or not callable(getattr(self.policy, "act", None)):
-            raise InvalidValueError(f"policy is {shortened(self.policy)}; expected what load_policy() returns")
+        check_policy(self.policy, "act")
         if not self.policy.steps and not self.explore:
             raise LearningError("the policy is untrained; train it first, or let it explore with explore=True")
 
@@ -250,6 +260,8 @@ class PolicyLayer:
         self._kept = f"{prefix}.memory" if numbers else None
         if self._kept:
             swarm.remember(self._kept, (numbers,), np.float64, 0.0)
+        # Policies of one's own need not know of numbers.
+        self._numbered = getattr(self.policy, "copies", 1) != 1 and "numbers" in signature(self.policy.act).parameters
         self._check_designs()
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
@@ -259,12 +271,23 @@ class PolicyLayer:
         ------
         LearningError
             If robots with other sensors were added.
+        BehaviourError
+            If the policy returned anything but two finite numbers a robot.
         """
         if len(self._swarm.designs) != self._known:
             self._check_designs()
         chance = None if self.greedy else self._rng.random(len(layer))
         kept = (self._swarm.columns[self._kept],) if self._kept else ()
-        drive(self.policy.act(senses.distance, senses.kind, chance, *kept), senses.max_speed, command, layer, index)
+        told = {"numbers": self._swarm.columns["number"]} if self._numbered else {}
+        said = self.policy.act(senses.distance, senses.kind, chance, *kept, **told)
+        shares = said
+        # Compiled code reads as many rows as there are robots, and is compiled anew for other kinds of arrays.
+        if type(said) is not np.ndarray or said.shape != command.shape or said.dtype != DOUBLE:
+            shares = _shares_of(said)
+        if shares.shape != command.shape or not drive(shares, senses.max_speed, command, layer, index):
+            raise BehaviourError(
+                f"{self.name}: its policy returned {_told(said)}; expected finite numbers of shape {command.shape}"
+            )
 
     def reason(self, moment: Moment) -> Reason:
         """Say what the policy saw."""
@@ -274,6 +297,19 @@ class PolicyLayer:
     def _check_designs(self) -> None:
         check_designs(self.policy.sensors, self._swarm)
         self._known = len(self._swarm.designs)
+
+
+def _shares_of(said: object) -> np.ndarray:
+    """Return what a policy returned as an array of floats, an empty one if it holds no numbers."""
+    try:
+        array = np.asarray(said)
+    except ValueError:  # rows of different lengths
+        array = np.empty(0)
+    return array.astype(np.float64, order="C") if array.dtype.kind in "biuf" else np.empty(0)
+
+
+def _told(said: object) -> str:
+    return f"an array of {said.dtype}, shape {said.shape}" if isinstance(said, np.ndarray) else shortened(said)
 
 
 @compiled
@@ -288,9 +324,13 @@ def all_finite(table):
 
 @compiled
 def drive(shares, max_speed, command, layer, index):
-    """Write the commands of robots that no layer drives yet; `shares` (n, 2) of their max_speed."""
+    """Write the commands of robots that no layer drives yet, if all `shares` (n, 2) of max_speed are finite."""
+    for i in range(layer.shape[0]):
+        if not (math.isfinite(shares[i, 0]) and math.isfinite(shares[i, 1])):
+            return False
     for i in range(layer.shape[0]):
         if layer[i] < 0:
             command[i, 0] = shares[i, 0] * max_speed[i]
             command[i, 1] = shares[i, 1] * max_speed[i]
             layer[i] = index
+    return True

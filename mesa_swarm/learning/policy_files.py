@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.errors import LearningError, check_count, check_number, shortened
-from mesa_swarm.learning.policy import Policy, SensorLayout
+from mesa_swarm.errors import InvalidValueError, LearningError, check_count, check_number, shortened
+from mesa_swarm.learning.policy import Policy, SensorLayout, check_policy
 from mesa_swarm.learning.q_policy import QPolicy
 from mesa_swarm.learning.reflex_policy import ReflexPolicy
 from mesa_swarm.learning.wire_policy import WirePolicy
@@ -43,6 +43,8 @@ def save_policy(policy: Policy, path: str | os.PathLike[str]) -> Path:
     ------
     LearningError
         If the file cannot be written, or its name ends otherwise.
+    InvalidValueError
+        If `policy` or `path` is none.
 
     Examples
     --------
@@ -53,7 +55,8 @@ def save_policy(policy: Policy, path: str | os.PathLike[str]) -> Path:
     ...     load_policy(save_policy(policy, f"{folder}/mine.npz")).sensors == policy.sensors
     True
     """
-    file = Path(path)
+    check_policy(policy, "arrays", "settings")
+    file = _file_of(path)
     if file.suffix != ".npz":
         raise LearningError(f"{file.name} does not end with .npz; give the policy such a name")
     header = {
@@ -65,7 +68,7 @@ def save_policy(policy: Policy, path: str | os.PathLike[str]) -> Path:
         "settings": policy.settings(),
     }
     try:
-        _write_whole(file, json.dumps(header, allow_nan=False), policy.arrays())
+        _write_whole(file, json.dumps(header, allow_nan=False, default=_number), policy.arrays())
     except OSError as error:
         raise LearningError(f"{file} cannot be written: {error.strerror or error}") from None
     except (TypeError, ValueError):
@@ -81,7 +84,7 @@ def load_policy(path: str | os.PathLike[str]) -> Policy:
     LearningError
         If there is no such file, or it is damaged, hostile, or not a policy.
     """
-    file = Path(path)
+    file = _file_of(path)
     try:
         with zipfile.ZipFile(file) as archive:
             _check_members(file, archive)
@@ -96,6 +99,21 @@ def load_policy(path: str | os.PathLike[str]) -> Policy:
     except Exception as error:  # of zip, zlib and NumPy, as many kinds as there are kinds of damage
         raise _refusal(file, f"it is damaged ({type(error).__name__})") from None
     return _policy_of(file, _header_of(file, arrays), arrays)
+
+
+def _file_of(path: str | os.PathLike[str]) -> Path:
+    try:
+        return Path(path)
+    except TypeError:
+        raise InvalidValueError(f"path is {shortened(path)}; expected a text or Path") from None
+
+
+def _number(value: object) -> float:
+    """Return one of NumPy's numbers as the number that it is, for JSON."""
+    for kind, plain in ((np.floating, float), (np.integer, int), (np.bool_, bool)):
+        if isinstance(value, kind):
+            return plain(value)
+    raise TypeError
 
 
 def _policy_of(file: Path, header: dict, arrays: dict[str, np.ndarray]) -> Policy:

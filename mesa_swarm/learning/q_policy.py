@@ -1,17 +1,18 @@
 """QPolicy: what Q-learning has learned, as a policy that no longer learns."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mesa_swarm.errors import check_count
+from mesa_swarm.errors import check_choice, check_count
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import ACTIONS, ENCODINGS, checked_actions, write_inputs
 from mesa_swarm.learning.network_policy import NetworkPolicy
 from mesa_swarm.learning.networks import Networks, forward
 from mesa_swarm.learning.policy import SensorLayout
+from mesa_swarm.learning.told import checked_numbers
 from mesa_swarm.robots.design import RobotDesign
 
 
@@ -23,7 +24,7 @@ class QPolicy(NetworkPolicy):
     ----------
     sensors : SensorLayout
     networks : Networks
-        ``copies * actions`` of them, one robot's after the other's. Robot i acts by set ``i % copies``.
+        ``copies * actions`` of them, one robot's after the other's. The k-th robot acts by set ``k % copies``.
     actions : int
         4 or 8.
     encoding : str
@@ -54,7 +55,8 @@ class QPolicy(NetworkPolicy):
 
     def __post_init__(self) -> None:
         """Check that the parts fit together."""
-        self._check_parts(checked_actions(self.actions))
+        checked_actions(self.actions)
+        self._check_parts()
 
     @classmethod
     def untrained(
@@ -69,47 +71,56 @@ class QPolicy(NetworkPolicy):
     ) -> "QPolicy":
         """Return a policy with small random weights for a design; `more` are other fields of the policy."""
         sensors = SensorLayout.of(design)
-        inputs = ENCODINGS[encoding] * len(sensors)
-        networks = Networks.random(copies * actions, inputs=inputs, hidden=2 * len(sensors), rng=rng)
+        inputs = ENCODINGS[check_choice("encoding", encoding, ENCODINGS)] * len(sensors)
+        count = check_count("copies", copies, minimum=1) * checked_actions(actions)
+        networks = Networks.random(count, inputs=inputs, hidden=2 * len(sensors), rng=rng)
         return cls(sensors=sensors, networks=networks, actions=actions, encoding=encoding, **more)
 
     @property
-    def copies(self) -> int:
-        """How many robots' networks there are."""
-        return len(self.networks.outer_bias) // self.actions
+    def group(self) -> int:
+        """How many networks a robot has: one for each action."""
+        return self.actions
 
-    def of_robot(self, index: int) -> "QPolicy":
-        """Return the policy of one of the robots alone, to share it with others.
+    def values(
+        self, readings: ArrayLike, kinds: ArrayLike | None = None, *, numbers: ArrayLike | None = None
+    ) -> np.ndarray:
+        """Return what every action is worth (n, actions), given readings and kinds (n, s); see `act`."""
+        distance, kind = self.sensors.check_readings(readings, kinds, self.encoding)
+        values = np.empty((len(distance), self.actions))
+        count = checked_numbers(numbers, len(distance))
+        value_of_actions(distance, kind, self._ranges, self.networks.weights, count, values)
+        return values
+
+    def act(
+        self,
+        readings: ArrayLike,
+        kinds: ArrayLike | None = None,
+        chance: ArrayLike | None = None,
+        *,
+        numbers: ArrayLike | None = None,
+    ) -> np.ndarray:
+        """Return wheel commands (n, 2) as shares of max_speed; see `Policy.act`.
 
         Parameters
         ----------
-        index : int
-            0 to ``copies - 1``.
+        readings, kinds, chance
+            As for `Policy.act`.
+        numbers : int ndarray, shape (n,), optional
+            The robot with number k acts by set ``k % copies``; by default 0, 1, and so on.
         """
-        row = check_count("index", index, maximum=self.copies - 1) * self.actions
-        return replace(self, networks=Networks(*(w[row : row + self.actions].copy() for w in self.networks.weights)))
-
-    def values(self, readings: ArrayLike, kinds: ArrayLike) -> np.ndarray:
-        """Return what every action is worth (n, actions), given readings and kinds (n, s)."""
-        distance, kind = self.sensors.check_readings(readings, kinds)
-        values = np.empty((len(distance), self.actions))
-        value_of_actions(distance, kind, np.array([self.sensors.ranges]), self.networks.weights, values)
-        return values
-
-    def act(self, readings: ArrayLike, kinds: ArrayLike, chance: ArrayLike | None = None) -> np.ndarray:
-        """Return wheel commands (n, 2) as shares of max_speed; see `Policy.act`."""
-        return ACTIONS[self._taken(self.values(readings, kinds), chance)]
+        return ACTIONS[self._taken(self.values(readings, kinds, numbers=numbers), chance)]
 
 
 @compiled
-def value_of_actions(distance, kind, ranges, weights, values):
+def value_of_actions(distance, kind, ranges, weights, numbers, values):
     """Write what every action is worth to every robot (n, actions)."""
     robots, count = values.shape
     copies = weights[3].shape[0] // count
     now, hidden = np.empty((1, weights[0].shape[1])), np.empty(weights[0].shape[2])
     for i in range(robots):
+        number = numbers[i] if numbers.shape[0] else i
         write_inputs(distance, kind, ranges, i, 0, now, 0)
-        say_values(weights, (i % copies) * count, now, 0, hidden, values[i])
+        say_values(weights, (number % copies) * count, now, 0, hidden, values[i])
 
 
 @compiled

@@ -1,7 +1,7 @@
 """ReflexPolicy: weights from readings to wheels, with or without a few units that remember."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, shortened
 from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.learning.policy import SensorLayout, checked_chances
+from mesa_swarm.learning.policy import DOUBLE, SensorLayout
+from mesa_swarm.learning.told import checked_chances, checked_numbers
 from mesa_swarm.world.statics import ROBOT
 
 # What becomes of a wheel's sum: kept within [-1, 1]; full speed ahead or back; a soft limit.
@@ -39,7 +40,7 @@ class ReflexPolicy:
     sensors : SensorLayout
     hidden : ndarray, shape (copies, s + u + 2, u) or, typed, (copies, 2 s + u + 2, u)
         U, the weights into the u hidden units: from the proximities, from the units themselves, from the whim, and
-        a constant. Robot i acts by set ``i % copies``.
+        a constant. The k-th robot acts by set ``k % copies``.
     wheel : ndarray, shape (copies, s + u + 2, 2) or, typed, (copies, 2 s + u + 2, 2)
         W, the weights to the left and right wheel.
     squash : str
@@ -61,7 +62,7 @@ class ReflexPolicy:
     >>> from mesa_swarm import AGENT3
     >>> eyes = SensorLayout.of(AGENT3)
     >>> away = ReflexPolicy.reflex(eyes, [[0, 0], [0, -2], [-2, 0], [1, 1]])  # of front, left, right; a constant
-    >>> away.act([[-1.0, -1.0, -1.0], [-1.0, 25.0, -1.0]], [[-1, -1, -1], [-1, 0, -1]])
+    >>> away.act([[-1.0, -1.0, -1.0], [-1.0, 25.0, -1.0]])
     array([[1., 1.],
            [1., 0.]])
     """
@@ -127,12 +128,24 @@ class ReflexPolicy:
         """How many numbers each robot remembers from one step to the next."""
         return self.hidden.shape[2]
 
+    @property
+    def copies(self) -> int:
+        """How many robots' weights there are."""
+        return len(self.wheel)
+
+    def of_robot(self, index: int) -> "ReflexPolicy":
+        """Return the policy of one of the robots alone; see `QPolicy.of_robot`."""
+        k = check_count("index", index, maximum=self.copies - 1)
+        return replace(self, hidden=self.hidden[k : k + 1].copy(), wheel=self.wheel[k : k + 1].copy())
+
     def act(
         self,
         readings: ArrayLike,
-        kinds: ArrayLike,
+        kinds: ArrayLike | None = None,
         chance: ArrayLike | None = None,
         memory: np.ndarray | None = None,
+        *,
+        numbers: ArrayLike | None = None,
     ) -> np.ndarray:
         """Return wheel commands (n, 2) as shares of max_speed; see `Policy.act`.
 
@@ -142,15 +155,20 @@ class ReflexPolicy:
             As for `Policy.act`; the whim is ``2 chance - 1``, without chances 0.
         memory : float64 ndarray, shape (n, u), written
             What the hidden units said in the step before; without it, nothing.
+        numbers : int ndarray, shape (n,), optional
+            The robot with number k acts by set ``k % copies``; by default 0, 1, and so on.
         """
-        distance, kind = self.sensors.check_readings(readings, kinds)
+        distance, kind = self.sensors.check_readings(readings, kinds, self.encoding)
         kept = np.zeros((len(distance), self.memory)) if memory is None else memory
-        if kept.shape != (len(distance), self.memory):
-            raise InvalidValueError(f"memory is {shortened(kept.shape)}; expected {(len(distance), self.memory)}")
+        if getattr(kept, "dtype", None) != DOUBLE or kept.shape != (len(distance), self.memory):
+            raise InvalidValueError(
+                f"memory is {shortened(memory)}; expected an array of float64, shape {(len(distance), self.memory)}"
+            )
         shares = np.empty((len(distance), 2))
         chances = np.full(len(distance), 0.5) if chance is None else checked_chances(chance, len(distance))
         squash, typed = SQUASHES.index(self.squash), self.encoding == "typed"
-        react(distance, kind, self._ranges, self.hidden, self.wheel, squash, typed, chances, kept, shares)
+        count = checked_numbers(numbers, len(distance))
+        react(distance, kind, self._ranges, self.hidden, self.wheel, squash, typed, chances, count, kept, shares)
         return shares
 
     @cached_property
@@ -204,14 +222,15 @@ def genome_length(sensors: SensorLayout, units: int, encoding: str = "distance")
 
 
 @compiled
-def react(distance, kind, ranges, hidden, wheel, squash, typed, chance, memory, shares):
+def react(distance, kind, ranges, hidden, wheel, squash, typed, chance, numbers, memory, shares):
     """Write the wheel commands of every robot (n, 2), and what its hidden units say (n, u) over what they said."""
     sensors, units = distance.shape[1], memory.shape[1]
     inputs = 2 * sensors if typed else sensors
     known, said = np.empty(inputs + units + 2), np.empty(units)
     known[inputs + units + 1] = 1.0
     for i in range(distance.shape[0]):
-        copy = i % wheel.shape[0]
+        number = numbers[i] if numbers.shape[0] else i
+        copy = number % wheel.shape[0]
         for s in range(sensors):
             known[s] = nearness(distance[i, s], ranges[s])
             if typed:

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from mesa_swarm.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.learning.actions import as_floats
 
 SMOOTHING = 0.1
 TINY = 0.01
@@ -47,12 +48,11 @@ def wire_value(
     >>> round(value, 3)
     0.998
     """
-    u, ends = np.asarray(action, dtype=float), np.ascontiguousarray(wires, dtype=float)
-    q = np.ascontiguousarray(values, dtype=float)
+    u, ends, q = as_floats(action), as_floats(wires), as_floats(values)
     finite = all(np.isfinite(part).all() for part in (u, ends, q))
-    if u.shape != (2,) or not len(q) or ends.shape != (len(q), 2) or not finite:
+    if u.shape != (2,) or q.ndim != 1 or not len(q) or ends.shape != (len(q), 2) or not finite:
         raise InvalidValueError(
-            f"action {shortened(u)}, wires of shape {ends.shape} and values of shape {q.shape}; "
+            f"action is {shortened(action)}, wires are {shortened(wires)} and values {shortened(values)}; "
             "expected finite numbers of shapes (2,), (w, 2) and (w,)"
         )
     c, eps = check_number("smoothing", smoothing, minimum=0), check_number("tiny", tiny, above=0)

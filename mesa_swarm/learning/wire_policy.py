@@ -11,6 +11,7 @@ from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import ACTIONS, write_inputs
 from mesa_swarm.learning.network_policy import NetworkPolicy
 from mesa_swarm.learning.networks import forward
+from mesa_swarm.learning.told import checked_numbers
 from mesa_swarm.learning.wire_fitting import squashed
 
 # Where wires begin: at the thesis's actions, but inside of the limits, from where they can move.
@@ -27,7 +28,8 @@ class WirePolicy(NetworkPolicy):
     ----------
     sensors : SensorLayout
     networks : Networks
-        ``copies * wires * 3`` of them: of every wire the left wheel, the right wheel, the value.
+        ``copies * wires * 3`` of them: of every wire the left wheel, the right wheel, the value. The k-th robot
+        acts by set ``k % copies``.
     wires : int
         1 to 8.
     encoding, temperature, steps, training
@@ -45,30 +47,47 @@ class WirePolicy(NetworkPolicy):
 
     def __post_init__(self) -> None:
         """Check that the parts fit together."""
-        self._check_parts(OUTPUTS * check_count("wires", self.wires, minimum=1, maximum=len(STARTS)))
+        object.__setattr__(self, "wires", check_count("wires", self.wires, minimum=1, maximum=len(STARTS)))
+        self._check_parts()
 
-    def proposals(self, readings: ArrayLike, kinds: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    @property
+    def group(self) -> int:
+        """How many networks a robot has: three for each wire."""
+        return OUTPUTS * self.wires
+
+    def proposals(
+        self, readings: ArrayLike, kinds: ArrayLike | None = None, *, numbers: ArrayLike | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return the wires' actions (n, w, 2) and what they are worth (n, w), given readings and kinds (n, s)."""
-        distance, kind = self.sensors.check_readings(readings, kinds)
+        distance, kind = self.sensors.check_readings(readings, kinds, self.encoding)
         actions, values = np.empty((len(distance), self.wires, 2)), np.empty((len(distance), self.wires))
-        propose_all(distance, kind, np.array([self.sensors.ranges]), self.networks.weights, actions, values)
+        count = checked_numbers(numbers, len(distance))
+        propose_all(distance, kind, self._ranges, self.networks.weights, count, actions, values)
         return actions, values
 
-    def act(self, readings: ArrayLike, kinds: ArrayLike, chance: ArrayLike | None = None) -> np.ndarray:
-        """Return wheel commands (n, 2) as shares of max_speed; see `Policy.act`."""
-        actions, values = self.proposals(readings, kinds)
+    def act(
+        self,
+        readings: ArrayLike,
+        kinds: ArrayLike | None = None,
+        chance: ArrayLike | None = None,
+        *,
+        numbers: ArrayLike | None = None,
+    ) -> np.ndarray:
+        """Return wheel commands (n, 2) as shares of max_speed; see `QPolicy.act`."""
+        actions, values = self.proposals(readings, kinds, numbers=numbers)
         return actions[np.arange(len(values)), self._taken(values, chance)]
 
 
 @compiled
-def propose_all(distance, kind, ranges, weights, actions, values):
+def propose_all(distance, kind, ranges, weights, numbers, actions, values):
     """Write the wires' actions (n, w, 2) and values (n, w) of every robot."""
     robots, wires = values.shape
     copies = weights[3].shape[0] // (OUTPUTS * wires)
     now, hidden = np.empty((1, weights[0].shape[1])), np.empty((OUTPUTS * wires, weights[0].shape[2]))
     for i in range(robots):
+        number = numbers[i] if numbers.shape[0] else i
         write_inputs(distance, kind, ranges, i, 0, now, 0)
-        propose(weights, (i % copies) * OUTPUTS * wires, now, 0, hidden, actions[i], values[i])
+        propose(weights, (number % copies) * OUTPUTS * wires, now, 0, hidden, actions[i], values[i])
 
 
 @compiled

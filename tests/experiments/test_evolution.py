@@ -11,6 +11,7 @@ from mesa_swarm import AGENT3, RobotDesign
 from mesa_swarm.errors import LearningError, SwarmError
 from mesa_swarm.experiments.evolution import Trial, evolve
 from mesa_swarm.learning.fitness import Fitness
+from mesa_swarm.world.map import Map
 
 SMALL = {"generations": 3, "population": 4, "finalists": 2, "final_trials": 1}
 BRIEF = Trial(robots=3, steps=15)
@@ -172,6 +173,9 @@ def test_a_fitness_that_is_no_number_ends_it_with_candidate_and_generation(tmp_p
         {"final": Trial(units=0)},
         {"final": Trial(encoding="typed")},
         {"final_maps": []},
+        {"maps": 5},
+        {"maps": None},
+        {"maps": [5]},
         {"constant": math.inf},
         {"rng": -1},
         {"jobs": 0},
@@ -193,11 +197,28 @@ def test_what_is_no_evolution_is_refused_in_one_line_before_anything_is_tried(wr
         {"squash": "no"},
         {"encoding": "no"},
         {"mirrored": True, "units": 1},
+        {"units": 2.5},
+        {"fitness": "floreano"},
+        {"fitness": None},
+        {"design": "AGENT9"},
     ],
 )
 def test_what_is_no_trial_is_refused(wrong):
     with pytest.raises(SwarmError):
         Trial(**wrong)
+
+
+def test_whole_numbers_may_be_written_as_floats():
+    assert Trial(robots=3.0, steps=15.0, units=2.0) == BRIEF
+    assert Trial(robots=3.0, steps=15.0, units=2.0).genes == 52
+
+
+def test_a_single_map_is_one_map():
+    wanted = evolve(BRIEF, **SMALL, maps=["sparse"], final_maps=[Map.load("openspace")])
+    for maps in ("sparse", Map.load("sparse")):
+        bred = evolve(BRIEF, **SMALL, maps=maps, final_maps="openspace")
+        assert (bred.fitness == wanted.fitness).all()
+        assert (weights(bred) == weights(wanted)).all()
 
 
 def test_blind_robots_can_be_bred_though_they_learn_only_to_drive():

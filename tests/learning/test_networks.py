@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.errors import InvalidValueError, LearningError
 from mesa_swarm.learning.networks import Networks, fit
 
 SIZES = st.tuples(st.integers(1, 4), st.integers(1, 6), st.integers(1, 8), st.integers(0, 2**32))
@@ -90,3 +90,61 @@ def test_what_has_another_shape_or_is_not_finite_is_refused_and_nothing_is_learn
         networks.learn(inputs, targets, rate)
     assert "\n" not in str(caught.value)
     assert all((a == b).all() for a, b in zip(before, networks.weights, strict=True))
+
+
+def shaped(**changed):
+    parts = {"inner": np.ones((2, 3, 4)), "inner_bias": np.ones((2, 4)), "outer": np.ones((2, 4))}
+    return Networks(**{**parts, "outer_bias": np.ones(2), **changed})
+
+
+@pytest.mark.parametrize(
+    ("changed", "says"),
+    [
+        ({"outer": np.ones((2, 1))}, r"^outer is an array of float64, shape \(2, 1\); expected .* shape \(2, 4\)$"),
+        ({"inner": np.ones((2, 3, 400))}, "^inner_bias is .*(2, 4).*; expected .*(2, 400)"),
+        ({"inner_bias": np.ones((3, 4))}, "^inner_bias is"),
+        ({"outer_bias": np.ones((2, 1))}, r"^outer_bias is .*; expected .* shape \(2,\)$"),
+        ({"inner": np.ones((3, 4))}, r"^inner is .*; expected .* shape \(m, k, h\)$"),
+        ({"inner": np.ones((2, 3, 4)).tolist()}, r"^inner is \[\[\[1.0, .*; expected an array of float64"),
+        ({"inner": None}, "^inner is None"),
+        ({"outer": np.ones((2, 4), int)}, "^outer is an array of int64"),
+        ({"outer": np.full((2, 4), np.nan)}, "^outer holds weights that are not finite"),
+        ({"outer_bias": np.array([1, np.inf])}, "^outer_bias holds weights that are not finite"),
+    ],
+)
+def test_parts_that_do_not_fit_together_are_refused_by_name(changed, says):
+    assert shaped().outputs(np.ones((2, 3))).shape == (2,)
+    with pytest.raises(InvalidValueError, match=says) as caught:
+        shaped(**changed)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_arrays_are_taken_as_they_are_and_learn():
+    outer = np.ones((2, 4))
+    shaped(outer=outer).learn(np.ones((2, 3)), np.zeros(2))
+    assert (outer != 1).all()
+
+
+ROW = np.linspace(-1, 1, 50)
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "rng", "says"),
+    [
+        (ROW[:3], ROW[:4], np.random.default_rng(1), "^x has 3 numbers and y 4; expected as many of both"),
+        ([], [], np.random.default_rng(1), "^x is .*; expected a row of finite numbers"),
+        (ROW, ROW[:, None], np.random.default_rng(1), "^y is .*; expected a row"),
+        ("far", ROW, np.random.default_rng(1), "^x is .*; expected a row"),
+        (ROW, np.full(50, np.nan), np.random.default_rng(1), "^y is .*; expected a row"),
+        (ROW, ROW, 1, "^rng is 1; expected numpy.random.default_rng"),
+    ],
+)
+def test_what_cannot_be_fitted_is_refused_by_name(x, y, rng, says):
+    with pytest.raises(InvalidValueError, match=says) as caught:
+        fit(x, y, rng=rng)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_fit_that_diverges_says_so_instead_of_returning_nan():
+    with pytest.raises(LearningError, match=r"^the fit diverged.*; lower rate, which is 1"):
+        fit(ROW, 1e3 * ROW, rng=np.random.default_rng(1), rate=1.0, hidden=10)

@@ -11,8 +11,17 @@ import pytest
 
 from mesa_swarm import AGENT3, AGENT9, SwarmModel
 from mesa_swarm.control import Avoid, Subsumption
-from mesa_swarm.errors import InvalidValueError, LearningError, SwarmError
-from mesa_swarm.learning import PolicyLayer, QLearning, QPolicy, load_policy, policy_files, save_policy
+from mesa_swarm.errors import BehaviourError, InvalidValueError, LearningError, SwarmError
+from mesa_swarm.learning import (
+    HebbianLearning,
+    PolicyLayer,
+    QLearning,
+    QPolicy,
+    WireFittedQ,
+    load_policy,
+    policy_files,
+    save_policy,
+)
 from mesa_swarm.learning.actions import ACTIONS
 
 
@@ -101,6 +110,56 @@ def test_a_layer_gives_the_same_bits_with_the_same_seed(policy):
     assert len(hashes) == 1
 
 
+class Own:
+    """A policy of somebody's own, without anything that is not needed to act."""
+
+    steps = 1
+
+    def __init__(self, returns, sensors):
+        self.returns, self.sensors = returns, sensors
+
+    def act(self, readings, kinds, chance=None):
+        return self.returns(len(readings))
+
+
+def moved_by(returns, policy, robots=50):
+    return driven(PolicyLayer(policy=Own(returns, policy.sensors)), robots=robots).run(2).swarm.command
+
+
+@pytest.mark.parametrize(
+    "returns",
+    [
+        lambda n: np.ones((1, 2)),
+        lambda n: np.ones((n, 3)),
+        lambda n: np.ones(2),
+        lambda n: np.ones((n, 1)),
+        lambda n: [[1.0, 1.0]] * (n - 1),
+        lambda n: [[1.0, "fast"]] * n,
+        lambda n: [[1.0]] + [[1.0, 1.0]] * (n - 1),
+        lambda n: None,
+        lambda n: np.ones((n, 2), complex),
+        lambda n: np.full((n, 2), np.nan),
+        lambda n: [[1.0, 1.0]] * (n - 1) + [[1.0, -np.inf]],
+    ],
+)
+def test_what_a_policy_returns_is_refused_unless_it_is_two_finite_numbers_a_robot(policy, returns):
+    with pytest.raises(BehaviourError, match=r"^Policy: its policy returned .*; expected .* \(50, 2\)") as caught:
+        moved_by(returns, policy)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_policy_may_return_lists_whole_numbers_and_views(policy):
+    wanted = moved_by(lambda n: np.ones((n, 2)), policy)
+    assert (wanted == AGENT9.max_speed).all()
+    for returns in (
+        lambda n: [[1, 1]] * n,
+        lambda n: np.ones((n, 2), np.int8),
+        lambda n: np.ones((2, n)).T,
+        lambda n: np.ones((n, 4), np.float32)[:, ::2],
+    ):
+        assert (moved_by(returns, policy) == wanted).all()
+
+
 def same_policy(one, other):
     weights = zip(one.networks.weights, other.networks.weights, strict=True)
     told = [(policy.sensors, policy.steps, policy.settings()) for policy in (one, other)]
@@ -150,7 +209,7 @@ def test_one_robots_knowledge_can_be_shared_with_all(policy):
 @pytest.mark.parametrize("chance", [[0.5], [[0.5, 0.5]], ["a", "b"]])
 def test_chances_that_are_not_a_number_a_robot_are_refused(policy, chance):
     readings, kinds = np.full((2, 9), -1.0), np.full((2, 9), -1)
-    with pytest.raises(InvalidValueError, match=r"^chance (has shape .*; expected \(2,\)|is .*; expected 2 numbers)"):
+    with pytest.raises(InvalidValueError, match=r"^chance is .*; expected 2 numbers from 0 to 1"):
         policy.act(readings, kinds, chance)
 
 
@@ -193,6 +252,117 @@ def test_readings_of_another_shape_or_not_finite_are_refused(policy, readings, k
 def test_a_start_of_another_kind_is_refused(policy):
     with pytest.raises(InvalidValueError, match="start has 8 actions"):
         QLearning(start=policy, actions=4)
+
+
+# ---- whose networks, and on what
+
+
+def with_one_gone(layer):
+    model = driven(layer, robots=6)
+    next(iter(model.robots)).remove()
+    return model
+
+
+def test_robots_keep_their_networks_when_one_before_them_is_removed():
+    taught = learned(trained(robots=6))
+    learner = with_one_gone(QLearning(start=taught, frozen=True, name="same"))
+    layer = with_one_gone(PolicyLayer(policy=taught, name="same"))
+    commands = [np.array([model.run(1).swarm.command.copy() for _ in range(40)]) for model in (learner, layer)]
+    assert (commands[0] == commands[1]).all()
+
+
+@pytest.mark.parametrize("learner", [QLearning, WireFittedQ, HebbianLearning])
+def test_numbers_say_by_which_set_each_robot_acts_and_of_robot_gives_that_set(learner):
+    model = driven(learner(), robots=3).run(30)
+    policy = model.control.layers[0].policy()
+    readings, kinds = np.random.default_rng(1).uniform(0, 50, (7, 9)), np.zeros((7, 9))
+    numbers = np.array([5, 4, 0, 1, 2, 2, 300])
+    wheels = policy.act(readings, kinds, numbers=numbers)
+    for i, number in enumerate(numbers):
+        alone = policy.of_robot(number % 3)
+        assert alone.copies == 1
+        assert alone.act(readings[i : i + 1], kinds[i : i + 1]).tolist() == [wheels[i].tolist()]
+    assert (policy.act(readings, kinds) == policy.act(readings, kinds, numbers=np.arange(7))).all()
+    assert policy.copies == 3
+    with pytest.raises(InvalidValueError, match="index is 3"):
+        policy.of_robot(3)
+
+
+@pytest.mark.parametrize("numbers", [[0], [0.5, 1.5], "ab", [[0], [0, 1]], [[0, 1]]])
+def test_numbers_that_are_not_one_a_robot_are_refused(policy, numbers):
+    with pytest.raises(InvalidValueError, match=r"^numbers is .*; expected 2 whole numbers"):
+        policy.act(np.full((2, 9), -1.0), numbers=numbers)
+
+
+def test_a_policy_of_ones_own_with_copies_need_not_know_of_numbers(policy):
+    own = Own(lambda n: np.ones((n, 2)), policy.sensors)
+    own.copies = 3
+    assert (with_one_gone(PolicyLayer(policy=own)).run(1).swarm.command == AGENT9.max_speed).all()
+
+
+@pytest.mark.parametrize("learner", [QLearning, WireFittedQ, HebbianLearning])
+def test_who_knows_distances_only_acts_on_readings_alone(learner):
+    policy = driven(learner()).run(5).control.layers[0].policy()
+    readings = np.where(np.random.default_rng(1).random((3, 9)) < 0.5, -1.0, 20.0)
+    assert (policy.act(readings) == policy.act(readings, np.where(readings < 0, -1, 0))).all()
+    with pytest.raises(InvalidValueError):
+        policy.act(np.full((3, 9), np.nan))
+    with pytest.raises(InvalidValueError):
+        policy.act("far")
+
+
+def test_who_tells_kinds_apart_needs_them():
+    policy = QPolicy.untrained(AGENT9, rng=np.random.default_rng(1), encoding="typed")
+    with pytest.raises(InvalidValueError, match=r"^kinds is None; expected .* encoding is 'typed'"):
+        policy.act(np.full((3, 9), 20.0))
+
+
+@pytest.mark.parametrize("chance", [2.0, -0.1, np.nan, np.inf])
+def test_a_chance_that_is_none_is_refused(policy, chance):
+    with pytest.raises(InvalidValueError, match=r"^chance holds .*; expected numbers from 0 to 1$"):
+        policy.act(np.full((2, 9), -1.0), chance=[0.5, chance])
+    assert policy.act(np.full((2, 9), -1.0), chance=[0, 1]).shape == (2, 2)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"encoding": "x"}, {"actions": 8.0}, {"actions": "8"}, {"copies": 0}, {"rng": 1}, {"design": "AGENT9"}],
+)
+def test_what_is_no_untrained_policy_is_refused_in_one_line(wrong):
+    given = {"design": AGENT9, "rng": np.random.default_rng(1), **wrong}
+    with pytest.raises(SwarmError, match=f"^{next(iter(wrong))} is|^unknown encoding"):
+        QPolicy.untrained(given.pop("design"), **given)
+
+
+def test_numpys_numbers_among_the_figures_are_kept_as_numbers(tmp_path):
+    told = {
+        "seen": np.int64(3),
+        "share": np.float32(0.5),
+        "good": np.True_,
+        "long": np.longdouble(2),
+        "name": np.str_("Ada"),
+    }
+    policy = learned(trained(steps=2), **told)
+    kept = load_policy(save_policy(policy, tmp_path / "a.npz")).training
+    assert {"seen": 3, "share": 0.5, "good": True, "long": 2.0}.items() <= kept.items()
+
+
+@pytest.mark.parametrize("figure", [np.float32("nan"), np.datetime64("2020-01-01"), np.complex64(1), np.clongdouble(1)])
+def test_numpys_other_figures_are_refused(tmp_path, figure):
+    with pytest.raises(LearningError, match="no text or finite number"):
+        save_policy(learned(trained(steps=2), figure=figure), tmp_path / "a.npz")
+
+
+def test_what_is_no_path_is_refused(policy):
+    for wrong in (lambda: save_policy(policy, 5), lambda: load_policy(None)):
+        with pytest.raises(InvalidValueError, match=r"^path is .*; expected a text or Path"):
+            wrong()
+
+
+@pytest.mark.parametrize("policy", ["x", QPolicy, None])
+def test_what_is_no_policy_cannot_be_saved(tmp_path, policy):
+    with pytest.raises(InvalidValueError, match=r"^policy is .*; expected what load_policy\(\) returns"):
+        save_policy(policy, tmp_path / "a.npz")
 
 
 # ---- files that are no policies
@@ -240,7 +410,7 @@ def refused(file):
         ({"settings": {"actions": 8, "encoding": "distance", "temperature": "hot"}}, "temperature is 'hot'"),
         ({"settings": {"actions": 8, "encoding": [], "temperature": 1}}, "encoding"),
         ({"outer": None}, "q policy has"),
-        ({"outer": np.zeros(3)}, "have the shapes"),
+        ({"outer": np.zeros(3)}, "outer is an array of float64, shape (3,)"),
         ({"outer": np.full((24, 18), np.nan)}, "finite"),
         ({"outer": np.zeros((24, 18), complex)}, "finite numbers"),
         ({"outer": np.array(["a"])}, "finite numbers"),

@@ -49,7 +49,16 @@ def test_gradients_are_those_of_finite_differences_also_at_the_best_wire(seed, a
 
 @pytest.mark.parametrize(
     ("u", "wires", "q"),
-    [([0, 0], [[0, 0]], [np.nan]), ([0], [[0, 0]], [1]), ([0, 0], [[0]], [1]), ([0, 0], np.empty((0, 2)), [])],
+    [
+        ([0, 0], [[0, 0]], [np.nan]),
+        ([0], [[0, 0]], [1]),
+        ([0, 0], [[0]], [1]),
+        ([0, 0], np.empty((0, 2)), []),
+        ("ab", [[0, 0]], [1]),
+        ([0, 0], [[0, 0], [1]], [1]),
+        ([0, 0], [[0, 0]], 1),
+        ([0, 0], [[0, 0]], None),
+    ],
 )
 def test_nonsense_is_refused(u, wires, q):
     with pytest.raises(InvalidValueError) as caught:
