@@ -179,9 +179,9 @@ def find_pathologies(
     such commands, by less than `stuck_share` of what max_speed would do. Without moving means that in `fewest_steps`
     of such commands both the displacement and the way along the headings are below `stuck_share` of what was commanded.
 
-    Stretches of a kind that overlap or follow each other at once are one episode; of flips, without the steps in which
-    the robot gets farther than its radius within `window` steps, and only if `fewest_flips` are left. A robot's step
-    belongs to one kind: what the kinds above have taken is not there for those below.
+    Stretches of a kind that overlap or follow each other at once are one episode; of the first two kinds, without the
+    steps in which the robot gets farther than its radius within `window` steps, and only if `fewest_flips` are left. A
+    robot's step belongs to one kind: what the kinds above have taken is not there for those below.
 
     Parameters
     ----------

@@ -67,8 +67,8 @@ def corridor_flips(track: Track, limits: Thresholds, taken: np.ndarray) -> list[
     before = last_before(turn)
     from_any = _away(track, limits, (OBSTACLE, ROBOT, FIRE, LOAD))
     from_solid = _away(track, limits, (OBSTACLE, FIRE, LOAD))
-    flip = from_any & at(from_any, before) & (from_solid | at(from_solid, before))
-    return _flipping(flips_of(turn) & flip, track, limits, taken)
+    flip = flips_of(turn) & from_any & at(from_any, before) & (from_solid | at(from_solid, before))
+    return _on_the_spot(_flipping(flip, track, limits, taken), flip, track, limits)
 
 
 def _away(track: Track, limits: Thresholds, kinds: tuple[int, ...]) -> np.ndarray:
@@ -85,7 +85,8 @@ def centroid_flips(track: Track, limits: Thresholds, taken: np.ndarray) -> list[
     away = ((turn > 0) & right & ~left) | ((turn < 0) & left & ~right)
     drawn = seen.any(axis=2) & ~away
     other = (seen != at(seen, before)).any(axis=2)
-    return _flipping(flips_of(turn) & drawn & at(drawn, before) & other, track, limits, taken)
+    flip = flips_of(turn) & drawn & at(drawn, before) & other
+    return _on_the_spot(_flipping(flip, track, limits, taken), flip, track, limits)
 
 
 def threshold_flips(track: Track, limits: Thresholds, taken: np.ndarray) -> list[Found]:
@@ -102,9 +103,20 @@ def _flipping(flip: np.ndarray, track: Track, limits: Thresholds, taken: np.ndar
     mine = (who == row[limits.fewest_flips - 1 :]) & (others[first, who] == others[last, who])
     good = mine & (last - first <= limits.window) & _gets_nowhere(track, limits, who, first, last)
     mask = covered(flip.shape, who[good], first[good], last[good])
+    return _episodes(mask, flip)
+
+
+def _episodes(mask: np.ndarray, flip: np.ndarray) -> list[Found]:
+    return [((i,), a, b, int(np.count_nonzero(flip[a : b + 1, i]))) for i, a, b in runs(mask)]
+
+
+def _on_the_spot(found: list[Found], flip: np.ndarray, track: Track, limits: Thresholds) -> list[Found]:
+    """Return what is left of these episodes without the steps in which the robot travels."""
+    mask = np.zeros(flip.shape, bool)
+    for (i,), a, b, _ in found:
+        mask[a : b + 1, i] = True
     mask &= ~_gets_away(track, limits, mask)
-    found = [((i,), a, b, int(np.count_nonzero(flip[a : b + 1, i]))) for i, a, b in runs(mask)]
-    return [episode for episode in found if episode[3] >= limits.fewest_flips]
+    return [episode for episode in _episodes(mask, flip) if episode[3] >= limits.fewest_flips]
 
 
 def _gets_away(track: Track, limits: Thresholds, mask: np.ndarray) -> np.ndarray:
