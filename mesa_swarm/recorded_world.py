@@ -123,11 +123,15 @@ class RecordedWorld(ObservedWorld):
         return show(self, speed=speed, height=height)
 
     @contextmanager
-    def _closing_if_stopped(self) -> Iterator[None]:
-        """Close what observes the run if an error or Ctrl-C ends it: what was recorded so far is kept."""
+    def _observed_run(self) -> Iterator[None]:
+        """Tell observers when a run is over; close them if an error or Ctrl-C ends it: what was recorded is kept."""
+        begin = self.completed
         try:
             yield
         except BaseException:
             for observer in list(self.observers):
                 observer.close()
             raise
+        for observer in list(self.observers):
+            if hasattr(observer, "after_run"):
+                observer.after_run(self, self.completed - begin)

@@ -103,6 +103,11 @@ class Recording:
             return ""
         return f"is damaged at what it carries for step {torn.step}: {_counted(self.intact)} whole"
 
+    @property
+    def why_short(self) -> str:
+        """Why there may be less than one looks for, in words that end a sentence; empty if it was closed or damaged."""
+        return "" if self.complete or self._reader.broken else "; it is not closed: call close() of its recorder"
+
     def __iter__(self) -> Iterator[Frame]:
         """Iterate over all frames, oldest first."""
         for place in range(len(self._ends)):
@@ -140,7 +145,7 @@ class Recording:
             if frame.step == step:
                 return frame
         there = f"recorded are {len(self)} from {self[0].step} to {self[-1].step}" if len(self) else "none is"
-        raise InvalidValueError(f"step {step} was not recorded; {there}")
+        raise InvalidValueError(f"step {step} was not recorded; {there}{self.why_short}")
 
     @cached_property
     def steps(self) -> np.ndarray:

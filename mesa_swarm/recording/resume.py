@@ -214,7 +214,12 @@ def _take_collected(new: ObservedWorld, old: ObservedWorld) -> None:
 def _checked_step(recording: Recording, step: int | None) -> int:
     start = recording.provenance["start"]["step"]
     last = recording[-1].step if len(recording) else start
-    return last if step is None else check_count("step", step, minimum=start, maximum=last)
+    if step is None:
+        return last
+    try:
+        return check_count("step", step, minimum=start, maximum=last)
+    except InvalidValueError as error:
+        raise InvalidValueError(f"{error}{recording.why_short}") from None
 
 
 def _class_of(recording: Recording, base: type) -> type:
