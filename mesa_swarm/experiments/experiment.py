@@ -110,7 +110,7 @@ def checked_experiment(
         A SwarmModel with a method ``results``.
     varied : mapping, Sample or sequence of mappings
         A grid (values by parameter), a sample, or settings of your own, point by point.
-    seeds : int or sequence of int
+    seeds : int or sequence, array or Series of int
         Seeds 1, 2, ... seeds, or these; the same at every point.
     steps : int, optional
         By default what the model's attribute ``steps_to_compare`` says, else 3,000.

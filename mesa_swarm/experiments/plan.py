@@ -5,6 +5,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+import pandas as pd
+
 from mesa_swarm.errors import (
     InvalidValueError,
     UnknownNameError,
@@ -154,6 +157,7 @@ def checked_seeds(seeds: object) -> Sequence[int]:
     >>> list(checked_seeds(3)), checked_seeds([7, 5])
     ([1, 2, 3], (7, 5))
     """
+    seeds = as_list(seeds)
     if isinstance(seeds, (str, bytes)) or not isinstance(seeds, Sequence):
         return range(1, 1 + check_count("seeds", seeds, minimum=1, maximum=MOST_SEEDS))
     listed = tuple(check_count("seeds", seed, maximum=LARGEST_SEED) for seed in seeds)
@@ -161,6 +165,18 @@ def checked_seeds(seeds: object) -> Sequence[int]:
     if len(set(listed)) < len(listed):
         raise InvalidValueError(f"seeds is {shortened(seeds)}; expected different ones")
     return listed
+
+
+def as_list(values: object) -> object:
+    """Return the values of an array or series as a list of Python's own, anything else as it is.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> as_list(np.arange(2)), as_list("A")
+    ([0, 1], 'A')
+    """
+    return values.tolist() if isinstance(values, (np.ndarray, pd.Series, pd.Index)) else values
 
 
 def checked_measures(measures: object) -> tuple[str, ...]:
