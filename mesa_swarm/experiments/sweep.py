@@ -17,7 +17,7 @@ from mesa_swarm.experiments.experiment import Experiment, Outcome, Task, carried
 from mesa_swarm.experiments.files import check_writable
 from mesa_swarm.experiments.ledger import Ledger
 from mesa_swarm.experiments.pool import WorkerDiedError, is_remote, on_all
-from mesa_swarm.experiments.run_records import Archive, check_options
+from mesa_swarm.experiments.run_records import Archive, check_options, chosen_options
 from mesa_swarm.experiments.sampling import Sample
 from mesa_swarm.experiments.sweep_table import write_table
 from mesa_swarm.gallery import find_model
@@ -62,7 +62,7 @@ def sweep(
     measure: Sequence[str] = (),
     out: str | os.PathLike[str] = "results",
     jobs: int = -1,
-    record: Mapping[str, Any] | None = None,
+    record: bool | Mapping[str, Any] | None = None,
     progress: bool = False,
     retry_failed: bool = False,
 ) -> Sweep:
@@ -82,8 +82,8 @@ def sweep(
     jobs : int
         Processes on this machine; -1 for one on each core, 1 for this one. Inside
         `joblib.parallel_config(backend="dask")` the workers of the cluster do the work.
-    record : mapping, optional
-        Whether every run is recorded, with these options of `mesa_swarm.recording.record` ({} for its defaults), to
+    record : bool or mapping, optional
+        Whether every run is recorded, with these options of `mesa_swarm.recording.record` (True: its defaults), to
         ``recordings/KEY.arrow`` in that folder, which all workers must be able to reach. The table gets a column
         with the names. Runs that were done before but not recorded are done again.
     progress : bool
@@ -121,9 +121,10 @@ def sweep(
     workers = checked_jobs(jobs)
     model_class = find_model(model) if isinstance(model, str) else model
     experiment = checked_experiment(model_class, varied, seeds=seeds, steps=steps, settings=settings, measure=measure)
-    if record is not None:
-        check_options(record, experiment)
-    return run_experiment(experiment, check_writable(out), workers, progress, record, retry_failed)
+    options = chosen_options(record)
+    if options is not None:
+        check_options(options, experiment)
+    return run_experiment(experiment, check_writable(out), workers, progress, options, retry_failed)
 
 
 def run_experiment(
