@@ -126,9 +126,7 @@ def checked_plan(
     SwarmError
         If anything about it is wrong.
     """
-    model_class = find_model(model) if isinstance(model, str) else model
-    if not isinstance(model_class, type):
-        raise InvalidValueError(f"model is {shortened(model)}; expected a class or the name of a model")
+    model_class = checked_class(model)
     settings = dict(settings or {})
     default = getattr(model_class, "steps_to_compare", DEFAULT_STEPS)
     compared, chosen = _checked_values(model_class, parameter, values, settings)
@@ -147,6 +145,24 @@ def checked_plan(
         for name in plan.measures:
             check_choice(f"result of {model_class.__name__}", name, built.results())
     return plan
+
+
+def checked_class(model: object) -> type:
+    """Return the class of a model that is given itself or by its name in the gallery.
+
+    Raises
+    ------
+    InvalidValueError, UnknownNameError
+
+    Examples
+    --------
+    >>> checked_class("fire_fighting").__name__
+    'FireFighting'
+    """
+    model_class = find_model(model) if isinstance(model, str) else model
+    if not isinstance(model_class, type):
+        raise InvalidValueError(f"model is {shortened(model)}; expected a class or the name of a model")
+    return model_class
 
 
 def checked_seeds(seeds: object) -> Sequence[int]:

@@ -20,7 +20,6 @@ from mesa_swarm.experiments.pool import WorkerDiedError, is_remote, on_all
 from mesa_swarm.experiments.run_records import Archive, check_options, chosen_options
 from mesa_swarm.experiments.sampling import Sample
 from mesa_swarm.experiments.sweep_table import write_table
-from mesa_swarm.gallery import find_model
 from mesa_swarm.progress import progress_bar
 
 LEDGER = "ledger.jsonl"
@@ -76,7 +75,7 @@ def sweep(
     Parameters
     ----------
     model, varied, seeds, steps, settings, measure
-        See `checked_experiment`; the model may be the name of one of the gallery.
+        See `checked_experiment`.
     out : path
         Folder of the ledger and the table.
     jobs : int
@@ -119,8 +118,7 @@ def sweep(
     (4, 0, [2, 2, 3, 3])
     """
     workers = checked_jobs(jobs)
-    model_class = find_model(model) if isinstance(model, str) else model
-    experiment = checked_experiment(model_class, varied, seeds=seeds, steps=steps, settings=settings, measure=measure)
+    experiment = checked_experiment(model, varied, seeds=seeds, steps=steps, settings=settings, measure=measure)
     options = chosen_options(record)
     if options is not None:
         check_options(options, experiment)
