@@ -27,6 +27,8 @@ TABLE = "runs.parquet"
 RECORDINGS = "recordings"
 # A run under way when its worker died is tried again beside others, and from then on alone, to see who is to blame.
 TRIES = 3
+# Of runs that failed so many different reasons are told; the table has all.
+MOST_ERRORS = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,12 +41,15 @@ class Sweep:
         The table, as Parquet, one row a run.
     runs, failed, done_before : int
         All runs; those that ended in an error; those that an earlier call had done.
+    errors : tuple of str
+        The first different errors, at most three.
     """
 
     path: Path
     runs: int
     failed: int
     done_before: int
+    errors: tuple[str, ...] = ()
 
     def frame(self) -> pd.DataFrame:
         """Return the table."""
@@ -158,9 +163,21 @@ def run_experiment(
                     ledger.append(task.key, outcome)
                 bar.update()
         path = write_table(experiment, ledger, folder / TABLE, archive)
-        outcomes = (ledger.outcome(task.key) for task in experiment.tasks())
-        failed = sum(outcome is not None and outcome.error is not None for outcome in outcomes)
-    return Sweep(path, len(experiment), failed, before)
+        failed, errors = _failures(experiment, ledger)
+    return Sweep(path, len(experiment), failed, before, errors)
+
+
+def _failures(experiment: Experiment, ledger: Ledger) -> tuple[int, tuple[str, ...]]:
+    """Return how many runs ended in an error, and the first different errors; memory does not grow with the runs."""
+    failed, errors = 0, dict[str, None]()
+    for task in experiment.tasks():
+        outcome = ledger.outcome(task.key)
+        if outcome is None or outcome.error is None:
+            continue
+        failed += 1
+        if len(errors) < MOST_ERRORS:
+            errors[outcome.error] = None
+    return failed, tuple(errors)
 
 
 def done_before(experiment: Experiment, folder: Path, record: Mapping[str, Any] | None = None) -> int:
