@@ -7,6 +7,7 @@ from collections import OrderedDict
 from collections.abc import Iterator
 from functools import cached_property
 from itertools import accumulate
+from operator import index
 from pathlib import Path
 from typing import Any, overload
 
@@ -117,10 +118,15 @@ class Recording:
     def __getitem__(self, which: int) -> Frame: ...
 
     @overload
+    def __getitem__(self, which: slice) -> list[Frame]: ...
+
+    @overload
     def __getitem__(self, which: str) -> np.ndarray: ...
 
-    def __getitem__(self, which: int | str) -> Frame | np.ndarray:
-        """Return the frame of one row, from the end if negative, or a column at all steps, shape (k, n, ...).
+    def __getitem__(self, which: int | slice | str) -> Frame | list[Frame] | np.ndarray:
+        """Return the frame of one row, from the end if negative, those of a slice, or a column at all steps.
+
+        A column has the shape (k, n, ...).
 
         Raises
         ------
@@ -129,7 +135,11 @@ class Recording:
         UnknownNameError, InvalidValueError
             If there is no such column, or robots came or went, so that it has no shape.
         """
-        return self._whole(which) if isinstance(which, str) else self._frame(which)
+        if isinstance(which, str):
+            return self._whole(which)
+        if isinstance(which, slice):
+            return [self._frame(row) for row in range(len(self))[which]]
+        return self._frame(_checked_row(which))
 
     def at(self, step: int) -> Frame:
         """Return the frame after one step.
@@ -301,6 +311,15 @@ class Recording:
         if len(self._chunks) > MOST_CACHED:
             self._chunks.popitem(last=False)
         return chunk
+
+
+def _checked_row(which: object) -> int:
+    try:
+        return index(which)  # type: ignore[call-overload]
+    except TypeError:
+        raise InvalidValueError(
+            f"row is {shortened(which)}; expected a whole number, a slice or the name of a column"
+        ) from None
 
 
 def _counted(rows: int) -> str:
