@@ -11,6 +11,7 @@ from mesa_swarm.observed_world import ObservedWorld
 if TYPE_CHECKING:  # floors above
     from mesa_swarm.dashboard.canvas_widget import SwarmCanvas
     from mesa_swarm.recording.recorder import Recorder
+    from mesa_swarm.recording.verify import Verification
 
 
 class RecordedWorld(ObservedWorld):
@@ -91,6 +92,28 @@ class RecordedWorld(ObservedWorld):
         from mesa_swarm.recording.resume import resume  # noqa: PLC0415 - a floor above, and slow to load
 
         return resume(cls, path, step=step, **changes)
+
+    @classmethod
+    def verify(cls, path: str | os.PathLike[str], *, progress: bool = False) -> "Verification":
+        """Run a recorded model again and compare every row; see `mesa_swarm.recording.verify`.
+
+        Parameters
+        ----------
+        path : str or Path
+            Of a recording of this class, or of one that is derived from it.
+        progress : bool
+            Whether to show a bar.
+
+        Returns
+        -------
+        Verification
+        """
+        from mesa_swarm.recording.recording import Recording  # noqa: PLC0415 - floors above, and slow to load
+        from mesa_swarm.recording.resume import class_of  # noqa: PLC0415
+        from mesa_swarm.recording.verify import verify  # noqa: PLC0415
+
+        recording = Recording(path)
+        return verify(recording, class_of(recording, cls), progress)
 
     def show(self, *, speed: float = 60.0, height: int = 560) -> "SwarmCanvas":
         """Return a widget for notebooks on which the model is seen and played; needs the extra `dashboard`.

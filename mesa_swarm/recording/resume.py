@@ -71,7 +71,7 @@ def resume(base: type, path: str | os.PathLike[str], *, step: int | None = None,
     True
     """
     recording = Recording(path)
-    model_class = _class_of(recording, base)
+    model_class = class_of(recording, base)
     unknown = sorted(set(changes) - {*recording.provenance["parameters"], "map"})
     if unknown:
         known = recording.provenance["parameters"]
@@ -222,8 +222,14 @@ def _checked_step(recording: Recording, step: int | None) -> int:
         raise InvalidValueError(f"{error}{recording.why_short}") from None
 
 
-def _class_of(recording: Recording, base: type) -> type:
-    """Return the recorded class: `base`, one derived from it that is loaded, or one that comes with mesa_swarm."""
+def class_of(recording: Recording, base: type) -> type:
+    """Return the recorded class: `base`, one derived from it that is loaded, or one that comes with mesa_swarm.
+
+    Raises
+    ------
+    RecordingError
+        If it is another one.
+    """
     module, name = recording.provenance["model"]["module"], recording.provenance["model"]["name"]
     shipped = {f"{MODELS}.{found.name}" for found in iter_modules(import_module(MODELS).__path__)}
     if module in shipped:

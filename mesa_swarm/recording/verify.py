@@ -1,5 +1,6 @@
 """Running a recorded model again, and finding the first step and robot that differ."""
 
+import os
 from dataclasses import dataclass, replace
 from itertools import islice
 
@@ -49,7 +50,7 @@ class Verification:
         return self.text + in_words(self.interventions)
 
 
-def verify(recording: Recording, model_class: type, progress: bool = False) -> Verification:
+def verify(recording: Recording | str | os.PathLike[str], model_class: type, progress: bool = False) -> Verification:
     """Run the model of a recording again from its parameters and compare every row.
 
     Where somebody changed the model by hand, it goes on from the state that was stored after that; the verdict names
@@ -57,7 +58,7 @@ def verify(recording: Recording, model_class: type, progress: bool = False) -> V
 
     Parameters
     ----------
-    recording : Recording
+    recording : Recording or path
     model_class : type
         The class of the model that was recorded. It is given and not looked up: opening a file runs no code.
     progress : bool
@@ -76,9 +77,10 @@ def verify(recording: Recording, model_class: type, progress: bool = False) -> V
     ...     model = FireFighting(rng=1)
     ...     with model.record(f"{folder}/run.arrow"):
     ...         end = model.run(20)
-    ...     print(verify(Recording(f"{folder}/run.arrow"), FireFighting))
+    ...     print(verify(f"{folder}/run.arrow", FireFighting))
     all 20 rows to step 20 are the same
     """
+    recording = recording if isinstance(recording, Recording) else Recording(recording)
     rerun = Rerun(recording, started_again(recording, model_class))
     verdict = _all_compared(rerun, progress)
     if recording.damage:

@@ -173,3 +173,18 @@ def test_a_state_that_is_damaged_is_told_though_all_rows_are_whole(recorded_run,
     verification = verify(Recording(path), FireFighting)
     assert not verification.same
     assert verification.text.endswith("is damaged at what it carries for step 0: 600 rows are whole")
+
+
+def test_a_recording_is_verified_by_its_path_and_by_any_class_above_its_model(recorded):
+    verdicts = [
+        verify(str(recorded), FireFighting),
+        verify(Recording(recorded), FireFighting),
+        FireFighting.verify(recorded),
+        SwarmModel.verify(recorded),
+    ]
+    assert {str(verdict) for verdict in verdicts} == {"all 600 rows to step 600 are the same"}
+
+
+def test_what_is_no_recording_is_refused_in_one_line():
+    with pytest.raises(RecordingError, match="path is 3; expected the name of a recording"):
+        verify(3, FireFighting)
