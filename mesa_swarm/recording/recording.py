@@ -313,9 +313,9 @@ class Recording:
         return chunk
 
 
-def _checked_row(which: object) -> int:
+def _checked_row(which: Any) -> int:
     try:
-        return index(which)  # type: ignore[call-overload]
+        return index(which)
     except TypeError:
         raise InvalidValueError(
             f"row is {shortened(which)}; expected a whole number, a slice or the name of a column"

@@ -170,3 +170,9 @@ def test_what_is_no_row_and_no_column_is_refused_in_one_line(recorded, wrong):
 
 def test_numbers_of_numpy_are_rows(recorded):
     assert Recording(recorded)[np.int64(2)].step == 3
+
+
+def test_a_frame_shows_its_step_robots_and_columns_in_one_line(recorded):
+    recording = Recording(recorded)
+    names = ", ".join(recording.columns)
+    assert repr(recording[4]) == f"<Frame of step 5, 12 robots: {names}>"
