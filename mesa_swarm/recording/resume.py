@@ -118,7 +118,7 @@ def _nearest(recording: Recording, model_class: type, step: int) -> Rerun:
         except RecordingError:  # damaged: an earlier one, or running again, gives the same, only later
             continue
         return Rerun(recording, restored(recording, model_class, states), place)
-    return Rerun(recording, started_again(recording, model_class))
+    return started_again(recording, model_class)
 
 
 def take_over(new: ObservedWorld, old: ObservedWorld, fresh: ObservedWorld) -> None:

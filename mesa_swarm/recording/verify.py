@@ -53,6 +53,9 @@ class Verification:
 def verify(recording: Recording | str | os.PathLike[str], model_class: type, progress: bool = False) -> Verification:
     """Run the model of a recording again from its parameters and compare every row.
 
+    A model that its parameters alone do not make, such as one to which robots were added from outside, is run from the
+    state that was stored when the recording began; the verdict says so, and tells nothing of how that state came about.
+
     Where somebody changed the model by hand, it goes on from the state that was stored after that; the verdict names
     these places. Of a damaged recording the rows before the damage are compared, and the verdict names it.
 
@@ -67,7 +70,7 @@ def verify(recording: Recording | str | os.PathLike[str], model_class: type, pro
     Raises
     ------
     RecordingError
-        If the recording is of another class, or was made of a model that its parameters alone do not make.
+        If the recording is of another class, or of a model that its parameters alone do not make and whose state was not stored.
 
     Examples
     --------
@@ -81,8 +84,9 @@ def verify(recording: Recording | str | os.PathLike[str], model_class: type, pro
     all 20 rows to step 20 are the same
     """
     recording = recording if isinstance(recording, Recording) else Recording(recording)
-    rerun = Rerun(recording, started_again(recording, model_class))
+    rerun = started_again(recording, model_class)
     verdict = _all_compared(rerun, progress)
+    verdict = replace(verdict, text=verdict.text + rerun.begin)
     if recording.damage:
         verdict = replace(verdict, same=False, text=f"{verdict.text}; {recording.path} {recording.damage}")
     return replace(verdict, interventions=rerun.taken)
