@@ -70,7 +70,8 @@ def verify(recording: Recording | str | os.PathLike[str], model_class: type, pro
     Raises
     ------
     RecordingError
-        If the recording is of another class, or of a model that its parameters alone do not make and whose state was not stored.
+        If the recording is of another class, or of a model that its parameters alone do not make and whose state was
+        not stored.
 
     Examples
     --------
