@@ -242,7 +242,7 @@ class SwarmModel(RecordedWorld):
         >>> SwarmModel(rng=1).run(3).steps
         3
         """
-        with progress_bar(check_count("steps", steps), "steps", progress) as bar, self._closing_if_stopped():
+        with progress_bar(check_count("steps", steps), "steps", progress) as bar, self._observed_run():
             for _ in range(bar.total):
                 if not self.running:
                     break

@@ -27,7 +27,8 @@ class Observers(list):
 
     That is at the end of SwarmModel's step, to which a class may add more of its own. An observer that has
     `between_steps(model)` is called once more when all is done, and one that has `before_step(model)` before anything
-    of the next step is: what is other then was changed by hand. Mesa has counted that step already.
+    of the next step is: what is other then was changed by hand. Mesa has counted that step already. One that has
+    `after_run(model, steps)` is called when `run` has taken so many steps without an error.
 
     What observes one run writes it to one place: two runs there would be a muddle.
     """

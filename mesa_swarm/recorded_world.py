@@ -11,6 +11,7 @@ from mesa_swarm.observed_world import ObservedWorld
 if TYPE_CHECKING:  # floors above
     from mesa_swarm.dashboard.canvas_widget import SwarmCanvas
     from mesa_swarm.recording.recorder import Recorder
+    from mesa_swarm.recording.verify import Verification
 
 
 class RecordedWorld(ObservedWorld):
@@ -92,6 +93,28 @@ class RecordedWorld(ObservedWorld):
 
         return resume(cls, path, step=step, **changes)
 
+    @classmethod
+    def verify(cls, path: str | os.PathLike[str], *, progress: bool = False) -> "Verification":
+        """Run a recorded model again and compare every row; see `mesa_swarm.recording.verify`.
+
+        Parameters
+        ----------
+        path : str or Path
+            Of a recording of this class, or of one that is derived from it.
+        progress : bool
+            Whether to show a bar.
+
+        Returns
+        -------
+        Verification
+        """
+        from mesa_swarm.recording.recording import Recording  # noqa: PLC0415 - floors above, and slow to load
+        from mesa_swarm.recording.resume import class_of  # noqa: PLC0415
+        from mesa_swarm.recording.verify import verify  # noqa: PLC0415
+
+        recording = Recording(path)
+        return verify(recording, class_of(recording, cls), progress)
+
     def show(self, *, speed: float = 60.0, height: int = 560) -> "SwarmCanvas":
         """Return a widget for notebooks on which the model is seen and played; needs the extra `dashboard`.
 
@@ -123,11 +146,15 @@ class RecordedWorld(ObservedWorld):
         return show(self, speed=speed, height=height)
 
     @contextmanager
-    def _closing_if_stopped(self) -> Iterator[None]:
-        """Close what observes the run if an error or Ctrl-C ends it: what was recorded so far is kept."""
+    def _observed_run(self) -> Iterator[None]:
+        """Tell observers when a run is over; close them if an error or Ctrl-C ends it: what was recorded is kept."""
+        begin = self.completed
         try:
             yield
         except BaseException:
             for observer in list(self.observers):
                 observer.close()
             raise
+        for observer in list(self.observers):
+            if hasattr(observer, "after_run"):
+                observer.after_run(self, self.completed - begin)

@@ -15,6 +15,9 @@ MOST_STEPS = 100_000_000
 # Steps that are kept take memory.
 MOST_KEPT = 1_000_000
 
+# Exit status when all was done but some runs ended in an error.
+FAILED = 1
+
 study = typer.Typer()
 
 Model = Annotated[str, typer.Argument(help="One of those that `mesa-swarm list` shows.", metavar="MODEL")]
@@ -47,12 +50,13 @@ def sweep(
     retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Do runs again that ended in an error.")] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Do all runs of a job file; go on where an earlier call was interrupted."""
+    """Do all runs of a job file; go on where an earlier call was interrupted. Exit status 1 if some failed."""
     does = work("job_commands")
     if dry_run:
         does.plan(job, out=out, record=record)
         return
-    does.sweep(job, jobs=jobs, out=out, record=record, progress=not quiet, retry_failed=retry_failed)
+    if not does.sweep(job, jobs=jobs, out=out, record=record, progress=not quiet, retry_failed=retry_failed):
+        raise typer.Exit(FAILED)
 
 
 @study.command()

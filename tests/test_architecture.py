@@ -48,6 +48,8 @@ FLOORS = {
 UPWARDS = {
     ("recorded_world.py", "mesa_swarm.recording.recorder"),
     ("recorded_world.py", "mesa_swarm.recording.resume"),
+    ("recorded_world.py", "mesa_swarm.recording.recording"),
+    ("recorded_world.py", "mesa_swarm.recording.verify"),
     ("recorded_world.py", "mesa_swarm.dashboard.notebook"),
     # What they return, for type checkers only.
     ("recorded_world.py", "mesa_swarm.dashboard.canvas_widget"),

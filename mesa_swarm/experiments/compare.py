@@ -21,7 +21,7 @@ from mesa_swarm.progress import progress_bar
 MOST_JOBS = 1024
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Comparison:
     """What came of a comparison.
 
@@ -41,6 +41,9 @@ class Comparison:
 
     plan: Plan
     runs: tuple[Run, ...]
+
+    def __repr__(self) -> str:
+        return f"{self.table()}\n\n{self.finding()}"
 
     def column(self, value: Any, measure: str) -> list[float | None]:
         """Return a measure in all runs with one value, by seed."""

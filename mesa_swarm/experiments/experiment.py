@@ -12,7 +12,7 @@ from itertools import islice
 from typing import Any
 
 from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, check_count, shortened
-from mesa_swarm.experiments.plan import DEFAULT_STEPS, MOST_STEPS, check_results, checked_seeds
+from mesa_swarm.experiments.plan import DEFAULT_STEPS, MOST_STEPS, check_results, checked_class, checked_seeds
 from mesa_swarm.experiments.sampling import Sample, grid
 from mesa_swarm.experiments.source import source_hash
 from mesa_swarm.model import SwarmModel
@@ -93,7 +93,7 @@ class Experiment:
 
 
 def checked_experiment(
-    model_class: type,
+    model: type | str,
     varied: Mapping[str, Sequence] | Sample | Sequence[Mapping] = (),
     *,
     seeds: int | Sequence[int] = 30,
@@ -106,11 +106,11 @@ def checked_experiment(
 
     Parameters
     ----------
-    model_class : type
-        A SwarmModel with a method ``results``.
+    model : type or str
+        A SwarmModel with a method ``results``, or the name of one of the gallery.
     varied : mapping, Sample or sequence of mappings
         A grid (values by parameter), a sample, or settings of your own, point by point.
-    seeds : int or sequence of int
+    seeds : int or sequence, array or Series of int
         Seeds 1, 2, ... seeds, or these; the same at every point.
     steps : int, optional
         By default what the model's attribute ``steps_to_compare`` says, else 3,000.
@@ -124,6 +124,7 @@ def checked_experiment(
     SwarmError
         If anything about it is wrong.
     """
+    model_class = checked_class(model)
     fixed = _checked_settings(model_class, settings or {})
     points = [_checked_settings(model_class, point) for point in _points(model_class, varied)]
     for point in points:

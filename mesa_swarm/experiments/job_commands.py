@@ -102,16 +102,26 @@ def _tell(one: _Run, outcome: Outcome) -> None:
 
 def sweep(
     path: str, *, jobs: int, out: Path | None, record: bool = False, progress: bool, retry_failed: bool = False
-) -> None:
-    """Do all runs of a job on several processes, each experiment in a folder of its own, and print the paths."""
+) -> bool:
+    """Do all runs of a job on several processes, each experiment in a folder of its own, and print the paths.
+
+    What failed, now or in an earlier call, is told where errors go. Returns whether nothing did.
+    """
     job, folder = _job_and_folder(path, out)
     check_writable(folder)
     workers = checked_jobs(jobs)
+    failures = 0
     for experiment, home, options in _parts(job, folder, record):
         made = run_experiment(experiment, home, workers, progress, options, retry_failed)
         before = f", {made.done_before:,} of them before" if made.done_before else ""
         failed = f", {made.failed:,} ended in an error" if made.failed else ""
         print(f"{made.path}: {made.runs:,} runs{before}{failed}", flush=True)
+        for error in made.errors:
+            print(f"mesa-swarm: {made.path}: {error}", file=sys.stderr, flush=True)
+        failures += made.failed
+    if failures:
+        print("mesa-swarm: what failed is done again with --retry-failed", file=sys.stderr, flush=True)
+    return not failures
 
 
 def plan(path: str, *, out: Path | None, record: bool = False) -> None:

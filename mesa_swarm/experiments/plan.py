@@ -5,6 +5,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+import pandas as pd
+
 from mesa_swarm.errors import (
     InvalidValueError,
     UnknownNameError,
@@ -123,9 +126,7 @@ def checked_plan(
     SwarmError
         If anything about it is wrong.
     """
-    model_class = find_model(model) if isinstance(model, str) else model
-    if not isinstance(model_class, type):
-        raise InvalidValueError(f"model is {shortened(model)}; expected a class or the name of a model")
+    model_class = checked_class(model)
     settings = dict(settings or {})
     default = getattr(model_class, "steps_to_compare", DEFAULT_STEPS)
     compared, chosen = _checked_values(model_class, parameter, values, settings)
@@ -146,6 +147,24 @@ def checked_plan(
     return plan
 
 
+def checked_class(model: object) -> type:
+    """Return the class of a model that is given itself or by its name in the gallery.
+
+    Raises
+    ------
+    InvalidValueError, UnknownNameError
+
+    Examples
+    --------
+    >>> checked_class("fire_fighting").__name__
+    'FireFighting'
+    """
+    model_class = find_model(model) if isinstance(model, str) else model
+    if not isinstance(model_class, type):
+        raise InvalidValueError(f"model is {shortened(model)}; expected a class or the name of a model")
+    return model_class
+
+
 def checked_seeds(seeds: object) -> Sequence[int]:
     """Return seeds 1, 2, ... for a number of them, or those of a list.
 
@@ -154,6 +173,7 @@ def checked_seeds(seeds: object) -> Sequence[int]:
     >>> list(checked_seeds(3)), checked_seeds([7, 5])
     ([1, 2, 3], (7, 5))
     """
+    seeds = as_list(seeds)
     if isinstance(seeds, (str, bytes)) or not isinstance(seeds, Sequence):
         return range(1, 1 + check_count("seeds", seeds, minimum=1, maximum=MOST_SEEDS))
     listed = tuple(check_count("seeds", seed, maximum=LARGEST_SEED) for seed in seeds)
@@ -161,6 +181,18 @@ def checked_seeds(seeds: object) -> Sequence[int]:
     if len(set(listed)) < len(listed):
         raise InvalidValueError(f"seeds is {shortened(seeds)}; expected different ones")
     return listed
+
+
+def as_list(values: object) -> object:
+    """Return the values of an array or series as a list of Python's own, anything else as it is.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> as_list(np.arange(2)), as_list("A")
+    ([0, 1], 'A')
+    """
+    return values.tolist() if isinstance(values, (np.ndarray, pd.Series, pd.Index)) else values
 
 
 def checked_measures(measures: object) -> tuple[str, ...]:

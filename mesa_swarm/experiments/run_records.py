@@ -95,6 +95,27 @@ def filled_in(file: str, name: str, seed: int) -> str:
     return PLACE.sub(lambda place: filled[place[1]], file)
 
 
+def chosen_options(record: object) -> Mapping[str, Any] | None:
+    """Return the options of recordings, none of them for True, and None if nothing is to be recorded.
+
+    Raises
+    ------
+    InvalidValueError
+
+    Examples
+    --------
+    >>> chosen_options(True), chosen_options({"every": 10}), chosen_options(False)
+    ({}, {'every': 10}, None)
+    """
+    if record is None or isinstance(record, bool):
+        return {} if record else None
+    if not isinstance(record, Mapping):
+        raise InvalidValueError(
+            f"record is {shortened(record)}; expected True, False or a mapping of options, such as {{'every': 10}}"
+        )
+    return record
+
+
 def check_options(options: Mapping[str, Any], experiment: Experiment) -> None:
     """Refuse options of a recording that `record` would not take for this experiment, by recording nothing.
 

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number, shortened
+from mesa_swarm.experiments.plan import as_list
 from mesa_swarm.parameters import Parameter, parameters_of
 
 KINDS = ("latin_hypercube", "sobol")
@@ -81,13 +82,13 @@ class Sample:
         return sampler(len(self.ranges), rng=rng).random(self.points)
 
 
-def grid(model_class: type, values: Mapping[str, Sequence[Any]]) -> list[dict[str, Any]]:
+def grid(model_class: type, values: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return every combination of the values as settings of a model; the last name varies fastest.
 
     Parameters
     ----------
     model_class : type
-    values : mapping of str to sequence
+    values : mapping of str to sequence, array or Series
         Different values of each parameter, at least one.
 
     Raises
@@ -107,14 +108,15 @@ def grid(model_class: type, values: Mapping[str, Sequence[Any]]) -> list[dict[st
     return [dict(zip(columns, row, strict=True)) for row in product(*columns.values())]
 
 
-def _values(model_class: type, name: str, listed: Sequence[Any]) -> Iterator[Any]:
+def _values(model_class: type, name: str, listed: Any) -> Iterator[Any]:
     """Yield the values of one parameter of a grid, checked."""
     known = parameters_of(model_class)
     check_choice(f"parameter of {model_class.__name__}", name, known)
-    if isinstance(listed, (str, bytes)) or not isinstance(listed, Sequence) or not listed:
+    values = as_list(listed)
+    if isinstance(values, (str, bytes)) or not isinstance(values, Sequence) or not values:
         raise InvalidValueError(f"{name} is {shortened(listed)}; expected a list of values")
     seen: list[Any] = []
-    for value in listed:
+    for value in values:
         checked = known[name].checked(value)
         if checked in seen:
             raise InvalidValueError(f"{name} has {shortened(value)} twice; expected different values")
@@ -122,8 +124,9 @@ def _values(model_class: type, name: str, listed: Sequence[Any]) -> Iterator[Any
         yield checked
 
 
-def _scaled(parameter: Parameter, ends: Sequence[float], shares: np.ndarray) -> list[Any]:
+def _scaled(parameter: Parameter, ends: object, shares: np.ndarray) -> list[Any]:
     """Return shares of a range as values in it."""
+    ends = as_list(ends)
     if parameter.kind not in (int, float):
         raise InvalidValueError(f"{parameter.name} is no number; expected one, or put its values into a grid")
     if isinstance(ends, (str, bytes)) or not isinstance(ends, Sequence) or len(ends) != 2:

@@ -17,10 +17,9 @@ from mesa_swarm.experiments.experiment import Experiment, Outcome, Task, carried
 from mesa_swarm.experiments.files import check_writable
 from mesa_swarm.experiments.ledger import Ledger
 from mesa_swarm.experiments.pool import WorkerDiedError, is_remote, on_all
-from mesa_swarm.experiments.run_records import Archive, check_options
+from mesa_swarm.experiments.run_records import Archive, check_options, chosen_options
 from mesa_swarm.experiments.sampling import Sample
 from mesa_swarm.experiments.sweep_table import write_table
-from mesa_swarm.gallery import find_model
 from mesa_swarm.progress import progress_bar
 
 LEDGER = "ledger.jsonl"
@@ -28,6 +27,8 @@ TABLE = "runs.parquet"
 RECORDINGS = "recordings"
 # A run under way when its worker died is tried again beside others, and from then on alone, to see who is to blame.
 TRIES = 3
+# Of runs that failed so many different reasons are told; the table has all.
+MOST_ERRORS = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +41,15 @@ class Sweep:
         The table, as Parquet, one row a run.
     runs, failed, done_before : int
         All runs; those that ended in an error; those that an earlier call had done.
+    errors : tuple of str
+        The first different errors, at most three.
     """
 
     path: Path
     runs: int
     failed: int
     done_before: int
+    errors: tuple[str, ...] = ()
 
     def frame(self) -> pd.DataFrame:
         """Return the table."""
@@ -62,7 +66,7 @@ def sweep(
     measure: Sequence[str] = (),
     out: str | os.PathLike[str] = "results",
     jobs: int = -1,
-    record: Mapping[str, Any] | None = None,
+    record: bool | Mapping[str, Any] | None = None,
     progress: bool = False,
     retry_failed: bool = False,
 ) -> Sweep:
@@ -76,14 +80,14 @@ def sweep(
     Parameters
     ----------
     model, varied, seeds, steps, settings, measure
-        See `checked_experiment`; the model may be the name of one of the gallery.
+        See `checked_experiment`.
     out : path
         Folder of the ledger and the table.
     jobs : int
         Processes on this machine; -1 for one on each core, 1 for this one. Inside
         `joblib.parallel_config(backend="dask")` the workers of the cluster do the work.
-    record : mapping, optional
-        Whether every run is recorded, with these options of `mesa_swarm.recording.record` ({} for its defaults), to
+    record : bool or mapping, optional
+        Whether every run is recorded, with these options of `mesa_swarm.recording.record` (True: its defaults), to
         ``recordings/KEY.arrow`` in that folder, which all workers must be able to reach. The table gets a column
         with the names. Runs that were done before but not recorded are done again.
     progress : bool
@@ -119,11 +123,11 @@ def sweep(
     (4, 0, [2, 2, 3, 3])
     """
     workers = checked_jobs(jobs)
-    model_class = find_model(model) if isinstance(model, str) else model
-    experiment = checked_experiment(model_class, varied, seeds=seeds, steps=steps, settings=settings, measure=measure)
-    if record is not None:
-        check_options(record, experiment)
-    return run_experiment(experiment, check_writable(out), workers, progress, record, retry_failed)
+    experiment = checked_experiment(model, varied, seeds=seeds, steps=steps, settings=settings, measure=measure)
+    options = chosen_options(record)
+    if options is not None:
+        check_options(options, experiment)
+    return run_experiment(experiment, check_writable(out), workers, progress, options, retry_failed)
 
 
 def run_experiment(
@@ -159,9 +163,21 @@ def run_experiment(
                     ledger.append(task.key, outcome)
                 bar.update()
         path = write_table(experiment, ledger, folder / TABLE, archive)
-        outcomes = (ledger.outcome(task.key) for task in experiment.tasks())
-        failed = sum(outcome is not None and outcome.error is not None for outcome in outcomes)
-    return Sweep(path, len(experiment), failed, before)
+        failed, errors = _failures(experiment, ledger)
+    return Sweep(path, len(experiment), failed, before, errors)
+
+
+def _failures(experiment: Experiment, ledger: Ledger) -> tuple[int, tuple[str, ...]]:
+    """Return how many runs ended in an error, and the first different errors; memory does not grow with the runs."""
+    failed, errors = 0, dict[str, None]()
+    for task in experiment.tasks():
+        outcome = ledger.outcome(task.key)
+        if outcome is None or outcome.error is None:
+            continue
+        failed += 1
+        if len(errors) < MOST_ERRORS:
+            errors[outcome.error] = None
+    return failed, tuple(errors)
 
 
 def done_before(experiment: Experiment, folder: Path, record: Mapping[str, Any] | None = None) -> int:

@@ -13,7 +13,7 @@ from mesa_swarm.recording.layout import TABLES
 AXES = {"position": ("x", "y"), "command": ("command_left", "command_right")}
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False, repr=False)
 class Frame:
     """What was recorded after one step; ``frame["position"]`` is a column, ``frame["fires"]["x"]`` one of a table.
 
@@ -32,6 +32,9 @@ class Frame:
     state_hash: str | None
     robots: np.ndarray
     columns: dict[str, np.ndarray]
+
+    def __repr__(self) -> str:
+        return f"<Frame of step {self.step}, {len(self.robots)} robots: {', '.join(self.columns)}>"
 
     def __getitem__(self, name: str) -> np.ndarray:
         if name not in self.columns:

@@ -22,6 +22,8 @@ from mesa_swarm.recording.sealed_stream import CHECKPOINT, INTERVENTION, SealedW
 from mesa_swarm.recording.tape import HASH_EVERY, Tape
 
 CHECKPOINT_EVERY = 1000
+# A chunk takes 6 kB beside its rows: in a loop of shorter runs these would be most of the file.
+STEPS_WORTH_A_CHUNK = 10
 NO_CHECKPOINTS = "checkpoint_every is 0"
 
 
@@ -114,6 +116,11 @@ class Recorder:
         if model.completed >= self._checkpoints.due:
             self._guarded(self._checkpoints.put, model)
         self._mark = Mark(model)
+
+    def after_run(self, model: ObservedWorld, steps: int) -> None:
+        """Write what is pending, so that it can be read, unless the run was short; called at the end of `run`."""
+        if steps >= STEPS_WORTH_A_CHUNK and not self.closed:
+            self._guarded(self._tape.flush)
 
     def _put_row(self) -> None:
         model, self._unwritten = self._unwritten, None
@@ -234,7 +241,8 @@ def record(
 
     The file is an Arrow IPC stream, compressed with zstd, one row a step, which any Arrow reader opens. Rows
     are written in chunks of at most 256 rows, 2 MB or a second; a program that is killed loses at most the
-    chunk that was not written yet.
+    chunk that was not written yet. At the end of a `model.run` of ten steps or more all rows are in the file and can be
+    read, though it is still open; after shorter ones, and after `model.step`, `Recorder.flush` puts them there.
 
     A row is the model when nothing of the step is left to do. Its readings are those of its own poses, as whoever looks
     at the model sees them; those on which its commands and layers were decided stand in the row of the step before.

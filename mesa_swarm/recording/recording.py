@@ -7,6 +7,7 @@ from collections import OrderedDict
 from collections.abc import Iterator
 from functools import cached_property
 from itertools import accumulate
+from operator import index
 from pathlib import Path
 from typing import Any, overload
 
@@ -103,6 +104,11 @@ class Recording:
             return ""
         return f"is damaged at what it carries for step {torn.step}: {_counted(self.intact)} whole"
 
+    @property
+    def why_short(self) -> str:
+        """Why there may be less than one looks for, in words that end a sentence; empty if it was closed or damaged."""
+        return "" if self.complete or self._reader.broken else "; it is not closed: call close() of its recorder"
+
     def __iter__(self) -> Iterator[Frame]:
         """Iterate over all frames, oldest first."""
         for place in range(len(self._ends)):
@@ -112,10 +118,15 @@ class Recording:
     def __getitem__(self, which: int) -> Frame: ...
 
     @overload
+    def __getitem__(self, which: slice) -> list[Frame]: ...
+
+    @overload
     def __getitem__(self, which: str) -> np.ndarray: ...
 
-    def __getitem__(self, which: int | str) -> Frame | np.ndarray:
-        """Return the frame of one row, from the end if negative, or a column at all steps, shape (k, n, ...).
+    def __getitem__(self, which: int | slice | str) -> Frame | list[Frame] | np.ndarray:
+        """Return the frame of one row, from the end if negative, those of a slice, or a column at all steps.
+
+        A column has the shape (k, n, ...).
 
         Raises
         ------
@@ -124,7 +135,11 @@ class Recording:
         UnknownNameError, InvalidValueError
             If there is no such column, or robots came or went, so that it has no shape.
         """
-        return self._whole(which) if isinstance(which, str) else self._frame(which)
+        if isinstance(which, str):
+            return self._whole(which)
+        if isinstance(which, slice):
+            return [self._frame(row) for row in range(len(self))[which]]
+        return self._frame(_checked_row(which))
 
     def at(self, step: int) -> Frame:
         """Return the frame after one step.
@@ -140,7 +155,7 @@ class Recording:
             if frame.step == step:
                 return frame
         there = f"recorded are {len(self)} from {self[0].step} to {self[-1].step}" if len(self) else "none is"
-        raise InvalidValueError(f"step {step} was not recorded; {there}")
+        raise InvalidValueError(f"step {step} was not recorded; {there}{self.why_short}")
 
     @cached_property
     def steps(self) -> np.ndarray:
@@ -296,6 +311,15 @@ class Recording:
         if len(self._chunks) > MOST_CACHED:
             self._chunks.popitem(last=False)
         return chunk
+
+
+def _checked_row(which: Any) -> int:
+    try:
+        return index(which)
+    except TypeError:
+        raise InvalidValueError(
+            f"row is {shortened(which)}; expected a whole number, a slice or the name of a column"
+        ) from None
 
 
 def _counted(rows: int) -> str:

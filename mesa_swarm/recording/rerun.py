@@ -32,11 +32,14 @@ class Rerun:
         Another one after each intervention.
     taken : tuple of Intervention
         Those after which it went on from a stored state.
+    begin : str
+        If it is not what the parameters alone make, from what it began, in words that follow a verdict.
     """
 
     def __init__(self, recording: Recording, model: ObservedWorld, checkpoint: int = -1) -> None:
         self.recording, self.model = recording, model
         self.taken: tuple[Intervention, ...] = ()
+        self.begin = "" if checkpoint < 0 else f", from the stored state of step {model.completed}"
         self._states: list[Checkpoint] = []
         self._layout = Layout(model, recording.columns, recording.provenance["exact"])
         first, has = model.completed, checkpoint
@@ -97,24 +100,29 @@ class Rerun:
         self.taken += (self._ahead.pop(0),)
 
 
-def started_again(recording: Recording, model_class: type) -> ObservedWorld:
-    """Return the model as it was when the recording began.
+def started_again(recording: Recording, model_class: type) -> Rerun:
+    """Return the model as the recording began with it: from its parameters, else from the state stored then.
 
     Raises
     ------
     RecordingError
-        If its parameters alone do not make that model.
+        If its parameters alone do not make that model, and the state is not stored.
     """
     facts = recording.provenance
+    start = facts["start"]
     model = rebuilt(facts, model_class)
-    while model.completed < facts["start"]["step"]:
+    while model.completed < start["step"]:
         model.step()
-    if model.state_hash() != facts["start"]["state_hash"]:
-        raise RecordingError(
-            f"{recording.path} began with a model that {model_class.__name__}'s parameters alone do not make: "
-            "it was changed by hand, or other versions made it; build it in a constructor to run it again"
-        )
-    return model
+    if model.state_hash() == start["state_hash"]:
+        return Rerun(recording, model)
+    if recording.checkpoints[:1] == (start["step"],):
+        model = restored(recording, model_class, states_to(recording, 0))
+        if model.state_hash() == start["state_hash"]:
+            return Rerun(recording, model, 0)
+    raise RecordingError(
+        f"{recording.path} began with a model that {model_class.__name__}'s parameters alone do not make: "
+        "it was changed by hand, or other versions made it; build it in a constructor to run it again"
+    )
 
 
 def states_to(recording: Recording, checkpoint: int, known: int = 0) -> list[Checkpoint]:

@@ -71,7 +71,7 @@ def resume(base: type, path: str | os.PathLike[str], *, step: int | None = None,
     True
     """
     recording = Recording(path)
-    model_class = _class_of(recording, base)
+    model_class = class_of(recording, base)
     unknown = sorted(set(changes) - {*recording.provenance["parameters"], "map"})
     if unknown:
         known = recording.provenance["parameters"]
@@ -118,7 +118,7 @@ def _nearest(recording: Recording, model_class: type, step: int) -> Rerun:
         except RecordingError:  # damaged: an earlier one, or running again, gives the same, only later
             continue
         return Rerun(recording, restored(recording, model_class, states), place)
-    return Rerun(recording, started_again(recording, model_class))
+    return started_again(recording, model_class)
 
 
 def take_over(new: ObservedWorld, old: ObservedWorld, fresh: ObservedWorld) -> None:
@@ -214,11 +214,22 @@ def _take_collected(new: ObservedWorld, old: ObservedWorld) -> None:
 def _checked_step(recording: Recording, step: int | None) -> int:
     start = recording.provenance["start"]["step"]
     last = recording[-1].step if len(recording) else start
-    return last if step is None else check_count("step", step, minimum=start, maximum=last)
+    if step is None:
+        return last
+    try:
+        return check_count("step", step, minimum=start, maximum=last)
+    except InvalidValueError as error:
+        raise InvalidValueError(f"{error}{recording.why_short}") from None
 
 
-def _class_of(recording: Recording, base: type) -> type:
-    """Return the recorded class: `base`, one derived from it that is loaded, or one that comes with mesa_swarm."""
+def class_of(recording: Recording, base: type) -> type:
+    """Return the recorded class: `base`, one derived from it that is loaded, or one that comes with mesa_swarm.
+
+    Raises
+    ------
+    RecordingError
+        If it is another one.
+    """
     module, name = recording.provenance["model"]["module"], recording.provenance["model"]["name"]
     shipped = {f"{MODELS}.{found.name}" for found in iter_modules(import_module(MODELS).__path__)}
     if module in shipped:

@@ -1,5 +1,6 @@
 """Running a recorded model again, and finding the first step and robot that differ."""
 
+import os
 from dataclasses import dataclass, replace
 from itertools import islice
 
@@ -49,15 +50,18 @@ class Verification:
         return self.text + in_words(self.interventions)
 
 
-def verify(recording: Recording, model_class: type, progress: bool = False) -> Verification:
+def verify(recording: Recording | str | os.PathLike[str], model_class: type, progress: bool = False) -> Verification:
     """Run the model of a recording again from its parameters and compare every row.
+
+    A model that its parameters alone do not make, such as one to which robots were added from outside, is run from the
+    state that was stored when the recording began; the verdict says so, and tells nothing of how that state came about.
 
     Where somebody changed the model by hand, it goes on from the state that was stored after that; the verdict names
     these places. Of a damaged recording the rows before the damage are compared, and the verdict names it.
 
     Parameters
     ----------
-    recording : Recording
+    recording : Recording or path
     model_class : type
         The class of the model that was recorded. It is given and not looked up: opening a file runs no code.
     progress : bool
@@ -66,7 +70,8 @@ def verify(recording: Recording, model_class: type, progress: bool = False) -> V
     Raises
     ------
     RecordingError
-        If the recording is of another class, or was made of a model that its parameters alone do not make.
+        If the recording is of another class, or of a model that its parameters alone do not make and whose state was
+        not stored.
 
     Examples
     --------
@@ -76,11 +81,13 @@ def verify(recording: Recording, model_class: type, progress: bool = False) -> V
     ...     model = FireFighting(rng=1)
     ...     with model.record(f"{folder}/run.arrow"):
     ...         end = model.run(20)
-    ...     print(verify(Recording(f"{folder}/run.arrow"), FireFighting))
+    ...     print(verify(f"{folder}/run.arrow", FireFighting))
     all 20 rows to step 20 are the same
     """
-    rerun = Rerun(recording, started_again(recording, model_class))
+    recording = recording if isinstance(recording, Recording) else Recording(recording)
+    rerun = started_again(recording, model_class)
     verdict = _all_compared(rerun, progress)
+    verdict = replace(verdict, text=verdict.text + rerun.begin)
     if recording.damage:
         verdict = replace(verdict, same=False, text=f"{verdict.text}; {recording.path} {recording.damage}")
     return replace(verdict, interventions=rerun.taken)

@@ -341,3 +341,7 @@ def test_every_model_is_found_under_the_words_of_its_class():
 def test_a_misspelt_model_is_refused_with_the_nearest_name():
     with pytest.raises(SwarmError, match="did you mean 'fire_fighting'"):
         find_model("fire_figting")
+
+
+def test_a_comparison_shows_its_table_and_finding(comparison):
+    assert repr(comparison) == f"{comparison.table()}\n\n{comparison.finding()}"

@@ -186,3 +186,15 @@ def test_sweep_records_every_run_if_asked_as_the_job_says(typed):
     assert [Recording(file).steps.tolist() for file in Path("results/job/recordings").iterdir()] == [
         [5, 10, 15, 20]
     ] * 2
+
+
+def test_a_sweep_with_failed_runs_says_why_and_how_to_do_them_again_and_exits_with_1(typed):
+    Path("job.toml").write_text(MODEL + "steps = 3\nseeds = 2\n[grid]\nn_robots = [3, 20000, 30000]")
+    for done in ("", ", 6 of them before"):
+        status, out, err = typed("sweep job.toml --quiet --jobs 1")
+        assert (status, out) == (1, f"results/job/runs.parquet: 6 runs{done}, 4 ended in an error\n")
+        first, second, last = err.splitlines()
+        assert first.startswith("mesa-swarm: results/job/runs.parquet: PlacementError: ")
+        assert second.startswith("mesa-swarm: results/job/runs.parquet: PlacementError: ")
+        assert first != second
+        assert last == "mesa-swarm: what failed is done again with --retry-failed"

@@ -2,8 +2,12 @@
 
 from collections import Counter
 
+import numpy as np
+import pandas as pd
 import pytest
 
+from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.experiments.plan import checked_seeds
 from mesa_swarm.experiments.sampling import Sample, grid
 from mesa_swarm.gallery import find_model
 
@@ -31,3 +35,22 @@ def test_a_sample_depends_on_its_seed_only():
 def test_whole_numbers_of_a_sample_reach_both_ends_equally_often():
     points = Sample("latin_hypercube", {"n_robots": (3, 6)}, points=400).settings(FIRE)
     assert Counter(point["n_robots"] for point in points) == {3: 100, 4: 100, 5: 100, 6: 100}
+
+
+@pytest.mark.parametrize("kind", [np.array, pd.Series, pd.Index])
+def test_values_seeds_and_ranges_may_be_arrays_and_series(kind):
+    assert grid(FIRE, {"k1": kind([0.1, 0.2]), "n_robots": kind([2, 3])}) == grid(
+        FIRE, {"k1": [0.1, 0.2], "n_robots": [2, 3]}
+    )
+    assert checked_seeds(kind([7, 5])) == (7, 5)
+    ranges = Sample("sobol", {"k1": kind([0.0, 1.0])}, points=2).settings(FIRE)
+    assert ranges == Sample("sobol", {"k1": [0.0, 1.0]}, points=2).settings(FIRE)
+
+
+@pytest.mark.parametrize("values", [np.array(3), np.array([]), pd.Series([], dtype=float)])
+def test_an_array_without_values_is_refused_as_a_list_without_any_is(values):
+    with pytest.raises(InvalidValueError, match=r"k1 is .*; expected a list of values"):
+        grid(FIRE, {"k1": values})
+    if np.ndim(values):
+        with pytest.raises(InvalidValueError, match="number of seeds is 0"):
+            checked_seeds(values)

@@ -11,7 +11,8 @@ import pytest
 from failing_models import Counting, Raising, seeds_run
 from pyarrow import parquet
 
-from mesa_swarm.errors import SwarmError
+from mesa_swarm.errors import InvalidValueError, SwarmError
+from mesa_swarm.experiments.compare import compare
 from mesa_swarm.experiments.experiment import checked_experiment
 from mesa_swarm.experiments.sampling import Sample
 from mesa_swarm.experiments.source import source_hash
@@ -193,3 +194,26 @@ def test_a_sweep_adds_less_than_20_ms_to_a_run_or_twice_as_much_on_a_busy_machin
     print(f"{jobs} jobs: {[f'{1000 * extra:.2f}' for extra in rounds]} ms a run")
     busy = os.getloadavg()[0] > os.cpu_count()  # each run waits for the disk, and so do others
     assert min(rounds) < (0.040 if busy else 0.020)
+
+
+def test_record_may_be_true_or_false(tmp_path):
+    recorded = sweep(FIRE, seeds=1, steps=3, out=tmp_path / "a", jobs=1, record=True).frame()
+    assert (tmp_path / "a" / "recordings" / recorded["recording"][0]).exists()
+    assert "recording" not in sweep(FIRE, seeds=1, steps=3, out=tmp_path / "b", jobs=1, record=False).frame()
+
+
+@pytest.mark.parametrize("wrong", [1, "run.arrow", ["every"]])
+def test_record_is_refused_if_it_is_neither_a_flag_nor_options(tmp_path, wrong):
+    with pytest.raises(InvalidValueError, match=r"record is .*; expected True, False or a mapping of options"):
+        sweep(FIRE, seeds=1, steps=3, out=tmp_path, jobs=1, record=wrong)
+
+
+@pytest.mark.parametrize("study", [sweep, compare])
+def test_a_model_in_place_of_its_class_is_refused(study):
+    with pytest.raises(InvalidValueError, match=r"model is .*; expected a class or the name of a model"):
+        study(FIRE(n_robots=1, rng=1), seeds=1, steps=1)
+
+
+def test_an_experiment_of_a_model_in_place_of_its_class_is_refused():
+    with pytest.raises(InvalidValueError, match=r"model is .*; expected a class or the name of a model"):
+        checked_experiment(FIRE(n_robots=1, rng=1), seeds=1, steps=1)

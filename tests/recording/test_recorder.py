@@ -162,7 +162,8 @@ def test_on_a_full_disk_what_was_written_is_kept_and_the_model_may_go_on(tmp_pat
     recorder.flush()
     writer = recorder._tape.writer
     writer._file = FullDisk(writer._file, 300)
-    model.run(20)
+    for _ in range(20):
+        model.step()
     with pytest.raises(RecordingError, match=r"No space left on device; its 20 rows so far are kept"):
         recorder.flush()
     assert recorder.closed
@@ -175,7 +176,8 @@ def test_on_a_full_disk_what_was_written_is_kept_and_the_model_may_go_on(tmp_pat
 def test_ctrl_c_while_a_chunk_is_written_neither_loses_nor_doubles_a_row(tmp_path, monkeypatch, moment):
     model, calls = small(), []
     recorder = model.record(tmp_path / "run.arrow")
-    model.run(10)
+    for _ in range(10):
+        model.step()
     whole = {name: getattr(SealedWriter, name) for name in ("_put", "_message", "write")}
 
     def interrupted(name):
@@ -283,3 +285,39 @@ def test_poses_and_temperatures_of_50_robots_over_3000_steps_take_less_than_3_mb
         model.run(3000)
     assert len(Recording(tmp_path / "run.arrow")) == 3000
     assert (tmp_path / "run.arrow").stat().st_size < 3_000_000
+
+
+def test_after_a_run_all_its_rows_can_be_read_and_the_recorder_goes_on(tmp_path):
+    model = small()
+    recorder = model.record(tmp_path / "run.arrow")
+    for steps in (100, 30, 10):
+        model.run(steps)
+        recording = Recording(tmp_path / "run.arrow")
+        assert (len(recording), recording[-1].step) == (model.completed, model.completed)
+        assert not recording.complete
+        assert not recorder.closed
+    recorder.close()
+    assert Recording(tmp_path / "run.arrow").steps.tolist() == list(range(1, 141))
+
+
+def test_runs_of_one_step_make_no_larger_a_file_than_one_run_of_all(tmp_path):
+    sizes = []
+    for name, lengths in (("one", [300]), ("many", [1] * 300), ("tens", [10] * 30)):
+        model = small()
+        with model.record(tmp_path / name):
+            for steps in lengths:
+                model.run(steps)
+        sizes.append((tmp_path / name).stat().st_size)
+    assert sizes[1] == pytest.approx(sizes[0], rel=0.02)
+    assert sizes[2] < sizes[0] + 30 * 8_000
+
+
+def test_who_looks_for_a_step_that_is_not_in_an_open_file_hears_that_it_is_open(tmp_path):
+    model = small()
+    with model.record(tmp_path / "run.arrow"):
+        model.run(20)
+        model.run(5)
+        with pytest.raises(InvalidValueError, match=r"at most 20; it is not closed: call close\(\)"):
+            SwarmModel.resume(tmp_path / "run.arrow", step=25)
+        with pytest.raises(InvalidValueError, match="it is not closed"):
+            Recording(tmp_path / "run.arrow").at(25)

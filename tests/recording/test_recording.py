@@ -153,3 +153,26 @@ def test_two_groups_that_become_one_are_a_merge():
     (event,) = events_of(frames)
     assert (event.step, event.kind, event.ids) == (31, "merge", (0, 1, 2, 3, 4, 5))
     assert str(event) == "step 31: 2 groups have become one of 6 robots"
+
+
+def test_a_slice_is_a_list_of_frames(recorded):
+    recording = Recording(recorded)
+    assert [frame.step for frame in recording[:3]] == [1, 2, 3]
+    assert [frame.step for frame in recording[-1:-600:-200]] == [600, 400, 200]
+    assert recording[700:] == []
+
+
+@pytest.mark.parametrize("wrong", [1.5, None, (1, 2), [0]])
+def test_what_is_no_row_and_no_column_is_refused_in_one_line(recorded, wrong):
+    with pytest.raises(InvalidValueError, match=r"row is .*; expected a whole number, a slice or the name of a column"):
+        Recording(recorded)[wrong]
+
+
+def test_numbers_of_numpy_are_rows(recorded):
+    assert Recording(recorded)[np.int64(2)].step == 3
+
+
+def test_a_frame_shows_its_step_robots_and_columns_in_one_line(recorded):
+    recording = Recording(recorded)
+    names = ", ".join(recording.columns)
+    assert repr(recording[4]) == f"<Frame of step 5, 12 robots: {names}>"

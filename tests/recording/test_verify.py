@@ -77,11 +77,11 @@ def test_what_differs_but_was_not_recorded_is_found_by_the_fingerprint(tmp_path)
     assert "not recorded" in str(verification)
 
 
-def test_a_model_that_was_changed_by_hand_before_is_refused_in_words(tmp_path):
+def test_a_model_that_was_changed_by_hand_before_and_not_stored_is_refused_in_words(tmp_path):
     model = SwarmModel(rng=1)
     model.add_robots(AGENT9, 3)
     with pytest.raises(RecordingError, match="changed by hand"):
-        verify(recorded(model, tmp_path / "run.arrow"), SwarmModel)
+        verify(recorded(model, tmp_path / "run.arrow", checkpoint_every=0), SwarmModel)
 
 
 def test_another_class_is_refused(tmp_path):
@@ -173,3 +173,32 @@ def test_a_state_that_is_damaged_is_told_though_all_rows_are_whole(recorded_run,
     verification = verify(Recording(path), FireFighting)
     assert not verification.same
     assert verification.text.endswith("is damaged at what it carries for step 0: 600 rows are whole")
+
+
+def test_a_recording_is_verified_by_its_path_and_by_any_class_above_its_model(recorded):
+    verdicts = [
+        verify(str(recorded), FireFighting),
+        verify(Recording(recorded), FireFighting),
+        FireFighting.verify(recorded),
+        SwarmModel.verify(recorded),
+    ]
+    assert {str(verdict) for verdict in verdicts} == {"all 600 rows to step 600 are the same"}
+
+
+def test_what_is_no_recording_is_refused_in_one_line():
+    with pytest.raises(RecordingError, match="path is 3; expected the name of a recording"):
+        verify(3, FireFighting)
+
+
+def test_a_model_that_was_built_by_hand_is_verified_from_the_state_with_which_it_began(tmp_path):
+    model = SwarmModel(map="openspace_fire", rng=3)
+    model.add_robots(AGENT9, 4)
+    model.control = Subsumption(Avoid(distance=15), Explore())
+    with model.record(tmp_path / "run.arrow"):
+        model.run(30)
+        model.robots[0].position = (400, 300)
+        model.run(30)
+    verdict = SwarmModel.verify(tmp_path / "run.arrow")
+    assert verdict.same
+    assert len(verdict.interventions) == 1
+    assert verdict.text == "all 60 rows to step 60 are the same, from the stored state of step 0"
