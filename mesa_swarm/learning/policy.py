@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 from inspect import signature
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -99,7 +99,7 @@ class SensorLayout:
             distance, kind = np.empty(0), np.empty(0, np.int8)
         if distance.ndim != 2 or distance.shape[1] != len(self) or distance.shape != kind.shape:
             raise InvalidValueError(
-                f"readings are {shortened(np.shape(readings))} and kinds {shortened(np.shape(kinds))}; "
+                f"readings are {shortened(np.shape(readings))} and kinds {shortened(np.shape(cast(Any, kinds)))}; "
                 f"expected numbers, n rows of {len(self)} of both"
             )
         if not all_finite(distance):

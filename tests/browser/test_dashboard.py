@@ -170,9 +170,10 @@ def test_a_slider_or_a_box_that_was_touched_takes_only_the_keys_that_move_it(vis
     press = visitor.page.keyboard.press
     robots = visitor.field("n_robots").get_by_role("slider")
     robots.click()
+    visitor.page.wait_for_function("location.search.includes('n_robots=')")
     before = robots.input_value()
     press("ArrowLeft")
-    assert robots.input_value() != before
+    wait_until(lambda: robots.input_value() != before)  # news of the click may come between
     press(" ")
     visitor.wait("player.playing === 'true' && +player.step > 3")
     press(" ")
