@@ -10,7 +10,7 @@ def my_polarization(heading):
 
 
 # %% exercise-2
-# They see farther, care more for each other, and hold on to a common course for longer.
+# They see farther, and want less to be in the middle of the others: crowds turn on the spot.
 answer = dict(
-    n_robots=30, sight=100, alignment_weight=1.0, cohesion_weight=1.5, separation_weight=3.0, cruise_weight=2.0
+    n_robots=30, sight=100, alignment_weight=1.0, cohesion_weight=0.3, separation_weight=3.0, cruise_weight=1.0
 )
