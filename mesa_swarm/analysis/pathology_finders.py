@@ -68,7 +68,7 @@ def corridor_flips(track: Track, limits: Thresholds, taken: np.ndarray) -> list[
     from_any = _away(track, limits, (OBSTACLE, ROBOT, FIRE, LOAD))
     from_solid = _away(track, limits, (OBSTACLE, FIRE, LOAD))
     flip = flips_of(turn) & from_any & at(from_any, before) & (from_solid | at(from_solid, before))
-    return _on_the_spot(_flipping(flip, track, limits, taken), flip, track, limits)
+    return _turning(flip, track, limits, taken)
 
 
 def _away(track: Track, limits: Thresholds, kinds: tuple[int, ...]) -> np.ndarray:
@@ -86,37 +86,35 @@ def centroid_flips(track: Track, limits: Thresholds, taken: np.ndarray) -> list[
     drawn = seen.any(axis=2) & ~away
     other = (seen != at(seen, before)).any(axis=2)
     flip = flips_of(turn) & drawn & at(drawn, before) & other
-    return _on_the_spot(_flipping(flip, track, limits, taken), flip, track, limits)
+    return _turning(flip, track, limits, taken)
 
 
 def threshold_flips(track: Track, limits: Thresholds, taken: np.ndarray) -> list[Found]:
     """Find driving forwards and backwards by turns."""
-    return _flipping(flips_of(track.travel), track, limits, taken)
+    flip = flips_of(track.travel)
+    return _episodes(_flipping(flip, track, limits, taken), flip)
 
 
-def _flipping(flip: np.ndarray, track: Track, limits: Thresholds, taken: np.ndarray) -> list[Found]:
-    """Return the episodes made of flips that come fast enough while the robot gets nowhere."""
+def _flipping(flip: np.ndarray, track: Track, limits: Thresholds, taken: np.ndarray) -> np.ndarray:
+    """Tell in which steps (k, n) flips come fast enough while the robot gets nowhere."""
     row, frame = np.nonzero(flip.T & ~taken.T)
     most = max(len(row) - limits.fewest_flips + 1, 0)
     who, first, last = row[:most], frame[:most], frame[limits.fewest_flips - 1 :]
     others = np.concatenate([np.zeros((1, taken.shape[1]), np.int64), taken.cumsum(axis=0)])
     mine = (who == row[limits.fewest_flips - 1 :]) & (others[first, who] == others[last, who])
     good = mine & (last - first <= limits.window) & _gets_nowhere(track, limits, who, first, last)
-    mask = covered(flip.shape, who[good], first[good], last[good])
-    return _episodes(mask, flip)
+    return covered(flip.shape, who[good], first[good], last[good])
+
+
+def _turning(flip: np.ndarray, track: Track, limits: Thresholds, taken: np.ndarray) -> list[Found]:
+    """Return the episodes of turns to and fro, without the steps of journeys."""
+    mask = _flipping(flip, track, limits, taken)
+    found = _episodes(mask & ~_gets_away(track, limits, mask), flip)
+    return [episode for episode in found if episode[3] >= limits.fewest_flips]
 
 
 def _episodes(mask: np.ndarray, flip: np.ndarray) -> list[Found]:
     return [((i,), a, b, int(np.count_nonzero(flip[a : b + 1, i]))) for i, a, b in runs(mask)]
-
-
-def _on_the_spot(found: list[Found], flip: np.ndarray, track: Track, limits: Thresholds) -> list[Found]:
-    """Return what is left of these episodes without the steps in which the robot travels."""
-    mask = np.zeros(flip.shape, bool)
-    for (i,), a, b, _ in found:
-        mask[a : b + 1, i] = True
-    mask &= ~_gets_away(track, limits, mask)
-    return [episode for episode in _episodes(mask, flip) if episode[3] >= limits.fewest_flips]
 
 
 def _gets_away(track: Track, limits: Thresholds, mask: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ from mesa_swarm.errors import InvalidValueError, check_choice, check_count, chec
 from mesa_swarm.learning.actions import ENCODINGS, choose_all
 from mesa_swarm.learning.networks import PARTS, Networks, check_networks
 from mesa_swarm.learning.policy import SensorLayout
-from mesa_swarm.learning.told import checked_chances
+from mesa_swarm.learning.told import checked_chances, checked_numbers
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -64,6 +64,11 @@ class NetworkPolicy:
     @cached_property
     def _ranges(self) -> np.ndarray:
         return np.array([self.sensors.ranges])
+
+    def _known(self, readings: ArrayLike, kinds: ArrayLike | None, numbers: ArrayLike | None) -> tuple:
+        """Return readings, kinds, ranges, weights, numbers: by which compiled functions say what there is to choose."""
+        distance, kind = self.sensors.check_readings(readings, kinds, self.encoding)
+        return distance, kind, self._ranges, self.networks.weights, checked_numbers(numbers, len(distance))
 
     def _taken(self, values: np.ndarray, chance: ArrayLike | None) -> np.ndarray:
         """Return which one every robot takes (n,), of what each is worth (n, a)."""

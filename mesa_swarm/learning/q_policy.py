@@ -12,7 +12,6 @@ from mesa_swarm.learning.actions import ACTIONS, ENCODINGS, checked_actions, wri
 from mesa_swarm.learning.network_policy import NetworkPolicy
 from mesa_swarm.learning.networks import Networks, forward
 from mesa_swarm.learning.policy import SensorLayout
-from mesa_swarm.learning.told import checked_numbers
 from mesa_swarm.robots.design import RobotDesign
 
 
@@ -85,10 +84,9 @@ class QPolicy(NetworkPolicy):
         self, readings: ArrayLike, kinds: ArrayLike | None = None, *, numbers: ArrayLike | None = None
     ) -> np.ndarray:
         """Return what every action is worth (n, actions), given readings and kinds (n, s); see `act`."""
-        distance, kind = self.sensors.check_readings(readings, kinds, self.encoding)
-        values = np.empty((len(distance), self.actions))
-        count = checked_numbers(numbers, len(distance))
-        value_of_actions(distance, kind, self._ranges, self.networks.weights, count, values)
+        known = self._known(readings, kinds, numbers)
+        values = np.empty((len(known[0]), self.actions))
+        value_of_actions(*known, values)
         return values
 
     def act(

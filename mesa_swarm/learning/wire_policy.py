@@ -11,7 +11,6 @@ from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import ACTIONS, write_inputs
 from mesa_swarm.learning.network_policy import NetworkPolicy
 from mesa_swarm.learning.networks import forward
-from mesa_swarm.learning.told import checked_numbers
 from mesa_swarm.learning.wire_fitting import squashed
 
 # Where wires begin: at the thesis's actions, but inside of the limits, from where they can move.
@@ -59,10 +58,9 @@ class WirePolicy(NetworkPolicy):
         self, readings: ArrayLike, kinds: ArrayLike | None = None, *, numbers: ArrayLike | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the wires' actions (n, w, 2) and what they are worth (n, w), given readings and kinds (n, s)."""
-        distance, kind = self.sensors.check_readings(readings, kinds, self.encoding)
-        actions, values = np.empty((len(distance), self.wires, 2)), np.empty((len(distance), self.wires))
-        count = checked_numbers(numbers, len(distance))
-        propose_all(distance, kind, self._ranges, self.networks.weights, count, actions, values)
+        known = self._known(readings, kinds, numbers)
+        actions, values = np.empty((len(known[0]), self.wires, 2)), np.empty((len(known[0]), self.wires))
+        propose_all(*known, actions, values)
         return actions, values
 
     def act(

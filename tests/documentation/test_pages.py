@@ -21,7 +21,7 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 MAKE_AN_ENVIRONMENT = [page for page in PAGES if "-m venv" in page.read_text(encoding="utf-8")]
 # These have tests of their own, which look at what comes out.
 OWN = {"sweeps.md", "environments.md", "mesa.md"}
-# What these show takes minutes.
+# What these show takes minutes: once, with the commands beside it.
 LONG = {"learning.md", "fire_learning.md", "reward_lab.md"}
 # The same commands with figures so small that they take seconds; what is given last counts.
 SMALL = {
@@ -53,8 +53,7 @@ def commands(block: str) -> list[list[str]]:
 
 
 def of(pages: list[Path], language: str) -> list:
-    shown = [page for page in pages if page.name not in OWN and blocks(page, language)]
-    return [pytest.param(page, id=page.name, marks=[pytest.mark.slow] * (page.name in LONG)) for page in shown]
+    return [pytest.param(page, id=page.name) for page in pages if page.name not in OWN and blocks(page, language)]
 
 
 def run_code(block: str, number: int, names: dict) -> None:
@@ -73,7 +72,7 @@ def run_command(words: list[str], capsys) -> None:
     assert end.value.code == 0, f"mesa-swarm {' '.join(words)}: {capsys.readouterr().err}"
 
 
-@pytest.mark.parametrize("page", of(PAGES, "python"))
+@pytest.mark.parametrize("page", of([page for page in PAGES if page.name not in LONG], "python"))
 def test_the_code_on_a_page_runs_from_top_to_bottom(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names = {"__name__": "page"}
@@ -91,6 +90,12 @@ def test_commands_and_code_of_a_page_run_in_one_folder_in_their_order(page, tmp_
             run_code(block, number, names)
         for words in commands(block) if language == "sh" else ():
             run_command(words, capsys)
+
+
+def test_pages_that_take_minutes_show_commands_beside_their_code():
+    long = [page for page in PAGES if page.name in LONG]
+    assert len(long) == len(LONG)
+    assert all(blocks(page, "sh") for page in long)
 
 
 def test_no_two_recordings_of_all_pages_have_the_same_name():
