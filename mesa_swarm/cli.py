@@ -1,5 +1,6 @@
 """The command line: `mesa-swarm`. Every error is one line and exit status 2; a traceback only with --debug."""
 
+import errno
 import os
 import sys
 import traceback
@@ -17,6 +18,7 @@ from mesa_swarm.study_cli import MOST_KEPT, MOST_STEPS, Quiet, Settings, study, 
 
 INTERRUPTED = 130
 DIFFERENT = 1
+DISK_FULL = (errno.ENOSPC, errno.EFBIG)
 
 app = typer.Typer(
     add_completion=False,
@@ -86,7 +88,9 @@ def _in_words(error: Exception) -> str:
     if isinstance(error, SwarmError):
         return str(error).replace("overwrite=True (--force)", "--force")  # what one types, not what one calls
     if isinstance(error, OSError):
-        return ": ".join(str(part) for part in (error.filename, error.strerror or error) if part)
+        # What we write has a name, what we print has none.
+        unnamed = "standard output or a temporary file" if error.errno in DISK_FULL else None
+        return ": ".join(str(part) for part in (error.filename or unnamed, error.strerror or error) if part)
     return f"{type(error).__name__}: {error} (with --debug, mesa-swarm shows where)"
 
 

@@ -11,6 +11,8 @@ from difflib import get_close_matches
 
 # Larger arrays are shown as NumPy abbreviates them.
 MOST_SHOWN = 20
+LONGEST_NAME = 100
+LONGEST = 300
 
 
 class SwarmError(Exception):
@@ -38,7 +40,14 @@ class JobError(SwarmError, ValueError):
 
 
 class RecordingError(SwarmError, RuntimeError):
-    """A recording cannot be written, read or run again; the message names the file."""
+    """A recording cannot be written, read or run again; the message names the file.
+
+    Recordings come from anywhere: whatever is in one, the message is one line of at most 300 characters.
+    """
+
+    def __init__(self, message: str = "") -> None:
+        line = " ".join(message.splitlines())
+        super().__init__(line if len(line) <= LONGEST else f"{line[: LONGEST // 2 - 5]} ... {line[-LONGEST // 2 :]}")
 
 
 class ExportError(SwarmError, RuntimeError):
@@ -104,12 +113,15 @@ def check_number(
 
 
 def _checked(name: str, value: object, minimum: float, maximum: float, above: float, what: str) -> float:
+    if type(value) is float and minimum <= value <= maximum and value > above and math.isfinite(value):
+        return value  # as a rule: the words below take longer than all else
     wanted = _range_in_words(what, minimum, maximum, above)
-    if isinstance(value, (bool, str, bytes)):
-        raise InvalidValueError(f"{name} is {value!r}; expected {wanted}")
+    # Arrays of one number would be taken for it, with a warning.
+    if isinstance(value, (bool, str, bytes, bytearray)) or getattr(value, "ndim", 0) != 0:
+        raise InvalidValueError(f"{name} is {shortened(value)}; expected {wanted}")
     try:
         number = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError, OverflowError):
+    except Exception:  # whatever a class of the user's raises instead of being a number
         raise InvalidValueError(f"{name} is {shortened(value)}; expected {wanted}") from None
     if not (math.isfinite(number) and minimum <= number <= maximum and number > above):
         raise InvalidValueError(f"{name} is {number:g}; expected {wanted}")
@@ -146,6 +158,21 @@ def check_choice(name: str, value: object, choices: Iterable[str]) -> str:
     raise UnknownNameError(unknown_name(name, value, known))
 
 
+def check_name(name: str, value: object) -> str:
+    """Return `value` if it can be a name in messages, files and pictures: one short line of text.
+
+    Examples
+    --------
+    >>> check_name("name", "Avoid")
+    'Avoid'
+    """
+    if isinstance(value, str) and value.isprintable() and 1 <= len(value) <= LONGEST_NAME:
+        return value
+    raise InvalidValueError(
+        f"{name} is {shortened(value)}; expected one line of text, at most {LONGEST_NAME} characters"
+    )
+
+
 def check_flag(name: str, value: object) -> bool:
     """Return `value` as a bool, or say that it is neither True nor False: "no" would count as True.
 
@@ -169,7 +196,7 @@ def unknown_name(what: str, got: object, known: Iterable[str]) -> str:
     "unknown map 'orginal'; did you mean 'original'? known: original, sparse"
     """
     names = list(known)
-    near = get_close_matches(str(got)[:80], names, n=1, cutoff=0.5)
+    near = get_close_matches(got[:80] if isinstance(got, str) else shortened(got), names, n=1, cutoff=0.5)
     hint = f"did you mean {near[0]!r}? " if near else ""
     return f"unknown {what} {shortened(got)}; {hint}known: {', '.join(names)}"
 
@@ -191,7 +218,7 @@ def _shown(limit: float) -> str:
 
 
 def shortened(value: object) -> str:
-    """Return what the user gave, NumPy's numbers and paths as plain ones, cut to 80 characters.
+    """Return what the user gave on one line, NumPy's numbers and paths as plain ones, cut to 80 characters.
 
     Examples
     --------
@@ -201,10 +228,15 @@ def shortened(value: object) -> str:
     >>> shortened((Path("a.toml"), 1.5))
     "('a.toml', 1.5)"
     """
-    if 0 < getattr(value, "size", 0) <= MOST_SHOWN:
-        value = value.tolist()  # type: ignore[attr-defined]
+    if isinstance(value, (str, bytes)):
+        value = value[:80]
     try:
+        if 0 < getattr(value, "size", 0) <= MOST_SHOWN:
+            value = value.tolist()  # type: ignore[attr-defined]
         text = re.sub(r"\b(?:np\.\w+|PosixPath|WindowsPath)\(([^()]*)\)", r"\1", repr(value))
-    except ValueError:  # Python refuses to write integers of more than 4300 digits
+    except (ValueError, RecursionError):  # Python refuses to write integers of more than 4300 digits
         text = f"a huge {type(value).__name__}"
+    except Exception:  # of a class of the user's, or lists within lists without end
+        text = f"a {type(value).__name__}"
+    text = " ".join(text.split())
     return text if len(text) <= 80 else text[:77] + "..."

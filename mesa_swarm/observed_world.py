@@ -9,7 +9,7 @@ import numpy as np
 
 from mesa_swarm.control.arbiter import Arbiter, check_drives
 from mesa_swarm.control.explain import Explanation, explanation
-from mesa_swarm.errors import InvalidValueError, check_count
+from mesa_swarm.errors import InvalidValueError, check_count, shortened
 from mesa_swarm.physics.contacts import Contacts
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.robot import Robot
@@ -159,7 +159,7 @@ class ObservedWorld(World):
         step 1: robot 5 turns left while moving; Avoid: front sensor 10.0 (an obstacle) < 10.5
         """
         if not isinstance(robot, Robot) or robot.model is not self:
-            raise InvalidValueError(f"robot is {robot!r:.60}; expected one of this model's robots")
+            raise InvalidValueError(f"robot is {shortened(robot)}; expected one of this model's robots")
         row, kept = robot.alive(), check_kept(self._snapshots, DECISIONS, "explain")
         if self._control is None:
             raise InvalidValueError("there is no control to explain; set model.control")

@@ -118,7 +118,7 @@ class Parameter:
                 raise ValueError
         except ValueError:
             wanted = "a whole number" if self.kind is int else "a finite number"
-            raise InvalidValueError(f"{self.name} is {text!r:.60}; expected {wanted}") from None
+            raise InvalidValueError(f"{self.name} is {shortened(text)}; expected {wanted}") from None
         return self.kind(number)
 
 
@@ -161,7 +161,7 @@ def parsed_settings(model: Callable, settings: Sequence[str]) -> dict[str, Any]:
     for setting in settings:
         name, equals, text = setting.partition("=")
         if not equals:
-            raise InvalidValueError(f"setting {setting!r:.60} has no =; expected name=value, such as n_robots=5")
+            raise InvalidValueError(f"setting {shortened(setting)} has no =; expected name=value, such as n_robots=5")
         if name not in known:
             raise UnknownNameError(unknown_name(f"parameter of {model.__name__}", name, known))
         values[name] = known[name].parse(text)

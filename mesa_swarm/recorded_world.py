@@ -73,7 +73,9 @@ class RecordedWorld(ObservedWorld):
         )
 
     @classmethod
-    def resume(cls, path: str | os.PathLike[str], *, step: int | None = None, **changes: object) -> Self:
+    def resume(
+        cls, path: str | os.PathLike[str], *, step: int | None = None, progress: bool = False, **changes: object
+    ) -> Self:
         """Return the model as it was after a step of a recording; see `mesa_swarm.recording.resume`.
 
         Parameters
@@ -81,6 +83,8 @@ class RecordedWorld(ObservedWorld):
         path : str or Path
         step : int, optional
             By default the last one recorded.
+        progress : bool
+            Whether to show a bar of the steps that are run again.
         **changes
             Parameters of the model that are other from then on.
 
@@ -91,7 +95,7 @@ class RecordedWorld(ObservedWorld):
         """
         from mesa_swarm.recording.resume import resume  # noqa: PLC0415 - a floor above, and slow to load
 
-        return resume(cls, path, step=step, **changes)
+        return resume(cls, path, step=step, progress=progress, **changes)
 
     @classmethod
     def verify(cls, path: str | os.PathLike[str], *, progress: bool = False) -> "Verification":
@@ -153,7 +157,7 @@ class RecordedWorld(ObservedWorld):
             yield
         except BaseException:
             for observer in list(self.observers):
-                observer.close()
+                getattr(observer, "break_off", observer.close)()
             raise
         for observer in list(self.observers):
             if hasattr(observer, "after_run"):

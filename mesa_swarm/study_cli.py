@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from mesa_swarm.errors import InvalidValueError, check_choice
+from mesa_swarm.files import check_writable
 from mesa_swarm.gallery import model_names
 
 # Typer checks limits before anything slow is imported.
@@ -70,11 +71,11 @@ def compare(
     setting: Settings = None,
     jobs: Jobs = -1,
     out: Annotated[
-        Path | None, typer.Option(help="Folder for tables and pictures; by default results/compare_MODEL.")
+        Path | None, typer.Option(help="Folder for tables, pictures and the runs; by default results/compare_MODEL.")
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Compare values of a parameter over the same seeds."""
+    """Compare values of a parameter over the same seeds; go on where an earlier call was interrupted."""
     check_choice("model", model, model_names())
     work().compare(
         model,
@@ -107,7 +108,7 @@ def reality_gap(
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Turn a dial from ideal robots to imperfect ones, and draw what a model scores."""
+    """Turn a dial from ideal to imperfect robots, draw what a model scores; go on where a call was interrupted."""
     if model is not None:
         check_choice("model", model, model_names())
     work("reality_gap_commands").gap(
@@ -182,7 +183,7 @@ def bench(
     out: Folder = Path("results", "bench"),
 ) -> None:
     """Measure steps, beside targets and other simulators."""
-    folder = work("files").check_writable(out)
+    folder = check_writable(out)
     for line in work("bench").report(folder, quick):
         print(line, flush=True)
 

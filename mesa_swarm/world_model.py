@@ -16,14 +16,19 @@ from mesa_swarm.robots.robot import SIDES, Robot, remove_together
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.robots.table import DesignTable
 from mesa_swarm.streams import Seed, Streams
-from mesa_swarm.world.arena import Agents, Arena
+from mesa_swarm.world.arena import Agents, Arena, as_numbers
 from mesa_swarm.world.form import Form
 from mesa_swarm.world.load import Load, checked_resistance
 from mesa_swarm.world.map import RADIUS_OF_UNIT_AREA, Map
 from mesa_swarm.world.obstacle import Obstacle
-from mesa_swarm.world.placement import free_space, place_apart
-from mesa_swarm.world.shapes import Shape, disc
+from mesa_swarm.world.placement import free_places, place_apart
+from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, disc
 from mesa_swarm.world.statics import FIRE, LOAD, OBSTACLE
+
+# The least radius as a share of the largest coordinate: contact tells overlap from touch by 1e-7 of a radius, which
+# may not be less than the rounding of a coordinate. And squares of lengths have to be floats.
+FINEST = 4e-9
+SMALLEST_RADIUS = 1e-12
 
 
 class World(mesa.Model):
@@ -99,6 +104,7 @@ class World(mesa.Model):
         Parameters
         ----------
         design : RobotDesign
+            Its radius at least 4e-9 of the largest coordinate of the map and of what is solid, and at least 1e-12.
         n : int
             How many, at free random places with random headings; they never overlap anything.
         poses : iterable of (x, y, heading), instead of n
@@ -111,8 +117,8 @@ class World(mesa.Model):
         PlacementError
             If they do not fit; the message says how many would.
         InvalidValueError
-            If neither or both of n and poses are given, a pose is not on the map, or the control is not for such a
-            drive.
+            If neither or both of n and poses are given, a pose is not on the map, the robots are too small for their
+            coordinates, or the control is not for such a drive.
 
         Examples
         --------
@@ -121,8 +127,9 @@ class World(mesa.Model):
         array([100., 200.])
         """
         if not isinstance(design, RobotDesign):
-            raise InvalidValueError(f"design is {design!r:.60}; expected a RobotDesign such as AGENT9")
+            raise InvalidValueError(f"design is {shortened(design)}; expected a RobotDesign such as AGENT9")
         self._check_driven(design)
+        self._check_resolved(design.radius, (obstacle.shape for obstacle in self._obstacles))
         if (n is None) == (poses is None):
             raise InvalidValueError("add_robots takes either n or poses; give exactly one of them")
         if poses is None:
@@ -140,8 +147,23 @@ class World(mesa.Model):
         """Refuse robots that what drives the others cannot drive; a world without control has nothing against any."""
 
     def remove_robots(self, robots: Iterable[Robot]) -> None:
-        """Take robots out of the model, between two steps."""
-        remove_together(list(robots))
+        """Take robots out of the model, between two steps.
+
+        Raises
+        ------
+        InvalidValueError
+            If they are not robots of this model.
+        RemovedRobotError
+            If one of them is gone already.
+        """
+        try:
+            chosen = list(robots)
+        except TypeError:  # not iterable
+            chosen = [cast(Robot, robots)]
+        for robot in chosen:
+            if not isinstance(robot, Robot) or robot.swarm is not self.swarm:
+                raise InvalidValueError(f"robots holds {shortened(robot)}; expected some of model.robots")
+        remove_together(chosen)
 
     def add_obstacle(self, shape: Shape) -> Obstacle:
         """Add an obstacle or a ground mark and return its agent.
@@ -153,10 +175,12 @@ class World(mesa.Model):
         True
         """
         _check_shape("obstacle", shape)
+        if len(self.swarm):
+            self._check_resolved(float(self.swarm.radius.min()), [shape])
         self._check_clear_of_loads("obstacle", shape)
         obstacle = Obstacle(self.space, self, shape)
         self._obstacles.append(obstacle)
-        self.obstacles_changed()
+        self._scene_changed()
         return obstacle
 
     def add_load(self, shape: Shape, *, resistance: float) -> Load:
@@ -190,7 +214,7 @@ class World(mesa.Model):
         load = Load(self.space, self, shape, resistance)
         self._obstacles.append(load)
         self._loads.append(load)
-        self.obstacles_changed()
+        self._scene_changed()
         return load
 
     def add_fire(
@@ -226,11 +250,11 @@ class World(mesa.Model):
         fire = Fire(self.space, self, self.fires, row)
         self.fires.agents.append(fire)
         self._burns = True
-        self.obstacles_changed()
+        self._scene_changed()
         return fire
 
     def obstacles_changed(self) -> None:
-        """Take note that obstacles or fires were added or removed."""
+        """Take note that obstacles or fires were removed."""
         for index in reversed(range(len(self._obstacles))):
             if self._obstacles[index].space is None:
                 del self._obstacles[index]
@@ -238,6 +262,9 @@ class World(mesa.Model):
                     self.swarm.forget_contact(kind, index)
         if self._loads:
             self._loads = [obstacle for obstacle in self._obstacles if isinstance(obstacle, Load)]
+        self._scene_changed()
+
+    def _scene_changed(self) -> None:
         self._scene = None
         self.swarm.disturbed = True
 
@@ -258,6 +285,19 @@ class World(mesa.Model):
             self._scene = Scene.of(self.map.bounds, shapes, discs, temperature, sight=sight, touch=touch, loads=loads)
             self._scene_table = table
         return self._scene
+
+    def _check_resolved(self, radius: float, shapes: Iterable[Shape]) -> None:
+        """Refuse robots so small that rounding of positions among these shapes is no less than what contact tells."""
+        if radius >= FINEST * LARGEST_COORDINATE:  # as a rule; there may be many shapes
+            return
+        boxes = [self.map.bounds, *(shape.bounds for shape in shapes if shape.contact)]
+        farthest = max(abs(coordinate) for box in boxes for coordinate in box)
+        least = max(FINEST * farthest, SMALLEST_RADIUS)
+        if radius < least:
+            raise InvalidValueError(
+                f"radius of a robot is {radius:g} in a world with coordinates up to {farthest:g}; expected at least "
+                f"{least:g}: bring everything nearer to the origin or enlarge the robots"
+            )
 
     def _check_room_for_load(self, shape: Shape) -> None:
         """Refuse a load that is not within the map or overlaps anything but robots."""
@@ -282,29 +322,25 @@ class World(mesa.Model):
 
     def _free_poses(self, design: RobotDesign, n: int) -> tuple[np.ndarray, np.ndarray]:
         shapes = [obstacle.shape for obstacle in self._obstacles]
-        space = free_space(self.map.bounds, shapes, self.fires.discs, design.radius)
+        space = free_places(self.map.bounds, shapes, self.fires.discs, design.radius)
         old, radii, where = self.swarm.position, self.swarm.radius, f"map {self.map.name}"
         position = place_apart(n, design.radius, space, old, radii, self.streams["placement"], where)
         return position, self.streams["heading"].uniform(-np.pi, np.pi, n)
 
     def _checked_poses(self, poses: Iterable[Sequence[float]]) -> tuple[np.ndarray, np.ndarray]:
         try:
-            table = np.array(list(poses), dtype=float)
-        except (TypeError, ValueError):
-            table = np.empty(1)
-        if table.size and (table.ndim != 2 or table.shape[1] != 3):
+            table = np.empty((0, 3)) if not len(rows := list(poses)) else as_numbers(rows)
+        except TypeError:  # not iterable
+            table = np.empty(0)
+        if table.ndim != 2 or table.shape[1] != 3:
             raise InvalidValueError("poses are not rows of three numbers; expected (x, y, heading) each")
-        table = table.reshape(-1, 3)
         for x, y, heading in table:
             self._checked_point((x, y))
             check_number("heading", heading, minimum=-1e9, maximum=1e9)
         return table[:, :2].copy(), np.array([wrapped(heading) for heading in table[:, 2]], dtype=float)
 
     def _checked_point(self, point: Sequence[float]) -> np.ndarray:
-        try:
-            array = np.asarray(point, dtype=float)
-        except (TypeError, ValueError):
-            array = np.empty(0)
+        array = as_numbers(point)
         if array.shape != (2,) or not self.space.in_bounds(array):
             raise InvalidValueError(
                 f"position {shortened(point)} is not on map {self.map.name}; "
@@ -315,9 +351,12 @@ class World(mesa.Model):
     def _sides(self, n: int, tendency: str | Sequence[str] | None) -> np.ndarray:
         if tendency is None:
             return np.where(self.streams["tendency"].random(n) < 0.5, 1.0, -1.0)
-        if not isinstance(tendency, Iterable):
-            raise InvalidValueError(f"tendency is {tendency!r:.60}; expected left, right, or a sequence of these")
-        names = [tendency] * n if isinstance(tendency, str) else list(tendency)
+        try:
+            names = [tendency] * n if isinstance(tendency, str) else list(tendency)
+        except TypeError:
+            raise InvalidValueError(
+                f"tendency is {shortened(tendency)}; expected left, right, or a sequence of these"
+            ) from None
         if len(names) != n:
             raise InvalidValueError(f"tendency names {len(names)} sides for {n} robots; expected one each")
         return np.array([SIDES[check_choice("tendency", name, SIDES)] for name in names], dtype=float)
@@ -325,7 +364,7 @@ class World(mesa.Model):
 
 def _check_shape(name: str, shape: Shape) -> None:
     if not isinstance(shape, Shape):
-        raise InvalidValueError(f"{name} is {shape!r:.60}; expected disc(...), rectangle(...) or polygon(...)")
+        raise InvalidValueError(f"{name} is {shortened(shape)}; expected disc(...), rectangle(...) or polygon(...)")
 
 
 def _checked_seed(rng: Seed) -> Seed:
@@ -338,7 +377,7 @@ def _checked_seed(rng: Seed) -> Seed:
         np.random.default_rng(rng)
     except (TypeError, ValueError):
         raise InvalidValueError(
-            f"rng is {rng!r:.60}; expected a whole number of at least 0, a SeedSequence, a Generator or None"
+            f"rng is {shortened(rng)}; expected a whole number of at least 0, a SeedSequence, a Generator or None"
         ) from None
     return rng
 

@@ -5,14 +5,62 @@ import signal
 import sys
 from pathlib import Path
 
+import pytest
 from hypothesis import HealthCheck, settings
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from support.hostile import Tally, table
+from support.pace import in_time, is_out_of_time
 
 
 def pytest_addoption(parser):
     parser.addoption("--screenshots", metavar="DIR", help="where browser tests write pictures for a person to look at")
+    parser.addoption("--at-length", action="store_true", help="attack with thousands of inputs (tests/hostile)")
 
 
-sys.path.insert(0, str(Path(__file__).parent))
+def pytest_runtest_setup(item):
+    if item.get_closest_marker("slow") and is_out_of_time():
+        pytest.skip("this machine is slower than usual, and the time for slow tests is over")
+
+
+@pytest.fixture
+def amount(request):
+    """Return a function of two numbers of inputs: a few, and those at length."""
+    return lambda few, many: many if request.config.getoption("--at-length") else few
+
+
+@pytest.fixture
+def tally(request):
+    """Return a function that makes the tally of an area; the test fails if anything in it failed."""
+    tallies = []
+
+    def begun(area):
+        tallies.append(Tally(area))
+        return tallies[-1]
+
+    yield begun
+    for one in tallies:
+        request.node.user_properties.append(("hostile", one.row()))
+    failures = [f"{one.area}: {failure}" for one in tallies for failure in one.failures]
+    assert not failures, "\n".join([f"{len(failures)} failed, the first of them:", *failures[:20]])
+    assert all(one.tried for one in tallies)
+
+
+def pytest_terminal_summary(terminalreporter):
+    """Print the table of attacks, those of all processes added up."""
+    reports = [report for each in terminalreporter.stats.values() for report in each if hasattr(report, "when")]
+    rows = [
+        row
+        for report in reports
+        if report.when == "teardown"
+        for name, row in report.user_properties
+        if name == "hostile"
+    ]
+    if rows:
+        terminalreporter.section("attacks")
+        terminalreporter.write_line("\n".join(table(rows)))
+
 
 # Who runs the tests in the background of a shell has told them, and what they start, to ignore Ctrl-C.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -22,5 +70,5 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 settings.register_profile(
     "fast", max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
 )
-settings.register_profile("deep", parent=settings.get_profile("fast"), max_examples=2000)
+settings.register_profile("deep", parent=settings.get_profile("fast"), max_examples=in_time(2000))
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))

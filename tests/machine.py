@@ -66,3 +66,7 @@ def is_ours(process: int, parents: dict[int, int]) -> bool:
     while process in parents and process != os.getpid():
         process = parents[process]
     return process == os.getpid()
+
+
+if __name__ == "__main__":
+    print(f"{min(slowness() for _ in range(5)):.1f}")

@@ -15,6 +15,7 @@ NAMES = [str(path.relative_to(PACKAGE)) for path in MODULES]
 # Floor of each folder or file (HOUSE 2); what may be imported sideways is stated.
 FLOORS = {
     "errors.py": 0,
+    "files.py": 0.5,
     "progress.py": 0,
     "streams.py": 0,
     "geometry": 1,

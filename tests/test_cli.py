@@ -83,9 +83,11 @@ def test_compare_prints_a_table_paths_and_a_finding_and_writes_the_files(typed, 
     assert (status, err) == (0, "")
     assert out.startswith("FireFighting: 2 paired seeds, at most 30 steps each")
     assert out.splitlines()[-1].startswith("With strategy ")
-    written = {str(folder / path.name) for path in (tmp_path / folder).iterdir()}
-    assert written <= set(out.splitlines())
-    assert len(written) == 7
+    written = {path.name for path in (tmp_path / folder).iterdir()}
+    assert {str(folder / name) for name in written - {"runs.jsonl"}} <= set(out.splitlines())
+    assert len(written) == 8
+    again = typed("compare fire_fighting --seeds 2 --steps 30 --jobs 1 --quiet")[1]
+    assert again == f"4 of 4 runs were done before, see {folder / 'runs.jsonl'}\n{out}"
 
 
 def test_compare_takes_another_parameter_values_settings_and_folder(typed, tmp_path):
@@ -333,6 +335,15 @@ def test_an_error_of_the_system_names_the_file(typed, monkeypatch):
     assert typed("list")[::2] == (2, "mesa-swarm: results/runs.csv: No space left on device\n")
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device")
+def test_output_that_is_printed_to_a_full_disk_is_named():
+    command = [sys.executable, "-m", "mesa_swarm.cli", "list"]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.stderr == "mesa-swarm: standard output or a temporary file: No space left on device\n"
+    assert done.returncode == 2
+
+
 def test_warnings_are_one_line(typed, monkeypatch):
     def warn():
         cli.warnings.simplefilter("always")
@@ -350,7 +361,7 @@ def test_ctrl_c_is_one_line_and_status_130(typed, monkeypatch):
     assert typed("list") == (130, "", "mesa-swarm: interrupted; nothing more was written\n")
 
 
-def test_ctrl_c_stops_a_comparison_on_all_cores_and_writes_nothing(tmp_path):
+def test_ctrl_c_stops_a_comparison_on_all_cores_and_leaves_nothing_but_its_runs(tmp_path):
     command = [sys.executable, "-m", "mesa_swarm.cli", "compare", "fire_fighting", "--jobs", "2", "--out", "made"]
     running = subprocess.Popen(
         command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
@@ -361,10 +372,12 @@ def test_ctrl_c_stops_a_comparison_on_all_cores_and_writes_nothing(tmp_path):
     time.sleep(1)
     os.killpg(running.pid, signal.SIGINT)  # as a terminal does: to all processes
     out, err = running.communicate(timeout=120)
-    assert (running.returncode, out) == (130, "")
+    ledger = Path("made", "runs.jsonl")
+    assert running.returncode == 130
+    assert out == f"the runs so far are stored in {ledger}; the same command goes on where this one stopped\n"
     assert "mesa-swarm: interrupted; nothing more was written" in err.splitlines()
     assert "Traceback" not in err
-    assert list(tmp_path.iterdir()) == []
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == [tmp_path / ledger]
 
 
 def test_the_program_runs_as_a_process_and_imports_little_for_its_help():

@@ -24,6 +24,8 @@ from scenes import ahead, blind, empty
         ({"extinguish_range": -1}, "extinguish_range is -1"),
         ({"history_every": -1}, "history_every is -1"),
         ({"history_every": 1.5}, "history_every is 1.5"),
+        ({"collect_every": -1}, "collect_every is -1"),
+        ({"collect_every": None}, "collect_every is None"),
         ({"fire_constants": "weak"}, "fire_constants is 'weak'"),
         ({"fire_constants": {"k1": 1}}, "fire_constants is"),
     ],
@@ -147,11 +149,38 @@ def test_what_is_not_an_arbiter_is_refused_and_the_old_one_stays(control):
     assert model.control is old
 
 
-def test_robots_put_where_there_is_no_room_at_all_are_refused_in_words():
-    model = empty(30, 30)
+@pytest.mark.parametrize("engine", ["compiled", "shapely"])
+def test_robots_put_where_there_is_no_room_at_all_are_refused_in_words(engine):
+    model = empty(30, 30, engine=engine)
     model.add_robots(blind(), poses=[(15, 15, 0.0)] * 9)
     with pytest.raises(PlacementError, match="no room is left"):
         model.run(3)
+
+
+@pytest.mark.parametrize(
+    ("corner", "size", "radius"),
+    [(1e9 - 100, 100, 3.9), (-1e6, 1, 0.003), (0, 400, 1e-6), (0, 1e-11, 9e-13), (0, 1e-150, 1e-151)],
+)
+def test_robots_smaller_than_what_positions_resolve_are_refused(corner, size, radius):
+    model = SwarmModel(map=Map(name="far", bounds=(corner, 0, corner + size, size)))
+    for where in ({"n": 1}, {"poses": [(corner, 0, 0)]}):
+        with pytest.raises(InvalidValueError, match=r"^radius of a robot is .* expected at least .*: bring") as caught:
+            model.add_robots(blind(radius, radius), **where)
+        assert len(str(caught.value)) <= 300
+    assert not len(model.swarm)
+
+
+def test_obstacles_too_far_for_small_robots_are_refused_and_marks_are_not():
+    model, far = empty(), [(100, 100), (9e8, 100), (9e8, 300)]
+    model.add_robots(blind(1.0), 1)
+    with pytest.raises(InvalidValueError, match=r"coordinates up to 9e\+08; expected at least 3\.6"):
+        model.add_obstacle(polygon(far))
+    model.add_obstacle(polygon(far, contact=False))
+    other = empty()
+    other.add_obstacle(polygon(far))
+    with pytest.raises(InvalidValueError, match=r"coordinates up to 9e\+08; expected at least 3\.6"):
+        other.add_robots(blind(1.0), 1)
+    other.add_robots(blind(5.0), 1)
 
 
 def test_unknown_names_are_of_the_family_of_errors():

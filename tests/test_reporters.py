@@ -2,6 +2,7 @@
 
 import pytest
 
+from mesa_swarm import SwarmModel
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.models.agglomeration import Agglomeration
 from mesa_swarm.reporters import Held, held
@@ -28,3 +29,30 @@ def test_every_model_has_reporters_of_its_own():
 def test_an_interval_of_nothing_is_refused():
     with pytest.raises(InvalidValueError, match="every is 0"):
         Held("groups", every=0)
+
+
+@pytest.mark.parametrize(("every", "steps"), [(1, [1, 2, 3, 4, 5, 6, 7]), (3, [3, 6]), (0, [])])
+def test_rows_are_collected_after_the_steps_that_the_interval_divides(every, steps):
+    model = SwarmModel(rng=1, collect_every=every, model_reporters={"step": "completed"}).run(7)
+    assert model.datacollector.model_vars["step"] == steps
+
+
+def test_what_is_collected_changes_no_bit_of_what_happens():
+    hashes = set()
+    for every in (1, 7, 0):
+        model = Agglomeration(n_robots=5, rng=1)
+        model.collect_every = every
+        hashes.add(model.run(20).state_hash())
+    assert len(hashes) == 1
+
+
+def test_a_model_that_is_resumed_collects_as_the_recorded_one_did(tmp_path):
+    model = Agglomeration(n_robots=5, rng=1)
+    model.collect_every = 4
+    with model.record(tmp_path / "a.arrow", checkpoint_every=10):
+        model.run(10)
+    again = Agglomeration.resume(tmp_path / "a.arrow").run(6)
+    assert again.collect_every == 4
+    model.run(6)
+    assert again.datacollector.model_vars == model.datacollector.model_vars
+    assert len(again.datacollector.model_vars["groups"]) == 4

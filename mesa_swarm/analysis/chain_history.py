@@ -10,7 +10,7 @@ from mesa_swarm.analysis.arrays import check_array, check_steps
 from mesa_swarm.analysis.chain_events import KINDS, Event, Lineage
 from mesa_swarm.analysis.chains import FARTHEST, Links, paths
 from mesa_swarm.analysis.meetings import OUTCOMES, Meetings, meeting_event
-from mesa_swarm.errors import InvalidValueError, check_choice, check_number
+from mesa_swarm.errors import InvalidValueError, check_choice, check_number, shortened
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -82,7 +82,7 @@ class ChainHistory:
         for event, outcome in self.fates:
             if event == meeting:
                 return outcome
-        raise InvalidValueError(f"{meeting!r:.60} is no meeting of this history; expected one of of('meeting')")
+        raise InvalidValueError(f"{shortened(meeting)} is no meeting of this history; expected one of of('meeting')")
 
     def outcomes(self) -> dict[str, int]:
         """Return how many meetings had each outcome."""

@@ -6,7 +6,7 @@ from copy import copy
 import numpy as np
 
 from mesa_swarm.control.layer import Layer, Senses
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.errors import InvalidValueError, check_name, shortened
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.streams import Streams
@@ -39,12 +39,13 @@ class Arbiter:
             methods = [getattr(layer, name, None) for name in ("decide", "bind")]
             if isinstance(layer, type) or not all(map(callable, methods)):
                 raise InvalidValueError(
-                    f"{kind} got {layer!r:.60}; expected layers such as Avoid(), or rules made with @behaviour"
+                    f"{kind} got {shortened(layer)}; expected layers such as Avoid(), or rules made with @behaviour"
                 )
-            if not isinstance(getattr(layer, "name", None), str):
+            if not hasattr(layer, "name"):
                 raise InvalidValueError(
                     f"{kind} got a {type(layer).__name__} without a name; give the class one, such as name = 'Mine'"
                 )
+            check_name(f"name of a {type(layer).__name__}", layer.name)
         self.layers: Sequence[Layer] = layers
 
     def bound(self, swarm: Swarm, streams: Streams) -> "Arbiter":

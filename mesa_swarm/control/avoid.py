@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import check_choice, check_number
+from mesa_swarm.errors import check_choice, check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
@@ -53,6 +53,7 @@ class Avoid:
 
     def __post_init__(self) -> None:
         """Check the parameters."""
+        check_name("name", self.name)
         check_number("Avoid's distance", self.distance, minimum=0, maximum=LARGEST_RANGE)
         check_choice("turn", self.turn, TURNS)
         check_choice("fires", self.fires, FIRES)

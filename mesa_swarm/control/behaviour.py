@@ -15,6 +15,7 @@ from mesa_swarm.errors import (
     UncompiledBehaviourWarning,
     UnknownNameError,
     check_number,
+    shortened,
     unknown_name,
 )
 from mesa_swarm.robots.swarm import Swarm
@@ -151,7 +152,7 @@ def behaviour(rule: Callable) -> Behaviour:
     """
     function = getattr(rule, "py_func", rule)  # as it was written, if Numba has it already
     if not isinstance(function, FunctionType):
-        raise InvalidValueError(f"behaviour got {rule!r:.60}; expected a function of me")
+        raise InvalidValueError(f"behaviour got {shortened(rule)}; expected a function of me")
     if any(is_kind(function) for is_kind in NOT_AT_ONCE):
         raise InvalidValueError(
             f"rule {function.__name__} is async or yields; expected a function that returns two speeds or PASS at once"
@@ -174,7 +175,7 @@ def _checked(name: str, value: float, before: float) -> float:
     """Return a value of the type that the rule was written for, so that it is compiled once."""
     if isinstance(before, bool):
         if not isinstance(value, (bool, np.bool_)):
-            raise InvalidValueError(f"{name} is {value!r:.60}; expected True or False")
+            raise InvalidValueError(f"{name} is {shortened(value)}; expected True or False")
         return bool(value)
     number = check_number(name, value)
     whole = isinstance(before, int) and number == int(number) and abs(number) <= LARGEST_WHOLE

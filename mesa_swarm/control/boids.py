@@ -14,7 +14,7 @@ import numpy as np
 from mesa_swarm.control.apparent import FEWEST, Apparent
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.control.perception import centroids
-from mesa_swarm.errors import check_choice, check_number
+from mesa_swarm.errors import check_choice, check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
@@ -52,6 +52,7 @@ class Separate:
 
     def __post_init__(self) -> None:
         """Check the parameters."""
+        check_name("name", self.name)
         check_number("Separate's distance", self.distance, above=0, maximum=LARGEST_RANGE)
         check_choice("what", self.what, WHAT)
 
@@ -119,6 +120,7 @@ class Align:
 
     def __post_init__(self) -> None:
         """Check the parameters."""
+        check_name("name", self.name)
         check_number("Align's memory", self.memory, minimum=1, maximum=1e6)
         check_number("Align's jump", self.jump, above=0)
 
@@ -172,6 +174,7 @@ class Cohere:
 
     def __post_init__(self) -> None:
         """Check the parameters."""
+        check_name("name", self.name)
         check_number("Cohere's distance", self.distance, above=0, maximum=LARGEST_RANGE)
 
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
@@ -221,6 +224,7 @@ class Cruise:
 
     def __post_init__(self) -> None:
         """Check the parameter."""
+        check_name("name", self.name)
         check_number("Cruise's speed", self.speed, minimum=0, maximum=1)
 
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:

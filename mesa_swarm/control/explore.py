@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import check_count, check_number
+from mesa_swarm.errors import check_count, check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm
@@ -40,6 +40,7 @@ class Explore:
 
     def __post_init__(self) -> None:
         """Check the parameters."""
+        check_name("name", self.name)
         check_number("Explore's speed", self.speed, minimum=0, maximum=1)
         check_count("turn_interval", self.turn_interval)
         check_number("largest_turn_degrees", self.largest_turn_degrees, minimum=0, maximum=180)

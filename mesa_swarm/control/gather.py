@@ -8,7 +8,7 @@ import numpy as np
 
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.control.perception import centroids
-from mesa_swarm.errors import check_number
+from mesa_swarm.errors import check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
@@ -45,6 +45,7 @@ class Gather:
 
     def __post_init__(self) -> None:
         """Check the parameters."""
+        check_name("name", self.name)
         check_number("Gather's critical_angle_degrees", self.critical_angle_degrees, minimum=0, maximum=180)
         check_number("stop_distance", self.stop_distance, minimum=0, maximum=LARGEST_RANGE)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.control.perception import nearest_ahead
-from mesa_swarm.errors import check_number
+from mesa_swarm.errors import check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
@@ -57,6 +57,7 @@ class HeadOn:
 
     def __post_init__(self) -> None:
         """Check the parameters."""
+        check_name("name", self.name)
         check_number("HeadOn's distance", self.distance, minimum=0, maximum=LARGEST_RANGE)
         check_number("slowest", self.slowest, above=0, maximum=1)
         check_number("margin", self.margin, minimum=0, maximum=2)
@@ -76,7 +77,7 @@ class HeadOn:
         nearest_ahead(senses.distance, senses.kind, senses.bearing, senses.design, nearest)
         columns = self._swarm.columns
         front, least, speed, left = (columns[f"{self._prefix}.{m}"] for m in ("front", "least", "speed", "left"))
-        draws = self.slowest ** self._rng.random(len(layer))
+        draws = float(self.slowest) ** self._rng.random(len(layer))
         head_on(
             nearest,
             senses.distance,

@@ -8,7 +8,7 @@ import numpy as np
 
 from mesa_swarm.control.apparent import FEWEST, Apparent
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import check_number
+from mesa_swarm.errors import check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.physics.motion import sinc
 from mesa_swarm.robots.reasons import Moment, Reason
@@ -53,6 +53,7 @@ class MatchVelocity:
 
     def __post_init__(self) -> None:
         """Check the parameters."""
+        check_name("name", self.name)
         check_number("MatchVelocity's memory", self.memory, minimum=1, maximum=1e6)
         check_number("MatchVelocity's jump", self.jump, above=0)
         check_number("MatchVelocity's slowest", self.slowest, minimum=0, maximum=1)

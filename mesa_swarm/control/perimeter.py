@@ -8,7 +8,7 @@ import numpy as np
 
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.control.perception import centroids
-from mesa_swarm.errors import check_number
+from mesa_swarm.errors import check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
@@ -49,6 +49,7 @@ class Perimeter:
 
     def __post_init__(self) -> None:
         """Check the parameters."""
+        check_name("name", self.name)
         check_number("ring", self.ring, minimum=0, maximum=LARGEST_RANGE)
         check_number("tolerance", self.tolerance, minimum=0, maximum=LARGEST_RANGE)
         check_number("Perimeter's critical_angle_degrees", self.critical_angle_degrees, minimum=0, maximum=180)

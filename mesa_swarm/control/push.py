@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import check_choice, check_number
+from mesa_swarm.errors import check_choice, check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.robots.reasons import Moment, Reason
@@ -56,6 +56,7 @@ class Push:
 
     def __post_init__(self) -> None:
         """Check the parameters."""
+        check_name("name", self.name)
         check_choice("side", self.side, FROM)
         check_number("clearance", self.clearance, minimum=0, maximum=LARGEST_RANGE)
         check_number("Push's critical_angle_degrees", self.critical_angle_degrees, minimum=0, maximum=180)

@@ -48,7 +48,8 @@ class VectorSum(Arbiter):
     def __init__(self, *layers: Layer, weights: Sequence[float] | None = None) -> None:
         super().__init__(*layers)
         given = [1.0] * len(layers) if weights is None else weights
-        ordered = isinstance(given, (Sequence, np.ndarray)) and not isinstance(given, str)
+        ordered = isinstance(given, Sequence) and not isinstance(given, str)
+        ordered = ordered or (isinstance(given, np.ndarray) and given.ndim == 1)
         if not ordered or len(given) != len(layers):
             raise InvalidValueError(f"weights is {shortened(weights)}; expected {len(layers)} numbers, one a layer")
         self.weights = tuple(check_number("weight", weight, minimum=-HEAVIEST, maximum=HEAVIEST) for weight in given)

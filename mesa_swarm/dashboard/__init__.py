@@ -18,6 +18,8 @@ from mesa_swarm.gallery import model_names
 if TYPE_CHECKING:
     import uvicorn
 
+    from mesa_swarm.dashboard.gate import Gate
+
 # What the page shows first if nobody says otherwise.
 FIRST = "fire_fighting"
 HOST = "127.0.0.1"
@@ -26,7 +28,8 @@ MODEL_VARIABLE = "MESA_SWARM_MODEL"
 RECORDINGS_VARIABLE = "MESA_SWARM_RECORDINGS"
 TOKEN_VARIABLE = "MESA_SWARM_TOKEN"
 APP = "mesa_swarm.dashboard.app"
-SERVER = "solara.server.starlette:app"
+# Files are handed over in pieces of 1 MB.
+LARGEST_MESSAGE = 4_000_000
 
 
 def launch(
@@ -67,21 +70,20 @@ def launch(
     # It says so of every plain http page that is not called localhost.
     warnings.filterwarnings("ignore", message="Cookies with samesite=none", category=UserWarning)
     token = "" if host in HERE else os.environ.get(TOKEN_VARIABLE) or secrets.token_urlsafe(24)
-    _stand_guard(token)
+    application = guarded(token)
     name = socket.gethostname() if token else f"[{host}]" if ":" in host else host
     address = f"http://{name}:{port}/" + (f"?token={token}" if token else "")
     print(f"mesa-swarm: the dashboard is at {address} (Ctrl-C ends it)", flush=True)
-    _serve(host, port, address if open_browser else "")
+    _serve(application, host, port, address if open_browser else "")
 
 
-def _serve(host: str, port: int, address: str) -> None:
+def _serve(application: "Gate", host: str, port: int, address: str) -> None:
     """Serve until Ctrl-C; open the address, if there is one, as soon as it answers."""
     import uvicorn  # noqa: PLC0415 - comes with Solara
 
     # Packing frames smaller costs more time than sending them as they are.
-    server = uvicorn.Server(
-        uvicorn.Config(SERVER, host=host, port=port, log_level="warning", ws_per_message_deflate=False)
-    )
+    unpacked: dict = {"ws_per_message_deflate": False, "ws_max_size": LARGEST_MESSAGE}
+    server = uvicorn.Server(uvicorn.Config(application, host=host, port=port, log_level="warning", **unpacked))
     if address:
         threading.Thread(target=_open_when_served, args=(server, address), daemon=True).start()
     with suppress(KeyboardInterrupt):
@@ -94,14 +96,23 @@ def _open_when_served(server: "uvicorn.Server", address: str) -> None:
     webbrowser.open(address)
 
 
-def _stand_guard(token: str) -> None:
-    """Put the gate before Solara's server."""
+def guarded(token: str) -> "Gate":
+    """Return Solara's server with the gate before it.
+
+    Parameters
+    ----------
+    token : str
+        What must be known, empty for nothing.
+    """
     os.environ["SOLARA_APP"] = APP  # which the server reads when it is imported
+    from solara.server import settings  # noqa: PLC0415 - heavy, and optional
     from solara.server.starlette import app  # noqa: PLC0415 - heavy, and optional
 
     from mesa_swarm.dashboard.gate import Gate  # noqa: PLC0415 - beside what it guards
 
-    app.add_middleware(Gate, token=token)
+    # Otherwise the first request would decide under which path all pages are.
+    settings.main.root_path = settings.main.root_path or ""
+    return Gate(app, token, settings.assets.proxy_cache_dir)
 
 
 def _checked_place(recordings: str | os.PathLike[str]) -> Path:

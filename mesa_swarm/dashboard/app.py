@@ -111,7 +111,8 @@ def Header(session: Session, tab: str, choose_tab: Callable[[str], None]) -> Non
         with rv.Html(tag="nav", attributes={"aria-label": "Pages"}):
             for name in (WATCH, MODELS, *MORE_TABS):
                 Tab(name, name == tab, choose_tab).key(name)
-        solara.HTML(tag="p", unsafe_innerHTML=f"<b>{title(session.name)}</b> {description(session.model_class)}")
+        shown = rv.Html(tag="b", children=[title(session.name)])
+        rv.Html(tag="p", children=[shown, f" {description(session.model_class)}"])
         PageBar.element(query=query_of(session), on_dark=lambda dark: setattr(solara.lab.theme, "dark", dark))
 
 
@@ -164,4 +165,5 @@ def Trouble(session: Session, faults: tuple[str, ...]) -> None:
         TroubleCard("The model stopped", session.error, way_out=("Reset", session.reset)).key("error")
     elif told and not left:
         way_out = "Go on without it", lambda: leave(True)
-        TroubleCard("Not all of the link could be followed", *told, way_out=way_out).key("fault")
+        head = "On the way" if session.goal and not faults else "Not all of the link could be followed"
+        TroubleCard(head, *told, way_out=way_out).key("fault")

@@ -16,7 +16,7 @@ from mesa_swarm.dashboard.past import Picture
 from mesa_swarm.dashboard.scripts import text_of
 from mesa_swarm.dashboard.series import Chart, Series
 from mesa_swarm.dashboard.session import Session
-from mesa_swarm.experiments.pictures import png
+from mesa_swarm.experiments.pictures import literal, png
 
 # While it is played, charts are brought up to date so often, s.
 EVERY = 0.4
@@ -222,10 +222,10 @@ def figure_of(series: Series, key: str) -> Figure:
     axes = figure.subplots()
     for k, name in enumerate(chart.names):
         colour, dashes = COLOURS[k % len(COLOURS)], DASHES[k // len(COLOURS) % len(DASHES)]
-        axes.plot(curves.steps, curves.mean[k], label=name, linewidth=1.3, color=colour, linestyle=dashes)
+        axes.plot(curves.steps, curves.mean[k], label=literal(name), linewidth=1.3, color=colour, linestyle=dashes)
         if curves.width > 1 and len(chart.names) <= 3:
             axes.fill_between(curves.steps, curves.low[k], curves.high[k], color=colour, alpha=0.15, linewidth=0)
-    axes.set(title=chart.title, xlabel="step", ylabel=chart.unit)
+    axes.set(title=literal(chart.title), xlabel="step", ylabel=literal(chart.unit))
     axes.spines[["top", "right"]].set_visible(False)
     if len(chart.names) > 1:
         figure.legend(loc="outside right upper", frameon=False, fontsize=9)

@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator, StrMethodFormatter
 
 from mesa_swarm.dashboard.pair import Pair
 from mesa_swarm.experiments.figures import window_means
-from mesa_swarm.experiments.pictures import COOL, HOT, INK
+from mesa_swarm.experiments.pictures import COOL, HOT, INK, literal
 from mesa_swarm.experiments.portrait import portrait_of
 
 # Not drawn more often, s: a drawing takes a tenth of that.
@@ -78,8 +78,9 @@ def main_reports(series: Sequence[Series]) -> list[str]:
 def _draw(axes: Axes, name: str, series: Sequence[Series], labels: Sequence[str]) -> None:
     for one, label, (colour, style) in zip(series, labels, STYLES, strict=True):
         if name in one:
-            axes.plot(*window_means(one[name].astype(float), CORNERS), style, color=colour, linewidth=1.8, label=label)
-    axes.set_title(name.replace("_", " "), fontsize=11, loc="left", color=INK)
+            means = window_means(one[name].astype(float), CORNERS)
+            axes.plot(*means, style, color=colour, linewidth=1.8, label=literal(label))
+    axes.set_title(literal(name.replace("_", " ")), fontsize=11, loc="left", color=INK)
     axes.set_xlabel("step", fontsize=9, labelpad=1)
     axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     axes.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))

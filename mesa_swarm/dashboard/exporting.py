@@ -17,6 +17,7 @@ from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.tape import MOST_BYTES, Tape
 from mesa_swarm.errors import ExportError, InvalidValueError, SwarmError, check_choice, check_count
 from mesa_swarm.experiments.pictures import png, world_figure
+from mesa_swarm.experiments.pool import ending_with_us
 from mesa_swarm.experiments.portrait import portrait_of
 from mesa_swarm.exports.stills import svg
 from mesa_swarm.model import SwarmModel
@@ -301,7 +302,7 @@ class Exporting:
 
     def _export(self, arguments: list[str]) -> None:
         """Let a process of its own export, so that the page is not slowed down and one can cancel it."""
-        command = [sys.executable, "-c", COMMAND, "export", *arguments]
+        command = [sys.executable, "-c", ending_with_us(COMMAND), "export", *arguments]
         self._note("Making the file", None)
         self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
         said = b""

@@ -83,8 +83,8 @@ def Card(name: str, picture: str, chosen: bool, on_choose: Callable[[str], None]
         tag="button", class_="swarm-card swarm-chosen" if chosen else "swarm-card", attributes={"type": "button"}
     ) as card:
         solara.HTML(classes=["swarm-picture"], unsafe_innerHTML=picture)
-        solara.HTML(tag="strong", unsafe_innerHTML=title(name))
-        solara.HTML(tag="span", unsafe_innerHTML=description(find_model(name)))
+        rv.Html(tag="strong", children=[title(name)])
+        rv.Html(tag="span", children=[description(find_model(name))])
     rv.use_event(card, "click", lambda *_: on_choose(name))
 
 

@@ -1,11 +1,19 @@
-"""Who may come in: whoever knows the token, and on this machine nobody who was sent by another page."""
+"""Which requests come in: those with the token, and on this machine none that another page sent.
+
+All answers leave through here too, with what `mesa_swarm.viewing.headers` forbids the browser.
+"""
 
 import hashlib
 import hmac
+import re
 from collections.abc import Awaitable, Callable, MutableMapping
 from http.cookies import CookieError, SimpleCookie
+from os.path import isfile, normpath
+from pathlib import Path
 from typing import Any
-from urllib.parse import parse_qsl, quote, urlencode, urlsplit
+from urllib.parse import parse_qsl, quote, urlencode
+
+from mesa_swarm.viewing.headers import safe_headers
 
 # As ASGI has them.
 Scope = MutableMapping[str, Any]
@@ -14,6 +22,24 @@ Send = Callable[[Scope], Awaitable[None]]
 Application = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 COOKIE = "mesa_swarm_token"
+# Vue 2 compiles templates in the browser, Solara's page starts from a script in its text, and every widget's script
+# is loaded as a blob. Vuetify writes style sheets while it runs.
+SOURCES = {
+    "default-src": "'self'",
+    "script-src": "'self' 'unsafe-inline' 'unsafe-eval' blob:",
+    "style-src": "'self' 'unsafe-inline'",
+    "img-src": "'self' data: blob:",
+    "font-src": "'self' data:",
+    "connect-src": "'self'",
+    "form-action": "'self'",
+}
+SAFE = [(name.lower().encode(), value.encode()) for name, value in safe_headers(SOURCES).items()]
+HOST = re.compile(r"([a-z0-9._-]+|\[[0-9a-f:.]+\])(:[0-9]{1,5})?", re.IGNORECASE)
+# What only a proxy may send, uvicorn has read already; Solara would believe it of anybody, for all later pages too.
+PROXY = re.compile(rb"x-forwarded-.*|(x-)?script-name", re.DOTALL)
+ANSWERS = ("http.response.start", "websocket.http.response.start")
+ASSETS = "/_solara/cdn/"
+CLOSE = "/_solara/api/close/"
 LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
 FORM = """<!doctype html><html lang="en"><meta charset="utf-8"><title>mesa_swarm</title>
 <meta name="viewport" content="width=device-width"><meta name="color-scheme" content="light dark">
@@ -23,6 +49,8 @@ input,button{font:inherit;padding:.4em .8em}</style>
 <form><label>Token <input name="token" type="password" autofocus></label> <button>Enter</button></form></html>"""
 OTHER_HOST = "This dashboard answers to 127.0.0.1 and localhost only."
 OTHER_PAGE = "Another page may not talk to this dashboard."
+MALFORMED = "This request is malformed."
+NO_ASSET = "There is no such file."
 
 
 class Gate:
@@ -31,30 +59,56 @@ class Gate:
     Without a token only requests for this machine by its own name are let in: a page elsewhere whose name is made
     to point here would otherwise read what the dashboard says. Connections must come from the dashboard's own page.
 
+    Of Solara's assets only files that are installed are handed out: it would ask the outside for others, and delete a
+    folder whose name is asked for as if it were a file.
+
     Parameters
     ----------
     app : ASGI application
     token : str
         What must be known, empty for nothing.
+    assets : Path, optional
+        The folder of Solara's assets.
     """
 
-    def __init__(self, app: Application, token: str = "") -> None:
-        self.app, self.token = app, token
+    def __init__(self, app: Application, token: str = "", assets: Path | None = None) -> None:
+        self.app, self.token, self.assets = app, token, assets
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a request on, or refuse it."""
         if scope["type"] not in ("http", "websocket"):
             await self.app(scope, receive, send)
             return
+        send = _safely(send)
         headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
-        if not self.token and host_of(headers.get("host", "")) not in LOOPBACK:
+        host = headers.get("host", "")
+        if not is_well_formed(scope):
+            await _refuse(scope, send, 400, MALFORMED)
+        elif not self.token and host_of(host) not in LOOPBACK:
             await _refuse(scope, send, 400, OTHER_HOST)
-        elif "origin" in headers and urlsplit(headers["origin"]).netloc != headers.get("host", ""):
+        elif "origin" in headers and not is_from(host, headers["origin"]):
             await _refuse(scope, send, 403, OTHER_PAGE)
         elif not self.token or _same(cookie_of(headers.get("cookie", "")), mark_of(self.token)):
-            await self.app(scope, receive, send)
+            await self._pass_on(scope, receive, send)
         else:
             await self._ask(scope, send)
+
+    async def _pass_on(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if lacks_page(scope):
+            await _refuse(scope, send, 400, MALFORMED)
+            return
+        if scope["path"].startswith(ASSETS) and not self._has(scope["path"].removeprefix(ASSETS)):
+            await _refuse(scope, send, 404, NO_ASSET)
+            return
+        headers = [(name, value) for name, value in scope["headers"] if not PROXY.fullmatch(name.lower())]
+        await self.app({**scope, "headers": headers}, _sound(receive), send)
+
+    def _has(self, name: str) -> bool:
+        """Return whether an asset is a file that is installed."""
+        if self.assets is None or "\\" in name:
+            return False
+        path = Path(normpath(self.assets / name))
+        return path.is_relative_to(normpath(self.assets)) and isfile(path)
 
     async def _ask(self, scope: Scope, send: Send) -> None:
         """Take the token from the address and remember it in a cookie, or ask for it."""
@@ -68,18 +122,55 @@ class Gate:
             await _refuse(scope, send, 403, FORM)
 
 
-def host_of(header: str) -> str:
-    """Return the name in a Host header, without its port.
+def is_well_formed(scope: Scope) -> bool:
+    """Return whether a request has one host, at most one origin, and an address as the standards have it.
 
     Examples
     --------
-    >>> host_of("localhost:8765"), host_of("[::1]:8765"), host_of("bad host:x")
-    ('localhost', '::1', '')
+    >>> scope = {"path": "/", "query_string": b"seed=1", "headers": [(b"host", b"localhost")]}
+    >>> is_well_formed(scope), is_well_formed({**scope, "headers": []}), is_well_formed({**scope, "path": chr(0)})
+    (True, False, False)
     """
-    try:
-        return urlsplit(f"//{header}").hostname or "" if " " not in header else ""
-    except ValueError:
-        return ""
+    names = [name.lower() for name, _ in scope["headers"]]
+    address = "\0" not in scope["path"] and scope.get("query_string", b"").isascii()
+    return address and names.count(b"host") == 1 and names.count(b"origin") <= 1
+
+
+def lacks_page(scope: Scope) -> bool:
+    """Return whether a request does not say of which page it is, though Solara reads that without looking first.
+
+    Examples
+    --------
+    >>> scope = {"type": "http", "path": "/_solara/api/close/1", "query_string": b"session_id=2"}
+    >>> lacks_page(scope), lacks_page({**scope, "query_string": b""})
+    (False, True)
+    """
+    words = dict(parse_qsl(scope.get("query_string", b"").decode("latin-1"), keep_blank_values=True))
+    wanted = scope["type"] == "websocket" or scope["path"].startswith(CLOSE)
+    return wanted and "session_id" not in words
+
+
+def host_of(header: str) -> str:
+    """Return the name in a Host header, without its port; empty if it is malformed.
+
+    Examples
+    --------
+    >>> host_of("localhost:8765"), host_of("[::1]:8765"), host_of("bad host:x"), host_of("[::1")
+    ('localhost', '::1', '', '')
+    """
+    found = HOST.fullmatch(header)
+    return found[1].strip("[]").lower() if found else ""
+
+
+def is_from(host: str, origin: str) -> bool:
+    """Return whether an Origin header names a page of this host; nothing in it is parsed, so that nothing can fail.
+
+    Examples
+    --------
+    >>> is_from("localhost:8765", "http://localhost:8765"), is_from("[::1]", "http://[::1"), is_from("", "null")
+    (True, False, False)
+    """
+    return origin.lower() in (f"http://{host.lower()}", f"https://{host.lower()}")
 
 
 def mark_of(token: str) -> str:
@@ -110,6 +201,35 @@ def cookie_of(header: str) -> str:
 
 def _same(word: str, wanted: str) -> bool:
     return hmac.compare_digest(word.encode(), wanted.encode())
+
+
+def _safely(send: Send) -> Send:
+    """Return `send` with the headers that every answer carries; the application's own of these names do not count."""
+    known = {name for name, _ in SAFE}
+
+    async def send_safely(message: Scope) -> None:
+        if message["type"] in ANSWERS:
+            own = [(name, value) for name, value in message.get("headers", []) if name.lower() not in known]
+            message = {**message, "headers": [*own, *SAFE]}
+        await send(message)
+
+    return send_safely
+
+
+def _sound(receive: Receive) -> Receive:
+    """Return `receive` that ends connections at a packed message that claims more parts than it has bytes for.
+
+    Solara makes room for them before it looks.
+    """
+
+    async def receive_sound() -> Scope:
+        message = await receive()
+        packed = message.get("bytes") or b""
+        if packed and not 1 <= int.from_bytes(packed[:4], "big") < len(packed) // 4:
+            return {"type": "websocket.disconnect", "code": 1003}
+        return message
+
+    return receive_sound
 
 
 async def _refuse(scope: Scope, send: Send, status: int, text: str) -> None:

@@ -3,6 +3,8 @@
 from pathlib import Path, PureWindowsPath
 from tempfile import TemporaryDirectory
 
+from mesa_swarm.files import unwritable
+
 # So many letters of a name are kept: no file system is asked for more bytes than it can take.
 LONGEST_NAME = 60
 
@@ -37,11 +39,22 @@ class Incoming:
         self.name = name
         self._folder = TemporaryDirectory(prefix="mesa_swarm_", ignore_cleanup_errors=True)
         self.path = Path(self._folder.name, harmless(name))
-        self._file = self.path.open("wb")
+        self._file = self.path.open("wb", buffering=0)  # else a full disk would be noticed at the end
 
     def take(self, piece: bytes) -> int:
-        """Take the next piece; return how many bytes have come."""
-        self._file.write(piece)
+        """Take the next piece; return how many bytes have come.
+
+        Raises
+        ------
+        InvalidValueError
+            If the disk does not take it.
+        """
+        left = memoryview(piece)
+        try:
+            while left:
+                left = left[self._file.write(left) :]
+        except OSError as error:
+            raise unwritable(Path(self.name), error, cure="the server's disk is full or broken") from None
         return self._file.tell()
 
     def end(self) -> None:

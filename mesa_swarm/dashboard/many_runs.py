@@ -22,6 +22,7 @@ from mesa_swarm.experiments.compare import Comparison, run_plan
 from mesa_swarm.experiments.comparison_figures import comparison_figure, main_measure
 from mesa_swarm.experiments.pictures import png
 from mesa_swarm.experiments.plan import Plan
+from mesa_swarm.experiments.pool import ending_with_us
 from mesa_swarm.experiments.tables import runs_csv, table_and_notes
 
 # So many comparisons are under way at the same time, of all who use this server.
@@ -204,7 +205,7 @@ def workers_for(plan: Plan) -> int:
 def _begun(plan: Plan) -> subprocess.Popen:
     """Start the process, in a group of its own, and hand it the plan."""
     process = subprocess.Popen(
-        [sys.executable, "-c", f"from {__name__} import main; main()"],
+        [sys.executable, "-c", ending_with_us(f"from {__name__} import main; main()")],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         start_new_session=True,
@@ -212,7 +213,7 @@ def _begun(plan: Plan) -> subprocess.Popen:
     with suppress(BrokenPipeError):  # it has died already, which is heard soon
         to_it, _ = _pipes(process)
         pickle.dump((plan, workers_for(plan)), to_it)
-        to_it.flush()  # and left open: when we die, the process reads its end
+        to_it.flush()
     return process
 
 
@@ -248,7 +249,6 @@ def main() -> None:
     os.dup2(2, 1)  # what models print is none of it
     if hasattr(os, "nice"):
         os.nice(NICENESS)
-    threading.Thread(target=_end_with_the_page, daemon=True).start()
 
     def say(kind: str, value: object) -> None:
         pickle.dump((kind, value), said)
@@ -262,12 +262,3 @@ def _do(plan: Plan, workers: int, say: Callable[[str, object], None]) -> None:
         say("report", report_of(run_plan(plan, workers, heard=lambda run: say("run", run.rng))))
     except Exception as problem:  # whatever a model raises
         say("error", in_words(problem))
-
-
-def _end_with_the_page() -> None:
-    """Wait until whoever started this is gone, and end all that works here."""
-    while os.read(0, 1):
-        pass
-    if hasattr(os, "killpg"):
-        os.killpg(os.getpgid(0), signal.SIGKILL)
-    os._exit(1)

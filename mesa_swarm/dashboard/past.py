@@ -6,6 +6,10 @@ from collections import deque
 from dataclasses import dataclass, field
 
 MOST_BYTES = 48_000_000
+# What a picture takes besides its frame: itself, its readings, its fingerprint.
+PICTURE_BYTES = 1000
+# Of a world, for each letter that it is written with.
+WORLD_BYTES = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,7 +74,7 @@ class KeptPast(Past):
     Parameters
     ----------
     most_bytes : int
-        The oldest go when their frames take more than this; the last two always stay.
+        The oldest go when they take more than this, with the worlds that they are drawn in; the last two always stay.
 
     Examples
     --------
@@ -86,6 +90,7 @@ class KeptPast(Past):
         super().__init__()
         self.most_bytes = most_bytes
         self._pictures: deque[Picture] = deque()
+        self._sizes: deque[int] = deque()
         self._bytes = 0
 
     def __len__(self) -> int:
@@ -109,12 +114,22 @@ class KeptPast(Past):
     def append(self, picture: Picture) -> None:
         """Keep a new picture, and look at it; it replaces one of the same step."""
         if self._pictures and self._pictures[-1].step == picture.step:
-            self._bytes -= len(self._pictures.pop().frame)
+            self._pictures.pop()
+            self._bytes -= self._sizes.pop()
+        size = PICTURE_BYTES + len(picture.frame) + self._size_of_world(picture)
         self._pictures.append(picture)
-        self._bytes += len(picture.frame)
+        self._sizes.append(size)
+        self._bytes += size
         while self._bytes > self.most_bytes and len(self._pictures) > 2:
-            self._bytes -= len(self._pictures.popleft().frame)
+            self._pictures.popleft()
+            self._bytes -= self._sizes.popleft()
         self.index = len(self._pictures) - 1
+
+    def _size_of_world(self, picture: Picture) -> int:
+        """Return about how much memory a world takes that the picture before was not drawn in."""
+        if self._pictures and self._pictures[-1].world is picture.world:
+            return 0
+        return WORLD_BYTES * len(repr(picture.world))
 
     def look_at(self, step: int) -> None:
         """Look at the latest picture that is not of a later step, the first if there is none."""
@@ -127,4 +142,5 @@ class KeptPast(Past):
     def clear(self) -> None:
         """Forget everything."""
         self._pictures.clear()
+        self._sizes.clear()
         self._bytes = self.index = 0

@@ -4,6 +4,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from mesa_swarm.dashboard import series
 from mesa_swarm.dashboard.listeners import Listeners
 from mesa_swarm.dashboard.past import KeptPast, Past, Picture
 from mesa_swarm.dashboard.played import Played
@@ -159,6 +160,8 @@ class Player(Played):
             model.step()
         finally:
             self.stepping = False
+        if model.completed % series.MOST_COLLECTED == 0:
+            series.forget_collected(model, series.MOST_COLLECTED)
         if self.loop.speed <= FASTEST_KEPT:
             self._keep()
 

@@ -35,8 +35,10 @@ def in_words(problem: Exception) -> str:
     >>> in_words(ZeroDivisionError("nothing left\nto share"))
     'ZeroDivisionError: nothing left'
     """
-    line = (str(problem).splitlines() or [""])[0][:LONGEST_ERROR]
-    return line if isinstance(problem, SwarmError) else f"{type(problem).__name__}: {line}"
+    line = (str(problem).splitlines() or [""])[0]
+    line = line if isinstance(problem, SwarmError) else f"{type(problem).__name__}: {line}"
+    # A file's name may hold what ends a text or turns its direction.
+    return "".join(letter if letter.isprintable() else "\ufffd" for letter in line[:LONGEST_ERROR])
 
 
 def value_text(value: Any) -> str:

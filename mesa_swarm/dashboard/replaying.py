@@ -4,7 +4,8 @@ import os
 import threading
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from time import monotonic
+from typing import Any, cast
 
 from mesa_swarm.dashboard import RECORDINGS_VARIABLE
 from mesa_swarm.dashboard.incoming import Incoming
@@ -13,13 +14,17 @@ from mesa_swarm.dashboard.projector import Projector
 from mesa_swarm.dashboard.readings import in_words
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.wishes import LARGEST_SEED, MOST_ROBOTS
-from mesa_swarm.errors import InvalidValueError, RecordingError, check_choice, check_count
+from mesa_swarm.errors import InvalidValueError, RecordingError, SwarmError, check_choice, check_count
 from mesa_swarm.gallery import class_name, find_model, model_names
 from mesa_swarm.model import SwarmModel
+from mesa_swarm.observed_world import ObservedWorld
 from mesa_swarm.parameters import parameters_of
 from mesa_swarm.recording.events import Event, events_of
 from mesa_swarm.recording.frames import Frame
+from mesa_swarm.recording.provenance import map_of
 from mesa_swarm.recording.recording import Recording
+from mesa_swarm.recording.rerun import Watch
+from mesa_swarm.recording.resume import resumed
 from mesa_swarm.world.map import Map, builtin_maps
 
 ENDING = ".arrow"
@@ -28,8 +33,12 @@ MOST_LISTED = 500
 MOST_EVENTS = 500
 
 
+# Seconds from one message about what is being done to the next.
+SHOWN_EVERY = 0.5
+
+
 class StoppedError(Exception):
-    """Nobody waits for the events any more."""
+    """What is done in the background is no longer waited for."""
 
 
 class Replaying:
@@ -139,10 +148,14 @@ class Replaying:
         coming = self._coming
         if coming is None:
             return False
-        if coming.take(piece) <= LARGEST_UPLOAD:
-            return True
+        try:
+            if coming.take(piece) <= LARGEST_UPLOAD:
+                return True
+            fault = f"{coming.name:.60} is too large; expected at most {LARGEST_UPLOAD:,} bytes"
+        except InvalidValueError as problem:  # the disk is full
+            fault = in_words(problem)
         self._drop()
-        self._say(f"{coming.name:.60} is too large; expected at most {LARGEST_UPLOAD:,} bytes")
+        self._say(fault)
         return False
 
     def end_upload(self) -> None:
@@ -186,7 +199,9 @@ class Replaying:
         stop = self._stop
         try:
             (wishes, seed), name = self._origin(), self.model_name
-            model = SwarmModel.resume(path, step=step, **changes)
+            model = cast(SwarmModel, resumed(Recording(path), SwarmModel, step, changes, self._watch(step, stop)))
+        except StoppedError:
+            return
         except Exception as problem:  # whatever a recorded model raises
             fault = in_words(problem).replace(str(path), self.name)
             if not stop.is_set():
@@ -195,6 +210,21 @@ class Replaying:
         if not stop.is_set():
             self._done("")
             self.session.adopt(model, name, wishes | changes, seed)
+
+    def _watch(self, step: int, stop: threading.Event) -> Watch:
+        """Return what shows how far running again is, and ends it once the recording was closed."""
+        shown = monotonic()
+
+        def watch(model: ObservedWorld) -> None:
+            nonlocal shown
+            if stop.is_set():
+                raise StoppedError
+            if monotonic() - shown > SHOWN_EVERY:
+                shown = monotonic()
+                self._going_on = f"going on from step {step:,}: step {model.completed:,} is run again ..."
+                self.changed.tell()
+
+        return watch
 
     def _done(self, fault: str) -> None:
         self._going_on, self.fault = "", fault
@@ -211,7 +241,7 @@ class Replaying:
         if "n_robots" in wishes:
             check_count("n_robots", wishes["n_robots"], maximum=MOST_ROBOTS)
         if "map" in parameters_of(find_model(self.model_name)):
-            wishes["map"] = _map_of(recorded["map"])
+            wishes["map"] = _chart_of(recorded)
         seed = recorded["seed"]
         if not isinstance(seed, int) or not 0 <= seed <= LARGEST_SEED:
             raise InvalidValueError(f"seed is {seed!r:.60}; expected a whole number, so that the page can reset it")
@@ -301,7 +331,18 @@ def _gallery_name(provenance: dict[str, Any]) -> str:
     recorded = provenance.get("model", {"module": "", "name": ""})
     name = recorded["module"].rpartition(".")[2]
     shipped = name in model_names() and (recorded["module"], recorded["name"]) == _place_of(name)
-    return name if shipped else ""
+    return name if shipped and _are_permitted(name, provenance["parameters"]) else ""
+
+
+def _are_permitted(name: str, given: dict[str, Any]) -> bool:
+    """Tell whether a model of the gallery takes these parameters: others would stand in the page's controls."""
+    known = parameters_of(find_model(name))
+    try:
+        for one in known.keys() & given.keys():
+            known[one].checked(given[one])
+    except SwarmError:
+        return False
+    return True
 
 
 def _place_of(name: str) -> tuple[str, str]:
@@ -309,9 +350,9 @@ def _place_of(name: str) -> tuple[str, str]:
     return model_class.__module__, class_name(name)
 
 
-def _map_of(text: str) -> Map | str:
+def _chart_of(provenance: dict[str, Any]) -> Map | str:
     """Return the name of a recorded map if it comes with mesa_swarm, else the map."""
-    chart = Map.from_toml(text, "the recording's map")
+    chart = map_of(provenance)
     if chart.name in builtin_maps() and Map.load(chart.name).to_toml() == chart.to_toml():
         return chart.name
     return chart

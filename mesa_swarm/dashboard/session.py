@@ -1,13 +1,16 @@
 """What one browser session owns: its model, and the wishes for the next one."""
 
 import math
+import threading
 import time
 from collections.abc import Callable, Mapping
+from concurrent.futures import CancelledError
 from dataclasses import fields, replace
 from typing import Any, Protocol, TypeVar, cast
 
 from mesa_swarm.dashboard.inspection import watch_closely
 from mesa_swarm.dashboard.listeners import Listeners
+from mesa_swarm.dashboard.play_loop import AS_FAST_AS_IT_GOES
 from mesa_swarm.dashboard.player import Player
 from mesa_swarm.dashboard.readings import in_words
 from mesa_swarm.dashboard.series import Series
@@ -18,12 +21,14 @@ from mesa_swarm.gallery import find_model
 from mesa_swarm.model import SwarmModel
 from mesa_swarm.parameters import Choice, parameters_of
 from mesa_swarm.world.map import Map, builtin_maps
+from mesa_swarm.world.map_work import stopping_when
 
 # Parameters that a running model takes at once.
 LIVE = frozenset(field.name for field in fields(FireConstants)) - {"remarks"}
 USUAL_SPEED = 60.0
-# Seconds for the steps before anything is shown: whoever waits longer takes the page for a broken one.
-LONGEST_WAIT = 5.0
+# Seconds for the steps before anything is shown; what is left of them is played, and can be paused.
+LONGEST_WAIT = 2.0
+READER = "map"
 
 
 class Companion(Protocol):
@@ -48,7 +53,7 @@ class Session(Player):
     seed : int
         Of everything random, 0 to 2**53 - 1.
     steps : int
-        Taken before anything is shown, as many as `LONGEST_WAIT` permits.
+        Taken before anything is shown, as many as `LONGEST_WAIT` permits; the others are played then.
     find : function
         Returns the class of a model by its name.
 
@@ -66,6 +71,8 @@ class Session(Player):
         Whether `error` says why there is no model as wished, not what went wrong in one.
     note : str
         That fewer steps were taken than asked for, empty if all were.
+    goal : int
+        The step up to which it plays by itself, 0 for none.
     built : dict
         What the present model was built from, and was given since.
     series : Series
@@ -95,13 +102,16 @@ class Session(Player):
     ) -> None:
         self._find = find
         self.uploads: dict[str, Map] = {}
+        # Set once the map that is being read is waited for no longer.
+        self._reading = threading.Event()
+        self._one_reader = threading.Lock()
         self.series = Series()
         self.adopted = Listeners()
         self._companions: dict[Callable[[Session], Companion], Companion] = {}
         self.chosen_charts: dict[str, list[str]] = {}
         self.faults: dict[str, str] = {}
         self.built: dict[str, Any] = {}
-        self.note, self.unbuilt, self.seed = "", False, seed
+        self.note, self.unbuilt, self.seed, self.goal = "", False, seed, 0
         super().__init__()
         self.loop.speed = USUAL_SPEED
         self._enter(name, dict(wishes or {}), seed)
@@ -124,10 +134,24 @@ class Session(Player):
         """Stop, and build a new model as wished; the old one stays where that cannot be."""
         self.loop.pause()
         with self.minding():
+            self._forget_goal()
             self.error = self.note = ""
             self._build()
             self._catch_up(steps)
-        self.rest()
+        if self.goal:
+            self.hand_over()
+            self.loop.speed = AS_FAST_AS_IT_GOES
+            self.play()
+        else:
+            self.rest()
+
+    def rest(self) -> None:
+        """Show how things are at rest; what is paused goes no further towards its goal."""
+        if self.goal and not self.playing and self.model is not None:
+            done, goal = self.model.completed, self.goal
+            self._forget_goal()
+            self.note = f"step {done:,} of {goal:,}: it was paused on its way; play on from here" if done < goal else ""
+        super().rest()
 
     def go_back(self) -> None:
         """Start over as the present model was built, or from the defaults if there is none."""
@@ -175,22 +199,42 @@ class Session(Player):
         self.changed.tell()
 
     def upload(self, name: str, content: bytes) -> None:
-        """Take a map from a file that the user hands over, and build the model on it."""
+        """Read a map from a file that the user hands over, in a thread without the lock, and build the model on it.
+
+        Another upload, another model and the end of the session cancel it: what it reads is then dropped.
+        """
         with self.lock:
-            try:
-                chart = map_from(name, content)
-            except Exception as problem:  # whatever is in a user's file
-                self.faults["map"] = in_words(problem)
-                taken = False
-            else:
-                self.faults.pop("map", None)
-                taken = True
-                known = f"{chart.name} (yours)" if chart.name in builtin_maps() else chart.name
-                self.uploads[known], self.wishes["map"] = chart, known
-        if taken:
+            self._reading.set()
+            self._reading = cancelled = threading.Event()
+        threading.Thread(target=self._read_map, args=(name, content, cancelled), name=READER, daemon=True).start()
+
+    def _read_map(self, name: str, content: bytes, cancelled: threading.Event) -> None:
+        chart, fault = None, ""
+        try:
+            # One at a time: a user who uploads again and again waits for none of them, and neither do others.
+            with self._one_reader, stopping_when(cancelled.is_set):
+                if not cancelled.is_set():
+                    chart = map_from(name, content)
+        except CancelledError:
+            return
+        except Exception as problem:  # whatever is in a user's file
+            fault = in_words(problem)
+        with self.lock:
+            if cancelled.is_set():
+                return
+            self._take_map(chart, fault)
+        if chart is not None:
             self.reset()
         else:
             self.changed.tell()
+
+    def _take_map(self, chart: Map | None, fault: str) -> None:
+        self.faults.pop("map", None)
+        if chart is None:
+            self.faults["map"] = fault
+            return
+        known = f"{chart.name} (yours)" if chart.name in builtin_maps() else chart.name
+        self.uploads[known], self.wishes["map"] = chart, known
 
     def map_names(self) -> list[str]:
         """Return the maps that may be wished for: the model's own first, then the others, then uploaded ones."""
@@ -219,6 +263,7 @@ class Session(Player):
                 self.uploads[given["map"]] = chart
             self._enter(name, given, seed)
             self.model, self.built, self.straight = model, {**self.wishes, "seed": seed}, False
+            self.series.follow(model)
         self.rest()
         self.adopted.tell()
 
@@ -231,6 +276,7 @@ class Session(Player):
 
     def close(self) -> None:
         """Stop for good, and let go of everything."""
+        self._reading.set()
         super().close()
         for companion in self._companions.values():
             companion.close()
@@ -240,6 +286,7 @@ class Session(Player):
         self.uploads.clear()
 
     def _enter(self, name: str, wishes: dict[str, Any], seed: int) -> None:
+        self._reading.set()
         self.model_class = self._find(name)
         self.name, self.seed = name, seed
         self.parameters = parameters_of(self.model_class)
@@ -247,6 +294,7 @@ class Session(Player):
         self.faults, self.built = {}, {}
         self.model, self.error, self.straight = None, "", True
         self.note, self.unbuilt = "", False
+        self._forget_goal()
         self.past.clear()
 
     def _defaults(self) -> dict[str, Any]:
@@ -263,7 +311,7 @@ class Session(Player):
         self.unbuilt = False
 
     def _catch_up(self, steps: int) -> None:
-        """Take steps, as many as there is time for, and say if those were not all."""
+        """Take steps, as many as there is time for; if those were not all, the last of them is the goal."""
         if self.model is None:
             return
         end = math.inf
@@ -272,9 +320,19 @@ class Session(Player):
             # The first step may compile kernels, once in the life of an installation.
             end = min(end, time.monotonic() + LONGEST_WAIT)
             if time.monotonic() > end and self.model.completed < steps:
-                done = f"step {self.model.completed:,} of {steps:,}"
-                self.note = f"{done}: more was asked for than can be computed at once; play on from here"
+                self.goal = steps
+                self.note = f"step {steps:,} takes a while: the run is played up to there, and Pause ends that"
                 return
+
+    def _forget_goal(self) -> None:
+        if self.goal and self.loop.speed == AS_FAST_AS_IT_GOES:
+            self.loop.speed = USUAL_SPEED
+        self.goal = 0
+
+    def _play_step(self, stop: threading.Event) -> bool:
+        goes_on = super()._play_step(stop)
+        reached = self.goal and self.model is not None and self.model.completed >= self.goal
+        return goes_on and not reached
 
     def _made(self, given: Mapping[str, Any]) -> SwarmModel:
         """Return a model of these parameters, of which "seed" is one."""

@@ -3,6 +3,7 @@
 import shutil
 from pathlib import Path
 
+from mesa_swarm.errors import RecordingError
 from mesa_swarm.model import SwarmModel
 from mesa_swarm.recording.recorder import Recorder, record
 
@@ -44,7 +45,7 @@ class Tape:
     def __init__(self, folder: Path, most_bytes: int = MOST_BYTES) -> None:
         self.path = folder / "recorded.arrow"
         self.most_bytes = most_bytes
-        self.first, self.last = 1, 0
+        self.first, self.last = self._before = 1, 0
         self.ended = ""
         self._model: SwarmModel | None = None
         self._recorder: Recorder | None = None
@@ -65,10 +66,11 @@ class Tape:
         return f"steps {self.first:,} to {self.last:,}" if self.last >= self.first else ""
 
     def start(self, model: SwarmModel) -> None:
-        """Record a model from its next step on; what was recorded before is replaced."""
+        """Record a model from its next step on; what was recorded before is replaced by the first rows."""
         self.stop()
         self._recorder = record(model, self.path, overwrite=True)
         self._model, self.ended = model, ""
+        self._before = self.first, self.last
         self.first, self.last = model.completed + 1, model.completed
         model.observers.append(self)
 
@@ -79,19 +81,32 @@ class Tape:
 
     def between_steps(self, model: SwarmModel) -> None:
         """End the recording if it must; called by the model when nothing of the step is left to do."""
-        if not self.running:
+        recorder = self._recorder
+        if recorder is None:
+            return
+        if recorder.closed:
+            self._note_what_is_left(recorder.written.rows)
             self._end("the recording could not be written any more")
-        elif model.completed % LOOK_EVERY == 0 and self.path.stat().st_size > self.most_bytes:
+        elif model.completed % LOOK_EVERY == 0 and recorder.written.end > self.most_bytes:
             self._end(f"the recording has {self.most_bytes / 1e6:,.0f} MB, which is the limit")
 
     def stop(self) -> None:
         """Record no more; what was recorded stays."""
         recorder, model = self._recorder, self._model
         self._recorder = self._model = None
-        if recorder is not None:
-            recorder.close()
         if model is not None and self in model.observers:
             model.observers.remove(self)
+        if recorder is None:
+            return
+        failed = recorder.closed  # it has closed itself
+        try:
+            recorder.close()
+        except RecordingError:
+            failed = True
+            raise
+        finally:
+            if failed:
+                self._note_what_is_left(recorder.written.rows)
 
     def close(self) -> None:
         """Stop; called when a run is broken off."""
@@ -102,6 +117,10 @@ class Tape:
         if self._recorder is not None and not self._recorder.closed:
             self._recorder.flush()
         shutil.copyfile(self.path, path)
+
+    def _note_what_is_left(self, rows: int) -> None:
+        """Take note of which steps the file holds after a failure: without new rows those that it held before."""
+        self.first, self.last = (self.first, self.first + rows - 1) if rows else self._before
 
     def _end(self, why: str) -> None:
         self.stop()

@@ -11,7 +11,15 @@ from mesa_swarm.control import Avoid, Explore, Layer
 from mesa_swarm.environments.actions import checked_choice
 from mesa_swarm.environments.observation import Observer
 from mesa_swarm.environments.scores import DrivingScore, ExtinguishingScore, FindingScore, Score, ThesisScore
-from mesa_swarm.errors import InvalidValueError, UnknownNameError, check_choice, check_count, check_number, unknown_name
+from mesa_swarm.errors import (
+    InvalidValueError,
+    UnknownNameError,
+    check_choice,
+    check_count,
+    check_number,
+    shortened,
+    unknown_name,
+)
 from mesa_swarm.fire import FightFire, FireConstants, design_constants
 from mesa_swarm.learning.rewards import REWARDS
 from mesa_swarm.model import SwarmModel
@@ -62,7 +70,7 @@ class Task:
         checked_choice(self.actions)
         object.__setattr__(self, "map", Map.load(self.map))
         if not isinstance(self.design, RobotDesign):
-            raise InvalidValueError(f"design is {self.design!r:.60}; expected a RobotDesign such as AGENT9")
+            raise InvalidValueError(f"design is {shortened(self.design)}; expected a RobotDesign such as AGENT9")
         self.observer()
 
     @classmethod
@@ -241,7 +249,9 @@ class ExtinguishFires(FireTask):
         """Check every value."""
         constants = self.constants
         if not isinstance(constants, FireConstants):
-            raise InvalidValueError(f"fire_constants is {constants!r:.60}; expected what design_constants() returns")
+            raise InvalidValueError(
+                f"fire_constants is {shortened(constants)}; expected what design_constants() returns"
+            )
         object.__setattr__(self, "fire_constants", constants)
         super().__post_init__()
         check_number("put_out", self.put_out, minimum=0, maximum=LARGEST_REWARD)

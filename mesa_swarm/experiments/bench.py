@@ -13,10 +13,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mesa_swarm.experiments.figures import COLOURS
-from mesa_swarm.experiments.files import write_whole
 from mesa_swarm.experiments.pictures import png
 from mesa_swarm.experiments.tables import aligned, csv_text
 from mesa_swarm.experiments.workload import contact_alone, on_map, peer_workload, step_seconds
+from mesa_swarm.files import write_all
 from mesa_swarm.model import SwarmModel
 
 # ms a step: what is to be reached, and what was measured of others on a machine of the same kind.
@@ -72,7 +72,7 @@ def report(folder: Path, quick: bool = False) -> Iterator[str]:
     yield verdict("first model and step of a new process, compiled before, s", first, 2.0)
     curves = complexity(3 if quick else 7, 0.01 if quick else 0.15)
     files: dict[str, str | bytes] = {"step.csv": step_csv(seconds), "complexity.png": png(complexity_figure(curves))}
-    yield from ("", *(str(write_whole(folder / name, content)) for name, content in files.items()))
+    yield from ("", *map(str, write_all(folder, files)))
 
 
 def _surroundings() -> Iterator[str]:

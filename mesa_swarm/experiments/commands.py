@@ -6,10 +6,10 @@ from importlib import import_module
 from pathlib import Path
 
 from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.experiments.compare import checked_jobs, run_plan
-from mesa_swarm.experiments.files import check_writable
+from mesa_swarm.experiments.compare import LEDGER, checked_jobs, run_plan
 from mesa_swarm.experiments.plan import checked_plan
 from mesa_swarm.experiments.run_records import filled_in
+from mesa_swarm.files import check_writable
 from mesa_swarm.gallery import description, find_model, model_names
 from mesa_swarm.parameters import parameters_of, parsed_settings
 
@@ -73,8 +73,14 @@ def compare(
         steps=steps,
         settings=parsed_settings(model_class, settings),
     )
-    comparison = run_plan(plan, workers, progress)
+    try:
+        comparison = run_plan(plan, workers, progress, folder=folder)
+    except KeyboardInterrupt:
+        print(f"the runs so far are stored in {folder / LEDGER}; the same command goes on where this one stopped")
+        raise
     paths = comparison.save(folder)
+    if comparison.done_before:
+        print(f"{comparison.done_before:,} of {len(comparison.runs):,} runs were done before, see {folder / LEDGER}")
     print("\n".join([comparison.table(), "", *map(str, paths), "", comparison.finding()]))
 
 

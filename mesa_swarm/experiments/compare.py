@@ -2,23 +2,28 @@
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from joblib import cpu_count
 
 from mesa_swarm.errors import InvalidValueError, check_count
+from mesa_swarm.experiments.experiment import Experiment, Outcome, checked_settings
 from mesa_swarm.experiments.figures import comparison_pictures
-from mesa_swarm.experiments.files import check_writable, write_whole
 from mesa_swarm.experiments.findings import finding
+from mesa_swarm.experiments.ledger import Ledger
 from mesa_swarm.experiments.plan import Plan, Run, checked_plan
 from mesa_swarm.experiments.pool import results_of
 from mesa_swarm.experiments.portrait import Portrait
+from mesa_swarm.experiments.source import source_hash
 from mesa_swarm.experiments.tables import runs_csv, summary_csv, summary_rows, text_table
+from mesa_swarm.files import check_writable, write_all
 from mesa_swarm.progress import progress_bar
 
 MOST_JOBS = 1024
+# A comparison stores its runs here, in the folder of its tables.
+LEDGER = "runs.jsonl"
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -31,6 +36,8 @@ class Comparison:
         What was compared.
     runs : tuple of Run
         By seed, then by value, whatever the order in which they were done.
+    done_before : int
+        How many of them an earlier call had done.
 
     Examples
     --------
@@ -41,6 +48,7 @@ class Comparison:
 
     plan: Plan
     runs: tuple[Run, ...]
+    done_before: int = field(default=0, compare=False)
 
     def __repr__(self) -> str:
         return f"{self.table()}\n\n{self.finding()}"
@@ -82,7 +90,7 @@ class Comparison:
             "finding.txt": f"{self.finding()}\n",
             **comparison_pictures(self),
         }
-        return [write_whole(home / name, content) for name, content in contents.items()]
+        return write_all(home, contents)
 
 
 def compare(
@@ -96,6 +104,7 @@ def compare(
     measures: Sequence[str] = (),
     jobs: int = -1,
     progress: bool = False,
+    out: str | os.PathLike[str] | None = None,
 ) -> Comparison:
     """Run a model with several values of one parameter over the same seeds, and compare what comes of it.
 
@@ -123,6 +132,10 @@ def compare(
         Processes that work at the same time; -1 for one on each core.
     progress : bool
         Whether to show a bar with the time left and the time of day at which it is done.
+    out : path, optional
+        Folder in which each run is stored as soon as it is done. A comparison that was interrupted, or whose process
+        was killed, goes on from there when it is called again with the same folder. Runs of code that was changed
+        since are other runs (`source_hash`).
 
     Raises
     ------
@@ -143,7 +156,7 @@ def compare(
     """
     workers = checked_jobs(jobs)
     plan = checked_plan(model, parameter, values, seeds, steps=steps, settings=settings, measures=measures)
-    return run_plan(plan, workers, progress)
+    return run_plan(plan, workers, progress, folder=None if out is None else check_writable(out))
 
 
 def checked_jobs(jobs: int) -> int:
@@ -163,9 +176,24 @@ def checked_jobs(jobs: int) -> int:
 
 
 def run_plan(
-    plan: Plan, workers: int = 1, progress: bool = False, heard: Callable[[Run], object] | None = None
+    plan: Plan,
+    workers: int = 1,
+    progress: bool = False,
+    heard: Callable[[Run], object] | None = None,
+    folder: Path | None = None,
 ) -> Comparison:
-    """Do all runs of a plan and return what came of them; `heard` is called with each run as it is done.
+    """Do all runs of a plan, but for those that a folder has, and return what they gave.
+
+    Parameters
+    ----------
+    plan : Plan
+    workers : int
+        Processes, from `checked_jobs`.
+    progress : bool
+    heard : callable, optional
+        Called with each run as it is done.
+    folder : Path, optional
+        Where each run is stored as soon as it is done.
 
     Examples
     --------
@@ -173,18 +201,51 @@ def run_plan(
     >>> len(run_plan(checked_plan(find_model("fire_fighting"), seeds=1, steps=2)).runs)
     2
     """
-    tasks = plan.tasks
-    runs: dict[int, Run] = {}
-    with progress_bar(len(tasks), "runs", progress) as bar:
+    if folder is None:
+        return _compared(plan, workers, progress, heard, None)
+    with Ledger(folder / LEDGER) as ledger:
+        return _compared(plan, workers, progress, heard, ledger)
+
+
+def _compared(
+    plan: Plan, workers: int, progress: bool, heard: Callable[[Run], object] | None, ledger: Ledger | None
+) -> Comparison:
+    keys = [] if ledger is None else _keys(plan)
+    stored = {} if ledger is None else _stored(plan, keys, ledger)
+    # Portraits are not stored: for the pictures the runs with the first seed are done again.
+    runs = {index: run for index, run in stored.items() if run.rng != plan.seeds[0]}
+    left = [(plan, index, task) for index, task in enumerate(plan.tasks) if index not in runs]
+    with progress_bar(len(plan.tasks), "runs", progress) as bar:
+        bar.initial = bar.n = len(runs)
         bar.refresh()
-        calls = ((plan, index, task) for index, task in enumerate(tasks))
-        for index, run in results_of(min(workers, len(tasks)), _numbered_run, calls):
+        for index, run in results_of(min(workers, max(len(left), 1)), _numbered_run, left):
             runs[index] = run
+            if ledger is not None and index not in stored:
+                ledger.append(keys[index], Outcome(run.steps, run.state_hash, run.results))
             bar.update()
             if heard is not None:
                 heard(run)
-    return Comparison(plan, tuple(runs[index] for index in range(len(tasks))))
+    return Comparison(plan, tuple(runs[index] for index in range(len(runs))), len(stored))
 
 
 def _numbered_run(plan: Plan, index: int, task: tuple[int, Any]) -> tuple[int, Run]:
     return index, plan.run(*task)
+
+
+def _keys(plan: Plan) -> list[str]:
+    """Return the fingerprint of each run of a plan: those of a sweep, so that runs of changed code are other runs."""
+    points = [checked_settings(plan.model_class, {**plan.settings, plan.parameter: value}) for value in plan.values]
+    source = source_hash(plan.model_class)
+    experiment = Experiment(plan.model_class, {}, points, plan.seeds, plan.steps, source=source)
+    measures = {"measures of a comparison": list(plan.measures)}
+    return [experiment.key({**point, **measures}, rng) for rng in plan.seeds for point in points]
+
+
+def _stored(plan: Plan, keys: list[str], ledger: Ledger) -> dict[int, Run]:
+    """Return the runs of a plan that a ledger has, without portraits."""
+    found = {}
+    for index, ((rng, value), key) in enumerate(zip(plan.tasks, keys, strict=True)):
+        outcome = ledger.outcome(key)
+        if outcome is not None:
+            found[index] = Run(value, rng, outcome.steps, outcome.state_hash or "", outcome.results or {})
+    return found

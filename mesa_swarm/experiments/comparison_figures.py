@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, MaxNLocator, StrMethodFormatter
 
-from mesa_swarm.experiments.pictures import COOL, HOT, INK
+from mesa_swarm.experiments.pictures import COOL, HOT, INK, literal
 from mesa_swarm.experiments.statistics import TIME, Interval, bootstrap_mean, pair_differences, summarised
 
 if TYPE_CHECKING:  # compare imports this module
@@ -85,7 +85,7 @@ def _draw_runs(axes: Axes, comparison: "Comparison", measure: str) -> None:
         aside = ASIDE * nearest * (1 if i else -1)  # the first to the left, where no lines are
         _draw_interval(axes, place + aside, summarised(comparison.column(value, measure)).mean, COOL)
     axes.set_xlim(places.min() - 0.3 * nearest, places.max() + 0.3 * nearest)
-    axes.set_title(_wrapped(measure), fontsize=TEXT)
+    axes.set_title(literal(_wrapped(measure)), fontsize=TEXT)
     _label_values(axes, comparison, measure, places, plan.values)
 
 
@@ -106,7 +106,7 @@ def _draw_differences(axes: Axes, comparison: "Comparison", measure: str) -> Non
         mean = bootstrap_mean(pair_differences(base, comparison.column(value, measure)))
         _draw_interval(axes, place + 1.5 * reach, mean, HOT if mean.excludes_zero else COOL)
     axes.set_xlim(everywhere[1:].min() - 2 * reach, everywhere[1:].max() + 2.5 * reach)
-    axes.set_title(f"minus {comparison.plan.parameter} {first}, on the same seed", fontsize=TEXT)
+    axes.set_title(literal(f"minus {comparison.plan.parameter} {first}, on the same seed"), fontsize=TEXT)
     _label_values(axes, comparison, measure, everywhere[1:], others, paired=True)
 
 
@@ -151,7 +151,7 @@ def _name_lane(axes: Axes, numbers: np.ndarray, side: int, text: str) -> None:
     axes.axhspan(lane - half, lane + half, color=BEYOND, linewidth=0, zorder=0)
     axes.axhline(lane, color=INK, linewidth=0.8, linestyle=":")
     above = ("axes fraction", "data")
-    axes.annotate(text, (0.5, lane), (0, 6), above, "offset points", ha="center", fontsize=TEXT - 2)
+    axes.annotate(literal(text), (0.5, lane), (0, 6), above, "offset points", ha="center", fontsize=TEXT - 2)
 
 
 def _end_axis(axes: Axes, numbers: np.ndarray) -> None:
@@ -211,7 +211,7 @@ def _label_values(
 ) -> None:
     """Name the values below the axis, with in how many runs it happened if not in all."""
     plan = comparison.plan
-    labels = [f"{value}{_count(comparison, measure, value, paired)}" for value in values]
+    labels = [f"{literal(str(value))}{_count(comparison, measure, value, paired)}" for value in values]
     turned: dict[str, Any] = {"rotation": 45, "ha": "right"} if len(labels) * max(map(len, labels)) > 60 else {}
     axes.set_xticks(places, labels, **turned)
     axes.set_xlabel(plan.parameter, fontsize=TEXT)

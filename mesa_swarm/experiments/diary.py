@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 
 from mesa_swarm.errors import LearningError
-from mesa_swarm.experiments.files import write_whole
+from mesa_swarm.files import write_whole
 from mesa_swarm.learning.evolution import Evolution
 
 FORMAT = "mesa_swarm evolution 1"
@@ -39,10 +39,7 @@ class Diary:
         if self.file is None:
             return
         text = json.dumps({"format": FORMAT, "settings": self.settings, "fitness": search.told})
-        try:
-            write_whole(self.file, text)
-        except OSError as error:
-            raise LearningError(f"{self.file} cannot be written: {error.strerror or error}") from None
+        write_whole(self.file, text, LearningError)
 
     def retell(self, search: Evolution, most: int) -> None:
         """Tell a new search what the file says, if there is one; at most so many generations."""

@@ -1,7 +1,7 @@
 """evolve: reflexes and small networks that are bred in worlds, on many processes, with nothing lost on Ctrl-C."""
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
@@ -11,8 +11,8 @@ from mesa_swarm.errors import InvalidValueError, check_count, check_number, shor
 from mesa_swarm.experiments.compare import checked_jobs
 from mesa_swarm.experiments.diary import Diary
 from mesa_swarm.experiments.driving import driven_world, tallied
-from mesa_swarm.experiments.experiment import shown_value
-from mesa_swarm.experiments.pool import results_of
+from mesa_swarm.experiments.experiment import shown_value, without_addresses
+from mesa_swarm.experiments.pool import in_order
 from mesa_swarm.learning.evolution import Evolution
 from mesa_swarm.learning.fitness import Fitness
 from mesa_swarm.learning.mirror import half_length, whole_genome
@@ -277,22 +277,13 @@ def _first(trial: Trial, constant: float) -> np.ndarray:
     return start
 
 
-def in_order(workers: int, work: Callable, tasks: list[tuple]) -> list[float]:
-    """Return what the work returns for each task, in their order, whoever is done first."""
-    results = dict(results_of(workers, _numbered, ((k, work, task) for k, task in enumerate(tasks))))
-    return [results[k] for k in range(len(tasks))]
-
-
-def _numbered(k: int, work: Callable, task: tuple) -> tuple[int, float]:
-    return k, work(*task)
-
-
 def settings_of(trial: Trial, worlds: list[Map]) -> dict:
     """Return all that decides what a fitness is, as texts and numbers."""
     told = {name: getattr(trial, name) for name in ("robots", "steps", "units", "squash", "encoding", "mirrored")}
     return {
         **told,
-        "design": repr(trial.design),
+        # A drive of one's own may have no repr that says what it holds.
+        "design": without_addresses(f"{trial.design!r} {vars(trial.design.drive)!r}"),
         "fitness": asdict(trial.fitness),
         "maps": [shown_value(each) for each in worlds],
     }

@@ -13,7 +13,7 @@ from typing import Any
 
 from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, check_count, shortened
 from mesa_swarm.experiments.plan import DEFAULT_STEPS, MOST_STEPS, check_results, checked_class, checked_seeds
-from mesa_swarm.experiments.sampling import Sample, grid
+from mesa_swarm.experiments.sampling import Points, Sample, grid_columns
 from mesa_swarm.experiments.source import source_hash
 from mesa_swarm.model import SwarmModel
 from mesa_swarm.parameters import parameters_of
@@ -125,12 +125,8 @@ def checked_experiment(
         If anything about it is wrong.
     """
     model_class = checked_class(model)
-    fixed = _checked_settings(model_class, settings or {})
-    points = [_checked_settings(model_class, point) for point in _points(model_class, varied)]
-    for point in points:
-        if point.keys() != points[0].keys():
-            both = f"{shortened(list(points[0]))} and {shortened(list(point))}"
-            raise InvalidValueError(f"points set {both}; expected the same parameters in all")
+    fixed = checked_settings(model_class, settings or {})
+    points = _points(model_class, varied)
     for both in fixed.keys() & points[0].keys():
         raise InvalidValueError(f"{both} is set and varied at once; leave one out")
     default = getattr(model_class, "steps_to_compare", DEFAULT_STEPS)
@@ -141,6 +137,28 @@ def checked_experiment(
     check_count("number of runs", len(experiment), minimum=1, maximum=MOST_RUNS)
     _check_measures(experiment)
     return experiment
+
+
+def checked_settings(model_class: type, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return settings as the types of a model's parameters, files of maps read.
+
+    Raises
+    ------
+    SwarmError
+
+    Examples
+    --------
+    >>> from mesa_swarm.gallery import find_model
+    >>> checked_settings(find_model("fire_fighting"), {"n_robots": 3})
+    {'n_robots': 3}
+    """
+    known, checked = parameters_of(model_class), {}
+    for name, value in settings.items():
+        check_choice(f"parameter of {model_class.__name__}", name, known)
+        is_file = name == "map" and value not in builtin_maps()
+        # Files of maps are read once and here, so that workers elsewhere need none.
+        checked[name] = known[name].checked(Map.load(value) if is_file else value)
+    return checked
 
 
 def carried_out(
@@ -191,8 +209,20 @@ def error_in_words(error: BaseException) -> str:
     >>> error_in_words(ValueError("no <Robot object at 0x7f00>"))
     'ValueError: no <Robot object>'
     """
-    words = " ".join(re.sub(r" at 0x[0-9a-fA-F]+", "", str(error)).split())
-    return f"{type(error).__name__}: {words}"[:LONGEST_ERROR]
+    words = " ".join(without_addresses(str(error)).split())
+    # Names of files may hold what cannot be written as text.
+    return f"{type(error).__name__}: {words}".encode("utf-8", "backslashreplace").decode()[:LONGEST_ERROR]
+
+
+def without_addresses(text: str) -> str:
+    """Return a text without the places of objects in memory, which are others in each process.
+
+    Examples
+    --------
+    >>> without_addresses("<Drive object at 0x7f00>")
+    '<Drive object>'
+    """
+    return re.sub(r" at 0x[0-9a-fA-F]+", "", text)
 
 
 def shown_value(value: object) -> object:
@@ -214,22 +244,21 @@ def _version() -> str:
     return version("mesa-swarm")
 
 
-def _points(model_class: type, varied: Mapping | Sample | Sequence[Mapping]) -> Sequence[Mapping]:
+def _points(model_class: type, varied: Mapping | Sample | Sequence[Mapping]) -> Sequence[dict[str, Any]]:
+    """Return the points, checked; those of grids and samples are made when they are asked for."""
     if isinstance(varied, Sample):
-        return varied.settings(model_class)
+        return varied.points_of(model_class)
     if isinstance(varied, Mapping):
-        return grid(model_class, varied)
-    return varied or [{}]
-
-
-def _checked_settings(model_class: type, settings: Mapping[str, Any]) -> dict[str, Any]:
-    known, checked = parameters_of(model_class), {}
-    for name, value in settings.items():
-        check_choice(f"parameter of {model_class.__name__}", name, known)
-        is_file = name == "map" and value not in builtin_maps()
-        # Files of maps are read once and here, so that workers elsewhere need none.
-        checked[name] = known[name].checked(Map.load(value) if is_file else value)
-    return checked
+        columns = grid_columns(model_class, varied)
+        if "map" in columns:
+            columns["map"] = [checked_settings(model_class, {"map": each})["map"] for each in columns["map"]]
+        return Points(columns, crossed=True)
+    points = [checked_settings(model_class, point) for point in varied or [{}]]
+    for point in points:
+        if point.keys() != points[0].keys():
+            both = f"{shortened(list(points[0]))} and {shortened(list(point))}"
+            raise InvalidValueError(f"points set {both}; expected the same parameters in all")
+    return points
 
 
 def _check_measures(experiment: Experiment) -> None:

@@ -118,7 +118,8 @@ def series_figure(portraits: dict[str, Portrait]) -> Figure:
 
 def _draw_series(axes: Axes, name: str, portraits: dict[str, Portrait]) -> None:
     for i, (title, portrait) in enumerate(portraits.items()):
-        steps, means = window_means(portrait.series[name])
+        rows, means = window_means(portrait.series[name])
+        steps = rows * portrait.collect_every
         style = ("-", "--", "-.", ":")[i % 4]
         axes.plot(steps, means, style, color=COLOURS[i % len(COLOURS)], linewidth=1.4, label=title)
     axes.set_ylabel(f"{name.replace('_', ' ')}\n(window mean)", fontsize=9)

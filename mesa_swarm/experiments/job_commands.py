@@ -11,10 +11,10 @@ from mesa_swarm.errors import InvalidValueError, SwarmError
 from mesa_swarm.experiments.commands import print_pairs
 from mesa_swarm.experiments.compare import checked_jobs
 from mesa_swarm.experiments.experiment import Experiment, Outcome, Task, carried_out, error_in_words
-from mesa_swarm.experiments.files import check_writable
 from mesa_swarm.experiments.jobs import Job, read_job, recorded_to
 from mesa_swarm.experiments.run_records import RunRecords, recorded
 from mesa_swarm.experiments.sweep import done_before, run_experiment
+from mesa_swarm.files import check_writable
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from mesa_swarm.experiments.experiment import Experiment, checked_experiment
 from mesa_swarm.experiments.job_files import file_within
 from mesa_swarm.experiments.job_tables import RunTable, checked_run
 from mesa_swarm.experiments.run_records import RunRecords, filled_in
-from mesa_swarm.experiments.sampling import Sample
+from mesa_swarm.experiments.sampling import MOST_POINTS, Sample
 from mesa_swarm.gallery import find_model
 from mesa_swarm.world.map import ALIASES, builtin_maps
 from mesa_swarm.world.map_parts import file_content, text_of
@@ -22,6 +22,7 @@ from mesa_swarm.world.map_toml import parsed_toml
 LARGEST_JOB = 1_000_000
 MOST_EXPERIMENTS = 1_000
 MOST_RECORDINGS = 10_000
+LONGEST_MESSAGE = 300
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +57,11 @@ def read_job(path: str | os.PathLike[str]) -> Job:
     file = _found(path)
     with _naming(file.name):
         tables = _tables(parsed_toml(text_of(file_content(file, LARGEST_JOB), file.name), file.name))
-        runs = [_run(number, table, file, tables) for number, table in enumerate(tables, start=1)]
+        runs = []
+        for number, table in enumerate(tables, start=1):
+            runs.append(_run(number, table, file, tables))
+            points = sum(len(experiment.points) for experiment, _ in runs)
+            check_count("number of points of all runs", points, maximum=MOST_POINTS)
         job = Job(file.stem, *zip(*runs, strict=True))
         _check_names("two runs are named", [experiment.name for experiment in job.experiments])
         return _with_different_recordings(job)
@@ -126,9 +131,15 @@ def _naming(file: str, place: str = "") -> Iterator[None]:
     except SwarmError as error:
         words = " ".join(str(error).split())
         named = "" if words.startswith(f"{file}:") else file  # its own text does so where it is no TOML
-        raise JobError(": ".join(part for part in (named, place, words) if part)) from None
+        raise _refusal(named, place, words) from None
     except RecursionError:
-        raise JobError(f"{file}: tables or lists are nested too deeply") from None
+        raise _refusal(file, "", "tables or lists are nested too deeply") from None
+
+
+def _refusal(*parts: str) -> JobError:
+    """Return an error of one line, however long and odd the file's name is."""
+    text = " ".join(": ".join(part for part in parts if part).split())
+    return JobError(text if len(text) <= LONGEST_MESSAGE else text[: LONGEST_MESSAGE - 3] + "...")
 
 
 def _tables(job: dict[str, Any]) -> list[dict[str, Any]]:
@@ -160,10 +171,12 @@ def _with_different_recordings(job: Job) -> Job:
 
 def _recordings(job: Job) -> Iterator[str]:
     """Yield the files of all recordings as systems see them that take small letters for capitals."""
+    recorded = [e for e, records in zip(job.experiments, job.records, strict=True) if records is not None]
+    count = sum(len(experiment.seeds) for experiment in recorded)
+    check_count("number of recordings", count, maximum=MOST_RECORDINGS)
     for experiment, records in zip(job.experiments, job.records, strict=True):
         if records is not None:
-            count = check_count("number of recordings", len(experiment.seeds), maximum=MOST_RECORDINGS)
-            for seed in experiment.seeds[:count]:
+            for seed in experiment.seeds:
                 yield records.path(experiment.name, seed).as_posix().lower()
 
 

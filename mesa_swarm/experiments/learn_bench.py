@@ -1,6 +1,7 @@
 """The benchmark of learning: trained at home, measured there, on other maps, and on maps that nobody was trained on."""
 
 import json
+import math
 import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,12 +15,12 @@ import numpy as np
 
 from mesa_swarm.errors import check_choice, check_count
 from mesa_swarm.experiments.compare import checked_jobs
-from mesa_swarm.experiments.contestants import DESIGN, HOME, ROBOTS, Trained, contestants
-from mesa_swarm.experiments.driving import drive_measured, driven_world
+from mesa_swarm.experiments.contestants import DESIGN, HOME, PARTS, ROBOTS, Trained, contestants
+from mesa_swarm.experiments.driving import MEASURES, drive_measured, driven_world
 from mesa_swarm.experiments.experiment import Outcome
-from mesa_swarm.experiments.files import check_writable
 from mesa_swarm.experiments.ledger import Ledger
 from mesa_swarm.experiments.pool import results_of
+from mesa_swarm.files import check_writable
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.world.map import Map, builtin_maps
 from mesa_swarm.world.random_map import random_map
@@ -37,6 +38,7 @@ EVERY = "every unseen map"
 # Who is measured on every unseen map with every seed: the bred ones, and the rule whose coverage is their mark.
 RULE, BRED = "Avoid + Explore", ("evolved reflex", "evolved network")
 MODES = ("frozen", "learning")
+OF_TRAINING = ("train wall seconds", "train processor seconds", "robot-steps")
 # Worlds of the evaluation have other seeds than those of training.
 APART = 1_000_000
 
@@ -155,10 +157,13 @@ def learn_bench(
     """
     workers = checked_jobs(jobs)
     file = check_writable(out) / LEDGER
-    if not resume:
-        file.unlink(missing_ok=True)
     tasks = benchmark.tasks()
-    with Ledger(file, retry_failed=True) as ledger, progress_bar(len(tasks), "trainings", progress) as bar:
+    with (
+        Ledger(file, retry_failed=True, fits=is_training) as ledger,
+        progress_bar(len(tasks), "trainings", progress) as bar,
+    ):
+        if not resume:
+            ledger.clear()
         left = [task for task in tasks if benchmark.key(*task) not in ledger]
         bar.update(len(tasks) - len(left))
         for name, seed, results in results_of(workers, measured, ((benchmark, *task) for task in left)):
@@ -168,15 +173,30 @@ def learn_bench(
         return [Run(name, seed, outcome.results or {}) for name, seed, outcome in outcomes if outcome]
 
 
+def is_training(outcome: Outcome) -> bool:
+    """Return whether an outcome is one of `measured`: figures of the training, and all measures of each map and mode.
+
+    Examples
+    --------
+    >>> is_training(Outcome(results={"robot-steps": 15.0}))
+    False
+    """
+    results = outcome.results or {}
+    places = {key.rpartition("|")[0] for key in results if key.count("|") == 2}
+    wanted = {*OF_TRAINING, *(f"{place}|{measure}" for place in places for measure in MEASURES)}
+    curve = [key for key in results if key.startswith("training|")]
+    parts = min(PARTS, outcome.steps)
+    known = {*wanted, *(f"training|{k:02}" for k in range(parts))}
+    numbers = all(isinstance(value, (int, float)) and math.isfinite(value) for value in results.values())
+    return numbers and wanted <= results.keys() <= known and len(curve) in (0, parts)
+
+
 def measured(benchmark: Benchmark, name: str, seed: int) -> tuple[str, int, dict[str, float]]:
     """Train a contestant with a seed, and measure what came of it on all its maps."""
     begun, used = time.perf_counter(), time.process_time()
     trained = contestants()[name](seed, benchmark.steps)
-    results = {
-        "train wall seconds": time.perf_counter() - begun,
-        "train processor seconds": time.process_time() - used,
-        "robot-steps": float(trained.robot_steps),
-    }
+    figures = time.perf_counter() - begun, time.process_time() - used, float(trained.robot_steps)
+    results = dict(zip(OF_TRAINING, figures, strict=True))
     results |= {f"training|{k:02}": value for k, value in enumerate(trained.curve)}
     for place in benchmark.maps(seed):
         for mode in MODES:

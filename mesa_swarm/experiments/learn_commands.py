@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from mesa_swarm.experiments.files import write_whole
 from mesa_swarm.experiments.learn_bench import Benchmark, learn_bench
 from mesa_swarm.experiments.learn_figures import learning_pictures
 from mesa_swarm.experiments.learn_table import markdown, runs_csv, summary_json
+from mesa_swarm.files import write_all
 
 
 def bench(
@@ -30,5 +30,5 @@ def bench(
         "learn_bench.json": summary_json(benchmark, runs),
         **learning_pictures(runs),
     }
-    paths = [write_whole(out / name, content) for name, content in files.items()]
+    paths = write_all(out, files)
     print("\n".join([table, *map(str, paths)]))

@@ -2,19 +2,22 @@
 
 import json
 import os
+import re
+import sys
 from array import array
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from threading import Lock
-from typing import Self
+from typing import BinaryIO, Self, TypeGuard
 from zlib import crc32
 
 import numpy as np
 
 from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.experiments.experiment import Outcome
+from mesa_swarm.experiments.experiment import LONGEST_ERROR, Outcome
 
 try:
     import fcntl
@@ -22,14 +25,22 @@ except ModuleNotFoundError:  # on Windows
     fcntl = None  # type: ignore[assignment]  # what is missing is asked for by its name
 
 KEY_BYTES = 16
+KEY = re.compile(f"[0-9a-f]{{{2 * KEY_BYTES}}}")
+# Checksum and the text up to the key: how each line of a ledger begins, and of no other file.
+BEGINNING = re.compile(rb'[0-9a-f]{8} \{"key": "')
+LONGEST_LINE = 4 << 20
+LARGEST_STEPS = 2**62
+NAMES = {"key", "steps", "state_hash", "results", "error"}
 
 
 class Ledger:
     """A file with one line a finished run: checksum, key, outcome.
 
-    A line is written in one piece and synced to the disk before anybody is told that the run is done. A line that
-    a kill tore apart is cut off when the ledger is opened again; one that the disk spoilt fails its checksum and
-    counts as never written. Of two lines with one key the last counts. One process at a time may write.
+    A line is written in one piece and synced to the disk before the run counts as done. A line that a kill tore
+    apart is cut off when the ledger is opened again; one that the disk spoilt fails its checksum and counts as never
+    written, as does one whose checksum is right and whose content is not the outcome of a run. Nothing else is ever
+    cut: a file that is not a ledger is refused and stays as it is. Of two lines with one key the last counts. One
+    process at a time may write.
 
     Memory grows by 24 bytes a run: its key, and where its line begins.
 
@@ -39,11 +50,15 @@ class Ledger:
         Created if it is missing.
     retry_failed : bool
         Whether runs that ended in an error count as not done.
+    read_only : bool
+        Whether it is only looked at: nothing is changed, and another process may be writing to it.
+    fits : callable, optional
+        Returns whether an `Outcome` can be one of the runs that are wanted; others count as never written.
 
     Raises
     ------
     InvalidValueError
-        If another process writes to it.
+        If another process writes to it, it cannot be opened, or it is not a ledger.
 
     Examples
     --------
@@ -54,14 +69,24 @@ class Ledger:
     ({'groups': 2.0}, False)
     """
 
-    def __init__(self, path: Path, *, retry_failed: bool = False) -> None:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    def __init__(
+        self,
+        path: Path,
+        *,
+        retry_failed: bool = False,
+        read_only: bool = False,
+        fits: Callable[[Outcome], bool] | None = None,
+    ) -> None:
         self.path = path
         self._lock = Lock()  # joblib asks what is left in a thread of its own
-        self._file = open(path, "a+b")  # noqa: SIM115 - closed by close
+        self._fits = fits
+        self._file = _opened(path, read_only)
         try:
-            self._keep_others_out()
+            if not read_only:
+                self._keep_others_out()
             self._read(retry_failed)
+            if not read_only:
+                self._cut()
         except BaseException:
             self.close()
             raise
@@ -81,33 +106,48 @@ class Ledger:
         with self._lock:
             return self._place(key) is not None
 
+    def clear(self) -> None:
+        """Forget all runs: the file is empty then."""
+        with self._lock:
+            os.truncate(self.path, 0)
+            self._ended = True
+            self._read(retry_failed=False)
+
     def append(self, key: str, outcome: Outcome) -> None:
-        """Write down what came of a run, and wait until the disk has it.
+        """Write the outcome of a run, and wait until the disk has it.
 
         Raises
         ------
         InvalidValueError
-            If the disk does not take it. Nothing of it is left then.
+            If the disk does not take it, or it could not be read again. Nothing of it is left then.
         """
-        text = json.dumps({"key": key, **asdict(outcome)}, ensure_ascii=False).encode()
+        text = json.dumps({"key": key, **asdict(outcome)}, ensure_ascii=False).encode("utf-8", "backslashreplace")
+        line = b"%08x %s\n" % (crc32(text), text)
+        if _entry(line) is None:
+            raise InvalidValueError(
+                f"the outcome of a run cannot be stored in {self.path}: it has {len(line)} bytes; "
+                f"expected numbers and lists of them by name, at most {LONGEST_LINE} bytes, or one line of error"
+            )
         with self._lock:
             place = self._file.seek(0, os.SEEK_END)
-            self._put(b"%08x %s\n" % (crc32(text), text), place)
-            self._late[bytes.fromhex(key)] = place
+            separator = b"" if self._ended else b"\n"
+            self._put(separator + line, place)
+            self._ended = True
+            self._late[bytes.fromhex(key)] = place + len(separator)
             if len(self._late) > max(1024, len(self._keys) // 8):
                 self._sort_in()
 
     def outcome(self, key: str) -> Outcome | None:
-        """Return what came of a run, None if it is not done."""
+        """Return the outcome of a run, None if it is not done."""
         with self._lock:
             place = self._place(key)
             if place is None:
                 return None
             self._file.seek(place)
-            kept = _entry(self._file.readline())
-        if kept is None:
+            entry = _entry(self._file.readline(LONGEST_LINE))
+        if entry is None or entry[0] != key:
             raise InvalidValueError(f"{self.path} was changed while it was read; run the sweep again")
-        return Outcome(**{name: value for name, value in kept.items() if name != "key"})
+        return entry[1]
 
     def _put(self, line: bytes, place: int) -> None:
         """Write past the file's buffer, which would keep what the disk does not take and try again when closed."""
@@ -120,7 +160,7 @@ class Ledger:
             with suppress(OSError):  # a torn line is cut off when the ledger is next opened
                 os.truncate(self.path, place)
             raise InvalidValueError(
-                f"{self.path} cannot be written: {error.strerror}; runs before are kept, make room and sweep again"
+                f"{self.path} cannot be written: {error.strerror}; earlier runs are stored, make room and sweep again"
             ) from None
 
     def _place(self, key: str) -> int | None:
@@ -135,28 +175,38 @@ class Ledger:
 
     def _read(self, retry_failed: bool) -> None:
         keys, places = bytearray(), array("q")
-        for place, kept in self._entries():
-            if retry_failed and kept["error"] is not None:
-                continue
-            keys += bytes.fromhex(kept["key"])
-            places.append(place)
+        for place, (key, outcome) in self._entries():
+            if not (retry_failed and outcome.error is not None):
+                keys += bytes.fromhex(key)
+                places.append(place)
         self._late: dict[bytes, int] = {}
         self._keys = np.frombuffer(bytes(keys), f"S{KEY_BYTES}")
         self._places = np.frombuffer(places, np.int64)
         self._order()
 
-    def _entries(self) -> Iterator[tuple[int, dict]]:
-        """Yield where each good line begins and what it says, and cut off a torn end."""
+    def _entries(self) -> Iterator[tuple[int, tuple[str, Outcome]]]:
+        """Yield where each good line begins and what it holds; refuse another file, and note a torn end."""
+        known, torn, line, place = False, None, b"\n", 0
         self._file.seek(0)
-        place = 0
-        for line in self._file:
-            kept = _entry(line)
-            if kept is not None:
-                yield place, kept
-            elif not line.endswith(b"\n"):
-                os.truncate(self.path, place)
-                return
+        # Of a line that is longer than any of ours there are pieces, which are none of ours either.
+        for piece in iter(partial(self._file.readline, LONGEST_LINE), b""):
+            is_start, line = line.endswith(b"\n"), piece
+            is_ours = is_start and BEGINNING.match(line) is not None
+            entry = _entry(line) if is_ours else None
+            if entry is not None and (self._fits is None or self._fits(entry[1])):
+                yield place, entry
+            known = known or is_ours
+            torn = place if is_start and not line.endswith(b"\n") and _is_torn(line) else None
             place += len(line)
+        if place and not known:
+            raise InvalidValueError(f"{self.path} is not a ledger of runs; move it away, or choose another folder")
+        self._ended, self._torn = line.endswith(b"\n"), torn
+
+    def _cut(self) -> None:
+        """Cut off a line that a kill tore apart."""
+        if self._torn is not None:
+            os.truncate(self.path, self._torn)
+            self._ended = True
 
     def _sort_in(self) -> None:
         late = np.frombuffer(b"".join(self._late), f"S{KEY_BYTES}")
@@ -180,9 +230,68 @@ class Ledger:
             ) from None
 
 
-def _entry(line: bytes) -> dict | None:
-    """Return what a line says, None if it is torn or spoilt."""
+def _opened(path: Path, read_only: bool) -> BinaryIO:
+    """Return an open file; it is created unless it is only to be read."""
+    try:
+        if path.exists() and not path.is_file():  # to read from a pipe would wait for ever
+            raise InvalidValueError(f"{path} is not a file; move it away, or choose another folder")
+        if not read_only:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        return open(path, "rb" if read_only else "a+b")
+    except OSError as error:
+        raise InvalidValueError(f"{path} cannot be opened: {error.strerror}; choose another folder") from None
+
+
+def _is_torn(line: bytes) -> bool:
+    """Return whether a line without an end begins as a ledger's do, as far as it goes."""
+    missing = b'00000000 {"key": "'[len(line) :]
+    return BEGINNING.match(line + missing) is not None
+
+
+def _entry(line: bytes) -> tuple[str, Outcome] | None:
+    """Return the key and the outcome in a line, None if it is torn, spoilt or holds anything else."""
     checksum, _, text = line.rstrip(b"\n").partition(b" ")
-    if not line.endswith(b"\n") or checksum != b"%08x" % crc32(text):
+    if not line.endswith(b"\n") or len(line) > LONGEST_LINE or checksum != b"%08x" % crc32(text):
         return None
-    return json.loads(text)
+    try:
+        values = json.loads(text.decode())
+    except (ValueError, RecursionError):
+        return None
+    if not isinstance(values, dict) or values.keys() != NAMES:
+        return None
+    key = values.pop("key")
+    outcome = Outcome(**values)
+    return (key, outcome) if isinstance(key, str) and KEY.fullmatch(key) and _is_outcome(outcome) else None
+
+
+def _is_outcome(outcome: Outcome) -> bool:
+    """Return whether this is what a run can end in: either results, or the error that ended it."""
+    if type(outcome.steps) is not int or not 0 <= outcome.steps <= LARGEST_STEPS:
+        return False
+    if (outcome.results is None) == (outcome.error is None):
+        return False
+    if not all(text is None or _is_line(text) for text in (outcome.state_hash, outcome.error)):
+        return False
+    return outcome.results is None or (
+        isinstance(outcome.results, dict)
+        and all(map(_is_text, outcome.results))
+        and all(map(_is_number, outcome.results.values()))
+    )
+
+
+def _is_line(text: object) -> bool:
+    """Return whether this is a text of one line that can be written."""
+    return _is_text(text) and len(text) <= LONGEST_ERROR and len(text.splitlines()) <= 1
+
+
+def _is_text(text: object) -> TypeGuard[str]:
+    """Return whether this is a text that can be written, which those with half a pair of surrogates cannot."""
+    return isinstance(text, str) and not any("\ud800" <= letter <= "\udfff" for letter in text)
+
+
+def _is_number(value: object) -> bool:
+    """Return whether this is a number, None, or a list of them."""
+    if isinstance(value, list):
+        return all(map(_is_number, value))
+    # Integers beyond the floats have no place in a table.
+    return value is None or isinstance(value, float) or (isinstance(value, int) and abs(value) < sys.float_info.max)

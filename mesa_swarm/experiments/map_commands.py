@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.experiments.files import checked_file, write_whole
 from mesa_swarm.experiments.pictures import png, world_figure
 from mesa_swarm.experiments.portrait import portrait_of
+from mesa_swarm.files import checked_file, write_whole
 from mesa_swarm.model import SwarmModel
 from mesa_swarm.world.map import Map
 

@@ -4,12 +4,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from joblib import Parallel, delayed
 
 from mesa_swarm.analysis.pathology_track import flips_of
 from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import check_choice, check_count, check_number
+from mesa_swarm.experiments.compare import checked_jobs
 from mesa_swarm.experiments.diagnosis import NEEDED, pathologies_of
+from mesa_swarm.experiments.pool import in_order
 from mesa_swarm.gallery import find_model
 from mesa_swarm.learning import PolicyLayer, QPolicy
 from mesa_swarm.model import SwarmModel
@@ -133,9 +134,8 @@ def oscillations(
     >>> [row["scene"] for row in rows]
     ['beside a wall', 'towards a wall']
     """
-    work = [(reward, actions, seed) for reward, actions in cases for seed in seeds]
-    done = Parallel(n_jobs=jobs)(delayed(_rows)(*each, steps) for each in work)
-    return [row for rows in done for row in rows]
+    work = [(reward, actions, seed, steps) for reward, actions in cases for seed in seeds]
+    return [row for rows in in_order(checked_jobs(jobs), _rows, work) for row in rows]
 
 
 def _rows(reward: str, actions: int, seed: int, steps: int) -> list[dict[str, object]]:

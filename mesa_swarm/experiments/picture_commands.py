@@ -6,9 +6,9 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count
-from mesa_swarm.experiments.files import checked_file, write_whole
 from mesa_swarm.experiments.pictures import png
 from mesa_swarm.experiments.run_pictures import ethogram, stages, trace
+from mesa_swarm.files import checked_file, write_whole
 from mesa_swarm.gallery import find_model
 from mesa_swarm.model import SwarmModel
 from mesa_swarm.parameters import parsed_settings

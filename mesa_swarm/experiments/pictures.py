@@ -221,7 +221,7 @@ def world_figure(portraits: dict[str, Portrait], sectors: bool = False) -> Figur
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes, (title, portrait) in zip(grid, portraits.items(), strict=False):
         draw_world(portrait, axes, sectors)
-        axes.set_title(title, fontsize=11)
+        axes.set_title(literal(title), fontsize=11)
     for axes in grid[len(portraits) :]:
         axes.set_axis_off()
     entries = {entry.get_label(): entry for portrait in portraits.values() for entry in legend_of(portrait)}
@@ -233,6 +233,17 @@ def world_figure(portraits: dict[str, Portrait], sectors: bool = False) -> Figur
         frameon=False,
     )
     return figure
+
+
+def literal(text: str) -> str:
+    """Return a text that Matplotlib shows as it is: between dollars it would read mathematics, and fail at most names.
+
+    Examples
+    --------
+    >>> len(literal("a $ b"))
+    6
+    """
+    return text.replace("$", "\\$")
 
 
 def png(figure: Figure) -> bytes:

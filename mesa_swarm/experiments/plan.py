@@ -89,8 +89,19 @@ class Plan:
         model = self.built(rng, value).run(self.steps)
         portrait = portrait_of(model) if rng == self.seeds[0] else None
         results = model.results()
-        kept = {name: results[name] for name in self.measures} if self.measures else results
+        kept = {name: plain(results[name]) for name in self.measures or results}
         return Run(value, rng, model.steps, model.state_hash(), kept, portrait)
+
+
+def plain(number: Any) -> Any:
+    """Return a number of NumPy's as one of Python's, which reads back from a file as the same.
+
+    Examples
+    --------
+    >>> plain(np.int64(3))
+    3
+    """
+    return number.item() if isinstance(number, np.generic) else number
 
 
 def checked_plan(

@@ -1,23 +1,41 @@
 """Processes that work at the same time, through joblib: on this machine, or on the cluster that joblib was told of."""
 
+import os
 import signal
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
-from threading import RLock
+from threading import RLock, Thread
+from time import sleep
 from typing import Any
 
 from joblib import Parallel, delayed
 from joblib.externals.loky import get_reusable_executor
-from joblib.parallel import get_active_backend
+from joblib.parallel import LokyBackend, get_active_backend
 from tqdm import tqdm
 
 LOCAL = "LokyBackend"
+# Workers look so often whether their parent is there, s.
+LOOK_EVERY = 0.5
 
 
 class WorkerDiedError(RuntimeError):
     """A worker was killed, or crashed, with what it was working at."""
+
+
+class Workers(LokyBackend):
+    """Joblib's own processes, each of which ends when this one does, however that happens.
+
+    Without this, workers of a process that was killed wait for work until joblib's time limit of five minutes: none
+    of them sees the end of the pipe from which they read, since the others can write to it too.
+    """
+
+    def configure(self, n_jobs: int = 1, parallel: Parallel | None = None, **options: Any) -> int:
+        """Start the processes and return how many there are."""
+        watch = {"initializer": end_with, "initargs": (os.getpid(),)}
+        return super().configure(n_jobs, parallel, **options, **watch)
 
 
 def on_all(workers: int, work: Callable, tasks: Iterable[tuple]) -> Iterator[Any]:
@@ -42,7 +60,8 @@ def on_all(workers: int, work: Callable, tasks: Iterable[tuple]) -> Iterator[Any
     >>> sorted(on_all(2, pow, [(2, 3), (3, 2)]))
     [8, 9]
     """
-    parallel = Parallel(n_jobs=-1 if is_remote() else workers, return_as="generator_unordered")
+    place = {"n_jobs": -1} if is_remote() else {"n_jobs": workers, "backend": _local()}
+    parallel = Parallel(**place, return_as="generator_unordered")
     try:
         with _interrupts_held():
             results = parallel(delayed(_worked)(work, task) for task in tasks)
@@ -70,6 +89,18 @@ def results_of(workers: int, work: Callable, tasks: Iterable[tuple]) -> Iterator
     yield from on_all(workers, work, tasks)
 
 
+def in_order(workers: int, work: Callable, tasks: list[tuple]) -> list[Any]:
+    """Return what `work` returns for each task, in the order of the tasks, whichever is done first.
+
+    Examples
+    --------
+    >>> in_order(1, pow, [(2, 3), (3, 2)])
+    [8, 9]
+    """
+    results = dict(results_of(workers, _numbered, ((k, work, task) for k, task in enumerate(tasks))))
+    return [results[k] for k in range(len(tasks))]
+
+
 def is_remote() -> bool:
     """Whether joblib was told of another place for work than processes of this machine.
 
@@ -79,6 +110,53 @@ def is_remote() -> bool:
     False
     """
     return type(get_active_backend()[0]).__name__ != LOCAL
+
+
+def end_with(parent: int) -> None:
+    """Let this process end at once, whatever it does, when its parent is gone; also if it is gone already.
+
+    Parameters
+    ----------
+    parent : int
+        Number of the process that has started this one.
+    """
+    Thread(target=_end_after, args=(parent,), name="end with the parent", daemon=True).start()
+
+
+def ending_with_us(script: str) -> str:
+    """Return Python for a process of one's own that ends with this one, from before its imports on.
+
+    Examples
+    --------
+    >>> ending_with_us("print()").endswith("; print()")
+    True
+    """
+    return f"from {__name__} import end_with; end_with({os.getpid()}); {script}"
+
+
+def _end_after(parent: int) -> None:
+    _wait_for_end(parent)
+    os._exit(1)
+
+
+if sys.platform == "win32":
+    import _winapi
+
+    def _wait_for_end(parent: int) -> None:
+        with suppress(OSError):  # it is gone already
+            process = _winapi.OpenProcess(_winapi.SYNCHRONIZE, False, parent)
+            _winapi.WaitForSingleObject(process, _winapi.INFINITE)
+
+else:
+
+    def _wait_for_end(parent: int) -> None:
+        while os.getppid() == parent:  # else another process has taken its children
+            sleep(LOOK_EVERY)
+
+
+def _local() -> Workers:
+    """Return processes of this machine, with the number of threads that joblib was asked for."""
+    return Workers(inner_max_num_threads=get_active_backend()[0].inner_max_num_threads)
 
 
 @contextmanager
@@ -94,6 +172,10 @@ def _interrupts_held() -> Iterator[None]:
         yield
     finally:
         hold(signal.SIG_SETMASK, before)
+
+
+def _numbered(k: int, work: Callable, task: tuple) -> tuple[int, Any]:
+    return k, work(*task)
 
 
 def _worked(work: Callable, task: tuple) -> Any:

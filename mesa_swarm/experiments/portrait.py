@@ -44,6 +44,7 @@ class Portrait:
     fires: dict[str, np.ndarray]
     history: dict[str, np.ndarray]
     series: dict[str, np.ndarray]
+    collect_every: int = 1
 
 
 def portrait_of(model: SwarmModel, *, perceived: bool = False) -> Portrait:
@@ -74,6 +75,7 @@ def portrait_of(model: SwarmModel, *, perceived: bool = False) -> Portrait:
         fires={name: model.fires.columns[name].copy() for name in fires},
         history=_history(model),
         series=_series(model),
+        collect_every=model.collect_every,
     )
 
 

@@ -1,6 +1,8 @@
 """The reality gap: what a model scores while a dial goes from ideal robots to measured ones."""
 
+import os
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -10,15 +12,18 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from mesa_swarm.errors import InvalidValueError, check_choice, check_number
-from mesa_swarm.experiments.compare import checked_jobs
+from mesa_swarm.errors import InvalidValueError, check_choice, check_number, shortened
+from mesa_swarm.experiments.compare import LEDGER, checked_jobs
+from mesa_swarm.experiments.experiment import Experiment, Outcome, checked_settings
 from mesa_swarm.experiments.figures import COLOURS
-from mesa_swarm.experiments.files import write_whole
+from mesa_swarm.experiments.ledger import Ledger
 from mesa_swarm.experiments.pictures import png
-from mesa_swarm.experiments.plan import checked_plan, checked_seeds
+from mesa_swarm.experiments.plan import checked_plan, checked_seeds, plain
 from mesa_swarm.experiments.pool import results_of
+from mesa_swarm.experiments.source import source_hash
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean, pair_differences
 from mesa_swarm.experiments.tables import aligned, csv_text, in_words
+from mesa_swarm.files import check_writable, write_all
 from mesa_swarm.gallery import find_model
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.robots.imperfections import PRESETS, Imperfections
@@ -79,7 +84,7 @@ class Gap:
     def save(self, folder: Path) -> list[Path]:
         """Write the picture and the table, each whole or not at all, and return their paths."""
         contents: dict[str, str | bytes] = {"reality_gap.png": png(gap_figure(self)), "reality_gap.csv": self.csv()}
-        return [write_whole(folder / name, content) for name, content in contents.items()]
+        return write_all(folder, contents)
 
 
 def reality_gap(
@@ -93,6 +98,7 @@ def reality_gap(
     settings: dict[str, Any] | None = None,
     jobs: int = 1,
     progress: bool = False,
+    out: str | os.PathLike[str] | None = None,
 ) -> Gap:
     """Run a model of the gallery at every place of the dial, over the same seeds.
 
@@ -113,6 +119,9 @@ def reality_gap(
     jobs : int
         Processes at a time, -1 for one on each core.
     progress : bool
+    out : path, optional
+        Folder in which each run is stored as soon as it is done: what was interrupted, or killed, goes on from there
+        when it is called again with the same folder.
 
     Raises
     ------
@@ -130,7 +139,8 @@ def reality_gap(
     places = checked_dial(dial)
     plan = checked_plan(find_model(model), seeds=checked_seeds(seeds), steps=steps, settings=_freed(model, settings))
     tasks = [(model, settings or {}, whole, place, seed, plan.steps) for place in places for seed in plan.seeds]
-    results = _made(tasks, min(workers, len(tasks)), measure, progress)
+    with nullcontext() if out is None else Ledger(check_writable(out) / LEDGER) as ledger:
+        results = _made(tasks, workers, measure, progress, ledger)
     rows = {place: [results[place, seed] for seed in plan.seeds] for place in places}
     wanted = chosen_measure(rows, measure, getattr(find_model(model), "headline", ())[:1])
     scores = {place: [row[wanted] for row in row_of] for place, row_of in rows.items()}
@@ -145,15 +155,33 @@ def _freed(model: str, settings: dict[str, Any] | None) -> dict[str, Any]:
     return {name: value for name, value in (settings or {}).items() if name != varied}
 
 
-def _made(tasks: list[tuple], workers: int, measure: str | None, progress: bool) -> dict[tuple[float, int], dict]:
-    results = {}
+def _made(
+    tasks: list[tuple], workers: int, measure: str | None, progress: bool, ledger: Ledger | None
+) -> dict[tuple[float, int], dict]:
+    """Return the results of all runs by place and seed; those that the ledger has are not done again."""
+    keys = {} if ledger is None else {task[3:5]: _key(*task) for task in tasks}
+    stored = {at: ledger.outcome(key) for at, key in keys.items()} if ledger is not None else {}
+    results = {at: outcome.results or {} for at, outcome in stored.items() if outcome is not None}
+    left = [task for task in tasks if task[3:5] not in results]
     with progress_bar(len(tasks), "runs", progress) as bar:
-        for place, seed, row in results_of(workers, gap_run, tasks):
+        bar.initial = bar.n = len(results)
+        bar.refresh()
+        for place, seed, row in results_of(min(workers, max(len(left), 1)), gap_run, left):
             if measure is not None:
                 check_choice("measure", measure, row)  # now, not when all is done
             results[place, seed] = row
+            if ledger is not None:
+                ledger.append(keys[place, seed], Outcome(results=row))
             bar.update()
     return results
+
+
+def _key(model: str, settings: dict, whole: Imperfections, place: float, rng: int, steps: int) -> str:
+    """Return the fingerprint of a run: that of a sweep's, and how imperfect the robots are."""
+    model_class = find_model(model)
+    experiment = Experiment(model_class, {}, (), (), steps, source=source_hash(model_class))
+    imperfect = {"imperfections of robots": repr(whole.at(place))}
+    return experiment.key({**checked_settings(model_class, settings), **imperfect}, rng)
 
 
 def gap_run(
@@ -162,7 +190,8 @@ def gap_run(
     """Do one run, and return its place, seed and results."""
     built = find_model(model)(**settings, rng=rng)
     built.imperfections = whole.at(place)
-    return place, rng, built.run(steps).results()
+    results = built.run(steps).results()
+    return place, rng, {name: plain(number) for name, number in results.items()}
 
 
 def checked_dial(dial: Sequence[float]) -> tuple[float, ...]:
@@ -179,7 +208,7 @@ def checked_dial(dial: Sequence[float]) -> tuple[float, ...]:
     """
     places = tuple(check_number("dial", place, minimum=0, maximum=1) for place in dial)
     if len(places) < 2 or any(b <= a for a, b in pairwise(places)):
-        raise InvalidValueError(f"dial is {dial!r:.60}; expected at least two rising places such as (0, 0.5, 1)")
+        raise InvalidValueError(f"dial is {shortened(dial)}; expected at least two rising places such as (0, 0.5, 1)")
     return places
 
 

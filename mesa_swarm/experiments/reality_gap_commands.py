@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.experiments.files import check_writable, write_whole
 from mesa_swarm.experiments.pictures import png
 from mesa_swarm.experiments.reality_gap import gaps_figure, reality_gap
+from mesa_swarm.files import check_writable, write_whole
 from mesa_swarm.gallery import find_model, model_names
 from mesa_swarm.parameters import parsed_settings
 
@@ -31,10 +31,19 @@ def gap(
     found = []
     for name in (model,) if model else model_names():
         given = parsed_settings(find_model(name), settings)
+        home = folder if model else folder / name
         one = reality_gap(
-            name, preset=preset, measure=measure, seeds=seeds, steps=steps, settings=given, jobs=jobs, progress=progress
+            name,
+            preset=preset,
+            measure=measure,
+            seeds=seeds,
+            steps=steps,
+            settings=given,
+            jobs=jobs,
+            progress=progress,
+            out=home,
         )
         found.append(one)
-        print("\n".join([one.table(), "", *map(str, one.save(folder if model else folder / name))]))
+        print("\n".join([one.table(), "", *map(str, one.save(home))]))
     if model is None:
         print(write_whole(folder / "reality_gap.png", png(gaps_figure(found))))

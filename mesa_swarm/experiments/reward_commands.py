@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 
 from mesa_swarm.errors import check_choice
-from mesa_swarm.experiments.files import check_writable, write_whole
 from mesa_swarm.experiments.oscillation import MEASURES, SCENES, oscillation, trained
 from mesa_swarm.experiments.pictures import png
 from mesa_swarm.experiments.reward_figures import reward_figure
 from mesa_swarm.experiments.tables import aligned, csv_text
+from mesa_swarm.files import check_writable, write_all
 from mesa_swarm.learning import QPolicy
 from mesa_swarm.learning.actions import checked_actions
 from mesa_swarm.learning.reward_lab import Profile, learned_profile, reward_profile
@@ -57,8 +57,7 @@ def reward_lab(*, rewards: str, actions: int, steps: int, seeds: int, rng: int, 
         "marks.csv": marks_csv(profiles),
         "oscillations.csv": csv_text([("reward", "actions", "seed", "scene", *MEASURES), *rows]),
     }
-    for name, content in contents.items():
-        print(write_whole(folder / name, content))
+    print("\n".join(map(str, write_all(folder, contents))))
 
 
 def parsed_rewards(text: str) -> list[str]:

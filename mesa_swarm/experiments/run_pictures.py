@@ -11,8 +11,8 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, MaxNLocator, StrMethodFormatter
 
 from mesa_swarm.analysis import layer_shares
-from mesa_swarm.errors import InvalidValueError, check_count
-from mesa_swarm.experiments.pictures import world_figure
+from mesa_swarm.errors import InvalidValueError, check_count, shortened
+from mesa_swarm.experiments.pictures import literal, world_figure
 from mesa_swarm.experiments.portrait import portrait_of
 from mesa_swarm.model import SwarmModel
 from mesa_swarm.progress import progress_bar
@@ -54,7 +54,7 @@ def stages(
     """
     wanted = [check_count("step", step, minimum=model.steps) for step in steps]
     if not wanted or sorted(set(wanted)) != wanted:
-        raise InvalidValueError(f"steps is {steps!r:.60}; expected ascending steps such as (0, 1000, 3000)")
+        raise InvalidValueError(f"steps is {shortened(steps)}; expected ascending steps such as (0, 1000, 3000)")
     portraits = {}
     for step in wanted:
         model.run(step - model.steps, progress)
@@ -181,7 +181,7 @@ def ethogram_figure(
     below.stackplot([edges[0], *steps], np.vstack([shares[:1], shares])[:, :-1].T, colors=colours[1:], step="pre")
     below.set(xlabel="step", ylabel="share of robots", xlim=edges, ylim=(0, 1))
     below.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
-    shown = [Patch(color=colour, label=name) for colour, name in zip(colours[1:], names, strict=True)]
+    shown = [Patch(color=colour, label=literal(name)) for colour, name in zip(colours[1:], names, strict=True)]
     if (layer < 0).any():
         shown.append(Patch(facecolor=NO_LAYER, edgecolor=FAINT, label="no layer: it stands"))
     figure.legend(handles=shown, loc="outside upper center", ncols=min(len(shown), 5), fontsize=9, frameon=False)

@@ -1,10 +1,9 @@
 """Recordings of the runs of a job or a sweep: to which file, and what of each run."""
 
 import inspect
-import os
 import re
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -14,10 +13,12 @@ from typing import Any
 from mesa_swarm.errors import InvalidValueError, RecordingError, check_choice, shortened, unknown_name
 from mesa_swarm.experiments.experiment import Experiment, Outcome, Task, carried_out, first_built
 from mesa_swarm.experiments.job_files import SUFFIX, recording_within
+from mesa_swarm.files import free_draft, put_in_place, shown_path, unwritable
 from mesa_swarm.observed_world import ObservedWorld
 from mesa_swarm.recording.recorder import record
 
 PLACES = ("name", "seed")
+AGAIN = "make room and sweep again"
 PLACE = re.compile(r"\{([^{}]*)\}")
 # What a job says of a recording is passed on to `record`; these are not the job's to say.
 OPTIONS = tuple(
@@ -146,7 +147,7 @@ def recorded(model: ObservedWorld, path: Path, options: Mapping[str, Any], overw
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise RecordingError(f"{path.parent} cannot be made: {error.strerror}; choose another place") from None
+        raise unwritable(path.parent, error, RecordingError, "choose another place") from None
     with model.record(path, **options, overwrite=overwrite):
         yield
 
@@ -182,9 +183,29 @@ class Archive:
         RecordingError
             If the recording cannot be written: that is no fault of the run, which is to be done again.
         """
-        draft = self.folder / f".{task.key}.draft"
-        kept = partial(recorded, path=draft, options=self.options, overwrite=True)
-        outcome = carried_out(model_class, task, kept, beyond=(RecordingError,))
-        if draft.exists():
-            os.replace(draft, self.file(task.key))
+        file = self.file(task.key)
+        try:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            draft = free_draft(file)
+        except OSError as error:
+            raise unwritable(file, error, RecordingError, AGAIN) from None
+        kept = partial(recorded, path=draft, options=self.options)
+        try:
+            outcome = carried_out(model_class, task, kept, beyond=(RecordingError,))
+            if draft.exists():
+                with open(draft, "rb", buffering=0) as whole:
+                    put_in_place(whole, file)
+        except OSError as error:
+            raise unwritable(file, error, RecordingError, AGAIN) from None
+        except RecordingError as error:
+            raise _of_file(error, draft, file) from None
+        finally:
+            with suppress(OSError):  # else it would hide why writing failed
+                draft.unlink(missing_ok=True)
         return outcome
+
+
+def _of_file(error: RecordingError, draft: Path, file: Path) -> RecordingError:
+    """Return an error about a draft as one about its file, of which nothing is there."""
+    before, named, after = str(error).partition(shown_path(draft))
+    return RecordingError(f"{before}{shown_path(file)}{after.partition(';')[0]}; {AGAIN}") if named else error

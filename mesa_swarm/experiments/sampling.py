@@ -2,9 +2,8 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
 from math import prod
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from scipy.stats import qmc
@@ -61,25 +60,71 @@ class Sample:
         if self.kind == "sobol" and points & (points - 1):
             near = 1 << (points - 1).bit_length()
             raise InvalidValueError(f"points is {points}; expected a power of two for sobol, such as {near}")
+        if not isinstance(self.ranges, Mapping):
+            raise InvalidValueError(f"ranges is {shortened(self.ranges)}; expected (low, high) by parameter")
         if not 1 <= len(self.ranges) <= MOST_RANGES:
             raise InvalidValueError(f"{len(self.ranges)} ranges are given; expected 1 to {MOST_RANGES}")
 
     def settings(self, model_class: type) -> list[dict[str, Any]]:
         """Return the points as settings of a model."""
+        return list(self.points_of(model_class))
+
+    def points_of(self, model_class: type) -> "Points":
+        """Return the same without taking memory for each point."""
         known = parameters_of(model_class)
         for name in self.ranges:
             check_choice(f"parameter of {model_class.__name__}", name, known)
-        columns = [
-            _scaled(known[name], ends, shares)
+        columns = {
+            name: _scaled(known[name], ends, shares)
             for (name, ends), shares in zip(self.ranges.items(), self._shares().T, strict=True)
-        ]
-        return [dict(zip(self.ranges, row, strict=True)) for row in zip(*columns, strict=True)]
+        }
+        return Points(columns, crossed=False)
 
     def _shares(self) -> np.ndarray:
         """Return the points in the unit box, shape (points, ranges)."""
         rng = np.random.default_rng(self.rng)
         sampler = qmc.Sobol if self.kind == "sobol" else qmc.LatinHypercube
         return sampler(len(self.ranges), rng=rng).random(self.points)
+
+
+class Points(Sequence[dict[str, Any]]):
+    """Points of a grid or a sample, each made when it is asked for: a million of them take no memory.
+
+    Parameters
+    ----------
+    columns : mapping of str to sequence or array
+        Values of each parameter.
+    crossed : bool
+        Whether every value meets every other, the last name varying fastest; else the columns are read side by side.
+
+    Examples
+    --------
+    >>> list(Points({"a": [1, 2], "b": [3, 4]}, crossed=True))[1:3]
+    [{'a': 1, 'b': 4}, {'a': 2, 'b': 3}]
+    """
+
+    def __init__(self, columns: Mapping[str, Sequence | np.ndarray], *, crossed: bool) -> None:
+        self._columns, self._crossed = dict(columns), crossed
+        lengths = [len(column) for column in columns.values()]
+        self._length = prod(lengths) if crossed else min(lengths, default=0)
+
+    def __len__(self) -> int:
+        return self._length
+
+    @overload
+    def __getitem__(self, index: int) -> dict[str, Any]: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[dict[str, Any]]: ...
+
+    def __getitem__(self, index: int | slice) -> dict[str, Any] | list[dict[str, Any]]:
+        if isinstance(index, slice):
+            return [self[i] for i in range(len(self))[index]]
+        row = range(len(self))[index]
+        places = dict.fromkeys(self._columns, row)
+        for name in reversed(self._columns) if self._crossed else ():
+            row, places[name] = divmod(row, len(self._columns[name]))
+        return {name: _plain(column[places[name]]) for name, column in self._columns.items()}
 
 
 def grid(model_class: type, values: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -101,11 +146,17 @@ def grid(model_class: type, values: Mapping[str, Any]) -> list[dict[str, Any]]:
     >>> grid(find_model("fire_fighting"), {"strategy": ["A", "B"], "n_robots": [5]})
     [{'strategy': 'A', 'n_robots': 5}, {'strategy': 'B', 'n_robots': 5}]
     """
+    return list(Points(grid_columns(model_class, values), crossed=True))
+
+
+def grid_columns(model_class: type, values: Mapping[str, Any]) -> dict[str, list]:
+    """Return the checked values of each parameter of a grid, which has not too many points."""
     columns = {name: list(_values(model_class, name, listed)) for name, listed in values.items()}
     size = prod(map(len, columns.values()))
     if size > MOST_POINTS:
-        raise InvalidValueError(f"the grid has {size:.3g} points; expected at most {MOST_POINTS:,}")
-    return [dict(zip(columns, row, strict=True)) for row in product(*columns.values())]
+        shown = f"{size:,}" if size < 1e15 else "more than 1e15"
+        raise InvalidValueError(f"the grid has {shown} points; expected at most {MOST_POINTS:,}")
+    return columns
 
 
 def _values(model_class: type, name: str, listed: Any) -> Iterator[Any]:
@@ -115,16 +166,22 @@ def _values(model_class: type, name: str, listed: Any) -> Iterator[Any]:
     values = as_list(listed)
     if isinstance(values, (str, bytes)) or not isinstance(values, Sequence) or not values:
         raise InvalidValueError(f"{name} is {shortened(listed)}; expected a list of values")
-    seen: list[Any] = []
+    if len(values) > MOST_POINTS:
+        raise InvalidValueError(f"{name} has {len(values):,} values; expected at most {MOST_POINTS:,}")
+    seen: set[Any] = set()
     for value in values:
         checked = known[name].checked(value)
         if checked in seen:
             raise InvalidValueError(f"{name} has {shortened(value)} twice; expected different values")
-        seen.append(checked)
+        seen.add(checked)
         yield checked
 
 
-def _scaled(parameter: Parameter, ends: object, shares: np.ndarray) -> list[Any]:
+def _plain(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _scaled(parameter: Parameter, ends: object, shares: np.ndarray) -> np.ndarray:
     """Return shares of a range as values in it."""
     ends = as_list(ends)
     if parameter.kind not in (int, float):
@@ -134,5 +191,5 @@ def _scaled(parameter: Parameter, ends: object, shares: np.ndarray) -> list[Any]
     low, high = (parameter.checked(end) for end in ends)
     width = check_number(f"width of the range of {parameter.name}", high - low, above=0)
     if parameter.kind is float:
-        return (low + shares * width).tolist()
-    return (low + np.floor(shares * (width + 1)).astype(int)).tolist()
+        return low + shares * width
+    return low + np.floor(shares * (width + 1)).astype(int)

@@ -6,20 +6,18 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from shutil import copyfile
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import pandas as pd
 
 from mesa_swarm.experiments.compare import checked_jobs
-from mesa_swarm.experiments.experiment import Experiment, Outcome, Task, carried_out, checked_experiment
-from mesa_swarm.experiments.files import check_writable
+from mesa_swarm.experiments.experiment import FIXED, Experiment, Outcome, Task, carried_out, checked_experiment
 from mesa_swarm.experiments.ledger import Ledger
 from mesa_swarm.experiments.pool import WorkerDiedError, is_remote, on_all
 from mesa_swarm.experiments.run_records import Archive, check_options, chosen_options
 from mesa_swarm.experiments.sampling import Sample
-from mesa_swarm.experiments.sweep_table import write_table
+from mesa_swarm.experiments.sweep_table import RECORDING, write_table
+from mesa_swarm.files import check_writable
 from mesa_swarm.progress import progress_bar
 
 LEDGER = "ledger.jsonl"
@@ -27,6 +25,8 @@ TABLE = "runs.parquet"
 RECORDINGS = "recordings"
 # A run under way when its worker died is tried again beside others, and from then on alone, to see who is to blame.
 TRIES = 3
+# A table of more columns than this takes seconds to write.
+MOST_RESULTS = 5_000
 # Of runs that failed so many different reasons are told; the table has all.
 MOST_ERRORS = 3
 
@@ -153,7 +153,8 @@ def run_experiment(
     retry_failed : bool
     """
     archive = None if record is None else Archive(folder / RECORDINGS, record)
-    with Ledger(folder / LEDGER, retry_failed=retry_failed) as ledger:
+    fits = partial(_has_row, experiment)
+    with Ledger(folder / LEDGER, retry_failed=retry_failed, fits=fits) as ledger:
         before = sum(_is_done(task.key, ledger, archive) for task in experiment.tasks())
         with progress_bar(len(experiment), "runs", progress) as bar:
             bar.initial = bar.n = before
@@ -199,10 +200,17 @@ def done_before(experiment: Experiment, folder: Path, record: Mapping[str, Any] 
     if not (folder / LEDGER).exists():
         return 0
     archive = None if record is None else Archive(folder / RECORDINGS, record)
-    with TemporaryDirectory() as home:
-        copy = copyfile(folder / LEDGER, Path(home, LEDGER))  # a ledger mends itself when it is opened
-        with Ledger(copy) as ledger:
-            return sum(_is_done(task.key, ledger, archive) for task in experiment.tasks())
+    with Ledger(folder / LEDGER, read_only=True, fits=partial(_has_row, experiment)) as ledger:
+        return sum(_is_done(task.key, ledger, archive) for task in experiment.tasks())
+
+
+def _has_row(experiment: Experiment, outcome: Outcome) -> bool:
+    """Whether an outcome can be a row of the table: single numbers, named otherwise than the other columns."""
+    results = outcome.results or {}
+    taken = {*FIXED, *experiment.columns, RECORDING}
+    if len(results) > MOST_RESULTS or not results.keys().isdisjoint(taken):
+        return False
+    return not any(isinstance(value, list) for value in results.values())
 
 
 def _is_done(key: str, ledger: Ledger, archive: Archive | None) -> bool:

@@ -1,6 +1,5 @@
 """The table of a sweep, as Parquet: always the same bytes for the same outcomes, whatever the order they came in."""
 
-import os
 from collections.abc import Iterable, Iterator
 from itertools import islice
 from pathlib import Path
@@ -9,11 +8,10 @@ from typing import Any
 import pyarrow as pa
 from pyarrow import parquet
 
-from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.experiments.experiment import Experiment, Outcome, Task, shown_value
-from mesa_swarm.experiments.files import draft_of
 from mesa_swarm.experiments.ledger import Ledger
 from mesa_swarm.experiments.run_records import Archive
+from mesa_swarm.files import draft_of
 from mesa_swarm.parameters import parameters_of
 
 ROWS_AT_ONCE = 10_000
@@ -42,15 +40,9 @@ def write_table(experiment: Experiment, ledger: Ledger, path: Path, archive: Arc
     schema = _schema(experiment, ledger)
     if archive is not None:
         schema = schema.append(pa.field(RECORDING, pa.string()))
-    try:
-        with draft_of(path) as draft:
-            with parquet.ParquetWriter(draft, schema) as writer:
-                for rows in _batches(_row(*pair, archive) for pair in _done(experiment, ledger)):
-                    writer.write_table(pa.Table.from_pylist(rows, schema=schema))
-            _sync(draft)
-    except OSError as error:
-        reason = os.strerror(error.errno) if error.errno else error  # Arrow's own text is a long one
-        raise InvalidValueError(f"{path} cannot be written: {reason}; make room and sweep again") from None
+    with draft_of(path) as draft, parquet.ParquetWriter(draft, schema) as writer:
+        for rows in _batches(_row(*pair, archive) for pair in _done(experiment, ledger)):
+            writer.write_table(pa.Table.from_pylist(rows, schema=schema))
     return path
 
 
@@ -91,9 +83,3 @@ def _batches(rows: Iterable[dict]) -> Iterator[list[dict]]:
     rows = iter(rows)
     while batch := list(islice(rows, ROWS_AT_ONCE)):
         yield batch
-
-
-def _sync(path: Path) -> None:
-    """Wait until the disk has it, else a power cut after the rename could leave an empty file."""
-    with path.open("rb") as file:
-        os.fsync(file.fileno())

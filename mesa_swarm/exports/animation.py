@@ -9,13 +9,13 @@ import numpy as np
 import shapely
 from matplotlib.colors import to_hex
 
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.errors import ExportError, InvalidValueError
 from mesa_swarm.experiments import pictures
-from mesa_swarm.experiments.files import write_whole
 from mesa_swarm.exports.look import USUAL
 from mesa_swarm.exports.portraits import Portraits
 from mesa_swarm.exports.smil import Clock, number_row
 from mesa_swarm.exports.tracks import Track, tracks
+from mesa_swarm.files import write_whole
 from mesa_swarm.progress import Progress, progress_bar
 from mesa_swarm.recording.frames import Frame
 from mesa_swarm.world.shapes import Shape
@@ -48,7 +48,7 @@ def export_animation(portraits: Portraits, path: Path, steps: Sequence[int], *, 
         raise InvalidValueError(f"an animation of step {steps[0]} alone does not move; choose two steps or more")
     with progress_bar(len(steps), "frames", progress) as bar:
         frames = [_noted(portraits.frame(step), bar) for step in steps]
-    write_whole(path, Animation(portraits, frames, fps).text())
+    write_whole(path, Animation(portraits, frames, fps).text(), ExportError)
 
 
 def _noted(frame: Frame, bar: Progress) -> Frame:

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mesa_swarm.errors import ExportError, InvalidValueError, check_choice, check_number, shortened
-from mesa_swarm.experiments.files import check_writable
 from mesa_swarm.exports.animation import export_animation
 from mesa_swarm.exports.chosen import Choice
 from mesa_swarm.exports.film import check_even, export_film, ffmpeg
@@ -15,6 +14,7 @@ from mesa_swarm.exports.page import export_page
 from mesa_swarm.exports.portraits import Portraits, Rows
 from mesa_swarm.exports.stills import export_stills, still_paths
 from mesa_swarm.exports.tables import export_csv, export_parquet
+from mesa_swarm.files import check_writable, checked_place, shown_path, unwritable
 from mesa_swarm.recording.recording import Recording
 
 RANGE = ("every", "first", "last")
@@ -130,7 +130,7 @@ def export(
     try:
         return job.write(source, sheet, animate, "robots" if table is None else table)
     except OSError as error:
-        raise ExportError(f"{target} cannot be written: {error.strerror or error}") from None
+        raise unwritable(target, error, ExportError) from None
 
 
 class _Job:
@@ -199,13 +199,15 @@ def _check_permitted(path: Path, asked: set[str], animate: bool) -> None:
 
 def _check_free(paths: Sequence[Path] | dict, overwrite: bool) -> None:
     for path in paths:
-        if path.is_dir():
-            raise ExportError(f"{path} is a folder; expected the name of a file")
-        if path.exists() and not overwrite:
+        try:
+            checked_place(path)
+        except OSError as error:
+            raise unwritable(path, error, ExportError, "choose another name") from None
+        if os.path.lexists(path) and not overwrite:
             raise ExportError(
-                f"{path} exists already; choose another name, or replace it with overwrite=True (--force)"
+                f"{shown_path(path)} exists already; choose another name, or replace it with overwrite=True (--force)"
             )
     for folder in {path.parent for path in paths}:
         if not folder.is_dir():
-            raise ExportError(f"there is no folder {folder}; make it first, or choose another place")
+            raise ExportError(f"there is no folder {shown_path(folder)}; make it first, or choose another place")
         check_writable(folder)

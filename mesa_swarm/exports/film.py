@@ -9,10 +9,10 @@ from typing import IO, cast
 import numpy as np
 
 from mesa_swarm.errors import ExportError, InvalidValueError
-from mesa_swarm.experiments.files import draft_of
 from mesa_swarm.exports.look import Look
 from mesa_swarm.exports.portraits import Portraits
 from mesa_swarm.exports.screen import Screen, film_frames
+from mesa_swarm.files import draft_of
 
 # yuv420p is the one that every player shows; faststart lets browsers begin before all is loaded.
 ENCODING = ["-c:v", "libx264", "-preset", "veryfast", "-crf", "20", "-pix_fmt", "yuv420p"]
@@ -47,7 +47,7 @@ def export_film(
     program = ffmpeg()
     check_even(look)
     screen = Screen(portraits, look)
-    with draft_of(path) as draft:
+    with draft_of(path, ExportError) as draft:
         command = [program, "-y", "-v", "error", *_input(screen.size, fps), *ENCODING, *CONTAINER, str(draft)]
         _encode(command, film_frames(screen, steps, progress), path)
 

@@ -7,11 +7,12 @@ import numpy as np
 from matplotlib.colors import to_rgb
 from PIL import GifImagePlugin, Image, ImageChops
 
+from mesa_swarm.errors import ExportError
 from mesa_swarm.experiments import pictures
-from mesa_swarm.experiments.files import draft_of
 from mesa_swarm.exports.look import Look
 from mesa_swarm.exports.portraits import Portraits
 from mesa_swarm.exports.screen import EDGE, PAPER, Screen, film_frames
+from mesa_swarm.files import draft_of
 
 END = b";"
 KEEP = 1
@@ -37,7 +38,7 @@ def export_gif(
         Whether to show a bar.
     """
     screen = Screen(portraits, look)
-    with draft_of(path) as draft, draft.open("wb") as file:
+    with draft_of(path, ExportError) as draft, draft.open("wb") as file:
         for part in _parts(film_frames(screen, steps, progress), 10 * round(100 / fps)):
             file.write(part)
 

@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from mesa_swarm.experiments.files import write_whole
+from mesa_swarm.errors import ExportError
+from mesa_swarm.files import write_whole
 from mesa_swarm.recording.recording import Recording
 
 
@@ -10,4 +11,4 @@ def export_page(recording: Recording, path: Path) -> None:
     """Write a page that plays a recording in any browser, whole or not at all."""
     from mesa_swarm.viewing.replay_page import replay_page  # noqa: PLC0415 - pictures and tables do without it
 
-    write_whole(path, replay_page(recording))
+    write_whole(path, replay_page(recording), ExportError)

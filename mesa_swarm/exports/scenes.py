@@ -2,9 +2,9 @@
 
 import math
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from operator import attrgetter
+from operator import attrgetter, itemgetter
 from typing import cast
 
 import numpy as np
@@ -14,13 +14,12 @@ from mesa_swarm.experiments.recording_commands import class_of
 from mesa_swarm.model import SwarmModel
 from mesa_swarm.recording.frames import Frame, Rows
 from mesa_swarm.recording.layout import Chunk, Layout
-from mesa_swarm.recording.provenance import rebuilt
+from mesa_swarm.recording.provenance import map_of, rebuilt
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.scenery import scenery_of
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.sensors import ProximitySensor
 from mesa_swarm.world.form import Form
-from mesa_swarm.world.map import Map
 from mesa_swarm.world.map_parts import Bounds
 from mesa_swarm.world.shapes import Shape, disc, polygon
 
@@ -62,7 +61,7 @@ class Scene:
         Of the loads, by unique_id.
     designs : tuple of RobotDesign
         The last one is that of robots of whom nothing is known.
-    robots : dict
+    robots : mapping
         By unique_id, the radius and the place of the design among `designs`.
     start : Frame or None
         What the first row would be, had the state before the first step been recorded.
@@ -75,13 +74,40 @@ class Scene:
     settings: tuple[Setting, ...]
     forms: dict[int, Form]
     designs: tuple[RobotDesign, ...]
-    robots: dict[int, tuple[float, int]]
+    robots: Mapping[int, tuple[float, int]]
     start: Frame | None
     note: str
 
     def at(self, step: int) -> Setting:
         """Return the setting of a step."""
         return self.settings[max(bisect_right(self.settings, step, key=attrgetter("step")) - 1, 0)]
+
+
+class Bodies(Mapping[int, tuple[float, int]]):
+    """The radius and the design of each robot, by unique_id, looked up in the runs of a scenery.
+
+    Examples
+    --------
+    >>> bodies = Bodies([[3, 5, 0], [8, 1_000_000_000, 1]], radii=[5.0, 7.0])
+    >>> bodies[4], bodies[8], bodies.get(6)
+    ((5.0, 0), (7.0, 1), None)
+    """
+
+    def __init__(self, runs: Sequence[Sequence[int]], radii: Sequence[float]) -> None:
+        self._runs, self._radii = runs, radii
+
+    def __getitem__(self, robot: int) -> tuple[float, int]:
+        place = bisect_right(self._runs, robot, key=itemgetter(0)) - 1
+        first, last, which = self._runs[place] if place >= 0 else (0, -1, 0)
+        if not first <= robot <= last:
+            raise KeyError(robot)
+        return self._radii[which], which
+
+    def __iter__(self) -> Iterator[int]:
+        return (one for first, last, _ in self._runs for one in range(first, last + 1))
+
+    def __len__(self) -> int:
+        return sum(last - first + 1 for first, last, _ in self._runs)
 
 
 def scene_of(recording: Recording) -> Scene:
@@ -138,7 +164,7 @@ def _made_again(recording: Recording) -> SwarmModel | None:
 
 def _told(recording: Recording, sceneries: Sequence[tuple[int, dict]], join: float) -> tuple:
     """Return bounds, settings, forms, designs and robots as sceneries tell them."""
-    world = Map.from_toml(recording.provenance["map"], "the recording's map")
+    world = map_of(recording.provenance)
     if not sceneries:
         return world.bounds, (Setting(step=0, obstacles=world.obstacles, leave=np.inf, join=np.inf),), {}, (), {}
     try:
@@ -146,10 +172,9 @@ def _told(recording: Recording, sceneries: Sequence[tuple[int, dict]], join: flo
         _, told = sceneries[0]  # robots and loads are the same in all
         forms = {one["id"]: Form.of(_shape(one)) for one in told["loads"]}
         designs = tuple(_design(one) for one in told["designs"])
-        runs = [(range(first, last + 1), which) for first, last, which in told["robots"]]
-        robots = {one: (designs[which].radius, which) for ids, which in runs for one in ids}
-    except (KeyError, TypeError, ValueError, IndexError, AttributeError):
-        raise RecordingError(f"{recording.path} does not say clearly what its world looks like") from None
+        robots = Bodies(told["robots"], [design.radius for design in designs])
+    except SwarmError as error:
+        raise RecordingError(f"{recording.path} does not say clearly what its world looks like: {error}") from None
     return world.bounds, settings, forms, designs, robots
 
 
@@ -193,7 +218,7 @@ def _frame_of(recording: Recording, model: SwarmModel) -> Frame:
     return Rows(chunk.batch(1))[0]
 
 
-def _note(recording: Recording, known: dict, told: bool) -> str:
+def _note(recording: Recording, known: Mapping, told: bool) -> str:
     """Say what cannot be drawn as it was."""
     if not told:
         return (

@@ -7,11 +7,12 @@ from pathlib import Path
 import matplotlib
 from matplotlib.figure import Figure
 
-from mesa_swarm.experiments.files import write_whole
+from mesa_swarm.errors import ExportError
 from mesa_swarm.experiments.pictures import DOTS_PER_INCH, png, world_figure
 from mesa_swarm.exports.look import Look
 from mesa_swarm.exports.portraits import Portraits
 from mesa_swarm.exports.trails import draw_trails
+from mesa_swarm.files import write_whole
 from mesa_swarm.progress import progress_bar
 
 
@@ -43,7 +44,7 @@ def export_stills(portraits: Portraits, files: dict[Path, list[int]], look: Look
     with progress_bar(len(files), "pictures", progress) as bar:
         for path, steps in files.items():
             figure = still_figure(portraits, steps, look)
-            write_whole(path, svg(figure) if path.suffix.lower() == ".svg" else png(figure))
+            write_whole(path, svg(figure) if path.suffix.lower() == ".svg" else png(figure), ExportError)
             bar.update(1)
 
 

@@ -8,9 +8,9 @@ import pandas as pd
 import pyarrow as pa
 from pyarrow import parquet
 
-from mesa_swarm.errors import ExportWarning
-from mesa_swarm.experiments.files import draft_of
+from mesa_swarm.errors import ExportError, ExportWarning
 from mesa_swarm.exports.portraits import Rows
+from mesa_swarm.files import draft_of
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.frames import table_of
 
@@ -31,7 +31,7 @@ def export_csv(rows: Rows, path: Path, steps: Sequence[int], table: str, progres
     progress : bool
         Whether to show a bar.
     """
-    with draft_of(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
+    with draft_of(path, ExportError) as draft, draft.open("w", newline="", encoding="utf-8") as file:
         for number, piece in enumerate(pieces(rows, steps, table, progress)):
             piece.to_csv(file, index=False, header=number == 0, lineterminator="\n")
 
@@ -40,7 +40,7 @@ def export_parquet(rows: Rows, path: Path, steps: Sequence[int], table: str, pro
     """Write a table as Parquet, whole or not at all; parameters as for `export_csv`."""
     found = pieces(rows, steps, table, progress)
     first = pa.Table.from_pandas(next(found), preserve_index=False)
-    with draft_of(path) as draft, parquet.ParquetWriter(draft, first.schema, compression="zstd") as writer:
+    with draft_of(path, ExportError) as draft, parquet.ParquetWriter(draft, first.schema, compression="zstd") as writer:
         writer.write_table(first)
         for piece in found:
             writer.write_table(pa.Table.from_pandas(piece, first.schema, preserve_index=False))

@@ -45,7 +45,11 @@ class FireConstants:
     remarks: tuple[str, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
-        """Check every value."""
+        """Check every value; other kinds of numbers become floats, which kernels take."""
+        for name in ("k1", "k2", "k3", "k4", "leave", "join"):
+            value = getattr(self, name)
+            if not isinstance(value, (int, float)):
+                object.__setattr__(self, name, check_number(name, value))
         check_number("k1", self.k1, above=0, maximum=1e6)
         check_number("k2", self.k2, above=0, maximum=LONGEST)
         check_number("k3", self.k3, minimum=0, maximum=1e6)
@@ -109,15 +113,15 @@ def design_constants(
     >>> round(constants.k2, 5)
     0.01109
     """
-    check_number("growth_time", growth_time, above=0, maximum=LONGEST)
-    check_number("robots", robots, above=0, maximum=1e9)
-    check_number("extinguish_time", extinguish_time, above=0, maximum=LONGEST)
-    check_number("initial_temperature", initial_temperature, above=0, maximum=1)
-    check_number("largest_area", largest_area, above=0, maximum=LONGEST)
-    check_number("area", area, above=0, maximum=largest_area)
-    check_number("balance_temperature", balance_temperature, above=0, maximum=0.999999)
-    check_number("stay_time", stay_time, above=0, maximum=LONGEST)
-    check_number("rest_time", rest_time, above=0, maximum=LONGEST)
+    growth_time = check_number("growth_time", growth_time, above=0, maximum=LONGEST)
+    robots = check_number("robots", robots, above=0, maximum=1e9)
+    extinguish_time = check_number("extinguish_time", extinguish_time, above=0, maximum=LONGEST)
+    initial_temperature = check_number("initial_temperature", initial_temperature, above=0, maximum=1)
+    largest_area = check_number("largest_area", largest_area, above=0, maximum=LONGEST)
+    area = check_number("area", area, above=0, maximum=largest_area)
+    balance_temperature = check_number("balance_temperature", balance_temperature, above=0, maximum=0.999999)
+    stay_time = check_number("stay_time", stay_time, above=0, maximum=LONGEST)
+    rest_time = check_number("rest_time", rest_time, above=0, maximum=LONGEST)
     k1 = math.log(2) / growth_time
     # E / (E - 1), written so that it neither overflows for long times nor cancels for short ones.
     share = -1.0 / math.expm1(-k1 * extinguish_time)

@@ -224,6 +224,10 @@ class History:
         row[:, self._places] = temperature, np.where(out, -1, robots)
         self._rows.append(row)
 
+    def forget(self, rows: int) -> None:
+        """Keep the last so many rows only."""
+        del self._steps[: max(0, len(self._steps) - rows)], self._rows[: max(0, len(self._rows) - rows)]
+
     @property
     def steps(self) -> np.ndarray:
         """The steps of the rows, shape (k,)."""

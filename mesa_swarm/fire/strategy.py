@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mesa_swarm.errors import check_choice, check_number
+from mesa_swarm.errors import check_choice, check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.steering import approach
@@ -51,6 +51,7 @@ class FightFire:
 
     def __post_init__(self) -> None:
         """Check the parameters."""
+        check_name("name", self.name)
         check_choice("strategy", self.strategy, STRATEGIES)
         check_number("critical_angle_degrees", self.critical_angle_degrees, minimum=0, maximum=180)
 

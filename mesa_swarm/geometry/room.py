@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
@@ -9,6 +10,11 @@ import shapely
 from mesa_swarm.errors import InvalidValueError, shortened
 
 Bounds = tuple[float, float, float, float]
+# Beyond so many solids, or pairs of them whose boxes overlap once grown, their union takes seconds or minutes.
+MOST_UNITED = 2_000
+MOST_OVERLAPS = 50_000
+# How many of the largest solids points are tried against before all.
+STAGES = (30, 500, None)
 
 
 def outside(quarter_segments: int) -> float:
@@ -50,24 +56,104 @@ def room_for_disc(
     >>> room_for_disc((0, 0, 100, 50), [], 5.0, 16).area
     3600.0
     """
-    x_min, y_min, x_max, y_max = bounds
     geometries, radii = zip(*solids, strict=True) if solids else ((), ())
     _check_valid(geometries)
+    inner = _inner(bounds, radius)
+    if not solids or inner.is_empty:
+        return inner
+    return inner.difference(shapely.union_all(_grown(geometries, radii, radius, quarter_segments)))
+
+
+@dataclass(frozen=True, slots=True)
+class Crowded:
+    """Where the centre of a disc may be among very many solids, of which no union is made: points are tried.
+
+    Parameters
+    ----------
+    inner : shapely Polygon
+        The bounds, shrunk by the disc's radius.
+    trees : tuple of shapely.STRtree
+        Of the solids, grown by the disc's radius: of the largest, of more, and of all.
+
+    Examples
+    --------
+    >>> room = Crowded(shapely.box(0, 0, 9, 9), (shapely.STRtree([shapely.box(0, 0, 5, 9)]),))
+    >>> room.holds(np.array([(2, 2), (7, 2)]))
+    array([False,  True])
+    """
+
+    inner: shapely.Polygon
+    trees: tuple[shapely.STRtree, ...]
+
+    def holds(self, points: np.ndarray) -> np.ndarray:
+        """Return of each point, shape (n, 2), whether it is free."""
+        free = shapely.contains_xy(self.inner, points)
+        for tree in self.trees:  # most points are seen to be taken by the first, which is quick
+            among = np.flatnonzero(free)
+            free[among[tree.query(shapely.points(points[among]), predicate="intersects")[0]]] = False
+        return free
+
+
+def room_to_try(
+    bounds: Bounds, solids: Sequence[tuple[shapely.Geometry, float]], radius: float, quarter_segments: int
+) -> shapely.Geometry | Crowded:
+    """Return what `room_for_disc` does, but a `Crowded` room where that would take very long.
+
+    Examples
+    --------
+    >>> room_to_try((0, 0, 100, 50), [], 5.0, 16).area
+    3600.0
+    >>> type(room_to_try((0, 0, 100, 50), [(shapely.Point(9, 9), 1.0)] * 3000, 5.0, 16)).__name__
+    'Crowded'
+    """
+    inner = _inner(bounds, radius)
+    if inner.is_empty or not _is_crowded(solids, radius):
+        return room_for_disc(bounds, solids, radius, quarter_segments)
+    geometries, radii = zip(*solids, strict=True)
+    _check_valid(geometries)
+    alike = {(content, own): i for i, (content, own) in enumerate(zip(shapely.to_wkb(geometries), radii, strict=True))}
+    chosen = list(alike.values())
+    grown = _grown(np.array(geometries)[chosen], np.array(radii)[chosen], radius, quarter_segments)
+    largest_first = grown[np.argsort(-shapely.area(grown), kind="stable")]
+    return Crowded(inner, tuple(shapely.STRtree(largest_first[:n]) for n in STAGES))
+
+
+def _inner(bounds: Bounds, radius: float) -> shapely.Polygon:
+    """Return where the centre may be for all that the border minds."""
+    x_min, y_min, x_max, y_max = bounds
     if x_max - x_min <= 2 * radius or y_max - y_min <= 2 * radius:
         return shapely.Polygon()
-    inner = shapely.box(x_min + radius, y_min + radius, x_max - radius, y_max - radius)
-    if not solids:
-        return inner
-    grown = shapely.buffer(
-        geometries, (np.array(radii) + radius) * outside(quarter_segments), quad_segs=quarter_segments
+    return shapely.box(x_min + radius, y_min + radius, x_max - radius, y_max - radius)
+
+
+def _grown(
+    geometries: Sequence[shapely.Geometry] | np.ndarray,
+    radii: Sequence[float] | np.ndarray,
+    radius: float,
+    quarter_segments: int,
+) -> np.ndarray:
+    return shapely.buffer(
+        geometries, (np.asarray(radii) + radius) * outside(quarter_segments), quad_segs=quarter_segments
     )
-    return inner.difference(shapely.union_all(grown))
+
+
+def _is_crowded(solids: Sequence[tuple[shapely.Geometry, float]], radius: float) -> bool:
+    if len(solids) > MOST_UNITED:
+        return True
+    if len(solids) * (len(solids) - 1) // 2 <= MOST_OVERLAPS:
+        return False
+    geometries, radii = zip(*solids, strict=True)
+    reach = (np.array(radii) + radius)[:, None] * (-1.0, -1.0, 1.0, 1.0)
+    boxes = shapely.box(*(shapely.bounds(geometries) + reach).T)
+    return (shapely.STRtree(boxes).query(boxes).shape[1] - len(boxes)) // 2 > MOST_OVERLAPS
 
 
 def _check_valid(geometries: Sequence[object]) -> None:
-    for geometry in geometries:
-        if not (shapely.is_geometry(geometry) and shapely.is_valid(geometry)):
-            raise InvalidValueError(f"solids holds {shortened(geometry)}; expected valid Shapely geometries")
+    good = shapely.is_geometry(geometries)
+    good &= shapely.is_valid([geometry if one else None for geometry, one in zip(geometries, good, strict=True)])
+    if not good.all():
+        wrong = geometries[int(np.argmin(good))]
+        raise InvalidValueError(f"solids holds {shortened(wrong)}; expected valid Shapely geometries")
 
 
 def part_around(space: shapely.Geometry, point: np.ndarray, slack: float) -> shapely.Geometry | None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import LearningError, check_count, check_flag, check_number
+from mesa_swarm.errors import LearningError, check_count, check_flag, check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import best_of, chosen
 from mesa_swarm.learning.keeping import Keeper
@@ -75,6 +75,7 @@ class LearnFires(Keeper):
 
     def __post_init__(self) -> None:
         """Check the parameters."""
+        check_name("name", self.name)
         for name in ("arrival", "put_out", "step_cost"):
             check_number(name, getattr(self, name), minimum=0, maximum=LARGEST_REWARD)
         for name in ("alpha", "beta"):

@@ -6,7 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import InvalidValueError, LearningError, check_choice, check_flag, check_number, shortened
+from mesa_swarm.errors import (
+    InvalidValueError,
+    LearningError,
+    check_choice,
+    check_flag,
+    check_name,
+    check_number,
+    shortened,
+)
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import ranges_of
 from mesa_swarm.learning.keeping import Keeper
@@ -96,6 +104,7 @@ class HebbianLearning(Keeper):
 
     def __post_init__(self) -> None:
         """Check the parameters."""
+        check_name("name", self.name)
         check_choice("reward", self.reward, REWARDS)
         check_number("eta", self.eta, minimum=0, maximum=1)
         check_number("trace", self.trace, minimum=0, maximum=0.999)
@@ -195,8 +204,9 @@ class HebbianLearning(Keeper):
         if self.frozen:
             tried.fill(0.0)
             return
-        fresh = self.jitter * math.sqrt(1.0 - self.persistence**2)
-        tried[:] = self.persistence * tried + fresh * self._rng.normal(size=tried.shape)
+        persistence = float(self.persistence)
+        fresh = float(self.jitter) * math.sqrt(1.0 - persistence**2)
+        tried[:] = persistence * tried + fresh * self._rng.normal(size=tried.shape)
 
     def _check_start(self) -> None:
         if self.start is not None:

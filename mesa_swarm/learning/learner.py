@@ -152,7 +152,7 @@ class Learner(Keeper):
             tuple(map(self._column, ("reward", "temperature", "bumps"))),
             self._rng.random(len(inputs)),
             REWARDS.index(self.reward),
-            (float(self.alpha * self.eta), float(self.gamma), float(self.critical)),
+            (float(self.alpha) * float(self.eta), float(self.gamma), float(self.critical)),
             (float(self.beta), float(self._hottest), float(self.last_temperature)),
             (float(self.bump_rate), 1.0 / self.bump_window, float(self.bump_distance)),
             (bool(self.shared), bool(self.self_adjusting), bool(self.frozen)),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import BehaviourError, InvalidValueError, LearningError, shortened
+from mesa_swarm.errors import BehaviourError, InvalidValueError, LearningError, check_flag, check_name, shortened
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.reasons import Moment, Reason
@@ -249,7 +249,10 @@ class PolicyLayer:
 
     def __post_init__(self) -> None:
         """Check the policy."""
+        check_name("name", self.name)
         check_policy(self.policy, "act")
+        for flag in ("greedy", "explore"):
+            check_flag(flag, getattr(self, flag))
         if not self.policy.steps and not self.explore:
             raise LearningError("the policy is untrained; train it first, or let it explore with explore=True")
 

@@ -1,30 +1,35 @@
 """Policies as files: saved whole, and read without ever running what is in them."""
 
 import json
+import math
 import os
-import uuid
+import struct
 import zipfile
-from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, LearningError, check_count, check_number, shortened
+from mesa_swarm.files import draft_of
 from mesa_swarm.learning.policy import Policy, SensorLayout, check_policy
 from mesa_swarm.learning.q_policy import QPolicy
 from mesa_swarm.learning.reflex_policy import ReflexPolicy
 from mesa_swarm.learning.wire_policy import WirePolicy
+from mesa_swarm.robots.design import MOST_SENSORS
 
 FORMAT = "mesa_swarm policy 1"
 HEADER = "header"
 # Who reads what: a family of policies that is to be kept in files has its line here.
 FAMILIES: dict[str, type[Policy]] = {family.family: family for family in (QPolicy, ReflexPolicy, WirePolicy)}
 # A policy of 1,000 robots takes 13 MB; what is far beyond that is none.
-LARGEST_BYTES = 1 << 28
+LARGEST_BYTES = 1 << 27
 LONGEST_HEADER = 1 << 20
 MOST_ARRAYS = 64
+# How a ZIP archive without a comment ends: sizes and places of its list of contents, which is read as a whole.
+END, LARGEST_LIST = struct.Struct("<4s4H2LH"), 1 << 20
+LONGEST_MESSAGE = 300
 
 
 def save_policy(policy: Policy, path: str | os.PathLike[str]) -> Path:
@@ -68,11 +73,13 @@ def save_policy(policy: Policy, path: str | os.PathLike[str]) -> Path:
         "settings": policy.settings(),
     }
     try:
-        _write_whole(file, json.dumps(header, allow_nan=False, default=_number), policy.arrays())
-    except OSError as error:
-        raise LearningError(f"{file} cannot be written: {error.strerror or error}") from None
+        text = json.dumps(header, allow_nan=False, default=_number)
     except (TypeError, ValueError):
         raise LearningError("the policy's training holds what is no text or finite number; leave it out") from None
+    # Any: NumPy's own option is among the names to a type checker.
+    contents: dict[str, Any] = {HEADER: np.frombuffer(text.encode(), np.uint8), **policy.arrays()}
+    with draft_of(file, LearningError, folders=False) as draft, draft.open("wb") as part:
+        np.savez_compressed(part, **contents)
     return file
 
 
@@ -86,16 +93,17 @@ def load_policy(path: str | os.PathLike[str]) -> Policy:
     """
     file = _file_of(path)
     try:
+        _check_list(file)
         with zipfile.ZipFile(file) as archive:
             _check_members(file, archive)
         with np.load(file, allow_pickle=False) as found:
             arrays = {name: found[name] for name in found.files}
     except FileNotFoundError:
-        raise LearningError(f"there is no policy {file}; save one with save_policy") from None
+        raise LearningError(f"there is no policy {_shown(file)}; save one with save_policy") from None
     except LearningError:
         raise
     except OSError as error:
-        raise LearningError(f"{file} cannot be read: {error.strerror or error}") from None
+        raise LearningError(f"{_shown(file)} cannot be read: {error.strerror or error}") from None
     except Exception as error:  # of zip, zlib and NumPy, as many kinds as there are kinds of damage
         raise _refusal(file, f"it is damaged ({type(error).__name__})") from None
     return _policy_of(file, _header_of(file, arrays), arrays)
@@ -121,19 +129,24 @@ def _policy_of(file: Path, header: dict, arrays: dict[str, np.ndarray]) -> Polic
     if not isinstance(family, str) or family not in FAMILIES:
         raise _refusal(file, f"its family is {shortened(family)}; known: {', '.join(FAMILIES)}")
     for name, array in arrays.items():
-        if array.dtype != np.float64 or not np.isfinite(array).all():
+        if not isinstance(array, np.ndarray) or array.dtype != np.float64 or not np.isfinite(array).all():
             raise _refusal(file, f"its {shortened(name)} holds other things than finite numbers")
     try:
         sensors = _sensors_of(header["sensors"])
         steps = check_count("steps", header["steps"], maximum=2**62)
         training, settings = _plain(header["training"]), _plain(header["settings"])
         return FAMILIES[family].restored(sensors, steps, training, settings, arrays)
-    except (KeyError, TypeError, ValueError) as error:
-        raise _refusal(file, f"{error}" if isinstance(error, ValueError) else "its header is incomplete") from None
+    except (KeyError, TypeError) as error:
+        raise _refusal(file, f"its header is incomplete ({type(error).__name__})") from None
+    except (ArithmeticError, AttributeError, LookupError, ValueError) as error:
+        raise _refusal(file, str(error) or type(error).__name__) from None
 
 
 def _sensors_of(rows: dict) -> SensorLayout:
     names = ("bearings", "ranges", "fields_of_view")
+    for name in names:
+        if not isinstance(rows[name], list) or len(rows[name]) > MOST_SENSORS:
+            raise ValueError(f"its {name} are not a list of at most {MOST_SENSORS} numbers")
     layout = SensorLayout(*(tuple(check_number(name, v) for v in rows[name]) for name in names))
     if len({len(rows[name]) for name in names}) > 1:
         raise ValueError("its sensors are not as many bearings as ranges and fields of view")
@@ -149,7 +162,7 @@ def _plain(values: dict) -> dict:
 
 def _header_of(file: Path, arrays: dict[str, np.ndarray]) -> dict:
     raw = arrays.pop(HEADER, None)
-    if raw is None or raw.dtype != np.uint8 or raw.ndim != 1 or raw.size > LONGEST_HEADER:
+    if not isinstance(raw, np.ndarray) or raw.dtype != np.uint8 or raw.ndim != 1 or raw.size > LONGEST_HEADER:
         raise _refusal(file, "it has no header")
     try:
         header = json.loads(raw.tobytes())
@@ -167,20 +180,40 @@ def _check_members(file: Path, archive: zipfile.ZipFile) -> None:
         raise _refusal(file, f"it unpacks to more than {MOST_ARRAYS} arrays or {LARGEST_BYTES >> 20} MB")
     if len({member.filename for member in members}) < len(members):
         raise _refusal(file, "it holds two arrays of one name")
+    for member in members:
+        with archive.open(member) as part:
+            _check_shape(file, part, member.file_size)
+
+
+def _check_list(file: Path) -> None:
+    """Refuse what is no file, or too large, or lists more contents than can be looked through."""
+    size = file.stat().st_size
+    if not file.is_file():
+        raise LearningError(f"{_shown(file)} cannot be read: it is a folder or device; expected a file")
+    if size > LARGEST_BYTES:
+        raise _refusal(file, f"it unpacks to more than {LARGEST_BYTES >> 20} MB")
+    with file.open("rb") as content:
+        content.seek(max(size - END.size, 0))
+        end = content.read(END.size)
+    if len(end) < END.size or not end.startswith(b"PK\5\6") or END.unpack(end)[5] > LARGEST_LIST:
+        raise _refusal(file, "it is damaged, or no file of arrays")
+
+
+def _check_shape(file: Path, part: IO[bytes], size: int) -> None:
+    """Refuse an array that claims to be larger than the file: memory would be taken for it."""
+    version = np.lib.format.read_magic(part)
+    read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}[version]
+    shape, _, dtype = read(part)
+    if math.prod(shape) * max(dtype.itemsize, 1) > size:
+        raise _refusal(file, f"it holds an array of shape {shortened(shape)}, which is larger than the file")
+
+
+def _shown(file: Path) -> str:
+    """Return a file's name on one line that is not too long."""
+    text = "".join(letter if letter.isprintable() else "?" for letter in str(file))
+    return text if len(text) <= 120 else "..." + text[-117:]
 
 
 def _refusal(file: Path, why: str) -> LearningError:
-    return LearningError(f"{file} is no policy that can be used: {' '.join(why.split())[:300]}")
-
-
-def _write_whole(file: Path, header: str, arrays: dict[str, np.ndarray]) -> None:
-    draft = file.with_name(f".{uuid.uuid4().hex}.draft")
-    # Any: NumPy's own option is among the names to a type checker.
-    contents: dict[str, Any] = {HEADER: np.frombuffer(header.encode(), np.uint8), **arrays}
-    try:
-        with draft.open("wb") as part:
-            np.savez_compressed(part, **contents)
-        os.replace(draft, file)
-    finally:
-        with suppress(OSError):
-            draft.unlink(missing_ok=True)
+    text = f"{_shown(file)} is no policy that can be used: {' '.join(why.split())}"
+    return LearningError(text[:LONGEST_MESSAGE])

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mesa_swarm.control.layer import Senses
+from mesa_swarm.errors import check_name
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, best_of, checked_actions, chosen, write_inputs
 from mesa_swarm.learning.learner import Learner, cool, is_bounded
@@ -95,6 +96,7 @@ class QLearning(Learner):
 
     def __post_init__(self) -> None:
         """Check the parameters."""
+        check_name("name", self.name)
         checked_actions(self.actions)
         self._check_rates()
         self._check_start(QPolicy, self.actions)

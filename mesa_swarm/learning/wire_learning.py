@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import check_count, check_number
+from mesa_swarm.errors import check_count, check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import best_of, chosen, write_inputs
 from mesa_swarm.learning.learner import LARGEST, Learner, cool, is_bounded
@@ -57,6 +57,7 @@ self_adjusting, bump_rate, bump_window, bump_distance, frozen
 
     def __post_init__(self) -> None:
         """Check the parameters."""
+        check_name("name", self.name)
         check_count("wires", self.wires, minimum=1, maximum=len(STARTS))
         check_number("jitter", self.jitter, minimum=0, maximum=10)
         self._check_rates()
@@ -84,7 +85,7 @@ self_adjusting, bump_rate, bump_window, bump_distance, frozen
             If what a robot is to learn lies beyond all bounds; all that it learned before is kept.
         """
         known = self._known(senses)
-        errors = self.jitter * self._rng.normal(size=(len(layer), 2))
+        errors = float(self.jitter) * self._rng.normal(size=(len(layer), 2))
         self._end_lesson(learn_wires(*known, errors, self.wires, command, layer, index))
 
     def worth(self, row: int) -> list[tuple[str, float]]:

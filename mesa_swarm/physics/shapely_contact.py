@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
-from shapely import MultiPoint, Point, STRtree
+from shapely import Point, Polygon, STRtree
+from shapely.geometry.polygon import orient
 
 from mesa_swarm.physics.contact import (
     MOST_PUSHES,
@@ -19,6 +20,7 @@ from mesa_swarm.physics.contact import (
 )
 from mesa_swarm.physics.motion import advance, count_pieces
 from mesa_swarm.physics.shapely_solids import Solids
+from mesa_swarm.physics.standing import ON_FACE
 from mesa_swarm.world.statics import ROBOT
 
 # A robot is pushed by others at most this share of its radius at once.
@@ -169,8 +171,29 @@ def _touch_of_polygon(point: Point, radius: float, solids: Solids, p: int) -> To
     outline = solids.polygons[p].boundary
     gap, way = outline.distance(point), shapely.shortest_line(outline, point)
     nearest, centre = shapely.get_coordinates(way)
-    flat = not MultiPoint(shapely.get_coordinates(outline)).intersects(Point(nearest))
-    return Touch(radius - gap, (centre - nearest) / gap, flat, solids.polygon_body[p], solids.polygon_owner[p])
+    flat = not (shapely.get_coordinates(outline) == nearest).all(axis=1).any()
+    if gap > ON_FACE * radius or (gap > 0.0 and not flat):
+        normal = (centre - nearest) / gap
+    else:
+        normal = way_out(solids.polygons[p], point)
+        gap = normal @ (centre - nearest)
+    return Touch(radius - gap, normal, bool(flat), solids.polygon_body[p], solids.polygon_owner[p])
+
+
+def way_out(polygon: Polygon, point: Point) -> np.ndarray:
+    """Return the unit vector out of a polygon across the edge that is nearest to a point.
+
+    Examples
+    --------
+    >>> (way_out(shapely.box(0, 0, 4, 4), Point(4, 1)) + 0.0).tolist()  # no negative zero
+    [1.0, 0.0]
+    """
+    solid = orient(polygon)
+    rings = [shapely.get_coordinates(ring) for ring in (solid.exterior, *solid.interiors)]
+    edges = np.concatenate([np.stack([ring[:-1], ring[1:]], axis=1) for ring in rings])
+    begin, end = edges[shapely.distance(shapely.linestrings(edges), point).argmin()]
+    ahead = (end - begin) / Point(begin).distance(Point(end))
+    return np.array([ahead[1], -ahead[0]])
 
 
 def _touch_of_disc(point: Point, radius: float, solids: Solids, k: int) -> Touch:

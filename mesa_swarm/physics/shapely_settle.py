@@ -52,6 +52,18 @@ def is_free(places: np.ndarray, radius: float, solids: Solids) -> np.ndarray:
     return solids.gaps(places) >= radius - SLOP * radius
 
 
+def is_on_map(places: np.ndarray, bounds: tuple[float, ...]) -> np.ndarray:
+    """Return whether each of these places is within the map.
+
+    Examples
+    --------
+    >>> is_on_map(np.array([[3.0, 4.0], [3.0, 11.0]]), (0, 0, 10, 10)).tolist()
+    [True, False]
+    """
+    inside = (places >= bounds[:2]) & (places <= bounds[2:])
+    return np.logical_and.reduce(inside, axis=1)
+
+
 def is_apart(i: int, places: np.ndarray, position: np.ndarray, radius: np.ndarray) -> np.ndarray:
     """Return whether robot i, were it at each of these places, would overlap no other."""
     others = np.arange(len(radius)) != i
@@ -71,7 +83,8 @@ def find_room(
 ) -> bool:
     """Move robot i to the first free place on growing rings around it and return whether there is one."""
     for places in rings(position[i].copy(), radius[i], bounds):
-        free = is_free(places, radius[i], solids)
+        # What is solid about the outside ends somewhere; beyond that there is no room either.
+        free = is_on_map(places, bounds) & is_free(places, radius[i], solids)
         if apart:
             free &= is_apart(i, places, position, radius)
         if free.any():

@@ -7,6 +7,10 @@ from mesa_swarm.geometry.grid import cell_index
 from mesa_swarm.geometry.overlap import nearest_on_segment
 from mesa_swarm.world.statics import BORDER
 
+# A centre nearer to a flat face than this share of its radius is on it, on whichever side rounding puts it: a load
+# that comes half a radius towards a robot that goes half a radius towards it.
+ON_FACE = 1e-6
+
 
 @compiled
 def deepest_static(x, y, radius, statics):
@@ -54,11 +58,12 @@ def edge_overlap(x, y, radius, edges, e):
     gap = math.sqrt(dx * dx + dy * dy)
     if gap >= radius:
         return 0.0, 0.0, 0.0, False
-    if gap > 0.0:
+    if gap > ON_FACE * radius or (gap > 0.0 and not face):
         return radius - gap, dx / gap, dy / gap, face
     # Right on the edge: away from its solid side, which is on the left.
     length = math.hypot(bx - ax, by - ay)
-    return radius, (by - ay) / length, (ax - bx) / length, face
+    nx, ny = (by - ay) / length, (ax - bx) / length
+    return radius - (dx * nx + dy * ny), nx, ny, face
 
 
 @compiled

@@ -25,7 +25,7 @@ HANDLED = frozenset(
         *("_event_generators", "_scenario", "_default_schedule", "data_registry"),
         *("given", "_engine", "map", "streams", "space", "swarm", "fires", "_obstacles", "_loads", "_scene"),
         *("_scene_table", "observers", "_channel", "_fire_constants", "_senses", "_senses_version", "_sensed"),
-        *("_noise", "_imperfect", "datacollector", "_control", "_snapshots"),
+        *("_noise", "_imperfect", "datacollector", "_collect_every", "_control", "_snapshots"),
     )
 )
 OF_THINGS = frozenset(
@@ -137,6 +137,7 @@ def checkpoint_of(
         "columns": {name: told.pack(column) for name, column in sorted(model.swarm.columns.items())},
         "disturbed": model.swarm.disturbed,
         "fires": {name: told.pack(column) for name, column in model.fires.columns.items()},
+        "collect_every": model.collect_every,
         "history": [model.fires.history.every, list(model.fires.history._places), model.fires.history._fires],
         "constants": part_to_json(model.fire_constants),
         "radio": part_to_json(model.communication),
@@ -189,6 +190,7 @@ def _restore(model: ObservedWorld, checkpoint: Checkpoint, earlier: Sequence[Che
     model.fire_constants = part_from_json(facts["constants"])
     _lay_control(model, facts, told)
     set_clock(model, facts["steps"])
+    model.collect_every = facts.get("collect_every", model.collect_every)  # older checkpoints have none
     _lay_attributes(model, facts, told)
     lay_columns(model.swarm.columns, facts["columns"], told)
     lay_columns(model.fires.columns, facts["fires"], told)

@@ -13,8 +13,11 @@ from mesa_swarm.errors import RecordingError
 
 MAGIC = b"swarm checkpoint 1\n"
 LENGTH = 8
-# More than any model of this package needs; a file that asks for more is not believed.
+# More than any model of this package needs; a file that asks for more is not believed, nor one that asks for more
+# than some times what it holds. JSON takes up to twenty times its length once it is read.
 LARGEST = 1 << 30
+LEAST_BELIEVED, MOST_PACKED = 1 << 25, 64
+LEAST_HEAD, MOST_HEAD = 1 << 22, 16
 MOST_AXES = 32
 CODEC = pa.Codec("zstd", compression_level=1)
 # What `plain.KINDS` names, with a width; objects and records are never stored.
@@ -34,12 +37,15 @@ class Checkpoint:
         The model's fingerprint, with which a restored one is compared.
     facts : dict
     arrays : list of ndarray
+    size : int
+        Bytes that it takes, unpacked.
     """
 
     step: int
     state_hash: str
     facts: dict
     arrays: list[np.ndarray] = field(default_factory=list)
+    size: int = 0
 
 
 def to_bytes(checkpoint: Checkpoint) -> bytes:
@@ -89,11 +95,12 @@ def from_bytes(content: bytes) -> Checkpoint:
 def _read(content: bytes) -> Checkpoint:
     begin = len(MAGIC) + LENGTH
     size = int.from_bytes(content[len(MAGIC) : begin], "little")
-    if not content.startswith(MAGIC) or not LENGTH <= size <= LARGEST:
+    believed = min(LARGEST, max(LEAST_BELIEVED, MOST_PACKED * len(content)))
+    if not content.startswith(MAGIC) or not LENGTH <= size <= believed:
         raise ValueError
     whole = CODEC.decompress(content[begin:], decompressed_size=size, asbytes=True)
     at = LENGTH + int.from_bytes(whole[:LENGTH], "little")
-    if len(whole) != size or at > size:
+    if len(whole) != size or at > size or at > max(LEAST_HEAD, MOST_HEAD * len(content)):
         raise ValueError
     head = json.loads(whole[LENGTH:at])
     arrays = []
@@ -103,7 +110,7 @@ def _read(content: bytes) -> Checkpoint:
     step, state_hash, facts = head["step"], head["state_hash"], head["facts"]
     if at != size or type(step) is not int or not isinstance(state_hash, str) or not isinstance(facts, dict):
         raise ValueError
-    return Checkpoint(step=step, state_hash=state_hash, facts=facts, arrays=arrays)
+    return Checkpoint(step=step, state_hash=state_hash, facts=facts, arrays=arrays, size=size)
 
 
 def _array(whole: bytes, at: int, name: Any, shape: Any) -> tuple[np.ndarray, int]:

@@ -52,37 +52,42 @@ class Rows:
 
     def __init__(self, batch: pa.RecordBatch) -> None:
         steps, hashes, robots, *columns = batch.columns
-        self._steps, self._hashes = steps.to_numpy(), hashes.to_pylist()
-        self._robots = _Lists(robots)
-        self._columns = {name: _Lists(column) for name, column in zip(batch.schema.names[3:], columns, strict=True)}
+        self._steps, self._hashes = steps.to_numpy().tolist(), hashes.to_pylist()
+        named = list(zip(batch.schema.names[3:], columns, strict=True))
+        # A robot's values stand at its own place in all columns: one slice serves them all.
+        self._begins, self._robots = robots.offsets.to_numpy().tolist(), _locked(robots)
+        self._columns = {name: _locked(column) for name, column in named}
+        self._tables = [(n, self._columns[n], c.offsets.to_numpy().tolist()) for n, c in named if n in TABLES]
+        self._of_robots = [(name, values) for name, values in self._columns.items() if name not in TABLES]
 
     def __len__(self) -> int:
         return len(self._steps)
 
     def __iter__(self) -> Iterator[Frame]:
-        return (self[row] for row in range(len(self)))
+        return map(self._frame, range(len(self._steps)))
+
+    def values(self, name: str) -> np.ndarray:
+        """Return a column of all rows, one after the other."""
+        return self._columns[name]
 
     def __getitem__(self, row: int) -> Frame:
         if row >= len(self):
             raise IndexError(row)
-        return Frame(
-            step=int(self._steps[row]),
-            state_hash=self._hashes[row],
-            robots=self._robots[row],
-            columns={name: lists[row] for name, lists in self._columns.items()},
-        )
+        return self._frame(row)
+
+    def _frame(self, row: int) -> Frame:
+        own = slice(self._begins[row], self._begins[row + 1])
+        columns = {name: values[own] for name, values in self._of_robots}
+        for name, values, begins in self._tables:
+            columns[name] = values[begins[row] : begins[row + 1]]
+        return Frame(step=self._steps[row], state_hash=self._hashes[row], robots=self._robots[own], columns=columns)
 
 
-class _Lists:
-    """A list column as one array and the places where its lists begin."""
-
-    def __init__(self, column: pa.ListArray) -> None:
-        self._begins = column.offsets.to_numpy().tolist()
-        self._values = _array(column.values)
-        self._values.flags.writeable = False
-
-    def __getitem__(self, row: int) -> np.ndarray:
-        return self._values[self._begins[row] : self._begins[row + 1]]
+def _locked(column: pa.ListArray) -> np.ndarray:
+    """Return all values of a list column, which frames share, as an array that cannot be written."""
+    values = _array(column.values)
+    values.flags.writeable = False
+    return values
 
 
 def _array(values: pa.Array) -> np.ndarray:
@@ -96,7 +101,7 @@ def _array(values: pa.Array) -> np.ndarray:
         for name, part in parts.items():
             table[name] = part
         return table
-    return np.array(values.to_numpy(zero_copy_only=False))
+    return values.to_numpy(zero_copy_only=False)  # of numbers a view, which Arrow has locked
 
 
 def table_of(frames: Iterable[Frame], table: str) -> pd.DataFrame:
@@ -118,8 +123,9 @@ def _robot_table(frame: Frame) -> dict[str, np.ndarray]:
     for name, values in frame.columns.items():
         if name in TABLES:
             continue
-        parts = values.T if values.ndim > 1 else [values]
-        names = [name] if values.ndim == 1 else AXES.get(name) or [f"{name}_{i}" for i in range(values.shape[1])]
+        width = int(np.prod(values.shape[1:]))
+        parts = [values] if values.ndim == 1 else values.reshape(len(values), width).T
+        names = [name] if values.ndim == 1 else AXES.get(name) or [f"{name}_{i}" for i in range(width)]
         flat |= dict(zip(names, parts, strict=True))
     return flat
 

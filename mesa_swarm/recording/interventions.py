@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mesa_swarm.errors import RecordingError
+from mesa_swarm.recording.schema import checked_intervention
 
 MOST_TOLD = 5
 
@@ -58,9 +59,9 @@ def intervention_from_json(step: int, content: bytes, checkpoint: int | None) ->
         If it is none.
     """
     try:
-        told = json.loads(content)
-        what, why_not = tuple(map(str, told["what"])), str(told["why_not"])
-    except (ValueError, RecursionError, TypeError, LookupError):
+        told = checked_intervention(content)
+        what, why_not = tuple(told["what"]), told["why_not"]
+    except ValueError:
         raise RecordingError(f"what was changed by hand after step {step} is not told") from None
     why_not = why_not or ("" if checkpoint is not None else "the recording ends before it")
     return Intervention(step=step, what=what, why_not=why_not, checkpoint=checkpoint)

@@ -24,7 +24,8 @@ ROBOTS, FIRES, BYTES = itemgetter(*OF_ROBOTS), itemgetter(*OF_FIRES), np.ndarray
 LOOKED_AT = frozenset(
     (
         *("steps", "_time", "time", "_sensed", "_noise", "_scene", "_scene_table", "_senses", "_senses_version"),
-        *("_snapshots", "observers", "datacollector", "_batch_context", "_suppress", "subscribers", "agent_id_counter"),
+        *("_snapshots", "observers", "datacollector", "_collect_every", "_batch_context", "_suppress", "subscribers"),
+        *("agent_id_counter",),
     )
 )
 

@@ -9,10 +9,11 @@ from typing import Any, cast
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, RecordingError, shortened
+from mesa_swarm.errors import InvalidValueError, RecordingError, SwarmError, shortened
 from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.observed_world import ObservedWorld
 from mesa_swarm.recording.scenery import scenery_of
+from mesa_swarm.recording.schema import checked_provenance, read_json
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.world.map import Map
 
@@ -22,6 +23,7 @@ READABLE = (1, FORMAT)
 PACKAGES = ("mesa-swarm", "mesa", "numpy", "numba", "shapely", "pyarrow")
 # Objects that parameters may be, besides plain values: written as {name: fields}.
 PARTS = {"FireConstants": FireConstants, "Radio": Radio}
+LONGEST_REASON = 120
 WHAT_TO_DO = (
     "record a subclass of SwarmModel that makes it in its constructor from numbers and names, or give rerun=False"
 )
@@ -89,10 +91,39 @@ def rebuilt(provenance: dict, model_class: type, **changes: object) -> ObservedW
         raise RecordingError("the recording was made with rerun=False and does not tell how to run its model again")
     arguments = {name: _read(value) for name, value in provenance["parameters"].items()}
     if provenance["takes_map"]:
-        arguments["map"] = Map.from_toml(provenance["map"], "the recording's map")
+        arguments["map"] = map_of(provenance)
     seed = provenance["seed"]
-    arguments["rng"] = np.random.SeedSequence(**seed) if isinstance(seed, dict) else seed
-    return model_class(**{**arguments, **changes})
+    arguments["rng"] = (
+        np.random.SeedSequence(seed["entropy"], spawn_key=seed["spawn_key"]) if isinstance(seed, dict) else seed
+    )
+    try:
+        return model_class(**{**arguments, **changes})
+    except Exception as error:  # whatever a constructor raises that is given what it never was
+        if changes and isinstance(error, SwarmError):  # about what the user asks for
+            raise
+        words = f"{type(error).__name__}: {' '.join(str(error).split()):.{LONGEST_REASON}}"
+        raise RecordingError(
+            f"{model_class.__name__} cannot be made from the recording's parameters: {words}"
+        ) from error
+
+
+def reason_of(error: Exception) -> str:
+    """Return what went wrong in a recorded model, in a few words."""
+    return f"{type(error).__name__}: {' '.join(str(error).split()):.{LONGEST_REASON}}"
+
+
+def map_of(provenance: dict) -> Map:
+    """Return the map of a recording.
+
+    Raises
+    ------
+    RecordingError
+        If its text is none.
+    """
+    try:
+        return Map.from_toml(provenance["map"], "the recording's map")
+    except SwarmError as error:
+        raise RecordingError(str(error)) from None
 
 
 def check_class(provenance: dict, model_class: type) -> None:
@@ -118,13 +149,13 @@ def from_metadata(metadata: dict[bytes, bytes] | None, source: object) -> dict:
     RecordingError
     """
     try:
-        facts = {name.decode(): json.loads(text) for name, text in (metadata or {}).items()}
+        facts = {name.decode(): read_json(text) for name, text in (metadata or {}).items()}
     except ValueError:
         facts = {}
     if facts.get("format") not in READABLE:
         shown, known = shortened(facts.get("format")), " or ".join(map(str, READABLE))
         raise RecordingError(f"{source} has format {shown}, which this version cannot read; expected {known}")
-    return facts
+    return checked_provenance(facts, source)
 
 
 def _written(name: str, value: object, rerun: bool) -> object:
@@ -149,9 +180,16 @@ def _read(value: object) -> object:
         if title in PARTS and isinstance(fields, dict):
             try:
                 return PARTS[title](**fields)
-            except TypeError as error:
-                raise InvalidValueError(f"{title} of the recording cannot be made: {error}") from None
+            except (TypeError, ValueError) as error:
+                raise InvalidValueError(
+                    f"{title} of the recording cannot be made: {error!s:.{LONGEST_REASON}}"
+                ) from None
     return value
+
+
+def _read_seed(seed: Any) -> int | np.random.SeedSequence:
+    """Return a seed that `_written_seed` wrote."""
+    return np.random.SeedSequence(seed["entropy"], spawn_key=seed["spawn_key"]) if isinstance(seed, dict) else seed
 
 
 def _written_seed(model: ObservedWorld, seed: object, rerun: bool) -> object:

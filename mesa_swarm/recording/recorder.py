@@ -4,10 +4,12 @@ import os
 import sys
 import weakref
 from collections.abc import Callable, Sequence
+from mimetypes import MimeTypes
 from pathlib import Path
 from types import TracebackType
 
 from mesa_swarm.errors import RecordingError, check_count, shortened
+from mesa_swarm.files import shown_path
 from mesa_swarm.observed_world import ObservedWorld
 from mesa_swarm.recording.checkpoint import checkpoint_of
 from mesa_swarm.recording.collected import Path as SeriesPath
@@ -18,12 +20,16 @@ from mesa_swarm.recording.layout import DEFAULT, Layout
 from mesa_swarm.recording.marks import Mark
 from mesa_swarm.recording.parts import control_to_json, own_code
 from mesa_swarm.recording.provenance import as_metadata, provenance_of
-from mesa_swarm.recording.sealed_stream import CHECKPOINT, INTERVENTION, SealedWriter
+from mesa_swarm.recording.schema import MOST_EVERY
+from mesa_swarm.recording.sealed_stream import CHECKPOINT, INTERVENTION, Sealed, SealedWriter
 from mesa_swarm.recording.tape import HASH_EVERY, Tape
 
 CHECKPOINT_EVERY = 1000
 # A chunk takes 6 kB beside its rows: in a loop of shorter runs these would be most of the file.
 STEPS_WORTH_A_CHUNK = 10
+# Endings of recordings, which are Arrow streams; and those of files that are none, besides what MIME types there are.
+KINDS = (".arrow", ".arrows", ".ipc", ".bin")
+OTHER_KINDS = {".map", ".toml", ".npz", ".parquet", ".feather", ".jsonl", ".ipynb", ".md", ".webm", ".docx", ".xlsx"}
 NO_CHECKPOINTS = "checkpoint_every is 0"
 
 
@@ -62,7 +68,7 @@ class Recorder:
         try:
             if checkpoint_every:
                 self._checkpoints.put(model)
-        except (RecordingError, OSError):
+        except BaseException:
             writer.abandon()
             raise
         self._mark = Mark(model)
@@ -82,7 +88,7 @@ class Recorder:
         return self
 
     def __exit__(self, kind: type | None, error: BaseException | None, where: TracebackType | None) -> None:
-        self.close()
+        self.close() if kind is None else self.break_off()
 
     @property
     def closed(self) -> bool:
@@ -145,6 +151,12 @@ class Recorder:
         """Why the last checkpoint that was due was not stored; an empty text if it was."""
         return self._checkpoints.why_not
 
+    @property
+    def written(self) -> Sealed:
+        """How many bytes were written, and how many rows stand under the recording's name: none beside an older one."""
+        writer = self._tape.writer
+        return writer.sealed if writer.is_in_place else writer.sealed._replace(rows=0)
+
     def flush(self) -> None:
         """Write what was recorded so far into the file and have the system put it on the disk."""
         if not self.closed:
@@ -152,12 +164,22 @@ class Recorder:
             self._guarded(self._tape.writer.sync)
 
     def close(self) -> None:
-        """Write what is left and end the file; a second time does nothing."""
+        """Write what is left and end the file; a second time does nothing.
+
+        A recording without rows replaces an older one too: somebody asked for it.
+        """
+        self._end(broken_off=False)
+
+    def break_off(self) -> None:
+        """Close after an error or Ctrl-C: a recording that has no rows by then does not replace an older one."""
+        self._end(broken_off=True)
+
+    def _end(self, broken_off: bool) -> None:
         if self in self._observers:
             self._observers.remove(self)
         if not self.closed:
             self._put_row()
-        self._tape.close()
+        self._tape.close(broken_off)
         self._finish.detach()
 
     def _abandon(self) -> None:
@@ -221,7 +243,7 @@ class _Checkpoints:
 def _close_silently(tape: Tape) -> None:
     """Close at exit, when nobody is left whom an error would reach."""
     try:
-        tape.close()
+        tape.close(broken_off=True)
     except (RecordingError, OSError):
         return
 
@@ -256,7 +278,7 @@ def record(
         Any `SwarmModel`.
     path : str or Path
     every : int
-        Steps from one row to the next, at least 1: steps that are its multiples are recorded.
+        Steps from one row to the next, 1 to 1,000,000: steps that are its multiples are recorded.
     columns : sequence of str, optional
         Of the swarm, and "fires", "contacts", "loads"; by default what one needs to look at the run. Columns
         of sensors that no robot has are left out.
@@ -264,7 +286,9 @@ def record(
         Whether real numbers keep all 64 bits. By default they keep the first 24 (float32), which is 3e-5 map
         units at 800, and files are half as large; state hashes are always of all bits.
     overwrite : bool
-        Whether a file that is there is replaced.
+        Whether a file that is there is replaced. It stays as it is until the first rows are on the disk, a second
+        after the first of them or at the next `Recorder.flush`; or until the recording is closed, also without rows.
+        What another process is recording is not replaced.
     rerun : bool
         Whether the model must be one that can be run again from what the file says of it.
     checkpoint_every : int
@@ -296,7 +320,8 @@ def record(
     ...     len(Recording(f"{folder}/run.arrow"))
     20
     """
-    every = check_count("every", every, minimum=1)
+    target = _checked_path(path)
+    every = check_count("every", every, minimum=1, maximum=MOST_EVERY)
     checkpoint_every = check_count("checkpoint_every", checkpoint_every)
     layout = Layout(model, DEFAULT if columns is None else columns, exact)
     facts = provenance_of(model, rerun)
@@ -308,7 +333,6 @@ def record(
         "why_no_checkpoint": _why_not(model) if checkpoint_every else NO_CHECKPOINTS,
         "start": {"step": model.completed, "state_hash": model.state_hash()},
     }
-    target = _checked_path(path)
     writer = SealedWriter(target, layout.schema.with_metadata(as_metadata(facts)), overwrite)
     return Recorder(model, target, every, layout, writer, checkpoint_every)
 
@@ -325,4 +349,12 @@ def _why_not(model: ObservedWorld) -> str:
 def _checked_path(path: object) -> Path:
     if not isinstance(path, (str, os.PathLike)):
         raise RecordingError(f"path is {shortened(path)}; expected the name of a file such as 'run.arrow'")
-    return Path(path)
+    target = Path(path)
+    ending = target.suffix.lower()
+    kind, packed = MimeTypes().guess_type(f"_{ending}")
+    if ending in OTHER_KINDS or packed or (kind and ending not in KINDS):
+        raise RecordingError(
+            f"{shown_path(target)} has the ending of another kind of file; expected a name such as "
+            f"{shown_path(target.with_suffix('.arrow').name)}"
+        )
+    return target

@@ -1,6 +1,5 @@
 """What reads a recording: frames, whole columns, tables, events."""
 
-import json
 import os
 from bisect import bisect_right
 from collections import OrderedDict
@@ -22,10 +21,13 @@ from mesa_swarm.recording.interventions import Intervention, intervention_from_j
 from mesa_swarm.recording.layout import TABLES
 from mesa_swarm.recording.provenance import from_metadata
 from mesa_swarm.recording.scenery import joined
+from mesa_swarm.recording.schema import check_columns, checked_change, checked_rows, checked_scenery, misplaced
 from mesa_swarm.recording.sealed_stream import CHANGE, CHECKPOINT, INTERVENTION, Piece, SealedReader
 
 # Chunks that are kept decoded, of about 2 MB each.
 MOST_CACHED = 8
+# A larger one is kept alone.
+LARGEST_CACHED = 8_000_000
 
 
 class Recording:
@@ -71,12 +73,24 @@ class Recording:
         self.path = Path(path)
         self._reader = SealedReader(self.path)
         self.provenance = from_metadata(self._reader.schema.metadata, self.path)
+        check_columns(self._reader.schema, self.path)
+        self._check_order()
         self.columns = tuple(self._reader.schema.names[3:])
         self.complete = self._reader.complete
         self.lost = 0 if self.complete else self._reader.lost
         self._ends = list(accumulate(piece.rows for piece in self._reader.pieces))
         self._firsts = [piece.step for piece in self._reader.pieces]
         self._chunks: OrderedDict[int, Rows] = OrderedDict()
+
+    def _check_order(self) -> None:
+        """Refuse seals that cannot follow each other; where one is damaged, nothing after it is read."""
+        pieces = sorted((*self._reader.pieces, *self._reader.attached))
+        piece = misplaced(pieces, self.provenance["start"]["step"], self.provenance["every"])
+        if piece is None:
+            return
+        if self._reader.is_whole(piece):
+            raise RecordingError(f"{self.path} has a step {piece.step} that cannot follow those before it")
+        self._reader.cut(piece)
 
     def __repr__(self) -> str:
         state = "" if self.complete else ", damaged" if self._reader.broken else ", not closed"
@@ -234,16 +248,19 @@ class Recording:
         """
         first = self.provenance.get("scenery")
         later = [(step, told["scenery"]) for step, told in self._changes.items() if "scenery" in told]
+        if not first:
+            return ()
         try:
-            return joined([(self.provenance["start"]["step"], first), *later]) if first else ()
-        except (KeyError, TypeError, ValueError, IndexError, AttributeError):
-            raise RecordingError(f"{self.path} does not say clearly what its world looks like") from None
+            told = [(step, checked_scenery(one)) for step, one in [(self.provenance["start"]["step"], first), *later]]
+        except RecordingError as error:
+            raise RecordingError(f"{self.path} does not say clearly what its world looks like: {error}") from None
+        return joined(told)
 
     @cached_property
     def _changes(self) -> dict[int, Any]:
         try:
-            return {piece.step: json.loads(self._reader.content(piece)) for piece in self._attached(CHANGE)}
-        except (ValueError, RecursionError):
+            return {piece.step: checked_change(self._reader.content(piece)) for piece in self._attached(CHANGE)}
+        except ValueError:
             raise RecordingError(f"{self.path} is damaged where it tells what came and went") from None
 
     def row_after(self, step: int) -> int:
@@ -307,7 +324,13 @@ class Recording:
             self._chunks.move_to_end(place)
             return self._chunks[place]
         piece = self._reader.pieces[place]
-        chunk = self._chunks[place] = Rows(self._reader.batch(piece))
+        batch = self._reader.batch(piece)
+        if batch.num_rows != piece.rows:
+            raise RecordingError(f"{self.path} has {batch.num_rows} rows from step {piece.step} on, not {piece.rows}")
+        chunk = checked_rows(batch, piece.step, self.provenance["every"], self.path)
+        if batch.nbytes > LARGEST_CACHED:
+            self._chunks.clear()
+        self._chunks[place] = chunk
         if len(self._chunks) > MOST_CACHED:
             self._chunks.popitem(last=False)
         return chunk

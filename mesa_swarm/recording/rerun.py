@@ -1,18 +1,26 @@
 """A model that is run again beside its recording, and given what was changed by hand where that was."""
 
-from mesa_swarm.errors import RecordingError
+from collections.abc import Callable
+
+from mesa_swarm.errors import RecordingError, SwarmError
 from mesa_swarm.observed_world import ObservedWorld
 from mesa_swarm.recording.checkpoint import restore
 from mesa_swarm.recording.container import Checkpoint
 from mesa_swarm.recording.frames import Frame, Rows
 from mesa_swarm.recording.interventions import Intervention
 from mesa_swarm.recording.layout import Chunk, Layout
-from mesa_swarm.recording.provenance import rebuilt
+from mesa_swarm.recording.provenance import LONGEST_REASON, reason_of, rebuilt
 from mesa_swarm.recording.recording import Recording
+from mesa_swarm.recording.schema import MOST_UNSEEN
+from mesa_swarm.recording.sealed_stream import MOST_PACKED
 from mesa_swarm.recording.things import summary
 
+# Called after each step that is run again: shows how far it is, and raises what ends it.
+Watch = Callable[[ObservedWorld], None]
 # In recordings of this format readings are those from which a step began, except in rows with a fingerprint.
 LATE_READINGS = 1
+# So many bytes of stored states are held at once, or so many times as many as the recording has.
+LARGEST_STATES = 1 << 26
 
 
 class Rerun:
@@ -25,6 +33,8 @@ class Rerun:
         As it was at some step.
     checkpoint : int
         The place of the stored state that it has; -1 if it was started again.
+    watch : callable
+        Called with the model after each step.
 
     Attributes
     ----------
@@ -36,12 +46,14 @@ class Rerun:
         If it is not what the parameters alone make, from what it began, in words that follow a verdict.
     """
 
-    def __init__(self, recording: Recording, model: ObservedWorld, checkpoint: int = -1) -> None:
-        self.recording, self.model = recording, model
+    def __init__(
+        self, recording: Recording, model: ObservedWorld, checkpoint: int = -1, watch: Watch = lambda _: None
+    ) -> None:
+        self.recording, self.model, self._watch = recording, model, watch
         self.taken: tuple[Intervention, ...] = ()
         self.begin = "" if checkpoint < 0 else f", from the stored state of step {model.completed}"
         self._states: list[Checkpoint] = []
-        self._layout = Layout(model, recording.columns, recording.provenance["exact"])
+        self._layout = _layout_of(recording, model)
         first, has = model.completed, checkpoint
         # Where a step failed and was taken again there are several: the last one knows all that is other.
         last = {one.step: one for one in recording.interventions}.values()
@@ -88,20 +100,48 @@ class Rerun:
             )
 
     def _run(self, step: int) -> None:
-        while self.model.completed < step:
-            self.model.step()
+        run_on(self.model, step, self._watch)
 
     def _take(self, intervention: Intervention) -> None:
         """Go on from the state that was stored after an intervention."""
         if intervention.checkpoint is None:
-            raise RecordingError(f"{intervention}, and what came of it is not stored ({intervention.why_not})")
+            why = f"{intervention.why_not:.{2 * LONGEST_REASON}}"
+            raise RecordingError(f"{intervention!s:.{LONGEST_REASON}}, and what came of it is not stored ({why})")
         self._states += states_to(self.recording, intervention.checkpoint, known=len(self._states))
         self.model = restored(self.recording, type(self.model), self._states)
         self.taken += (self._ahead.pop(0),)
 
 
-def started_again(recording: Recording, model_class: type) -> Rerun:
+def _layout_of(recording: Recording, model: ObservedWorld) -> Layout:
+    try:
+        return Layout(model, recording.columns, recording.provenance["exact"])
+    except SwarmError as error:
+        raise RecordingError(f"{recording.path} has columns that its model does not have: {error}") from None
+
+
+def run_on(model: ObservedWorld, step: int, watch: Watch) -> None:
+    """Run a model to a later step.
+
+    Raises
+    ------
+    RecordingError
+        If a step fails, as it did not when it was recorded.
+    """
+    while model.completed < step:
+        before = model.completed
+        try:
+            model.step()
+        except Exception as error:  # whatever a model raises whose parameters or state are not its own
+            raise RecordingError(f"step {before + 1} cannot be run again: {reason_of(error)}") from error
+        if model.completed <= before:
+            raise RecordingError(f"step {before + 1} cannot be run again: {type(model).__name__} took no step")
+        watch(model)
+
+
+def started_again(recording: Recording, model_class: type, watch: Watch = lambda _: None) -> Rerun:
     """Return the model as the recording began with it: from its parameters, else from the state stored then.
+
+    A recording that began late is not run again from step 0: its rows do not bear out that there were so many steps.
 
     Raises
     ------
@@ -110,15 +150,20 @@ def started_again(recording: Recording, model_class: type) -> Rerun:
     """
     facts = recording.provenance
     start = facts["start"]
-    model = rebuilt(facts, model_class)
-    while model.completed < start["step"]:
-        model.step()
-    if model.state_hash() == start["state_hash"]:
-        return Rerun(recording, model)
+    model, is_near = rebuilt(facts, model_class), start["step"] <= MOST_UNSEEN
+    if is_near:
+        run_on(model, start["step"], watch)
+        if model.completed == start["step"] and model.state_hash() == start["state_hash"]:
+            return Rerun(recording, model, watch=watch)
     if recording.checkpoints[:1] == (start["step"],):
         model = restored(recording, model_class, states_to(recording, 0))
         if model.state_hash() == start["state_hash"]:
-            return Rerun(recording, model, 0)
+            return Rerun(recording, model, 0, watch)
+    if not is_near:
+        raise RecordingError(
+            f"{recording.path} begins at step {start['step']} without a stored state of it, more than the "
+            f"{MOST_UNSEEN:,} steps that are run again unseen; record with checkpoint_every"
+        )
     raise RecordingError(
         f"{recording.path} began with a model that {model_class.__name__}'s parameters alone do not make: "
         "it was changed by hand, or other versions made it; build it in a constructor to run it again"
@@ -140,7 +185,12 @@ def states_to(recording: Recording, checkpoint: int, known: int = 0) -> list[Che
     RecordingError
         If one of them is damaged.
     """
-    return [recording.checkpoint(place) for place in range(known, checkpoint + 1)]
+    states: list[Checkpoint] = []
+    for place in range(known, checkpoint + 1):
+        states.append(recording.checkpoint(place))
+        if sum(state.size for state in states) > max(LARGEST_STATES, MOST_PACKED * recording.path.stat().st_size):
+            raise RecordingError(f"{recording.path} has stored states that take more memory than it can stand for")
+    return states
 
 
 def restored(recording: Recording, model_class: type, states: list[Checkpoint]) -> ObservedWorld:

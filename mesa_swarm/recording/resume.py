@@ -10,11 +10,12 @@ import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError, check_count, shortened, unknown_name
 from mesa_swarm.observed_world import ObservedWorld
+from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.clock import set_clock
 from mesa_swarm.recording.collected import reporters_of
 from mesa_swarm.recording.provenance import rebuilt
 from mesa_swarm.recording.recording import Recording
-from mesa_swarm.recording.rerun import Rerun, restored, started_again, states_to
+from mesa_swarm.recording.rerun import Rerun, Watch, restored, started_again, states_to
 from mesa_swarm.recording.verify import last_same, run_to
 
 MODELS = "mesa_swarm.models"
@@ -26,7 +27,9 @@ PLAIN = (bool, int, float, str, np.ndarray, np.generic, type(None))
 OWN = frozenset({"_senses_version", "given"})
 
 
-def resume(base: type, path: str | os.PathLike[str], *, step: int | None = None, **changes: object) -> ObservedWorld:
+def resume(
+    base: type, path: str | os.PathLike[str], *, step: int | None = None, progress: bool = False, **changes: object
+) -> ObservedWorld:
     """Return the model as it was after a step of a recording, from which it goes on bit by bit as it did.
 
     The nearest checkpoint at or before the step is restored, and the model runs from there to the step, compared
@@ -45,6 +48,8 @@ def resume(base: type, path: str | os.PathLike[str], *, step: int | None = None,
     path : str or Path
     step : int, optional
         At least the step at which the recording began; by default the last one recorded.
+    progress : bool
+        Whether to show a bar of the steps that are run again.
     **changes
         Parameters of the model that are other from then on. They must leave the same robots, fires, obstacles
         and loads.
@@ -71,6 +76,15 @@ def resume(base: type, path: str | os.PathLike[str], *, step: int | None = None,
     True
     """
     recording = Recording(path)
+    step = _checked_step(recording, step)
+    with progress_bar(step, "steps", progress) as bar:
+        return resumed(recording, base, step, changes, lambda model: bar.update(model.completed - bar.n))
+
+
+def resumed(
+    recording: Recording, base: type, step: int, changes: dict[str, Any], watch: Watch = lambda _: None
+) -> ObservedWorld:
+    """Return what `resume` does, and call `watch` with the model after each step that is run again."""
     model_class = class_of(recording, base)
     unknown = sorted(set(changes) - {*recording.provenance["parameters"], "map"})
     if unknown:
@@ -78,7 +92,7 @@ def resume(base: type, path: str | os.PathLike[str], *, step: int | None = None,
         raise UnknownNameError(unknown_name(f"parameter of {model_class.__name__}", unknown[0], known))
     if "map" in changes:
         raise InvalidValueError("map cannot be changed on the way; resume with other parameters")
-    model = state_at(recording, model_class, _checked_step(recording, step))
+    model = state_at(recording, model_class, step, watch)
     if not changes:
         return model
     fresh = rebuilt(recording.provenance, model_class)
@@ -87,7 +101,7 @@ def resume(base: type, path: str | os.PathLike[str], *, step: int | None = None,
     return changed
 
 
-def state_at(recording: Recording, model_class: type, step: int) -> ObservedWorld:
+def state_at(recording: Recording, model_class: type, step: int, watch: Watch = lambda _: None) -> ObservedWorld:
     """Return the model as it was after a step of a recording: from the last checkpoint before it that is whole.
 
     Without any the model is run again from its parameters.
@@ -97,19 +111,19 @@ def state_at(recording: Recording, model_class: type, step: int) -> ObservedWorl
     RecordingError
         If what was recorded does not come out; the nearest steps from which one can go on are named.
     """
-    rerun = _nearest(recording, model_class, step)
+    rerun = _nearest(recording, model_class, step, watch)
     begin = rerun.model.completed
     try:
         run_to(rerun, step)
     except RecordingError as error:
-        steps = [last_same(_nearest(recording, model_class, begin), step)]
+        steps = [last_same(_nearest(recording, model_class, begin, watch), step)]
         steps = [*steps, *(kept for kept in recording.checkpoints if kept > step)][:2]
         there = " and ".join(map(str, steps))
         raise RecordingError(f"{recording.path}: {error}; the nearest steps to resume from are {there}") from None
     return rerun.model
 
 
-def _nearest(recording: Recording, model_class: type, step: int) -> Rerun:
+def _nearest(recording: Recording, model_class: type, step: int, watch: Watch) -> Rerun:
     """Return a model with the state of the last whole checkpoint at or before a step, or one started again."""
     usable = [place for place, kept in enumerate(recording.checkpoints) if kept <= step]
     for place in reversed(usable):
@@ -117,8 +131,8 @@ def _nearest(recording: Recording, model_class: type, step: int) -> Rerun:
             states = states_to(recording, place)
         except RecordingError:  # damaged: an earlier one, or running again, gives the same, only later
             continue
-        return Rerun(recording, restored(recording, model_class, states), place)
-    return started_again(recording, model_class)
+        return Rerun(recording, restored(recording, model_class, states), place, watch)
+    return started_again(recording, model_class, watch)
 
 
 def take_over(new: ObservedWorld, old: ObservedWorld, fresh: ObservedWorld) -> None:

@@ -8,10 +8,10 @@ rows, sealed likewise.
 """
 
 import base64
-import binascii
 import mmap
 import os
 import re
+import struct
 import zlib
 from collections.abc import Iterator
 from functools import cached_property
@@ -20,9 +20,21 @@ from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pyarrow as pa
 
 from mesa_swarm.errors import RecordingError
+from mesa_swarm.files import (
+    checked_place,
+    discard,
+    is_locked,
+    is_named,
+    lock,
+    opened_draft,
+    put_in_place,
+    shown_path,
+    unwritable,
+)
 
 SEAL = re.compile(rb"crc32=([0-9a-f]{8}) rows=(\d{1,18}) step=(-?\d{1,18});")
 # What pieces without rows carry.
@@ -30,6 +42,14 @@ CHECKPOINT, CHANGE, INTERVENTION = "checkpoint", "change", "intervention"
 NAME = re.compile(rb"\0(checkpoint|change|intervention)\0")
 BEGIN_OF_MESSAGE = b"\xff\xff\xff\xff"
 END_OF_STREAM = BEGIN_OF_MESSAGE + b"\x00\x00\x00\x00"
+# Places in flatbuffers: of a message its header; of a record batch its buffers, and how they are compressed.
+HEADER, BUFFERS, PACKED = 2, 2, 3
+# Before a compressed buffer stand so many bytes with its length.
+CLAIM = 8
+# A batch may take so many bytes in memory, or so many times as many as in the file.
+LEAST_BELIEVED, MOST_PACKED = 1 << 25, 64
+# The files that this process writes: a recorder that was left open, as in a notebook, gives way to the next.
+OWN: set[tuple[int, int]] = set()
 # Level 1: higher ones cost a step more than they save on disk.
 ZSTD = pa.ipc.IpcWriteOptions(compression=pa.Codec("zstd", compression_level=1))
 
@@ -56,6 +76,10 @@ class Piece(NamedTuple):
 class SealedWriter:
     """Writes a sealed stream, piece by piece; a piece that fails to be written leaves no trace.
 
+    A stream that replaces a file is written beside it, and takes its name when its first piece with rows is on the
+    disk, or when it is closed: until then the old file is untouched. As long as it is open no other process can
+    replace it.
+
     Parameters
     ----------
     path : Path
@@ -75,19 +99,25 @@ class SealedWriter:
         self._empty = pa.RecordBatch.from_pylist([], schema=self._bare)
         self._head = len(_stream_of(self._bare))
         self._last_seal = b""
-        self._file = _opened(path, overwrite)
+        self._file, self._place = _opened(path, overwrite)
+        self._identity = _identity(os.fstat(self._file.fileno()))
+        OWN.add(self._identity)
         self.sealed = Sealed(0, 0)
         try:
             self._append(_stream_of(schema), 0, 0)
-        except RecordingError:
-            self._file.close()
-            path.unlink()  # an empty file would stand in the way of the next attempt
+        except BaseException:
+            self.abandon()  # an empty file would stand in the way of the next attempt
             raise
 
     @property
     def closed(self) -> bool:
         """Whether nothing more can be written."""
         return self._file.closed
+
+    @property
+    def is_in_place(self) -> bool:
+        """Whether what is written stands under the stream's name, and not yet beside an older file of that name."""
+        return self._place is None
 
     def write(self, batch: pa.RecordBatch, step: int) -> None:
         """Write a piece whose first row is of this step.
@@ -98,6 +128,7 @@ class SealedWriter:
             If it cannot be written; what was sealed before stays.
         """
         self._append(self._message(batch), batch.num_rows, step)
+        self._take_name()
 
     def attach(self, name: str, content: bytes, step: int) -> None:
         """Write a piece of no rows that carries these bytes, which tools that know nothing of them pass over.
@@ -111,22 +142,44 @@ class SealedWriter:
         self._append(self._message(self._empty, {name: words}), 0, step)
 
     def sync(self) -> None:
-        """Have the system put what was written on the disk, where a power cut cannot reach it."""
-        os.fsync(self._file.fileno())
+        """Have the system put what was written on the disk, where a power cut cannot reach it.
+
+        Raises
+        ------
+        RecordingError
+        """
+        try:
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            raise unwritable(self.path, error, RecordingError, "its last rows may be lost") from None
 
     def close(self) -> None:
-        """End the stream; a second time does nothing."""
+        """End the stream; a second time does nothing.
+
+        Raises
+        ------
+        RecordingError
+        """
         if self.closed:
             return
         try:
             self._put(END_OF_STREAM)
+            self._take_name()
             self.sync()
-        finally:
-            self._file.close()
+        except BaseException:
+            self.abandon()
+            raise
+        self._let_go()
 
     def abandon(self) -> None:
-        """Close the file as it is, with everything sealed so far."""
+        """Close the file as it is, with everything sealed so far; one without rows is deleted."""
+        if not self.closed and not (self.is_in_place and self.sealed.rows):
+            discard(self._file)
+        self._let_go()
+
+    def _let_go(self) -> None:
         self._file.close()
+        OWN.discard(self._identity)
 
     def _append(self, message: bytes, rows: int, step: int) -> None:
         crc = zlib.crc32(f"{rows} {step}".encode(), zlib.crc32(message, zlib.crc32(self._last_seal)))
@@ -149,9 +202,28 @@ class SealedWriter:
                 left = left[self._file.write(left) :]
         except OSError as error:
             self._cut()
-            raise RecordingError(
-                f"{self.path} cannot be written: {error.strerror or error}; its {self.sealed.rows} rows so far are kept"
-            ) from None
+            raise unwritable(self.path, error, RecordingError, self._what_is_left()) from None
+
+    def _what_is_left(self) -> str:
+        """Return what stands under the name when nothing more can be written."""
+        if not self.is_in_place:
+            return "the file that it would have replaced is untouched"
+        return f"its {self.sealed.rows} rows so far are kept" if self.sealed.rows else "no row was written"
+
+    def _take_name(self) -> None:
+        """Take the place of the older file, once: what replaces it is on the disk by then."""
+        place = self._place
+        if place is None:
+            return
+        try:
+            if is_named(self._file, Path(self._file.name)):  # else Ctrl-C came just after it was renamed
+                _check_unused(self.path, place)
+                put_in_place(self._file, place)
+        except OSError as error:
+            raise unwritable(self.path, error, RecordingError, self._what_is_left()) from None
+        self._place = None
+        if self._file.closed:  # on Windows, for renaming
+            self._file = open(place, "r+b", buffering=0)  # noqa: SIM115 - closed by close
 
     def _cut(self) -> None:
         try:
@@ -160,18 +232,34 @@ class SealedWriter:
             return
 
 
-def _opened(path: Path, overwrite: bool) -> FileIO:
+def _opened(path: Path, overwrite: bool) -> tuple[FileIO, Path | None]:
+    """Return a new file, and the place that it is to take if it stands beside an older one for now."""
     try:
-        if overwrite and path.is_file():
-            path.unlink()  # not emptied: whoever reads the old one still has it in memory
-        return open(path, "xb", buffering=0)
+        place = checked_place(path)
+        if overwrite and place.exists():
+            _check_unused(path, place)
+            return opened_draft(place), place
+        file = open(place if overwrite else path, "xb", buffering=0)  # noqa: SIM115 - it stays open
     except FileExistsError:
         raise RecordingError(
-            f"{path} exists already; choose another name, or replace it with overwrite=True (--force)"
+            f"{shown_path(path)} exists already; choose another name, or replace it with overwrite=True (--force)"
         ) from None
-    except (OSError, ValueError) as error:  # ValueError: a null byte in the name
-        reason = getattr(error, "strerror", None) or error
-        raise RecordingError(f"{path} cannot be written: {reason}; choose another place") from None
+    except OSError as error:
+        raise unwritable(path, error, RecordingError, "choose another place") from None
+    lock(file)
+    return file, None
+
+
+def _check_unused(path: Path, place: Path) -> None:
+    """Refuse to replace what another process is writing."""
+    if is_locked(place) and _identity(place.stat()) not in OWN:
+        raise RecordingError(
+            f"{shown_path(path)} is being recorded by another program; wait for its end, or choose another name"
+        )
+
+
+def _identity(status: os.stat_result) -> tuple[int, int]:
+    return status.st_dev, status.st_ino
 
 
 def _stream_of(schema: pa.Schema, batch: pa.RecordBatch | None = None, metadata: dict | None = None) -> bytes:
@@ -212,7 +300,10 @@ class SealedReader:
         found = list(self._found())
         if not found or found[0].batch != 0 or not self.is_whole(found[0]):
             raise RecordingError(f"{path} is not a recording, or its beginning is damaged; choose another file")
-        self.schema = pa.ipc.read_schema(self._message(0))
+        try:
+            self.schema = pa.ipc.read_schema(self._message(0))
+        except (pa.ArrowException, OSError, ValueError, MemoryError):
+            raise RecordingError(f"{path} does not begin with what its columns are; choose another file") from None
         if len(found) > 1 and not self.is_whole(found[-1]):  # a power cut may leave holes before the end
             found.pop()
         self.pieces = [piece for piece in found[1:] if piece.rows]
@@ -220,6 +311,14 @@ class SealedReader:
         self._end = found[-1].end
         self.lost = self._bytes.size - self._end
         self.complete = self._bytes[self._end :].to_pybytes() == END_OF_STREAM
+
+    def cut(self, piece: Piece) -> None:
+        """Take a piece and all that follows it as damaged."""
+        kept = [one for one in (*self.pieces, *self.attached) if one.begin < piece.begin]
+        self.pieces = [one for one in kept if one.rows]
+        self.attached = [one for one in kept if not one.rows]
+        self._end = piece.batch
+        self.lost, self.complete = self._bytes.size - self._end, False
 
     @cached_property
     def broken(self) -> bool:
@@ -239,7 +338,12 @@ class SealedReader:
         """
         if not self.is_whole(piece):
             raise RecordingError(f"{self.path} is damaged from step {piece.step} on; earlier rows are whole")
-        return pa.ipc.read_record_batch(self._message(piece.batch), self.schema)
+        try:
+            return pa.ipc.read_record_batch(self._checked_message(piece), self.schema)
+        except (pa.ArrowException, OSError, ValueError, MemoryError):
+            raise RecordingError(
+                f"{self.path} has rows from step {piece.step} on that are not those of its columns"
+            ) from None
 
     def is_whole(self, piece: Piece) -> bool:
         """Tell whether the bytes of a piece are what was sealed."""
@@ -263,11 +367,23 @@ class SealedReader:
         if not self.is_whole(piece):
             raise RecordingError(damage)
         try:
-            sink = pa.BufferReader(self.schema.serialize().to_pybytes() + self._message(piece.batch).serialize())
+            sink = pa.BufferReader(self._bare + self._checked_message(piece).serialize())
             _, carried = pa.ipc.open_stream(sink).read_next_batch_with_custom_metadata()
             return base64.b64decode(carried[self.name(piece)], validate=True)
-        except (KeyError, TypeError, OSError, StopIteration, binascii.Error, pa.ArrowException):
+        except (KeyError, TypeError, ValueError, OSError, StopIteration, MemoryError, pa.ArrowException):
             raise RecordingError(damage) from None
+
+    @cached_property
+    def _bare(self) -> bytes:
+        """The schema as bytes, without the metadata, which may be long."""
+        return self.schema.remove_metadata().serialize().to_pybytes()
+
+    def _checked_message(self, piece: Piece) -> pa.Message:
+        """Return the batch of a piece, unless it asks for more memory than its bytes can stand for."""
+        message = self._message(piece.batch)
+        if unpacked_bytes(message) > max(LEAST_BELIEVED, MOST_PACKED * (piece.seal - piece.batch)):
+            raise ValueError("unbelievably large")
+        return message
 
     def _found(self) -> Iterator[Piece]:
         begin = 0
@@ -297,9 +413,47 @@ class SealedReader:
         return pa.ipc.read_message(pa.BufferReader(self._bytes[at:]))
 
 
+def unpacked_bytes(message: pa.Message) -> int:
+    """Return how many bytes a record batch says that it takes once it is decompressed, which Arrow would believe.
+
+    They stand in front of each compressed buffer; where these are stands in the message's flatbuffer:
+    https://arrow.apache.org/docs/format/Columnar.html#recordbatch-message.
+
+    Raises
+    ------
+    ValueError
+        If it is no record batch.
+    """
+    content, body = message.metadata.to_pybytes(), message.body
+    try:
+        header = _field(content, struct.unpack_from("<I", content)[0], HEADER)
+        batch = header + struct.unpack_from("<I", content, header)[0]
+        vector = _field(content, batch, BUFFERS)
+        begin = vector + struct.unpack_from("<I", content, vector)[0]
+        count = struct.unpack_from("<I", content, begin)[0]
+        buffers = np.frombuffer(content, "<i8", 2 * count, begin + 4).reshape(-1, 2)
+        claims = [struct.unpack_from("<q", body, at)[0] for at, length in buffers.tolist() if length >= CLAIM]
+    except (struct.error, TypeError):
+        raise ValueError("no record batch") from None
+    return sum(max(claim, 0) for claim in claims) if _field(content, batch, PACKED) else 0
+
+
+def _field(content: bytes, table: int, number: int) -> int:
+    """Return where a field of a flatbuffer's table is, 0 if the table does not have it."""
+    vtable = table - struct.unpack_from("<i", content, table)[0]
+    place = 4 + 2 * number
+    if place >= struct.unpack_from("<H", content, vtable)[0]:
+        return 0
+    offset = struct.unpack_from("<H", content, vtable + place)[0]
+    return table + offset if offset else 0
+
+
 def _holds_whole_piece(rest: bytes) -> bool:
     """Tell whether a seal fits what stands between it and the one before, wherever the two are."""
-    seals = [(rest.rfind(BEGIN_OF_MESSAGE, 0, seal.start()), seal) for seal in SEAL.finditer(rest)]
+    seals, after = [], 0
+    for seal in SEAL.finditer(rest):  # looked for between two seals only, else it took the square of their number
+        seals.append((max(rest.rfind(BEGIN_OF_MESSAGE, after, seal.start()), after), seal))
+        after = seal.end()
     return any(_fits(rest[begin:end], seal) for (begin, _), (end, seal) in pairwise(seals))
 
 

@@ -69,12 +69,14 @@ class Tape:
             self.writer.sync()
             self._synced_at = self._written_at
 
-    def close(self) -> None:
-        """Write what is left and end the file."""
+    def close(self, broken_off: bool = False) -> None:
+        """Write what is left and end the file; one without rows replaces no other if it was broken off."""
         if self.writer.closed:
             return
         try:
             self.flush()
+            if broken_off and not self.writer.is_in_place:
+                self.writer.abandon()
             self.writer.close()
         except (RecordingError, OSError):
             self.writer.abandon()

@@ -85,8 +85,11 @@ def verify(recording: Recording | str | os.PathLike[str], model_class: type, pro
     all 20 rows to step 20 are the same
     """
     recording = recording if isinstance(recording, Recording) else Recording(recording)
-    rerun = started_again(recording, model_class)
-    verdict = _all_compared(rerun, progress)
+    rows = recording.intact
+    last = recording[rows - 1].step if rows else recording.provenance["start"]["step"]
+    with progress_bar(last, "steps", progress) as bar:
+        rerun = started_again(recording, model_class, lambda model: bar.update(model.completed - bar.n))
+        verdict = _all_compared(rerun, rows)
     verdict = replace(verdict, text=verdict.text + rerun.begin)
     if recording.damage:
         verdict = replace(verdict, same=False, text=f"{verdict.text}; {recording.path} {recording.damage}")
@@ -132,15 +135,12 @@ def last_same(rerun: Rerun, step: int) -> int:
     return same
 
 
-def _all_compared(rerun: Rerun, progress: bool) -> Verification:
-    recording, rows = rerun.recording, rerun.recording.intact
-    with progress_bar(rows, "rows", progress) as bar:
-        for row, frame in enumerate(islice(recording, rows)):
-            difference = _compared(rerun, row, frame)
-            if difference is not None:
-                return difference
-            bar.update()
-    last = f" to step {recording[rows - 1].step}" if rows else ""
+def _all_compared(rerun: Rerun, rows: int) -> Verification:
+    for row, frame in enumerate(islice(rerun.recording, rows)):
+        difference = _compared(rerun, row, frame)
+        if difference is not None:
+            return difference
+    last = f" to step {rerun.recording[rows - 1].step}" if rows else ""
     return Verification(same=True, rows=rows, text=f"all {rows} rows{last} are the same")
 
 

@@ -4,9 +4,10 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from time import perf_counter
 
+from mesa_swarm.errors import InvalidValueError, SwarmError
 from mesa_swarm.experiments.compare import checked_jobs
-from mesa_swarm.experiments.files import check_writable, checked_file, write_whole
 from mesa_swarm.experiments.pictures import png
+from mesa_swarm.files import check_writable, checked_file, write_all, write_whole
 from mesa_swarm.reproduction.drawing import svg
 from mesa_swarm.reproduction.laboratory import Laboratory
 from mesa_swarm.reproduction.registry import Item, find_item, items
@@ -75,10 +76,26 @@ def chosen_items(figures: Sequence[str]) -> list[Item]:
 
 
 def made_by(laboratory: Laboratory, chosen: Sequence[Item]) -> Iterator[Made]:
-    """Yield results as they are made."""
+    """Yield results as they are made.
+
+    Raises
+    ------
+    InvalidValueError
+        If nothing can be made of runs that were stored before, because their numbers are not those of such runs.
+    """
     for item in chosen:
         started = perf_counter()
-        result = item.make(laboratory)
+        try:
+            result = item.make(laboratory)
+        except SwarmError:
+            raise
+        except (ArithmeticError, LookupError, TypeError, ValueError) as error:
+            if not laboratory.found:
+                raise
+            raise InvalidValueError(
+                f"figure {item.figure} cannot be made of the runs in {laboratory.path} ({type(error).__name__}); "
+                "remove the file to make them again"
+            ) from error
         yield Made(item=item, result=result, seconds=perf_counter() - started)
 
 
@@ -102,4 +119,4 @@ def written(figure: str, result: Result, folder: Path, mark: str) -> list[Path]:
         name = f"figure_{figure}" + (f"_{word}" if word else "") + mark
         contents |= {f"{name}.png": png(picture), f"{name}.svg": svg(picture)}
     contents[f"figure_{figure}{mark}.csv"] = result.csv()
-    return [write_whole(folder / name, content) for name, content in contents.items()]
+    return write_all(folder, contents)

@@ -56,7 +56,7 @@ class Laboratory:
 
     def __init__(self, folder: Path, *, quick: bool = False, jobs: int = 1, progress: bool = False) -> None:
         self.quick, self.jobs, self.progress = quick, jobs, progress
-        self.made = 0
+        self.made = self.found = 0
         self._ledger = Ledger(folder / DATA)
 
     def __enter__(self) -> Self:
@@ -64,6 +64,11 @@ class Laboratory:
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
+
+    @property
+    def path(self) -> Path:
+        """The file in which runs are stored."""
+        return self._ledger.path
 
     def close(self) -> None:
         """Close the file in which runs are kept."""
@@ -98,6 +103,7 @@ class Laboratory:
         listed = list(seeds)
         tasks = {key_of(run, point, rng): (dict(point), rng) for point in points for rng in listed}
         missing = {key: task for key, task in tasks.items() if key not in self._ledger}
+        self.found += len(tasks) - len(missing)
         self._make(run, missing, 1 if alone else min(self.jobs, max(len(missing), 1)))
         return [[self._kept(run, point, rng) for rng in listed] for point in points]
 
@@ -112,7 +118,7 @@ class Laboratory:
     def _kept(self, run: Run, point: Mapping[str, Any], rng: int) -> Numbers:
         outcome = self._ledger.outcome(key_of(run, point, rng))
         if outcome is None or outcome.results is None:
-            raise InvalidValueError(f"{self._ledger.path} says nothing of a run that was kept in it; remove the file")
+            raise InvalidValueError(f"{self.path} has an error in place of a run's numbers; remove the file")
         return outcome.results
 
 

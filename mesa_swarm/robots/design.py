@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
+from mesa_swarm.errors import InvalidValueError, check_count, check_name, check_number, shortened
 from mesa_swarm.robots.drive import DifferentialDrive, Drive
 from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSensor, Sensor
 
@@ -60,8 +60,7 @@ class RobotDesign:
         check_number("max_speed", self.max_speed, minimum=0, maximum=FASTEST_IN_RADII * radius)
         check_number("slip_probability", self.slip_probability, minimum=0, maximum=1)
         check_number("slip_magnitude", self.slip_magnitude, minimum=0, maximum=1)
-        if not isinstance(self.name, str):
-            raise InvalidValueError(f"name is {shortened(self.name)}; expected a text")
+        check_name("name", self.name)
         if not isinstance(self.sensors, (tuple, list)):
             raise InvalidValueError(f"sensors is {shortened(self.sensors)}; expected a tuple of sensors")
         object.__setattr__(self, "sensors", tuple(self.sensors))
@@ -69,7 +68,9 @@ class RobotDesign:
             raise InvalidValueError(f"sensors has {len(self.sensors)} of them; expected at most {MOST_SENSORS}")
         for sensor in self.sensors:
             if not isinstance(sensor, Sensor):
-                raise InvalidValueError(f"sensors holds {sensor!r:.60}; expected sensors such as ProximitySensor()")
+                raise InvalidValueError(
+                    f"sensors holds {shortened(sensor)}; expected sensors such as ProximitySensor()"
+                )
         methods = [getattr(self.drive, name, None) for name in ("motion", "wheels")]
         if isinstance(self.drive, type) or not all(map(callable, methods)):
             raise InvalidValueError(f"drive is {shortened(self.drive)}; expected a drive such as DifferentialDrive()")

@@ -1,8 +1,9 @@
 """How far real sensors and wheels are from ideal ones: one schema for all of them, and a dial from 0 to 1."""
 
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
-from mesa_swarm.errors import InvalidValueError, check_count, check_number
+from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.sensors import LONGEST_HOLD, ProximitySensor
 
@@ -52,18 +53,19 @@ class Imperfection:
     def __post_init__(self) -> None:
         """Check every value."""
         check_number("error", self.error, minimum=0, maximum=10)
-        check_number("dropout", self.dropout, minimum=0, maximum=1)
-        check_number("outliers", self.outliers, minimum=0, maximum=1)
-        check_number("dropout + outliers", self.dropout + self.outliers, maximum=1)
+        dropout = check_number("dropout", self.dropout, minimum=0, maximum=1)
+        outliers = check_number("outliers", self.outliers, minimum=0, maximum=1)
+        check_number("dropout + outliers", dropout + outliers, maximum=1)
         check_count("hold", self.hold, minimum=1, maximum=LONGEST_HOLD)
         check_count("period", self.period, minimum=1, maximum=LONGEST_HOLD)
         check_number("lag", self.lag, minimum=0, maximum=LONGEST_LAG)
 
     def at(self, dial: float) -> "Imperfection":
         """Return the imperfection at a place of the dial: shares and lag in proportion, whole steps rounded."""
-        steps = {name: 1 + round((getattr(self, name) - 1) * dial) for name in ("hold", "period")}
-        shares = {name: getattr(self, name) * dial for name in ("error", "dropout", "outliers", "lag")}
-        return replace(self, **steps, **shares)
+        steps = {name: 1 + round((int(getattr(self, name)) - 1) * dial) for name in ("hold", "period")}
+        shares = {name: float(getattr(self, name)) * dial for name in ("error", "dropout", "outliers", "lag")}
+        changed: dict[str, Any] = {**steps, **shares}
+        return replace(self, **changed)
 
     @property
     def limits(self) -> tuple[float, float, float, int, int, float]:
@@ -108,6 +110,10 @@ class Imperfections:
 
     def __post_init__(self) -> None:
         """Check every value."""
+        for name in ("sensing", "driving"):
+            one = getattr(self, name)
+            if not isinstance(one, Imperfection):
+                raise InvalidValueError(f"{name} is {shortened(one)}; expected Imperfection(...)")
         if self.sensing.lag:
             raise InvalidValueError(f"lag of sensing is {self.sensing.lag}; expected 0: late readings have a period")
         check_number("battery", self.battery, minimum=0, maximum=1e12)
@@ -131,8 +137,8 @@ class Imperfections:
         found = Imperfections(
             sensing=self.sensing.at(share),
             driving=self.driving.at(share),
-            battery=self.battery / share,
-            failure=self.failure * share,
+            battery=float(self.battery) / share,
+            failure=float(self.failure) * share,
         )
         return None if found == Imperfections() else found
 

@@ -5,6 +5,7 @@ from base64 import b64encode
 from importlib import resources
 
 from mesa_swarm.recording.recording import Recording
+from mesa_swarm.viewing.headers import policy, source_of
 from mesa_swarm.viewing.reel import Reel
 
 IMPORT = 'import { Stage, TOGGLES } from "./canvas.js";\n'
@@ -56,12 +57,41 @@ def page_of(about: dict, chunks: list[bytes]) -> str:
     data = [f'<script type="application/json" id="about">{facts}</script>']
     for place, chunk in enumerate(chunks):
         data.append(f'<script type="text/plain" id="chunk-{place}">{b64encode(chunk).decode()}</script>')
-    script = asset("canvas.js") + asset("player.js").replace(IMPORT, "")
     page = asset("replay.html")
+    parts = {"policy": policy(sources(), in_page=True), "style": asset("player.css"), "script": script()}
     # Data last: what a recording holds is never searched for the names of the other parts.
-    for name, text in (("style", asset("player.css")), ("script", script), ("data", "\n".join(data))):
+    for name, text in {**parts, "data": "\n".join(data)}.items():
         page = page.replace(f"{{{{{name}}}}}", text, 1)
     return page
+
+
+def script() -> str:
+    """Return all that the page runs.
+
+    Examples
+    --------
+    >>> IMPORT in script()
+    False
+    """
+    return "\n" + asset("canvas.js") + asset("player.js").replace(IMPORT, "")
+
+
+def sources() -> dict[str, str]:
+    """Return what the page may run and load, as `mesa_swarm.viewing.headers.policy` takes it.
+
+    Its own script is named by its hash: no other would run, should what a recording holds ever become an element.
+
+    Examples
+    --------
+    >>> sources()["connect-src"]
+    "'self'"
+    """
+    return {
+        "script-src": source_of(script()),
+        "style-src": "'unsafe-inline'",
+        "img-src": "data:",
+        "connect-src": "'self'",
+    }
 
 
 def asset(name: str) -> str:

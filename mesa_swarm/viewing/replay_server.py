@@ -6,20 +6,15 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 from mesa_swarm.errors import SwarmError
+from mesa_swarm.viewing.headers import safe_headers
 from mesa_swarm.viewing.reel import Reel
-from mesa_swarm.viewing.replay_page import page_of
+from mesa_swarm.viewing.replay_page import page_of, sources
 
 HOST = "127.0.0.1"
 TOKEN_BYTES = 18
 LONGEST_PLACE = 9
+BODY = ("Content-Length", "Transfer-Encoding")
 HTML, JSON, BYTES, TEXT = "text/html; charset=utf-8", "application/json", "application/octet-stream", "text/plain"
-HEADERS = {
-    "Cache-Control": "no-store",
-    "X-Content-Type-Options": "nosniff",
-    "Referrer-Policy": "no-referrer",
-    "Cross-Origin-Resource-Policy": "same-origin",
-    "X-Frame-Options": "DENY",
-}
 
 
 class ReplayServer(ThreadingHTTPServer):
@@ -49,10 +44,13 @@ class ReplayServer(ThreadingHTTPServer):
     """
 
     daemon_threads = True
+    # Of those that connect at the same moment, the others would wait for seconds.
+    request_queue_size = 128
 
     def __init__(self, reel: Reel, port: int = 0) -> None:
         self.reel = reel
         self.page = page_of({**reel.about, "embedded": False}, []).encode()
+        self.safe_headers = {"Cache-Control": "no-store", **safe_headers(sources())}
         self.token = secrets.token_urlsafe(TOKEN_BYTES)
         super().__init__((HOST, port), Handler)
 
@@ -84,12 +82,18 @@ class Handler(BaseHTTPRequestHandler):
         try:
             status, kind, content = self._answer()
         except SwarmError as error:
-            status, kind, content = HTTPStatus.INTERNAL_SERVER_ERROR, TEXT, str(error).encode()
+            status, kind, content = HTTPStatus.INTERNAL_SERVER_ERROR, TEXT, str(error).encode(errors="replace")
         self.send_response(status)
-        for name, value in {**HEADERS, "Content-Type": kind, "Content-Length": str(len(content))}.items():
-            self.send_header(name, value)
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Length", str(len(content)))
         self.end_headers()
         self.wfile.write(content)
+
+    def end_headers(self) -> None:
+        """End the headers of any answer, errors included, with those that all answers carry."""
+        for name, value in self.server.safe_headers.items():
+            self.send_header(name, value)
+        super().end_headers()
 
     def log_message(self, *words: object) -> None:
         """Be silent: the terminal is for the user."""
@@ -97,7 +101,10 @@ class Handler(BaseHTTPRequestHandler):
     def _answer(self) -> tuple[HTTPStatus, str, bytes]:
         reel, begin = self.server.reel, f"/{self.server.token}/"
         known = secrets.compare_digest(self.path[: len(begin)].encode(), begin.encode())
-        if self.headers.get("Host") != self.server.host or not known:
+        if any(name in self.headers for name in BODY):
+            self.close_connection = True  # what follows would be read as the next request
+            return HTTPStatus.BAD_REQUEST, TEXT, b"No request has a body here."
+        if self.headers.get_all("Host") != [self.server.host] or not known:
             return HTTPStatus.FORBIDDEN, TEXT, b"This address is not the one that mesa-swarm replay has printed."
         match self.path[len(begin) :].split("/"):
             case [""]:

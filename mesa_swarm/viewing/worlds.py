@@ -6,6 +6,7 @@ from operator import itemgetter
 
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.model import SwarmModel
+from mesa_swarm.recording.provenance import map_of
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.scenery import scenery_of, written_shape
 from mesa_swarm.world.map import Map
@@ -72,7 +73,7 @@ def worlds_of_recording(recording: Recording) -> list[tuple[int, dict]]:
     """
     if "position" not in recording.columns:
         raise RecordingError(f"{recording.path} has no positions to draw; record the column 'position' as well")
-    chart = Map.from_toml(recording.provenance["map"], "the recording's map")
+    chart = map_of(recording.provenance)
     recorded = [name for name in COLUMNS if name in ALWAYS or MADE_FROM.get(name, name) in recording.columns]
     if "kind" not in recorded or "distance" not in recorded:
         recorded = [name for name in recorded if name not in ("kind", "distance")]

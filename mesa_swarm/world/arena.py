@@ -1,5 +1,6 @@
 """The arena: Mesa's experimental ContinuousSpace, made safe, and fed from the swarm's columns."""
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import count
 from random import Random
@@ -11,7 +12,7 @@ from mesa import Model
 from mesa.agent import Agent, AgentSet
 from mesa.experimental.continuous_space import ContinuousSpace, ContinuousSpaceAgent
 
-from mesa_swarm.errors import InvalidValueError, shortened
+from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
 
 # Mesa grows its store by a fifth of what is there, which is nothing at all below three rows.
 SMALLEST_STORE = 16
@@ -134,10 +135,7 @@ class Arena(ContinuousSpace):
         ------
         InvalidValueError
         """
-        try:
-            point = np.asarray(position, dtype=float)
-        except (TypeError, ValueError):
-            point = np.empty(0)
+        point = as_numbers(position)
         if point.shape != (self.ndims,) or not self.in_bounds(point):
             within = self.dimensions.tolist()
             raise InvalidValueError(
@@ -161,7 +159,7 @@ class Arena(ContinuousSpace):
     def get_k_nearest_agents(self, point: Point, k: int = 1) -> Neighbours:
         """Return the k agents nearest to `point`, all of them if there are fewer, and their distances."""
         distances, agents = self.calculate_distances(point)
-        nearest = np.argsort(distances, kind="stable")[: max(k, 0)]
+        nearest = np.argsort(distances, kind="stable")[: _checked_k(k)]
         return [agents[i] for i in nearest], distances[nearest]
 
     def _add_agent(self, agent: Agent) -> int:
@@ -228,14 +226,17 @@ class ArenaAgent(ContinuousSpaceAgent):
 
     def get_neighbors_in_radius(self, radius: float = 1) -> Neighbours:
         """Return the other agents whose positions are within `radius`, and their distances."""
+        # All of them are within an infinite radius.
+        limit = radius if isinstance(radius, float) and radius == math.inf else check_number("radius", radius)
         distances, agents = self._others()
-        near = np.flatnonzero(distances <= radius)
+        near = np.flatnonzero(distances <= limit)
         return [agents[i] for i in near], distances[near]
 
     def get_nearest_neighbors(self, k: int = 1) -> Neighbours:
         """Return the k nearest other agents, all if there are fewer, and their distances."""
+        number = _checked_k(k)
         distances, agents = self._others()
-        nearest = np.argsort(distances, kind="stable")[: max(k, 0)]
+        nearest = np.argsort(distances, kind="stable")[:number]
         return [agents[i] for i in nearest], distances[nearest]
 
     def _others(self) -> tuple[np.ndarray, list[Agent]]:
@@ -243,3 +244,24 @@ class ArenaAgent(ContinuousSpaceAgent):
         distances, agents = self.space.calculate_distances(here)
         mine = self.space._agent_to_index[self]
         return np.delete(distances, mine), [agent for agent in agents if agent is not self]
+
+
+def as_numbers(value: object) -> np.ndarray:
+    """Return what a user gave as an array of floats, an empty one if it does not hold numbers alone.
+
+    Examples
+    --------
+    >>> as_numbers([1, 2]), as_numbers(["1", 2]), as_numbers([10**400, 0])
+    (array([1., 2.]), array([], dtype=float64), array([], dtype=float64))
+    """
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind in "iufO":
+            return array.astype(float)
+    except Exception:
+        pass
+    return np.empty(0)
+
+
+def _checked_k(k: object) -> int:
+    return max(check_count("k", k, minimum=-(2**31)), 0)

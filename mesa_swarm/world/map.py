@@ -1,25 +1,28 @@
 """Maps: the bounds of a world, its obstacles and fires; built in, loaded from files, and saved."""
 
 import os
-import uuid
 from collections.abc import Iterable
-from contextlib import suppress
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Self, TypeVar
 
-from mesa_swarm.errors import InvalidValueError, shortened, unknown_name
+import numpy as np
+
+from mesa_swarm.errors import InvalidValueError, MapError, shortened, unknown_name
+from mesa_swarm.files import shown_path, write_whole
 from mesa_swarm.world.map_legacy import LARGEST_LEGACY_FILE, read_legacy
 from mesa_swarm.world.map_parts import (
     LARGEST_FILE,
     RADIUS_OF_UNIT_AREA,
     Bounds,
     FireSpot,
+    bytes_of,
     check_inside,
     checked_bounds,
     checked_name,
     file_content,
+    first_points_within,
     naming,
     refusal,
     text_of,
@@ -35,8 +38,6 @@ BUILTIN = ("original", "sparse", "openspace", "openspace_fire")
 Part = TypeVar("Part", Shape, FireSpot)
 ALIASES = {"maze": "sparse"}  # the thesis's text calls it maze, its figure sparse
 READABLE = (".toml", ".svg", ".map")
-# Of a path, in messages.
-LONGEST_SHOWN = 120
 WRITABLE = (".toml", ".svg")
 
 
@@ -148,9 +149,8 @@ class Map:
         >>> Map.from_svg(drawing).obstacles[0].position
         array([40., 40.])
         """
-        data = content.encode() if isinstance(content, str) else content
-        with naming(source):
-            return cls(**read_svg(data, source))
+        with naming(source), np.errstate(all="ignore"):  # what overflows is refused as a shape, in the user's words
+            return cls(**read_svg(bytes_of(content, source), source))
 
     def to_toml(self) -> str:
         """Return a TOML text that `from_toml` reads back as an equal map."""
@@ -186,7 +186,7 @@ class Map:
         """
         target = Path(path)
         suffix = _known_suffix(target, WRITABLE)
-        _write_whole(target, self.to_toml() if suffix == ".toml" else self.to_svg())
+        write_whole(target, self.to_toml() if suffix == ".toml" else self.to_svg(), MapError, folders=False)
 
 
 def builtin_maps() -> list[str]:
@@ -208,7 +208,8 @@ def _parts_within(bounds: Bounds, word: str, parts: Iterable[Part], wanted: type
     for number, part in enumerate(checked, start=1):
         if not isinstance(part, wanted):
             raise InvalidValueError(f"{word} {number} is {shortened(part)}; expected a {wanted.__name__}")
-        check_inside(f"{word} {number}", part, bounds)
+    for index in np.flatnonzero(~first_points_within(checked, bounds)):
+        check_inside(f"{word} {index + 1}", checked[index], bounds)
     return checked
 
 
@@ -232,7 +233,7 @@ def _from_file(source: str | os.PathLike[str]) -> Map:
 
 def _existing(source: str | os.PathLike[str]) -> tuple[Path, str]:
     """Return the path and how errors show it; a missing file may be a misspelt built-in name."""
-    path, shown = Path(source), _end_of(os.fspath(source))
+    path, shown = Path(source), shown_path(source)
     try:
         exists = path.exists()
     except (OSError, ValueError):  # a name too long for the system, or with a null byte
@@ -245,34 +246,8 @@ def _existing(source: str | os.PathLike[str]) -> tuple[Path, str]:
     return path, shown
 
 
-def _end_of(path: str) -> str:
-    """Return a path as errors show it: a long one by its end, where the name of the file is."""
-    text = repr(path)[1:-1]
-    return text if len(text) <= LONGEST_SHOWN else f"...{text[-LONGEST_SHOWN:]}"
-
-
 def _known_suffix(path: Path, known: tuple[str, ...]) -> str:
     suffix = path.suffix.lower()
     if suffix not in known:
         raise refusal(str(path), "", f"expected a file that ends in {', '.join(known)}")
     return suffix
-
-
-def _write_whole(path: Path, text: str) -> None:
-    """Write under another name in the same folder, then rename: readers see the old file or the new."""
-    draft = path.with_name(f".{uuid.uuid4().hex}.draft")
-    try:
-        _write_to_disk(draft, text)
-        os.replace(draft, path)
-    except OSError as error:
-        raise refusal(str(path), "cannot be written", error.strerror or error) from None
-    finally:
-        with suppress(OSError):  # else it would hide why writing failed
-            draft.unlink(missing_ok=True)
-
-
-def _write_to_disk(path: Path, text: str) -> None:
-    with path.open("x", encoding="utf-8", newline="\n") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())  # else a power cut after the rename could leave an empty file

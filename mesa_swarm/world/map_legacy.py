@@ -5,6 +5,7 @@ plain numbers are recognised, everything else is refused.
 """
 
 import ast
+import re
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -13,6 +14,9 @@ from mesa_swarm.world.map_parts import Bounds, FireSpot, check_inside, checked_b
 from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, disc, rectangle
 
 LARGEST_LEGACY_FILE = 1_000_000
+# Python's parser makes a kilobyte and more of each.
+MOST_WORDS = 150_000
+_WORD = re.compile(r"\w+(?:\.\w*)?|[^\w \t]")
 DEEPEST_NESTING = 3
 NUMBERS_OF_KIND = {"rec": 4, "cir": 3, "fire": 3}
 
@@ -84,6 +88,9 @@ def _tree(text: str, source: str) -> ast.Module:
     """Parse, which builds a tree and runs nothing."""
     if len(text) > LARGEST_LEGACY_FILE:
         raise refusal(source, "", f"has more than {LARGEST_LEGACY_FILE} characters")
+    words = sum(1 for _ in _WORD.finditer(text))
+    if words > MOST_WORDS:
+        raise refusal(source, "", f"has {words:,} words, brackets and lines; expected at most {MOST_WORDS:,}")
     try:
         return ast.parse(text)
     except (RecursionError, MemoryError):  # what Python's parser says to bombs of nested brackets or signs

@@ -21,8 +21,9 @@ import numpy as np
 from defusedxml import DefusedXmlException, DTDForbidden
 from defusedxml.expatreader import DefusedExpatParser
 
-from mesa_swarm.errors import InvalidValueError, check_choice, check_number
+from mesa_swarm.errors import InvalidValueError, MapError, check_choice, check_number
 from mesa_swarm.world.map_parts import LONGEST_NAME, Bounds, check_inside, checked_bounds, naming, refusal
+from mesa_swarm.world.map_work import ELEMENT, PATH_WORD, Work
 from mesa_swarm.world.shapes import LARGEST_COORDINATE, MOST_VERTICES, Shape
 from mesa_swarm.world.svg_paths import MOST_PATH_WORDS, path_words
 from mesa_swarm.world.svg_shapes import Drawn, fire_of, shapes_of
@@ -39,6 +40,7 @@ from mesa_swarm.world.svg_values import (
 MOST_ELEMENTS = 10_000
 DEEPEST_ELEMENT = 100
 LONGEST_ATTRIBUTE = 5_000
+LONGEST_NAMESPACE = 500
 # Curves may stray by this share of the map's longer side: 0.04 units on 800.
 TOLERANCE_OF_SIDE = 5e-5
 
@@ -75,13 +77,14 @@ def read_svg(content: bytes, source: str) -> dict[str, Any]:
     >>> parts["name"], parts["obstacles"][0].bounds
     ('hall', (0.0, 0.0, 80.0, 10.0))
     """
-    walk = _walked(content, source)
+    work = Work(len(content))
+    walk = _walked(content, source, work)
     bounds = walk.bounds
     tolerance = TOLERANCE_OF_SIDE * max(bounds[2] - bounds[0], bounds[3] - bounds[1])
     return {
         "name": walk.name or Path(source).stem.strip()[:LONGEST_NAME],
         "bounds": bounds,
-        "obstacles": tuple(_obstacles(walk, tolerance)),
+        "obstacles": tuple(_obstacles(walk, tolerance, work)),
         "fires": tuple(_fires(walk)),
     }
 
@@ -91,8 +94,9 @@ class _Walk(ContentHandler):
 
     _locator: Locator  # which ContentHandler.setDocumentLocator keeps
 
-    def __init__(self, source: str) -> None:
+    def __init__(self, source: str, work: Work) -> None:
         super().__init__()
+        self.work = work
         self.source = source
         self.drawn: list[Drawn] = []
         self.bounds: Bounds = (0.0, 0.0, 0.0, 0.0)
@@ -106,6 +110,12 @@ class _Walk(ContentHandler):
         """The title of the drawing, on one line."""
         title = "".join(self._titles).strip()
         return title if title.isprintable() else " ".join(title.split())
+
+    def startPrefixMapping(self, prefix: str | None, uri: str) -> None:  # noqa: N802 (SAX's name)
+        """Refuse a long name of a namespace: it is written out for each element in it."""
+        if len(uri) > LONGEST_NAMESPACE:
+            where = f"line {self._locator.getLineNumber()}"
+            raise refusal(self.source, where, f"a namespace has more than {LONGEST_NAMESPACE} characters")
 
     def startElementNS(self, name: tuple[str | None, str], qname: str | None, attrs: Any) -> None:  # noqa: N802 (SAX's name)
         """Enter an element."""
@@ -124,7 +134,7 @@ class _Walk(ContentHandler):
 
     def characters(self, content: str) -> None:
         """Keep the text of the drawing's own title."""
-        if [tag for tag, _ in self._open] == ["svg", "title"]:
+        if len(self._open) == 2 and self._open[1][0] == "title":
             self._titles.append(content)
 
     def _place(self, tag: str, attributes: Mapping[str, str]) -> str:
@@ -146,9 +156,11 @@ class _Walk(ContentHandler):
         own = _inherited(parent, tag, attributes, place)
         if own is None or tag in GROUPS:
             return own
-        self._path_words += path_words(own.attributes.get("d", ""))
+        words = path_words(own.attributes.get("d", ""))
+        self._path_words += words
         if self._path_words > MOST_PATH_WORDS:
             raise InvalidValueError(f"brings all paths to more than {MOST_PATH_WORDS} numbers; simplify them")
+        self.work.spend(ELEMENT + PATH_WORD * words)
         self.drawn.append(own)
         return None
 
@@ -160,12 +172,12 @@ class _Walk(ContentHandler):
         turned = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, height], [0.0, 0.0, 1.0]])
         box = attributes.get("viewBox")
         aspect = attributes.get("preserveAspectRatio", "")
-        matrix = turned if box is None else turned @ viewbox(box, aspect, width, height)
+        matrix = turned if box is None else checked_matrix(turned @ viewbox(box, aspect, width, height))
         return _inherited(Drawn(tag, {}, place, matrix), tag, attributes, place)
 
 
-def _walked(content: bytes, source: str) -> _Walk:
-    walk = _Walk(source)
+def _walked(content: bytes, source: str, work: Work) -> _Walk:
+    walk = _Walk(source, work)
     parser = DefusedExpatParser(1, forbid_dtd=True, forbid_entities=True, forbid_external=True)
     parser.setContentHandler(walk)
     parser.setFeature("http://xml.org/sax/features/external-general-entities", False)
@@ -178,8 +190,10 @@ def _walked(content: bytes, source: str) -> _Walk:
     except SAXParseException as error:
         place = f"line {error.getLineNumber()}, column {(error.getColumnNumber() or 0) + 1}"
         raise refusal(source, place, f"not XML: {error.getMessage()}") from None
-    except LookupError as error:
-        raise refusal(source, "", f"not XML: {error}") from None
+    except MapError:
+        raise
+    except (LookupError, ValueError, TypeError) as error:  # encodings that Python has, and XML's parser cannot use
+        raise refusal(source, "", f"not XML in an encoding such as UTF-8: {error}") from None
     return walk
 
 
@@ -248,14 +262,14 @@ def _role(attributes: Mapping[str, str]) -> str | None:
     return next((word for word in attributes.get("class", "").split() if word in ROLES), None)
 
 
-def _obstacles(walk: _Walk, tolerance: float) -> Iterator[Shape]:
+def _obstacles(walk: _Walk, tolerance: float, work: Work) -> Iterator[Shape]:
     """Make the obstacles one by one, refusing the drawing as soon as it grows too large."""
     vertices = 0
-    for drawn in walk.drawn:
+    for drawn in _placed(walk):
         if drawn.role == "fire":
             continue
         with naming(walk.source, drawn.place):
-            for shape in shapes_of(_placed(drawn, walk.bounds), tolerance):
+            for shape in shapes_of(drawn, tolerance, work):
                 vertices += len(shape.geometry.exterior.coords) if not shape.is_disc else 1
                 if vertices > MOST_VERTICES:
                     raise InvalidValueError(f"brings the drawing to more than {MOST_VERTICES} points; simplify it")
@@ -264,15 +278,19 @@ def _obstacles(walk: _Walk, tolerance: float) -> Iterator[Shape]:
 
 
 def _fires(walk: _Walk) -> Iterator[Any]:
-    for drawn in walk.drawn:
+    for drawn in _placed(walk):
         if drawn.role == "fire":
             with naming(walk.source, drawn.place):
-                fire = fire_of(_placed(drawn, walk.bounds))
+                fire = fire_of(drawn)
                 check_inside("fire", fire, walk.bounds)
             yield fire
 
 
-def _placed(drawn: Drawn, bounds: Bounds) -> Drawn:
-    """Move a drawing to where its bounds lie; done last, where it cancels what `to_svg` wrote to the bit."""
-    move = np.array([[1.0, 0.0, bounds[0]], [0.0, 1.0, bounds[1]], [0.0, 0.0, 1.0]])
-    return drawn._replace(matrix=move @ drawn.matrix)
+def _placed(walk: _Walk) -> Iterator[Drawn]:
+    """Yield what is drawn where its bounds lie; done last, where it cancels what `to_svg` wrote to the bit."""
+    move = np.array([[1.0, 0.0, walk.bounds[0]], [0.0, 1.0, walk.bounds[1]], [0.0, 0.0, 1.0]])
+    before = after = move
+    for drawn in walk.drawn:
+        if drawn.matrix is not before:  # neighbours mostly share one
+            before, after = drawn.matrix, move @ drawn.matrix
+        yield drawn._replace(matrix=after)

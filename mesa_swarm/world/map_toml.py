@@ -5,16 +5,22 @@ The format: `name`, `width` and `height` (or `bounds`), an optional `origin`, th
 """
 
 import json
+import re
 import tomllib
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 from mesa_swarm.errors import InvalidValueError, check_choice, check_number, shortened, unknown_name
 from mesa_swarm.world.map_parts import Bounds, FireSpot, checked_bounds, naming, refusal
-from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, disc, polygon, rectangle
+from mesa_swarm.world.map_work import DISC, POLYGON, Work
+from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, checked_rings, disc, polygon, rectangle
 
 TOP_KEYS = ("name", "width", "height", "origin", "bounds", "obstacle", "fire")
 FIRE_KEYS = ("centre", "radius", "temperature")
+# Parts of names such as a.b.c: in a map they stand in names and remarks only.
+MOST_DOTTED = 200
+_DOTTED = re.compile(r"""\.[ \t]*+(?:["']|[\w-]++[ \t]*+(?=\.))""")
 SHAPE_KEYS = {
     "rectangle": ("corners",),
     "disc": ("centre", "radius"),
@@ -44,6 +50,7 @@ def read_toml(text: str, source: str) -> dict[str, Any]:
     mesa_swarm.errors.MapError: hall.toml: Invalid value (at line 1, column 8)
     """
     table = parsed_toml(text, source)
+    work = Work(len(text))
     with naming(source):
         _refuse_unknown_keys(table, TOP_KEYS)
         bounds = _bounds(table)
@@ -51,8 +58,8 @@ def read_toml(text: str, source: str) -> dict[str, Any]:
     return {
         "name": name,
         "bounds": bounds,
-        "obstacles": _tables(table, "obstacle", _obstacle, source),
-        "fires": _tables(table, "fire", _fire, source),
+        "obstacles": _tables(table, "obstacle", partial(_obstacle, work), source),
+        "fires": _tables(table, "fire", partial(_fire, work), source),
     }
 
 
@@ -102,12 +109,24 @@ def parsed_toml(text: str, source: str) -> dict[str, Any]:
     >>> parsed_toml("steps = 3", "job.toml")
     {'steps': 3}
     """
+    _refuse_long_keys(text, source)
     try:
         return tomllib.loads(text)
     except RecursionError:
         raise refusal(source, "", "lists are nested too deeply") from None
     except ValueError as error:  # tomllib's own error, and Python's on numbers of more than 4300 digits
         raise refusal(source, "", error) from None
+
+
+def _refuse_long_keys(text: str, source: str) -> None:
+    """Refuse what takes Python's reader the square of its length: dotted names of thousands of parts."""
+    found = 0
+    for found, dotted in enumerate(_DOTTED.finditer(text), start=1):
+        if found > MOST_DOTTED:
+            line = text.count("\n", 0, dotted.start()) + 1
+            raise refusal(
+                source, f"line {line}", f"is one of more than {MOST_DOTTED} dotted names; write tables instead"
+            )
 
 
 def _bounds(table: dict[str, Any]) -> Bounds:
@@ -139,20 +158,25 @@ def _tables(table: dict[str, Any], key: str, read: Callable[[dict[str, Any]], An
     return tuple(parts)
 
 
-def _obstacle(entry: dict[str, Any]) -> Shape:
+def _obstacle(work: Work, entry: dict[str, Any]) -> Shape:
     shape = check_choice("shape", _needed(entry, "shape"), SHAPE_KEYS)
     _refuse_unknown_keys(entry, ("shape", "mark", *SHAPE_KEYS[shape]))
     mark = entry.get("mark", False)
     if not isinstance(mark, bool):
         raise InvalidValueError(f"mark is {shortened(mark)}; expected true or false")
     if shape == "rectangle":
+        work.spend(POLYGON)
         return rectangle(*_corners(entry), contact=not mark)
     if shape == "disc":
+        work.spend(DISC)
         return disc(_needed(entry, "centre"), _needed(entry, "radius"), contact=not mark)
-    return polygon(_needed(entry, "outline"), entry.get("holes", []), contact=not mark)
+    outline, *holes = checked_rings(_needed(entry, "outline"), entry.get("holes", []))
+    work.spend_on_outlines([outline, *holes])
+    return polygon(outline, holes, contact=not mark)
 
 
-def _fire(entry: dict[str, Any]) -> FireSpot:
+def _fire(work: Work, entry: dict[str, Any]) -> FireSpot:
+    work.spend(DISC)
     _refuse_unknown_keys(entry, FIRE_KEYS)
     return FireSpot(_needed(entry, "centre"), _needed(entry, "radius"), entry.get("temperature", 1.0))
 

@@ -9,7 +9,7 @@ import shapely
 from mesa_swarm.errors import PlacementError
 from mesa_swarm.geometry.grid import Grid
 from mesa_swarm.geometry.packing import hexagonal_lattice, take_apart
-from mesa_swarm.geometry.room import outside, room_for_disc
+from mesa_swarm.geometry.room import Crowded, outside, room_for_disc, room_to_try
 from mesa_swarm.world.shapes import Shape
 
 # A buffer is a polygon, of this many corners a quarter.
@@ -23,6 +23,9 @@ SPARSE = 0.01
 # Points that fill what a lattice leaves free, and offsets of the lattice that are tried.
 FILLING = 20_000
 OFFSETS = 8
+# The same, and the most points of a lattice, where it takes long to see whether a point is free.
+FILLING_CROWD = 2_000
+MOST_LATTICE_IN_CROWD = 2_000
 
 
 def free_space(
@@ -44,15 +47,34 @@ def free_space(
     >>> free_space((0, 0, 100, 50), [], np.empty((0, 3)), 5.0).area
     3600.0
     """
-    solids = [(s.geometry, s.radius) for s in shapes if s.contact]
-    solids += [(shapely.Point(x, y), r) for x, y, r in fires]
-    return room_for_disc(bounds, solids, radius, QUARTER_SEGMENTS)
+    return room_for_disc(bounds, _solids(shapes, fires), radius, QUARTER_SEGMENTS)
+
+
+def free_places(
+    bounds: tuple[float, float, float, float], shapes: Sequence[Shape], fires: np.ndarray, radius: float
+) -> shapely.Geometry | Crowded:
+    """Return what `free_space` does, or what tries points where that would take very long, for `place_apart`.
+
+    Among more than 2000 solid shapes, or 50,000 pairs of them that overlap, places are found by trying alone: a map
+    that is all but full may then count as full.
+
+    Examples
+    --------
+    >>> free_places((0, 0, 100, 50), [], np.empty((0, 3)), 5.0).area
+    3600.0
+    """
+    return room_to_try(bounds, _solids(shapes, fires), radius, QUARTER_SEGMENTS)
+
+
+def _solids(shapes: Sequence[Shape], fires: np.ndarray) -> list[tuple[shapely.Geometry, float]]:
+    solids: list[tuple[shapely.Geometry, float]] = [(s.geometry, s.radius) for s in shapes if s.contact]
+    return solids + [(shapely.Point(x, y), r) for x, y, r in fires]
 
 
 def place_apart(
     n: int,
     radius: float,
-    space: shapely.Geometry,
+    space: shapely.Geometry | Crowded,
     others: np.ndarray,
     other_radius: np.ndarray,
     rng: np.random.Generator,
@@ -66,8 +88,8 @@ def place_apart(
     ----------
     n : int
     radius : float
-    space : shapely geometry
-        From `free_space` for this radius.
+    space : shapely geometry or Crowded
+        From `free_space` or `free_places` for this radius.
     others, other_radius : ndarrays, shapes (k, 2), (k,)
         Discs that are there already.
     rng : numpy.random.Generator
@@ -91,7 +113,11 @@ def place_apart(
     table = _Placed(others, other_radius, n, radius, space)
     draw = _points_of(space)
     while table.missing and table.tried < TRIES * n:
-        table.take(draw(min(max(2 * table.missing, 64), MOST_CANDIDATES), rng))
+        number = min(max(2 * table.missing, 64), MOST_CANDIDATES)
+        candidates = draw(number, rng)
+        table.take(candidates)
+        # Points drawn in a crowd count also where none of them is free, for that may go on for ever.
+        table.tried += number if isinstance(space, Crowded) else len(candidates)
     if not table.missing:
         return table.new
     packed = _packed(space, radius, others, other_radius, room)
@@ -101,7 +127,7 @@ def place_apart(
 
 
 def _packed(
-    space: shapely.Geometry, radius: float, others: np.ndarray, other_radius: np.ndarray, room: int
+    space: shapely.Geometry | Crowded, radius: float, others: np.ndarray, other_radius: np.ndarray, room: int
 ) -> np.ndarray:
     """Return places, packed densely: always the same ones, so that what a message promises is kept."""
     if not room:
@@ -109,7 +135,7 @@ def _packed(
     rng = np.random.default_rng(0)
     table = _Placed(others, other_radius, room, radius, space)
     table.take(_lattice_in(space, radius, rng))
-    table.take(_points_of(space)(FILLING, rng))
+    table.take(_points_of(space)(FILLING_CROWD if isinstance(space, Crowded) else FILLING, rng))
     return table.new
 
 
@@ -117,14 +143,15 @@ class _Placed:
     """Discs placed so far, those of others first, in linked lists by cell."""
 
     def __init__(
-        self, others: np.ndarray, other_radius: np.ndarray, room: int, radius: float, space: shapely.Geometry
+        self, others: np.ndarray, other_radius: np.ndarray, room: int, radius: float, space: shapely.Geometry | Crowded
     ) -> None:
         self.tried = 0
         self._old = len(others)
         self._position = np.concatenate([others, np.empty((room, 2))])
         self._radius = np.concatenate([other_radius, np.full(room, radius)])
         cell = radius + float(self._radius.max(initial=radius))
-        bounds = space.bounds if not space.is_empty else (0.0, 0.0, 1.0, 1.0)
+        outline = _outline(space)
+        bounds = outline.bounds if not outline.is_empty else (0.0, 0.0, 1.0, 1.0)
         self._grid = Grid.over(bounds, cell, 64 + 4 * len(self._radius))
         self._head = np.full(self._grid.cells, -1, np.int64)
         self._following = np.full(len(self._radius), -1, np.int64)
@@ -150,7 +177,6 @@ class _Placed:
 
     def take(self, candidates: np.ndarray) -> None:
         radius = self._radius[-1] if len(self._radius) else 0.0
-        self.tried += len(candidates)
         self._taken = take_apart(
             candidates,
             radius,
@@ -163,15 +189,20 @@ class _Placed:
         )
 
 
-def _points_of(space: shapely.Geometry) -> Callable[[int, np.random.Generator], np.ndarray]:
+def _outline(space: shapely.Geometry | Crowded) -> shapely.Geometry:
+    """Return the free space, or in a crowd what it lies within."""
+    return space.inner if isinstance(space, Crowded) else space
+
+
+def _points_of(space: shapely.Geometry | Crowded) -> Callable[[int, np.random.Generator], np.ndarray]:
     """Return what draws uniform points of the free space: from its box, or its triangles if that is mostly full."""
-    x_min, y_min, x_max, y_max = space.bounds
-    if space.area < SPARSE * (x_max - x_min) * (y_max - y_min):
+    x_min, y_min, x_max, y_max = _outline(space).bounds
+    if not isinstance(space, Crowded) and space.area < SPARSE * (x_max - x_min) * (y_max - y_min):
         return _points_of_triangles(shapely.constrained_delaunay_triangles(space))
 
     def draw(n: int, rng: np.random.Generator) -> np.ndarray:
         points = rng.random((n, 2)) * (x_max - x_min, y_max - y_min) + (x_min, y_min)
-        return points[shapely.contains_xy(space, points)]
+        return points[space.holds(points) if isinstance(space, Crowded) else shapely.contains_xy(space, points)]
 
     return draw
 
@@ -189,21 +220,23 @@ def _points_of_triangles(triangles: shapely.Geometry) -> Callable[[int, np.rando
     return draw
 
 
-def _lattice_in(space: shapely.Geometry, radius: float, rng: np.random.Generator) -> np.ndarray:
+def _lattice_in(space: shapely.Geometry | Crowded, radius: float, rng: np.random.Generator) -> np.ndarray:
     """Return the lattice points in the free space, of the best of a few offsets, the unmoved one included."""
-    x_min, y_min, x_max, y_max = space.bounds
+    x_min, y_min, x_max, y_max = _outline(space).bounds
     best = np.empty((0, 2))
-    if (x_max - x_min) * (y_max - y_min) > MOST_CANDIDATES * radius**2 * math.sqrt(12):
+    most = MOST_LATTICE_IN_CROWD if isinstance(space, Crowded) else MOST_CANDIDATES
+    if (x_max - x_min) * (y_max - y_min) > most * radius**2 * math.sqrt(12):
         return best
     for dx, dy in [(0.0, 0.0), *rng.random((OFFSETS, 2)) * 2 * radius]:
         points = hexagonal_lattice((x_min + dx, y_min + dy, x_max, y_max), 2 * radius)
-        points = points[shapely.intersects_xy(space, points)]
+        points = points[space.holds(points) if isinstance(space, Crowded) else shapely.intersects_xy(space, points)]
         best = points if len(points) > len(best) else best
     return best
 
 
-def _most_that_fit(space: shapely.Geometry, radius: float) -> int:
+def _most_that_fit(space: shapely.Geometry | Crowded, radius: float) -> int:
     """Return more than can fit: the bodies' area cannot exceed the free space grown by a radius."""
+    space = _outline(space)
     # Also of a box as wide as the robot but for rounding, which has no area to draw from.
     if not space.area:
         return 0

@@ -14,6 +14,8 @@ OBSTACLE, ROBOT, FIRE, LOAD, NOTHING = 0, 1, 2, 3, -1
 BORDER = -1
 FEWEST_CELLS = 4096
 CELLS_PER_ITEM = 4
+# Many long edges in a grid of many cells would be listed billions of times.
+MOST_LISTED = 3_000_000
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -105,7 +107,7 @@ class Statics:
         discs = np.concatenate([discs, fires.reshape(-1, 3)])
         boxes = _boxes(edges, discs)
         boxes[is_load] += slack * np.array([-1.0, -1.0, 1.0, 1.0])
-        grid = Grid.over(bounds, touch, FEWEST_CELLS + CELLS_PER_ITEM * len(boxes))
+        grid = _grid_for(boxes, bounds, sight, touch)
         seen_start, seen_items = list_boxes_by_cell(boxes, sight, grid.numbers)
         # The border is never crossed, so contact tests its four coordinates, not its edges.
         touched = list_boxes_by_cell(boxes[4:], touch, grid.numbers)
@@ -154,6 +156,19 @@ class Marks:
         return cls(edges=edges, rings=rings, discs=_discs_of(marks)[0])
 
 
+def _grid_for(boxes: np.ndarray, bounds: tuple[float, float, float, float], sight: float, touch: float) -> Grid:
+    """Return a grid of about as many cells as fit the number of items, fewer if they would be listed too often."""
+    most = FEWEST_CELLS + CELLS_PER_ITEM * len(boxes)
+    low, high = np.array(bounds[:2]), np.array(bounds[2:])
+    while True:
+        grid = Grid.over(bounds, touch, most)
+        first, last = np.clip(boxes[:, :2] - sight, low, high), np.clip(boxes[:, 2:] + sight, low, high)
+        listed = ((last - first) / grid.cell + 1).prod(axis=1).sum()
+        if listed <= max(MOST_LISTED, 4 * len(boxes)) or grid.cells == 1:
+            return grid
+        most = max(1, min(most, grid.cells) // 4)
+
+
 def _border(bounds: Sequence[float]) -> np.ndarray:
     """Return the border's four edges, clockwise, for what is solid about a border lies outside."""
     x_min, y_min, x_max, y_max = bounds
@@ -163,9 +178,11 @@ def _border(bounds: Sequence[float]) -> np.ndarray:
 
 def _discs_of(shapes: Sequence[tuple[int, Shape]]) -> tuple[np.ndarray, np.ndarray]:
     """Return x, y, radius of the discs among numbered shapes, and their numbers."""
-    discs = [(i, s.geometry.x, s.geometry.y, s.radius) for i, s in shapes if s.is_disc]
-    table = np.array(discs, dtype=float).reshape(-1, 4)
-    return table[:, 1:].copy(), table[:, 0].astype(np.int64)
+    discs = [(i, s.geometry, s.radius) for i, s in shapes if s.is_disc]
+    if not discs:
+        return np.empty((0, 3)), np.empty(0, np.int64)
+    numbers, centres, radii = zip(*discs, strict=True)
+    return np.column_stack([shapely.get_coordinates(centres), radii]), np.array(numbers, np.int64)
 
 
 def _edges_of(shapes: Sequence[tuple[int, Shape]], border: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -9,7 +9,8 @@ import shapely
 from svgelements import Arc, Close, CubicBezier, Curve, Line, Move, Path, QuadraticBezier
 
 from mesa_swarm.errors import InvalidValueError, shortened
-from mesa_swarm.world.shapes import MOST_VERTICES, polygon
+from mesa_swarm.world.map_work import Work
+from mesa_swarm.world.shapes import MOST_VERTICES, checked_rings, polygon
 from mesa_swarm.world.svg_values import numbers, points
 
 MOST_CHORDS = 10_000
@@ -65,7 +66,7 @@ def subpaths(text: str, tolerance: float) -> Iterator[tuple[bool, np.ndarray]]:
         yield from _curved_subpaths(text, tolerance)
 
 
-def nested(rings: list[np.ndarray], even_odd: bool) -> Iterator[tuple[np.ndarray, list[np.ndarray]]]:
+def nested(rings: list[np.ndarray], even_odd: bool, work: Work) -> Iterator[tuple[np.ndarray, list[np.ndarray]]]:
     """Yield each outline with its holes, as the fill rule has it: rings may nest but not cross.
 
     Parameters
@@ -74,6 +75,8 @@ def nested(rings: list[np.ndarray], even_odd: bool) -> Iterator[tuple[np.ndarray
         Closed subpaths.
     even_odd : bool
         Whether every ring inside another changes solid to hole; else opposite directions do.
+    work : Work
+        What may still be spent.
 
     Raises
     ------
@@ -83,10 +86,11 @@ def nested(rings: list[np.ndarray], even_odd: bool) -> Iterator[tuple[np.ndarray
     Examples
     --------
     >>> square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
-    >>> [len(holes) for _, holes in nested([10 * square, 1 + square], even_odd=True)]
+    >>> [len(holes) for _, holes in nested([10 * square, 1 + square], True, Work(100))]
     [1]
     """
-    areas = np.array([polygon(ring).geometry for ring in rings], dtype=object)
+    areas = np.array([_area(ring, work) for ring in rings], dtype=object)
+    work.spend_on_parts(rings)
     inside = _containing(areas)
     turns = [1 if even_odd or shapely.is_ccw(shapely.LinearRing(ring)) else -1 for ring in rings]
     outer = [sum(turns[j] for j in around) for around in inside]
@@ -200,6 +204,11 @@ def _control_points(segment: CubicBezier | QuadraticBezier) -> tuple:
     if isinstance(segment, QuadraticBezier):
         return segment.start, segment.control, segment.end
     return segment.start, segment.control1, segment.control2, segment.end
+
+
+def _area(ring: np.ndarray, work: Work) -> shapely.Polygon:
+    work.spend_on_outlines(checked_rings(ring))
+    return polygon(ring).geometry
 
 
 def _containing(areas: np.ndarray) -> list[list[int]]:

@@ -100,8 +100,11 @@ def transform(text: str) -> np.ndarray:
     if len(text) > LONGEST_TRANSFORM or _TRANSFORM.sub("", text).strip(" \t\r\n,"):
         raise refused
     for kind, arguments in _TRANSFORM.findall(text):
-        if len(numbers("transform", arguments)) not in _ARGUMENTS[kind]:
+        given = numbers("transform", arguments)
+        if len(given) not in _ARGUMENTS[kind]:
             raise refused
+        if not np.abs(given).max() <= LARGEST_ENTRY:  # of an angle too: svgelements fails on sines of infinity
+            raise InvalidValueError(f"transform has a number beyond {LARGEST_ENTRY:g}")
     own = Matrix(text)
     matrix = np.array([[own.a, own.c, own.e], [own.b, own.d, own.f], [0.0, 0.0, 1.0]], dtype=float)
     return checked_matrix(_without_dust(matrix))

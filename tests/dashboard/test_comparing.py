@@ -3,12 +3,15 @@
 import io
 import os
 import pickle
+import subprocess
+import sys
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
+from support.killing import environment
 from waiting import wait_until
 
 from mesa_swarm.dashboard import many_runs
@@ -21,7 +24,7 @@ from mesa_swarm.dashboard.session import Session
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments.compare import compare
 from mesa_swarm.experiments.plan import checked_plan
-from mesa_swarm.gallery import find_model, model_names
+from mesa_swarm.gallery import model_names
 
 
 @pytest.fixture
@@ -213,12 +216,23 @@ def test_closing_a_session_ends_its_runs_and_too_many_at_once_are_refused():
     wait_until(lambda: not any(map(group_of, pids)), 20.0)
 
 
+PAGE = """
+import time
+from mesa_swarm.dashboard import many_runs
+from mesa_swarm.experiments.plan import checked_plan
+many_runs.cpu_count = lambda: 3
+process = many_runs._begun(checked_plan("fire_fighting", seeds=2, steps=1_000_000))
+print(process.pid, flush=True)
+time.sleep(1000)
+"""
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="this system has no process groups")
 def test_runs_end_when_the_page_that_started_them_is_gone():
-    process = many_runs._begun(checked_plan(find_model("fire_fighting"), seeds=2, steps=1_000_000))
-    assert group_of(process.pid)
-    process.stdin.close()
-    wait_until(lambda: not group_of(process.pid))
-    process.wait()
-    process.stdout.close()
+    page = subprocess.Popen([sys.executable, "-c", PAGE], env=environment(), stdout=subprocess.PIPE)
+    runs = int(page.stdout.readline())
+    wait_until(lambda: len(group_of(runs)) >= 3)  # the process and its workers
+    page.kill()
+    page.communicate()
+    wait_until(lambda: not group_of(runs), 30.0)

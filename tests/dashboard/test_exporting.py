@@ -12,7 +12,7 @@ from mesa_swarm.dashboard.export_view import ExportDesk, Exporter
 from mesa_swarm.dashboard.exporting import Exporting, Wanted
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.tape import Tape
-from mesa_swarm.errors import InvalidValueError, UnknownNameError
+from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
 
@@ -123,6 +123,52 @@ def test_a_recording_that_ends_at_its_limit_has_whole_steps_only(tmp_path, monke
     model.run(3)
     assert (tape.running, tape.last) == (False, 3)
     assert Recording(tape.path).at(3)["heading"][0] == np.float32(model.robots[0].heading)
+
+
+def test_a_recording_that_cannot_replace_the_one_before_leaves_it_and_its_steps(tmp_path, monkeypatch):
+    tape, model = Tape(tmp_path), FireFighting(n_robots=3, rng=1)
+    tape.start(model)
+    model.run(20)
+    tape.stop()
+    before = tape.path.read_bytes()
+    monkeypatch.setattr("mesa_swarm.recording.sealed_stream.put_in_place", _full)
+    tape.start(model)
+    for _ in range(5):
+        model.step()
+    assert tape.path.read_bytes() == before
+    with pytest.raises(RecordingError, match="is untouched"):
+        tape.stop()
+    assert tape.path.read_bytes() == before
+    assert tape.words == "steps 1 to 20"
+    assert [path.name for path in tmp_path.iterdir()] == ["recorded.arrow"]
+
+
+def test_a_recording_that_failed_in_the_last_step_claims_no_more_steps_than_it_has(tmp_path, monkeypatch):
+    tape, model = Tape(tmp_path), FireFighting(n_robots=3, rng=1)
+    tape.start(model)
+    model.run(20)
+    model.step()
+    monkeypatch.setattr("mesa_swarm.recording.sealed_stream.SealedWriter.write", _full)
+    with pytest.raises(OSError, match="No space"):
+        tape._recorder.flush()
+    tape.stop()
+    assert tape.words == "steps 1 to 20"
+    assert len(Recording(tape.path)) == 20
+
+
+def _full(*_):
+    raise OSError(28, "No space left on device")
+
+
+def test_a_large_recording_that_is_about_to_be_replaced_does_not_end_the_new_one(tmp_path):
+    tape, model = Tape(tmp_path, most_bytes=100_000), FireFighting(n_robots=3, rng=1)
+    tape.path.write_bytes(bytes(200_000))
+    tape.start(model)
+    for _ in range(50):
+        model.step()
+    assert tape.running
+    tape.stop()
+    assert len(Recording(tape.path)) == 50
 
 
 def test_recording_does_not_change_a_run(desk):

@@ -1,6 +1,7 @@
 """Who may come in: nobody without the token, by no path; and nobody whom another page sent."""
 
 import asyncio
+from pathlib import Path
 from urllib.parse import quote
 
 import pytest
@@ -9,6 +10,7 @@ from mesa_swarm.dashboard.gate import COOKIE, Gate, mark_of
 
 TOKEN = "right-token_1"
 INSIDE = b"the dashboard"
+ASSETS = Path(__file__).parent
 
 
 async def inside(scope, receive, send):
@@ -19,17 +21,18 @@ async def inside(scope, receive, send):
         await send({"type": "http.response.body", "body": INSIDE})
 
 
-def ask(path="/", *, token=TOKEN, query=b"", kind="http", host="127.0.0.1:8765", **headers):
+def ask(path="/", *, token=TOKEN, query=b"", kind="http", host="127.0.0.1:8765", more=(), app=inside, **headers):
     """Return what the gate answers: the first message, and all bytes."""
     named = {"host": host, **headers}
+    query = query or (b"session_id=1" if kind == "websocket" else b"")
     scope = {"type": kind, "path": path, "query_string": query}
-    scope["headers"] = [(name.encode(), value.encode()) for name, value in named.items()]
+    scope["headers"] = [(name.encode(), value.encode()) for name, value in (*named.items(), *more)]
     told = []
 
     async def send(message):
         told.append(message)
 
-    asyncio.run(Gate(inside, token)(scope, None, send))
+    asyncio.run(Gate(app, token, ASSETS)(scope, None, send))
     return told[0], b"".join(message.get("body", b"") for message in told)
 
 
@@ -131,3 +134,147 @@ def test_a_token_of_letters_that_cookies_cannot_hold_is_known_again():
         first, _ = ask(token=token, query=b"token=" + quote(token).encode())
         headers = dict(first["headers"])
         assert is_in(ask(token=token, cookie=headers[b"set-cookie"].decode("latin-1").split("; Path")[0]))
+
+
+HOSTS_OF_NONE = [
+    "[::1",
+    "[::1]x",
+    "",
+    " localhost",
+    "localhost:",
+    "localhost:1234567",
+    "lo\u00e9",
+    "a@localhost",
+    "x" * 70_000,
+]
+
+
+@pytest.mark.parametrize("kind", ["http", "websocket"])
+@pytest.mark.parametrize("token", ["", TOKEN])
+@pytest.mark.parametrize("origin", [f"http://{host}" for host in HOSTS_OF_NONE] + ["null", "", "//", "\0", "http://["])
+def test_a_malformed_origin_is_refused_and_raises_nothing(origin, token, kind):
+    answer = ask(token=token, kind=kind, origin=origin, cookie=f"{COOKIE}={mark_of(token)}")
+    assert not is_in(answer)
+    assert answer[0] == {"type": "websocket.close", "code": 4403} or answer[0]["status"] == 403
+
+
+@pytest.mark.parametrize("host", HOSTS_OF_NONE)
+def test_a_malformed_host_is_refused_and_raises_nothing(host):
+    assert ask(token="", host=host)[0]["status"] == 400
+    assert ask(token="", host=host, origin=f"http://{host}")[0]["status"] == 400
+
+
+@pytest.mark.parametrize("name", ["host", "Host", "origin"])
+def test_of_several_hosts_or_origins_none_counts(name):
+    more = [(name, "http://127.0.0.1:8765"), (name, "http://127.0.0.1:8765")]
+    assert ask(token="", more=more)[0]["status"] == 400
+
+
+@pytest.mark.parametrize(("path", "query"), [("/static/a\0b", b""), ("/", b"v=\xff"), ("/static/x.js", "v=é".encode())])
+def test_an_address_that_is_none_is_refused(path, query):
+    assert ask(path, token="", query=query)[0]["status"] == 400
+
+
+SAFE_NAMES = {
+    b"content-security-policy",
+    b"x-frame-options",
+    b"x-content-type-options",
+    b"referrer-policy",
+    b"cross-origin-resource-policy",
+}
+
+
+@pytest.mark.parametrize(
+    "wanted",
+    [
+        {"path": "/", "token": ""},
+        {"path": "/static/x.js", "token": ""},
+        {"path": "/"},
+        {"query": b"token=" + TOKEN.encode()},
+        {"token": "", "host": "elsewhere.example"},
+        {"token": "", "origin": "null"},
+        {"token": "", "path": "/_solara/cdn/nothing"},
+        {"token": "", "query": b"\xff"},
+    ],
+)
+def test_every_answer_forbids_to_frame_it_and_to_load_from_elsewhere(wanted):
+    first, _ = ask(**wanted)
+    named = [name for name, _ in first["headers"]]
+    assert set(named) >= SAFE_NAMES
+    assert len(named) == len(set(named))
+
+
+def test_what_the_application_says_of_framing_does_not_count():
+    async def permissive(scope, receive, send):
+        headers = [(b"X-Frame-Options", b"ALLOWALL"), (b"x-own", b"1")]
+        await send({"type": "http.response.start", "status": 500, "headers": headers})
+        await send({"type": "http.response.body", "body": b""})
+
+    headers = ask(token="", app=permissive)[0]["headers"]
+    assert [value for name, value in headers if name.lower() == b"x-frame-options"] == [b"DENY"]
+    assert (b"x-own", b"1") in headers
+
+
+def test_only_installed_files_are_handed_out_as_assets():
+    assert is_in(ask("/_solara/cdn/test_gate.py", token=""))
+    for name in (
+        "",
+        ".",
+        "/",
+        "no.js",
+        "../dashboard",
+        "../test_cli.py",
+        "./../../README.md",
+        "x" * 5000,
+        "..\\test_cli.py",
+    ):
+        answer = ask(f"/_solara/cdn/{name}", token="")
+        assert (answer[0]["status"], is_in(answer)) == (404, False)
+
+
+def test_headers_that_only_proxies_may_send_do_not_reach_the_application():
+    seen = []
+
+    async def looking(scope, receive, send):
+        seen.extend(name for name, _ in scope["headers"])
+        await inside(scope, receive, send)
+
+    more = [
+        ("X-Script-Name", "/evil"),
+        ("script-name", "/evil"),
+        ("x-forwarded-host", "a"),
+        ("X-Forwarded-Proto", "ftp"),
+    ]
+    assert is_in(ask(token="", app=looking, more=more))
+    assert seen == [b"host"]
+
+
+@pytest.mark.parametrize("query", [b"a=1", b"xsession_id=1", b"session=1"])
+def test_what_does_not_say_of_which_page_it_is_is_refused_where_that_is_read(query):
+    assert not is_in(ask(token="", kind="websocket", query=query))
+    assert ask("/_solara/api/close/1", token="", query=query)[0]["status"] == 400
+    assert is_in(ask("/_solara/api/close/1", token="", query=b"session_id=1"))
+
+
+def heard(message) -> dict:
+    """Return what the application hears of a message from a browser."""
+    found = []
+
+    async def listening(scope, receive, send):
+        found.append(await receive())
+
+    async def receive():
+        return message
+
+    scope = {"type": "websocket", "path": "/", "query_string": b"session_id=1", "headers": [(b"host", b"localhost")]}
+    asyncio.run(Gate(listening)(scope, receive, None))
+    return found[0]
+
+
+def test_a_packed_message_that_claims_more_parts_than_it_has_bytes_ends_the_connection():
+    for parts, rest in ((2**31 - 1, b""), (2**32 - 1, bytes(8)), (0, bytes(8)), (3, bytes(11))):
+        packed = parts.to_bytes(4, "big") + rest
+        assert heard({"type": "websocket.receive", "bytes": packed})["type"] == "websocket.disconnect"
+    for message in ({"bytes": bytes([0, 0, 0, 1, 0, 0, 0, 8]) + b"{}"}, {"text": "{}"}, {"bytes": None, "text": ""}):
+        message["type"] = "websocket.receive"
+        assert heard(message) == message

@@ -34,12 +34,22 @@ class Breaks(CollisionAvoidance):
 
 
 def test_what_is_kept_is_bounded_and_the_oldest_goes_first():
-    past = KeptPast(most_bytes=1000)
+    past, world = KeptPast(most_bytes=11_000), {}
     for step in range(50):
-        past.append(Picture(step, b"x" * 100))
+        past.append(Picture(step, b"x" * 100, world))
     assert (len(past), past.first_step, past.last_step, past.shown.step) == (10, 40, 49, 49)
-    past.append(Picture(50, b"x" * 5000))
+    past.append(Picture(50, b"x" * 15_000, world))
     assert len(past) == 2
+
+
+def test_worlds_and_empty_frames_take_room_in_the_past_too():
+    past = KeptPast(most_bytes=1_000_000)
+    for step in range(3000):
+        past.append(Picture(step, b""))
+    assert 500 < len(past) <= 1000
+    for step in range(3000, 4000):
+        past.append(Picture(step, b"", {"obstacles": list(range(10_000))}))
+    assert len(past) < 10
 
 
 def test_a_picture_replaces_one_of_the_same_step():

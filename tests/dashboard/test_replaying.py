@@ -3,9 +3,12 @@
 import os
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from disks import small_disk
+from support.forging import changed, put_together, taken_apart
 from waiting import threads, wait_until
 
 from mesa_swarm.dashboard import RECORDINGS_VARIABLE
@@ -353,6 +356,32 @@ def test_a_model_that_is_not_of_the_gallery_can_be_looked_at_only(replaying):
 
 
 @pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="open files are read from /proc, which is missing")
+def test_closing_ends_a_branch_that_is_being_run_again_and_shows_how_far_it_is(replaying, folder, monkeypatch):
+    model = Boids(n_robots=5, rng=1)
+    with model.record(folder / "long.arrow", checkpoint_every=0):
+        model.run(400)
+    projector = opened(replaying, "long.arrow")
+    projector.look(399)
+    original = Boids.step
+    monkeypatch.setattr(Boids, "step", lambda model: (time.sleep(0.05), original(model)))
+    monkeypatch.setattr("mesa_swarm.dashboard.replaying.SHOWN_EVERY", 0.0)
+    replaying.branch()
+    wait_until(lambda: "is run again" in replaying.busy)
+    assert replaying.busy.startswith("going on from step 400: step ")
+    replaying.close()
+    wait_until(lambda: "branch" not in [thread.name for thread in threading.enumerate()])
+
+
+def test_recorded_parameters_that_no_model_takes_do_not_reach_the_controls(replaying, folder):
+    whole = taken_apart(folder / "boids.arrow")
+    for name, value in (("n_robots", {"x": 1}), ("sight", "<b>"), ("memory", [1])):
+        facts = changed(whole.facts, ("parameters", name), value)
+        put_together(replace(whole, facts=facts), folder / "odd.arrow")
+        opened(replaying, "odd.arrow")
+        assert (replaying.model_name, replaying.parameters) == ("", {})
+    (folder / "odd.arrow").unlink()
+
+
 def test_closing_lets_go_of_file_folder_and_threads(replaying, folder):
     content = (folder / "fires.arrow").read_bytes()
     hand_over(replaying, "mine.arrow", content)
@@ -364,3 +393,15 @@ def test_closing_lets_go_of_file_folder_and_threads(replaying, folder):
     wait_until(lambda: not any(thread.name in names for thread in threading.enumerate()))
     assert not os.path.exists(place)
     wait_until(lambda: place not in Path("/proc/self/maps").read_text())
+
+
+def test_an_upload_that_the_disk_does_not_take_is_refused_in_words_and_leaves_nothing(tmp_path, monkeypatch):
+    with small_disk(tmp_path / "disk", 64) as disk:
+        monkeypatch.setattr("tempfile.tempdir", str(disk))
+        replaying = Replaying(Session("boids"))
+        assert replaying.begin_upload("run.arrow", 200_000)
+        assert not replaying.take(b"x" * 200_000)
+        assert replaying.fault.startswith("run.arrow cannot be written: No space left on device")
+        assert list(disk.iterdir()) == []
+        assert replaying.busy == ""
+        replaying.close()

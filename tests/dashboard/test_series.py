@@ -5,11 +5,21 @@ import pytest
 
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.dashboard.series import Series, charts_of, grouped
+from mesa_swarm.dashboard.inspection import MOST_STEPS
+from mesa_swarm.dashboard.pair import Pair
+from mesa_swarm.dashboard.past import MOST_BYTES, PICTURE_BYTES
+from mesa_swarm.dashboard.series import MOST_COLLECTED, MOST_NUMBERS, Series, charts_of, grouped
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.errors import UnknownNameError
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
+
+MODULE = "mesa_swarm.dashboard.series"
+
+
+def played(what, steps):
+    for _ in range(steps):
+        what.step()
 
 
 def followed(model, **limits) -> Series:
@@ -117,3 +127,65 @@ def test_a_reset_clears_what_was_measured_and_leaves_the_old_model_alone():
 def test_a_link_to_a_later_step_has_all_that_was_measured_until_then():
     session = Session("fire_fighting", steps=25)
     assert session.series.rows("at_fires")[0].tolist() == list(range(1, 26))
+
+
+def test_a_run_on_the_page_keeps_a_window_of_all_that_grows_with_the_steps(monkeypatch):
+    monkeypatch.setattr(f"{MODULE}.MOST_COLLECTED", 50)
+    session, alone = Session("fire_fighting", seed=3), FireFighting(rng=3)
+    session.kept.most_bytes, session.series.most_numbers = 40_000, 1000
+    for _ in range(330):
+        session.step()
+        alone.step()
+    model = session.model
+    assert {len(values) for values in model.datacollector.model_vars.values()} == {80}
+    assert len(model.fires.history.steps) == len(model.fires.history.temperature) == 33  # of every tenth step
+    assert len(session.past) < 40
+    assert len(session.series) <= 1000 // session.series.rows("collisions")[1].shape[1]
+    assert len(model.watched) <= MOST_STEPS
+    assert model.state_hash() == alone.state_hash()
+    session.close()
+
+
+def test_what_is_recorded_is_not_forgotten_meanwhile(monkeypatch, tmp_path):
+    monkeypatch.setattr(f"{MODULE}.MOST_COLLECTED", 20)
+    session = Session("fire_fighting", seed=3)
+    model = session.model
+    played(session, 15)
+    with model.record(tmp_path / "run.arrow"):
+        played(session, 55)
+        assert len(model.datacollector.model_vars["collisions"]) == 70
+    played(session, 10)
+    assert len(model.datacollector.model_vars["collisions"]) == 20
+    session.close()
+    assert FireFighting.resume(tmp_path / "run.arrow").state_hash() == FireFighting(rng=3).run(70).state_hash()
+
+
+def test_worlds_that_are_compared_keep_a_window_too(monkeypatch):
+    monkeypatch.setattr(f"{MODULE}.MOST_COLLECTED", 20)
+    pair = Pair()
+    pair.place(CollisionAvoidance(n_robots=2, rng=1), CollisionAvoidance(n_robots=2, rng=2))
+    played(pair, 50)
+    for side in pair.sides:
+        assert {len(values) for values in side.model.datacollector.model_vars.values()} == {30}
+
+
+def test_a_model_that_was_built_elsewhere_is_measured_from_the_step_at_which_it_is_adopted():
+    session = Session("fire_fighting", seed=3)
+    session.adopt(FireFighting(rng=5).run(7), "fire_fighting", {}, 5)
+    played(session, 3)
+    assert session.series.rows("collisions")[0].tolist() == [8, 9, 10]
+    session.close()
+
+
+@pytest.mark.slow
+def test_millions_of_robot_steps_on_the_page_leave_its_memory_flat(amount):
+    session = Session("collision_avoidance", {"n_robots": 100}, seed=3)
+    model, steps = session.model, amount(30_000, 100_000)
+    for _ in range(steps):
+        with session.lock:
+            session._take_step(model)
+    assert len(session.past) <= MOST_BYTES / PICTURE_BYTES
+    assert len(session.series) <= MOST_NUMBERS
+    assert max(len(values) for values in model.datacollector.model_vars.values()) <= 2 * MOST_COLLECTED
+    assert model.completed == steps
+    session.close()

@@ -1,9 +1,13 @@
 """What one user wishes for: taken, refused, built or not."""
 
-import pytest
+import threading
 
+import pytest
+from waiting import threads, wait_until
+
+from mesa_swarm.dashboard import session as module
 from mesa_swarm.dashboard.address import address_from, query_of
-from mesa_swarm.dashboard.session import Session
+from mesa_swarm.dashboard.session import READER, USUAL_SPEED, Session
 from mesa_swarm.models.fire_fighting import FireFighting
 
 MODULE = "mesa_swarm.dashboard.session"
@@ -66,18 +70,32 @@ def test_a_model_that_breaks_is_not_one_that_could_not_be_built(session, monkeyp
     assert (session.error, session.unbuilt) == ("ZeroDivisionError: division by zero", False)
 
 
-def test_steps_before_the_first_picture_end_when_they_take_too_long(monkeypatch):
+def test_steps_that_take_too_long_before_the_first_picture_are_played_up_to_their_goal(monkeypatch):
     at_once = Session("fire_fighting", seed=2, steps=20)
     assert (at_once.model.steps, at_once.note) == (20, "")
     monkeypatch.setattr(f"{MODULE}.LONGEST_WAIT", 0.0)
-    cut = Session("fire_fighting", seed=2, steps=2000)
-    assert 0 < cut.model.steps < 2000
-    assert cut.note.startswith(f"step {cut.model.steps} of 2,000: ")
-    assert cut.past.shown.step == cut.model.steps
-    cut.reset()
-    assert cut.note == ""
-    for session in (at_once, cut):
+    far = Session("fire_fighting", seed=2, steps=300)
+    wait_until(lambda: not far.goal and far.past.shown.fingerprint)
+    assert (far.model.steps, far.past.shown.step, far.note, far.goal) == (300, 300, "", 0)
+    assert far.loop.speed == USUAL_SPEED
+    assert query_of(far).endswith("step=300")
+    for session in (at_once, far):
         session.close()
+
+
+@pytest.mark.parametrize("act", ["pause", "step", "reset", "close"])
+def test_what_the_user_does_ends_a_run_that_is_on_its_way_to_the_step_of_a_link(act, monkeypatch):
+    monkeypatch.setattr(f"{MODULE}.LONGEST_WAIT", 0.0)
+    session = Session("fire_fighting", seed=2, steps=20_000)
+    assert (session.playing, session.goal) == (True, 20_000)
+    assert session.note.startswith("step 20,000 takes a while")
+    getattr(session, act)()
+    wait_until(lambda: not threads("play"))
+    if act != "close":
+        assert (session.goal, session.loop.speed) == (0, USUAL_SPEED)
+        assert session.model.steps < 20_000
+        assert session.note == "" if act == "reset" else session.note.startswith(f"step {session.model.steps:,} of 20,")
+    session.close()
 
 
 def test_a_word_that_is_wrong_does_not_throw_the_link_away():
@@ -103,3 +121,74 @@ def test_of_an_unknown_model_nothing_is_taken():
     asked = address_from("model=fire_fihgting&seed=7&strategy=A", "boids")
     assert (asked.model, asked.seed, asked.wishes, len(asked.faults)) == ("boids", 1, {}, 1)
     assert "did you mean 'fire_fighting'" in asked.faults[0]
+
+
+HALL = b'<svg width="800" height="600"><rect width="9" height="9"/></svg>'
+
+
+class SlowReader:
+    """Reads maps as the page does, but not before it may."""
+
+    def __init__(self, monkeypatch):
+        self.begun, self.may = threading.Event(), threading.Event()
+        self.read = module.map_from
+        monkeypatch.setattr(module, "map_from", self)
+
+    def __call__(self, name, content):
+        self.begun.set()
+        assert self.may.wait(20)
+        return self.read(name, content)
+
+
+def wait_for_readers():
+    for thread in threading.enumerate():
+        if thread.name == READER:
+            thread.join(20)
+            assert not thread.is_alive()
+
+
+def test_an_uploaded_map_is_built_on_and_a_wrong_one_is_refused_in_one_line(session):
+    session.upload("hall.svg", HALL.replace(b"<rect", b'<circle class="fire" cx="99" cy="99" r="20"/><rect'))
+    wait_for_readers()
+    assert (session.error, session.wishes["map"], session.model.map.name) == ("", "hall", "hall")
+    session.upload("hall.svg", b"<svg")
+    wait_for_readers()
+    assert session.faults["map"].startswith("hall.svg: line 1")
+    assert session.wishes["map"] == "hall"
+
+
+def test_the_session_goes_on_while_an_upload_is_read(session, monkeypatch):
+    reader = SlowReader(monkeypatch)
+    session.upload("hall.svg", HALL)
+    assert reader.begun.wait(20)
+    assert session.lock.acquire(timeout=20)
+    session.lock.release()
+    session.step()
+    assert session.model.steps == 1
+    reader.may.set()
+    wait_for_readers()
+    assert session.wishes["map"] == "hall"
+
+
+def test_of_two_uploads_the_later_one_counts(session, monkeypatch):
+    reader = SlowReader(monkeypatch)
+    session.upload("first.svg", HALL)
+    assert reader.begun.wait(20)
+    session.upload("second.svg", HALL)
+    reader.may.set()
+    wait_for_readers()
+    assert session.wishes["map"] == "second"
+    assert "first" not in session.uploads
+
+
+@pytest.mark.parametrize("end", [lambda session: session.close(), lambda session: session.choose("boids")])
+def test_what_was_uploaded_to_a_page_that_is_gone_is_dropped(session, monkeypatch, end):
+    reader = SlowReader(monkeypatch)
+    session.upload("hall.svg", HALL)
+    assert reader.begun.wait(20)
+    end(session)
+    model = session.model
+    reader.may.set()
+    wait_for_readers()
+    assert session.uploads == {}
+    assert session.model is model

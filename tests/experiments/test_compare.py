@@ -10,11 +10,11 @@ import mesa_swarm
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments.compare import Comparison, compare, run_plan
 from mesa_swarm.experiments.comparison_figures import comparison_figure
-from mesa_swarm.experiments.files import check_writable, write_whole
 from mesa_swarm.experiments.findings import finding
 from mesa_swarm.experiments.pictures import png
 from mesa_swarm.experiments.plan import Plan, Run, checked_plan
 from mesa_swarm.experiments.tables import WIDEST, fitting, runs_csv, summary_csv, summary_rows
+from mesa_swarm.files import check_writable, write_whole
 from mesa_swarm.gallery import class_name, description, find_model, model_names
 from mesa_swarm.model import SwarmModel
 
@@ -49,6 +49,34 @@ def test_each_run_is_what_the_model_does_alone(comparison):
     alone = FIRE(strategy="B", rng=2).run(400)
     run = comparison.runs[3]
     assert (run.state_hash, run.results, run.steps) == (alone.state_hash(), alone.results(), alone.steps)
+
+
+def test_a_comparison_that_was_interrupted_goes_on_in_its_folder_and_ends_in_the_same_files(comparison, tmp_path):
+    heard = []
+    with pytest.raises(KeyboardInterrupt):
+        run_plan(comparison.plan, heard=lambda run: heard.append(run) or stop_after(4, heard), folder=tmp_path)
+    went_on = []
+    again = run_plan(comparison.plan, heard=went_on.append, folder=tmp_path)
+    assert (again.done_before, again.runs) == (4, comparison.runs)
+    # The runs with the first seed are done again, for the pictures.
+    assert [(run.rng, run.value) for run in went_on] == [(1, "A"), (1, "B"), (3, "A"), (3, "B")]
+    whole = [path.read_bytes() for path in comparison.save(tmp_path / "whole")]
+    assert [path.read_bytes() for path in again.save(tmp_path)] == whole
+
+
+def stop_after(count, heard):
+    if len(heard) == count:
+        raise KeyboardInterrupt
+
+
+def test_runs_of_changed_code_settings_or_steps_are_other_runs(tmp_path, monkeypatch):
+    def done_before(**how):
+        return compare(FIRE, **{"seeds": 2, "steps": 5, "jobs": 1, "out": tmp_path, **how}).done_before
+
+    assert [done_before(), done_before(), done_before(seeds=3)] == [0, 4, 4]
+    assert [done_before(steps=6), done_before(settings={"n_robots": 3}), done_before(measures=["fires out"])] == [0] * 3
+    monkeypatch.setattr(import_module("mesa_swarm.experiments.compare"), "source_hash", lambda model_class: "changed")
+    assert done_before() == 0
 
 
 def test_the_outcome_does_not_depend_on_the_number_of_jobs(comparison):
@@ -327,7 +355,7 @@ def test_trying_a_folder_leaves_nothing_behind(tmp_path):
 
 def test_a_failed_write_leaves_the_old_file_and_no_draft(tmp_path):
     (tmp_path / "folder.txt").mkdir()
-    with pytest.raises(OSError, match=r"folder\.txt"):
+    with pytest.raises(SwarmError, match=r"folder\.txt cannot be written: it is a folder"):
         write_whole(tmp_path / "folder.txt", "new")
     assert [path.name for path in tmp_path.iterdir()] == ["folder.txt"]
 

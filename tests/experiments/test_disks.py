@@ -6,6 +6,7 @@ from disks import read_only, small_disk
 from mesa_swarm import cli
 from mesa_swarm.errors import RecordingError, SwarmError
 from mesa_swarm.experiments.sweep import sweep
+from mesa_swarm.files import write_all
 from mesa_swarm.gallery import find_model
 from mesa_swarm.recording import Recording
 
@@ -87,6 +88,38 @@ def test_commands_on_a_full_disk_say_so_in_one_line(full, tmp_path, capsys, monk
     assert (status, err.count("\n")) == (1, 2)
     assert err.count("No space left on device") == 2
     assert list(disk.glob("*.arrow")) == []
+
+
+def test_a_sweep_whose_recordings_do_not_fit_names_the_file_and_leaves_no_part_of_it(full):
+    disk, fill = full
+    how = {"seeds": 2, "steps": 300, "jobs": 1, "record": {"exact": True}}
+    fill(24_000)
+    with pytest.raises(RecordingError, match=r"recordings/[0-9a-f]+\.arrow cannot be written: No space") as error:
+        sweep(FIRE, out=disk / "out", **how)
+    assert str(error.value).endswith("; make room and sweep again")
+    assert list((disk / "out" / "recordings").iterdir()) == []
+
+
+def test_files_that_belong_together_are_all_replaced_or_none_on_a_full_disk(full):
+    disk, fill = full
+    names = ["a.csv", "b.csv", "c.csv"]
+    write_all(disk, dict.fromkeys(names, "old"))
+    fill(12_288)
+    with pytest.raises(SwarmError, match=r"c\.csv cannot be written: No space left on device; make room"):
+        write_all(disk, {"a.csv": "new", "b.csv": "new", "c.csv": "new" * 4096})
+    assert [(disk / name).read_text() for name in names] == ["old"] * 3
+    assert sorted(path.name for path in disk.iterdir()) == ["a.csv", "b.csv", "ballast", "c.csv"]
+
+
+def test_a_drawing_of_a_map_on_a_full_disk_names_its_file(full, capsys):
+    disk, fill = full
+    fill(0)
+    status, err = typed(capsys, "map", "show", "original", "--out", disk / "map.png")
+    assert (status, err) == (
+        2,
+        f"mesa-swarm: {disk}/map.png cannot be written: No space left on device; make room or choose another place\n",
+    )
+    assert [path.name for path in disk.iterdir()] == ["ballast"]
 
 
 def test_commands_in_a_read_only_folder_say_so_in_one_line_before_anything_is_run(tmp_path, capsys, monkeypatch):

@@ -9,7 +9,7 @@ import pytest
 
 from mesa_swarm import AGENT3, RobotDesign
 from mesa_swarm.errors import LearningError, SwarmError
-from mesa_swarm.experiments.evolution import Trial, evolve
+from mesa_swarm.experiments.evolution import Trial, evolve, settings_of
 from mesa_swarm.learning.fitness import Fitness
 from mesa_swarm.world.map import Map
 
@@ -231,3 +231,9 @@ def test_the_number_of_processes_changes_no_bit():
     one, two = (evolve(BRIEF, **SMALL, jobs=jobs) for jobs in (1, 2))
     assert (one.fitness == two.fitness).all()
     assert (weights(one) == weights(two)).all()
+
+
+def test_what_decides_a_fitness_reads_the_same_in_each_process():
+    said = str(settings_of(Trial(), []))
+    assert "Differential" in said
+    assert " at 0x" not in said

@@ -143,8 +143,8 @@ def test_a_file_of_ones_own_comes_before_the_sample_of_its_name(tmp_path, monkey
         (f'[[run]]\n{MODEL}name = "a"\n[[run]]\n{MODEL}name = "a"', "two runs are named 'a'"),
         ("steps = ", "Invalid value (at end of document)"),
         (b"model = \xff", "UTF-8"),
-        ("a" + ".a" * 4_000 + " = 1", "unknown key 'a'"),
-        (MODEL + "steps" + ".a" * 4_000 + " = 1", "nested too deeply"),
+        ("a" + ".a" * 4_000 + " = 1", "dotted names"),
+        (MODEL + "steps" + ".a" * 4_000 + " = 1", "dotted names"),
         ("a = " + "[" * 5_000, "nested too deeply"),
         (MODEL + "steps = " + "9" * 5_000, "4300"),
     ],
@@ -258,7 +258,7 @@ def check_mutated(read, count, first):
     for number in range(first, first + count):
         chance = random.Random(number)
         text = mutated(chance.choice(bases), chance)
-        begun = time.perf_counter()
+        begun = time.process_time()
         try:
             read(text)
             fine += 1
@@ -267,7 +267,7 @@ def check_mutated(read, count, first):
             assert message.startswith("job.toml: "), text
             assert message.isprintable(), text
             assert len(message) < 600, text
-        assert time.perf_counter() - begun < 1, text
+        assert time.process_time() - begun < 1, text
     assert 0 < fine < count
 
 

@@ -12,9 +12,11 @@ from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments import learn_bench as bench
 from mesa_swarm.experiments.contestants import BREEDING, CHOOSING, contestants
 from mesa_swarm.experiments.driving import drive_measured, driven_world, within_reach
+from mesa_swarm.experiments.experiment import Outcome
 from mesa_swarm.experiments.learn_bench import EVERY, GENERATED, UNSEEN, Benchmark, Run, learn_bench
 from mesa_swarm.experiments.learn_commands import bench as command
 from mesa_swarm.experiments.learn_table import lines_of, markdown, runs_csv, seed_by_seed, summary_json
+from mesa_swarm.experiments.ledger import Ledger
 from mesa_swarm.world.random_map import random_map
 
 BRIEF = {"seeds": 2, "steps": 40, "evaluation_steps": 10}
@@ -211,3 +213,22 @@ def test_trainings_are_done_again_when_code_changes_that_trains_drives_or_measur
     assert "analysis" in parts
     assert parts - kept == {"errors.py", "progress.py"}
     assert all((bench.PACKAGE / name).exists() for name in bench.SOURCES)
+
+
+def test_a_stored_training_with_other_numbers_than_those_of_a_training_counts_as_never_done(tmp_path):
+    once = Benchmark(seeds=1, steps=40, evaluation_steps=10, only=("random",))
+    real = learn_bench(once, out=tmp_path)[0].results
+    for wrong in ({}, {"a": 1.0}, {**real, "a|b|c": 1.0}, {**real, "robot-steps": None}, {**real, "training|00": 1.0}):
+        with Ledger(tmp_path / "ledger.jsonl") as ledger:
+            ledger.append(once.key("random", 1), Outcome(steps=40, results=wrong))
+        again = learn_bench(once, out=tmp_path)[0].results
+        assert {name: value for name, value in again.items() if "seconds" not in name} == {
+            name: value for name, value in real.items() if "seconds" not in name
+        }
+
+
+def test_to_begin_anew_leaves_a_file_alone_that_is_not_a_ledger(tmp_path):
+    (tmp_path / "ledger.jsonl").write_bytes(b"my own notes\n")
+    with pytest.raises(SwarmError, match="is not a ledger"):
+        learn_bench(brief(), out=tmp_path, resume=False)
+    assert (tmp_path / "ledger.jsonl").read_bytes() == b"my own notes\n"

@@ -1,7 +1,9 @@
 """The ledger of runs: it gives back what it took, whatever was torn or spoilt."""
 
 import hashlib
+import json
 import os
+from zlib import crc32
 
 import numpy as np
 import pytest
@@ -9,6 +11,11 @@ import pytest
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments.experiment import Outcome
 from mesa_swarm.experiments.ledger import Ledger
+
+
+def ended(steps):
+    """Return the outcome of a run of so many steps."""
+    return Outcome(steps=steps, results={})
 
 
 def key(number):
@@ -33,7 +40,7 @@ def test_the_ledger_gives_back_what_it_took_whatever_the_order(tmp_path):
     with Ledger(tmp_path / "l") as ledger:
         ledger._file.flush()
         for number in order[:1500]:
-            ledger.append(key(number), Outcome(steps=int(number)))
+            ledger.append(key(number), ended(int(number)))
         assert all((key(number) in ledger) == (number in set(order[:1500])) for number in range(0, 3_000, 7))
     with Ledger(tmp_path / "l") as ledger:
         assert all(ledger.outcome(key(number)).steps == number for number in order[:1500])
@@ -45,7 +52,7 @@ def test_keys_that_end_in_zeros_are_told_apart(tmp_path, ending):
     keys = ["11" * (16 - len(end) // 2) + end for end in (ending, "00" * 3, "0a", "")]
     with Ledger(tmp_path / "l") as ledger:
         for steps, one in enumerate(dict.fromkeys(keys)):
-            ledger.append(one, Outcome(steps=steps))
+            ledger.append(one, ended(steps))
     with Ledger(tmp_path / "l") as ledger:
         assert [ledger.outcome(one).steps for one in dict.fromkeys(keys)] == list(range(len(set(keys))))
 
@@ -53,14 +60,14 @@ def test_keys_that_end_in_zeros_are_told_apart(tmp_path, ending):
 @pytest.mark.parametrize("kept", range(1, 60, 7))
 def test_a_torn_line_is_cut_off_and_the_run_done_again(tmp_path, kept):
     with Ledger(tmp_path / "l") as ledger:
-        ledger.append(key(1), Outcome(steps=1))
+        ledger.append(key(1), ended(1))
         whole = (tmp_path / "l").stat().st_size
-        ledger.append(key(2), Outcome(steps=2))
+        ledger.append(key(2), ended(2))
     os.truncate(tmp_path / "l", whole + kept)
     with Ledger(tmp_path / "l") as ledger:
         assert (key(1) in ledger, key(2) in ledger) == (True, False)
         assert (tmp_path / "l").stat().st_size == whole
-        ledger.append(key(2), Outcome(steps=2))
+        ledger.append(key(2), ended(2))
     with Ledger(tmp_path / "l") as ledger:
         assert ledger.outcome(key(2)).steps == 2
 
@@ -68,7 +75,7 @@ def test_a_torn_line_is_cut_off_and_the_run_done_again(tmp_path, kept):
 def test_a_line_that_the_disk_spoilt_counts_as_never_written(tmp_path):
     with Ledger(tmp_path / "l") as ledger:
         for number in range(3):
-            ledger.append(key(number), Outcome(steps=number))
+            ledger.append(key(number), ended(number))
     lines = (tmp_path / "l").read_bytes().splitlines(keepends=True)
     (tmp_path / "l").write_bytes(b"".join([lines[0], lines[1].replace(b'"steps": 1', b'"steps": 7'), lines[2]]))
     with Ledger(tmp_path / "l") as ledger:
@@ -78,3 +85,100 @@ def test_a_line_that_the_disk_spoilt_counts_as_never_written(tmp_path):
 def test_two_sweeps_cannot_write_to_one_ledger(tmp_path):
     with Ledger(tmp_path / "l"), pytest.raises(SwarmError, match="is being written by another sweep"):
         Ledger(tmp_path / "l")
+
+
+GOOD = {"key": key(1), "steps": 3, "state_hash": None, "results": {"a": 1.0}, "error": None}
+
+
+def forged(content):
+    """Return a line with a right checksum."""
+    text = content if isinstance(content, bytes) else json.dumps(content).encode()
+    return b"%08x %s\n" % (crc32(text), text)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {name: value for name, value in GOOD.items() if name != "results"},
+        {**GOOD, "results": None},
+        {**GOOD, "error": "and results"},
+        {**GOOD, "more": 1},
+        {**GOOD, "key": key(1)[1:]},
+        {**GOOD, "key": 7},
+        {**GOOD, "steps": "3"},
+        {**GOOD, "steps": -1},
+        {**GOOD, "steps": 10**30},
+        {**GOOD, "state_hash": 5},
+        {**GOOD, "results": [1.0]},
+        {**GOOD, "results": {"a": "text"}},
+        {**GOOD, "results": {"a": 10**400}},
+        {**GOOD, "results": {"a": {"b": 1}}},
+        {**GOOD, "results": {"\ud800": 1}},
+        {**GOOD, "results": None, "error": "two\nlines"},
+        {**GOOD, "results": None, "error": "long" * 1000},
+        [],
+        b"null",
+        b"not JSON",
+        b"\xff\xfe",
+        json.dumps(GOOD).encode("utf-16"),
+        b"[" * 100_000,
+        b"1" * 5000,
+        b"",
+    ],
+)
+def test_a_line_with_a_right_checksum_that_is_no_outcome_counts_as_never_written(tmp_path, wrong):
+    (tmp_path / "l").write_bytes(forged({**GOOD, "key": key(2)}) + forged(wrong))
+    before = (tmp_path / "l").read_bytes()
+    with Ledger(tmp_path / "l") as ledger:
+        assert (key(1) in ledger, ledger.outcome(key(2)).results) == (False, {"a": 1.0})
+        ledger.append(key(1), ended(7))
+        assert ledger.outcome(key(1)) == ended(7)
+    assert (tmp_path / "l").read_bytes().startswith(before)
+    with Ledger(tmp_path / "l") as ledger:
+        assert ledger.outcome(key(1)) == ended(7)
+
+
+@pytest.mark.parametrize("foreign", [b"x", b'{"a": 1}\n{"b"', b"a whole line\n", b"\n", b"\0" * 50, b"00000000 {"])
+@pytest.mark.parametrize("read_only", [False, True])
+def test_a_file_that_is_not_a_ledger_is_refused_by_name_and_stays_as_it_is(tmp_path, foreign, read_only):
+    path = tmp_path / "ledger.jsonl"
+    path.write_bytes(foreign)
+    with pytest.raises(SwarmError, match=r"ledger\.jsonl is not a ledger of runs"):
+        Ledger(path, read_only=read_only)
+    assert path.read_bytes() == foreign
+
+
+def test_what_stands_at_the_end_of_a_ledger_and_is_none_of_its_lines_is_not_cut(tmp_path):
+    path = tmp_path / "l"
+    path.write_bytes(forged(GOOD) + b"a note of mine")
+    with Ledger(path) as ledger:
+        ledger.append(key(2), ended(2))
+        assert ledger.outcome(key(2)) == ended(2)
+    assert b"\na note of mine\n" in path.read_bytes()
+    with Ledger(path) as ledger:
+        assert (key(1) in ledger, key(2) in ledger) == (True, True)
+
+
+def test_a_ledger_that_is_only_read_is_not_changed_and_locks_nobody_out(tmp_path):
+    with Ledger(tmp_path / "l") as writer:
+        writer.append(key(1), ended(1))
+        with (tmp_path / "l").open("ab") as file:
+            file.write(b'00000000 {"key": "torn')
+        before = (tmp_path / "l").read_bytes()
+        with Ledger(tmp_path / "l", read_only=True) as reader:
+            assert key(1) in reader
+        assert (tmp_path / "l").read_bytes() == before
+
+
+def test_what_could_not_be_read_again_is_not_written(tmp_path):
+    with Ledger(tmp_path / "l") as ledger, pytest.raises(SwarmError, match="cannot be stored") as refusal:
+        ledger.append(key(1), Outcome(results={"a": [0.5] * 2_000_000}))
+    assert len(str(refusal.value)) <= 300 + len(str(tmp_path))
+    assert (tmp_path / "l").read_bytes() == b""
+
+
+def test_a_pipe_and_a_folder_are_no_ledgers(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", tmp_path):
+        with pytest.raises(SwarmError, match="is not a file"):
+            Ledger(path)

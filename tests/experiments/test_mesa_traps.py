@@ -40,7 +40,7 @@ def test_every_block_of_the_page_runs(block, tmp_path, monkeypatch, capsys):
 
 
 def test_the_page_has_blocks_to_run_and_names_this_file():
-    assert len(BLOCKS) == 4
+    assert len(BLOCKS) == 5
     assert f"tests/experiments/{Path(__file__).name}" in PAGE
 
 
@@ -111,7 +111,7 @@ def test_batch_run_keeps_every_row_of_every_run_in_memory_and_sweep_none(tmp_pat
         odd = {"odd": list(range(runs))}
         return sweep(Counted, odd, seeds=1, steps=20, out=tmp_path / str(runs), jobs=1)
 
-    few, many = 20, 120
+    few, many = 20, 320
     grown = {}
     for work in (batch, swept):
         work(2)

@@ -5,6 +5,7 @@ from PIL import Image
 
 from mesa_swarm import cli
 from mesa_swarm.errors import InvalidValueError, UnknownNameError
+from mesa_swarm.experiments import reality_gap as module
 from mesa_swarm.experiments import reality_gap_commands
 from mesa_swarm.experiments.reality_gap import gap_figure, gap_run, reality_gap
 from mesa_swarm.gallery import find_model
@@ -21,6 +22,17 @@ def test_ideal_robots_score_as_they_do_without_a_dial():
 def test_the_number_of_processes_changes_nothing():
     one, two = (reality_gap("boids", dial=(0, 1), seeds=2, steps=20, settings=SMALL, jobs=jobs) for jobs in (1, 2))
     assert one.scores == two.scores
+
+
+def test_what_was_interrupted_goes_on_and_ends_in_the_same_table(tmp_path, monkeypatch):
+    how = {"model": "boids", "dial": (0, 1), "seeds": 2, "steps": 20, "settings": SMALL}
+    whole = reality_gap(**how, out=tmp_path)
+    ledger = tmp_path / "runs.jsonl"
+    ledger.write_bytes(ledger.read_bytes()[:-10])  # the last line is torn
+    done = []
+    monkeypatch.setattr(module, "gap_run", lambda *task: done.append(task) or gap_run(*task))
+    assert reality_gap(**how, out=tmp_path).csv() == whole.csv()
+    assert len(done) == 1
 
 
 def test_the_score_is_the_first_result_that_there_is_in_every_run_or_the_one_asked_for():

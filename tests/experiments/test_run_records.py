@@ -9,6 +9,7 @@ from failing_models import Counting, DyingOnce, Raising
 from mesa_swarm.errors import RecordingError, SwarmError
 from mesa_swarm.experiments.run_records import Archive
 from mesa_swarm.experiments.sweep import sweep
+from mesa_swarm.files import draft_name
 from mesa_swarm.gallery import find_model
 from mesa_swarm.recording import Recording, verify
 
@@ -92,7 +93,7 @@ def test_a_draft_that_a_kill_left_is_replaced(tmp_path):
     assert archive.file("0a").parent == Path(tmp_path)
     made = sweep(FIRE, seeds=1, steps=5, out=tmp_path, jobs=1, record={})
     (file,) = (tmp_path / "recordings").iterdir()
-    draft = file.with_name(f".{file.stem}.draft")
+    draft = draft_name(file, 0)
     draft.write_bytes(file.read_bytes()[:100])
     file.unlink()
     again = sweep(FIRE, seeds=1, steps=5, out=tmp_path, jobs=1, record={})

@@ -13,7 +13,8 @@ from pyarrow import parquet
 
 from mesa_swarm.errors import InvalidValueError, SwarmError
 from mesa_swarm.experiments.compare import compare
-from mesa_swarm.experiments.experiment import checked_experiment
+from mesa_swarm.experiments.experiment import Outcome, checked_experiment, error_in_words
+from mesa_swarm.experiments.ledger import Ledger
 from mesa_swarm.experiments.sampling import Sample
 from mesa_swarm.experiments.source import source_hash
 from mesa_swarm.experiments.sweep import sweep
@@ -217,3 +218,17 @@ def test_a_model_in_place_of_its_class_is_refused(study):
 def test_an_experiment_of_a_model_in_place_of_its_class_is_refused():
     with pytest.raises(InvalidValueError, match=r"model is .*; expected a class or the name of a model"):
         checked_experiment(FIRE(n_robots=1, rng=1), seeds=1, steps=1)
+
+
+def test_a_stored_outcome_that_cannot_be_a_row_of_the_table_is_done_again(tmp_path):
+    task = next(checked_experiment(FIRE, seeds=1, steps=5).tasks())
+    good = sweep(FIRE, seeds=1, steps=5, out=tmp_path, jobs=1)
+    table = good.path.read_bytes()
+    for wrong in ({"rng": 1.0}, {"error": 1.0}, {"a": [1.0, 2.0]}):
+        with Ledger(tmp_path / "ledger.jsonl") as ledger:
+            ledger.append(task.key, Outcome(steps=5, results=wrong))
+        assert sweep(FIRE, seeds=1, steps=5, out=tmp_path, jobs=1).path.read_bytes() == table
+
+
+def test_an_error_with_half_a_surrogate_is_an_outcome_that_can_be_written():
+    assert error_in_words(ValueError("name \udcff")) == r"ValueError: name \udcff"

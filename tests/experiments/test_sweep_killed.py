@@ -11,6 +11,8 @@ from pathlib import Path
 import failing_models
 import pytest
 from failing_models import Dying, DyingOnce, seeds_run
+from support.killing import environment, lines_in
+from waiting import wait_until
 
 from mesa_swarm.experiments.pool import WorkerDiedError, on_all
 from mesa_swarm.experiments.sweep import sweep
@@ -55,15 +57,6 @@ if __name__ == "__main__":
 """
 
 
-def lines_in(ledger):
-    return ledger.read_bytes().count(b"\n") if ledger.exists() else 0
-
-
-def environment():
-    """The environment of a process that imports what this one does."""
-    return {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[2]), *sys.path])}
-
-
 def started(tmp_path, folder, seeds):
     script = tmp_path / "driver.py"
     script.write_text(DRIVER)
@@ -74,6 +67,14 @@ def started(tmp_path, folder, seeds):
 def workers_of(driver):
     command = ["pgrep", "-P", str(driver.pid), "-f", "popen_loky"]
     return [int(number) for number in subprocess.run(command, capture_output=True, check=False).stdout.split()]
+
+
+def works(process):
+    """Whether a process is there, and not only its entry in a table."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rsplit(")")[-1].split()[0] != "Z"
+    except OSError:
+        return False
 
 
 def wait_for_more(driver, ledger, more):
@@ -95,8 +96,7 @@ def killed_sweep(tmp_path, seeds, kills):
             continue
         driver.kill()
         driver.wait()
-        for worker in workers:
-            os.kill(worker, signal.SIGKILL)
+        wait_until(lambda left=workers: not any(map(works, left)), 30.0)  # they end by themselves
         with ledger.open("ab") as file:
             file.write(b'00000000 {"key": "torn')  # as a kill in the midst of a line would
         driver = started(tmp_path, folder, seeds)

@@ -1,6 +1,7 @@
 from dataclasses import replace
 
 import pytest
+from support.chunks import recorded_in_full_chunks
 
 from mesa_swarm import AGENT9, SwarmModel, disc
 from mesa_swarm.models.cooperative_transport import CooperativeTransport
@@ -18,7 +19,7 @@ def recorded(model, path, steps, **more):
 def run(tmp_path_factory):
     """Return a closed recording of 300 steps of 15 robots and 7 fires, in two chunks."""
     path = tmp_path_factory.mktemp("run") / "run.arrow"
-    return recorded(FireFighting(n_robots=15, strategy="A", rng=1), path, 300)
+    return Recording(recorded_in_full_chunks(FireFighting(n_robots=15, strategy="A", rng=1), path, 300))
 
 
 @pytest.fixture(scope="session")

@@ -197,6 +197,23 @@ def test_a_world_far_from_the_origin_keeps_the_guarantee():
     assert drive(model, 60, circle) <= PROMISED
 
 
+@pytest.mark.parametrize(("far", "radius"), [(1e9 - 200, 4.0), (2.0**29, 2.2), (0.0, 1e-12), (0.0, 1e-9)])
+def test_the_smallest_robots_that_a_world_takes_keep_the_guarantee(far, radius):
+    size = 30 * radius
+    model = SwarmModel(map=Map(name="far", bounds=(far, far, far + size, far + size)), rng=1)
+    tip, side = (far + size / 2, far + size / 2), (far + size / 3, far + size / 4)
+    model.add_obstacle(polygon([tip, side, (far + size / 2.1, far + size / 4)]))
+    model.add_robots(blind(radius, radius), 20)
+    assert drive(model, 60, circle) <= PROMISED
+
+
+def test_robots_beside_an_obstacle_that_reaches_to_the_largest_coordinate_keep_the_guarantee():
+    model = empty()
+    model.add_obstacle(polygon([(200, 140), (1e9, 3e8), (1e9, 8e8)]))
+    model.add_robots(blind(4.0, 8.0), 40)
+    assert drive(model, 40, circle) <= PROMISED
+
+
 def test_bodies_of_very_different_size_do_not_overlap():
     model = empty(500, 400)
     model.add_robots(blind(60, 3.0), poses=[(100, 200, 0.0), (400, 200, math.pi)])

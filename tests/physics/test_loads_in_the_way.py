@@ -151,3 +151,19 @@ def test_slip_is_drawn_once_a_step_even_if_the_step_is_done_again(monkeypatch):
     assert taken
     after = [each.streams["slip"].random() for each in (model, untouched)]
     assert after[0] == after[1]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("aside", [0.0, 1 / 3, 1.9])
+def test_a_load_that_meets_a_robot_halfway_drives_it_back_wherever_rounding_leaves_its_centre(engine, aside):
+    """Half a radius each: the centre then lies on the load's face, or a rounding to either side of it."""
+    model = empty(engine=engine)
+    load = model.add_load(rectangle((150 + aside, 100), (250 + aside, 200)), resistance=0.5)
+    model.add_robots(blind(5.0, 2.5), poses=[(145 + aside, 105 + 15 * k, 0.0) for k in range(7)])
+    (robot,) = model.add_robots(blind(5.0, 2.5), poses=[(255 + aside, 150, math.pi)])
+    model.control = Subsumption(ahead)
+    for step in range(1, 4):
+        model.step()
+        assert load.position[0] == pytest.approx(200 + aside + 2.5 * step)
+        assert robot.position[0] == pytest.approx(255 + aside + 2.5 * step)
+        assert worst_overlap(model) <= PROMISED

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from support.pace import in_time
 
 from mesa_swarm import (
     AGENT3,
@@ -21,11 +22,12 @@ from mesa_swarm import (
     ProximitySensor,
     RobotDesign,
     SwarmModel,
+    polygon,
     rectangle,
 )
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.physics import shapely_contact
-from worlds import DESIGNS, ODD, crowd, differences, outcome, random_world, state
+from worlds import DESIGNS, ODD, Commanded, crowd, differences, outcome, random_world, state
 
 ENGINES = ("compiled", "shapely")
 EXACT = 1e-9
@@ -38,7 +40,7 @@ MIXED = tuple(design for one in DESIGNS for design in (one, replace(one, drive=H
 
 seeds = st.integers(0, 2**32 - 1)
 # A world takes about a fifth of a second, a jam many times that.
-deep = settings(max_examples=1000)
+deep = settings(max_examples=in_time(1000))
 long = settings(max_examples=40)
 
 
@@ -148,6 +150,26 @@ def test_both_engines_run_every_built_in_map_with_noise_and_slip(name):
         model.add_robots(ODD, 3)
         model.control = Subsumption(Avoid(), Explore())
     check_run(models, 15)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("pieces", [10, 20, 26])
+def test_a_robot_driven_at_a_corner_doubles_its_distance_from_the_balance_in_every_piece_of_a_step(engine, pieces):
+    """Of half a radius each: pushed from a depth of half a radius back to one, away from the corner.
+
+    So 200 pieces make a step at 100 radii chaotic, in either engine: rounding becomes a radius in 50 of them.
+    """
+    aside = 1e-9
+    model = SwarmModel(map=Map(name="corner", bounds=(0, 0, 400, 200)), engine=engine, rng=1)
+    model.add_obstacle(polygon([(200, 100), (300, 20), (300, 180)]))
+    design = RobotDesign(radius=5.0, max_speed=2.5 * pieces, drive=HolonomicDrive())
+    model.add_robots(design, poses=[(195.0, 100.0 + aside, 0.0)])
+    model.control = Commanded(np.array([[2.5 * pieces, 0.0]]))
+    model.step()
+    x, y = model.swarm.position[0]
+    # A place at 100 is rounded by 1e-14, and that doubles as well.
+    assert y - 100.0 == pytest.approx(aside * 2.0**pieces, rel=1e-3)
+    assert math.hypot(x - 200.0, y - 100.0) == pytest.approx(5.0, rel=1e-9)
 
 
 @pytest.mark.parametrize("engine", ENGINES)

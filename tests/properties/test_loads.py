@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from support.pace import in_time
 
 from worlds import differences, hauled, load_state, outcome, random_world, state, with_loads
 
@@ -46,7 +47,7 @@ def test_both_engines_move_loads_alike(seed):
 
 
 @pytest.mark.slow
-@settings(max_examples=150)
+@settings(max_examples=in_time(150))
 @given(seeds)
 def test_both_engines_move_loads_alike_in_hundreds_of_worlds(seed):
     world = hauled(seed)

@@ -8,6 +8,7 @@ import pytest
 import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from support.pace import in_time
 
 from mesa_swarm import LineSensor
 from worlds import DESIGNS, crowd, differences, outcome, random_world
@@ -18,7 +19,7 @@ PROMISED = 1e-6
 FAR = 1e7
 
 seeds = st.integers(0, 2**32 - 1)
-few, deep = settings(max_examples=40), settings(max_examples=300)
+few, deep = settings(max_examples=40), settings(max_examples=in_time(300))
 
 
 def shifted(world, by):

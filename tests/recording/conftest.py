@@ -1,4 +1,5 @@
 import pytest
+from support.chunks import recorded_in_full_chunks
 
 from mesa_swarm.models.fire_fighting import FireFighting
 
@@ -8,9 +9,7 @@ def recorded(tmp_path_factory):
     """Return the path of a closed recording of 600 steps of 12 robots, in three chunks."""
     path = tmp_path_factory.mktemp("recorded") / "run.arrow"
     model = FireFighting(n_robots=12, strategy="A", rng=5)
-    with model.record(path):
-        model.run(600)
-    return path
+    return recorded_in_full_chunks(model, path, 600)
 
 
 @pytest.fixture(scope="session")

@@ -2,8 +2,13 @@
 
 import pytest
 
+from mesa_swarm.errors import SwarmError
+from mesa_swarm.experiments.experiment import Outcome
+from mesa_swarm.experiments.ledger import Ledger
+from mesa_swarm.reproduction.commands import made_by
 from mesa_swarm.reproduction.laboratory import Laboratory, key_of
 from mesa_swarm.reproduction.network_runs import choice_run
+from mesa_swarm.reproduction.registry import Item
 
 calls = []
 
@@ -78,3 +83,23 @@ def test_quick_is_a_few_seeds(tmp_path):
         assert list(quick.seeds(40)) == [1, 2, 3]
         assert list(quick.seeds(40, quick=2)) == [1, 2]
         assert quick.pick("full", "quick") == "quick"
+
+
+@pytest.mark.parametrize("wrong", [{}, {"number": None}, {"number": [1.0]}])
+def test_a_figure_that_cannot_be_made_of_stored_runs_says_which_file_to_remove(tmp_path, monkeypatch, wrong):
+    item = Item(figure="0", section="0", title="", make=lambda laboratory: laboratory.runs(noted, [1])[0]["number"] + 1)
+    with Laboratory(tmp_path) as laboratory:
+        assert [made.result for made in made_by(laboratory, [item])] == [2]
+    with Ledger(tmp_path / "runs.jsonl") as ledger:
+        ledger.append(key_of(noted, {}, 1), Outcome(results=wrong))
+    with (
+        Laboratory(tmp_path) as laboratory,
+        pytest.raises(SwarmError, match=r"figure 0 cannot be made .*remove the file"),
+    ):
+        list(made_by(laboratory, [item]))
+
+
+def test_an_error_in_runs_that_are_new_is_not_blamed_on_the_file(tmp_path):
+    item = Item(figure="0", section="0", title="", make=lambda laboratory: laboratory.runs(noted, [1])[0]["missing"])
+    with Laboratory(tmp_path) as laboratory, pytest.raises(KeyError):
+        list(made_by(laboratory, [item]))

@@ -1,4 +1,5 @@
 import pytest
+from support.chunks import recorded_in_full_chunks
 
 from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting
@@ -9,9 +10,7 @@ def fires(tmp_path_factory):
     """Return the path of a recording of 300 steps of 20 robots and seven fires."""
     path = tmp_path_factory.mktemp("viewing") / "fires.arrow"
     model = FireFighting(n_robots=20, communication="goal", rng=5)
-    with model.record(path):
-        model.run(300)
-    return path
+    return recorded_in_full_chunks(model, path, 300)
 
 
 @pytest.fixture(scope="session")

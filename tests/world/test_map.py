@@ -253,10 +253,10 @@ def test_a_file_of_100_megabytes_is_refused_within_a_second(tmp_path, suffix):
     path = tmp_path / f"hall{suffix}"
     path.touch()
     os.truncate(path, 100_000_000)
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(MapError, match="100000000 bytes"):
         Map.load(path)
-    assert time.perf_counter() - start < 1
+    assert time.process_time() - start < 1
 
 
 def test_a_named_pipe_is_refused_instead_of_waited_for(tmp_path):
@@ -314,9 +314,9 @@ def test_a_polygon_of_a_hundred_thousand_corners_goes_through_both_formats():
     ]
     large = Map(name="large", bounds=(0, 0, 800, 600), obstacles=[polygon(ring)])
     svg, toml = large.to_svg(), large.to_toml()
-    start = time.perf_counter()
+    start = time.process_time()
     assert Map.from_svg(svg) == large
-    assert time.perf_counter() - start < 2
+    assert time.process_time() - start < 2
     assert Map.from_toml(toml) == large
 
 
@@ -328,3 +328,23 @@ def test_a_file_far_down_in_folders_is_named_by_its_end(tmp_path):
     with pytest.raises(MapError, match=r"^\.\.\..*/hall\.toml: ") as error:
         Map.load(path)
     assert len(str(error.value)) < 200
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        ".".join("a" * 20_000) + " = 1",
+        "1." * 20_000 + "1 = 1",
+        ".".join(['"a"'] * 20_000) + " = 1",
+        "".join(f"[{'.'.join('a' * 200)}.b{i}]\n" for i in range(1000)),
+    ],
+    ids=["letters", "digits", "quotes", "headers"],
+)
+def test_dotted_names_of_thousands_of_parts_are_refused(text):
+    with pytest.raises(MapError, match="dotted names"):
+        Map.from_toml(text)
+
+
+def test_twenty_thousand_discs_in_a_map_of_our_own_are_read():
+    crowd = Map(name="crowd", bounds=(0, 0, 80, 60), obstacles=[disc((40, 30), 5)] * 20_000)
+    assert len(Map.from_toml(crowd.to_toml()).obstacles) == 20_000

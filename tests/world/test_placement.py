@@ -13,7 +13,9 @@ from shapely.geometry import Point
 
 from mesa_swarm import AGENT9, Map, SwarmModel, disc, polygon, rectangle
 from mesa_swarm.errors import PlacementError
-from mesa_swarm.world.placement import free_space, place_apart
+from mesa_swarm.geometry.room import Crowded
+from mesa_swarm.world.placement import free_places, free_space, place_apart
+from mesa_swarm.world.statics import CELLS_PER_ITEM, MOST_LISTED, Statics
 from scenes import blind, empty
 
 NOBODY = np.empty((0, 2)), np.empty(0)
@@ -146,28 +148,28 @@ def test_robots_of_other_sizes_that_are_there_already_are_kept_clear_of():
 def test_a_thousand_million_robots_are_refused_within_a_second(name):
     model = SwarmModel(map=name, rng=1)
     model.add_robots(AGENT9, 1)
-    start = time.perf_counter()
+    start = time.process_time()
     fit = promised(lambda n: model.add_robots(AGENT9, n), 10**9)
-    assert time.perf_counter() - start < 1.0
+    assert time.process_time() - start < 1.0
     assert 1000 < fit < 5000
 
 
 def test_a_thousand_million_robots_are_refused_where_they_would_fit_too():
     model = SwarmModel(map=Map(name="vast", bounds=(0, 0, 8e8, 8e8)), rng=1)
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(PlacementError, match="the limit is"):
         model.add_robots(AGENT9, 10**9)
-    assert time.perf_counter() - start < 1.0
+    assert time.process_time() - start < 1.0
 
 
 def test_a_vast_map_of_which_next_to_nothing_is_free_is_no_trap():
     model = SwarmModel(map=Map(name="vast", bounds=(0, 0, 8e8, 8e8)), rng=1)
     model.add_obstacle(rectangle((0, 50), (8e8, 8e8)))
     model.add_obstacle(rectangle((100, 0), (8e8, 50)))
-    start = time.perf_counter()
+    start = time.process_time()
     robots = model.add_robots(blind(), 5)
     promised(lambda n: model.add_robots(blind(), n), 1000)
-    assert time.perf_counter() - start < 1.0
+    assert time.process_time() - start < 1.0
     assert_free(model, robots, 1e-6)
 
 
@@ -206,10 +208,10 @@ def test_a_slanting_corridor_hardly_wider_than_a_robot_is_found(wide):
     across = wide * math.sqrt(2)
     model.add_obstacle(polygon([(0, 0), (300, 300), (0, 300)]))
     model.add_obstacle(polygon([(across, 0), (400, 0), (400, 300), (300 + across, 300)]))
-    start = time.perf_counter()
+    start = time.process_time()
     robots = model.add_robots(blind(), 10)
     fit = promised(lambda n: model.add_robots(blind(), n), 1000)
-    assert time.perf_counter() - start < 1.0
+    assert time.process_time() - start < 1.0
     assert fit >= 1
     assert_free(model, robots, 1e-9)
 
@@ -250,3 +252,36 @@ def test_robots_that_do_not_fit_leave_the_model_as_it_was():
     with pytest.raises(PlacementError):
         model.add_robots(AGENT9, 10**6)
     assert (model.state_hash(), len(model.agents), len(model.swarm.designs)) == before
+
+
+def test_a_crowd_of_obstacles_leaves_places_that_are_free():
+    shapes = [disc((x, y), 1.0) for x in np.linspace(0, 60, 50) for y in np.linspace(0, 100, 50)]
+    space = free_places((0, 0, 100, 100), shapes, NO_FIRES, 2.0)
+    places = place_apart(20, 2.0, space, np.empty((0, 2)), np.empty(0), np.random.default_rng(1))
+    assert isinstance(space, Crowded)
+    assert min(math.dist(place, shape.position) for place in places for shape in shapes) >= 3.0
+    assert least_gap(places, 2.0) >= 0
+
+
+def test_a_crowd_that_leaves_no_room_is_refused():
+    shapes = [disc((x, 5 * (x % 20)), 9.0) for x in np.linspace(0, 100, 3000)] + [disc((50, 50), 90.0)]
+    space = free_places((0, 0, 100, 100), shapes, NO_FIRES, 2.0)
+    with pytest.raises(PlacementError, match="0 would"):
+        place_apart(2, 2.0, space, np.empty((0, 2)), np.empty(0), np.random.default_rng(1))
+
+
+def test_lines_that_cross_too_often_are_a_crowd_however_few_they_are():
+    ends = np.random.default_rng(1).random((500, 2, 2)) * 100
+    shapes = [polygon([a, b, (a + b) / 2 + 0.01]) for a, b in ends]
+    assert isinstance(free_places((0, 0, 100, 100), shapes, NO_FIRES, 0.01), Crowded)
+    assert free_places((0, 0, 100, 100), shapes[:200], NO_FIRES, 0.01).equals(
+        free_space((0, 0, 100, 100), shapes[:200], NO_FIRES, 0.01)
+    )
+
+
+def test_long_edges_on_a_wide_map_are_listed_a_bounded_number_of_times():
+    corners = np.random.default_rng(1).random((1500, 3, 2)) * 1e5
+    shapes = [polygon(corner) for corner in corners]
+    statics = Statics.of((0, 0, 1e5, 1e5), shapes, NO_FIRES, np.empty(0, bool), sight=50.0, touch=5.0)
+    assert statics.grid.cells < CELLS_PER_ITEM * len(statics.edges) / 2
+    assert len(statics.seen_items) <= 2 * MOST_LISTED

@@ -67,9 +67,9 @@ def test_holes_that_are_no_list_are_refused():
 
 def test_a_polygon_of_a_hundred_thousand_corners_is_made_within_a_second():
     angles = np.linspace(0, 2 * math.pi, 100_000, endpoint=False)
-    start = time.perf_counter()
+    start = time.process_time()
     shape = polygon(np.column_stack([np.cos(angles), np.sin(angles)]))
-    assert time.perf_counter() - start < 1
+    assert time.process_time() - start < 1
     assert shape.geometry.area == pytest.approx(math.pi)
 
 

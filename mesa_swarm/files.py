@@ -1,0 +1,428 @@
+"""The one way to write a file whole: beside its place, synced, renamed; and folders tried before the work begins."""
+
+import errno
+import os
+import shutil
+import stat
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from hashlib import blake2b
+from io import FileIO
+from itertools import count
+from pathlib import Path
+from tempfile import TemporaryFile
+
+from mesa_swarm.errors import InvalidValueError, SwarmError, shortened
+
+try:
+    import fcntl
+except ModuleNotFoundError:  # on Windows
+    fcntl = None  # type: ignore[assignment]  # what is missing is asked for by its name
+
+# Bytes of a file's name that its draft's name repeats; file systems take 255 at most, some fewer.
+LONGEST_NAME = 100
+# Characters of a path in an error.
+LONGEST_SHOWN = 120
+CURE = "make room or choose another place"
+
+
+def check_writable(folder: str | os.PathLike[str]) -> Path:
+    """Return a folder in which files can be written, or raise why they cannot; nothing stays behind.
+
+    Raises
+    ------
+    InvalidValueError
+        If it cannot be created or written to.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as home:
+    ...     folder = check_writable(Path(home) / "new")
+    ...     folder.name, folder.exists()
+    ('new', False)
+    """
+    path = Path(folder)
+    missing: list[Path] = []
+    try:
+        missing = [part for part in (path, *path.parents) if not part.exists()]
+        path.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=path):
+            return path
+    except (OSError, ValueError) as error:  # ValueError: a null byte in the name
+        reason = getattr(error, "strerror", None) or error
+        raise InvalidValueError(
+            f"results cannot be written to {shortened(str(path))}: {reason}; choose another folder"
+        ) from None
+    finally:
+        _remove_empty(missing)
+
+
+def checked_file(path: Path, ending: str, name: str = "out") -> Path:
+    """Return where a file goes if it can be written there, and its name ends as it should.
+
+    Parameters
+    ----------
+    path : Path
+    ending : str
+        Such as ".png".
+    name : str
+        Of the option that was typed.
+
+    Raises
+    ------
+    InvalidValueError
+
+    Examples
+    --------
+    >>> checked_file(Path("a.jpg"), ".png")
+    Traceback (most recent call last):
+    mesa_swarm.errors.InvalidValueError: out is 'a.jpg'; expected the name of a .png file
+    """
+    if path.suffix.lower() != ending or path.is_dir():
+        what = ", which is a folder" if path.is_dir() else ""
+        raise InvalidValueError(f"{name} is {shortened(str(path))}{what}; expected the name of a {ending} file")
+    check_writable(path.parent)
+    try:
+        checked_place(path)
+    except OSError as error:
+        raise unwritable(path, error) from None
+    return path
+
+
+def checked_place(path: Path) -> Path:
+    """Return where a file is written, symbolic links followed.
+
+    Raises
+    ------
+    OSError
+        If a folder or something else that is not a regular file stands there, such as a device or a pipe, which
+        must not be replaced; or if no file can have that name.
+
+    Examples
+    --------
+    >>> checked_place(Path("/dev/null"))
+    Traceback (most recent call last):
+    OSError: [Errno 22] it is not a regular file: '/dev/null'
+    """
+    try:
+        place = path.resolve()
+        mode = place.stat().st_mode
+    except FileNotFoundError:
+        return place
+    except (ValueError, RuntimeError):  # a null byte in the name; a link that leads to itself
+        raise OSError(errno.EINVAL, "no file can have that name", str(path)) from None
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, "it is a folder", str(path))
+    if not stat.S_ISREG(mode):
+        raise OSError(errno.EINVAL, "it is not a regular file", str(path))
+    return place
+
+
+def unwritable(path: Path, error: OSError, kind: type[SwarmError] = InvalidValueError, cure: str = CURE) -> SwarmError:
+    """Return what a user reads of a file that could not be written: its name, why, and what to do.
+
+    Examples
+    --------
+    >>> print(unwritable(Path("a.png"), OSError(errno.ENOSPC, "")))
+    a.png cannot be written: No space left on device; make room or choose another place
+    """
+    reason = error.strerror or error
+    if error.errno == errno.ENOSPC:  # Arrow adds the long message of its own layers
+        reason = os.strerror(errno.ENOSPC)
+    return kind(f"{shown_path(path)} cannot be written: {' '.join(str(reason).split())[:100]}; {cure}")
+
+
+def shown_path(path: str | os.PathLike[str]) -> str:
+    """Return a path as errors show it: on one line, a long one by its end, where the name of the file is.
+
+    Examples
+    --------
+    >>> shown_path("a/b.txt"), len(shown_path("a" * 1000))
+    ('a/b.txt', 123)
+    """
+    text = repr(os.fspath(path))[1:-1].replace("\\\\", "\\")
+    return text if len(text) <= LONGEST_SHOWN else f"...{text[-LONGEST_SHOWN:]}"
+
+
+def write_whole(
+    path: Path, content: str | bytes, error: type[SwarmError] = InvalidValueError, *, folders: bool = True
+) -> Path:
+    """Write a file as `draft_of` does, and return its path.
+
+    Raises
+    ------
+    SwarmError
+        Of that type, with the name of the file; what stood there before is untouched.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as home:
+    ...     write_whole(Path(home) / "a" / "b.txt", "all of it").read_text()
+    'all of it'
+    """
+    with draft_of(path, error, folders=folders) as draft:
+        draft.write_bytes(_as_bytes(content))
+    return path
+
+
+def write_all(folder: Path, contents: Mapping[str, str | bytes]) -> list[Path]:
+    """Write files that belong together: all of them, or none if the disk is full; return their paths.
+
+    Parameters
+    ----------
+    folder : Path
+    contents : dict
+        By name.
+
+    Raises
+    ------
+    InvalidValueError
+        With the name of the file that could not be written; what stood there before is untouched.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as home:
+    ...     [path.read_text() for path in write_all(Path(home), {"a.txt": "a", "b.txt": "b"})]
+    ['a', 'b']
+    """
+    paths = [folder / name for name in contents]
+    with ExitStack() as drafts:
+        for path, content in zip(paths, contents.values(), strict=True):
+            drafts.enter_context(draft_of(path)).write_bytes(_as_bytes(content))
+    return paths
+
+
+@contextmanager
+def draft_of(path: Path, error: type[SwarmError] = InvalidValueError, *, folders: bool = True) -> Iterator[Path]:
+    """Yield another name in a file's folder; what was written there gets the file's name if nothing goes wrong.
+
+    The draft is synced to the disk before it is renamed, and the folder after: at any moment, also after a kill or
+    a power cut, the name stands for the whole old file or the whole new one. A symbolic link is followed, and the
+    permissions of an older file are kept. What a killed writer left behind is deleted when the file is written again.
+
+    Parameters
+    ----------
+    path : Path
+    error : type of SwarmError
+        What is raised if the file cannot be written.
+    folders : bool
+        Whether its folder is created if it is missing.
+
+    Raises
+    ------
+    SwarmError
+        Of that type, with the name of the file, never that of the draft; what stood there before is untouched.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as home:
+    ...     with draft_of(Path(home) / "b.txt") as draft:
+    ...         length = draft.write_text("all of it")
+    ...     [path.name for path in Path(home).iterdir()]
+    ['b.txt']
+    """
+    made = [folder for folder in path.parents if not os.path.lexists(folder)] if folders else []
+    draft = place = path
+    try:
+        place = checked_place(path)
+        if folders:
+            place.parent.mkdir(parents=True, exist_ok=True)
+        with opened_draft(place) as hold:
+            draft = Path(hold.name)
+            try:
+                yield draft
+                put_in_place(hold, place)
+            except BaseException:
+                discard(hold)
+                raise
+    except OSError as problem:
+        if isinstance(problem.filename, str) and Path(problem.filename) not in (draft, place, path, *path.parents):
+            raise  # about another file
+        raise unwritable(path, problem, error) from None
+    finally:
+        _remove_empty(made)
+
+
+def opened_draft(path: Path) -> FileIO:
+    """Open a new file beside another, under a name of its own; drafts that killed writers left there are deleted.
+
+    It is locked as long as it is open, so that other writers of the same file know that it is not left over.
+
+    Raises
+    ------
+    OSError
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as home, opened_draft(Path(home) / "b.txt") as draft:
+    ...     Path(draft.name).name
+    '.b.txt.0.draft'
+    """
+    for number in count():
+        draft = draft_name(path, number)
+        _remove_left_over(draft)
+        try:
+            file = open(draft, "xb", buffering=0)  # noqa: SIM115 - it stays open
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, str(path)) from None
+        if lock(file) is not False and is_named(file, draft):  # else it was taken for one that is left over
+            return file
+        file.close()
+    raise AssertionError  # the count has no end
+
+
+def free_draft(path: Path) -> Path:
+    """Return the name of a draft of a file that nothing else has, for what opens and locks files itself.
+
+    Examples
+    --------
+    >>> free_draft(Path("a/b.txt")).as_posix()
+    'a/.b.txt.0.draft'
+    """
+    for number in count():
+        draft = draft_name(path, number)
+        _remove_left_over(draft)
+        if not os.path.lexists(draft):
+            return draft
+    raise AssertionError  # the count has no end
+
+
+def draft_name(path: Path, number: int) -> Path:
+    """Return the name of a draft of a file.
+
+    Examples
+    --------
+    >>> draft_name(Path("a/b.txt"), 1).as_posix(), len(draft_name(Path("b" * 255), 0).name)
+    ('a/.b.txt.1.draft', 41)
+    """
+    name = path.name
+    if len(os.fsencode(name)) > LONGEST_NAME:
+        name = blake2b(os.fsencode(name), digest_size=16).hexdigest()
+    return path.with_name(f".{name}.{number}.draft")
+
+
+def put_in_place(draft: FileIO, path: Path) -> None:
+    """Give a finished draft the name of the file that it replaces, in such a way that a power cut cannot halve it.
+
+    Raises
+    ------
+    OSError
+        Then what stood there before is untouched.
+    """
+    name = Path(draft.name)
+    with suppress(FileNotFoundError):  # there is no older file whose permissions could be kept
+        shutil.copymode(path, name)
+    sync(name)
+    if os.name == "nt":  # where open files cannot be renamed
+        draft.close()
+    os.replace(name, path)
+    with suppress(OSError):  # some folders cannot be synced; the file has its name already
+        sync(path.parent)
+
+
+def discard(draft: FileIO) -> None:
+    """Close a draft and delete it, unless it was put in its place."""
+    name = Path(draft.name)
+    with suppress(OSError):  # else it would hide why writing failed
+        ours = draft.closed or is_named(draft, name)
+        if os.name == "nt":
+            draft.close()
+        if ours:
+            name.unlink(missing_ok=True)
+    draft.close()
+
+
+def lock(file: FileIO, shared: bool = False) -> bool | None:
+    """Lock an open file until it is closed, and return whether that could be: None where files have no locks.
+
+    A shared lock is refused only where a writer has the other kind.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.NamedTemporaryFile() as file, open(file.name, "rb") as other:
+    ...     lock(file), lock(other)
+    (True, False)
+    """
+    if fcntl is None:
+        return None
+    try:
+        fcntl.flock(file, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:  # some file systems have none
+        return None
+    return True
+
+
+def is_locked(path: Path) -> bool:
+    """Return whether the file of a name is locked by a writer.
+
+    Examples
+    --------
+    >>> is_locked(Path("nowhere"))
+    False
+    """
+    try:
+        with open(path, "rb", buffering=0, opener=_opened_as_it_is) as file:
+            return lock(file, shared=True) is False
+    except OSError:
+        return False
+
+
+def is_named(file: FileIO, path: Path) -> bool:
+    """Return whether an open file has that name (still)."""
+    try:
+        return os.path.samestat(os.fstat(file.fileno()), os.stat(path, follow_symlinks=False))
+    except FileNotFoundError:
+        return False
+
+
+def sync(path: Path) -> None:
+    """Wait until the disk has a file, or what a folder lists; does nothing where folders cannot be synced.
+
+    Raises
+    ------
+    OSError
+    """
+    if os.name == "nt" and path.is_dir():
+        return
+    place = os.open(path, os.O_RDONLY if path.is_dir() or os.name != "nt" else os.O_RDWR)
+    try:
+        os.fsync(place)
+    finally:
+        os.close(place)
+
+
+def _remove_left_over(draft: Path) -> None:
+    """Delete a draft if it is locked by nobody."""
+    with suppress(OSError), open(draft, "rb", buffering=0, opener=_opened_as_it_is) as file:
+        if os.name == "nt":  # where files that are open elsewhere cannot be deleted
+            file.close()
+            draft.unlink()
+        elif stat.S_ISREG(os.fstat(file.fileno()).st_mode) and lock(file) and is_named(file, draft):
+            draft.unlink()
+
+
+def _opened_as_it_is(path: str, flags: int) -> int:
+    """Open a file, no link to another one, and no pipe that would make us wait."""
+    return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
+
+
+def _as_bytes(content: str | bytes) -> bytes:
+    return content.encode() if isinstance(content, str) else content
+
+
+def _remove_empty(folders: list[Path]) -> None:
+    for folder in folders:
+        try:
+            folder.rmdir()
+        except (OSError, ValueError):
+            return

@@ -1,0 +1,55 @@
+"""The harness of attacks finds what it is there to find."""
+
+import time
+
+import pytest
+from support.hostile import Tally, attack, table
+
+
+def work(what):
+    if what == "raw":
+        raise KeyError(what)
+    if what == "long":
+        raise ValueError("x" * 301)
+    if what == "refuse":
+        raise ValueError("one line")
+    if what == "spin":
+        while True:
+            pass
+    if what == "sleep":
+        time.sleep(60)
+    if what == "memory":
+        return b"x" * (700 << 20)
+    if what == "huge":
+        return [b"x" * (100 << 20) for _ in range(1000)]
+    return what
+
+
+@pytest.mark.parametrize(
+    ("what", "status"),
+    [
+        ("good", "accepted"),
+        ("refuse", "refused"),
+        ("raw", "raw"),
+        ("long", "raw"),
+        ("spin", "CPU"),
+        ("memory", "memory"),
+        ("huge", "memory"),
+    ],
+)
+def test_each_way_to_end_is_named_and_what_follows_is_still_tried(what, status):
+    inputs = [("first", "good"), ("attack", what), ("last", "good")]
+    results = list(attack(work, inputs, refusals=ValueError, cpu=1))
+    assert [result.status for result in results] == ["accepted", status, "accepted"]
+
+
+def test_what_sleeps_is_a_hang(monkeypatch):
+    monkeypatch.setattr("support.hostile.PATIENCE", -9)
+    assert [result.status for result in attack(work, [("a", "sleep")], refusals=ValueError, cpu=1)] == ["hang"]
+
+
+def test_the_table_adds_up_what_is_of_one_area():
+    one, other = Tally("maps"), Tally("maps")
+    one.check("a", True)
+    other.check("b", False, "why")
+    assert table([one.row(), other.row()])[1].split() == ["maps", "2", "1", "-", "-"]

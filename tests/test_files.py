@@ -1,0 +1,137 @@
+"""Files are written whole: beside their place, under a name that is cleaned up after a kill, and never over devices."""
+
+import errno
+import os
+import signal
+import threading
+
+import pytest
+
+from mesa_swarm.errors import ExportError, InvalidValueError
+from mesa_swarm.files import checked_file, draft_name, draft_of, is_locked, opened_draft, write_whole
+
+POSIX = pytest.mark.skipif(os.name == "nt", reason="needs POSIX")
+
+
+def one_line(error):
+    text = str(error.value)
+    assert "\n" not in text
+    assert len(text) <= 300
+    return text
+
+
+def names_in(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+@POSIX
+def test_a_pipe_or_a_device_is_refused_and_stays(tmp_path):
+    os.mkfifo(tmp_path / "pipe.png")
+    os.symlink("/dev/null", tmp_path / "nothing.png")
+    for name in ("pipe.png", "nothing.png"):
+        with pytest.raises(InvalidValueError, match="it is not a regular file"):
+            write_whole(tmp_path / name, "new")
+        with pytest.raises(InvalidValueError, match="it is not a regular file"):
+            checked_file(tmp_path / name, ".png")
+    assert names_in(tmp_path) == ["nothing.png", "pipe.png"]
+    assert (tmp_path / "nothing.png").is_char_device()
+
+
+@pytest.mark.parametrize("name", ["folder", "a\0b", "x" * 300, "file/below", "loop"])
+def test_a_place_where_no_file_can_be_is_refused_in_one_line_with_its_name(tmp_path, name):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").write_text("mine")
+    (tmp_path / "loop").symlink_to("loop")
+    before = names_in(tmp_path)
+    with pytest.raises(ExportError) as error:
+        write_whole(tmp_path / name, "new", ExportError)
+    assert name.split("/")[-1].replace("\0", "\\x00")[-40:] in one_line(error)
+    assert names_in(tmp_path) == before
+    assert (tmp_path / "file").read_text() == "mine"
+
+
+def test_the_longest_name_that_a_file_can_have_can_be_written(tmp_path):
+    for name in ("x" * 255, "ü" * 127):
+        assert write_whole(tmp_path / name, "all").read_text() == "all"
+    assert len(names_in(tmp_path)) == 2
+
+
+def test_a_failed_write_leaves_no_folder_that_was_made_for_it(tmp_path):
+    def fill(draft):
+        draft.write_text("part of it")
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with (
+        pytest.raises(InvalidValueError, match=r"b\.txt cannot be written: No space left"),
+        draft_of(tmp_path / "new" / "b.txt") as draft,
+    ):
+        fill(draft)
+    assert names_in(tmp_path) == []
+
+
+@POSIX
+def test_what_a_killed_writer_left_is_deleted_when_the_file_is_written_again(tmp_path):
+    child = os.fork()
+    if not child:
+        with draft_of(tmp_path / "a.txt") as draft:
+            draft.write_text("half of")
+            os.kill(os.getpid(), signal.SIGKILL)
+    os.waitpid(child, 0)
+    assert names_in(tmp_path) == [".a.txt.0.draft"]
+    write_whole(tmp_path / "a.txt", "all of it")
+    assert names_in(tmp_path) == ["a.txt"]
+
+
+@POSIX
+def test_what_stands_under_a_drafts_name_and_is_no_draft_is_not_touched(tmp_path):
+    (tmp_path / "precious").write_text("mine")
+    draft_name(tmp_path / "a.txt", 0).symlink_to(tmp_path / "precious")
+    draft_name(tmp_path / "a.txt", 1).mkdir()
+    os.mkfifo(draft_name(tmp_path / "a.txt", 2))
+    before = names_in(tmp_path)
+    write_whole(tmp_path / "a.txt", "new")
+    assert names_in(tmp_path) == sorted([*before, "a.txt"])
+    assert (tmp_path / "precious").read_text() == "mine"
+
+
+def test_two_writers_at_once_have_drafts_of_their_own_and_the_last_one_counts(tmp_path):
+    path = tmp_path / "a.txt"
+    with draft_of(path) as first:
+        with draft_of(path) as second:
+            first.write_text("first")
+            second.write_text("second")
+        assert path.read_text() == "second"
+        write_whole(path, "third")
+    assert path.read_text() == "first"
+    assert names_in(tmp_path) == ["a.txt"]
+
+
+def test_many_threads_that_write_one_file_leave_one_whole_file(tmp_path):
+    def write(letter):
+        for _ in range(20):
+            write_whole(tmp_path / "a.txt", letter * 10_000)
+
+    threads = [threading.Thread(target=write, args=(letter,)) for letter in "abcd"]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(set((tmp_path / "a.txt").read_text())) == 1
+    assert names_in(tmp_path) == ["a.txt"]
+
+
+def test_a_link_is_followed_and_permissions_stay(tmp_path):
+    (tmp_path / "file").write_text("old")
+    (tmp_path / "file").chmod(0o640)
+    (tmp_path / "link").symlink_to(tmp_path / "file")
+    write_whole(tmp_path / "link", "new")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "file").read_text() == "new"
+    assert (tmp_path / "file").stat().st_mode & 0o777 == 0o640
+
+
+@POSIX
+def test_a_draft_is_locked_while_it_is_open(tmp_path):
+    with opened_draft(tmp_path / "a.txt") as draft:
+        assert is_locked(tmp_path / draft.name)
+    assert not is_locked(tmp_path / draft.name)
