@@ -1,7 +1,6 @@
 """What stands beside the canvas, in a real browser: charts, the inspector, export."""
 
 import base64
-import time
 
 import pytest
 from PIL import Image
@@ -47,9 +46,8 @@ def test_charts_grow_while_it_plays_are_cleared_by_a_reset_and_downloaded(visito
     assert page.locator(".swarm-chart").count() == 3
     visitor.press("Play")
     visitor.wait("+player.step > 5")
-    before, began = int(page.evaluate(DRAWN)), time.monotonic()
+    before = int(page.evaluate(DRAWN))
     wait_until(lambda: int(page.evaluate(DRAWN)) >= before + 6)
-    assert 6 / (time.monotonic() - began) > 1, "the machine may be busy; test_charts asks for more than two"
     visitor.press("Pause")
     visitor.wait("player.playing === 'false' && player.fingerprint !== ''")
     wait_until(lambda: points(visitor) == visitor.step)

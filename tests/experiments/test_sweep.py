@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from failing_models import Counting, Raising, seeds_run
+from machine import slowness
 from pyarrow import parquet
 
 from mesa_swarm.errors import InvalidValueError, SwarmError
@@ -178,7 +179,7 @@ def test_an_error_is_kept_until_it_is_to_be_tried_again(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_a_sweep_adds_less_than_20_ms_to_a_run_or_twice_as_much_on_a_busy_machine(tmp_path, jobs):
+def test_a_sweep_adds_less_than_20_ms_to_a_run_and_more_on_a_busy_or_slow_machine(tmp_path, jobs):
     sweep(FIRE, seeds=4, steps=30, out=tmp_path / "warm", jobs=jobs)  # starts workers, loads kernels
 
     def seconds(work):
@@ -193,8 +194,8 @@ def test_a_sweep_adds_less_than_20_ms_to_a_run_or_twice_as_much_on_a_busy_machin
         swept = seconds(lambda i=i: sweep(FIRE, seeds=runs, steps=30, out=tmp_path / str(i), jobs=jobs))
         rounds.append((swept - bare) / runs)
     print(f"{jobs} jobs: {[f'{1000 * extra:.2f}' for extra in rounds]} ms a run")
-    busy = os.getloadavg()[0] > os.cpu_count()  # each run waits for the disk, and so do others
-    assert min(rounds) < (0.040 if busy else 0.020)
+    busy = 2 if os.getloadavg()[0] > os.cpu_count() else 1  # each run waits for the disk, and so do others
+    assert min(rounds) < 0.020 * busy * slowness()
 
 
 def test_record_may_be_true_or_false(tmp_path):

@@ -43,6 +43,13 @@ def test_each_way_to_end_is_named_and_what_follows_is_still_tried(what, status):
     assert [result.status for result in results] == ["accepted", status, "accepted"]
 
 
+def test_what_other_tests_have_gathered_is_not_counted():
+    gathered = b"x" * (600 << 20)
+    (result,) = attack(work, [("good", "good")], refusals=ValueError, cpu=1)
+    assert (result.status, len(gathered)) == ("accepted", 600 << 20)
+    assert 0 < result.megabytes < 400
+
+
 def test_what_sleeps_is_a_hang(monkeypatch):
     monkeypatch.setattr("support.hostile.PATIENCE", -9)
     assert [result.status for result in attack(work, [("a", "sleep")], refusals=ValueError, cpu=1)] == ["hang"]

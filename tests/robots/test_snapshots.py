@@ -110,9 +110,9 @@ def test_watching_costs_less_than_the_step():
         model.run(20)
         rounds = []
         for _ in range(5):
-            start = time.perf_counter()
+            start = time.process_time()
             model.run(100)
-            rounds.append(time.perf_counter() - start)
+            rounds.append(time.process_time() - start)
         return min(rounds)
 
     assert seconds(True) < 2 * seconds(False) + 0.01

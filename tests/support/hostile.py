@@ -18,6 +18,8 @@ MEGABYTE = 1 << 20
 PATIENCE = 15
 LONGEST_REFUSAL = 300
 INPUTS_PER_PROCESS = 200
+# Megabytes that a process holds which has only imported what is attacked.
+FRESH = 250
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,8 @@ def attack(
     cpu : float
         Seconds for each input, of a processor as fast as usual: processors of virtual machines are not always.
     memory : int
-        Most megabytes resident, those of the interpreter and its libraries included.
+        Most megabytes resident, those of the interpreter and its libraries included. What this process has gathered
+        before beyond those, in other tests, is not counted.
     """
     left = list(inputs)
     while left:
@@ -120,6 +123,7 @@ def attack(
 def _in_child(work: Callable, inputs: list, refusals: Any, cpu: float, memory: int) -> Iterator[Result]:
     """Yield results until the child has done all, or died of one, which is the last."""
     read, write = os.pipe()
+    gathered = max(0.0, _status("VmRSS") - FRESH)
     child = os.fork()
     if not child:
         _child(work, [content for _, content in inputs], refusals, cpu, memory, write)
@@ -133,6 +137,7 @@ def _in_child(work: Callable, inputs: list, refusals: Any, cpu: float, memory: i
                 why = message
                 break
             status, detail, seconds, megabytes = message
+            megabytes -= gathered
             if status in {"accepted", "refused"}:
                 status = "memory" if megabytes > memory else "CPU" if seconds > cpu else status
             number += 1
@@ -144,7 +149,7 @@ def _in_child(work: Callable, inputs: list, refusals: Any, cpu: float, memory: i
         _, ended, used = os.wait4(child, 0)
     if number < len(inputs):
         status = why if why == "hang" else "CPU" if os.waitstatus_to_exitcode(ended) == -signal.SIGXCPU else "crash"
-        peak = used.ru_maxrss / 1024
+        peak = used.ru_maxrss / 1024 - gathered
         yield Result(inputs[number][0], status, f"ended with {os.waitstatus_to_exitcode(ended)}", 0.0, peak)
 
 

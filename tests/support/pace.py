@@ -1,7 +1,11 @@
-"""How much is searched on machines that are slower than usual, so that all tests end in time."""
+"""How much is searched, and how long work may take, on machines that are slower than usual."""
 
 import os
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from machine import slowness
 
 
 def in_time(amount):
@@ -12,3 +16,18 @@ def in_time(amount):
 def is_out_of_time():
     """Whether slow tests that have not begun are left out, as `.ci/run` asks for on a machine slower than usual."""
     return time.time() > float(os.environ.get("MESA_SWARM_SLOW_UNTIL", "inf"))
+
+
+@contextmanager
+def work_within(seconds: float, of: str = "") -> Iterator[None]:
+    """Fail if what is done within takes more processor time than this, on a processor as fast as usual.
+
+    Wall-clock time would say more of the machine's other users than of the work.
+    """
+    begun = time.process_time()
+    try:
+        yield
+    finally:
+        used = time.process_time() - begun
+        slow = 1.0 if used <= seconds else max(slowness() for _ in range(5))
+        assert used <= seconds * slow, f"{used:.2f} s on a processor {slow:.1f} times slower than usual {of}"

@@ -3,12 +3,12 @@
 import errno
 import math
 import os
-import time
 from pathlib import Path
 
 import pytest
 from hypothesis import given, reject, settings
 from hypothesis import strategies as st
+from support.pace import work_within
 
 from mesa_swarm.errors import InvalidValueError, MapError
 from mesa_swarm.world import map as map_module
@@ -249,14 +249,12 @@ def test_binary_garbage_is_refused_on_one_line(tmp_path, suffix):
 
 
 @pytest.mark.parametrize("suffix", [".toml", ".svg", ".map"])
-def test_a_file_of_100_megabytes_is_refused_within_a_second(tmp_path, suffix):
+def test_a_file_of_100_megabytes_is_refused_within_two_seconds(tmp_path, suffix):
     path = tmp_path / f"hall{suffix}"
     path.touch()
     os.truncate(path, 100_000_000)
-    start = time.process_time()
-    with pytest.raises(MapError, match="100000000 bytes"):
+    with work_within(2), pytest.raises(MapError, match="100000000 bytes"):
         Map.load(path)
-    assert time.process_time() - start < 1
 
 
 def test_a_named_pipe_is_refused_instead_of_waited_for(tmp_path):
@@ -314,9 +312,8 @@ def test_a_polygon_of_a_hundred_thousand_corners_goes_through_both_formats():
     ]
     large = Map(name="large", bounds=(0, 0, 800, 600), obstacles=[polygon(ring)])
     svg, toml = large.to_svg(), large.to_toml()
-    start = time.process_time()
-    assert Map.from_svg(svg) == large
-    assert time.process_time() - start < 2
+    with work_within(2):
+        assert Map.from_svg(svg) == large
     assert Map.from_toml(toml) == large
 
 

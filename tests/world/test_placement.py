@@ -2,7 +2,6 @@
 
 import math
 import re
-import time
 
 import numpy as np
 import pytest
@@ -10,6 +9,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import Point
+from support.pace import work_within
 
 from mesa_swarm import AGENT9, Map, SwarmModel, disc, polygon, rectangle
 from mesa_swarm.errors import PlacementError
@@ -148,28 +148,24 @@ def test_robots_of_other_sizes_that_are_there_already_are_kept_clear_of():
 def test_a_thousand_million_robots_are_refused_within_a_second(name):
     model = SwarmModel(map=name, rng=1)
     model.add_robots(AGENT9, 1)
-    start = time.process_time()
-    fit = promised(lambda n: model.add_robots(AGENT9, n), 10**9)
-    assert time.process_time() - start < 1.0
+    with work_within(1):
+        fit = promised(lambda n: model.add_robots(AGENT9, n), 10**9)
     assert 1000 < fit < 5000
 
 
 def test_a_thousand_million_robots_are_refused_where_they_would_fit_too():
     model = SwarmModel(map=Map(name="vast", bounds=(0, 0, 8e8, 8e8)), rng=1)
-    start = time.process_time()
-    with pytest.raises(PlacementError, match="the limit is"):
+    with work_within(1), pytest.raises(PlacementError, match="the limit is"):
         model.add_robots(AGENT9, 10**9)
-    assert time.process_time() - start < 1.0
 
 
 def test_a_vast_map_of_which_next_to_nothing_is_free_is_no_trap():
     model = SwarmModel(map=Map(name="vast", bounds=(0, 0, 8e8, 8e8)), rng=1)
     model.add_obstacle(rectangle((0, 50), (8e8, 8e8)))
     model.add_obstacle(rectangle((100, 0), (8e8, 50)))
-    start = time.process_time()
-    robots = model.add_robots(blind(), 5)
-    promised(lambda n: model.add_robots(blind(), n), 1000)
-    assert time.process_time() - start < 1.0
+    with work_within(1):
+        robots = model.add_robots(blind(), 5)
+        promised(lambda n: model.add_robots(blind(), n), 1000)
     assert_free(model, robots, 1e-6)
 
 
@@ -208,10 +204,9 @@ def test_a_slanting_corridor_hardly_wider_than_a_robot_is_found(wide):
     across = wide * math.sqrt(2)
     model.add_obstacle(polygon([(0, 0), (300, 300), (0, 300)]))
     model.add_obstacle(polygon([(across, 0), (400, 0), (400, 300), (300 + across, 300)]))
-    start = time.process_time()
-    robots = model.add_robots(blind(), 10)
-    fit = promised(lambda n: model.add_robots(blind(), n), 1000)
-    assert time.process_time() - start < 1.0
+    with work_within(1):
+        robots = model.add_robots(blind(), 10)
+        fit = promised(lambda n: model.add_robots(blind(), n), 1000)
     assert fit >= 1
     assert_free(model, robots, 1e-9)
 
