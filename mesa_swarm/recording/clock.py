@@ -19,14 +19,14 @@ def set_clock(model: ObservedWorld, steps: int) -> None:
     """
     if type(steps) is not int or not model.steps <= steps <= MOST_STEPS:
         raise RecordingError(f"{steps!r:.40} is no count of steps")
-    user_step, model._user_step = model._user_step, lambda: None
-    try:
-        if not hasattr(model, "_default_schedule"):
-            model.steps = steps
-        while model.steps < steps:
-            model.step()
-    finally:
-        model._user_step = user_step
+    if has_own_events(model):
+        _let_pass(model, steps)
+    elif not hasattr(model, "_default_schedule"):
+        model.steps = steps
+    else:
+        model._default_schedule.pause()
+        model.steps, model.time = steps, float(steps)
+        model._default_schedule.resume()
 
 
 def has_own_events(model: ObservedWorld) -> bool:
@@ -38,3 +38,13 @@ def has_own_events(model: ObservedWorld) -> bool:
     # While the step is being taken, its own event is not among those that wait.
     waiting = [event for event in model._event_list._events if not event.CANCELED and event is not step._current_event]
     return bool(others) or bool(waiting) or model.time != model.steps
+
+
+def _let_pass(model: ObservedWorld, steps: int) -> None:
+    """Take steps in which the model does nothing, so that events of its own come when they are due."""
+    user_step, model._user_step = model._user_step, lambda: None
+    try:
+        while model.steps < steps:
+            model.step()
+    finally:
+        model._user_step = user_step

@@ -8,6 +8,7 @@ import json
 import math
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -97,9 +98,7 @@ def checked_change(text: bytes) -> Any:
     ValueError
         If it does not tell that.
     """
-    told = read_json(text)
-    _check(told, CHANGE, "")
-    return told
+    return _told(text, CHANGE)
 
 
 def checked_intervention(text: bytes) -> dict:
@@ -110,9 +109,7 @@ def checked_intervention(text: bytes) -> dict:
     ValueError
         If it does not tell that.
     """
-    told = read_json(text)
-    _check(told, INTERVENTION, "")
-    return told
+    return _told(text, INTERVENTION)
 
 
 def read_json(text: bytes) -> Any:
@@ -149,8 +146,7 @@ def check_columns(schema: pa.Schema, source: object) -> None:
     if first != FIRST_COLUMNS or len(set(names)) < len(names):
         raise RecordingError(f"{_end_of(source)} has other columns than a recording: {shortened(names)}")
     for field in list(schema)[len(FIRST_COLUMNS) :]:
-        known = _is_table if field.name in TABLES else _is_column
-        if not pa.types.is_list(field.type) or not known(field.name, field.type.value_type):
+        if not _is_known(field.name, field.type):
             shown = " ".join(str(field.type).split())
             raise RecordingError(f"{_end_of(source)} has column {shortened(field.name)} of type {shown:.{SHOWN}}")
 
@@ -227,6 +223,12 @@ def misplaced(pieces: Sequence[Piece], start: int, every: int) -> Piece | None:
     return None
 
 
+def _told(text: bytes, form: Any) -> Any:
+    told = read_json(text)
+    _check(told, form, "")
+    return told
+
+
 def _wrong_in(batch: pa.RecordBatch, first: int, every: int) -> str:
     """Return in words what of a chunk is wrong, an empty text if nothing is."""
     names = batch.schema.names
@@ -275,7 +277,15 @@ def _has_nulls(array: pa.Array) -> bool:
 def _all_finite(values: np.ndarray, largest: float) -> bool:
     if values.dtype.names:
         return all(_all_finite(values[name], largest) for name in values.dtype.names)
-    return values.dtype.kind != "f" or not values.size or float(np.abs(values).max()) <= largest
+    if values.dtype.kind != "f" or not values.size:
+        return True
+    return float(values.min()) >= -largest and float(values.max()) <= largest  # NaN is neither
+
+
+@lru_cache(maxsize=256)  # most recordings that are opened have the same columns
+def _is_known(name: str, kind: pa.DataType) -> bool:
+    known = _is_table if name in TABLES else _is_column
+    return pa.types.is_list(kind) and known(name, kind.value_type)
 
 
 def _is_column(name: str, kind: pa.DataType) -> bool:

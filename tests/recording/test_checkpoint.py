@@ -6,6 +6,7 @@ from dataclasses import replace
 import mesa
 import numpy as np
 import pytest
+from support.pace import work_within
 
 from mesa_swarm import AGENT3, AGENT9, Radio, SwarmModel, disc, polygon, rectangle
 from mesa_swarm.control import Align, Avoid, Cohere, Cruise, Explore, Separate, Subsumption, VectorSum, behaviour
@@ -16,6 +17,7 @@ from mesa_swarm.gallery import find_model, model_names
 from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording.checkpoint import checkpoint_of, restore
+from mesa_swarm.recording.clock import MOST_STEPS, set_clock
 from mesa_swarm.recording.container import from_bytes, to_bytes
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive
@@ -286,3 +288,19 @@ def test_a_single_event_in_the_schedule_is_seen_between_steps_and_while_one_is_t
         model.run(2)
         assert "schedule holds events" in recorder.why_no_checkpoint
     assert recorder.checkpoints == (0,)
+
+
+@pytest.mark.parametrize("steps", [0, 3, MOST_STEPS])
+def test_a_clock_is_set_at_once_and_goes_on_a_step_at_a_time(steps):
+    class Noting(SwarmModel):
+        def step(self):
+            seen.append(self.steps - steps)
+            super().step()
+
+    model, seen = Noting(rng=1), []
+    with work_within(1):
+        set_clock(model, steps)
+    assert not seen
+    model.run(3)
+    assert (seen, model.completed) == ([1, 2, 3], 3)
+    assert getattr(model, "time", model.steps) == steps + 3
