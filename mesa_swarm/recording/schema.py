@@ -237,10 +237,11 @@ def _wrong_in(batch: pa.RecordBatch, first: int, every: int) -> str:
         return "missing values"
     if not _follow(steps.to_numpy(), first, every):
         return "steps that do not follow each other"
+    begins = robots.offsets
     for name, column in (("robot", robots), *zip(names[3:], columns, strict=True)):
         if (name == "robot" or name in TABLES) and not _grow(column):
             return f"lists of {name} that do not fit together"
-        if name not in TABLES and not column.offsets.equals(robots.offsets):
+        if name not in TABLES and not column.offsets.equals(begins):
             return f"not as many values of {name} as robots"
     return "" if _ascends(robots) else "unique_ids that do not ascend"
 
