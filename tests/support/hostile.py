@@ -18,8 +18,8 @@ MEGABYTE = 1 << 20
 PATIENCE = 15
 LONGEST_REFUSAL = 300
 INPUTS_PER_PROCESS = 200
-# Megabytes that a process holds which has only imported what is attacked.
-FRESH = 250
+# Megabytes of its own that a process holds which has only imported what is attacked; and files that it maps.
+FRESH = 200
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def attack(
 def _in_child(work: Callable, inputs: list, refusals: Any, cpu: float, memory: int) -> Iterator[Result]:
     """Yield results until the child has done all, or died of one, which is the last."""
     read, write = os.pipe()
-    gathered = max(0.0, _status("VmRSS") - FRESH)
+    gathered = max(0.0, _status("RssAnon") - FRESH)
     child = os.fork()
     if not child:
         _child(work, [content for _, content in inputs], refusals, cpu, memory, write)
