@@ -13,6 +13,13 @@ Bounds = tuple[float, float, float, float]
 # Beyond so many solids, or pairs of them whose boxes overlap once grown, their union takes seconds or minutes.
 MOST_UNITED = 2_000
 MOST_OVERLAPS = 50_000
+# An outline of more corners than this may be intricate, which is told from some of its edges: where an edge has more
+# others within reach than this, growing each edge alone is quicker than the whole, by far where it is hostile.
+SIMPLE = 500
+SAMPLED = 32
+MOST_NEAR = 100
+# Its edges are those of a simpler outline, nowhere farther away than this share of the reach, which is made longer.
+SMOOTHED = 0.01
 # How many of the largest solids points are tried against before all.
 STAGES = (30, 500, None)
 
@@ -56,12 +63,11 @@ def room_for_disc(
     >>> room_for_disc((0, 0, 100, 50), [], 5.0, 16).area
     3600.0
     """
-    geometries, radii = zip(*solids, strict=True) if solids else ((), ())
-    _check_valid(geometries)
+    _check_valid(solids)
     inner = _inner(bounds, radius)
     if not solids or inner.is_empty:
         return inner
-    return inner.difference(shapely.union_all(_grown(geometries, radii, radius, quarter_segments)))
+    return inner.difference(shapely.union_all(_grown(*_pieces(solids, radius), quarter_segments)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,14 +112,16 @@ def room_to_try(
     >>> type(room_to_try((0, 0, 100, 50), [(shapely.Point(9, 9), 1.0)] * 3000, 5.0, 16)).__name__
     'Crowded'
     """
+    _check_valid(solids)
     inner = _inner(bounds, radius)
-    if inner.is_empty or not _is_crowded(solids, radius):
-        return room_for_disc(bounds, solids, radius, quarter_segments)
-    geometries, radii = zip(*solids, strict=True)
-    _check_valid(geometries)
-    alike = {(content, own): i for i, (content, own) in enumerate(zip(shapely.to_wkb(geometries), radii, strict=True))}
+    if inner.is_empty or not solids:
+        return inner
+    pieces, reach = _pieces(solids, radius)
+    if not _is_crowded(pieces, reach):
+        return inner.difference(shapely.union_all(_grown(pieces, reach, quarter_segments)))
+    alike = {(content, far): i for i, (content, far) in enumerate(zip(shapely.to_wkb(pieces), reach, strict=True))}
     chosen = list(alike.values())
-    grown = _grown(np.array(geometries)[chosen], np.array(radii)[chosen], radius, quarter_segments)
+    grown = _grown(pieces[chosen], reach[chosen], quarter_segments)
     largest_first = grown[np.argsort(-shapely.area(grown), kind="stable")]
     return Crowded(inner, tuple(shapely.STRtree(largest_first[:n]) for n in STAGES))
 
@@ -126,29 +134,59 @@ def _inner(bounds: Bounds, radius: float) -> shapely.Polygon:
     return shapely.box(x_min + radius, y_min + radius, x_max - radius, y_max - radius)
 
 
-def _grown(
-    geometries: Sequence[shapely.Geometry] | np.ndarray,
-    radii: Sequence[float] | np.ndarray,
-    radius: float,
-    quarter_segments: int,
-) -> np.ndarray:
-    return shapely.buffer(
-        geometries, (np.asarray(radii) + radius) * outside(quarter_segments), quad_segs=quarter_segments
-    )
+def _pieces(solids: Sequence[tuple[shapely.Geometry, float]], radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return what is to be grown, and by how much: the solids, but the edges of intricate ones beside them."""
+    pieces: list[shapely.Geometry] = []
+    reach: list[float] = []
+    for geometry, own in solids:
+        edges = _edges_if_intricate(geometry, own + radius)
+        pieces += [geometry, *edges]
+        reach += [0.0, *[(1 + SMOOTHED) * (own + radius)] * len(edges)] if len(edges) else [own + radius]
+    return np.array(pieces), np.array(reach)
 
 
-def _is_crowded(solids: Sequence[tuple[shapely.Geometry, float]], radius: float) -> bool:
-    if len(solids) > MOST_UNITED:
+def _edges_if_intricate(geometry: shapely.Geometry, reach: float) -> np.ndarray:
+    """Return the edges of an outline so many of which are near each other that growing it whole takes too long.
+
+    The sides of a grown outline are laid over each other, and of a star of some thousand spikes all cross all: that
+    takes minutes, and gigabytes.
+    """
+    if shapely.get_num_coordinates(geometry) <= SIMPLE:
+        return np.array([])
+    rings = shapely.get_rings(shapely.simplify(geometry, SMOOTHED * reach))
+    edges = np.concatenate([_edges(shapely.get_coordinates(ring)) for ring in rings])
+    if len(edges) <= SIMPLE:
+        return np.array([])
+    low, high = edges.min(axis=1) - reach, edges.max(axis=1) + reach
+    boxes = shapely.box(*low.T, *high.T)
+    sampled = boxes[np.linspace(0, len(boxes) - 1, SAMPLED).astype(int)]
+    near = shapely.STRtree(boxes).query(sampled).shape[1] / SAMPLED
+    return shapely.linestrings(edges) if near > MOST_NEAR else np.array([])
+
+
+def _edges(ring: np.ndarray) -> np.ndarray:
+    """Return the ends of the edges of a closed ring, shape (n, 2, 2)."""
+    return np.stack([ring[:-1], ring[1:]], axis=1)
+
+
+def _grown(pieces: np.ndarray, reach: np.ndarray, quarter_segments: int) -> np.ndarray:
+    grown = pieces.copy()
+    far = reach > 0
+    grown[far] = shapely.buffer(pieces[far], reach[far] * outside(quarter_segments), quad_segs=quarter_segments)
+    return grown
+
+
+def _is_crowded(pieces: np.ndarray, reach: np.ndarray) -> bool:
+    if len(pieces) > MOST_UNITED:
         return True
-    if len(solids) * (len(solids) - 1) // 2 <= MOST_OVERLAPS:
+    if len(pieces) * (len(pieces) - 1) // 2 <= MOST_OVERLAPS:
         return False
-    geometries, radii = zip(*solids, strict=True)
-    reach = (np.array(radii) + radius)[:, None] * (-1.0, -1.0, 1.0, 1.0)
-    boxes = shapely.box(*(shapely.bounds(geometries) + reach).T)
+    boxes = shapely.box(*(shapely.bounds(pieces) + reach[:, None] * (-1.0, -1.0, 1.0, 1.0)).T)
     return (shapely.STRtree(boxes).query(boxes).shape[1] - len(boxes)) // 2 > MOST_OVERLAPS
 
 
-def _check_valid(geometries: Sequence[object]) -> None:
+def _check_valid(solids: Sequence[tuple[object, float]]) -> None:
+    geometries = [geometry for geometry, _ in solids]
     good = shapely.is_geometry(geometries)
     good &= shapely.is_valid([geometry if one else None for geometry, one in zip(geometries, good, strict=True)])
     if not good.all():

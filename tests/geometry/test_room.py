@@ -1,11 +1,13 @@
 import math
 
+import numpy as np
 import pytest
 import shapely
 from shapely.geometry import Point
+from support.pace import work_within
 
 from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.geometry.room import outside, part_around, room_for_disc
+from mesa_swarm.geometry.room import Crowded, outside, part_around, room_for_disc, room_to_try
 
 TWO = shapely.union_all([shapely.box(0, 0, 1, 1), shapely.box(5, 0, 7, 1)])
 
@@ -39,3 +41,36 @@ def test_the_nearest_part_within_the_slack_is_taken():
 def test_what_is_no_geometry_is_refused():
     with pytest.raises(InvalidValueError, match="solids holds None; expected valid Shapely geometries"):
         room_for_disc((0, 0, 9, 9), [(None, 1.0)], 1.0, 16)
+
+
+@pytest.mark.parametrize("crowd", [1, 400, 3000])
+def test_each_of_many_solids_that_is_no_geometry_is_refused(crowd):
+    with pytest.raises(InvalidValueError, match="solids holds None; expected valid Shapely geometries"):
+        room_to_try((0, 0, 9, 9), [(None, 1.0)] * crowd, 1.0, 16)
+
+
+def spiked(spikes, inner, outer):
+    """Return a star of so many spikes about (50, 50)."""
+    angle = np.arange(2 * spikes) * math.pi / spikes
+    far = np.where(np.arange(2 * spikes) % 2, inner, outer)
+    return shapely.Polygon(50 + np.column_stack([np.cos(angle), np.sin(angle)]) * far[:, None])
+
+
+def test_a_star_of_thousands_of_spikes_is_grown_within_seconds_and_nothing_is_called_free_that_is_not():
+    star = spiked(2500, 10, 30)
+    with work_within(5):
+        room = room_for_disc((0, 0, 100, 100), [(star, 0.0)], 5.0, 16)
+        tried = room_to_try((0, 0, 100, 100), [(star, 0.0)], 5.0, 16)
+    assert isinstance(tried, Crowded)
+    points = np.random.default_rng(1).uniform(5, 95, (2000, 2))
+    distance = shapely.distance(star, shapely.points(points))
+    for free in (shapely.contains_xy(room, points), tried.holds(points)):
+        assert (distance[free] >= 5.0).all()
+        assert free[distance > 5.0 * 1.03].all()
+
+
+def test_a_round_outline_of_very_many_corners_is_grown_whole():
+    angle = np.linspace(0, math.tau, 50_000, endpoint=False)
+    ring = shapely.Polygon(50 + 20 * np.column_stack([np.cos(angle), np.sin(angle)]))
+    room = room_to_try((0, 0, 100, 100), [(ring, 0.0)], 5.0, 16)
+    assert room.area == pytest.approx(90**2 - math.pi * 25**2, rel=1e-3)

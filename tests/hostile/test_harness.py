@@ -5,6 +5,8 @@ import time
 import pytest
 from support.hostile import Tally, attack, table
 
+KEPT = []
+
 
 def work(what):
     if what == "raw":
@@ -20,6 +22,8 @@ def work(what):
         time.sleep(60)
     if what == "memory":
         return b"x" * (700 << 20)
+    if what == "kept":
+        KEPT.append(b"x" * (700 << 20))
     if what == "huge":
         return [b"x" * (100 << 20) for _ in range(1000)]
     return what
@@ -34,6 +38,7 @@ def work(what):
         ("long", "raw"),
         ("spin", "CPU"),
         ("memory", "memory"),
+        ("kept", "memory"),
         ("huge", "memory"),
     ],
 )

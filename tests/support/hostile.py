@@ -142,12 +142,15 @@ def _in_child(work: Callable, inputs: list, refusals: Any, cpu: float, memory: i
                 status = "memory" if megabytes > memory else "CPU" if seconds > cpu else status
             number += 1
             yield Result(name, status, detail, seconds, megabytes)
+            if status == "memory":  # what it keeps would be counted against the next
+                why = "full"
+                break
     finally:
         os.close(read)
-        if why == "hang":
+        if why in ("hang", "full"):
             os.kill(child, signal.SIGKILL)
         _, ended, used = os.wait4(child, 0)
-    if number < len(inputs):
+    if number < len(inputs) and why != "full":
         status = why if why == "hang" else "CPU" if os.waitstatus_to_exitcode(ended) == -signal.SIGXCPU else "crash"
         peak = used.ru_maxrss / 1024 - gathered
         yield Result(inputs[number][0], status, f"ended with {os.waitstatus_to_exitcode(ended)}", 0.0, peak)
