@@ -254,7 +254,7 @@ class Replaying:
         except Exception as problem:  # whatever is in a user's file
             self._say(in_words(problem).replace(str(path), name))
             return False
-        projector.set_speed(self.session.loop.speed)
+        projector.set_speed(self.session.own_speed)
         self._leave(projector)
         self._path, self.name, self._own = path, name, own
         self.events, self.notes = None, _notes_of(projector)
