@@ -140,6 +140,8 @@ class Session(Player):
             self.error = self.note = ""
             self._build()
             self._catch_up(steps)
+            if self.model is not None:
+                self._keep_window(self.model)
         if self.goal:
             self.hand_over()
             self.loop.speed = AS_FAST_AS_IT_GOES
@@ -276,6 +278,7 @@ class Session(Player):
             self._enter(name, given, seed)
             self.model, self.built, self.straight = model, {**self.wishes, "seed": seed}, False
             self.series.follow(model)
+            self._keep_window(model)
         self.rest()
         self.adopted.tell()
 
