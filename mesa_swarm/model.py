@@ -9,7 +9,15 @@ import numpy as np
 
 from mesa_swarm.control.arbiter import Arbiter, check_drives, driver
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import BehaviourError, InvalidValueError, asked, check_choice, check_count, check_number, shortened
+from mesa_swarm.errors import (
+    BehaviourError,
+    InvalidValueError,
+    asked,
+    check_choice,
+    check_count,
+    check_number,
+    shortened,
+)
 from mesa_swarm.fire.burning import burn
 from mesa_swarm.fire.constants import FireConstants, design_constants
 from mesa_swarm.physics.engine import CompiledEngine, Engine

@@ -180,7 +180,7 @@ def test_a_malformed_host_is_refused_and_raises_nothing(host, token):
     }
 
 
-@pytest.mark.parametrize("host", ["laptop.example:65535", "xn--bcher-kva.example", "192.168.0.7:8765", "[fe80::1]:8765"])
+@pytest.mark.parametrize("host", ["laptop.example:65535", "xn--bcher-kva.example", "192.168.0.7:1", "[fe80::1]:8765"])
 def test_with_the_token_this_machine_is_let_in_under_any_name(host):
     cookie = f"{COOKIE}={mark_of(TOKEN)}"
     assert is_in(ask(host=host, cookie=cookie))
