@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 from disks import small_disk
+from support.clock import Clock
 from support.forging import changed, put_together, taken_apart
 from waiting import threads, wait_until
 
@@ -16,7 +17,7 @@ from mesa_swarm.dashboard import RECORDINGS_VARIABLE
 from mesa_swarm.dashboard.controls import ControlPanel
 from mesa_swarm.dashboard.file_picker import FilePicker, Upload
 from mesa_swarm.dashboard.incoming import Incoming
-from mesa_swarm.dashboard.play_loop import AS_FAST_AS_IT_GOES
+from mesa_swarm.dashboard.play_loop import AS_FAST_AS_IT_GOES, BREATH
 from mesa_swarm.dashboard.projector import Projector
 from mesa_swarm.dashboard.replay_view import BranchPanel
 from mesa_swarm.dashboard.replaying import LARGEST_UPLOAD, Replaying
@@ -112,17 +113,16 @@ def test_a_recording_is_played_to_its_end_and_no_further(folder):
 def test_speed_counts_steps_also_where_only_every_tenth_was_recorded(folder):
     projector = Projector(folder / "own.arrow")
     assert projector.past.step_of(1) - projector.past.step_of(0) == 10
-    projector.set_speed(100.0)
-    seconds = []
-    while not seconds or seconds[-1] > 0.7:
-        assert len(seconds) < 5, seconds  # a machine that is busy may hold it up, not each time
-        projector.look(0)
-        began = time.perf_counter()
-        projector.play()
-        wait_until(lambda: projector.past.index >= 5)
-        projector.pause()
-        seconds.append(time.perf_counter() - began)
-    assert min(seconds) > 0.35
+    rows = []
+
+    def step(stop):
+        goes_on = projector._play_step(stop)
+        rows.append(projector.past.index)
+        return goes_on
+
+    times = Clock().times(50, step, speed=100.0)
+    assert rows == [(k + 1) // 10 for k in range(50)]
+    assert times[rows.index(4)] == pytest.approx(0.39, abs=1.01 * BREATH)
     projector.close()
 
 
