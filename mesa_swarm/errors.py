@@ -8,6 +8,7 @@ import math
 import re
 from collections.abc import Iterable
 from difflib import get_close_matches
+from typing import Any
 
 # Larger arrays are shown as NumPy abbreviates them.
 MOST_SHOWN = 20
@@ -116,10 +117,10 @@ def _checked(name: str, value: object, minimum: float, maximum: float, above: fl
     if type(value) is float and minimum <= value <= maximum and value > above and math.isfinite(value):
         return value  # as a rule: the words below take longer than all else
     wanted = _range_in_words(what, minimum, maximum, above)
-    # Arrays of one number would be taken for it, with a warning.
-    if isinstance(value, (bool, str, bytes, bytearray)) or getattr(value, "ndim", 0) != 0:
-        raise InvalidValueError(f"{name} is {shortened(value)}; expected {wanted}")
     try:
+        # Arrays of one number would be taken for it, with a warning.
+        if isinstance(value, (bool, str, bytes, bytearray)) or getattr(value, "ndim", 0) != 0:
+            raise TypeError
         number = float(value)  # type: ignore[arg-type]
     except Exception:  # whatever a class of the user's raises instead of being a number
         raise InvalidValueError(f"{name} is {shortened(value)}; expected {wanted}") from None
@@ -199,6 +200,20 @@ def unknown_name(what: str, got: object, known: Iterable[str]) -> str:
     near = get_close_matches(got[:80] if isinstance(got, str) else shortened(got), names, n=1, cutoff=0.5)
     hint = f"did you mean {near[0]!r}? " if near else ""
     return f"unknown {what} {shortened(got)}; {hint}known: {', '.join(names)}"
+
+
+def asked(value: object, name: str, default: Any = None) -> Any:
+    """Return an attribute of what a user gave, or the default where it has none or raises anything.
+
+    Examples
+    --------
+    >>> asked(3, "real"), asked(3, "decide")
+    (3, None)
+    """
+    try:
+        return getattr(value, name, default)
+    except Exception:  # of a class of the user's
+        return default
 
 
 def _range_in_words(what: str, minimum: float, maximum: float, above: float) -> str:

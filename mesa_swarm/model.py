@@ -9,7 +9,15 @@ import numpy as np
 
 from mesa_swarm.control.arbiter import Arbiter, check_drives, driver
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import BehaviourError, InvalidValueError, check_choice, check_count, check_number, shortened
+from mesa_swarm.errors import (
+    BehaviourError,
+    InvalidValueError,
+    asked,
+    check_choice,
+    check_count,
+    check_number,
+    shortened,
+)
 from mesa_swarm.fire.burning import burn
 from mesa_swarm.fire.constants import FireConstants, design_constants
 from mesa_swarm.physics.engine import CompiledEngine, Engine
@@ -193,7 +201,7 @@ class SwarmModel(RecordedWorld):
 
     @control.setter
     def control(self, control: Arbiter | None) -> None:
-        if control is not None and (isinstance(control, type) or not hasattr(control, "bound")):
+        if control is not None and (isinstance(control, type) or asked(control, "bound") is None):
             raise InvalidValueError(
                 f"control is {shortened(control)}; expected an arbiter such as Subsumption(Avoid(), Explore())"
             )

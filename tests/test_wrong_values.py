@@ -7,10 +7,19 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from mesa_swarm import AGENT9, Radio, SwarmModel, disc
+from mesa_swarm import AGENT9, Map, Radio, SwarmModel, disc
 from mesa_swarm.control import Avoid, Subsumption, VectorSum
 from mesa_swarm.control.head_on import HeadOn
-from mesa_swarm.errors import InvalidValueError, SwarmError, check_count, check_number, shortened, unknown_name
+from mesa_swarm.errors import (
+    InvalidValueError,
+    SwarmError,
+    check_choice,
+    check_count,
+    check_flag,
+    check_number,
+    shortened,
+    unknown_name,
+)
 from mesa_swarm.fire.constants import design_constants
 from mesa_swarm.learning.policy import PolicyLayer
 from mesa_swarm.learning.q_policy import QPolicy
@@ -25,6 +34,13 @@ class Unfriendly:
     __float__ = __int__ = __repr__ = __array__ = _refuse
 
 
+class Untouchable:
+    """Raises whatever it is asked for."""
+
+    def __getattr__(self, name):
+        raise RuntimeError("a line\nand another")
+
+
 def nested():
     found = []
     for _ in range(2000):
@@ -33,7 +49,7 @@ def nested():
 
 
 WRONG = [10**400, 10**5000, "x" * 100_000, "a\nb", Fraction(10**400), Decimal("sNaN"), Unfriendly(), nested(), 1j]
-WRONG += [np.array([0.5]), np.array([[1, 2]]), b"1", None, math.nan]
+WRONG += [np.array([0.5]), np.array([[1, 2]]), b"1", None, math.nan, Untouchable()]
 
 
 def refused(call, *given):
@@ -77,6 +93,19 @@ def test_a_name_is_one_short_line(name):
     layer = Avoid()
     object.__setattr__(layer, "name", name)
     refused(Subsumption, layer)
+
+
+def test_what_raises_whatever_it_is_asked_for_is_refused_in_one_line():
+    wrong, model = Untouchable(), SwarmModel(rng=1)
+    refused(setattr, model, "control", wrong)
+    refused(lambda: RobotDesign(drive=wrong))
+    refused(lambda: RobotDesign(sensors=(wrong,)))
+    refused(lambda: PolicyLayer(policy=wrong))
+    refused(lambda: Map(name="hall", bounds=(0, 0, 9, 9), fires=[wrong]))
+    refused(lambda: Map(name="hall", bounds=wrong))
+    refused(check_flag, "shared", wrong)
+    refused(check_choice, "map", wrong, ["original"])
+    assert shortened(wrong).startswith("<") or shortened(wrong) == "a Untouchable"
 
 
 def test_flags_of_a_policy_layer_are_flags():

@@ -6,7 +6,7 @@ from copy import copy
 import numpy as np
 
 from mesa_swarm.control.layer import Layer, Senses
-from mesa_swarm.errors import InvalidValueError, check_name, shortened
+from mesa_swarm.errors import InvalidValueError, asked, check_name, shortened
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.streams import Streams
@@ -36,7 +36,7 @@ class Arbiter:
         if not 1 <= len(layers) <= MOST_LAYERS:
             raise InvalidValueError(f"{kind} has {len(layers)} layers; expected 1 to {MOST_LAYERS}")
         for layer in layers:
-            methods = [getattr(layer, name, None) for name in ("decide", "bind")]
+            methods = [asked(layer, name) for name in ("decide", "bind")]
             if isinstance(layer, type) or not all(map(callable, methods)):
                 raise InvalidValueError(
                     f"{kind} got {shortened(layer)}; expected layers such as Avoid(), or rules made with @behaviour"

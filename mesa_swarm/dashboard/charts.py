@@ -2,6 +2,7 @@
 
 import threading
 import time
+from collections.abc import Callable
 from typing import Any
 
 import anywidget
@@ -57,12 +58,14 @@ class Charting:
     ----------
     board : ChartBoard
     session : Session
+    clock : function, optional
+        Returns the time in seconds; far above 0, as it is for long after a machine was switched on.
     """
 
     ready = False  # charts alone are no reason to make a picture
 
-    def __init__(self, board: ChartBoard, session: Session) -> None:
-        self.board, self.session = board, session
+    def __init__(self, board: ChartBoard, session: Session, *, clock: Callable[[], float] = time.monotonic) -> None:
+        self.board, self.session, self.clock = board, session, clock
         self._downloads = Downloads(board)
         self._lock = threading.Lock()
         self._looked_at: int | None = None
@@ -92,7 +95,7 @@ class Charting:
         with self._lock:
             self._looked_at = None if session.past.is_present else picture.step
             self._waits = True
-            if not session.playing or time.monotonic() - self._sent >= EVERY:
+            if not session.playing or self.clock() - self._sent >= EVERY:
                 self._send_if_free()
 
     def act(self, message: dict) -> None:
@@ -137,7 +140,7 @@ class Charting:
 
     def _send_if_free(self) -> None:
         """Send the numbers, unless nobody looks or the last ones were not drawn yet."""
-        now = time.monotonic()
+        now = self.clock()
         if not (self._looks and self._waits) or now - self._busy < 10 * EVERY:
             return
         self._waits, self._busy, self._sent = False, now, now

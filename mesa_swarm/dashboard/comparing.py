@@ -51,7 +51,7 @@ class Comparing:
     def __init__(self, session: Session) -> None:
         self.session = session
         self.pair, self.runs = Pair(), ManyRuns()
-        self.pair.set_speed(session.loop.speed)
+        self.pair.set_speed(session.own_speed)
         self.seed, self.seeds = session.seed, USUAL_SEEDS
         self.faults: dict[str, str] = {}
         self.choose_model(session.name)

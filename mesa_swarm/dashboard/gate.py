@@ -8,6 +8,7 @@ import hmac
 import re
 from collections.abc import Awaitable, Callable, MutableMapping
 from http.cookies import CookieError, SimpleCookie
+from ipaddress import IPv6Address
 from os.path import isfile, normpath
 from pathlib import Path
 from typing import Any
@@ -34,12 +35,13 @@ SOURCES = {
     "form-action": "'self'",
 }
 SAFE = [(name.lower().encode(), value.encode()) for name, value in safe_headers(SOURCES).items()]
-HOST = re.compile(r"([a-z0-9._-]+|\[[0-9a-f:.]+\])(:[0-9]{1,5})?", re.IGNORECASE)
+HOST = re.compile(r"([a-z0-9._-]{1,253}|\[[0-9a-f:.]+\])(?::([0-9]{1,5}))?", re.IGNORECASE)
 # What only a proxy may send, uvicorn has read already; Solara would believe it of anybody, for all later pages too.
 PROXY = re.compile(rb"x-forwarded-.*|(x-)?script-name", re.DOTALL)
 ANSWERS = ("http.response.start", "websocket.http.response.start")
 ASSETS = "/_solara/cdn/"
 CLOSE = "/_solara/api/close/"
+LAST_PORT = 65535
 LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
 FORM = """<!doctype html><html lang="en"><meta charset="utf-8"><title>mesa_swarm</title>
 <meta name="viewport" content="width=device-width"><meta name="color-scheme" content="light dark">
@@ -57,7 +59,9 @@ class Gate:
     """Stands before the server's application, and lets in whom it may.
 
     Without a token only requests for this machine by its own name are let in: a page elsewhere whose name is made
-    to point here would otherwise read what the dashboard says. Connections must come from the dashboard's own page.
+    to point here would otherwise read what the dashboard says. With a token a request may name any host, since others
+    reach this machine by names that it does not know. Hosts that are none are refused either way, and connections
+    must come from the dashboard's own page.
 
     Of Solara's assets only files that are installed are handed out: it would ask the outside for others, and delete a
     folder whose name is asked for as if it were a file.
@@ -123,7 +127,7 @@ class Gate:
 
 
 def is_well_formed(scope: Scope) -> bool:
-    """Return whether a request has one host, at most one origin, and an address as the standards have it.
+    """Return whether a request has one host, at most one origin, and both host and address as the standards have them.
 
     Examples
     --------
@@ -131,9 +135,10 @@ def is_well_formed(scope: Scope) -> bool:
     >>> is_well_formed(scope), is_well_formed({**scope, "headers": []}), is_well_formed({**scope, "path": chr(0)})
     (True, False, False)
     """
-    names = [name.lower() for name, _ in scope["headers"]]
+    hosts = [value.decode("latin-1") for name, value in scope["headers"] if name.lower() == b"host"]
+    origins = [name for name, _ in scope["headers"] if name.lower() == b"origin"]
     address = "\0" not in scope["path"] and scope.get("query_string", b"").isascii()
-    return address and names.count(b"host") == 1 and names.count(b"origin") <= 1
+    return address and len(hosts) == 1 and host_of(hosts[0]) != "" and len(origins) <= 1
 
 
 def lacks_page(scope: Scope) -> bool:
@@ -159,7 +164,15 @@ def host_of(header: str) -> str:
     ('localhost', '::1', '', '')
     """
     found = HOST.fullmatch(header)
-    return found[1].strip("[]").lower() if found else ""
+    if found is None or int(found[2] or 0) > LAST_PORT:
+        return ""
+    name = found[1].strip("[]").lower()
+    if found[1].startswith("["):
+        try:
+            IPv6Address(name)
+        except ValueError:
+            return ""
+    return name
 
 
 def is_from(host: str, origin: str) -> bool:

@@ -6,6 +6,7 @@ from mesa_swarm.dashboard.past import Past, Picture
 from mesa_swarm.dashboard.play_loop import PlayLoop
 from mesa_swarm.dashboard.played import Played, Viewer
 from mesa_swarm.dashboard.player import Player
+from mesa_swarm.dashboard.series import MOST_NUMBERS, Series
 from mesa_swarm.model import SwarmModel
 
 NAMES = ("A", "B")
@@ -18,17 +19,29 @@ class Side(Player):
     ----------
     loop : PlayLoop
     lock : RLock
+
+    Attributes
+    ----------
+    series : Series
+        What was measured of the model, also of steps that it has forgotten.
     """
 
     def __init__(self, loop: PlayLoop, lock: threading.RLock) -> None:
         super().__init__()
         self.loop, self.lock = loop, lock
+        self.series = Series(MOST_NUMBERS // 2)
 
     def place(self, model: SwarmModel | None) -> None:
         """Take another model, and forget the pictures of the old one."""
         self.error = ""
         self.past.clear()
         self.model = model
+        self.series.follow(model)
+
+    def close(self) -> None:
+        """Stop for good, and let go of everything."""
+        super().close()
+        self.series.follow(None)
 
     def advance(self) -> bool:
         """Take one step unless the model is done or broken; return whether there is more to come."""

@@ -31,6 +31,9 @@ class PlayLoop:
         Called after every batch of steps.
     ended : function
         Called when the thread ends by itself.
+    clock, wait : function, optional
+        Return the time in seconds, and let it pass: `wait` is called with the thread's stop, which ends it early, and
+        seconds.
 
     Attributes
     ----------
@@ -52,10 +55,17 @@ class PlayLoop:
     """
 
     def __init__(
-        self, step: Callable[[threading.Event], bool], show: Callable[[], None], ended: Callable[[], None]
+        self,
+        step: Callable[[threading.Event], bool],
+        show: Callable[[], None],
+        ended: Callable[[], None],
+        *,
+        clock: Callable[[], float] = time.perf_counter,
+        wait: Callable[[threading.Event, float], object] = threading.Event.wait,
     ) -> None:
         self.speed = 30.0
         self._step, self._show, self._ended = step, show, ended
+        self._clock, self._wait = clock, wait
         self._stop = threading.Event()
         self._stop.set()
         self._taken: deque[tuple[float, int]] = deque()
@@ -87,7 +97,7 @@ class PlayLoop:
         self._stop.set()
 
     def _run(self, stop: threading.Event) -> None:
-        then, due = time.perf_counter(), 1.0
+        then, due = self._clock(), 1.0
         while not stop.is_set():
             taken, goes_on = self._batch(stop, due)
             if not goes_on and not stop.is_set():
@@ -97,24 +107,24 @@ class PlayLoop:
             if taken:
                 self._note(taken)
                 self._show()
-            stop.wait(max(BREATH, min((1.0 - (due - taken)) / self.speed, 0.25)))
-            now = time.perf_counter()
+            self._wait(stop, max(BREATH, min((1.0 - (due - taken)) / self.speed, 0.25)))
+            now = self._clock()
             due = min(due - taken + (now - then) * self.speed, 1.0 + LONGEST_DEBT * self.speed)
             then = now
 
     def _batch(self, stop: threading.Event, due: float) -> tuple[int, bool]:
         """Take the steps that are due, as many as fit in a batch; return how many, and whether to go on."""
-        end, taken = time.perf_counter() + BATCH_TIME, 0
+        end, taken = self._clock() + BATCH_TIME, 0
         while due - taken >= 1.0:
             if not self._step(stop):
                 return taken, False
             taken += 1
-            if time.perf_counter() > end:
+            if self._clock() > end:
                 break
         return taken, True
 
     def _note(self, steps: int) -> None:
-        now = time.perf_counter()
+        now = self._clock()
         self._taken.append((now, steps))
         while len(self._taken) > 2 and now - self._taken[0][0] > max(RATE_TIME, 2.5 / self.speed):
             self._taken.popleft()

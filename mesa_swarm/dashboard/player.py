@@ -161,9 +161,12 @@ class Player(Played):
         finally:
             self.stepping = False
         if model.completed % series.MOST_COLLECTED == 0:
-            series.forget_collected(model, series.MOST_COLLECTED)
+            self._keep_window(model)
         if self.loop.speed <= FASTEST_KEPT:
             self._keep()
+
+    def _keep_window(self, model: SwarmModel) -> None:
+        series.forget_collected(model, series.MOST_COLLECTED)
 
     def _keep(self, fingerprint: bool = False) -> None:
         """Make a picture of the present, unless an earlier one is looked at or there is one."""

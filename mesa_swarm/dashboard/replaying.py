@@ -81,6 +81,8 @@ class Replaying:
         self.fault = self.name = self._going_on = ""
         self._path = Path()
         self._stop = threading.Event()
+        # Held while a recording is left, and while what is done for it in the background says something.
+        self._saying = threading.Lock()
         # The open recording if it was handed over, and one that is on its way.
         self._own: Incoming | None = None
         self._coming: Incoming | None = None
@@ -185,9 +187,9 @@ class Replaying:
             return
         self.projector.pause()
         step, changes, path = self.projector.step_shown, dict(self.changes), self._path
-        self._going_on, self.fault = f"going on from step {step:,} ...", ""
-        self.changed.tell()
-        threading.Thread(target=self._branch, args=(path, step, changes), name="branch", daemon=True).start()
+        stop = self._stop
+        if self._say_of(stop, _going_on=f"going on from step {step:,} ...", fault=""):
+            threading.Thread(target=self._branch, args=(path, step, changes, stop), name="branch", daemon=True).start()
 
     def close(self) -> None:
         """Let go of the recording, and of what was handed over."""
@@ -195,20 +197,16 @@ class Replaying:
         self._drop()
         self._leave()
 
-    def _branch(self, path: Path, step: int, changes: dict[str, Any]) -> None:
-        stop = self._stop
+    def _branch(self, path: Path, step: int, changes: dict[str, Any], stop: threading.Event) -> None:
         try:
             (wishes, seed), name = self._origin(), self.model_name
             model = cast(SwarmModel, resumed(Recording(path), SwarmModel, step, changes, self._watch(step, stop)))
         except StoppedError:
             return
         except Exception as problem:  # whatever a recorded model raises
-            fault = in_words(problem).replace(str(path), self.name)
-            if not stop.is_set():
-                self._done(fault)
+            self._say_of(stop, _going_on="", fault=in_words(problem).replace(str(path), self.name))
             return
-        if not stop.is_set():
-            self._done("")
+        if self._say_of(stop, _going_on="", fault=""):
             self.session.adopt(model, name, wishes | changes, seed)
 
     def _watch(self, step: int, stop: threading.Event) -> Watch:
@@ -221,14 +219,19 @@ class Replaying:
                 raise StoppedError
             if monotonic() - shown > SHOWN_EVERY:
                 shown = monotonic()
-                self._going_on = f"going on from step {step:,}: step {model.completed:,} is run again ..."
-                self.changed.tell()
+                self._say_of(stop, _going_on=f"going on from step {step:,}: step {model.completed:,} is run again ...")
 
         return watch
 
-    def _done(self, fault: str) -> None:
-        self._going_on, self.fault = "", fault
+    def _say_of(self, stop: threading.Event, **said: Any) -> bool:
+        """Set attributes for the recording of this stop, unless it was left meanwhile; return whether it is open."""
+        with self._saying:
+            if stop.is_set():
+                return False
+            for name, value in said.items():
+                setattr(self, name, value)
         self.changed.tell()
+        return True
 
     def _origin(self) -> tuple[dict[str, Any], int]:
         """Return parameters and seed from which the recorded model was built."""
@@ -254,7 +257,7 @@ class Replaying:
         except Exception as problem:  # whatever is in a user's file
             self._say(in_words(problem).replace(str(path), name))
             return False
-        projector.set_speed(self.session.loop.speed)
+        projector.set_speed(self.session.own_speed)
         self._leave(projector)
         self._path, self.name, self._own = path, name, own
         self.events, self.notes = None, _notes_of(projector)
@@ -269,11 +272,9 @@ class Replaying:
         except StoppedError:
             return
         except Exception as problem:  # whatever is in a user's file
-            found = []
-            self.fault = in_words(problem).replace(str(self._path), self.name)
-        if not rows.stop.is_set():
-            self.events = found
-            self.changed.tell()
+            self._say_of(rows.stop, events=[], fault=in_words(problem).replace(str(self._path), self.name))
+        else:
+            self._say_of(rows.stop, events=found)
 
     def _say(self, fault: str) -> None:
         self.fault = fault
@@ -287,16 +288,17 @@ class Replaying:
 
     def _leave(self, projector: Projector | None = None) -> None:
         """Let go of the open recording, for another one or none; a file that was handed over is deleted."""
-        self._stop.set()
-        self._stop = threading.Event()
-        left, self.projector = self.projector, projector
+        with self._saying:
+            self._stop.set()
+            self._stop = threading.Event()
+            left, self.projector = self.projector, projector
+            self.events, self.changes, self.notes = [], {}, []
+            self.name = self.fault = self._going_on = ""
         if left is not None:
             left.close()
         own, self._own = self._own, None
         if own is not None:
             own.discard()
-        self.events, self.changes, self.notes = [], {}, []
-        self.name = self.fault = self._going_on = ""
 
 
 class _Rows:

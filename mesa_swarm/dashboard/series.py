@@ -10,11 +10,11 @@ from mesa_swarm.errors import UnknownNameError, unknown_name
 from mesa_swarm.model import SwarmModel
 from mesa_swarm.recording.recorder import Recorder
 
-# Kept of a run, 16 MB; of a longer one every second step is dropped, and again.
+# Kept of a run, or of two that are compared, 16 MB; of a longer one every second step is dropped, and again.
 MOST_NUMBERS = 2_000_000
 FIRST_ROWS = 1024
-# Of what a model itself collects (Mesa's DataCollector, the history of fires), so many rows stay while it is followed,
-# and up to twice as many between two looks.
+# Of what a model that is played itself collects (Mesa's DataCollector, the history of fires), so many rows stay at
+# every multiple of so many steps, and fewer than twice as many between two of them.
 MOST_COLLECTED = 10_000
 NO_LAYER = "no layer"
 

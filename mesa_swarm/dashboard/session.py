@@ -70,9 +70,11 @@ class Session(Player):
     unbuilt : bool
         Whether `error` says why there is no model as wished, not what went wrong in one.
     note : str
-        That fewer steps were taken than asked for, empty if all were.
+        That fewer steps were taken than asked for; empty if all were, or `error` says why not.
     goal : int
         The step up to which it plays by itself, 0 for none.
+    own_speed : float
+        Steps a second that the user wished for, also while it plays as fast as it goes up to its goal.
     built : dict
         What the present model was built from, and was given since.
     series : Series
@@ -113,7 +115,7 @@ class Session(Player):
         self.built: dict[str, Any] = {}
         self.note, self.unbuilt, self.seed, self.goal = "", False, seed, 0
         super().__init__()
-        self.loop.speed = USUAL_SPEED
+        self.set_speed(USUAL_SPEED)
         self._enter(name, dict(wishes or {}), seed)
         self.reset(steps)
 
@@ -138,6 +140,8 @@ class Session(Player):
             self.error = self.note = ""
             self._build()
             self._catch_up(steps)
+            if self.model is not None:
+                self._keep_window(self.model)
         if self.goal:
             self.hand_over()
             self.loop.speed = AS_FAST_AS_IT_GOES
@@ -150,8 +154,18 @@ class Session(Player):
         if self.goal and not self.playing and self.model is not None:
             done, goal = self.model.completed, self.goal
             self._forget_goal()
-            self.note = f"step {done:,} of {goal:,}: it was paused on its way; play on from here" if done < goal else ""
+            if done >= goal or self.error:
+                self.note = ""
+            elif self.model.running:
+                self.note = f"step {done:,} of {goal:,}: it was paused on its way; play on from here"
+            else:
+                self.note = ended_early(done, goal)
         super().rest()
+
+    def set_speed(self, speed: float) -> None:
+        """Play at so many steps a second from now on."""
+        self.own_speed = speed
+        super().set_speed(speed)
 
     def go_back(self) -> None:
         """Start over as the present model was built, or from the defaults if there is none."""
@@ -264,6 +278,7 @@ class Session(Player):
             self._enter(name, given, seed)
             self.model, self.built, self.straight = model, {**self.wishes, "seed": seed}, False
             self.series.follow(model)
+            self._keep_window(model)
         self.rest()
         self.adopted.tell()
 
@@ -323,10 +338,12 @@ class Session(Player):
                 self.goal = steps
                 self.note = f"step {steps:,} takes a while: the run is played up to there, and Pause ends that"
                 return
+        if self.model.completed < steps:
+            self.note = ended_early(self.model.completed, steps)
 
     def _forget_goal(self) -> None:
-        if self.goal and self.loop.speed == AS_FAST_AS_IT_GOES:
-            self.loop.speed = USUAL_SPEED
+        if self.goal:
+            self.loop.speed = self.own_speed
         self.goal = 0
 
     def _play_step(self, stop: threading.Event) -> bool:
@@ -369,3 +386,14 @@ class Session(Player):
             self.straight = self.model.completed == 0 and self.straight
             self.faults = {name: fault for name, fault in self.faults.items() if name not in wished}
             self.look_now()
+
+
+def ended_early(step: int, goal: int) -> str:
+    """Return in words that a run was over before the step that was asked for.
+
+    Examples
+    --------
+    >>> ended_early(1596, 3000)
+    'the run ended at step 1,596, before step 3,000'
+    """
+    return f"the run ended at step {step:,}, before step {goal:,}"

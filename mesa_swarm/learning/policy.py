@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import BehaviourError, InvalidValueError, LearningError, check_flag, check_name, shortened
+from mesa_swarm.errors import BehaviourError, InvalidValueError, LearningError, asked, check_flag, check_name, shortened
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.reasons import Moment, Reason
@@ -147,7 +147,7 @@ def check_policy(policy: object, *methods: str) -> None:
     ------
     InvalidValueError
     """
-    if isinstance(policy, type) or not all(callable(getattr(policy, method, None)) for method in methods):
+    if isinstance(policy, type) or not all(callable(asked(policy, method)) for method in methods):
         raise InvalidValueError(f"policy is {shortened(policy)}; expected what load_policy() returns")
 
 

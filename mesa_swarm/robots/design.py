@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, check_count, check_name, check_number, shortened
+from mesa_swarm.errors import InvalidValueError, asked, check_count, check_name, check_number, shortened
 from mesa_swarm.robots.drive import DifferentialDrive, Drive
 from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSensor, Sensor
 
@@ -71,7 +71,7 @@ class RobotDesign:
                 raise InvalidValueError(
                     f"sensors holds {shortened(sensor)}; expected sensors such as ProximitySensor()"
                 )
-        methods = [getattr(self.drive, name, None) for name in ("motion", "wheels")]
+        methods = [asked(self.drive, name) for name in ("motion", "wheels")]
         if isinstance(self.drive, type) or not all(map(callable, methods)):
             raise InvalidValueError(f"drive is {shortened(self.drive)}; expected a drive such as DifferentialDrive()")
 

@@ -218,7 +218,10 @@ def bytes_of(content: str | bytes, source: str) -> bytes:
 
 def _listed(name: str, value: Any, length: int) -> tuple:
     """Return the items of a list, tuple or array of the wanted length."""
-    items = () if isinstance(value, (str, bytes)) or not hasattr(value, "__len__") else tuple(value)
+    try:
+        items = () if isinstance(value, (str, bytes)) or not hasattr(value, "__len__") else tuple(value)
+    except Exception:  # whatever a class of the user's raises instead of being a list
+        items = ()
     if len(items) != length:
         raise InvalidValueError(f"{name} is {shortened(value)}; expected {length} numbers")
     return items

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from PIL import Image
 from support.killing import environment
 from waiting import wait_until
@@ -18,13 +19,15 @@ from mesa_swarm.dashboard import many_runs
 from mesa_swarm.dashboard.compare_panel import ComparePanel, groups_of, values_of
 from mesa_swarm.dashboard.comparing import Comparing
 from mesa_swarm.dashboard.controls import ControlPanel
-from mesa_swarm.dashboard.curves import CurveThread, curves_png, main_reports, series_of
+from mesa_swarm.dashboard.curves import CurveThread, curves_png, draw, main_reports, series_of
 from mesa_swarm.dashboard.many_runs import MOST_AT_ONCE, ManyRuns, workers_for
+from mesa_swarm.dashboard.pair import Pair
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments.compare import compare
 from mesa_swarm.experiments.plan import checked_plan
 from mesa_swarm.gallery import model_names
+from mesa_swarm.model import SwarmModel
 
 
 @pytest.fixture
@@ -113,10 +116,42 @@ def test_the_chart_has_a_line_for_each_world(comparing):
     first, second = series_of(comparing.pair)
     assert first.keys() == second.keys()
     assert main_reports([first, second]) == ["fires_burning", "robots_at_fires", "total_collisions"]
-    assert len(first["fires_burning"]) == 10
+    assert first["fires_burning"][0].tolist() == list(range(1, 11))
     pixels = np.asarray(Image.open(io.BytesIO(curves_png([first, second], ["one", "two"]))).convert("RGB")).astype(int)
     for colour in ((0, 114, 178), (213, 94, 0)):
         assert (np.abs(pixels - colour).sum(axis=2) < 30).sum() > 100
+
+
+def test_the_chart_shows_every_step_where_it_was_taken_though_the_models_forget_the_early_ones(monkeypatch):
+    monkeypatch.setattr("mesa_swarm.dashboard.series.MOST_COLLECTED", 20)
+    pair = Pair()
+    pair.place(*(SwarmModel(rng=1, model_reporters={"now": "completed"}) for _ in "AB"))
+    for _ in range(50):
+        pair.step()
+    assert len(pair.sides[0].model.datacollector.model_vars["now"]) == 30
+    axes = Figure().subplots()
+    draw(axes, "now", series_of(pair), ("A", "B"))
+    for line in axes.get_lines():
+        assert line.get_xdata().tolist() == line.get_ydata().tolist() == list(range(1, 51))
+    assert axes.get_xlim() == (0, 50)
+    pair.close()
+
+
+def test_the_lines_of_long_runs_are_drawn_from_few_numbers_at_their_steps():
+    pair = Pair()
+    for side in pair.sides:
+        side.series.most_numbers = 100
+    pair.place(*(SwarmModel(rng=1, collect_every=0, model_reporters={"word": lambda _: "far"}) for _ in "AB"))
+    for side in pair.sides:
+        side.model.collect_every = 1
+    for _ in range(300):
+        pair.step()
+    steps, numbers = series_of(pair)[1]["collisions"]
+    assert 10 < len(steps) == len(numbers) <= 50
+    assert (steps % pair.sides[1].series.every == 0).all()
+    assert curves_png(series_of(pair), ("A", "B")).startswith(b"\x89PNG")
+    pair.close()
+    assert series_of(pair) == ({}, {})
 
 
 def test_the_chart_is_drawn_when_there_is_something_new_and_no_more_when_closed(comparing):

@@ -146,6 +146,13 @@ HOSTS_OF_NONE = [
     "lo\u00e9",
     "a@localhost",
     "x" * 70_000,
+    "bad host:x",
+    "evil/../x",
+    "localhost:65536",
+    "\xff",
+    "[:::]",
+    "[1.2.3.4]",
+    "localhost\n",
 ]
 
 
@@ -158,10 +165,27 @@ def test_a_malformed_origin_is_refused_and_raises_nothing(origin, token, kind):
     assert answer[0] == {"type": "websocket.close", "code": 4403} or answer[0]["status"] == 403
 
 
+@pytest.mark.parametrize("token", ["", TOKEN])
 @pytest.mark.parametrize("host", HOSTS_OF_NONE)
-def test_a_malformed_host_is_refused_and_raises_nothing(host):
-    assert ask(token="", host=host)[0]["status"] == 400
-    assert ask(token="", host=host, origin=f"http://{host}")[0]["status"] == 400
+def test_a_malformed_host_is_refused_and_raises_nothing(host, token):
+    cookie = f"{COOKIE}={mark_of(token)}"
+    for path in ("/", "/nothing", "/static/"):
+        assert ask(path, token=token, host=host, cookie=cookie)[0]["status"] == 400
+        assert ask(path, token=token, host=host)[0]["status"] == 400
+    assert ask(token=token, host=host, query=b"token=" + TOKEN.encode())[0]["status"] == 400
+    assert ask(token=token, host=host, origin=f"http://{host}", cookie=cookie)[0]["status"] == 400
+    assert ask(token=token, host=host, kind="websocket", cookie=cookie)[0] == {
+        "type": "websocket.close",
+        "code": 4403,
+    }
+
+
+@pytest.mark.parametrize("host", ["laptop.example:65535", "xn--bcher-kva.example", "192.168.0.7:1", "[fe80::1]:8765"])
+def test_with_the_token_this_machine_is_let_in_under_any_name(host):
+    cookie = f"{COOKIE}={mark_of(TOKEN)}"
+    assert is_in(ask(host=host, cookie=cookie))
+    assert is_in(ask(host=host, cookie=cookie, kind="websocket", origin=f"http://{host}"))
+    assert ask(host=host)[0]["status"] == 403
 
 
 @pytest.mark.parametrize("name", ["host", "Host", "origin"])

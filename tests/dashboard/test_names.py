@@ -62,7 +62,7 @@ def test_names_in_tables_are_text():
 def test_names_in_pictures_are_text(name):
     portrait = portrait_of(SwarmModel(rng=1))
     assert png(world_figure({name: portrait})).startswith(b"\x89PNG")
-    numbers = {name: np.arange(3)}
+    numbers = {name: (np.arange(1, 4), np.arange(3.0))}
     assert curves_png([numbers, numbers], [name, name]).startswith(b"\x89PNG")
 
 

@@ -1,13 +1,13 @@
 """A model that is played: speed, pictures of the past, errors, and threads that stop when they are told to."""
 
-import time
-
+import numpy as np
 import pytest
+from support.clock import Clock
 from waiting import threads, wait_until
 
 from mesa_swarm import disc
 from mesa_swarm.dashboard.past import KeptPast, Picture
-from mesa_swarm.dashboard.play_loop import AS_FAST_AS_IT_GOES, PlayLoop
+from mesa_swarm.dashboard.play_loop import AS_FAST_AS_IT_GOES, BREATH, LONGEST_DEBT, PlayLoop
 from mesa_swarm.dashboard.player import Player
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
@@ -61,28 +61,45 @@ def test_a_picture_replaces_one_of_the_same_step():
 
 @pytest.mark.parametrize("speed", [40.0, 200.0])
 def test_it_plays_as_fast_as_it_is_told(speed):
-    seconds = []
-    while not seconds or seconds[-1] > 0.6:
-        assert len(seconds) < 5, seconds  # a machine that is busy may hold it up, not each time
-        steps = []
-        loop = PlayLoop(lambda stop, steps=steps: steps.append(0) or not stop.is_set(), lambda: None, lambda: None)
-        loop.speed = speed
-        began = time.perf_counter()
-        loop.play()
-        wait_until(lambda steps=steps: len(steps) > speed / 2)
-        seconds.append(time.perf_counter() - began)
-        loop.pause()
-    assert min(seconds) > 0.45
+    assert Clock().times(500, speed=speed) == pytest.approx(np.arange(500) / speed, abs=1.01 * BREATH)
+
+
+@pytest.mark.parametrize(("cost", "pace"), [(0.004, 100.0), (0.02, 48.0)])
+def test_steps_that_take_time_are_made_up_for_as_long_as_the_machine_can(cost, pace):
+    clock = Clock()
+
+    def step(stop):
+        clock.now += cost
+        return True
+
+    times = clock.times(500, step, speed=100.0)
+    assert 499 / (times[-1] - times[0]) == pytest.approx(pace, rel=0.03)
+
+
+def test_what_a_machine_missed_while_it_was_held_up_is_not_all_made_up_for():
+    clock = Clock()
+
+    def step(stop):
+        if clock.now == 0.0:
+            clock.now += 10.0
+        return True
+
+    times = clock.times(100, step, speed=100.0)
+    at_once = sum(time < 10.01 + 1.5 * BREATH for time in times) - 1  # the wait after the first one had begun
+    assert at_once == pytest.approx(100.0 * LONGEST_DEBT, abs=1)
 
 
 def test_slow_motion_takes_its_first_step_at_once_and_answers_pause_quickly():
+    clock = Clock()
+    assert clock.times(3, speed=0.5) == pytest.approx([0.0, 2.0, 4.0], abs=1.01 * BREATH)
+    assert clock.longest <= 0.25
     steps = []
     loop = PlayLoop(lambda stop: steps.append(0) or not stop.is_set(), lambda: None, lambda: None)
-    loop.speed = 0.5
+    loop.speed = 0.001
     loop.play()
-    wait_until(lambda: len(steps) == 1, 1.9)
+    wait_until(lambda: len(steps) == 1)
     loop.pause()
-    wait_until(lambda: not threads("play"), 1.9)
+    wait_until(lambda: not threads("play"))
     assert len(steps) == 1
 
 

@@ -5,9 +5,11 @@ import threading
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from disks import small_disk
+from support.clock import Clock
 from support.forging import changed, put_together, taken_apart
 from waiting import threads, wait_until
 
@@ -15,7 +17,7 @@ from mesa_swarm.dashboard import RECORDINGS_VARIABLE
 from mesa_swarm.dashboard.controls import ControlPanel
 from mesa_swarm.dashboard.file_picker import FilePicker, Upload
 from mesa_swarm.dashboard.incoming import Incoming
-from mesa_swarm.dashboard.play_loop import AS_FAST_AS_IT_GOES
+from mesa_swarm.dashboard.play_loop import AS_FAST_AS_IT_GOES, BREATH
 from mesa_swarm.dashboard.projector import Projector
 from mesa_swarm.dashboard.replay_view import BranchPanel
 from mesa_swarm.dashboard.replaying import LARGEST_UPLOAD, Replaying
@@ -111,17 +113,16 @@ def test_a_recording_is_played_to_its_end_and_no_further(folder):
 def test_speed_counts_steps_also_where_only_every_tenth_was_recorded(folder):
     projector = Projector(folder / "own.arrow")
     assert projector.past.step_of(1) - projector.past.step_of(0) == 10
-    projector.set_speed(100.0)
-    seconds = []
-    while not seconds or seconds[-1] > 0.7:
-        assert len(seconds) < 5, seconds  # a machine that is busy may hold it up, not each time
-        projector.look(0)
-        began = time.perf_counter()
-        projector.play()
-        wait_until(lambda: projector.past.index >= 5)
-        projector.pause()
-        seconds.append(time.perf_counter() - began)
-    assert min(seconds) > 0.35
+    rows = []
+
+    def step(stop):
+        goes_on = projector._play_step(stop)
+        rows.append(projector.past.index)
+        return goes_on
+
+    times = Clock().times(50, step, speed=100.0)
+    assert rows == [(k + 1) // 10 for k in range(50)]
+    assert times[rows.index(4)] == pytest.approx(0.39, abs=1.01 * BREATH)
     projector.close()
 
 
@@ -370,6 +371,55 @@ def test_closing_ends_a_branch_that_is_being_run_again_and_shows_how_far_it_is(r
     assert replaying.busy.startswith("going on from step 400: step ")
     replaying.close()
     wait_until(lambda: "branch" not in [thread.name for thread in threading.enumerate()])
+
+
+class AskedMeanwhile(threading.Event):
+    """While it is asked for the given time, another thread does something, for which it waits a little."""
+
+    def __init__(self, time, do):
+        super().__init__()
+        self.left, self.thread = time, threading.Thread(target=do)
+
+    def is_set(self):
+        found = super().is_set()
+        self.left -= 1
+        if self.left == 0:
+            self.thread.start()
+            self.thread.join(0.5)
+        return found
+
+
+@pytest.mark.parametrize("time", [1, 2])
+def test_a_recording_that_is_closed_while_a_branch_tells_how_far_it_is_has_nothing_to_say(replaying, monkeypatch, time):
+    opened(replaying)
+    monkeypatch.setattr("mesa_swarm.dashboard.replaying.SHOWN_EVERY", -1.0)
+    closing = replaying._stop = AskedMeanwhile(time, replaying._leave)
+    replaying._watch(60, closing)(Boids(n_robots=2, rng=1))
+    closing.thread.join()
+    assert closing.is_set()
+    assert replaying.busy == ""
+
+
+def test_a_recording_that_is_closed_while_a_branch_tells_what_is_wrong_has_no_fault(replaying):
+    opened(replaying, "own.arrow")
+    closing = replaying._stop = AskedMeanwhile(1, replaying._leave)
+    replaying._branch(replaying._path, 1, {}, closing)
+    closing.thread.join()
+    assert closing.is_set()
+    assert (replaying.busy, replaying.fault) == ("", "")
+
+
+def test_events_that_are_found_when_a_recording_is_closed_are_not_those_of_the_next(replaying, monkeypatch):
+    opened(replaying)
+
+    def late(rows):
+        replaying._leave()
+        raise RecordingError("torn")
+
+    monkeypatch.setattr("mesa_swarm.dashboard.replaying.events_of", late)
+    rows = SimpleNamespace(stop=replaying._stop)
+    replaying._find_events(rows)
+    assert (replaying.fault, replaying.events) == ("", [])
 
 
 def test_recorded_parameters_that_no_model_takes_do_not_reach_the_controls(replaying, folder):

@@ -169,6 +169,19 @@ def test_worlds_that_are_compared_keep_a_window_too(monkeypatch):
         assert {len(values) for values in side.model.datacollector.model_vars.values()} == {30}
 
 
+def test_steps_before_the_first_picture_and_on_the_way_to_a_branch_are_forgotten_alike(monkeypatch):
+    monkeypatch.setattr(f"{MODULE}.MOST_COLLECTED", 20)
+    session = Session("fire_fighting", seed=3, steps=65)
+    for _ in range(2):
+        assert len(session.model.datacollector.model_vars["collisions"]) == 20
+        played(session, 14)
+        assert len(session.model.datacollector.model_vars["collisions"]) == 34
+        played(session, 1)
+        assert len(session.model.datacollector.model_vars["collisions"]) == 20
+        session.adopt(FireFighting(rng=5).run(65), "fire_fighting", {}, 5)
+    session.close()
+
+
 def test_a_model_that_was_built_elsewhere_is_measured_from_the_step_at_which_it_is_adopted():
     session = Session("fire_fighting", seed=3)
     session.adopt(FireFighting(rng=5).run(7), "fire_fighting", {}, 5)

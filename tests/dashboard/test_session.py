@@ -7,6 +7,8 @@ from waiting import threads, wait_until
 
 from mesa_swarm.dashboard import session as module
 from mesa_swarm.dashboard.address import address_from, query_of
+from mesa_swarm.dashboard.comparing import Comparing
+from mesa_swarm.dashboard.play_loop import AS_FAST_AS_IT_GOES
 from mesa_swarm.dashboard.session import READER, USUAL_SPEED, Session
 from mesa_swarm.models.fire_fighting import FireFighting
 
@@ -81,6 +83,60 @@ def test_steps_that_take_too_long_before_the_first_picture_are_played_up_to_thei
     assert query_of(far).endswith("step=300")
     for session in (at_once, far):
         session.close()
+
+
+class EndsEarly(FireFighting):
+    """Is done after thirty steps."""
+
+    def step(self):
+        super().step()
+        self.running = self.steps < 30
+
+
+class BreaksEarly(FireFighting):
+    """Breaks in its thirtieth step."""
+
+    def step(self):
+        if self.steps == 29:
+            raise ZeroDivisionError("nothing left")
+        super().step()
+
+
+@pytest.mark.parametrize("wait", [0.0, 60.0])
+@pytest.mark.parametrize(
+    ("model", "note", "error"),
+    [
+        (EndsEarly, "the run ended at step 30, before step 300", ""),
+        (BreaksEarly, "", "ZeroDivisionError: nothing left"),
+    ],
+)
+def test_a_run_that_ends_or_breaks_on_its_way_to_the_step_of_a_link_is_not_said_to_be_paused(
+    model, note, error, wait, monkeypatch
+):
+    monkeypatch.setattr(f"{MODULE}.LONGEST_WAIT", wait)
+    session = Session("fire_fighting", seed=2, steps=300, find=lambda name: model)
+    wait_until(lambda: not session.goal and not threads("play"))
+    assert (session.note, session.error) == (note, error)
+    session.close()
+
+
+@pytest.mark.parametrize("speed", [5.0, 240.0, AS_FAST_AS_IT_GOES])
+def test_the_speed_that_the_user_chose_is_the_one_after_the_way_to_the_step_of_a_link(speed, monkeypatch):
+    monkeypatch.setattr(f"{MODULE}.LONGEST_WAIT", 0.0)
+    session = Session("fire_fighting", seed=2)
+    session.set_speed(speed)
+    session.reset(100)
+    assert session.loop.speed == AS_FAST_AS_IT_GOES
+    assert session.own_speed == speed
+    assert session.companion(Comparing).pair.loop.speed == speed
+    wait_until(lambda: not session.goal and not threads("play"))
+    assert (session.model.steps, session.loop.speed) == (100, speed)
+    session.reset(20_000)
+    session.set_speed(30.0)
+    assert session.loop.speed == 30.0
+    session.pause()
+    assert session.loop.speed == session.own_speed == 30.0
+    session.close()
 
 
 @pytest.mark.parametrize("act", ["pause", "step", "reset", "close"])

@@ -65,7 +65,14 @@ def test_what_is_collected_is_what_grows(tally):
     area.check("every tenth", every[10] < every[1] / 5, f"grew by {every[10]} bytes")
 
 
-def _collecting(every):
-    model = FireFighting(n_robots=5, rng=1)
-    model.fires.history.every, model.collect_every = 0, every
+def test_the_history_of_fires_grows_too_and_its_own_setting_ends_that(tally):
+    every = {k: grown(_collecting(0, k), 200, 2200)[0] for k in (1, 0)}
+    area = tally("long runs: fires' history")
+    area.check("each step", 200_000 < every[1] < 2_000_000, f"grew by {every[1]} bytes")
+    area.check("never", every[0] < 40_000, f"grew by {every[0]} bytes")
+
+
+def _collecting(every, history_every=0):
+    model = FireFighting(n_robots=5, history_every=history_every, rng=1)
+    model.collect_every = every
     return model
