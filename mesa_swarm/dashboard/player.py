@@ -26,6 +26,7 @@ class Player(Played):
     Parameters
     ----------
     model : SwarmModel, optional
+        One of a program's own: what it has collected is all kept. Of models that a page makes, old rows are forgotten.
 
     Attributes
     ----------
@@ -54,6 +55,7 @@ class Player(Played):
     def __init__(self, model: SwarmModel | None = None) -> None:
         super().__init__()
         self.model, self.error = model, ""
+        self._is_own = model is not None
         self.kept = KeptPast()
         self.past: Past = self.kept
         self.selected: int | None = None
@@ -166,7 +168,8 @@ class Player(Played):
             self._keep()
 
     def _keep_window(self, model: SwarmModel) -> None:
-        series.forget_collected(model, series.MOST_COLLECTED)
+        if not self._is_own:
+            series.forget_collected(model, series.MOST_COLLECTED)
 
     def _keep(self, fingerprint: bool = False) -> None:
         """Make a picture of the present, unless an earlier one is looked at or there is one."""

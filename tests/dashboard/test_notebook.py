@@ -81,6 +81,16 @@ def test_the_buttons_of_a_widget_step_the_model_itself(sent):
     assert model.steps == 1, "what is no button does nothing"
 
 
+def test_what_a_model_of_ones_own_has_collected_is_kept_however_long_it_is_played(sent, monkeypatch):
+    monkeypatch.setattr("mesa_swarm.dashboard.series.MOST_COLLECTED", 5)
+    model = FireFighting(n_robots=3, rng=1)
+    canvas = model.show()
+    canvas._hear({"do": "ready"})
+    for _ in range(12):
+        canvas._hear({"do": "step"})
+    assert len(model.datacollector.model_vars["collisions"]) == 12
+
+
 @pytest.mark.parametrize("wrong", [{"speed": 0}, {"speed": 2000}, {"height": 5}])
 def test_a_speed_or_height_that_cannot_be_is_refused(wrong):
     with pytest.raises(InvalidValueError):
