@@ -265,7 +265,7 @@ def test_dollars_in_names_are_shown_as_they_are_in_all_pictures(name):
         complexity_figure({name: {name: {10: 0.1, 20: 0.2}}}),
         world_picture(empty_world(), name),
         world_figure({name: portrait_of(empty_world())}),
-        fires_figure({name: portrait_of(find_model("fire_fighting")(rng=1).run(2))}),
-        series_figure({name: portrait_of(find_model("collision_avoidance")(rng=1).run(2))}),
+        fires_figure({name: portrait_of(find_model("fire_fighting")(rng=1).run(60))}),
+        series_figure({name: portrait_of(find_model("collision_avoidance")(rng=1).run(60))}),
     ]
     assert all(png(picture)[1:4] == b"PNG" for picture in pictures)
