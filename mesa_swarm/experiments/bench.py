@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mesa_swarm.experiments.figures import COLOURS
-from mesa_swarm.experiments.pictures import png
+from mesa_swarm.experiments.pictures import literal, png
 from mesa_swarm.experiments.tables import aligned, csv_text
 from mesa_swarm.experiments.workload import contact_alone, on_map, peer_workload, step_seconds
 from mesa_swarm.files import write_all
@@ -204,12 +204,12 @@ def complexity_figure(curves: dict[str, dict[str, dict[int, float]]]) -> Figure:
 def _draw_curves(axes: Axes, title: str, lines: dict[str, dict[int, float]]) -> None:
     for i, (label, points) in enumerate(lines.items()):
         milliseconds = [1000 * t for t in points.values()]
-        axes.plot(list(points), milliseconds, "os^"[i % 3] + "-", color=COLOURS[i], markersize=4, label=label)
+        axes.plot(list(points), milliseconds, "os^"[i % 3] + "-", color=COLOURS[i], markersize=4, label=literal(label))
     if max(max(points) for points in lines.values()) > 100:
         axes.set(xscale="log", yscale="log")
     else:
         axes.set_ylim(bottom=0)
-    axes.set(title=title, xlabel="robots", ylabel="ms a step")
+    axes.set(title=literal(title), xlabel="robots", ylabel="ms a step")
     axes.legend(fontsize=9, frameon=False)
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)

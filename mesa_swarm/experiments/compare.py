@@ -1,8 +1,9 @@
 """Compare values of a model's parameter over paired seeds, on all cores."""
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,15 +11,15 @@ from joblib import cpu_count
 
 from mesa_swarm.errors import InvalidValueError, check_count
 from mesa_swarm.experiments.experiment import Experiment, Outcome, checked_settings
-from mesa_swarm.experiments.figures import comparison_pictures
+from mesa_swarm.experiments.figures import comparison_pictures, write_with_pictures
 from mesa_swarm.experiments.findings import finding
 from mesa_swarm.experiments.ledger import Ledger
-from mesa_swarm.experiments.plan import Plan, Run, checked_plan
+from mesa_swarm.experiments.plan import Plan, Run, checked_plan, is_plain
 from mesa_swarm.experiments.pool import results_of
 from mesa_swarm.experiments.portrait import Portrait
 from mesa_swarm.experiments.source import source_hash
 from mesa_swarm.experiments.tables import runs_csv, summary_csv, summary_rows, text_table
-from mesa_swarm.files import check_writable, write_all
+from mesa_swarm.files import check_writable
 from mesa_swarm.progress import progress_bar
 
 MOST_JOBS = 1024
@@ -76,21 +77,21 @@ class Comparison:
         return finding(self)
 
     def save(self, folder: str | os.PathLike[str]) -> list[Path]:
-        """Write the tables and pictures, each whole or not at all, and return their paths.
+        """Write the tables and pictures, all of them or none, and return their paths.
+
+        If a picture cannot be drawn, the tables are written without any, before that error is raised.
 
         Raises
         ------
         InvalidValueError
             If the folder cannot be written to.
         """
-        home = check_writable(folder)
-        contents: dict[str, str | bytes] = {
+        tables = {
             "runs.csv": runs_csv(self),
             "summary.csv": summary_csv(summary_rows(self)),
             "finding.txt": f"{self.finding()}\n",
-            **comparison_pictures(self),
         }
-        return write_all(home, contents)
+        return write_with_pictures(check_writable(folder), tables, partial(comparison_pictures, self))
 
 
 def compare(
@@ -203,8 +204,19 @@ def run_plan(
     """
     if folder is None:
         return _compared(plan, workers, progress, heard, None)
-    with Ledger(folder / LEDGER) as ledger:
+    with Ledger(folder / LEDGER, fits=has_numbers) as ledger:
         return _compared(plan, workers, progress, heard, ledger)
+
+
+def has_numbers(outcome: Outcome) -> bool:
+    """Return whether an outcome is one of a run that was compared: results, each of which is a number or None.
+
+    Examples
+    --------
+    >>> has_numbers(Outcome(results={"groups": 2.0})), has_numbers(Outcome(error="it broke"))
+    (True, False)
+    """
+    return bool(outcome.results) and all(map(is_plain, (outcome.results or {}).values()))
 
 
 def _compared(
@@ -214,18 +226,39 @@ def _compared(
     stored = {} if ledger is None else _stored(plan, keys, ledger)
     # Portraits are not stored: for the pictures the runs with the first seed are done again.
     runs = {index: run for index, run in stored.items() if run.rng != plan.seeds[0]}
-    left = [(plan, index, task) for index, task in enumerate(plan.tasks) if index not in runs]
     with progress_bar(len(plan.tasks), "runs", progress) as bar:
         bar.initial = bar.n = len(runs)
         bar.refresh()
-        for index, run in results_of(min(workers, max(len(left), 1)), _numbered_run, left):
+        for index, run in _done(plan, workers, dict(runs)):
+            bar.update(index not in runs)
             runs[index] = run
-            if ledger is not None and index not in stored:
+            if ledger is not None and not (index in stored and _is_alike(stored[index], run)):
+                stored.pop(index, None)
                 ledger.append(keys[index], Outcome(run.steps, run.state_hash, run.results))
-            bar.update()
             if heard is not None:
                 heard(run)
     return Comparison(plan, tuple(runs[index] for index in range(len(runs))), len(stored))
+
+
+def _done(plan: Plan, workers: int, stored: Mapping[int, Run]) -> Iterator[tuple[int, Run]]:
+    """Yield as they are done the runs that are not stored, then those stored with other results than the first has."""
+    first = None
+    for index, run in _made(plan, workers, [index for index in range(len(plan.tasks)) if index not in stored]):
+        first = run if index == 0 else first
+        yield index, run
+    yield from _made(plan, workers, [index for index, run in stored.items() if first and not _is_alike(first, run)])
+
+
+def _made(plan: Plan, workers: int, indices: Sequence[int]) -> Iterator[tuple[int, Run]]:
+    """Do these runs, and yield them as they are done."""
+    tasks = plan.tasks
+    left = [(plan, index, tasks[index]) for index in indices]
+    yield from results_of(min(workers, max(len(left), 1)), _numbered_run, left)
+
+
+def _is_alike(one: Run, another: Run) -> bool:
+    """Return whether two runs have the same results in the same order, whatever their numbers."""
+    return list(one.results) == list(another.results)
 
 
 def _numbered_run(plan: Plan, index: int, task: tuple[int, Any]) -> tuple[int, Run]:

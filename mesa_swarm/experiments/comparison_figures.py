@@ -60,7 +60,8 @@ def comparison_figure(comparison: "Comparison", measures: Sequence[str]) -> Figu
     panels = figure.subplots(len(rows), 2, squeeze=False, width_ratios=(1.15, 1))
     plan = comparison.plan
     seeds = f"{len(plan.seeds)} {'seed' if len(plan.seeds) == 1 else 'seeds'}"
-    figure.suptitle(f"{plan.model_class.__name__}: {plan.parameter} compared over {seeds}", fontsize=TITLE)
+    title = f"{plan.model_class.__name__}: {plan.parameter} compared over {seeds}"
+    figure.suptitle(literal(title), fontsize=TITLE)
     for measure, (left, right) in zip(rows, panels, strict=True):
         _draw_runs(left, comparison, measure)
         _draw_differences(right, comparison, measure)
@@ -214,7 +215,7 @@ def _label_values(
     labels = [f"{literal(str(value))}{_count(comparison, measure, value, paired)}" for value in values]
     turned: dict[str, Any] = {"rotation": 45, "ha": "right"} if len(labels) * max(map(len, labels)) > 60 else {}
     axes.set_xticks(places, labels, **turned)
-    axes.set_xlabel(plan.parameter, fontsize=TEXT)
+    axes.set_xlabel(literal(plan.parameter), fontsize=TEXT)
     axes.tick_params(labelsize=TEXT - 2)
     axes.yaxis.set_major_formatter(StrMethodFormatter("{x:,.6g}"))
     axes.spines[["top", "right"]].set_visible(False)

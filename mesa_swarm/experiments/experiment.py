@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import cache
@@ -268,8 +268,25 @@ def _check_measures(experiment: Experiment) -> None:
     results = model.results()
     for name in experiment.measure:
         check_choice(f"result of {experiment.model_class.__name__}", name, results)
-    for name in {*FIXED, *experiment.columns} & results.keys():
-        raise InvalidValueError(f"result {name!r} is named as another column; rename it in results()")
+    check_columns(results, {*FIXED, *experiment.columns})
+
+
+def check_columns(results: Iterable[str], taken: Set[str]) -> None:
+    """Refuse results that are named as other columns of the table are.
+
+    Raises
+    ------
+    InvalidValueError
+
+    Examples
+    --------
+    >>> check_columns({"steps": 1.0}, {"rng", "steps"})
+    Traceback (most recent call last):
+    mesa_swarm.errors.InvalidValueError: result 'steps' is named as another column; rename it in results()
+    """
+    for name in results:
+        if name in taken:
+            raise InvalidValueError(f"result {shortened(name)} is named as another column; rename it in results()")
 
 
 def first_built(experiment: Experiment) -> SwarmModel:

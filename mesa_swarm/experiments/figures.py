@@ -1,5 +1,7 @@
 """The pictures of a comparison: final states, robots at each fire over time, what was collected over time."""
 
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -8,8 +10,9 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import MaxNLocator, StrMethodFormatter
 
 from mesa_swarm.experiments.comparison_figures import comparison_figure, main_measure
-from mesa_swarm.experiments.pictures import COOL, INK, png, world_figure
+from mesa_swarm.experiments.pictures import COOL, INK, literal, png, world_figure
 from mesa_swarm.experiments.portrait import Portrait
+from mesa_swarm.files import write_all
 
 if TYPE_CHECKING:  # compare imports this module
     from mesa_swarm.experiments.compare import Comparison
@@ -43,6 +46,29 @@ def comparison_pictures(comparison: "Comparison") -> dict[str, bytes]:
     return {name: png(figure) for name, figure in pictures.items()}
 
 
+def write_with_pictures(
+    folder: Path, tables: Mapping[str, str], pictures: Callable[[], Mapping[str, bytes]]
+) -> list[Path]:
+    """Write tables and pictures by name, all of them or none, and return their paths.
+
+    What came of runs that may have taken hours is not lost with a picture that cannot be drawn: then the tables are
+    written without any, all of them or none, and the error is raised.
+
+    Parameters
+    ----------
+    folder : Path
+    tables : mapping of str to str
+    pictures : callable
+        Draws them, and returns PNGs by name.
+    """
+    try:
+        drawn = pictures()
+    except Exception:
+        write_all(folder, tables)
+        raise
+    return write_all(folder, {**tables, **drawn})
+
+
 def fires_figure(portraits: dict[str, Portrait]) -> Figure:
     """Return a figure of the robots at each fire over time, -1 once it is out: a block for each portrait.
 
@@ -70,7 +96,7 @@ def _draw_block(block: SubFigure, title: str, history: dict[str, np.ndarray], li
     strips[0].set(xlim=(0, last), ylim=(-1.6, most + 0.6), yticks=[-1, most])
     strips[-1].xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
     strips[-1].set_xlabel("step", fontsize=9)
-    block.suptitle(title, fontsize=11)
+    block.suptitle(literal(title), fontsize=11)
     block.supylabel("robots at the fire (-1 and grey: out)", fontsize=9)
 
 
@@ -121,8 +147,8 @@ def _draw_series(axes: Axes, name: str, portraits: dict[str, Portrait]) -> None:
         rows, means = window_means(portrait.series[name])
         steps = rows * portrait.collect_every
         style = ("-", "--", "-.", ":")[i % 4]
-        axes.plot(steps, means, style, color=COLOURS[i % len(COLOURS)], linewidth=1.4, label=title)
-    axes.set_ylabel(f"{name.replace('_', ' ')}\n(window mean)", fontsize=9)
+        axes.plot(steps, means, style, color=COLOURS[i % len(COLOURS)], linewidth=1.4, label=literal(title))
+    axes.set_ylabel(literal(f"{name.replace('_', ' ')}\n(window mean)"), fontsize=9)
     axes.yaxis.set_major_locator(MaxNLocator(5))
     axes.margins(x=0)
     axes.spines[["top", "right"]].set_visible(False)

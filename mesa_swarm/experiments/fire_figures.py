@@ -10,7 +10,7 @@ from matplotlib.ticker import StrMethodFormatter
 
 from mesa_swarm.errors import InvalidValueError, check_count
 from mesa_swarm.experiments.figures import COLOURS
-from mesa_swarm.experiments.pictures import INK
+from mesa_swarm.experiments.pictures import INK, literal
 from mesa_swarm.experiments.statistics import mean_interval
 from mesa_swarm.gallery import find_model
 
@@ -77,7 +77,7 @@ def fire_figure(runs: Mapping[str, Sequence[FireRun]]) -> Figure:
     for axes, (measure, title) in zip(shares, TITLES.items(), strict=True):
         for place, done in enumerate(runs.values()):
             _draw_dots(axes, place, [run.results[measure] for run in done], COLOURS[place % len(COLOURS)])
-        axes.set_xticks(range(len(runs)), list(runs), rotation=30, fontsize=9)
+        axes.set_xticks(range(len(runs)), list(map(literal, runs)), rotation=30, fontsize=9)
         axes.set_title(title, fontsize=10)
         axes.yaxis.set_major_formatter(StrMethodFormatter("{x:.0%}"))
         axes.set_ylim(-0.03, 1.03)
@@ -104,10 +104,10 @@ def _draw_rounds(axes: Axes, runs: Mapping[str, Sequence[FireRun]]) -> None:
         if controller in LEARNERS:
             most = min(len(run.rounds) for run in done)
             lasted = np.array([run.rounds[:most] for run in done]).mean(axis=0) if most else np.empty(0)
-            axes.plot(np.arange(1, most + 1), lasted, ".-", color=colour, label=controller)
+            axes.plot(np.arange(1, most + 1), lasted, ".-", color=colour, label=literal(controller))
         elif any(len(run.rounds) for run in done):
             mean = float(np.mean(np.concatenate([run.rounds for run in done])))
-            axes.axhline(mean, color=colour, linestyle="--", linewidth=1.2, label=controller)
+            axes.axhline(mean, color=colour, linestyle="--", linewidth=1.2, label=literal(controller))
     axes.set_title("steps of a round (mean of the runs)", fontsize=10)
     axes.set_xlabel("round", fontsize=9)
     axes.set_ylim(bottom=0)

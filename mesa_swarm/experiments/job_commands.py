@@ -13,7 +13,7 @@ from mesa_swarm.experiments.compare import checked_jobs
 from mesa_swarm.experiments.experiment import Experiment, Outcome, Task, carried_out, error_in_words
 from mesa_swarm.experiments.jobs import Job, read_job, recorded_to
 from mesa_swarm.experiments.run_records import RunRecords, recorded
-from mesa_swarm.experiments.sweep import done_before, run_experiment
+from mesa_swarm.experiments.sweep import check_recorded, done_before, run_experiment
 from mesa_swarm.files import check_writable
 
 
@@ -140,6 +140,8 @@ def _job_and_folder(path: str, out: Path | None) -> tuple[Job, Path]:
 
 def _parts(job: Job, folder: Path, record: bool) -> Iterator[tuple[Experiment, Path, dict | None]]:
     """Yield the experiments of a job, the folder of each, and the options of its recordings if it is recorded."""
+    for experiment in job.experiments if record else ():
+        check_recorded(experiment)
     for experiment, records in zip(job.experiments, job.records, strict=True):
         home = folder if len(job.experiments) == 1 else folder / experiment.name
         yield experiment, home, dict(records.options if records else {}) if record else None

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from mesa_swarm.experiments.figures import COLOURS
 from mesa_swarm.experiments.learn_bench import Run
 from mesa_swarm.experiments.learn_table import FAST, FEW, GROUPS, Line, lines_of
-from mesa_swarm.experiments.pictures import INK, png
+from mesa_swarm.experiments.pictures import INK, literal, png
 
 MARKS = "osD^vP*Xhp"
 # Below this, collisions are drawn on a scale that reaches 0.
@@ -60,7 +60,7 @@ def _mark(axes: Axes, line: Line, number: int) -> None:
         markersize=8,
         clip_on=False,  # those without collisions stand on the axis
         linewidth=1.0,
-        label=line.name if frozen else None,
+        label=literal(line.name) if frozen else None,
     )
 
 
@@ -74,7 +74,8 @@ def curve_figure(runs: Sequence[Run]) -> Figure:
         if curves.size:
             middle, colour = np.median(curves, axis=0), COLOURS[names.index(name) % len(COLOURS)]
             at = (np.arange(len(middle)) + 0.5) / len(middle)
-            axes.plot(at, middle, color=colour, marker=MARKS[names.index(name) % len(MARKS)], markersize=4, label=name)
+            mark = MARKS[names.index(name) % len(MARKS)]
+            axes.plot(at, middle, color=colour, marker=mark, markersize=4, label=literal(name))
             axes.fill_between(at, curves.min(axis=0), curves.max(axis=0), color=colour, alpha=0.08, linewidth=0)
     axes.set_yscale("symlog", linthresh=LINEAR)
     axes.set(xlim=(0, 1), xlabel="share of the training", ylabel="collisions per robot and 1,000 steps")

@@ -18,6 +18,7 @@ import numpy as np
 
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.experiments.experiment import LONGEST_ERROR, Outcome
+from mesa_swarm.files import shown_path
 
 try:
     import fcntl
@@ -28,6 +29,10 @@ KEY_BYTES = 16
 KEY = re.compile(f"[0-9a-f]{{{2 * KEY_BYTES}}}")
 # Checksum and the text up to the key: how each line of a ledger begins, and of no other file.
 BEGINNING = re.compile(rb'[0-9a-f]{8} \{"key": "')
+# A file with nothing but these first bytes of a line is a ledger: with fewer it might be somebody's number.
+FEWEST_BYTES = 9
+# Lists within lists: those of a run's results are few, and one line can hold millions.
+DEEPEST = 32
 LONGEST_LINE = 4 << 20
 LARGEST_STEPS = 2**62
 NAMES = {"key", "steps", "state_hash", "results", "error"}
@@ -39,8 +44,8 @@ class Ledger:
     A line is written in one piece and synced to the disk before the run counts as done. A line that a kill tore
     apart is cut off when the ledger is opened again; one that the disk spoilt fails its checksum and counts as never
     written, as does one whose checksum is right and whose content is not the outcome of a run. Nothing else is ever
-    cut: a file that is not a ledger is refused and stays as it is. Of two lines with one key the last counts. One
-    process at a time may write.
+    cut: a file that is not a ledger is refused and stays as it is, as does one with the checksum of a first line at
+    most. Of two lines with one key the last counts. One process at a time may write.
 
     Memory grows by 24 bytes a run: its key, and where its line begins.
 
@@ -121,11 +126,11 @@ class Ledger:
         InvalidValueError
             If the disk does not take it, or it could not be read again. Nothing of it is left then.
         """
-        text = json.dumps({"key": key, **asdict(outcome)}, ensure_ascii=False).encode("utf-8", "backslashreplace")
-        line = b"%08x %s\n" % (crc32(text), text)
+        line = _line(key, outcome)
         if _entry(line) is None:
+            size = f"it has {len(line)} bytes" if line else "it is not of such types"
             raise InvalidValueError(
-                f"the outcome of a run cannot be stored in {self.path}: it has {len(line)} bytes; "
+                f"the outcome of a run cannot be stored in {shown_path(self.path)}: {size}; "
                 f"expected numbers and lists of them by name, at most {LONGEST_LINE} bytes, or one line of error"
             )
         with self._lock:
@@ -146,7 +151,7 @@ class Ledger:
             self._file.seek(place)
             entry = _entry(self._file.readline(LONGEST_LINE))
         if entry is None or entry[0] != key:
-            raise InvalidValueError(f"{self.path} was changed while it was read; run the sweep again")
+            raise InvalidValueError(f"{shown_path(self.path)} was changed while it was read; run the sweep again")
         return entry[1]
 
     def _put(self, line: bytes, place: int) -> None:
@@ -160,7 +165,8 @@ class Ledger:
             with suppress(OSError):  # a torn line is cut off when the ledger is next opened
                 os.truncate(self.path, place)
             raise InvalidValueError(
-                f"{self.path} cannot be written: {error.strerror}; earlier runs are stored, make room and sweep again"
+                f"{shown_path(self.path)} cannot be written: {error.strerror}; earlier runs are stored, "
+                "make room and sweep again"
             ) from None
 
     def _place(self, key: str) -> int | None:
@@ -195,11 +201,13 @@ class Ledger:
             entry = _entry(line) if is_ours else None
             if entry is not None and (self._fits is None or self._fits(entry[1])):
                 yield place, entry
-            known = known or is_ours
             torn = place if is_start and not line.endswith(b"\n") and _is_torn(line) else None
+            known = known or is_ours or (torn == 0 and len(line) >= FEWEST_BYTES)
             place += len(line)
         if place and not known:
-            raise InvalidValueError(f"{self.path} is not a ledger of runs; move it away, or choose another folder")
+            raise InvalidValueError(
+                f"{shown_path(self.path)} is not a ledger of runs; move it away, or choose another folder"
+            )
         self._ended, self._torn = line.endswith(b"\n"), torn
 
     def _cut(self) -> None:
@@ -226,7 +234,7 @@ class Ledger:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             raise InvalidValueError(
-                f"{self.path} is being written by another sweep; wait for it or choose another folder"
+                f"{shown_path(self.path)} is being written by another sweep; wait for it or choose another folder"
             ) from None
 
 
@@ -234,12 +242,23 @@ def _opened(path: Path, read_only: bool) -> BinaryIO:
     """Return an open file; it is created unless it is only to be read."""
     try:
         if path.exists() and not path.is_file():  # to read from a pipe would wait for ever
-            raise InvalidValueError(f"{path} is not a file; move it away, or choose another folder")
+            raise InvalidValueError(f"{shown_path(path)} is not a file; move it away, or choose another folder")
         if not read_only:
             path.parent.mkdir(parents=True, exist_ok=True)
         return open(path, "rb" if read_only else "a+b")
     except OSError as error:
-        raise InvalidValueError(f"{path} cannot be opened: {error.strerror}; choose another folder") from None
+        raise InvalidValueError(
+            f"{shown_path(path)} cannot be opened: {error.strerror}; choose another folder"
+        ) from None
+
+
+def _line(key: str, outcome: Outcome) -> bytes:
+    """Return the line of an outcome, empty if it holds what cannot be written."""
+    try:
+        text = json.dumps({"key": key, **asdict(outcome)}, ensure_ascii=False).encode("utf-8", "backslashreplace")
+    except (TypeError, ValueError, RecursionError):
+        return b""
+    return b"%08x %s\n" % (crc32(text), text)
 
 
 def _is_torn(line: bytes) -> bool:
@@ -289,9 +308,9 @@ def _is_text(text: object) -> TypeGuard[str]:
     return isinstance(text, str) and not any("\ud800" <= letter <= "\udfff" for letter in text)
 
 
-def _is_number(value: object) -> bool:
+def _is_number(value: object, depth: int = DEEPEST) -> bool:
     """Return whether this is a number, None, or a list of them."""
     if isinstance(value, list):
-        return all(map(_is_number, value))
+        return depth > 0 and all(_is_number(each, depth - 1) for each in value)
     # Integers beyond the floats have no place in a table.
     return value is None or isinstance(value, float) or (isinstance(value, int) and abs(value) < sys.float_info.max)

@@ -13,6 +13,7 @@ from mesa_swarm.errors import (
     UnknownNameError,
     check_choice,
     check_count,
+    check_number,
     shortened,
     unknown_name,
 )
@@ -27,6 +28,8 @@ LARGEST_SEED = 2**53 - 1
 MOST_STEPS = 100_000_000
 MOST_VALUES = 100
 DEFAULT_STEPS = 3_000
+# NumPy has no numbers for larger whole ones.
+LARGEST_WHOLE = 2**63 - 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +92,7 @@ class Plan:
         model = self.built(rng, value).run(self.steps)
         portrait = portrait_of(model) if rng == self.seeds[0] else None
         results = model.results()
-        kept = {name: plain(results[name]) for name in self.measures or results}
+        kept = numbers_of({name: results[name] for name in self.measures or results})
         return Run(value, rng, model.steps, model.state_hash(), kept, portrait)
 
 
@@ -98,10 +101,63 @@ def plain(number: Any) -> Any:
 
     Examples
     --------
-    >>> plain(np.int64(3))
-    3
+    >>> plain(np.int64(3)), plain(np.array(0.5))
+    (3, 0.5)
     """
-    return number.item() if isinstance(number, np.generic) else number
+    return number.item() if isinstance(number, (np.generic, np.ndarray)) and number.ndim == 0 else number
+
+
+def numbers_of(results: Mapping[str, Any]) -> dict[str, float | None]:
+    """Return the results of a run as numbers of Python's, which read back from a file as the same.
+
+    Raises
+    ------
+    InvalidValueError
+        If one of them is no number, or infinite.
+
+    Examples
+    --------
+    >>> from fractions import Fraction
+    >>> numbers_of({"groups": np.int64(3), "share": Fraction(1, 2), "arrived at": None})
+    {'groups': 3, 'share': 0.5, 'arrived at': None}
+    """
+    numbers = {}
+    for name, number in results.items():
+        simple = plain(number)
+        numbers[name] = simple if is_plain(simple) else check_result(name, simple)
+    return numbers
+
+
+def is_plain(number: object) -> bool:
+    """Return whether this is what `numbers_of` gives; NaN is, which a run may end in and tables leave out.
+
+    Examples
+    --------
+    >>> is_plain(None), is_plain(3), is_plain(10**300), is_plain([1.0])
+    (True, True, False, False)
+    """
+    if isinstance(number, float):
+        return not math.isinf(number)
+    return number is None or (isinstance(number, int) and abs(number) <= LARGEST_WHOLE)
+
+
+def check_result(name: str, number: object) -> float:
+    """Return a result as a float, or refuse it.
+
+    Raises
+    ------
+    InvalidValueError
+
+    Examples
+    --------
+    >>> check_result("groups", float("nan"))
+    Traceback (most recent call last):
+    mesa_swarm.errors.InvalidValueError: result 'groups' is nan; expected a finite number or None
+    """
+    try:
+        return check_number(f"result {shortened(name)}", number)
+    except InvalidValueError as error:
+        raise InvalidValueError(f"{error} or None") from None
 
 
 def checked_plan(
@@ -233,8 +289,8 @@ def check_results(model_class: type, model: SwarmModel) -> None:
     if results is None:
         raise InvalidValueError(f"{model_class.__name__} has no method results(), which returns what is compared")
     for name, number in results().items():
-        if number is not None and not math.isfinite(number):
-            raise InvalidValueError(f"result {name!r} is {number!r}; expected a finite number or None")
+        if number is not None and not isinstance(number, (bool, np.bool_)):
+            check_result(name, number)
 
 
 def _checked_values(

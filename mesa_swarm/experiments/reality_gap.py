@@ -13,17 +13,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mesa_swarm.errors import InvalidValueError, check_choice, check_number, shortened
-from mesa_swarm.experiments.compare import LEDGER, checked_jobs
+from mesa_swarm.experiments.compare import LEDGER, checked_jobs, has_numbers
 from mesa_swarm.experiments.experiment import Experiment, Outcome, checked_settings
-from mesa_swarm.experiments.figures import COLOURS
+from mesa_swarm.experiments.figures import COLOURS, write_with_pictures
 from mesa_swarm.experiments.ledger import Ledger
-from mesa_swarm.experiments.pictures import png
-from mesa_swarm.experiments.plan import checked_plan, checked_seeds, plain
+from mesa_swarm.experiments.pictures import literal, png
+from mesa_swarm.experiments.plan import checked_plan, checked_seeds, numbers_of
 from mesa_swarm.experiments.pool import results_of
 from mesa_swarm.experiments.source import source_hash
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean, pair_differences
 from mesa_swarm.experiments.tables import aligned, csv_text, in_words
-from mesa_swarm.files import check_writable, write_all
+from mesa_swarm.files import check_writable
 from mesa_swarm.gallery import find_model
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.robots.imperfections import PRESETS, Imperfections
@@ -82,9 +82,13 @@ class Gap:
         return csv_text([["dial", "rng", self.measure], *runs])
 
     def save(self, folder: Path) -> list[Path]:
-        """Write the picture and the table, each whole or not at all, and return their paths."""
-        contents: dict[str, str | bytes] = {"reality_gap.png": png(gap_figure(self)), "reality_gap.csv": self.csv()}
-        return write_all(folder, contents)
+        """Write the table and the picture, both or none, and return their paths.
+
+        If the picture cannot be drawn, the table is written without it, before that error is raised.
+        """
+        return write_with_pictures(
+            folder, {"reality_gap.csv": self.csv()}, lambda: {"reality_gap.png": png(gap_figure(self))}
+        )
 
 
 def reality_gap(
@@ -139,7 +143,12 @@ def reality_gap(
     places = checked_dial(dial)
     plan = checked_plan(find_model(model), seeds=checked_seeds(seeds), steps=steps, settings=_freed(model, settings))
     tasks = [(model, settings or {}, whole, place, seed, plan.steps) for place in places for seed in plan.seeds]
-    with nullcontext() if out is None else Ledger(check_writable(out) / LEDGER) as ledger:
+    names = list(plan.built(plan.seeds[0], plan.values[0]).results())
+
+    def fits(outcome: Outcome) -> bool:
+        return has_numbers(outcome) and list(outcome.results or ()) == names
+
+    with nullcontext() if out is None else Ledger(check_writable(out) / LEDGER, fits=fits) as ledger:
         results = _made(tasks, workers, measure, progress, ledger)
     rows = {place: [results[place, seed] for seed in plan.seeds] for place in places}
     wanted = chosen_measure(rows, measure, getattr(find_model(model), "headline", ())[:1])
@@ -190,8 +199,7 @@ def gap_run(
     """Do one run, and return its place, seed and results."""
     built = find_model(model)(**settings, rng=rng)
     built.imperfections = whole.at(place)
-    results = built.run(steps).results()
-    return place, rng, {name: plain(number) for name, number in results.items()}
+    return place, rng, numbers_of(built.run(steps).results())
 
 
 def checked_dial(dial: Sequence[float]) -> tuple[float, ...]:
@@ -264,7 +272,7 @@ def draw_gap(axes: Axes, gap: Gap) -> None:
     reach = np.nan_to_num([[m.estimate - m.low for m in means], [m.high - m.estimate for m in means]])
     axes.errorbar(gap.dial, [m.estimate for m in means], reach, fmt="o-", color=COLOURS[0], linewidth=2, capsize=4)
     axes.axhline(means[0].estimate, color=COLOURS[1], linestyle="--", linewidth=1)
-    axes.set(xlabel=f"dial: 0 ideal, 1 {gap.preset}", ylabel=gap.measure)
-    axes.set_title(f"{gap.model}: {len(gap.seeds)} seeds (thin), their mean, 95 %", fontsize=11)
+    axes.set(xlabel=literal(f"dial: 0 ideal, 1 {gap.preset}"), ylabel=literal(gap.measure))
+    axes.set_title(literal(f"{gap.model}: {len(gap.seeds)} seeds (thin), their mean, 95 %"), fontsize=11)
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(alpha=0.25)

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mesa_swarm.experiments.figures import COLOURS
-from mesa_swarm.experiments.pictures import INK
+from mesa_swarm.experiments.pictures import INK, literal
 from mesa_swarm.learning.reward_lab import Profile
 
 STYLES = ("--", "-.", ":", "-")
@@ -41,7 +41,7 @@ def reward_figure(profiles: Mapping[str, tuple[Profile, Profile]], critical: flo
         _draw(column[0], paid, paid.values)
         _draw(column[1], learned, learned.values)
         _draw(column[2], learned, learned.values if learned.policy is None else learned.policy)
-        column[0].set_title(title, fontsize=11)
+        column[0].set_title(literal(title), fontsize=11)
         column[-1].set_xlabel("distance ahead (share of the range)", fontsize=9)
         for axes in column:
             axes.axvline(critical, color=INK, linewidth=0.8, linestyle=":")

@@ -175,6 +175,10 @@ class Archive:
         """Return the file of a run, which is there when all of it was recorded."""
         return self.folder / f"{key}{SUFFIX}"
 
+    def clear(self, key: str) -> None:
+        """Delete what a worker that died has left of a recording, unless somebody is still writing it."""
+        free_draft(self.file(key))
+
     def carried_out(self, model_class: type, task: Task) -> Outcome:
         """Do a run and keep its recording; that of a run that fails ends where it failed.
 

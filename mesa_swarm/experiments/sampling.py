@@ -16,6 +16,8 @@ KINDS = ("latin_hypercube", "sobol")
 MOST_POINTS = 1_000_000
 # scipy's direction numbers go so far.
 MOST_RANGES = 1_000
+# Values of a parameter that `shortened` looks at; it has no room for as many, and says so.
+MOST_SHOWN = 40
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +128,18 @@ class Points(Sequence[dict[str, Any]]):
             row, places[name] = divmod(row, len(self._columns[name]))
         return {name: _plain(column[places[name]]) for name, column in self._columns.items()}
 
+    def __eq__(self, other: object) -> bool:
+        """Whether there are the same points in the same order, also in a list of them."""
+        if not isinstance(other, (Points, list)):
+            return NotImplemented
+        return len(self) == len(other) and all(one == another for one, another in zip(self, other, strict=True))
+
+    __hash__ = None  # type: ignore[assignment]  # as that of a list
+
+    def __repr__(self) -> str:
+        shown = ", ".join(f"{name!r}: {shortened(column[:MOST_SHOWN])}" for name, column in self._columns.items())
+        return f"Points({{{shown}}}, crossed={self._crossed})"
+
 
 def grid(model_class: type, values: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return every combination of the values as settings of a model; the last name varies fastest.
@@ -169,12 +183,27 @@ def _values(model_class: type, name: str, listed: Any) -> Iterator[Any]:
     if len(values) > MOST_POINTS:
         raise InvalidValueError(f"{name} has {len(values):,} values; expected at most {MOST_POINTS:,}")
     seen: set[Any] = set()
+    others: list[Any] = []  # what has no hash even so, such as objects of a class of the user's
     for value in values:
         checked = known[name].checked(value)
-        if checked in seen:
+        try:
+            is_twice = (same := _hashable(checked)) in seen
+            seen.add(same)
+        except TypeError:
+            is_twice = checked in others
+            others.append(checked)
+        if is_twice:
             raise InvalidValueError(f"{name} has {shortened(value)} twice; expected different values")
-        seen.add(checked)
         yield checked
+
+
+def _hashable(value: Any) -> Any:
+    """Return for lists, tuples and dicts what is equal where they are, and can be looked up."""
+    if isinstance(value, (list, tuple)):
+        return isinstance(value, list), tuple(map(_hashable, value))
+    if isinstance(value, dict):
+        return dict, frozenset((key, _hashable(item)) for key, item in value.items())
+    return value
 
 
 def _plain(value: Any) -> Any:

@@ -10,8 +10,19 @@ from typing import Any
 
 import pandas as pd
 
+from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.experiments.compare import checked_jobs
-from mesa_swarm.experiments.experiment import FIXED, Experiment, Outcome, Task, carried_out, checked_experiment
+from mesa_swarm.experiments.experiment import (
+    FIXED,
+    Experiment,
+    Outcome,
+    Task,
+    carried_out,
+    check_columns,
+    checked_experiment,
+    error_in_words,
+    first_built,
+)
 from mesa_swarm.experiments.ledger import Ledger
 from mesa_swarm.experiments.pool import WorkerDiedError, is_remote, on_all
 from mesa_swarm.experiments.run_records import Archive, check_options, chosen_options
@@ -25,8 +36,6 @@ TABLE = "runs.parquet"
 RECORDINGS = "recordings"
 # A run under way when its worker died is tried again beside others, and from then on alone, to see who is to blame.
 TRIES = 3
-# A table of more columns than this takes seconds to write.
-MOST_RESULTS = 5_000
 # Of runs that failed so many different reasons are told; the table has all.
 MOST_ERRORS = 3
 
@@ -127,6 +136,7 @@ def sweep(
     options = chosen_options(record)
     if options is not None:
         check_options(options, experiment)
+        check_recorded(experiment)
     return run_experiment(experiment, check_writable(out), workers, progress, options, retry_failed)
 
 
@@ -153,15 +163,15 @@ def run_experiment(
     retry_failed : bool
     """
     archive = None if record is None else Archive(folder / RECORDINGS, record)
-    fits = partial(_has_row, experiment)
-    with Ledger(folder / LEDGER, retry_failed=retry_failed, fits=fits) as ledger:
+    taken = _taken(experiment, archive)
+    with Ledger(folder / LEDGER, retry_failed=retry_failed, fits=partial(_has_row, taken)) as ledger:
         before = sum(_is_done(task.key, ledger, archive) for task in experiment.tasks())
         with progress_bar(len(experiment), "runs", progress) as bar:
             bar.initial = bar.n = before
             bar.refresh()
             for task, outcome in _outcomes(experiment, ledger, workers, archive):
                 if task.key not in ledger:  # else it was done before, and now recorded
-                    ledger.append(task.key, outcome)
+                    ledger.append(task.key, _as_row(taken, outcome))
                 bar.update()
         path = write_table(experiment, ledger, folder / TABLE, archive)
         failed, errors = _failures(experiment, ledger)
@@ -200,17 +210,43 @@ def done_before(experiment: Experiment, folder: Path, record: Mapping[str, Any] 
     if not (folder / LEDGER).exists():
         return 0
     archive = None if record is None else Archive(folder / RECORDINGS, record)
-    with Ledger(folder / LEDGER, read_only=True, fits=partial(_has_row, experiment)) as ledger:
+    fits = partial(_has_row, _taken(experiment, archive))
+    with Ledger(folder / LEDGER, read_only=True, fits=fits) as ledger:
         return sum(_is_done(task.key, ledger, archive) for task in experiment.tasks())
 
 
-def _has_row(experiment: Experiment, outcome: Outcome) -> bool:
+def check_recorded(experiment: Experiment) -> None:
+    """Refuse an experiment whose runs cannot be recorded because a result is named as the column of recordings.
+
+    Raises
+    ------
+    SwarmError
+
+    Examples
+    --------
+    >>> check_recorded(checked_experiment("fire_fighting", seeds=2, steps=5))
+    """
+    check_columns(first_built(experiment).results(), {RECORDING})
+
+
+def _taken(experiment: Experiment, archive: Archive | None) -> set[str]:
+    """Return the names of the columns that are no results."""
+    return {*FIXED, *experiment.columns, *(() if archive is None else (RECORDING,))}
+
+
+def _has_row(taken: set[str], outcome: Outcome) -> bool:
     """Whether an outcome can be a row of the table: single numbers, named otherwise than the other columns."""
     results = outcome.results or {}
-    taken = {*FIXED, *experiment.columns, RECORDING}
-    if len(results) > MOST_RESULTS or not results.keys().isdisjoint(taken):
-        return False
-    return not any(isinstance(value, list) for value in results.values())
+    return results.keys().isdisjoint(taken) and not any(isinstance(value, list) for value in results.values())
+
+
+def _as_row(taken: set[str], outcome: Outcome) -> Outcome:
+    """Return an outcome, or as an error that a result has come in the run that is named as another column."""
+    try:
+        check_columns(outcome.results or (), taken)
+    except InvalidValueError as error:
+        return Outcome(error=error_in_words(error))
+    return outcome
 
 
 def _is_done(key: str, ledger: Ledger, archive: Archive | None) -> bool:
@@ -230,10 +266,12 @@ def _outcomes(
     if workers == 1 and not is_remote():
         yield from map(work, left)
         return
-    yield from _survivors(work, left, workers)
+    yield from _survivors(work, left, workers, archive)
 
 
-def _survivors(work: Callable, tasks: Iterator[Task], workers: int) -> Iterator[tuple[Task, Outcome]]:
+def _survivors(
+    work: Callable, tasks: Iterator[Task], workers: int, archive: Archive | None
+) -> Iterator[tuple[Task, Outcome]]:
     """Yield runs as they are done, and go on when workers die."""
     deaths: Counter[str] = Counter()
     again: list[Task] = []
@@ -246,7 +284,7 @@ def _survivors(work: Callable, tasks: Iterator[Task], workers: int) -> Iterator[
             deaths.update(under_way.keys())  # a mapping would be taken for counts
         again = [task for key, task in under_way.items() if deaths[key] == 1]
         for task in (task for key, task in under_way.items() if deaths[key] > 1):
-            yield _alone(work, task, deaths)
+            yield _alone(work, task, deaths, archive)
 
 
 def _together(
@@ -266,7 +304,7 @@ def _noted(again: list[Task], tasks: Iterator[Task], under_way: dict[str, Task])
                 yield task
 
 
-def _alone(work: Callable, task: Task, deaths: Counter[str]) -> tuple[Task, Outcome]:
+def _alone(work: Callable, task: Task, deaths: Counter[str], archive: Archive | None) -> tuple[Task, Outcome]:
     """Try a run with nothing beside it, so that nobody else can be to blame."""
     while deaths[task.key] < TRIES:
         try:
@@ -274,6 +312,8 @@ def _alone(work: Callable, task: Task, deaths: Counter[str]) -> tuple[Task, Outc
             return done
         except WorkerDiedError:
             deaths[task.key] += 1
+    if archive is not None:
+        archive.clear(task.key)
     return task, Outcome(error=f"WorkerDiedError: the process died in each of {TRIES} tries")
 
 

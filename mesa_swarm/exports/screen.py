@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from mesa_swarm.experiments.pictures import INK, draw_what_changes, draw_what_stands
+from mesa_swarm.experiments.pictures import INK, draw_what_changes, draw_what_stands, literal
 from mesa_swarm.experiments.portrait import Portrait
 from mesa_swarm.exports.look import CAPTION, MARGIN, Look, film_size
 from mesa_swarm.exports.portraits import Portraits
@@ -96,7 +96,7 @@ class Screen:
 
     def _write_captions(self, portrait: Portrait) -> None:
         out = portrait.fires["out"]
-        self._name.set_text(self._portraits.scene.name)
+        self._name.set_text(literal(self._portraits.scene.name))
         self._count.set_text(f"{out.sum()} of {len(out)} fires out" if len(out) else "")
         self._step.set_text(f"step {portrait.steps:,}")
         for text in (self._name, self._count, self._step):

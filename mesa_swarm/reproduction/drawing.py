@@ -12,7 +12,7 @@ from matplotlib.ticker import StrMethodFormatter
 from numpy.typing import ArrayLike
 
 from mesa_swarm.experiments.figures import COLOURS
-from mesa_swarm.experiments.pictures import draw_world, legend_of
+from mesa_swarm.experiments.pictures import draw_world, legend_of, literal
 from mesa_swarm.experiments.portrait import portrait_of
 from mesa_swarm.experiments.statistics import mean_interval
 from mesa_swarm.model import SwarmModel
@@ -79,7 +79,7 @@ def world_picture(model: SwarmModel, title: str, *, perceived: bool = False) -> 
     figure = Figure(figsize=(7.0, 6.0), layout="constrained")
     axes = figure.add_subplot()
     draw_world(portrait, axes)
-    axes.set_title(title, fontsize=11)
+    axes.set_title(literal(title), fontsize=11)
     entries = legend_of(portrait)
     if entries:
         figure.legend(handles=entries, loc="outside lower center", ncols=3, fontsize=8, frameon=False)

@@ -1,7 +1,11 @@
 import csv
 import io
+import json
+import math
+from fractions import Fraction
 from importlib import import_module
 from pathlib import Path
+from zlib import crc32
 
 import numpy as np
 import pytest
@@ -373,3 +377,95 @@ def test_a_misspelt_model_is_refused_with_the_nearest_name():
 
 def test_a_comparison_shows_its_table_and_finding(comparison):
     assert repr(comparison) == f"{comparison.table()}\n\n{comparison.finding()}"
+
+
+def forge(path, change):
+    """Change what each line of a ledger holds, with the right checksum."""
+    lines = [json.loads(line[9:]) for line in path.read_bytes().splitlines()]
+    for line in lines:
+        change(line)
+    texts = [json.dumps(line).encode() for line in lines]
+    path.write_bytes(b"".join(b"%08x %s\n" % (crc32(text), text) for text in texts))
+
+
+FORGERIES = {
+    "names": lambda line: line.update(results={"foo": 1.0}),
+    "order": lambda line: line.update(results=dict(reversed(line["results"].items()))),
+    "error": lambda line: line.update(results=None, error="ValueError: x"),
+    "empty": lambda line: line.update(results={}),
+    "lists": lambda line: line.update(results={name: [1.0, [2.0]] for name in line["results"]}),
+    "infinite": lambda line: line.update(results=dict.fromkeys(line["results"], math.inf)),
+    "huge": lambda line: line.update(results=dict.fromkeys(line["results"], 10**300)),
+}
+
+
+@pytest.mark.parametrize("forgery", FORGERIES)
+@pytest.mark.parametrize("measures", [(), ("fires out", "fire 1 out at")])
+def test_stored_runs_that_cannot_be_of_this_comparison_are_done_again_and_then_remembered(tmp_path, forgery, measures):
+    how = {"seeds": 3, "steps": 3, "jobs": 1, "out": tmp_path, "measures": measures}
+    made = compare(FIRE, **how)
+    forge(tmp_path / "runs.jsonl", FORGERIES[forgery])
+    again, third = compare(FIRE, **how), compare(FIRE, **how)
+    assert (again.runs, again.done_before, third.runs, third.done_before) == (made.runs, 0, made.runs, 6)
+    assert len((tmp_path / "runs.jsonl").read_bytes().splitlines()) == 12
+
+
+class Ending(SwarmModel):
+    """Its result is what is wanted, from the first step on."""
+
+    wanted: object = 1.0
+
+    def __init__(self, *, kind: str = "a", rng=None) -> None:
+        super().__init__(rng=rng, model_reporters={"a $x_{$": lambda model: 1.0})
+
+    def results(self):
+        """Return it."""
+        return {"a $x_{$": self.wanted if self.steps else 0.0, "b": 1.0}
+
+
+ODD = [(Fraction(1, 2), 0.5), (np.array(1.5), 1.5), (np.longdouble(2), 2.0), (10**20, 1e20)]
+ODD += [(np.float32(0.5), 0.5), (True, True), (7, 7), (None, None)]
+
+
+@pytest.mark.parametrize(("odd", "number"), ODD)
+def test_results_of_any_type_of_number_are_compared_and_stored(tmp_path, monkeypatch, odd, number):
+    monkeypatch.setattr(Ending, "wanted", odd)
+    how = {"seeds": 2, "steps": 1, "jobs": 1}
+    without = compare(Ending, "kind", ["a", "b"], **how)
+    stored, again = (compare(Ending, "kind", ["a", "b"], **how, out=tmp_path) for _ in range(2))
+    assert without.column("a", "a $x_{$") == [number, number]
+    assert type(without.column("a", "a $x_{$")[0]) is type(number)
+    assert without.runs == stored.runs == again.runs
+    assert (stored.done_before, again.done_before) == (0, 4)
+
+
+@pytest.mark.parametrize("odd", ["text", [1.0], 1j, math.inf, 10**400, np.array([1.0, 2.0]), np.array([1.5])])
+def test_a_run_that_ends_without_a_number_is_refused_in_one_line(tmp_path, monkeypatch, odd):
+    monkeypatch.setattr(Ending, "wanted", odd)
+    with pytest.raises(SwarmError, match=r"result 'a \$x_\{\$' is .*; expected a finite number or None") as refusal:
+        compare(Ending, "kind", ["a", "b"], seeds=2, steps=1, jobs=1, out=tmp_path)
+    assert len(str(refusal.value)) <= 300
+    assert len(str(refusal.value).splitlines()) == 1
+
+
+def test_runs_that_end_in_what_is_no_number_are_remembered_too(tmp_path, monkeypatch):
+    monkeypatch.setattr(Ending, "wanted", math.nan)
+    made = [compare(Ending, "kind", ["a", "b"], seeds=2, steps=1, jobs=1, out=tmp_path) for _ in range(2)]
+    assert [comparison.done_before for comparison in made] == [0, 4]
+
+
+@pytest.mark.parametrize("values", [["a$x_{$", "b"], ["{n$^$}", "c"]])
+def test_dollars_in_names_and_values_do_no_harm_to_pictures(tmp_path, values):
+    comparison = compare(Ending, "kind", values, seeds=2, steps=3, jobs=1)
+    assert "over_time.png" in {path.name for path in comparison.save(tmp_path)}
+
+
+def test_a_picture_that_fails_costs_no_table(comparison, tmp_path, monkeypatch):
+    def fail(*parts):
+        raise RuntimeError("no picture")
+
+    monkeypatch.setattr("mesa_swarm.experiments.compare.comparison_pictures", fail)
+    with pytest.raises(RuntimeError, match="no picture"):
+        comparison.save(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {"runs.csv", "summary.csv", "finding.txt"}
+    assert (tmp_path / "runs.csv").read_text() == runs_csv(comparison)

@@ -3,6 +3,8 @@
 import hashlib
 import json
 import os
+from fractions import Fraction
+from functools import partial
 from zlib import crc32
 
 import numpy as np
@@ -87,6 +89,11 @@ def test_two_sweeps_cannot_write_to_one_ledger(tmp_path):
         Ledger(tmp_path / "l")
 
 
+def nested(depth):
+    """Return lists within lists."""
+    return [nested(depth - 1)] if depth else []
+
+
 GOOD = {"key": key(1), "steps": 3, "state_hash": None, "results": {"a": 1.0}, "error": None}
 
 
@@ -113,6 +120,9 @@ def forged(content):
         {**GOOD, "results": {"a": "text"}},
         {**GOOD, "results": {"a": 10**400}},
         {**GOOD, "results": {"a": {"b": 1}}},
+        {**GOOD, "results": {"a": nested(100)}},
+        b'{"a": ' + b"[" * 900 + b"]" * 900 + b"}",
+        json.dumps(GOOD).replace("1.0", "[" * 900 + "]" * 900).encode(),
         {**GOOD, "results": {"\ud800": 1}},
         {**GOOD, "results": None, "error": "two\nlines"},
         {**GOOD, "results": None, "error": "long" * 1000},
@@ -138,7 +148,11 @@ def test_a_line_with_a_right_checksum_that_is_no_outcome_counts_as_never_written
         assert ledger.outcome(key(1)) == ended(7)
 
 
-@pytest.mark.parametrize("foreign", [b"x", b'{"a": 1}\n{"b"', b"a whole line\n", b"\n", b"\0" * 50, b"00000000 {"])
+FOREIGN = [b"x", b'{"a": 1}\n{"b"', b"a whole line\n", b"\n", b"\0" * 50, b"0123abcd", b"2024"]
+FOREIGN += [b"00000000{", b"00000000 [", b"a\n00000000 {", b'0000000g {"key']
+
+
+@pytest.mark.parametrize("foreign", FOREIGN)
 @pytest.mark.parametrize("read_only", [False, True])
 def test_a_file_that_is_not_a_ledger_is_refused_by_name_and_stays_as_it_is(tmp_path, foreign, read_only):
     path = tmp_path / "ledger.jsonl"
@@ -182,3 +196,52 @@ def test_a_pipe_and_a_folder_are_no_ledgers(tmp_path):
     for path in (tmp_path / "pipe", tmp_path):
         with pytest.raises(SwarmError, match="is not a file"):
             Ledger(path)
+
+
+@pytest.mark.parametrize("kept", range(9, 60))
+def test_a_first_line_that_is_torn_is_cut_off(tmp_path, kept):
+    path = tmp_path / "l"
+    path.write_bytes(forged(GOOD)[:kept])
+    with Ledger(path, read_only=True) as ledger:
+        assert key(1) not in ledger
+    assert path.stat().st_size == kept
+    with Ledger(path) as ledger:
+        assert path.read_bytes() == b""
+        ledger.append(key(1), ended(1))
+    with Ledger(path) as ledger:
+        assert ledger.outcome(key(1)) == ended(1)
+
+
+def test_refusals_show_a_long_and_odd_path_on_one_short_line(tmp_path):
+    folder = tmp_path / ("n\new" + "y" * 200) / ("z" * 200)
+    folder.mkdir(parents=True)
+    (folder / "note").write_text("mine")
+    (folder / "folder").mkdir()
+
+    def stored():
+        with Ledger(folder / "new") as ledger:
+            ledger.append(key(1), Outcome(results={"a": "text"}))
+
+    def twice():
+        with Ledger(folder / "new"):
+            Ledger(folder / "new")
+
+    def changed():
+        with Ledger(folder / "new") as ledger:
+            ledger.append(key(1), ended(1))
+            (folder / "new").write_bytes(b"x" * 200)
+            ledger.outcome(key(1))
+
+    attempts = (stored, twice, changed, *(partial(Ledger, folder / name) for name in ("note", "folder", "x" * 300)))
+    for attempt in attempts:
+        with pytest.raises(SwarmError) as refusal:
+            attempt()
+        assert len(str(refusal.value)) <= 300
+        assert len(str(refusal.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("odd", [Fraction(1, 2), np.array(1.5), {1, 2}, nested(100), nested(900)])
+def test_results_that_are_no_numbers_are_refused_in_one_line_and_not_written(tmp_path, odd):
+    with Ledger(tmp_path / "l") as ledger, pytest.raises(SwarmError, match="expected numbers and lists of them"):
+        ledger.append(key(1), Outcome(results={"a": odd}))
+    assert (tmp_path / "l").read_bytes() == b""

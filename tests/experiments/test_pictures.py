@@ -10,11 +10,16 @@ from matplotlib.figure import Figure
 from mesa_swarm.experiments import pictures
 from mesa_swarm.experiments.bench import complexity_figure, exponent, step_table, verdict
 from mesa_swarm.experiments.figures import fires_figure, series_figure, window_means
+from mesa_swarm.experiments.fire_figures import fire_figure, fire_run
 from mesa_swarm.experiments.pictures import draw_world, legend_of, png, world_figure
 from mesa_swarm.experiments.portrait import portrait_of
+from mesa_swarm.experiments.reality_gap import Gap, gap_figure
+from mesa_swarm.experiments.reward_figures import reward_figure
 from mesa_swarm.experiments.workload import AREA_PER_ROBOT, peer_workload
 from mesa_swarm.gallery import find_model
+from mesa_swarm.learning.reward_lab import reward_profile
 from mesa_swarm.model import SwarmModel
+from mesa_swarm.reproduction.drawing import world_picture
 from mesa_swarm.robots.design import AGENT9
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.map_parts import FireSpot
@@ -246,3 +251,21 @@ def test_complexity_curves_have_a_panel_each_with_axes_and_legend():
     assert [axes.get_xscale() for axes in figure.axes] == ["linear", "log"]
     assert [text.get_text() for text in figure.axes[0].get_legend().get_texts()] == ["a", "b"]
     assert figure.axes[0].lines[1].get_ydata() == pytest.approx([0.02, 0.3])
+
+
+@pytest.mark.parametrize("name", ["a$\\frac{$b", "{n$^$}"])
+def test_dollars_in_names_are_shown_as_they_are_in_all_pictures(name):
+    gap = Gap(model=name, measure=name, preset=name, dial=(0.0, 1.0), seeds=[1], steps=1, scores={0.0: [1], 1.0: [2]})
+    profile = reward_profile("a", actions=4, points=11)
+    run = fire_run("shared", rng=1, steps=20, round_steps=10, n_robots=2)
+    pictures = [
+        gap_figure(gap),
+        reward_figure({name: (profile, profile)}),
+        fire_figure({name: [run]}),
+        complexity_figure({name: {name: {10: 0.1, 20: 0.2}}}),
+        world_picture(empty_world(), name),
+        world_figure({name: portrait_of(empty_world())}),
+        fires_figure({name: portrait_of(find_model("fire_fighting")(rng=1).run(60))}),
+        series_figure({name: portrait_of(find_model("collision_avoidance")(rng=1).run(60))}),
+    ]
+    assert all(png(picture)[1:4] == b"PNG" for picture in pictures)

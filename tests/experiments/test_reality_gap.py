@@ -1,5 +1,8 @@
 """The dial from ideal to imperfect robots, as an experiment and as it is typed."""
 
+import json
+from zlib import crc32
+
 import pytest
 from PIL import Image
 
@@ -8,7 +11,7 @@ from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.experiments import reality_gap as module
 from mesa_swarm.experiments import reality_gap_commands
 from mesa_swarm.experiments.reality_gap import gap_figure, gap_run, reality_gap
-from mesa_swarm.gallery import find_model
+from mesa_swarm.gallery import find_model, model_names
 
 SMALL = {"n_robots": 5}
 
@@ -120,3 +123,49 @@ def test_what_is_meant_for_one_model_is_refused_for_all(words, capsys, tmp_path,
     assert typed(f"reality-gap {words}") == 2
     assert "was given without a model; name the model that it is for" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"results": {"foo": 1.0}},
+        {"results": {"way left": 1.0, "arrived at": None}},
+        {"results": None, "error": "ValueError: x"},
+        {"results": {}},
+        {"results": {"arrived at": [1.0], "way left": [1.0, [2.0]]}},
+        {"results": {"arrived at": None, "way left": float("inf")}},
+        {"results": {"arrived at": None, "way left": 10**300}},
+    ],
+)
+@pytest.mark.parametrize("every", [True, False])
+def test_stored_runs_that_cannot_be_of_this_model_are_done_again_and_then_remembered(
+    tmp_path, monkeypatch, wrong, every
+):
+    how = {"model": "cooperative_transport", "dial": (0, 1), "seeds": 2, "steps": 3, "out": tmp_path}
+    whole, ledger, done = reality_gap(**how).csv(), tmp_path / "runs.jsonl", []
+    lines = [json.loads(line[9:]) for line in ledger.read_bytes().splitlines()]
+    for line in lines if every else lines[:1]:
+        line.update(wrong)
+    texts = [json.dumps(line).encode() for line in lines]
+    ledger.write_bytes(b"".join(b"%08x %s\n" % (crc32(text), text) for text in texts))
+    monkeypatch.setattr(module, "gap_run", lambda *task: done.append(task) or gap_run(*task))
+    assert [reality_gap(**how).csv() for _ in range(2)] == [whole] * 2
+    assert len(done) == (4 if every else 1)
+
+
+@pytest.mark.parametrize("name", model_names())
+def test_the_results_of_a_model_have_the_same_names_before_and_after_a_run(name):
+    model = find_model(name)(rng=1)
+    before = list(model.results())
+    assert list(model.run(3).results()) == before
+
+
+def test_a_picture_that_fails_costs_no_table(tmp_path, monkeypatch):
+    def fail(gap):
+        raise RuntimeError("no picture")
+
+    gap = reality_gap("agglomeration", dial=(0, 1), seeds=1, steps=2, settings=SMALL)
+    monkeypatch.setattr(module, "gap_figure", fail)
+    with pytest.raises(RuntimeError, match="no picture"):
+        gap.save(tmp_path)
+    assert (tmp_path / "reality_gap.csv").read_text() == gap.csv()

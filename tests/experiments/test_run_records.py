@@ -4,12 +4,12 @@ import os
 from pathlib import Path
 
 import pytest
-from failing_models import Counting, DyingOnce, Raising
+from failing_models import Counting, Dying, DyingOnce, Raising
 
 from mesa_swarm.errors import RecordingError, SwarmError
 from mesa_swarm.experiments.run_records import Archive
 from mesa_swarm.experiments.sweep import sweep
-from mesa_swarm.files import draft_name
+from mesa_swarm.files import draft_name, lock
 from mesa_swarm.gallery import find_model
 from mesa_swarm.recording import Recording, verify
 
@@ -100,3 +100,23 @@ def test_a_draft_that_a_kill_left_is_replaced(tmp_path):
     assert (made.done_before, again.done_before) == (0, 0)
     assert not draft.exists()
     assert len(Recording(file)) == 5
+
+
+@pytest.mark.skipif(os.name == "nt", reason="there is no SIGKILL")
+def test_a_run_that_always_kills_its_worker_leaves_no_draft(tmp_path):
+    settings = {"diary": str(tmp_path / "diary")}
+    made = sweep(Dying, seeds=3, steps=1, settings=settings, out=tmp_path, jobs=2, record={})
+    assert (made.failed, made.frame()["recording"].isna().tolist()) == (1, [False, True, False])
+    assert [path.suffix for path in (tmp_path / "recordings").iterdir()] == [".arrow"] * 2
+
+
+def test_what_is_left_of_a_recording_is_deleted_unless_it_is_still_written_to(tmp_path):
+    archive = Archive(tmp_path, {})
+    drafts = [draft_name(archive.file(key), 0) for key in ("0a", "0b")]
+    for draft in drafts:
+        draft.write_bytes(b"some of it")
+    with open(drafts[1], "rb", buffering=0) as file:
+        lock(file)
+        for key in ("0a", "0b", "0c"):
+            archive.clear(key)
+        assert list(tmp_path.iterdir()) == [drafts[1]]

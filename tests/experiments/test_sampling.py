@@ -5,11 +5,14 @@ from collections import Counter
 import numpy as np
 import pandas as pd
 import pytest
+from support.pace import work_within
 
 from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.experiments.experiment import checked_experiment
 from mesa_swarm.experiments.plan import checked_seeds
-from mesa_swarm.experiments.sampling import Sample, grid
+from mesa_swarm.experiments.sampling import Points, Sample, grid
 from mesa_swarm.gallery import find_model
+from mesa_swarm.model import SwarmModel
 
 FIRE = find_model("fire_fighting")
 GRID = {"strategy": ["A", "B"], "n_robots": [2, 3]}
@@ -54,3 +57,58 @@ def test_an_array_without_values_is_refused_as_a_list_without_any_is(values):
     if np.ndim(values):
         with pytest.raises(InvalidValueError, match="number of seeds is 0"):
             checked_seeds(values)
+
+
+class Listing(SwarmModel):
+    """A model with parameters that cannot be hashed."""
+
+    def __init__(self, *, sizes: list = [1], pair: dict = {}, rng=None) -> None:  # noqa: B006 - it is not changed
+        super().__init__(rng=rng)
+
+    def results(self):
+        """Return a number."""
+        return {"a": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("name", "values"), [("sizes", [[1], [2], [1, [2]]]), ("pair", [{"a": 1}, {"a": 2}, {"a": [1]}])]
+)
+def test_values_of_a_grid_may_be_lists_and_dicts(name, values):
+    assert grid(Listing, {name: values}) == [{name: value} for value in values]
+    assert len(checked_experiment(Listing, {name: values}, seeds=2, steps=2)) == 6
+
+
+@pytest.mark.parametrize(
+    ("name", "values"), [("sizes", [[1, {}], [1.0, {}]]), ("pair", [{"a": 1, "b": 2}, {"b": 2.0, "a": True}])]
+)
+def test_lists_and_dicts_that_are_equal_are_refused_as_values_that_are_there_twice(name, values):
+    with pytest.raises(InvalidValueError, match=rf"{name} has .* twice; expected different values"):
+        grid(Listing, {name: values})
+
+
+def test_many_lists_are_told_apart_in_little_time():
+    with work_within(2.0):
+        assert len(grid(Listing, {"sizes": [[k] for k in range(20_000)]})) == 20_000
+
+
+def test_lists_that_hold_what_can_only_be_compared_are_told_apart():
+    with pytest.raises(InvalidValueError, match=r"sizes has .* twice"):
+        grid(Listing, {"sizes": [[bytearray(b"a")], [bytearray(b"b")], [bytearray(b"a")]]})
+
+
+def test_points_are_equal_if_they_are_the_same_one_by_one():
+    values = {"strategy": ["A", "B"], "k1": [0.1, 0.2]}
+    one, same, other = (
+        checked_experiment(FIRE, v, seeds=2, steps=2) for v in (values, values, {**values, "k1": [0.1, 0.3]})
+    )
+    assert (one == same, one == other, one.points == grid(FIRE, values), one.points == 3) == (True, False, True, False)
+    sample = Sample("sobol", {"k1": (0.0, 1.0)}, points=4)
+    assert sample.points_of(FIRE) == sample.settings(FIRE)
+
+
+def test_points_say_in_one_short_line_what_they_are():
+    assert repr(Points({"a": [1, 2]}, crossed=True)) == "Points({'a': [1, 2]}, crossed=True)"
+    sample = Sample("sobol", {"k1": (0.0, 1.0)}, points=1024).points_of(FIRE)
+    text = repr([Points({"a": [[0.5] * 10_000] * 10_000}, crossed=True), sample])
+    assert len(text) < 500
+    assert " at 0x" not in text

@@ -20,6 +20,7 @@ from mesa_swarm.experiments.sampling import Sample
 from mesa_swarm.experiments.source import source_hash
 from mesa_swarm.experiments.sweep import sweep
 from mesa_swarm.gallery import find_model
+from mesa_swarm.model import SwarmModel
 
 FIRE = find_model("fire_fighting")
 GRID = {"strategy": ["A", "B"], "n_robots": [2, 3]}
@@ -233,3 +234,39 @@ def test_a_stored_outcome_that_cannot_be_a_row_of_the_table_is_done_again(tmp_pa
 
 def test_an_error_with_half_a_surrogate_is_an_outcome_that_can_be_written():
     assert error_in_words(ValueError("name \udcff")) == r"ValueError: name \udcff"
+
+
+class Telling(SwarmModel):
+    """Its results have any names; some only in the end."""
+
+    def __init__(self, *, names: str = "", late: str = "", rng=None) -> None:
+        super().__init__(rng=rng)
+        self.names, self.late = names, late
+
+    def results(self):
+        """Return a number by each name."""
+        return dict.fromkeys([*self.names.split(","), *(self.late.split(",") if self.late and self.steps else ())], 1.0)
+
+
+@pytest.mark.parametrize("names", ["recording", ",".join(f"r{k}" for k in range(5_001))])
+def test_runs_are_remembered_whatever_their_results_are_called_and_however_many_there_are(tmp_path, names):
+    made, again = (sweep(Telling, seeds=2, steps=1, settings={"names": names}, out=tmp_path, jobs=1) for _ in range(2))
+    assert (made.done_before, again.done_before) == (0, 2)
+    assert len((tmp_path / "ledger.jsonl").read_text().splitlines()) == 2
+    assert set(names.split(",")) <= set(again.frame().columns)
+
+
+def test_a_result_that_is_called_recording_is_refused_where_runs_are_recorded(tmp_path):
+    with pytest.raises(InvalidValueError, match="result 'recording' is named as another column; rename it"):
+        sweep(Telling, seeds=2, steps=1, settings={"names": "recording"}, out=tmp_path, jobs=1, record=True)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("late", "record"), [("rng", False), ("names", False), ("recording", True)])
+def test_a_run_that_ends_with_a_result_named_as_another_column_is_an_error_that_is_remembered(tmp_path, late, record):
+    settings = {"names": "a", "late": late}
+    made, again = (
+        sweep(Telling, seeds=2, steps=1, settings=settings, out=tmp_path, jobs=1, record=record) for _ in range(2)
+    )
+    said = f"InvalidValueError: result '{late}' is named as another column; rename it in results()"
+    assert (made.failed, again.done_before, again.errors) == (2, 2, (said,))

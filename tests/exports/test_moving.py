@@ -14,6 +14,7 @@ from mesa_swarm.exports import export
 from mesa_swarm.exports.look import CAPTION, MARGIN, Look
 from mesa_swarm.exports.portraits import Portraits, Rows
 from mesa_swarm.exports.screen import Screen
+from mesa_swarm.model import SwarmModel
 from mesa_swarm.models.agglomeration import Agglomeration
 from mesa_swarm.recording import Recording
 
@@ -37,6 +38,14 @@ def check_robots(pixels, portrait, tolerance):
             x, y = position + along * ahead + 2.2 * left
             seen = pixels[int(height - MARGIN - y), int(MARGIN + x)].astype(float)
             assert np.abs(seen[:3] - colour(wanted)).max() <= tolerance, (position, along)
+
+
+def test_dollars_in_the_name_of_a_model_do_no_harm_to_a_film(tmp_path):
+    model = type("a$\\frac{$b", (SwarmModel,), {})(rng=1)
+    with model.record(tmp_path / "run.arrow"):
+        model.run(2)
+    portraits = Portraits(Rows(Recording(tmp_path / "run.arrow")))
+    assert Screen(portraits, Look()).show(1).shape[2] == 4
 
 
 @pytest.mark.parametrize("step", [0, 40, 300])
