@@ -33,6 +33,7 @@ from mesa_swarm.files import (
     opened_draft,
     put_in_place,
     shown_path,
+    unlock,
     unwritable,
 )
 
@@ -101,6 +102,7 @@ class SealedWriter:
         self._last_seal = b""
         self._file, self._place = _opened(path, overwrite)
         self._identity = _identity(os.fstat(self._file.fileno()))
+        self._owner = os.getpid()
         OWN.add(self._identity)
         self.sealed = Sealed(0, 0)
         try:
@@ -178,6 +180,8 @@ class SealedWriter:
         self._let_go()
 
     def _let_go(self) -> None:
+        if os.getpid() == self._owner:  # a child that was forked meanwhile shares the lock: ours ends it, not the child's
+            unlock(self._file)
         self._file.close()
         OWN.discard(self._identity)
 
@@ -216,9 +220,14 @@ class SealedWriter:
         if place is None:
             return
         try:
-            if is_named(self._file, Path(self._file.name)):  # else Ctrl-C came just after it was renamed
+            if is_named(self._file, Path(self._file.name)):
                 _check_unused(self.path, place)
                 put_in_place(self._file, place)
+            elif not is_named(self._file, place):  # it is where Ctrl-C came just after it was renamed
+                raise RecordingError(
+                    f"{shown_path(self.path)} was not replaced: somebody deleted the draft beside it, and with it all "
+                    "rows of this recording; record again"
+                )
         except OSError as error:
             raise unwritable(self.path, error, RecordingError, self._what_is_left()) from None
         self._place = None

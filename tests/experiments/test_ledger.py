@@ -3,10 +3,12 @@
 import hashlib
 import json
 import os
+from contextlib import contextmanager
 from zlib import crc32
 
 import numpy as np
 import pytest
+from support.forks import forked
 
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments.experiment import Outcome
@@ -182,3 +184,17 @@ def test_a_pipe_and_a_folder_are_no_ledgers(tmp_path):
     for path in (tmp_path / "pipe", tmp_path):
         with pytest.raises(SwarmError, match="is not a file"):
             Ledger(path)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs POSIX")
+def test_a_closed_ledger_is_free_though_a_child_that_was_forked_meanwhile_has_it_open(tmp_path):
+    with forked_while_open(tmp_path / "l"), Ledger(tmp_path / "l") as ledger:
+        ledger.append(key(1), ended(1))
+
+
+@contextmanager
+def forked_while_open(path):
+    ledger = Ledger(path)
+    with forked():
+        ledger.close()
+        yield
