@@ -49,10 +49,13 @@ HEADER, BUFFERS, PACKED = 2, 2, 3
 CLAIM = 8
 # A batch may take so many bytes in memory, or so many times as many as in the file.
 LEAST_BELIEVED, MOST_PACKED = 1 << 25, 64
+# By so much what a batch takes may be misjudged when it is written.
+SLACK = 1 << 16
 # The files that this process writes: a recorder that was left open, as in a notebook, gives way to the next.
 OWN: set[tuple[int, int]] = set()
 # Level 1: higher ones cost a step more than they save on disk.
 ZSTD = pa.ipc.IpcWriteOptions(compression=pa.Codec("zstd", compression_level=1))
+PLAIN = pa.ipc.IpcWriteOptions()
 
 
 class Sealed(NamedTuple):
@@ -180,7 +183,9 @@ class SealedWriter:
         self._let_go()
 
     def _let_go(self) -> None:
-        if os.getpid() == self._owner:  # a child that was forked meanwhile shares the lock: ours ends it, not the child's
+        if (
+            os.getpid() == self._owner
+        ):  # a child that was forked meanwhile shares the lock: ours ends it, not the child's
             unlock(self._file)
         self._file.close()
         OWN.discard(self._identity)
@@ -194,7 +199,10 @@ class SealedWriter:
         self.sealed = Sealed(self.sealed.end + len(message) + len(seal), self.sealed.rows + rows)
 
     def _message(self, batch: pa.RecordBatch, metadata: dict | None = None) -> bytes:
-        return _stream_of(self._bare, batch, metadata)[self._head :]
+        message = _stream_of(self._bare, batch, metadata)[self._head :]
+        if batch is not None and batch.nbytes > _believed(message):  # readers take so much only if it is all there
+            return _stream_of(self._bare, batch, metadata, PLAIN)[self._head :]
+        return message
 
     def _put(self, content: bytes) -> None:
         """Write after what is sealed; whatever an earlier attempt left there is cut off."""
@@ -271,10 +279,20 @@ def _identity(status: os.stat_result) -> tuple[int, int]:
     return status.st_dev, status.st_ino
 
 
-def _stream_of(schema: pa.Schema, batch: pa.RecordBatch | None = None, metadata: dict | None = None) -> bytes:
+def _believed(message: bytes) -> int:
+    """Return how many bytes a batch may take in memory for what is surely its length in the file."""
+    return max(LEAST_BELIEVED, MOST_PACKED * len(message)) - SLACK
+
+
+def _stream_of(
+    schema: pa.Schema,
+    batch: pa.RecordBatch | None = None,
+    metadata: dict | None = None,
+    options: pa.ipc.IpcWriteOptions = ZSTD,
+) -> bytes:
     """Return the bytes of schema and batch, without the end of the stream."""
     sink = pa.BufferOutputStream()
-    with pa.ipc.new_stream(sink, schema, options=ZSTD) as writer:
+    with pa.ipc.new_stream(sink, schema, options=options) as writer:
         if batch is not None:
             writer.write_batch(batch, custom_metadata=metadata)
     return sink.getvalue().to_pybytes()[: -len(END_OF_STREAM)]
