@@ -11,6 +11,7 @@ from io import FileIO
 from itertools import count
 from pathlib import Path
 from tempfile import TemporaryFile
+from typing import BinaryIO
 
 from mesa_swarm.errors import InvalidValueError, SwarmError, shortened
 
@@ -170,6 +171,8 @@ def write_whole(
 def write_all(folder: Path, contents: Mapping[str, str | bytes]) -> list[Path]:
     """Write files that belong together: all of them, or none if the disk is full; return their paths.
 
+    All are on the disk before the first is renamed: some disks tell only when a file is synced that they are full.
+
     Parameters
     ----------
     folder : Path
@@ -191,7 +194,9 @@ def write_all(folder: Path, contents: Mapping[str, str | bytes]) -> list[Path]:
     paths = [folder / name for name in contents]
     with ExitStack() as drafts:
         for path, content in zip(paths, contents.values(), strict=True):
-            drafts.enter_context(draft_of(path)).write_bytes(_as_bytes(content))
+            draft = drafts.enter_context(draft_of(path))
+            draft.write_bytes(_as_bytes(content))
+            sync(draft)
     return paths
 
 
@@ -226,25 +231,41 @@ def draft_of(path: Path, error: type[SwarmError] = InvalidValueError, *, folders
     ['b.txt']
     """
     made = [folder for folder in path.parents if not os.path.lexists(folder)] if folders else []
-    draft = place = path
+    try:
+        place, hold = _begun(path, error, folders)
+        with hold:
+            try:
+                yield Path(hold.name)
+                put_in_place(hold, place)
+                unlock(hold)
+            except OSError as problem:
+                discard(hold)
+                if _is_of_another(problem, place, Path(hold.name)):
+                    raise
+                raise unwritable(path, problem, error) from None
+            except BaseException:
+                discard(hold)
+                raise
+    finally:
+        _remove_empty(made)
+
+
+def _begun(path: Path, error: type[SwarmError], folders: bool) -> tuple[Path, FileIO]:
+    """Return where a file is to stand, symbolic links followed, and its draft, open."""
     try:
         place = checked_place(path)
         if folders:
             place.parent.mkdir(parents=True, exist_ok=True)
-        with opened_draft(place) as hold:
-            draft = Path(hold.name)
-            try:
-                yield draft
-                put_in_place(hold, place)
-            except BaseException:
-                discard(hold)
-                raise
+        return place, opened_draft(place)
     except OSError as problem:
-        if isinstance(problem.filename, str) and Path(problem.filename) not in (draft, place, path, *path.parents):
-            raise  # about another file
         raise unwritable(path, problem, error) from None
-    finally:
-        _remove_empty(made)
+
+
+def _is_of_another(problem: OSError, place: Path, draft: Path) -> bool:
+    """Return whether an error names a file that is neither a draft, nor its place, nor a folder above."""
+    if not isinstance(problem.filename, str):
+        return False
+    return Path(os.path.realpath(problem.filename)) not in (draft, place, *place.parents)
 
 
 def opened_draft(path: Path) -> FileIO:
@@ -336,10 +357,11 @@ def discard(draft: FileIO) -> None:
             draft.close()
         if ours:
             name.unlink(missing_ok=True)
+    unlock(draft)
     draft.close()
 
 
-def lock(file: FileIO, shared: bool = False) -> bool | None:
+def lock(file: FileIO | BinaryIO, shared: bool = False) -> bool | None:
     """Lock an open file until it is closed, and return whether that could be: None where files have no locks.
 
     A shared lock is refused only where a writer has the other kind.
@@ -360,6 +382,23 @@ def lock(file: FileIO, shared: bool = False) -> bool | None:
     except OSError:  # some file systems have none
         return None
     return True
+
+
+def unlock(file: FileIO | BinaryIO) -> None:
+    """Give up the lock of an open file, also for child processes that share it.
+
+    Closing alone would not: the lock stays as long as any of them has it open.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryFile() as file:
+    ...     lock(file), unlock(file)
+    (True, None)
+    """
+    if fcntl is not None and not file.closed:
+        with suppress(OSError):  # some file systems have none
+            fcntl.flock(file, fcntl.LOCK_UN)
 
 
 def is_locked(path: Path) -> bool:

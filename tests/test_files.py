@@ -4,11 +4,23 @@ import errno
 import os
 import signal
 import threading
+from contextlib import ExitStack, suppress
+from pathlib import Path
 
 import pytest
+from support.forks import forked
 
 from mesa_swarm.errors import ExportError, InvalidValueError
-from mesa_swarm.files import checked_file, draft_name, draft_of, is_locked, opened_draft, write_whole
+from mesa_swarm.files import (
+    checked_file,
+    draft_name,
+    draft_of,
+    is_locked,
+    lock,
+    opened_draft,
+    write_all,
+    write_whole,
+)
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="needs POSIX")
 
@@ -135,3 +147,60 @@ def test_a_draft_is_locked_while_it_is_open(tmp_path):
     with opened_draft(tmp_path / "a.txt") as draft:
         assert is_locked(tmp_path / draft.name)
     assert not is_locked(tmp_path / draft.name)
+
+
+@pytest.mark.parametrize("name", ["folder", "x" * 300, "file/below", "file/far/below", "x" * 300 + "/below", "loop"])
+@pytest.mark.parametrize("below", ["", "link"])
+def test_a_place_that_is_named_from_here_or_through_a_link_is_refused_alike(tmp_path, monkeypatch, below, name):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").write_text("mine")
+    (tmp_path / "loop").symlink_to("loop")
+    (tmp_path / "link").symlink_to(".")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ExportError, match="cannot be written") as error:
+        write_whole(Path(below) / name, "new", ExportError)
+    one_line(error)
+
+
+def test_errors_about_other_files_stay_what_they_are_and_those_about_the_draft_do_not(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(FileNotFoundError), draft_of(Path("a.txt")):
+        Path("not_there").read_text()
+    with pytest.raises(InvalidValueError, match=r"^a\.txt cannot be written"), draft_of(Path("a.txt")) as draft:
+        Path(os.path.relpath(draft)).unlink()
+    assert names_in(tmp_path) == []
+
+
+@pytest.mark.parametrize("full", [1, 2, 3])
+def test_of_files_that_belong_together_none_is_new_where_a_disk_tells_late_that_it_is_full(tmp_path, monkeypatch, full):
+    names = ["a.csv", "b.csv", "c.csv"]
+    write_all(tmp_path, dict.fromkeys(names, "old"))
+    synced, fsync = [], os.fsync
+
+    def late(place):
+        synced.append(place)
+        if len(synced) == full:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        fsync(place)
+
+    monkeypatch.setattr(os, "fsync", late)
+    with pytest.raises(InvalidValueError, match=rf"{names[full - 1]} cannot be written: No space left"):
+        write_all(tmp_path, dict.fromkeys(names, "new"))
+    assert [(tmp_path / name).read_text() for name in names] == ["old"] * 3
+    assert names_in(tmp_path) == names
+
+
+@POSIX
+@pytest.mark.parametrize("fails", [False, True])
+def test_a_draft_is_free_when_it_is_done_with_though_a_child_that_was_forked_meanwhile_has_it_open(tmp_path, fails):
+    def write(draft):
+        opened.append(draft.open("rb"))
+        forks.enter_context(forked())
+        1 / (not fails)
+
+    opened = []
+    with ExitStack() as forks:
+        with suppress(ZeroDivisionError), draft_of(tmp_path / "a.txt") as draft:
+            write(draft)
+        assert lock(opened[0])
+    opened[0].close()

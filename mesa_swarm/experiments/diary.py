@@ -5,6 +5,7 @@ import os
 from pathlib import Path
 
 from mesa_swarm.errors import LearningError
+from mesa_swarm.experiments.experiment import without_addresses
 from mesa_swarm.files import write_whole
 from mesa_swarm.learning.evolution import Evolution
 
@@ -46,7 +47,7 @@ class Diary:
         if self.file is None or not self.file.exists():
             return
         kept = self._read(self.file)
-        changed = sorted(name for name in self.settings if kept["settings"].get(name) != self.settings[name])
+        changed = sorted(name for name, now in self.settings.items() if not _same(kept["settings"].get(name), now))
         if changed:
             raise LearningError(
                 f"{self.file} is of an evolution with other {', '.join(changed)}; use its settings or another file"
@@ -76,3 +77,8 @@ class Diary:
 
     def _refusal(self, why: str) -> LearningError:
         return LearningError(f"{self.file} is no evolution that can be gone on with: {why}")
+
+
+def _same(kept: object, now: object) -> bool:
+    """Return whether a setting is what it was; older files name places in memory, which were others each time."""
+    return now == (without_addresses(kept) if isinstance(kept, str) else kept)

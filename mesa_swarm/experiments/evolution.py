@@ -280,10 +280,11 @@ def _first(trial: Trial, constant: float) -> np.ndarray:
 def settings_of(trial: Trial, worlds: list[Map]) -> dict:
     """Return all that decides what a fitness is, as texts and numbers."""
     told = {name: getattr(trial, name) for name in ("robots", "steps", "units", "squash", "encoding", "mirrored")}
+    # A drive of one's own may have no repr that says what it holds, be it in a __dict__ or in slots.
+    held = object.__getstate__(trial.design.drive)
     return {
         **told,
-        # A drive of one's own may have no repr that says what it holds.
-        "design": without_addresses(f"{trial.design!r} {vars(trial.design.drive)!r}"),
+        "design": without_addresses(f"{trial.design!r} {held!r}" if held else repr(trial.design)),
         "fitness": asdict(trial.fitness),
         "maps": [shown_value(each) for each in worlds],
     }

@@ -18,7 +18,7 @@ import numpy as np
 
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.experiments.experiment import LONGEST_ERROR, Outcome
-from mesa_swarm.files import shown_path
+from mesa_swarm.files import shown_path, unlock
 
 try:
     import fcntl
@@ -104,6 +104,7 @@ class Ledger:
 
     def close(self) -> None:
         """Close the file, and let others write."""
+        unlock(self._file)  # a worker that is still there may share it
         self._file.close()
 
     def __contains__(self, key: str) -> bool:

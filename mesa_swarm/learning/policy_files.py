@@ -25,6 +25,8 @@ HEADER = "header"
 FAMILIES: dict[str, type[Policy]] = {family.family: family for family in (QPolicy, ReflexPolicy, WirePolicy)}
 # A policy of 1,000 robots takes 13 MB; what is far beyond that is none.
 LARGEST_BYTES = 1 << 27
+# What is saved stays below, since deflating noise makes it a little larger.
+LARGEST_SAVED = LARGEST_BYTES - (LARGEST_BYTES >> 8)
 LONGEST_HEADER = 1 << 20
 MOST_ARRAYS = 64
 # How a ZIP archive without a comment ends: sizes and places of its list of contents, which is read as a whole.
@@ -47,7 +49,8 @@ def save_policy(policy: Policy, path: str | os.PathLike[str]) -> Path:
     Raises
     ------
     LearningError
-        If the file cannot be written, or its name ends otherwise.
+        If the file cannot be written, its name ends otherwise, or `load_policy` would refuse it: it may have 133 MB,
+        and holds finite numbers.
     InvalidValueError
         If `policy` or `path` is none.
 
@@ -78,6 +81,7 @@ def save_policy(policy: Policy, path: str | os.PathLike[str]) -> Path:
         raise LearningError("the policy's training holds what is no text or finite number; leave it out") from None
     # Any: NumPy's own option is among the names to a type checker.
     contents: dict[str, Any] = {HEADER: np.frombuffer(text.encode(), np.uint8), **policy.arrays()}
+    _check_contents(contents)
     with draft_of(file, LearningError, folders=False) as draft, draft.open("wb") as part:
         np.savez_compressed(part, **contents)
     return file
@@ -114,6 +118,23 @@ def _file_of(path: str | os.PathLike[str]) -> Path:
         return Path(path)
     except TypeError:
         raise InvalidValueError(f"path is {shortened(path)}; expected a text or Path") from None
+
+
+def _check_contents(contents: dict[str, np.ndarray]) -> None:
+    """Refuse to save what `load_policy` would refuse."""
+    size = sum(array.nbytes for array in contents.values())
+    if size > LARGEST_SAVED:
+        raise LearningError(
+            f"the policy has {size:,} bytes, more than the {LARGEST_SAVED:,} of a file; keep one of fewer robots"
+        )
+    if contents[HEADER].size > LONGEST_HEADER:
+        raise LearningError(
+            f"the policy's training and settings take {contents[HEADER].size:,} bytes as JSON, more than the "
+            f"{LONGEST_HEADER:,} of a file; leave out what is long"
+        )
+    for name, array in contents.items():
+        if not np.isfinite(array).all():
+            raise LearningError(f"the policy's {shortened(name)} holds what is not finite; learn with a lower rate")
 
 
 def _number(value: object) -> float:

@@ -43,6 +43,8 @@ OF_EVERY_MODEL = {
 LARGEST_NUMBER = 1e15
 # Bit generators whose state no number can break.
 GENERATORS = ("PCG64", "PCG64DXSM")
+# Of Python's generator.
+WORDS = 625
 OURS = ("mesa_swarm.control.", "mesa_swarm.fire.")
 
 
@@ -367,8 +369,11 @@ def _lay_randomness(model: ObservedWorld, facts: dict, told: Packed) -> None:
     for name, state in facts["streams"].items():
         model.streams[name].bit_generator.state = _checked_state(told.unpack(state))
     model.rng.bit_generator.state = _checked_state(told.unpack(facts["rng"]))
-    version, words, gauss = facts["random"]
-    model.random.setstate((version, tuple(told.unpack(words).tolist()), gauss))
+    version, packed, gauss = facts["random"]
+    words = told.unpack(packed)
+    if not isinstance(words, np.ndarray) or words.shape != (WORDS,):
+        raise RecordingError("the state of Python's random numbers is none")
+    model.random.setstate((version, tuple(words.tolist()), gauss))
     noise = told.unpack(facts["noise"])
     if noise is not None:
         _, before, draws = noise

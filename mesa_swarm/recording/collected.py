@@ -1,16 +1,28 @@
 """What a model collects over its steps, told by what came since the last checkpoint, and put together again."""
 
+import json
+import math
+import re
 from collections.abc import Sequence
+from dataclasses import replace
+from itertools import accumulate, pairwise
 from typing import Any
 
 import numpy as np
 
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.observed_world import ObservedWorld
+from mesa_swarm.recording.container import Checkpoint, memory_of
 from mesa_swarm.recording.plain import Packed
 
 # What one array holds exactly, and what it is called.
 UNIFORM = {float: np.float64, bool: np.bool_, np.float64: np.float64, np.int64: np.int64, np.bool_: np.bool_}
+
+# Places of arrays in what was packed. What Python takes for a value of one, and for a row of one, in a list.
+PLACES = re.compile(r'"(?:array|number)":(\d{1,9})\b')
+OF_VALUE, OF_ROW = 48, 128
+# All that was collected up to a stored state takes at most so many bytes, or so many times those of the recording.
+MOST_COLLECTED, MOST_PACKED = 100_000_000, 64
 
 Path = tuple[str, ...]
 
@@ -53,8 +65,41 @@ def collected_to_json(model: ObservedWorld, packed: Packed, since: dict[Path, in
     for path, values in series_of(model).items():
         begin = since.get(path, 0)
         begin = begin if begin <= len(values) else 0
-        told.append([list(path), begin, _pack(values[begin:], packed, ".".join(path))])
+        pack = _pack_rows if path == ("agents",) else _pack
+        told.append([list(path), begin, pack(values[begin:], packed, ".".join(path))])
     return told
+
+
+def without_rest(checkpoint: Checkpoint) -> Checkpoint:
+    """Return of a checkpoint only what it collected, which is all that later ones go on from."""
+    told = checkpoint.facts["collected"]
+    needed, nothing = _places(_words(told)), np.empty(0)
+    kept = [array.copy() if place in needed else nothing for place, array in enumerate(checkpoint.arrays)]
+    return replace(checkpoint, facts={"collected": told}, arrays=kept)
+
+
+def size_of_collected(checkpoint: Checkpoint) -> int:
+    """Return about how many bytes what a checkpoint collected takes once a model has it, rather too many."""
+    words = _words(checkpoint.facts["collected"])
+    places = _places(words)
+    arrays = [array for place, array in enumerate(checkpoint.arrays) if place in places]
+    spread = sum(OF_VALUE * math.prod(max(width, 1) for width in array.shape) for array in arrays)
+    return memory_of(words) + spread + sum(OF_ROW * len(array) for array in arrays if array.ndim > 1)
+
+
+def check_collected(size: int, file: int) -> None:
+    """Refuse states that have collected more than a file of so many bytes can stand for.
+
+    Raises
+    ------
+    RecordingError
+    """
+    most = max(MOST_COLLECTED, MOST_PACKED * file)
+    if size > most:
+        raise RecordingError(
+            f"what was collected takes about {size:,} bytes of memory, more than the {most:,} of a recording of "
+            f"{file:,} bytes; collect less, or less often"
+        )
 
 
 def joined(parts: Sequence[tuple[list, Packed]]) -> dict[Path, list]:
@@ -112,9 +157,44 @@ def _pack(values: list, packed: Packed, what: str) -> object:
     return packed.pack(list(values), what)
 
 
+def _pack_rows(values: list, packed: Packed, what: str) -> object:
+    """Return what was collected of agents, each step with its rows, by columns: these are arrays as a rule."""
+    rows = [row for _, rows in values if type(rows) is list for row in rows]
+    regular = all(type(pair) is tuple and type(pair[1]) is list for pair in values)
+    if not rows or not regular or {type(row) for row in rows} != {tuple} or len({len(row) for row in rows}) != 1:
+        return packed.pack(values, what)
+    return {
+        "of": "agents",
+        "steps": _pack([step for step, _ in values], packed, what),
+        "counts": packed.pack(np.array([len(rows) for _, rows in values], np.int64)),
+        "columns": [_pack(list(column), packed, what) for column in zip(*rows, strict=True)],
+    }
+
+
+def _unpack_rows(told: dict, packed: Packed) -> list:
+    steps, columns = _unpack(told["steps"], packed), [_unpack(column, packed) for column in told["columns"]]
+    counts = packed.unpack(told["counts"])
+    if not isinstance(counts, np.ndarray) or counts.dtype != np.int64 or (counts < 0).any():
+        raise RecordingError("what was collected of agents is none")
+    rows, ends = list(zip(*columns, strict=True)), accumulate(counts.tolist(), initial=0)
+    if counts.sum(dtype=object) != len(rows):
+        raise RecordingError("what was collected of agents is none")
+    return [(step, rows[begin:end]) for step, (begin, end) in zip(steps, pairwise(ends), strict=True)]
+
+
+def _words(told: list) -> str:
+    return json.dumps(told, separators=(",", ":"))
+
+
+def _places(words: str) -> set[int]:
+    return set(map(int, PLACES.findall(words)))
+
+
 def _unpack(told: Any, packed: Packed) -> list:
     if isinstance(told, list):
         return packed.unpack(told)
+    if told["of"] == "agents":
+        return _unpack_rows(told, packed)
     values = packed.unpack(told["array"])
     if not isinstance(values, np.ndarray) or not values.ndim:
         raise RecordingError("a collected series is none")

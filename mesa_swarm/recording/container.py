@@ -13,11 +13,10 @@ from mesa_swarm.errors import RecordingError
 
 MAGIC = b"swarm checkpoint 1\n"
 LENGTH = 8
-# More than any model of this package needs; a file that asks for more is not believed, nor one that asks for more
-# than some times what it holds. JSON takes up to twenty times its length once it is read.
+# No state is larger; nor may it take more memory to be read than this, or than some times what it takes in the file,
+# so that a small file cannot ask for much. What is written keeps to the same limits.
 LARGEST = 1 << 30
-LEAST_BELIEVED, MOST_PACKED = 1 << 25, 64
-LEAST_HEAD, MOST_HEAD = 1 << 22, 16
+MOST_MEMORY, MOST_TIMES = 100_000_000, 4
 MOST_AXES = 32
 CODEC = pa.Codec("zstd", compression_level=1)
 # What `plain.KINDS` names, with a width; objects and records are never stored.
@@ -37,15 +36,12 @@ class Checkpoint:
         The model's fingerprint, with which a restored one is compared.
     facts : dict
     arrays : list of ndarray
-    size : int
-        Bytes that it takes, unpacked.
     """
 
     step: int
     state_hash: str
     facts: dict
     arrays: list[np.ndarray] = field(default_factory=list)
-    size: int = 0
 
 
 def to_bytes(checkpoint: Checkpoint) -> bytes:
@@ -54,7 +50,7 @@ def to_bytes(checkpoint: Checkpoint) -> bytes:
     Raises
     ------
     RecordingError
-        If it is too large.
+        If it is too large: `from_bytes` would refuse it.
 
     Examples
     --------
@@ -71,9 +67,32 @@ def to_bytes(checkpoint: Checkpoint) -> bytes:
     }
     words = json.dumps(head, separators=(",", ":")).encode()
     whole = b"".join([len(words).to_bytes(LENGTH, "little"), words, *parts])
-    if len(whole) > LARGEST:
-        raise RecordingError(f"the state takes {len(whole):,} bytes, more than the {LARGEST:,} of a checkpoint")
-    return MAGIC + len(whole).to_bytes(LENGTH, "little") + CODEC.compress(whole, asbytes=True)
+    packed = MAGIC + len(whole).to_bytes(LENGTH, "little") + CODEC.compress(whole, asbytes=True)
+    needed, believed = 2 * len(whole) + memory_of(words), _believed(packed)
+    if len(whole) > LARGEST or needed > believed:
+        raise RecordingError(
+            f"the state has {len(whole):,} bytes and takes about {needed:,} to be read, more than the {believed:,} of "
+            "a checkpoint; keep large arrays out of it, or collect less"
+        )
+    return packed
+
+
+def memory_of(words: bytes | str) -> int:
+    """Return about how many bytes a text of JSON takes once it is read, rather too many.
+
+    Examples
+    --------
+    >>> memory_of("[1,[]]"), memory_of(b'{"x":[]}')
+    (258, 360)
+    """
+    count: Any = words.count
+    objects, lists, values = (count(mark if isinstance(words, str) else mark.encode()) for mark in "{[,")
+    # Texts in which one letter is rare take four bytes a letter, beside the text of JSON itself.
+    return 5 * len(words) + 230 * objects + 90 * lists + 48 * values
+
+
+def _believed(packed: bytes) -> int:
+    return max(MOST_MEMORY, MOST_TIMES * len(packed))
 
 
 def from_bytes(content: bytes) -> Checkpoint:
@@ -95,14 +114,17 @@ def from_bytes(content: bytes) -> Checkpoint:
 def _read(content: bytes) -> Checkpoint:
     begin = len(MAGIC) + LENGTH
     size = int.from_bytes(content[len(MAGIC) : begin], "little")
-    believed = min(LARGEST, max(LEAST_BELIEVED, MOST_PACKED * len(content)))
-    if not content.startswith(MAGIC) or not LENGTH <= size <= believed:
+    believed = _believed(content)
+    if not content.startswith(MAGIC) or not LENGTH <= size <= min(LARGEST, believed // 2):
         raise ValueError
     whole = CODEC.decompress(content[begin:], decompressed_size=size, asbytes=True)
     at = LENGTH + int.from_bytes(whole[:LENGTH], "little")
-    if len(whole) != size or at > size or at > max(LEAST_HEAD, MOST_HEAD * len(content)):
+    if len(whole) != size or at > size:
         raise ValueError
-    head = json.loads(whole[LENGTH:at])
+    words = whole[LENGTH:at]
+    if 2 * size + memory_of(words) > believed:
+        raise ValueError
+    head = json.loads(words)
     arrays = []
     for dtype, shape in head["arrays"]:
         array, at = _array(whole, at, dtype, shape)
@@ -110,7 +132,7 @@ def _read(content: bytes) -> Checkpoint:
     step, state_hash, facts = head["step"], head["state_hash"], head["facts"]
     if at != size or type(step) is not int or not isinstance(state_hash, str) or not isinstance(facts, dict):
         raise ValueError
-    return Checkpoint(step=step, state_hash=state_hash, facts=facts, arrays=arrays, size=size)
+    return Checkpoint(step=step, state_hash=state_hash, facts=facts, arrays=arrays)
 
 
 def _array(whole: bytes, at: int, name: Any, shape: Any) -> tuple[np.ndarray, int]:

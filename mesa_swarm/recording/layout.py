@@ -20,6 +20,8 @@ TABLES = {
     "contacts": ("robot", "kind", "other", "normal_x", "normal_y", "depth"),
     "loads": ("load", "x", "y", "heading"),
 }
+# What a row begins with.
+OF_ROWS = ("step", "state_hash", "robot")
 WHOLE = frozenset({"fire", "robots", "robot", "kind", "other", "load"})
 
 
@@ -63,7 +65,7 @@ class Layout:
     def _schema(self, model: ObservedWorld, widths: dict[str, tuple]) -> pa.Schema:
         fields = [("step", pa.int64()), ("state_hash", pa.string()), ("robot", pa.list_(pa.int32()))]
         for name in self.columns:
-            value = pa.from_numpy_dtype(self.stored_type(model.swarm.columns[name].dtype))
+            value = _arrow_type(name, self.stored_type(model.swarm.columns[name].dtype))
             for width in reversed(widths[name]):
                 value = pa.list_(value, width)
             fields.append((name, pa.list_(value)))
@@ -211,6 +213,13 @@ def population_of(model: ObservedWorld) -> tuple:
     )
 
 
+def _arrow_type(name: str, dtype: np.dtype) -> pa.DataType:
+    try:
+        return pa.from_numpy_dtype(dtype)
+    except pa.ArrowNotImplementedError:
+        raise RecordingError(f"column {shortened(name)} is of type {dtype}; expected numbers or booleans") from None
+
+
 def _things(model: ObservedWorld) -> tuple:
     return model.obstacle_list, model.fires.agents, list(model.loads)
 
@@ -234,4 +243,6 @@ def _checked_names(columns: Sequence[str], known: Sequence[str]) -> tuple[str, .
     for name in columns:
         if name not in known:
             raise UnknownNameError(unknown_name("column", name, known))
+        if name in OF_ROWS:
+            raise InvalidValueError(f"column {name} has the name of what each row holds; give it another one")
     return tuple(dict.fromkeys(columns))

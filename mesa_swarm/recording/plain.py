@@ -36,6 +36,7 @@ class Packed:
 
     def __init__(self, arrays: list[np.ndarray] | None = None) -> None:
         self.arrays = [] if arrays is None else arrays
+        self._taken: set[int] = set()
 
     def pack(self, value: Any, what: str = "a value", depth: int = 0) -> object:
         """Return a value as JSON has it.
@@ -115,6 +116,7 @@ class Packed:
         return len(self.arrays) - 1
 
     def _array(self, place: object) -> np.ndarray:
-        if type(place) is not int or not 0 <= place < len(self.arrays):
-            raise RecordingError(f"there is no stored array {shortened(place)}")
+        if type(place) is not int or not 0 <= place < len(self.arrays) or place in self._taken:
+            raise RecordingError(f"there is no stored array {shortened(place)} that was not taken yet")
+        self._taken.add(place)  # each is stored for one value: many that name one array would fill the memory
         return self.arrays[place]

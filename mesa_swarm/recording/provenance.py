@@ -148,9 +148,14 @@ def from_metadata(metadata: dict[bytes, bytes] | None, source: object) -> dict:
     ------
     RecordingError
     """
+    facts, wrong = {}, ""
     try:
-        facts = {name.decode(): read_json(text) for name, text in (metadata or {}).items()}
+        for name, text in (metadata or {}).items():
+            wrong = name.decode()
+            facts[wrong] = read_json(text)
     except ValueError:
+        if facts.get("format") in READABLE:
+            raise RecordingError(f"{source} has {shortened(wrong)} that cannot be read, or are too long") from None
         facts = {}
     if facts.get("format") not in READABLE:
         shown, known = shortened(facts.get("format")), " or ".join(map(str, READABLE))

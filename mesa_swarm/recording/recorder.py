@@ -8,19 +8,21 @@ from mimetypes import MimeTypes
 from pathlib import Path
 from types import TracebackType
 
+import pyarrow as pa
+
 from mesa_swarm.errors import RecordingError, check_count, shortened
 from mesa_swarm.files import shown_path
 from mesa_swarm.observed_world import ObservedWorld
 from mesa_swarm.recording.checkpoint import checkpoint_of
 from mesa_swarm.recording.collected import Path as SeriesPath
-from mesa_swarm.recording.collected import lengths_of
+from mesa_swarm.recording.collected import check_collected, lengths_of, size_of_collected
 from mesa_swarm.recording.container import to_bytes
 from mesa_swarm.recording.interventions import intervention_to_json
 from mesa_swarm.recording.layout import DEFAULT, Layout
 from mesa_swarm.recording.marks import Mark
 from mesa_swarm.recording.parts import control_to_json, own_code
-from mesa_swarm.recording.provenance import as_metadata, provenance_of
-from mesa_swarm.recording.schema import MOST_EVERY
+from mesa_swarm.recording.provenance import as_metadata, from_metadata, provenance_of
+from mesa_swarm.recording.schema import MOST_EVERY, check_columns, checked_scenery
 from mesa_swarm.recording.sealed_stream import CHECKPOINT, INTERVENTION, Sealed, SealedWriter
 from mesa_swarm.recording.tape import HASH_EVERY, Tape
 
@@ -63,7 +65,7 @@ class Recorder:
     ) -> None:
         self.path = path
         self.every = every
-        self._tape = Tape(layout, writer, model)
+        self._tape = Tape(layout, writer, model, every)
         self._checkpoints = _Checkpoints(self._tape, checkpoint_every, model)
         try:
             if checkpoint_every:
@@ -200,6 +202,7 @@ class _Checkpoints:
         self._every = every
         self._control = control_to_json(model.control)
         self._since: dict[SeriesPath, int] = {}
+        self._collected = self._more = 0
 
     def put(self, model: ObservedWorld) -> None:
         """Store the model as it is now, unless it holds what cannot be stored."""
@@ -216,7 +219,10 @@ class _Checkpoints:
         self.due = model.completed + self._every
         try:
             self._check_control(model)
-            content = to_bytes(checkpoint_of(model, self._since, steps=steps))
+            checkpoint = checkpoint_of(model, self._since, steps=steps)
+            content = to_bytes(checkpoint)
+            self._more = size_of_collected(checkpoint)
+            check_collected(self._collected + self._more, self._tape.writer.sealed.end)
         except RecordingError as error:
             self.why_not = str(error)
             return b""
@@ -237,6 +243,7 @@ class _Checkpoints:
         if content:
             self._tape.attach(CHECKPOINT, content, model.completed)
             self._since = lengths_of(model)
+            self._collected += self._more
             self.steps.append(model.completed)
 
 
@@ -294,7 +301,7 @@ def record(
     checkpoint_every : int
         Most steps from one checkpoint, the complete state, to the next; 0 stores none, also after changes by hand.
         With them `resume` need not run all steps again, and goes on from models that were changed by hand. A model
-        that holds what cannot be stored is recorded without, see `Recorder.why_no_checkpoint`.
+        that holds what cannot be stored, or much that is large, is recorded without, see `Recorder.why_no_checkpoint`.
 
     Returns
     -------
@@ -304,7 +311,8 @@ def record(
     Raises
     ------
     RecordingError
-        If the file is there already or cannot be written, or a parameter of the model cannot be told.
+        If the file is there already or cannot be written, a parameter of the model cannot be told, or `Recording` would
+        refuse to read it.
     InvalidValueError, UnknownNameError
         If a parameter is not permitted.
 
@@ -333,14 +341,25 @@ def record(
         "why_no_checkpoint": _why_not(model) if checkpoint_every else NO_CHECKPOINTS,
         "start": {"step": model.completed, "state_hash": model.state_hash()},
     }
-    writer = SealedWriter(target, layout.schema.with_metadata(as_metadata(facts)), overwrite)
+    schema = layout.schema.with_metadata(as_metadata(facts))
+    _check_readable(schema)
+    writer = SealedWriter(target, schema, overwrite)
     return Recorder(model, target, every, layout, writer, checkpoint_every)
+
+
+def _check_readable(schema: pa.Schema) -> None:
+    """Refuse to begin a recording that `Recording` would refuse to open or to show."""
+    try:
+        check_columns(schema, "the model")
+        checked_scenery(from_metadata(schema.metadata, "the model")["scenery"])
+    except RecordingError as error:
+        raise RecordingError(f"no reader would take this recording: {error}") from None
 
 
 def _why_not(model: ObservedWorld) -> str:
     """Return what cannot be stored of a model, an empty text if all can."""
     try:
-        checkpoint_of(model, lengths_of(model))
+        to_bytes(checkpoint_of(model, lengths_of(model)))
     except RecordingError as error:
         return str(error)
     return ""

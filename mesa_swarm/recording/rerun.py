@@ -1,10 +1,11 @@
 """A model that is run again beside its recording, and given what was changed by hand where that was."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from mesa_swarm.errors import RecordingError, SwarmError
 from mesa_swarm.observed_world import ObservedWorld
 from mesa_swarm.recording.checkpoint import restore
+from mesa_swarm.recording.collected import check_collected, size_of_collected, without_rest
 from mesa_swarm.recording.container import Checkpoint
 from mesa_swarm.recording.frames import Frame, Rows
 from mesa_swarm.recording.interventions import Intervention
@@ -12,15 +13,12 @@ from mesa_swarm.recording.layout import Chunk, Layout
 from mesa_swarm.recording.provenance import LONGEST_REASON, reason_of, rebuilt
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.schema import MOST_UNSEEN
-from mesa_swarm.recording.sealed_stream import MOST_PACKED
 from mesa_swarm.recording.things import summary
 
 # Called after each step that is run again: shows how far it is, and raises what ends it.
 Watch = Callable[[ObservedWorld], None]
 # In recordings of this format readings are those from which a step began, except in rows with a fingerprint.
 LATE_READINGS = 1
-# So many bytes of stored states are held at once, or so many times as many as the recording has.
-LARGEST_STATES = 1 << 26
 
 
 class Rerun:
@@ -107,7 +105,7 @@ class Rerun:
         if intervention.checkpoint is None:
             why = f"{intervention.why_not:.{2 * LONGEST_REASON}}"
             raise RecordingError(f"{intervention!s:.{LONGEST_REASON}}, and what came of it is not stored ({why})")
-        self._states += states_to(self.recording, intervention.checkpoint, known=len(self._states))
+        self._states = states_to(self.recording, intervention.checkpoint, self._states)
         self.model = restored(self.recording, type(self.model), self._states)
         self.taken += (self._ahead.pop(0),)
 
@@ -170,26 +168,33 @@ def started_again(recording: Recording, model_class: type, watch: Watch = lambda
     )
 
 
-def states_to(recording: Recording, checkpoint: int, known: int = 0) -> list[Checkpoint]:
+def states_to(recording: Recording, checkpoint: int, known: Sequence[Checkpoint] = ()) -> list[Checkpoint]:
     """Return the stored states up to one of `Recording.checkpoints`, by its place: each goes on from those before.
+
+    Only the last one is whole. Of the others there is what they collected: memory holds one state at a time.
 
     Parameters
     ----------
     recording : Recording
     checkpoint : int
-    known : int
-        So many first ones are left out.
+    known : sequence of Checkpoint
+        The first ones, as this has returned them.
 
     Raises
     ------
     RecordingError
         If one of them is damaged.
     """
-    states: list[Checkpoint] = []
-    for place in range(known, checkpoint + 1):
-        states.append(recording.checkpoint(place))
-        if sum(state.size for state in states) > max(LARGEST_STATES, MOST_PACKED * recording.path.stat().st_size):
-            raise RecordingError(f"{recording.path} has stored states that take more memory than it can stand for")
+    states = [*known[:-1], *map(without_rest, known[-1:])]
+    size, file = sum(map(size_of_collected, states)), recording.path.stat().st_size
+    try:
+        for place in range(len(known), checkpoint + 1):
+            state = recording.checkpoint(place)
+            size += size_of_collected(state)
+            check_collected(size, file)
+            states.append(state if place == checkpoint else without_rest(state))
+    except (LookupError, TypeError, RecursionError):
+        raise RecordingError(f"{recording.path} has a stored state that is none") from None
     return states
 
 

@@ -176,10 +176,20 @@ def checked_rows(batch: pa.RecordBatch, first: int, every: int, source: object) 
         wrong = "lists that do not fit together"
     if wrong or rows is None:
         raise RecordingError(f"{_end_of(source)} has {wrong} in its rows from step {first} on")
-    for name in FINITE.keys() & set(batch.schema.names):
+    check_values(rows, batch.schema.names, first, source)
+    return rows
+
+
+def check_values(rows: Rows, names: Iterable[str], first: int, source: object) -> None:
+    """Refuse rows from this step on that hold numbers which no reader takes; the writer asks too.
+
+    Raises
+    ------
+    RecordingError
+    """
+    for name in FINITE.keys() & set(names):
         if not _all_finite(rows.values(name), FINITE[name]):
             raise RecordingError(f"{_end_of(source)} has out-of-range values of {name} from step {first} on")
-    return rows
 
 
 def longest_gap(every: int) -> int:

@@ -33,6 +33,7 @@ from mesa_swarm.files import (
     opened_draft,
     put_in_place,
     shown_path,
+    unlock,
     unwritable,
 )
 
@@ -48,10 +49,13 @@ HEADER, BUFFERS, PACKED = 2, 2, 3
 CLAIM = 8
 # A batch may take so many bytes in memory, or so many times as many as in the file.
 LEAST_BELIEVED, MOST_PACKED = 1 << 25, 64
+# By so much what a batch takes may be misjudged when it is written.
+SLACK = 1 << 16
 # The files that this process writes: a recorder that was left open, as in a notebook, gives way to the next.
 OWN: set[tuple[int, int]] = set()
 # Level 1: higher ones cost a step more than they save on disk.
 ZSTD = pa.ipc.IpcWriteOptions(compression=pa.Codec("zstd", compression_level=1))
+PLAIN = pa.ipc.IpcWriteOptions()
 
 
 class Sealed(NamedTuple):
@@ -101,6 +105,7 @@ class SealedWriter:
         self._last_seal = b""
         self._file, self._place = _opened(path, overwrite)
         self._identity = _identity(os.fstat(self._file.fileno()))
+        self._owner = os.getpid()
         OWN.add(self._identity)
         self.sealed = Sealed(0, 0)
         try:
@@ -178,6 +183,10 @@ class SealedWriter:
         self._let_go()
 
     def _let_go(self) -> None:
+        if (
+            os.getpid() == self._owner
+        ):  # a child that was forked meanwhile shares the lock: ours ends it, not the child's
+            unlock(self._file)
         self._file.close()
         OWN.discard(self._identity)
 
@@ -190,7 +199,10 @@ class SealedWriter:
         self.sealed = Sealed(self.sealed.end + len(message) + len(seal), self.sealed.rows + rows)
 
     def _message(self, batch: pa.RecordBatch, metadata: dict | None = None) -> bytes:
-        return _stream_of(self._bare, batch, metadata)[self._head :]
+        message = _stream_of(self._bare, batch, metadata)[self._head :]
+        if batch is not None and batch.nbytes > _believed(message):  # readers take so much only if it is all there
+            return _stream_of(self._bare, batch, metadata, PLAIN)[self._head :]
+        return message
 
     def _put(self, content: bytes) -> None:
         """Write after what is sealed; whatever an earlier attempt left there is cut off."""
@@ -216,9 +228,14 @@ class SealedWriter:
         if place is None:
             return
         try:
-            if is_named(self._file, Path(self._file.name)):  # else Ctrl-C came just after it was renamed
+            if is_named(self._file, Path(self._file.name)):
                 _check_unused(self.path, place)
                 put_in_place(self._file, place)
+            elif not is_named(self._file, place):  # it is where Ctrl-C came just after it was renamed
+                raise RecordingError(
+                    f"{shown_path(self.path)} was not replaced: somebody deleted the draft beside it, and with it all "
+                    "rows of this recording; record again"
+                )
         except OSError as error:
             raise unwritable(self.path, error, RecordingError, self._what_is_left()) from None
         self._place = None
@@ -262,10 +279,20 @@ def _identity(status: os.stat_result) -> tuple[int, int]:
     return status.st_dev, status.st_ino
 
 
-def _stream_of(schema: pa.Schema, batch: pa.RecordBatch | None = None, metadata: dict | None = None) -> bytes:
+def _believed(message: bytes) -> int:
+    """Return how many bytes a batch may take in memory for what is surely its length in the file."""
+    return max(LEAST_BELIEVED, MOST_PACKED * len(message)) - SLACK
+
+
+def _stream_of(
+    schema: pa.Schema,
+    batch: pa.RecordBatch | None = None,
+    metadata: dict | None = None,
+    options: pa.ipc.IpcWriteOptions = ZSTD,
+) -> bytes:
     """Return the bytes of schema and batch, without the end of the stream."""
     sink = pa.BufferOutputStream()
-    with pa.ipc.new_stream(sink, schema, options=ZSTD) as writer:
+    with pa.ipc.new_stream(sink, schema, options=options) as writer:
         if batch is not None:
             writer.write_batch(batch, custom_metadata=metadata)
     return sink.getvalue().to_pybytes()[: -len(END_OF_STREAM)]

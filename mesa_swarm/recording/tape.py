@@ -5,9 +5,12 @@ from time import perf_counter
 from typing import Any
 
 from mesa_swarm.errors import RecordingError
+from mesa_swarm.files import shown_path
 from mesa_swarm.observed_world import ObservedWorld
+from mesa_swarm.recording.frames import Rows
 from mesa_swarm.recording.layout import Chunk, Layout, population_of
 from mesa_swarm.recording.scenery import scenery_of, shows
+from mesa_swarm.recording.schema import check_values, checked_change, checked_scenery, longest_gap
 from mesa_swarm.recording.sealed_stream import CHANGE, SealedWriter
 from mesa_swarm.recording.things import summary
 
@@ -25,8 +28,9 @@ class Tape:
     instructions neither loses a row nor writes one twice.
     """
 
-    def __init__(self, layout: Layout, writer: SealedWriter, model: ObservedWorld) -> None:
+    def __init__(self, layout: Layout, writer: SealedWriter, model: ObservedWorld, every: int = 1) -> None:
         self.writer = writer
+        self._gap, self._newest = longest_gap(every), model.completed
         self.rows = 0
         self._layout = layout
         self._seen, self._scenery = _seen(model), scenery_of(model)
@@ -37,6 +41,7 @@ class Tape:
     def put(self, model: ObservedWorld) -> None:
         """Keep the model as it is now."""
         chunk, step = self._chunk, model.completed
+        self._check_gap(step)
         self._layout.prepare(model)
         seen = _seen(model)
         if chunk is None or seen != self._seen:
@@ -50,7 +55,7 @@ class Tape:
             state_hash, self._hashed = model.state_hash(), step // HASH_EVERY
         row = self.rows - self.writer.sealed.rows
         chunk.put(row, step, state_hash)
-        self.rows += 1
+        self.rows, self._newest = self.rows + 1, step
         if row + 1 == chunk.capacity or perf_counter() - self._written_at > MOST_SECONDS:
             self.flush()
 
@@ -63,7 +68,9 @@ class Tape:
         """Write the pending rows as one chunk."""
         pending = self.rows - self.writer.sealed.rows
         if self._chunk is not None and pending:
-            self.writer.write(self._chunk.batch(pending), int(self._chunk.steps[0]))
+            batch, first = self._chunk.batch(pending), int(self._chunk.steps[0])
+            check_values(Rows(batch), batch.schema.names, first, shown_path(self.writer.path))
+            self.writer.write(batch, first)
         self._written_at = perf_counter()
         if self._written_at - self._synced_at > MOST_SECONDS:
             self.writer.sync()
@@ -88,7 +95,21 @@ class Tape:
         scenery = scenery_of(model)
         if not shows(self._scenery, scenery):
             told["scenery"] = self._scenery = scenery
-        self.attach(CHANGE, json.dumps(told).encode(), model.completed)
+        text = json.dumps(told).encode()
+        try:
+            checked_scenery(checked_change(text).get("scenery", scenery))
+        except (RecordingError, ValueError) as error:
+            raise RecordingError(
+                f"{shown_path(self.writer.path)} cannot hold what came or went at step {model.completed}: {error}"
+            ) from None
+        self.attach(CHANGE, text, model.completed)
+
+    def _check_gap(self, step: int) -> None:
+        if step > self._newest + self._gap:
+            raise RecordingError(
+                f"{shown_path(self.writer.path)} cannot go on at step {step}: the last row is of step {self._newest}, "
+                f"and at most {self._gap:,} steps may lie between two; start another recording"
+            )
 
     def _new_chunk(self, model: ObservedWorld) -> Chunk:
         row_bytes = Chunk(self._layout, model, 1).row_bytes

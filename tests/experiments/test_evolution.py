@@ -233,6 +233,46 @@ def test_the_number_of_processes_changes_no_bit():
     assert (weights(one) == weights(two)).all()
 
 
+class Slotted:
+    """A drive that needs no more than the protocol asks for."""
+
+    __slots__ = ("gain",)
+    turns = True
+
+    def __init__(self, gain):
+        self.gain = gain
+
+    def motion(self, commands, robots, moves):
+        moves[:] = 0
+
+    def wheels(self, moves, robots, wheels):
+        wheels[:] = 0
+
+
+class Kept(Slotted):
+    """One that keeps its values as most objects do."""
+
+
+def design_told(drive):
+    return settings_of(Trial(design=replace(AGENT3, drive=drive)), [])["design"]
+
+
+@pytest.mark.parametrize("kind", [Slotted, Kept])
+def test_what_a_drive_of_ones_own_holds_decides_too_wherever_it_keeps_it(kind):
+    assert design_told(kind(1.0)) == design_told(kind(1.0)) != design_told(kind(2.0))
+
+
+def test_an_evolution_goes_on_from_a_file_that_names_the_place_of_its_drive_in_memory(tmp_path):
+    file = tmp_path / "mine.json"
+    whole = evolve(BRIEF, **SMALL, file=file)
+    told = json.loads(file.read_text())
+    told["settings"]["design"] = repr(BRIEF.design)  # as versions did that told nothing of what a drive holds
+    told["fitness"] = told["fitness"][:2]
+    file.write_text(json.dumps(told))
+    assert " at 0x" in repr(BRIEF.design)
+    assert (evolve(BRIEF, **SMALL, file=file).fitness == whole.fitness).all()
+
+
 def test_what_decides_a_fitness_reads_the_same_in_each_process():
     said = str(settings_of(Trial(), []))
     assert "Differential" in said

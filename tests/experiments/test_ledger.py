@@ -3,12 +3,14 @@
 import hashlib
 import json
 import os
+from contextlib import contextmanager
 from fractions import Fraction
 from functools import partial
 from zlib import crc32
 
 import numpy as np
 import pytest
+from support.forks import forked
 
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments.experiment import Outcome
@@ -245,3 +247,17 @@ def test_results_that_are_no_numbers_are_refused_in_one_line_and_not_written(tmp
     with Ledger(tmp_path / "l") as ledger, pytest.raises(SwarmError, match="expected numbers and lists of them"):
         ledger.append(key(1), Outcome(results={"a": odd}))
     assert (tmp_path / "l").read_bytes() == b""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs POSIX")
+def test_a_closed_ledger_is_free_though_a_child_that_was_forked_meanwhile_has_it_open(tmp_path):
+    with forked_while_open(tmp_path / "l"), Ledger(tmp_path / "l") as ledger:
+        ledger.append(key(1), ended(1))
+
+
+@contextmanager
+def forked_while_open(path):
+    ledger = Ledger(path)
+    with forked():
+        ledger.close()
+        yield

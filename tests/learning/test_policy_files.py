@@ -183,6 +183,31 @@ def test_members_of_one_name_twice_are_refused(file):
     assert "two arrays of one name" in refused(file)
 
 
+@pytest.mark.parametrize(
+    ("limit", "value", "says"),
+    [("LARGEST_SAVED", 1000, "bytes, more than the 1,000 of a file"), ("LONGEST_HEADER", 100, "more than the 100 of")],
+)
+def test_what_is_too_large_to_be_loaded_is_not_saved(policy, tmp_path, monkeypatch, limit, value, says):
+    monkeypatch.setattr(policy_files, limit, value)
+    with pytest.raises(LearningError, match=says):
+        save_policy(policy, tmp_path / "mine.npz")
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_largest_policy_of_noise_that_is_saved_can_be_loaded(policy, tmp_path, monkeypatch):
+    size = sum(array.nbytes for array in policy.arrays().values())
+    monkeypatch.setattr(policy_files, "LARGEST_BYTES", size + size // 100 + 5000)
+    monkeypatch.setattr(policy_files, "LARGEST_SAVED", size + 5000)
+    assert same_policy(load_policy(save_policy(policy, tmp_path / "mine.npz")), policy)
+
+
+def test_weights_that_are_not_finite_are_not_saved(policy, tmp_path):
+    policy.networks.weights[0][...] = np.nan
+    with pytest.raises(LearningError, match="not finite"):
+        save_policy(policy, tmp_path / "mine.npz")
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("name", ["mine.txt", "no/such/folder/mine.npz"])
 def test_a_file_that_cannot_be_written_is_refused(policy, tmp_path, name):
     with pytest.raises(LearningError) as caught:

@@ -13,7 +13,7 @@ from mesa_swarm.errors import InvalidValueError, RecordingError
 from mesa_swarm.experiments.recording_commands import class_of
 from mesa_swarm.exports.scenes import scene_of
 from mesa_swarm.models.boids import Boids
-from mesa_swarm.recording import Recording, verify
+from mesa_swarm.recording import Recording, sealed_stream, verify
 from mesa_swarm.recording.container import CODEC, LENGTH, MAGIC, from_bytes
 from mesa_swarm.recording.resume import resumed
 from mesa_swarm.recording.sealed_stream import SealedReader, SealedWriter
@@ -211,7 +211,8 @@ def test_a_model_that_takes_no_step_is_not_waited_for(parts, tmp_path, monkeypat
 # ---- memory
 
 
-def test_rows_that_unpack_to_more_than_they_can_stand_for_are_not_unpacked(tmp_path):
+def test_rows_that_unpack_to_more_than_they_can_stand_for_are_not_unpacked(tmp_path, monkeypatch):
+    monkeypatch.setattr(sealed_stream, "PLAIN", sealed_stream.ZSTD)  # else the writer would not pack them
     schema = pa.schema([("step", pa.int64())])
     writer = SealedWriter(tmp_path / "bomb.arrow", schema, overwrite=False)
     writer.write(pa.RecordBatch.from_arrays([pa.array(np.zeros(5_000_000, np.int64))], schema=schema), 0)

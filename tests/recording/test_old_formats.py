@@ -59,8 +59,10 @@ def test_one_that_was_changed_by_hand_is_followed_from_the_next_checkpoint(tmp_p
 
 
 def test_formats_of_the_future_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(provenance, "FORMAT", 3)
-    with FireFighting(n_robots=1, rng=1).record(tmp_path / "run.arrow"):
-        pass
+    with monkeypatch.context() as future:
+        future.setattr(provenance, "FORMAT", 3)
+        future.setattr(provenance, "READABLE", (1, 2, 3))
+        with FireFighting(n_robots=1, rng=1).record(tmp_path / "run.arrow"):
+            pass
     with pytest.raises(RecordingError, match="has format 3, which this version cannot read; expected 1 or 2"):
         Recording(tmp_path / "run.arrow")

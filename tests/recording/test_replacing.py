@@ -6,8 +6,10 @@ import threading
 
 import pytest
 from disks import small_disk
+from support.forks import forked
 
 from mesa_swarm.errors import RecordingError
+from mesa_swarm.files import is_locked
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
 from mesa_swarm.recording.sealed_stream import SealedWriter
@@ -161,6 +163,57 @@ def test_what_another_process_is_recording_is_not_replaced(tmp_path, overwritten
     assert names_in(tmp_path) == ["run.arrow"]
     recorded(path, 4, overwrite=True)
     assert len(Recording(path)) == 4
+
+
+@POSIX
+@pytest.mark.parametrize("overwritten", [False, True])
+def test_a_closed_recording_can_be_replaced_though_a_child_that_was_forked_meanwhile_has_it_open(tmp_path, overwritten):
+    path = tmp_path / "run.arrow"
+    if overwritten:
+        recorded(path, 3)
+    model = small()
+    recorder = model.record(path, overwrite=overwritten)
+    model.run(12)
+    with forked():
+        recorder.close()
+        recorded(path, 4, overwrite=True)
+    assert len(Recording(path)) == 4
+
+
+@POSIX
+def test_a_child_that_lets_go_of_a_recording_leaves_it_locked_for_who_records_it(tmp_path):
+    model = small()
+    recorder = model.record(tmp_path / "run.arrow")
+    model.run(12)
+    child = os.fork()
+    if not child:
+        try:
+            recorder._tape.writer._let_go()
+        finally:
+            os._exit(0)
+    os.waitpid(child, 0)
+    assert is_locked(tmp_path / "run.arrow")
+    recorder.close()
+    assert not is_locked(tmp_path / "run.arrow")
+
+
+@POSIX
+@pytest.mark.parametrize("late", [False, True])
+def test_a_recording_whose_draft_was_deleted_says_so_and_leaves_the_old_one(seven, late):
+    path, before = seven
+    model = small()
+    recorder = model.record(path, overwrite=True)
+    model.step()
+    (path.parent / ".run.arrow.0.draft").unlink()
+    if late:  # another file of that name is not ours either
+        (path.parent / ".run.arrow.0.draft").write_text("somebody's")
+    with pytest.raises(RecordingError, match=r"somebody deleted the draft .* record again") as error:
+        recorder.close()
+    assert len(str(error.value).splitlines()) == 1
+    assert len(str(error.value)) <= 300
+    assert path.read_bytes() == before
+    assert recorder.closed
+    assert recorder.written.rows == 0
 
 
 def test_a_recorder_that_was_left_open_gives_way_to_the_next_one_of_the_same_process(tmp_path):
