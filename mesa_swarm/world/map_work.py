@@ -49,14 +49,17 @@ BAND = 50.0
 LOOKED_THROUGH = 60.0
 BAND_CORNER = 10.0
 BAND_PAIR = 0.2
-CROSSING = 20.0
+CROSSING = 25.0
+# Sides of a line that is wider than this share of its length and breadth cross where rounding is tried again.
+WIDE = 0.25
+WIDE_CROSSING = 150.0
 # Joins of a line's sides that are shorter than this share of half its width are where it goes straight on.
 STRAIGHT = 0.01
 # Outlines of which each edge may lie near each other one for less than this are not looked at.
 UNSEEN = 200.0
 # Sixteen bytes each, and some more for what is computed of them: at most, and enough to go on with.
-MOST_PAIRS_AT_ONCE = 3_000_000
-ENOUGH_PAIRS = 200_000
+MOST_PAIRS_AT_ONCE = 1_000_000
+ENOUGH_PAIRS = 100_000
 
 _given_up: ContextVar[Callable[[], bool]] = ContextVar("given_up", default=lambda: False)
 
@@ -181,9 +184,10 @@ class Work:
         long = np.hypot(*(sides[:, 2:] - sides[:, :2]).T) > STRAIGHT * width / 2
         sides, rank = sides[long], rank[long]
         least = self.left - self._affordable
+        crossing = WIDE_CROSSING if width > WIDE * np.ptp(at, axis=0).max() else CROSSING
         for one, other in self._touching(_boxes(sides), int(self._affordable / BAND_PAIR), LINE_TOO_CLOSE):
             apart = np.abs(rank[one] - rank[other]) > 2  # a corner's own edges meet, or cross where it is flat
-            cost = BAND_PAIR * len(one) + CROSSING / 2 * _crossings(sides[one[apart]], sides[other[apart]])
+            cost = BAND_PAIR * len(one) + crossing / 2 * _crossings(sides[one[apart]], sides[other[apart]])
             if self.left - cost < least:
                 raise InvalidValueError(LINE_TOO_CLOSE)
             self.left -= cost
@@ -242,7 +246,8 @@ def _touching(boxes: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         count += pairs.shape[1]
         if count >= ENOUGH_PAIRS or first + batch >= len(boxes):
             one, other = np.concatenate(parts, axis=1)
-            yield one, other
+            for begin in range(0, count, ENOUGH_PAIRS):
+                yield one[begin : begin + ENOUGH_PAIRS], other[begin : begin + ENOUGH_PAIRS]
             parts, count = [], 0
 
 

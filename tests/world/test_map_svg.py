@@ -464,6 +464,12 @@ def test_transforms_and_paths_without_number_are_refused(content):
     assert "more work" in refused(ROOT.format(content))
 
 
+def test_a_spiral_drawn_with_a_pen_wider_than_itself_is_refused():
+    turns = np.linspace(0, 100 * np.pi, 5000)
+    corners = 400 + (2 + 0.13 * turns[:, None]) * np.column_stack([np.cos(turns), np.sin(turns)])
+    assert "crosses itself" in refused(ROOT.format(wall(90, corners)))
+
+
 def test_elements_without_a_namespace_are_read_in_a_drawing_with_one():
     assert len(shapes('<g xmlns=""><rect width="3" height="3"/></g>')) == 1
 
