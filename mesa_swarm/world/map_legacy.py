@@ -17,6 +17,16 @@ LARGEST_LEGACY_FILE = 1_000_000
 # Python's parser makes a kilobyte and more of each.
 MOST_WORDS = 150_000
 _WORD = re.compile(r"\w+(?:\.\w*)?|[^\w \t]")
+# Remarks and strings, whole or cut off, with the letters before a string: f and t make it a text that is computed.
+_STRING = re.compile(
+    r"""
+    \#[^\r\n]*+
+    | (?:(?<!\w)([a-zA-Z]{1,2}))?
+      (?: \"{3}(?:[^"\\]++|\\.|"(?!""))*+(?:\"{3})? | \'{3}(?:[^'\\]++|\\.|'(?!''))*+(?:\'{3})?
+        | "(?:[^"\\\r\n]++|\\.)*+"? | '(?:[^'\\\r\n]++|\\.)*+'? )
+    """,
+    re.VERBOSE | re.DOTALL,
+)
 DEEPEST_NESTING = 3
 NUMBERS_OF_KIND = {"rec": 4, "cir": 3, "fire": 3}
 
@@ -91,6 +101,7 @@ def _tree(text: str, source: str) -> ast.Module:
     words = sum(1 for _ in _WORD.finditer(text))
     if words > MOST_WORDS:
         raise refusal(source, "", f"has {words:,} words, brackets and lines; expected at most {MOST_WORDS:,}")
+    _refuse_computed_strings(text, source)
     try:
         return ast.parse(text)
     except (RecursionError, MemoryError):  # what Python's parser says to bombs of nested brackets or signs
@@ -98,6 +109,14 @@ def _tree(text: str, source: str) -> ast.Module:
     except (SyntaxError, ValueError) as error:
         line = getattr(error, "lineno", None) or 1
         raise refusal(source, f"line {line}", getattr(error, "msg", error)) from None
+
+
+def _refuse_computed_strings(text: str, source: str) -> None:
+    """Refuse f"..." and its like, which Python's parser may take the square of their length to read."""
+    for found in _STRING.finditer(text):
+        if set("fFtT") & set(found[1] or ""):
+            line = text.count("\n", 0, found.start()) + 1
+            raise refusal(source, f"line {line}", f'has a string that begins with {found[1]}; expected such as "rec"')
 
 
 def _calls(tree: ast.Module, source: str) -> Iterator[ast.expr]:

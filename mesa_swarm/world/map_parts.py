@@ -119,7 +119,9 @@ def check_inside(what: str, part: Shape | FireSpot, bounds: Bounds) -> None:
     if first_points_within([part], bounds).all():
         return  # a tenth of the work
     geometry = part.geometry if isinstance(part, Shape) else shapely.Point(part.position)
-    if shapely.distance(geometry, shapely.box(*bounds)) > part.radius:
+    with np.errstate(all="ignore"):  # of a map of almost no width, the geometry library divides by it
+        distance = shapely.distance(geometry, shapely.box(*bounds))
+    if distance > part.radius:
         x, y = geometry.centroid.coords[0]
         area = "({:g}, {:g}) to ({:g}, {:g})".format(*bounds)
         raise InvalidValueError(f"{what} at ({x:g}, {y:g}) lies outside the map, which spans {area}")

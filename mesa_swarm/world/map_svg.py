@@ -23,7 +23,7 @@ from defusedxml.expatreader import DefusedExpatParser
 
 from mesa_swarm.errors import InvalidValueError, MapError, check_choice, check_number
 from mesa_swarm.world.map_parts import LONGEST_NAME, Bounds, check_inside, checked_bounds, naming, refusal
-from mesa_swarm.world.map_work import ELEMENT, PATH_WORD, Work
+from mesa_swarm.world.map_work import ELEMENT, PATH, PATH_WORD, TRANSFORM, Work
 from mesa_swarm.world.shapes import LARGEST_COORDINATE, MOST_VERTICES, Shape
 from mesa_swarm.world.svg_paths import MOST_PATH_WORDS, path_words
 from mesa_swarm.world.svg_shapes import Drawn, fire_of, shapes_of
@@ -100,6 +100,7 @@ class _Walk(ContentHandler):
         self.source = source
         self.drawn: list[Drawn] = []
         self.bounds: Bounds = (0.0, 0.0, 0.0, 0.0)
+        self.begun = False
         self._titles: list[str] = []
         self._count = 0
         self._path_words = 0
@@ -111,14 +112,16 @@ class _Walk(ContentHandler):
         title = "".join(self._titles).strip()
         return title if title.isprintable() else " ".join(title.split())
 
-    def startPrefixMapping(self, prefix: str | None, uri: str) -> None:  # noqa: N802 (SAX's name)
-        """Refuse a long name of a namespace: it is written out for each element in it."""
-        if len(uri) > LONGEST_NAMESPACE:
+    def startPrefixMapping(self, prefix: str | None, uri: str | None) -> None:  # noqa: N802 (SAX's name)
+        """Refuse a long name of a namespace: it is written out for each element in it. `xmlns=""` is None."""
+        self.begun = True
+        if uri is not None and len(uri) > LONGEST_NAMESPACE:
             where = f"line {self._locator.getLineNumber()}"
             raise refusal(self.source, where, f"a namespace has more than {LONGEST_NAMESPACE} characters")
 
     def startElementNS(self, name: tuple[str | None, str], qname: str | None, attrs: Any) -> None:  # noqa: N802 (SAX's name)
         """Enter an element."""
+        self.begun = True
         space, tag = name
         attributes = {key: value for (own, key), value in attrs.items() if own is None}
         place = self._place(tag, attributes)
@@ -153,14 +156,14 @@ class _Walk(ContentHandler):
         if tag not in SHAPES and tag not in GROUPS:
             raise InvalidValueError(f"is not a shape that maps know: {', '.join(SHAPES)}")
         _check_attributes(attributes)
-        own = _inherited(parent, tag, attributes, place)
+        own = _inherited(parent, tag, attributes, place, self.work)
         if own is None or tag in GROUPS:
             return own
         words = path_words(own.attributes.get("d", ""))
         self._path_words += words
         if self._path_words > MOST_PATH_WORDS:
             raise InvalidValueError(f"brings all paths to more than {MOST_PATH_WORDS} numbers; simplify them")
-        self.work.spend(ELEMENT + PATH_WORD * words)
+        self.work.spend(ELEMENT + (PATH if tag == "path" else 0.0) + PATH_WORD * words)
         self.drawn.append(own)
         return None
 
@@ -173,7 +176,7 @@ class _Walk(ContentHandler):
         box = attributes.get("viewBox")
         aspect = attributes.get("preserveAspectRatio", "")
         matrix = turned if box is None else checked_matrix(turned @ viewbox(box, aspect, width, height))
-        return _inherited(Drawn(tag, {}, place, matrix), tag, attributes, place)
+        return _inherited(Drawn(tag, {}, place, matrix), tag, attributes, place, self.work)
 
 
 def _walked(content: bytes, source: str, work: Work) -> _Walk:
@@ -193,6 +196,8 @@ def _walked(content: bytes, source: str, work: Work) -> _Walk:
     except MapError:
         raise
     except (LookupError, ValueError, TypeError) as error:  # encodings that Python has, and XML's parser cannot use
+        if walk.begun:
+            raise  # not one of them, which are named before the first element
         raise refusal(source, "", f"not XML in an encoding such as UTF-8: {error}") from None
     return walk
 
@@ -235,7 +240,7 @@ def _bounds(attributes: Mapping[str, str], width: float, height: float) -> Bound
     return bounds
 
 
-def _inherited(parent: Drawn, tag: str, attributes: dict[str, str], place: str) -> Drawn | None:
+def _inherited(parent: Drawn, tag: str, attributes: dict[str, str], place: str, work: Work) -> Drawn | None:
     """Return an element with what it takes from its parent; None if it is not to be seen."""
     style = {key: value for key, value in properties(attributes).items() if value != "inherit"}
     role = _role(attributes) or parent.role
@@ -244,11 +249,15 @@ def _inherited(parent: Drawn, tag: str, attributes: dict[str, str], place: str) 
     for cut in ("clip-path", "mask"):
         if style.get(cut, "none") != "none":
             raise InvalidValueError(f"is cut by a {cut}; cut the shape itself in the editor")
+    matrix = parent.matrix
+    if "transform" in style:
+        work.spend(TRANSFORM * (1 + style["transform"].count("(")))
+        matrix = checked_matrix(matrix @ transform(style["transform"]))
     return Drawn(
         tag,
         style,
         place,
-        checked_matrix(parent.matrix @ transform(style["transform"])) if "transform" in style else parent.matrix,
+        matrix,
         role,
         filled=style["fill"] not in ("none", "transparent") if "fill" in style else parent.filled,
         even_odd=style["fill-rule"] == "evenodd" if "fill-rule" in style else parent.even_odd,

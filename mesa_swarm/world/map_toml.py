@@ -18,9 +18,19 @@ from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, checked_rings, di
 
 TOP_KEYS = ("name", "width", "height", "origin", "bounds", "obstacle", "fire")
 FIRE_KEYS = ("centre", "radius", "temperature")
-# Parts of names such as a.b.c: in a map they stand in names and remarks only.
-MOST_DOTTED = 200
-_DOTTED = re.compile(r"""\.[ \t]*+(?:["']|[\w-]++[ \t]*+(?=\.))""")
+# Dots of names such as a.b.c, of which maps have none and jobs a few.
+MOST_DOTTED = 2_000
+MOST_DOTTED_ON_LINE = 10
+# A remark or string, whole or cut off; or a dot before a quoted part of a name or one before another dot.
+_DOTTED = re.compile(
+    r"""
+    \#[^\n]*+
+    | \"{3}(?:[^"\\]++|\\.|"(?!""))*+(?:"{3,5})? | \'{3}(?:[^']++|'(?!''))*+(?:'{3,5})?
+    | "(?:[^"\\\n]++|\\.)*+"? | '[^'\n]*+'?
+    | (\.)[ \t]*+(?=["']|[\w-]++[ \t]*+\.)
+    """,
+    re.VERBOSE | re.DOTALL,
+)
 SHAPE_KEYS = {
     "rectangle": ("corners",),
     "disc": ("centre", "radius"),
@@ -119,14 +129,23 @@ def parsed_toml(text: str, source: str) -> dict[str, Any]:
 
 
 def _refuse_long_keys(text: str, source: str) -> None:
-    """Refuse what takes Python's reader the square of its length: dotted names of thousands of parts."""
-    found = 0
-    for found, dotted in enumerate(_DOTTED.finditer(text), start=1):
-        if found > MOST_DOTTED:
-            line = text.count("\n", 0, dotted.start()) + 1
-            raise refusal(
-                source, f"line {line}", f"is one of more than {MOST_DOTTED} dotted names; write tables instead"
-            )
+    """Refuse what takes Python's reader the square of its length: dotted names of thousands of parts.
+
+    The reader stops at a string that is cut off, so that what follows it does not matter.
+    """
+    dots = on_line = 0
+    next_line = 0
+    for found in _DOTTED.finditer(text):
+        if not found[1]:
+            continue
+        if found.start() >= next_line:
+            next_line = text.find("\n", found.start()) + 1 or len(text)
+            on_line = 0
+        dots, on_line = dots + 1, on_line + 1
+        if dots > MOST_DOTTED or on_line > MOST_DOTTED_ON_LINE:
+            line = text.count("\n", 0, found.start()) + 1
+            most = f"more than {MOST_DOTTED_ON_LINE} dots, or {MOST_DOTTED} in the file"
+            raise refusal(source, f"line {line}", f"has dotted names of {most}; write tables instead")
 
 
 def _bounds(table: dict[str, Any]) -> Bounds:

@@ -14,7 +14,7 @@ import shapely
 
 from mesa_swarm.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.world.map_parts import FireSpot
-from mesa_swarm.world.map_work import CURVE, DISC, Work
+from mesa_swarm.world.map_work import CURVE, DISC, ROUNDED_CORNER, Work
 from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, checked_rings, disc, polygon
 from mesa_swarm.world.svg_paths import elliptic_arc, nested, subpaths
 from mesa_swarm.world.svg_values import LARGEST_ENTRY, is_similarity, length, moved, points, scale_of
@@ -121,7 +121,7 @@ def _rect(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
         return
     left, right, low, high = x + rx, x + width - rx, y + ry, y + height - ry
     centres = [(right, high), (left, high), (left, low), (right, low)]
-    work.spend(4 * CURVE)
+    work.spend(4 * ROUNDED_CORNER)
     quarter, own = math.pi / 2, _own(drawn, tolerance)
     arcs = [elliptic_arc(at, (rx, ry), i * quarter, quarter, own) for i, at in enumerate(centres)]
     yield _solid(drawn, work, np.concatenate(arcs))
@@ -165,10 +165,12 @@ def _path(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
         yield _band(drawn, work, at)
 
 
-def _solid(drawn: Drawn, work: Work, outline: np.ndarray, holes: Iterable[np.ndarray] = ()) -> Shape:
+def _solid(
+    drawn: Drawn, work: Work, outline: np.ndarray, holes: Iterable[np.ndarray] = (), are_apart: bool = False
+) -> Shape:
     outline, *holes = (moved(np.asarray(ring), drawn.matrix) for ring in (outline, *holes))
     rings = checked_rings(outline, holes)
-    work.spend_on_outlines(rings)
+    work.spend_on_outlines(rings, are_apart)
     return polygon(rings[0], rings[1:], contact=_contact(drawn))
 
 
@@ -184,7 +186,8 @@ def _band(drawn: Drawn, work: Work, at: np.ndarray) -> Shape:
     area = shapely.LineString(at).buffer(width / 2, cap_style="flat", join_style="mitre", mitre_limit=4.0)
     if area.geom_type != "Polygon" or area.is_empty:
         raise InvalidValueError("is a line too thin for where it lies; give it a larger stroke-width")
-    return _solid(drawn, work, area.exterior.coords, [ring.coords for ring in area.interiors])
+    holes = [ring.coords for ring in area.interiors]
+    return _solid(drawn, work, area.exterior.coords, holes, are_apart=True)  # paid for with the line
 
 
 def _points(drawn: Drawn) -> np.ndarray:

@@ -13,6 +13,7 @@ from support.pace import work_within
 from mesa_swarm.errors import InvalidValueError, MapError
 from mesa_swarm.world import map as map_module
 from mesa_swarm.world.map import FireSpot, Map, builtin_maps
+from mesa_swarm.world.map_toml import parsed_toml
 from mesa_swarm.world.shapes import disc, polygon, rectangle
 
 HEAD = "name = 'hall'\nwidth = 80\nheight = 60\n"
@@ -334,12 +335,31 @@ def test_a_file_far_down_in_folders_is_named_by_its_end(tmp_path):
         "1." * 20_000 + "1 = 1",
         ".".join(['"a"'] * 20_000) + " = 1",
         "".join(f"[{'.'.join('a' * 200)}.b{i}]\n" for i in range(1000)),
+        "".join(f"{'.'.join([f'a{i}'] * 9)} = 1\n" for i in range(10_000)),
+        "a = 'x' # \"\n" + 'b = """ \\""" # """\n' + ".".join("a" * 20_000) + " = 1",
+        f"[{'.'.join('a' * 100)}]\n" + "".join(f"k{i} = 1\n" for i in range(80_000)),
     ],
-    ids=["letters", "digits", "quotes", "headers"],
+    ids=["letters", "digits", "quotes", "headers", "lines", "after strings", "one header"],
 )
 def test_dotted_names_of_thousands_of_parts_are_refused(text):
-    with pytest.raises(MapError, match="dotted names"):
+    with work_within(1), pytest.raises(MapError, match="dotted names") as error:
         Map.from_toml(text)
+    one_line(error)
+
+
+def test_dots_in_remarks_and_strings_are_no_names():
+    remarks = "".join(f"# shelf {i} of www.example.com\n" for i in range(3000))
+    notes = "".join(f"  'rooms/room{i}.v2.toml', \"a.b.c\",\n" for i in range(3000))
+    text = f"{remarks}maps = [\n{notes}]\nmore = '''\n{remarks}'''\nlearn.robot.speed = 3"
+    assert parsed_toml(text, "job.toml")["learn"] == {"robot": {"speed": 3}}
+
+
+@pytest.mark.parametrize("height", ["5e-324", "1e-320"])
+def test_a_map_of_almost_no_height_is_refused_without_a_warning(height):
+    wall = '[[obstacle]]\nshape = "rectangle"\ncorners = [[0, 580], [800, 600]]\n'
+    with pytest.raises(MapError, match="lies outside the map") as error:
+        Map.from_toml(f'name = "flat"\nwidth = 800\nheight = {height}\n{wall}')
+    one_line(error)
 
 
 def test_twenty_thousand_discs_in_a_map_of_our_own_are_read():

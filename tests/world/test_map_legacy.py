@@ -85,6 +85,8 @@ def test_flat_lists_signs_floats_and_bare_calls_are_tolerated():
         ("1" + "+1" * 70_000, "too deeply"),
         ("[" + "1," * 100_000 + "]", "words, brackets and lines; expected at most 150,000"),
         ("9" * 5000, "hall.map"),
+        ("f'" + "".join(f"{{a{i}}}xxxxxxxxxxxx" for i in range(36_000)) + "'", "begins with f"),
+        ('# it\'s\n[Rf"""' + "{a}x\n" * 20_000 + '"""]', "line 2: has a string that begins with Rf"),
         ("#" * 1_000_001, "more than"),
     ],
     ids=lambda value: value[:40],
@@ -95,6 +97,12 @@ def test_a_wrong_legacy_map_is_refused_within_two_seconds_on_one_line(text, reas
     assert str(error.value).startswith("hall.map: ")
     assert reason in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_letters_before_quotes_in_remarks_and_strings_are_no_prefixes():
+    text = """# the shelf 'f"' of"
+    [Obstacle(u'rec', [[0, 0], [9, 9]]), Obstacle(r\"\"\"cir\"\"\", [[5, 5], 2])]  # f'{x}'"""
+    assert len(read(text.replace("\n    ", "\n")).obstacles) == 2
 
 
 @pytest.mark.parametrize(

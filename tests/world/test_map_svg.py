@@ -1,5 +1,6 @@
 """SVG maps: what is read from a drawing of any editor, and what is refused."""
 
+import itertools
 import math
 import re
 from concurrent.futures import CancelledError
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 from support.pace import work_within
 
 from mesa_swarm.errors import MapError
+from mesa_swarm.world import map_svg
 from mesa_swarm.world.map import FireSpot, Map
 from mesa_swarm.world.map_svg import TOLERANCE_OF_SIDE
 from mesa_swarm.world.map_work import stopping_when
@@ -381,6 +383,104 @@ def test_a_thick_line_that_crosses_itself_a_few_times_is_read():
         f"{400 + 300 * math.sin(3 * t):.1f},{300 + 200 * math.sin(4 * t):.1f}" for t in np.arange(0, 6, 0.05)
     )
     assert shape(f'<polyline fill="none" stroke-width="3" points="{points}"/>').geometry.interiors
+
+
+def wall(width, corners):
+    """Return a thick line."""
+    points = " ".join(f"{x:.3f},{y:.3f}" for x, y in corners)
+    return f'<polyline fill="none" stroke-width="{width}" points="{points}"/>'
+
+
+def scanned(n):
+    """Return the corners of a wall as a laser scanner sees it."""
+    x, y = np.arange(n) * 0.23, 300 + 200 * np.sin(np.arange(n) / 100)
+    return np.column_stack([50 + x, y]) + np.random.default_rng(1).uniform(-1, 1, (n, 2))
+
+
+def zigzag(n):
+    """Return the corners of a line that goes back and forth in rows and crosses nothing."""
+    x, row = np.arange(n) % 790, np.arange(n) // 790
+    return np.column_stack([np.where(row % 2, 789 - x, x) + 1, row * 7 + np.arange(n) % 2 + 1])
+
+
+def freehand(n):
+    """Return a path of curves that wanders as a hand does."""
+    turns = np.random.default_rng(3).uniform(-0.4, 0.4, 3 * n).cumsum()
+    at = np.column_stack([np.cos(turns), np.sin(turns)]).cumsum(axis=0) * 0.5
+    at += [400, 300] - at.mean(axis=0)
+    curves = " ".join("C" + " ".join(f"{number:.5f}" for number in curve) for curve in at.reshape(-1, 6))
+    return f'<path style="fill:none;stroke-width:3" d="M{at[0, 0]:.5f},{at[0, 1]:.5f} {curves}"/>'
+
+
+def repeated(n, element):
+    """Return elements side by side; x and y stand for where."""
+    return "".join(element.format(x=i % 90 * 8 + 1, y=i // 90 * 8 + 1) for i in range(n))
+
+
+@pytest.mark.parametrize(
+    ("content", "number"),
+    [
+        (repeated(3000, '<line x1="{x}" y1="{y}" x2="{x}.5" y2="{y}.9" stroke-width="2"/>'), 3000),
+        (repeated(2500, '<polyline fill="none" points="{x},{y} {x},0 0,0"/>'), 2500),
+        (repeated(3500, '<rect x="{x}" y="{y}" width="5" height="5" rx="1"/>'), 3500),
+        (repeated(700, '<ellipse cx="{x}" cy="{y}" rx="400" ry="200"/>'), 700),
+        (wall(4, scanned(3000)), 1),
+        (freehand(5000), 1),
+        (wall(0.1, zigzag(60_000)), 1),
+    ],
+    ids=["lines", "corners", "rounded", "ellipses", "scanned", "freehand", "zigzag"],
+)
+def test_large_drawings_as_people_make_them_are_read(content, number):
+    with work_within(2):
+        assert len(shapes(content)) == number
+
+
+def test_looking_for_crossings_of_a_long_line_stops_once_the_map_is_waited_for_no_longer():
+    asked = itertools.count()
+    with stopping_when(lambda: next(asked) > 4), pytest.raises(CancelledError):
+        Map.from_svg(ROOT.format(wall(0.1, zigzag(60_000))))
+
+
+@pytest.mark.parametrize(("apart", "around"), [(1000, 11), (1100, 18)])
+def test_outlines_of_which_many_lie_in_many_are_refused_wherever_those_stand_in_the_path(apart, around):
+    squares = [(i // around % 30 * 16 + 10, i // around // 30 * 16 + 10, 0.3 * (i % around + 1)) for i in range(apart)]
+    squares += [(590, 300, 0.1 * (i + 1)) for i in range(1999 - apart)]
+    corners = "M{0:g},{1:g} {2:g},{1:g} {2:g},{3:g} {0:g},{3:g}Z"
+    rings = "".join(corners.format(x - half, y - half, x + half, y + half) for x, y, half in squares)
+    assert "more work" in refused(ROOT.format(f'<path fill-rule="evenodd" d="{rings}"/>'))
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        f'<path transform="{"rotate(1)" * 8}" d="M500,500 501,500 500,501Z"/>' * 7400,
+        f'<g transform="{"rotate(1,2,3)" * 38}"/>' * 1950,
+        f'<g transform="{"skewX(1)" * 8}"/>' * 9900,
+        '<path d="M500,500 501,500 500,501Z"/>' * 9900,
+    ],
+    ids=["paths", "long", "groups", "straight"],
+)
+def test_transforms_and_paths_without_number_are_refused(content):
+    assert "more work" in refused(ROOT.format(content))
+
+
+def test_a_spiral_drawn_with_a_pen_wider_than_itself_is_refused():
+    turns = np.linspace(0, 100 * np.pi, 5000)
+    corners = 400 + (2 + 0.13 * turns[:, None]) * np.column_stack([np.cos(turns), np.sin(turns)])
+    assert "crosses itself" in refused(ROOT.format(wall(90, corners)))
+
+
+def test_elements_without_a_namespace_are_read_in_a_drawing_with_one():
+    assert len(shapes('<g xmlns=""><rect width="3" height="3"/></g>')) == 1
+
+
+def test_a_mistake_of_our_own_is_not_taken_for_one_of_the_encoding(monkeypatch):
+    def fail(*_):
+        raise TypeError("a mistake")
+
+    monkeypatch.setattr(map_svg, "_inherited", fail)
+    with pytest.raises(TypeError, match="a mistake"):
+        shapes('<rect width="3" height="3"/>')
 
 
 def test_two_thousand_outlines_in_each_other_are_refused_before_they_are_compared():
