@@ -66,10 +66,6 @@ class Rows:
     def __iter__(self) -> Iterator[Frame]:
         return map(self._frame, range(len(self._steps)))
 
-    def values(self, name: str) -> np.ndarray:
-        """Return a column of all rows, one after the other."""
-        return self._columns[name]
-
     def __getitem__(self, row: int) -> Frame:
         if row >= len(self):
             raise IndexError(row)

@@ -176,19 +176,19 @@ def checked_rows(batch: pa.RecordBatch, first: int, every: int, source: object) 
         wrong = "lists that do not fit together"
     if wrong or rows is None:
         raise RecordingError(f"{_end_of(source)} has {wrong} in its rows from step {first} on")
-    check_values(rows, batch.schema.names, first, source)
+    check_values(batch, first, source)
     return rows
 
 
-def check_values(rows: Rows, names: Iterable[str], first: int, source: object) -> None:
+def check_values(batch: pa.RecordBatch, first: int, source: object) -> None:
     """Refuse rows from this step on that hold numbers which no reader takes; the writer asks too.
 
     Raises
     ------
     RecordingError
     """
-    for name in FINITE.keys() & set(names):
-        if not _all_finite(rows.values(name), FINITE[name]):
+    for name in FINITE.keys() & set(batch.schema.names):
+        if not _all_finite(batch.column(name).values, FINITE[name]):
             raise RecordingError(f"{_end_of(source)} has out-of-range values of {name} from step {first} on")
 
 
@@ -285,12 +285,15 @@ def _has_nulls(array: pa.Array) -> bool:
     return pa.types.is_nested(array.type) and _has_nulls(array.values)
 
 
-def _all_finite(values: np.ndarray, largest: float) -> bool:
-    if values.dtype.names:
-        return all(_all_finite(values[name], largest) for name in values.dtype.names)
-    if values.dtype.kind != "f" or not values.size:
+def _all_finite(values: pa.Array, largest: float) -> bool:
+    if pa.types.is_struct(values.type):
+        return all(_all_finite(values.field(place), largest) for place in range(values.type.num_fields))
+    if pa.types.is_nested(values.type):
+        return _all_finite(values.values, largest)
+    if not pa.types.is_floating(values.type) or not len(values):
         return True
-    return float(values.min()) >= -largest and float(values.max()) <= largest  # NaN is neither
+    numbers = values.to_numpy()
+    return float(numbers.min()) >= -largest and float(numbers.max()) <= largest  # NaN is neither
 
 
 @lru_cache(maxsize=256)  # most recordings that are opened have the same columns

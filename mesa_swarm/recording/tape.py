@@ -7,7 +7,6 @@ from typing import Any
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.files import shown_path
 from mesa_swarm.observed_world import ObservedWorld
-from mesa_swarm.recording.frames import Rows
 from mesa_swarm.recording.layout import Chunk, Layout, population_of
 from mesa_swarm.recording.scenery import scenery_of, shows
 from mesa_swarm.recording.schema import check_values, checked_change, checked_scenery, longest_gap
@@ -69,7 +68,7 @@ class Tape:
         pending = self.rows - self.writer.sealed.rows
         if self._chunk is not None and pending:
             batch, first = self._chunk.batch(pending), int(self._chunk.steps[0])
-            check_values(Rows(batch), batch.schema.names, first, shown_path(self.writer.path))
+            check_values(batch, first, shown_path(self.writer.path))
             self.writer.write(batch, first)
         self._written_at = perf_counter()
         if self._written_at - self._synced_at > MOST_SECONDS:
