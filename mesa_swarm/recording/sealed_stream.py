@@ -183,9 +183,8 @@ class SealedWriter:
         self._let_go()
 
     def _let_go(self) -> None:
-        if (
-            os.getpid() == self._owner
-        ):  # a child that was forked meanwhile shares the lock: ours ends it, not the child's
+        # A child that was forked meanwhile shares the lock: this process ends it, and no child does.
+        if os.getpid() == self._owner:
             unlock(self._file)
         self._file.close()
         OWN.discard(self._identity)
