@@ -69,7 +69,7 @@ def test_charts_are_chosen_and_stay_chosen(visitor):
     wait_until(lambda: "Temperature of each fire" in titles.all_inner_texts())
     visitor.press("Models")
     visitor.press("Watch")
-    visitor.page.wait_for_selector(".swarm-chart")
+    wait_until(lambda: titles.count() == 3)
     assert titles.all_inner_texts()[2] == "Temperature of each fire"
 
 
