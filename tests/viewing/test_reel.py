@@ -7,9 +7,8 @@ from mesa_swarm import AGENT9, SwarmModel, disc
 from mesa_swarm.control import Explore, Subsumption
 from mesa_swarm.errors import InvalidValueError, RecordingError
 from mesa_swarm.models.fire_fighting import FireFighting
-from mesa_swarm.recording import Recording
+from mesa_swarm.recording import Recording, recorder
 from mesa_swarm.recording import provenance as written
-from mesa_swarm.recording import recorder
 from mesa_swarm.viewing.reel import Reel
 from unpacking import unpacked_chunk
 
