@@ -1,8 +1,11 @@
 """Rows on their way into a file: gathered in chunks, each with what came and went before it."""
 
 import json
+from bisect import bisect_left
 from time import perf_counter
 from typing import Any
+
+import pyarrow as pa
 
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.files import shown_path
@@ -67,9 +70,7 @@ class Tape:
         """Write the pending rows as one chunk."""
         pending = self.rows - self.writer.sealed.rows
         if self._chunk is not None and pending:
-            batch, first = self._chunk.batch(pending), int(self._chunk.steps[0])
-            check_values(batch, first, shown_path(self.writer.path))
-            self.writer.write(batch, first)
+            self._write(self._chunk, pending)
         self._written_at = perf_counter()
         if self._written_at - self._synced_at > MOST_SECONDS:
             self.writer.sync()
@@ -87,6 +88,18 @@ class Tape:
         except (RecordingError, OSError):
             self.writer.abandon()
             raise
+
+    def _write(self, chunk: Chunk, rows: int) -> None:
+        """Write the first rows of a chunk; if no reader would take one of them, those before it, and say so."""
+        batch, first = chunk.batch(rows), int(chunk.steps[0])
+        try:
+            check_values(batch, first, shown_path(self.writer.path))
+        except RecordingError:
+            good = bisect_left(range(1, rows), True, key=lambda number: not _is_readable(chunk.batch(number)))
+            if good:
+                self.writer.write(chunk.batch(good), first)
+            raise
+        self.writer.write(batch, first)
 
     def _tell_change(self, model: ObservedWorld) -> None:
         """Write what there is since the last row, and what it looks like if that is news."""
@@ -118,3 +131,11 @@ class Tape:
 def _seen(model: ObservedWorld) -> tuple:
     """Return what differs whenever the model may look other than it did, besides what rows hold."""
     return population_of(model), model.fire_constants
+
+
+def _is_readable(batch: pa.RecordBatch) -> bool:
+    try:
+        check_values(batch, 0, "")
+    except RecordingError:
+        return False
+    return True

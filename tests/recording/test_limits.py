@@ -8,6 +8,7 @@ from support.forging import put_together, taken_apart
 
 from mesa_swarm import AGENT3, SwarmModel
 from mesa_swarm.errors import InvalidValueError, RecordingError
+from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording, collected, container, verify
 from mesa_swarm.recording.checkpoint import checkpoint_of, restore
 from mesa_swarm.recording.container import Checkpoint, from_bytes, to_bytes
@@ -254,6 +255,22 @@ def test_values_that_no_reader_takes_end_a_recording_whose_rows_before_stay(tmp_
     one_line(error)
     assert recorder.closed
     assert len(Recording(path)) == 10
+    read_whole(path)
+
+
+@pytest.mark.parametrize("last", [1, 7, 200])
+def test_rows_of_the_same_chunk_before_a_value_that_no_reader_takes_stay_too(tmp_path, last):
+    class Breaking(FireFighting):
+        def step(self):
+            super().step()
+            if self.steps > last:
+                self.swarm.columns["command"][1] = np.inf
+
+    path, model = tmp_path / "run.arrow", Breaking(n_robots=3, rng=1)
+    model.record(path, checkpoint_every=0)
+    with np.errstate(all="ignore"), pytest.raises(RecordingError, match="out-of-range values of command"):
+        model.run(300)
+    assert Recording(path).steps.tolist() == list(range(1, last + 1))
     read_whole(path)
 
 
