@@ -94,7 +94,7 @@ WRONG = {
     "numpy half": np.float16(np.inf),
     "numpy single": np.float32(0.25),
     "numpy long": np.longdouble("1e4000"),
-    "numpy NaT": np.datetime64("NaT"),
+    "numpy NaT": np.datetime64("NaT", "s"),
     "numpy scalar array": np.array(0.5),
     "numpy array of one": np.array([0.5]),
     "array": np.arange(3.0),
