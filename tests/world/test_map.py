@@ -250,11 +250,11 @@ def test_binary_garbage_is_refused_on_one_line(tmp_path, suffix):
 
 
 @pytest.mark.parametrize("suffix", [".toml", ".svg", ".map"])
-def test_a_file_of_100_megabytes_is_refused_within_two_seconds(tmp_path, suffix):
+def test_a_file_of_100_megabytes_is_refused_within_a_second(tmp_path, suffix):
     path = tmp_path / f"hall{suffix}"
     path.touch()
     os.truncate(path, 100_000_000)
-    with work_within(2), pytest.raises(MapError, match="100000000 bytes"):
+    with work_within(1), pytest.raises(MapError, match="100000000 bytes"):
         Map.load(path)
 
 

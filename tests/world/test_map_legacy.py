@@ -91,8 +91,8 @@ def test_flat_lists_signs_floats_and_bare_calls_are_tolerated():
     ],
     ids=lambda value: value[:40],
 )
-def test_a_wrong_legacy_map_is_refused_within_two_seconds_on_one_line(text, reason):
-    with work_within(2), pytest.raises(MapError) as error:
+def test_a_wrong_legacy_map_is_refused_within_a_second_on_one_line(text, reason):
+    with work_within(1), pytest.raises(MapError) as error:
         read(text)
     assert str(error.value).startswith("hall.map: ")
     assert reason in str(error.value)
