@@ -5,7 +5,7 @@ from typing import Protocol
 import anywidget
 import traitlets
 
-PIECE = 1_000_000
+from mesa_swarm.dashboard.downloads import PIECE
 
 
 class Receiver(Protocol):

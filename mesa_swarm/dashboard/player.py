@@ -4,17 +4,20 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from mesa_swarm.dashboard import series
 from mesa_swarm.dashboard.listeners import Listeners
 from mesa_swarm.dashboard.past import KeptPast, Past, Picture
 from mesa_swarm.dashboard.played import Played
 from mesa_swarm.dashboard.readings import in_words, readings_of
 from mesa_swarm.model import SwarmModel
+from mesa_swarm.recording.recorder import Recorder
 from mesa_swarm.viewing.moments import moment_of_model, packed_frame
 from mesa_swarm.viewing.worlds import world_of_model
 
 # Played faster than this, steps a second, only what was shown is kept for stepping back.
 FASTEST_KEPT = 100.0
+# Of what a model that is played itself collects (Mesa's DataCollector, the history of fires), so many rows stay at
+# every multiple of so many steps, and fewer than twice as many between two of them.
+MOST_COLLECTED = 10_000
 
 
 class Player(Played):
@@ -162,14 +165,14 @@ class Player(Played):
             model.step()
         finally:
             self.stepping = False
-        if model.completed % series.MOST_COLLECTED == 0:
+        if model.completed % MOST_COLLECTED == 0:
             self._keep_window(model)
         if self.loop.speed <= FASTEST_KEPT:
             self._keep()
 
     def _keep_window(self, model: SwarmModel) -> None:
         if not self._is_own:
-            series.forget_collected(model, series.MOST_COLLECTED)
+            forget_collected(model, MOST_COLLECTED)
 
     def _keep(self, fingerprint: bool = False) -> None:
         """Make a picture of the present, unless an earlier one is looked at or there is one."""
@@ -188,3 +191,23 @@ class Player(Played):
         frame = packed_frame(moment_of_model(model, self._world), self._world)
         mark = model.state_hash() if fingerprint else ""
         return Picture(model.completed, frame, self._world, readings_of(model), mark)
+
+
+def forget_collected(model: SwarmModel, rows: int) -> None:
+    """Keep the last so many rows of what a model collects in every step, unless they are being recorded.
+
+    Examples
+    --------
+    >>> model = SwarmModel(rng=1).run(20)
+    >>> forget_collected(model, 5)
+    >>> len(model.datacollector.model_vars["collisions"])
+    5
+    """
+    if any(isinstance(observer, Recorder) for observer in model.observers):
+        return  # it stores what came since it looked last
+    collector = model.datacollector
+    for values in collector.model_vars.values():
+        del values[: max(0, len(values) - rows)]
+    for step in list(collector._agent_records)[:-rows]:
+        del collector._agent_records[step]
+    model.fires.history.forget(rows)

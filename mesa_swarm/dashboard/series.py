@@ -8,14 +8,10 @@ import numpy as np
 
 from mesa_swarm.errors import UnknownNameError, unknown_name
 from mesa_swarm.model import SwarmModel
-from mesa_swarm.recording.recorder import Recorder
 
 # Kept of a run, or of two that are compared, 16 MB; of a longer one every second step is dropped, and again.
 MOST_NUMBERS = 2_000_000
 FIRST_ROWS = 1024
-# Of what a model that is played itself collects (Mesa's DataCollector, the history of fires), so many rows stay at
-# every multiple of so many steps, and fewer than twice as many between two of them.
-MOST_COLLECTED = 10_000
 NO_LAYER = "no layer"
 
 
@@ -279,26 +275,6 @@ def measure(model: SwarmModel, row: np.ndarray) -> None:
         counts = np.bincount(model.swarm.columns["layer"] + 1, minlength=layers + 1)
         row[column : column + layers] = 100.0 * counts[1:] / max(robots, 1)
         row[column + layers] = 100.0 * counts[0] / max(robots, 1)
-
-
-def forget_collected(model: SwarmModel, rows: int) -> None:
-    """Keep the last so many rows of what a model collects in every step, unless they are being recorded.
-
-    Examples
-    --------
-    >>> model = SwarmModel(rng=1).run(20)
-    >>> forget_collected(model, 5)
-    >>> len(model.datacollector.model_vars["collisions"])
-    5
-    """
-    if any(isinstance(observer, Recorder) for observer in model.observers):
-        return  # it stores what came since it looked last
-    collector = model.datacollector
-    for values in collector.model_vars.values():
-        del values[: max(0, len(values) - rows)]
-    for step in list(collector._agent_records)[:-rows]:
-        del collector._agent_records[step]
-    model.fires.history.forget(rows)
 
 
 def number_of(value: object) -> float:

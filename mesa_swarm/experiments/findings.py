@@ -82,11 +82,11 @@ def _about_number(comparison: "Comparison", measure: str) -> str:
         return f"{measure} was {in_words(means[low])} with every {plan.parameter}: no difference was seen."
     return (
         f"{measure} was {in_words(means[high])} with {plan.parameter} {high} and {in_words(means[low])} with {low}, "
-        f"{_difference(comparison, measure, low, high)}{_chosen(len(plan.values))}."
+        f"{_difference_text(comparison, measure, low, high)}{_chosen(len(plan.values))}."
     )
 
 
-def _difference(comparison: "Comparison", measure: str, low: Any, high: Any) -> str:
+def _difference_text(comparison: "Comparison", measure: str, low: Any, high: Any) -> str:
     """Say by how much a measure is larger under one value than another, on how many seeds, and what that shows."""
     columns = comparison.column(low, measure), comparison.column(high, measure)
     differences = pair_differences(*columns)

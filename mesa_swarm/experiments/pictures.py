@@ -15,7 +15,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Wedge
-from matplotlib.path import Path
+from matplotlib.path import Path as Outline
 from numpy.typing import ArrayLike
 
 from mesa_swarm.experiments.portrait import Portrait, portrait_of
@@ -89,13 +89,13 @@ def _draw_shapes(axes: Axes, shapes: Sequence[Shape], colour: str, height: int, 
         axes.add_collection(PathCollection(paths, facecolors=colour, linewidths=0, zorder=height, label=label))
 
 
-def _outline(shape: Shape) -> Path:
+def _outline(shape: Shape) -> Outline:
     """Return a shape as a path; its holes stay open."""
     if shape.is_disc:
-        return Path.circle((shape.geometry.x, shape.geometry.y), shape.radius)
+        return Outline.circle((shape.geometry.x, shape.geometry.y), shape.radius)
     rings = [shape.geometry.exterior, *shape.geometry.interiors]
     # normal form turns holes the other way round than the outline, which leaves them unfilled
-    return Path.make_compound_path(*(Path(shapely.get_coordinates(ring), closed=True) for ring in rings))
+    return Outline.make_compound_path(*(Outline(shapely.get_coordinates(ring), closed=True) for ring in rings))
 
 
 def _draw_fires(axes: Axes, fires: dict[str, np.ndarray]) -> None:
@@ -129,14 +129,14 @@ def _draw_robots(axes: Axes, robots: dict[str, np.ndarray]) -> None:
     axes.add_collection(lines)
 
 
-def _half_discs(position: np.ndarray, ahead: np.ndarray) -> list[Path]:
+def _half_discs(position: np.ndarray, ahead: np.ndarray) -> list[Outline]:
     """Return half discs about positions, of the length of `ahead` and towards it; films have many of them."""
-    half = Path.wedge(-90, 90)
+    half = Outline.wedge(-90, 90)
     left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
     vertices = np.asarray(half.vertices, float)
     x, y = vertices[:, :1], vertices[:, 1:]
     outlines = position[:, None] + x * ahead[:, None] + y * left[:, None]
-    return [Path(outline, half.codes) for outline in outlines]
+    return [Outline(outline, half.codes) for outline in outlines]
 
 
 def _draw_perceived(axes: Axes, robots: dict[str, np.ndarray]) -> None:

@@ -262,7 +262,7 @@ def _outcomes(
 ) -> Iterator[tuple[Task, Outcome]]:
     """Yield the runs that are left as they are done."""
     left = (task for task in experiment.tasks() if not _is_done(task.key, ledger, archive))
-    work = partial(_done, experiment.model_class, archive)
+    work = partial(_done_task, experiment.model_class, archive)
     if workers == 1 and not is_remote():
         yield from map(work, left)
         return
@@ -317,7 +317,7 @@ def _alone(work: Callable, task: Task, deaths: Counter[str], archive: Archive | 
     return task, Outcome(error=f"WorkerDiedError: the process died in each of {TRIES} tries")
 
 
-def _done(model_class: type, archive: Archive | None, task: Task) -> tuple[Task, Outcome]:
+def _done_task(model_class: type, archive: Archive | None, task: Task) -> tuple[Task, Outcome]:
     if archive is None:
         return task, carried_out(model_class, task)
     return task, archive.carried_out(model_class, task)

@@ -16,7 +16,7 @@ NEEDED = ("position", "heading")
 NO_FIRES = {"position": np.zeros((0, 2)), "radius": np.zeros(0), "temperature": np.zeros(0), "out": np.zeros(0, bool)}
 
 
-class Rows:
+class SceneRows:
     """The steps of a recording that can be exported, and their frames: as many as are whole.
 
     Parameters
@@ -54,7 +54,7 @@ class Portraits:
 
     Parameters
     ----------
-    rows : Rows
+    rows : SceneRows
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class Portraits:
         If positions or headings were not recorded.
     """
 
-    def __init__(self, rows: Rows) -> None:
+    def __init__(self, rows: SceneRows) -> None:
         missing = [name for name in NEEDED if name not in rows.recording.columns]
         if missing:
             raise ExportError(
@@ -149,7 +149,7 @@ def hot_robots(frames: Iterator[Frame], scene: Scene) -> Iterator[np.ndarray]:
         yield hot
 
 
-def _start_before(rows: Rows, scene: Scene) -> Frame | None:
+def _start_before(rows: SceneRows, scene: Scene) -> Frame | None:
     """Return the frame at which the recording began, if it is known and as far from the first row as rows are."""
     start = scene.start
     before = start is not None and start.step < rows.steps[0] and start.step % rows.recording.provenance["every"] == 0

@@ -21,7 +21,7 @@ REST = 60.0
 RESTS = (15.0, REST, 240.0)
 SEEDS = 6
 # Half of what the thesis's two runs are given: who is done is done by then.
-MOST_STEPS = 8_000
+MOST_STEPS_OF_MAP = 8_000
 SIDES = ("A", "B")
 
 
@@ -74,7 +74,7 @@ def compared(laboratory: Laboratory) -> list[Cell]:
     """Return all cells of the map."""
     robots = laboratory.pick(ROBOTS, (5, 20))
     sizes, rests = laboratory.pick(SIZES, (1.0,)), laboratory.pick(RESTS, (REST,))
-    steps = laboratory.pick(MOST_STEPS, 3_000)
+    steps = laboratory.pick(MOST_STEPS_OF_MAP, 3_000)
     places = [{"robots": n, "size": size, "rest": rest} for size in sizes for rest in rests for n in robots]
     points = [{**place, "strategy": side, "steps": steps} for place in places for side in SIDES]
     rows = laboratory.grid(fire_run, points, laboratory.seeds(SEEDS))
@@ -131,7 +131,7 @@ def winners_in_words(cells: Sequence[Cell]) -> tuple[str, ...]:
     of = {side: [cell for cell in cells if cell.winner == side] for side in ("A", "B", "")}
     told = [
         f"Over robots, sizes of fires and rest times, {len(cells)} cells of paired seeds: B is clearly better in "
-        f"{len(of['B'])}, A in {len(of['A'])}, neither in {len(of[''])}. At most {MOST_STEPS:,} steps and "
+        f"{len(of['B'])}, A in {len(of['A'])}, neither in {len(of[''])}. At most {MOST_STEPS_OF_MAP:,} steps and "
         f"{SEEDS} seeds a cell; the intervals are not corrected for so many comparisons: about one cell in forty "
         "may go to either by chance."
     ]

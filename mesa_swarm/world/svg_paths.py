@@ -20,7 +20,7 @@ _PATH_TEXT = re.compile(r"\s*[Mm][MmZzLlHhVvCcSsQqTtAa\d\s,.eE+-]*", re.ASCII)
 _STRAIGHT_PATH = re.compile(r"\s*(M[\d\s,.eE+-]+Z\s*)+", re.ASCII)
 _COMMAND = re.compile(r"([MmZzLlHhVvCcSsQqTtAa])([^MmZzLlHhVvCcSsQqTtAa]*)")
 # Numbers that each command takes; an arc's 7 cannot be counted, because its flags need no space between them.
-_ARGUMENTS = {"m": 2, "l": 2, "h": 1, "v": 1, "c": 6, "s": 4, "q": 4, "t": 2, "a": 1}
+_COMMAND_ARGUMENTS = {"m": 2, "l": 2, "h": 1, "v": 1, "c": 6, "s": 4, "q": 4, "t": 2, "a": 1}
 _PATH_WORD = re.compile(r"[a-zA-Z]|[\d.]+")
 
 
@@ -165,7 +165,7 @@ def _is_complete(command: str, arguments: str) -> bool:
     count = len(numbers("d", arguments))
     if command == "z":
         return count == 0
-    return count > 0 and count % _ARGUMENTS[command] == 0
+    return count > 0 and count % _COMMAND_ARGUMENTS[command] == 0
 
 
 def _subpath(parts: list[np.ndarray], is_closed: bool) -> Iterator[tuple[bool, np.ndarray]]:

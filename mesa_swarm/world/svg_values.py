@@ -26,7 +26,7 @@ _LENGTH = re.compile(rf"\s*({_NUMBER})\s*([a-zA-Z]*)\s*")
 _NUMBERS = re.compile(_NUMBER)
 _OF_NUMBERS = re.compile(r"[\d\s,.eE+-]*", re.ASCII)
 _TRANSFORM = re.compile(r"(matrix|translate|scale|rotate|skewX|skewY)\s*\(([\d\s,.eE+-]*)\)", re.ASCII)
-_ARGUMENTS = {
+_TRANSFORM_ARGUMENTS = {
     "matrix": {6},
     "translate": {1, 2},
     "scale": {1, 2},
@@ -101,7 +101,7 @@ def transform(text: str) -> np.ndarray:
         raise refused
     for kind, arguments in _TRANSFORM.findall(text):
         given = numbers("transform", arguments)
-        if len(given) not in _ARGUMENTS[kind]:
+        if len(given) not in _TRANSFORM_ARGUMENTS[kind]:
             raise refused
         if not np.abs(given).max() <= LARGEST_ENTRY:  # of an angle too: svgelements fails on sines of infinity
             raise InvalidValueError(f"transform has a number beyond {LARGEST_ENTRY:g}")

@@ -124,7 +124,7 @@ def test_the_chart_has_a_line_for_each_world(comparing):
 
 
 def test_the_chart_shows_every_step_where_it_was_taken_though_the_models_forget_the_early_ones(monkeypatch):
-    monkeypatch.setattr("mesa_swarm.dashboard.series.MOST_COLLECTED", 20)
+    monkeypatch.setattr("mesa_swarm.dashboard.player.MOST_COLLECTED", 20)
     pair = Pair()
     pair.place(*(SwarmModel(rng=1, model_reporters={"now": "completed"}) for _ in "AB"))
     for _ in range(50):

@@ -82,7 +82,7 @@ def test_the_buttons_of_a_widget_step_the_model_itself(sent):
 
 
 def test_what_a_model_of_ones_own_has_collected_is_kept_however_long_it_is_played(sent, monkeypatch):
-    monkeypatch.setattr("mesa_swarm.dashboard.series.MOST_COLLECTED", 5)
+    monkeypatch.setattr("mesa_swarm.dashboard.player.MOST_COLLECTED", 5)
     model = FireFighting(n_robots=3, rng=1)
     canvas = model.show()
     canvas._hear({"do": "ready"})
