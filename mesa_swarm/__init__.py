@@ -11,12 +11,12 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.experiments.compare import compare
     from mesa_swarm.experiments.sweep import sweep
-    from mesa_swarm.model import SwarmModel
     from mesa_swarm.recording.recording import Recording
     from mesa_swarm.robots.design import AGENT3, AGENT6, AGENT9, AGENT_FIRE, RobotDesign, all_round
     from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive
     from mesa_swarm.robots.radio import Radio
     from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSensor, bump_sensor, laser_sensor
+    from mesa_swarm.swarm_model import SwarmModel
     from mesa_swarm.world.map import Map
     from mesa_swarm.world.shapes import Shape, disc, polygon, rectangle
 
@@ -35,7 +35,7 @@ _HOME = {
     "Recording": "recording.recording",
     "RobotDesign": "robots.design",
     "Shape": "world.shapes",
-    "SwarmModel": "model",
+    "SwarmModel": "swarm_model",
     "all_round": "robots.design",
     "bump_sensor": "robots.sensors",
     "compare": "experiments.compare",

@@ -7,6 +7,7 @@ from pkgutil import iter_modules
 from mesa_swarm.errors import check_choice
 
 PACKAGE = "mesa_swarm.models"
+BASE = "mesa_swarm.swarm_model"  # of SwarmModel itself
 
 
 def model_names() -> list[str]:
@@ -58,3 +59,17 @@ def description(model_class: type) -> str:
     'Robots that put out fires with strategy A or B.'
     """
     return (inspect.getdoc(model_class) or "").partition("\n")[0]
+
+
+def shipped_class(module: str, name: str) -> type | None:
+    """Return a class that comes with mesa_swarm by its address, None for any other: importing is running.
+
+    Examples
+    --------
+    >>> shipped_class("mesa_swarm.models.fire_fighting", "FireFighting").__name__, shipped_class("os", "path")
+    ('FireFighting', None)
+    """
+    if module != BASE and module not in {f"{PACKAGE}.{model}" for model in model_names()}:
+        return None
+    found = getattr(import_module(module), name, None)
+    return found if isinstance(found, type) and found.__module__ == module else None

@@ -1,13 +1,16 @@
-"""SwarmModel: a Mesa model of robots in a world, and its step, written once."""
+"""EngineModel: the world, its step, written once, its observers and its fingerprint."""
 
 import os
-from collections.abc import Mapping
-from typing import Self
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from hashlib import blake2b
+from typing import Any, Self, SupportsIndex
 
 import mesa
 import numpy as np
 
 from mesa_swarm.control.arbiter import Arbiter, check_drives, driver
+from mesa_swarm.control.explain import Explanation, explanation
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import (
     BehaviourError,
@@ -18,70 +21,56 @@ from mesa_swarm.errors import (
     check_number,
     shortened,
 )
-from mesa_swarm.fire.burning import burn
-from mesa_swarm.fire.constants import FireConstants, design_constants
+from mesa_swarm.physics.contact import Contacts
 from mesa_swarm.physics.engine import CompiledEngine, Engine
 from mesa_swarm.physics.imperfect import Imperfect
 from mesa_swarm.physics.radio import Channel, send_goals
 from mesa_swarm.physics.shapely_engine import ShapelyEngine
 from mesa_swarm.progress import progress_bar
-from mesa_swarm.recorded_world import RecordedWorld
+from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.drive import limit_command
 from mesa_swarm.robots.imperfections import Imperfections
 from mesa_swarm.robots.radio import Radio
+from mesa_swarm.robots.robot import Robot
+from mesa_swarm.robots.snapshots import DECISIONS, Snapshots, check_kept
 from mesa_swarm.streams import Seed
 from mesa_swarm.world.map import Map
+from mesa_swarm.world_model import World
 
 ENGINES: dict[str, type[Engine]] = {"compiled": CompiledEngine, "shapely": ShapelyEngine}
 
 
-class SwarmModel(RecordedWorld):
-    """A world of robots, obstacles and fires, advanced step by step.
+# Indices that depend on the order in which things were created say nothing of the state.
+NOT_HASHED = frozenset({"number", "design", "contact_index"})
+
+
+class Observers(list):
+    """What a model calls after each step, `observer.after_step(model, step)`; copies of a model have none.
+
+    That is at the end of SwarmModel's step, to which a class may add more of its own. An observer that has
+    `between_steps(model)` is called once more when all is done, and one that has `before_step(model)` before anything
+    of the next step is: what is other then was changed by hand. Mesa has counted that step already. One that has
+    `after_run(model, steps)` is called when `run` has taken so many steps without an error.
+
+    What observes one run writes it to one place: two runs there would be a muddle.
+    """
+
+    def __reduce_ex__(self, protocol: SupportsIndex) -> tuple:
+        return Observers, ()
+
+
+class EngineModel(World):
+    """A world of robots, obstacles and loads, advanced step by step; `SwarmModel` adds fires and recordings.
 
     Parameters
     ----------
-    map : str, path or Map
-        A built-in map (original, sparse, openspace, openspace_fire), a file (.toml, .svg, .map), or a Map.
-    rng : int, SeedSequence, Generator or None
-        Seed of everything random. The same seed gives the same bits.
-    engine : str
-        "compiled", or "shapely": slow and readable, the oracle of the first.
-    turn_angle_degrees : float
-        A robot whose travel is farther than this from the normal of a flat face that it meets is turned
-        parallel to it; 0 to 90.
-    fire_constants : FireConstants, optional
-        From `design_constants`, whose defaults are used otherwise.
-    extinguish_range : float
-        A robot whose body is this near to a fire's edge can fight it and takes its heat, at least 0.
-    history_every : int
-        Steps between two rows of `fires.history`; 0 keeps none.
-    collect_every : int
-        Steps between two rows of `datacollector`, 1 for each step; 0 collects nothing.
-    communication : Radio, optional
-        How robots broadcast to each other; by default they do not.
-    model_reporters, agent_reporters : dict, optional
-        More of what Mesa's DataCollector collects, besides `collisions` and
-        `total_collisions`.
-
-    Attributes
-    ----------
-    swarm : Swarm
-        The robots' columns.
-    fires : Fires
-        The fires' columns.
-    space : Arena
-    datacollector : mesa.DataCollector
-
-    Examples
-    --------
-    >>> from mesa_swarm import AGENT9, SwarmModel
-    >>> from mesa_swarm.control import Avoid, Explore, Subsumption
-    >>> model = SwarmModel(map="original", rng=1)
-    >>> robots = model.add_robots(AGENT9, 5)
-    >>> model.control = Subsumption(Avoid(distance=15), Explore())
-    >>> model.run(10).steps
-    10
+    map, rng, engine, turn_angle_degrees, collect_every, communication, model_reporters, agent_reporters
+        See `SwarmModel`.
     """
+
+    _control: Arbiter | None = None
+    _completed: int = 0
+    _snapshots: Snapshots | None = None
 
     def __init__(
         self,
@@ -90,19 +79,16 @@ class SwarmModel(RecordedWorld):
         rng: Seed = None,
         engine: str = "compiled",
         turn_angle_degrees: float = 60.0,
-        fire_constants: FireConstants | None = None,
-        extinguish_range: float = 10.0,
-        history_every: int = 1,
         collect_every: int = 1,
         communication: Radio | None = None,
         model_reporters: dict | None = None,
         agent_reporters: dict | None = None,
     ) -> None:
         self._turn_angle = np.radians(check_number("turn_angle_degrees", turn_angle_degrees, minimum=0, maximum=90))
-        self.extinguish_range = check_number("extinguish_range", extinguish_range, minimum=0, maximum=1e9)
         self._engine: Engine = ENGINES[check_choice("engine", engine, ENGINES)]()
-        super().__init__(map=map, rng=rng, history_every=history_every)
-        self.fire_constants = design_constants() if fire_constants is None else fire_constants
+        super().__init__(map=map, rng=rng)
+        self.observers = Observers()
+        self._user_step: Callable[..., None] = self._whole_step  # what Mesa calls in its own wrapping of a step
         self.communication = communication
         self.collect_every = collect_every
         self._imperfect: Imperfect | None = None
@@ -120,10 +106,6 @@ class SwarmModel(RecordedWorld):
             model_reporters={**reporters, **(model_reporters or {})}, agent_reporters=agent_reporters
         )
 
-    def __repr__(self) -> str:
-        counts = f"{len(self.swarm)} robots, {len(self.fires)} fires"
-        return f"<{type(self).__name__} on map {self.map.name}, step {self.steps}: {counts}>"
-
     @property
     def collect_every(self) -> int:
         """Steps between two rows of `datacollector`, 0 for no rows at all; may be changed between steps.
@@ -133,6 +115,7 @@ class SwarmModel(RecordedWorld):
 
         Examples
         --------
+        >>> from mesa_swarm import SwarmModel
         >>> model = SwarmModel(rng=1, collect_every=10).run(40)
         >>> len(model.datacollector.get_model_vars_dataframe())
         4
@@ -142,19 +125,6 @@ class SwarmModel(RecordedWorld):
     @collect_every.setter
     def collect_every(self, steps: int) -> None:
         self._collect_every = check_count("collect_every", steps)
-
-    @property
-    def fire_constants(self) -> FireConstants:
-        """The constants of the fires and of the heat in robots; may be changed between steps."""
-        return self._fire_constants
-
-    @fire_constants.setter
-    def fire_constants(self, constants: FireConstants) -> None:
-        if not isinstance(constants, FireConstants):
-            raise InvalidValueError(
-                f"fire_constants is {shortened(constants)}; expected what design_constants() returns"
-            )
-        self._fire_constants = constants
 
     @property
     def communication(self) -> Radio | None:
@@ -176,6 +146,7 @@ class SwarmModel(RecordedWorld):
 
         Examples
         --------
+        >>> from mesa_swarm import SwarmModel
         >>> from mesa_swarm.robots.imperfections import ROBOTARIUM
         >>> model = SwarmModel(rng=1)
         >>> model.imperfections = ROBOTARIUM.at(0.5)
@@ -249,7 +220,7 @@ class SwarmModel(RecordedWorld):
         self._exchange()
         self._decide()
         self._move()
-        self._burn()
+        self._process()
         self._completed += 1
         self._collect()
 
@@ -332,46 +303,172 @@ class SwarmModel(RecordedWorld):
         with self._imperfect.driving(self.swarm, self._completed):
             self._engine.move(self.swarm, scene, self._turn_angle, draws)
 
-    def _burn(self) -> None:
-        if not self._burns:
-            return
-        if self._snapshots is not None:
-            self._snapshots.note()
-        columns, fires, c = self.swarm.columns, self.fires.columns, self.fire_constants
-        scene = self._current_scene()
-        went_out = burn(
-            columns["position"],
-            columns["radius"],
-            scene.fires,
-            fires["area"],
-            (c.k1, c.k2, c.k3, c.k4, c.leave, c.join),
-            self.extinguish_range,
-            self.steps,
-            fires["temperature"],
-            fires["out"],
-            fires["out_step"],
-            fires["robots"],
-            columns["temperature"],
-            columns["heat"],
-            columns["hot"],
-            columns["fire"],
-        )
-        if went_out:
-            scene.statics.mark_burning(~fires["out"])
+    def _process(self) -> None:
+        """Let happen what happens in each step besides robots; here nothing."""
 
     def _collect(self) -> None:
         self.collisions = int(np.count_nonzero(self.swarm.columns["collided"]))
         self.total_collisions += self.collisions
-        history = self.fires.history
-        if self._burns and history.every and self._completed % history.every == 0:
-            fires = self.fires
-            history.append(self.steps, fires.temperature, fires.robots, fires.out)
         if self._snapshots is not None and self._completed % self._snapshots.every == 0:
             self._snapshots.append(self._completed)
         if self._collect_every and self._completed % self._collect_every == 0:
             self.datacollector.collect(self)
         for observer in list(self.observers):
             observer.after_step(self, self._completed)
+
+    def _check_driven(self, design: RobotDesign) -> None:
+        """Refuse robots that the control is not for."""
+        if self._control is not None:
+            check_drives(self._control, [design])
+
+    @property
+    def completed(self) -> int:
+        """How many steps were taken to their end."""
+        return self._completed
+
+    def _whole_step(self, *given: Any, **named: Any) -> None:
+        """Take the step that the class says, of which this class's own is a part; tell observers before and after.
+
+        Of a step that fails they are told as well: what it has left is all that will come of it.
+        """
+        try:
+            self._tell("before_step")
+            type(self).step(self, *given, **named)
+            self._tell("between_steps")
+        except BaseException:
+            self._schedule_again()
+            self._tell("after_failure")
+            raise
+
+    def _tell(self, what: str) -> None:
+        """Call what some observers have, and others have not."""
+        for observer in list(self.observers):
+            told = getattr(observer, what, None)
+            if told is not None:
+                told(self)
+
+    def _schedule_again(self) -> None:
+        """Let Mesa 3.5 take a step after one that failed, as Mesa 3.3 does: its schedule ends with an error."""
+        schedule = getattr(self, "_default_schedule", None)
+        if schedule is not None:
+            schedule.pause()
+            schedule.resume()
+
+    @property
+    def contacts(self) -> "Contacts":
+        """The deepest contact of every robot that collided in the last step."""
+        return Contacts.of(self.swarm, self._obstacles, self._hot_agents())
+
+    def watch(self, last: int | None = 100, *, every: int = 1, columns: tuple[str, ...] = DECISIONS) -> Snapshots:
+        """Keep what robots knew and did from now on, and return where it is kept.
+
+        Watching anew forgets what was kept; `last=None` keeps everything, which takes memory without end.
+
+        Parameters
+        ----------
+        last : int or None
+            How many snapshots to keep.
+        every : int
+            Steps from one to the next.
+        columns : tuple of str
+            Of the swarm, those that `explain` needs by default.
+
+        Examples
+        --------
+        >>> from mesa_swarm import AGENT9, SwarmModel
+        >>> model = SwarmModel(rng=1)
+        >>> kept = model.watch(last=50)
+        >>> len(model.run(60).watched)
+        50
+        """
+        self._snapshots = Snapshots(self.swarm, last=last, every=every, columns=columns)
+        return self._snapshots
+
+    @property
+    def watched(self) -> Snapshots | None:
+        """What `watch` keeps, None if nobody watches."""
+        return self._snapshots
+
+    def explain(self, robot: Robot, step: int | None = None) -> Explanation:
+        """Say why a robot did what it did in the last step, or in one that is still kept: `watch` first.
+
+        Parameters
+        ----------
+        robot : Robot
+            One of `model.robots`.
+        step : int, optional
+
+        Returns
+        -------
+        Explanation
+            As a text one sentence: what the robot did, the layer that won, the readings that triggered it.
+
+        Raises
+        ------
+        InvalidValueError
+            If nobody watches, columns are missing, there is no control, or the step is not kept.
+        RemovedRobotError
+            If the robot was removed.
+
+        Examples
+        --------
+        >>> from mesa_swarm import AGENT9, SwarmModel
+        >>> from mesa_swarm.control import Avoid, Explore, Subsumption
+        >>> model = SwarmModel(rng=1)
+        >>> (robot,) = model.add_robots(AGENT9, poses=[(765, 300, 0.0)], tendency="left")
+        >>> model.control = Subsumption(Avoid(distance=10.5), Explore())
+        >>> kept = model.watch()
+        >>> print(model.run(1).explain(robot))
+        step 1: robot 5 turns left while moving; Avoid: front sensor 10.0 (an obstacle) < 10.5
+        """
+        if not isinstance(robot, Robot) or robot.model is not self:
+            raise InvalidValueError(f"robot is {shortened(robot)}; expected one of this model's robots")
+        row, kept = robot.alive(), check_kept(self._snapshots, DECISIONS, "explain")
+        if self._control is None:
+            raise InvalidValueError("there is no control to explain; set model.control")
+        wanted = int(kept.steps[-1]) if step is None else check_count("step", step)
+        return explanation(self._control, self.swarm, kept, row, wanted)
+
+    def state_hash(self) -> str:
+        """Return a fingerprint of the published state: equal for equal runs, on every machine and Python.
+
+        All sensors are read first, so that having looked at the readings or not makes no difference.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel
+        >>> SwarmModel(rng=1).state_hash() == SwarmModel(rng=1).state_hash()
+        True
+        """
+        self.sense()
+        digest = blake2b(digest_size=16)
+        digest.update(f"{self._completed}".encode())
+        for load in self._loads:
+            digest.update(np.array([*load.pose, load.resistance]).tobytes())
+        for prefix, columns in self._hashed_columns():
+            for name, column in sorted(columns.items()):
+                if name not in NOT_HASHED:
+                    digest.update(f"{prefix}.{name} {column.shape}".encode())
+                    digest.update((column + 0 if column.dtype.kind == "f" else column).tobytes())
+        return digest.hexdigest()
+
+    def _hashed_columns(self) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
+        """Iterate over the tables of columns that are part of the state, each with a prefix for their names."""
+        yield "robots", self.swarm.columns
+
+    @contextmanager
+    def _observed_run(self) -> Iterator[None]:
+        """Tell observers when a run is over; close them if an error or Ctrl-C ends it: what was recorded is kept."""
+        begin = self.completed
+        try:
+            yield
+        except BaseException:
+            for observer in list(self.observers):
+                getattr(observer, "break_off", observer.close)()
+            raise
+        for observer in list(self.observers):
+            if hasattr(observer, "after_run"):
+                observer.after_run(self, self.completed - begin)
 
     # ---- small parts
 

@@ -1,4 +1,4 @@
-"""World: a Mesa model with a map, robots, obstacles and fires, which come and go between two steps."""
+"""World: a Mesa model with a map, robots, obstacles and loads, which come and go between two steps."""
 
 import os
 from collections.abc import Iterable, Sequence
@@ -8,22 +8,18 @@ import mesa
 import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number, shortened
-from mesa_swarm.fire.fires import Fire, Fires
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.physics.scene import Scene
-from mesa_swarm.robots.design import RobotDesign
+from mesa_swarm.robots.design import DesignTable, RobotDesign
 from mesa_swarm.robots.robot import SIDES, Robot, remove_together
 from mesa_swarm.robots.swarm import Swarm
-from mesa_swarm.robots.table import DesignTable
 from mesa_swarm.streams import Seed, Streams
 from mesa_swarm.world.arena import Agents, Arena, as_numbers
-from mesa_swarm.world.form import Form
-from mesa_swarm.world.load import Load, checked_resistance
-from mesa_swarm.world.map import RADIUS_OF_UNIT_AREA, Map
-from mesa_swarm.world.obstacle import Obstacle
+from mesa_swarm.world.bodies import Form, Load, Obstacle, checked_resistance
+from mesa_swarm.world.map import Map
 from mesa_swarm.world.placement import free_places, place_apart
 from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, disc
-from mesa_swarm.world.statics import FIRE, LOAD, OBSTACLE
+from mesa_swarm.world.statics import LOAD, OBSTACLE
 
 # The least radius as a share of the largest coordinate: contact tells overlap from touch by 1e-7 of a radius, which
 # may not be less than the rounding of a coordinate. And squares of lengths have to be floats.
@@ -37,11 +33,9 @@ class World(mesa.Model):
     Parameters
     ----------
     map : str, path or Map
-        Its obstacles and fires are added.
+        Its obstacles are added.
     rng : int, SeedSequence, Generator or None
         Seed of everything random.
-    history_every : int
-        Steps between two rows of `fires.history`; 0 keeps none.
     """
 
     def __new__(cls, *given: Any, **named: Any) -> Self:
@@ -50,7 +44,7 @@ class World(mesa.Model):
         world.given = given, named  # before any constructor of a subclass has changed them
         return world
 
-    def __init__(self, *, map: str | os.PathLike | Map, rng: Seed, history_every: int) -> None:
+    def __init__(self, *, map: str | os.PathLike | Map, rng: Seed) -> None:
         self.map = Map.load(map)
         rng = _checked_seed(rng)
         super().__init__(rng=rng)
@@ -59,17 +53,12 @@ class World(mesa.Model):
         self.space = Arena([[x_min, x_max], [y_min, y_max]], random=self.random, n_agents=0)
         self.swarm = Swarm()
         self.space.attach(self.swarm)
-        self.fires = Fires(check_count("history_every", history_every))
-        self.space.attach(self.fires)
         self._obstacles: list[Obstacle] = []
         self._loads: list[Load] = []
         self._scene: Scene | None = None
         self._scene_table: DesignTable | None = None
-        self._burns = False
         for shape in self.map.obstacles:
             self.add_obstacle(shape)
-        for spot in self.map.fires:
-            self.add_fire(spot.position, radius=spot.radius, temperature=spot.temperature)
 
     @property
     def robots(self) -> Agents[Robot]:
@@ -142,6 +131,14 @@ class World(mesa.Model):
         self.swarm.agents += robots
         self.swarm.disturbed |= poses is not None
         return robots
+
+    def _hot_discs(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return centre and radius (k, 3) and temperature (k,) of discs that sensors of heat see; here none."""
+        return np.empty((0, 3)), np.empty(0)
+
+    def _hot_agents(self) -> Sequence[mesa.Agent]:
+        """Return the agents of these discs, in their order."""
+        return ()
 
     def _check_driven(self, design: RobotDesign) -> None:
         """Refuse robots that what drives the others cannot drive; a world without control has nothing against any."""
@@ -217,44 +214,8 @@ class World(mesa.Model):
         self._scene_changed()
         return load
 
-    def add_fire(
-        self,
-        position: Sequence[float],
-        *,
-        radius: float | None = None,
-        area: float | None = None,
-        temperature: float = 1.0,
-    ) -> Fire:
-        """Add a fire and return its agent.
-
-        Parameters
-        ----------
-        position : (x, y)
-            Within the map.
-        radius, area : float
-            Either or both; area = (radius / 10) ** 2 unless both are given.
-        temperature : float
-            Above 0, at most 1.
-        """
-        point = self._checked_point(position)
-        if radius is None and area is None:
-            raise InvalidValueError("add_fire got neither radius nor area; give one of them")
-        if radius is None:
-            radius = RADIUS_OF_UNIT_AREA * np.sqrt(check_number("area", area, above=0, maximum=1e12))
-        radius = check_number("radius", radius, above=0, maximum=1e6)
-        area = (radius / RADIUS_OF_UNIT_AREA) ** 2 if area is None else area
-        check_number("area", area, above=0, maximum=1e12)
-        check_number("temperature", temperature, above=0, maximum=1)
-        self._check_clear_of_loads("fire", disc(point, radius))
-        row = self.fires.add(point, radius, area, temperature)
-        fire = Fire(self.space, self, self.fires, row)
-        self.fires.agents.append(fire)
-        self._burns = True
-        self._scene_changed()
-        return fire
-
     def obstacles_changed(self) -> None:
-        """Take note that obstacles or fires were removed."""
+        """Take note that obstacles or other bodies were removed."""
         for index in reversed(range(len(self._obstacles))):
             if self._obstacles[index].space is None:
                 del self._obstacles[index]
@@ -268,17 +229,11 @@ class World(mesa.Model):
         self._scene = None
         self.swarm.disturbed = True
 
-    def fires_changed(self, index: int) -> None:
-        """Take note that a fire was removed: nobody fights it any more."""
-        self.swarm.forget_contact(FIRE, index)
-        self.swarm.columns["fire"].fill(-1)
-        self.obstacles_changed()
-
     def _current_scene(self) -> Scene:
         table = self.swarm.table
         if self._scene is None or self._scene_table is not table or (self._loads and self._scene.is_worn):
             shapes = [obstacle.shape for obstacle in self._obstacles]
-            discs, temperature = self.fires.discs, self.fires.columns["temperature"]
+            discs, temperature = self._hot_discs()
             sight = float(table.reach.max(initial=0.0))
             touch = max((design.radius for design in table.designs), default=1.0)
             loads = [(row, body) for row, body in enumerate(self._obstacles) if isinstance(body, Load)]
@@ -305,7 +260,7 @@ class World(mesa.Model):
         if not form.is_within(pose, self.map.bounds):
             raise InvalidValueError(f"load is not within map {self.map.name}, {list(self.map.bounds)}; move it inside")
         others = [("an obstacle or load", body.shape) for body in self._obstacles if body.contact]
-        others += [("a fire", disc(fire.position, fire.radius)) for fire in self.fires]
+        others += [("a fire", disc((x, y), radius)) for x, y, radius in self._hot_discs()[0]]
         for name, other in others:
             if form.overlaps(pose, other):
                 raise InvalidValueError(
@@ -322,7 +277,7 @@ class World(mesa.Model):
 
     def _free_poses(self, design: RobotDesign, n: int) -> tuple[np.ndarray, np.ndarray]:
         shapes = [obstacle.shape for obstacle in self._obstacles]
-        space = free_places(self.map.bounds, shapes, self.fires.discs, design.radius)
+        space = free_places(self.map.bounds, shapes, self._hot_discs()[0], design.radius)
         old, radii, where = self.swarm.position, self.swarm.radius, f"map {self.map.name}"
         position = place_apart(n, design.radius, space, old, radii, self.streams["placement"], where)
         return position, self.streams["heading"].uniform(-np.pi, np.pi, n)

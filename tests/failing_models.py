@@ -6,7 +6,7 @@ import time
 from collections import Counter
 from pathlib import Path
 
-from mesa_swarm.model import SwarmModel
+from mesa_swarm.swarm_model import SwarmModel
 
 
 class Counting(SwarmModel):

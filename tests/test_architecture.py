@@ -51,9 +51,9 @@ UPWARDS = {
     ("recorded_world.py", "mesa_swarm.recording.resume"),
     ("recorded_world.py", "mesa_swarm.recording.recording"),
     ("recorded_world.py", "mesa_swarm.recording.verify"),
-    ("recorded_world.py", "mesa_swarm.dashboard.notebook"),
+    ("recorded_world.py", "mesa_swarm.viewing.canvas_widget"),
     # What they return, for type checkers only.
-    ("recorded_world.py", "mesa_swarm.dashboard.canvas_widget"),
+    ("recorded_world.py", "mesa_swarm.viewing.canvas_widget"),
 }
 # Narrower than a floor: analysis knows arrays, not the model.
 ONLY = {"analysis": {"analysis", "errors.py", "geometry"}}

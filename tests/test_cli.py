@@ -10,7 +10,8 @@ import pytest
 
 from mesa_swarm import cli
 from mesa_swarm.analysis.pathology import KINDS
-from mesa_swarm.experiments import bench, commands, picture_commands
+from mesa_swarm.cli import commands, picture_commands
+from mesa_swarm.experiments import bench
 from mesa_swarm.gallery import find_model, model_names
 from mesa_swarm.progress import finishing_time, progress_bar
 from mesa_swarm.world.map import Map, builtin_maps

@@ -22,7 +22,7 @@ from mesa_swarm.errors import (
 )
 from mesa_swarm.fire.constants import design_constants
 from mesa_swarm.learning.policy import PolicyLayer
-from mesa_swarm.learning.q_policy import QPolicy
+from mesa_swarm.learning.q_learning import QPolicy
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections
 

@@ -1,7 +1,7 @@
 """A small model in a module of its own, which mesa.batch_run and sweep both take."""
 
-from mesa_swarm.model import SwarmModel
 from mesa_swarm.robots.design import AGENT3
+from mesa_swarm.swarm_model import SwarmModel
 
 
 class Counted(SwarmModel):

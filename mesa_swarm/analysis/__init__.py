@@ -4,11 +4,17 @@ from mesa_swarm.analysis.chain_events import Event
 from mesa_swarm.analysis.chain_history import ChainHistory, follow_chains
 from mesa_swarm.analysis.chains import Chains, chains
 from mesa_swarm.analysis.clusters import Clusters, clusters, kept_together
-from mesa_swarm.analysis.collisions import collision_frequency, cumulative_collisions
 from mesa_swarm.analysis.coverage import coverage, reachable_cells, visited_cells
 from mesa_swarm.analysis.order import directions, milling, neighbour_alignment, polarization
 from mesa_swarm.analysis.pathology import Episode, Pathologies, find_pathologies
-from mesa_swarm.analysis.series import central_moving_average, later_mean, layer_shares, time_to
+from mesa_swarm.analysis.series import (
+    central_moving_average,
+    collision_frequency,
+    cumulative_collisions,
+    later_mean,
+    layer_shares,
+    time_to,
+)
 from mesa_swarm.analysis.spacing import (
     clark_evans,
     dispersion,

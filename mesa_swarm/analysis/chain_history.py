@@ -7,9 +7,8 @@ from itertools import pairwise
 import numpy as np
 
 from mesa_swarm.analysis.arrays import check_array, check_steps
-from mesa_swarm.analysis.chain_events import KINDS, Event, Lineage
+from mesa_swarm.analysis.chain_events import KINDS, OUTCOMES, Event, Lineage, Meetings, meeting_event
 from mesa_swarm.analysis.chains import FARTHEST, Links, paths
-from mesa_swarm.analysis.meetings import OUTCOMES, Meetings, meeting_event
 from mesa_swarm.errors import InvalidValueError, check_choice, check_number, shortened
 
 

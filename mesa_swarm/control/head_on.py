@@ -6,13 +6,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from mesa_swarm.control.layer import Senses
-from mesa_swarm.control.perception import nearest_ahead
+from mesa_swarm.control.layer import Senses, nearest_ahead
 from mesa_swarm.errors import check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.robots.drive import turn_towards
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
-from mesa_swarm.robots.steering import turn_towards
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import ROBOT
 

@@ -10,9 +10,9 @@ from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import check_choice, check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.robots.drive import approach
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
-from mesa_swarm.robots.steering import approach
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import LOAD
 

@@ -9,9 +9,9 @@ import numpy as np
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import check_choice, check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.robots.drive import approach
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
-from mesa_swarm.robots.steering import approach
 from mesa_swarm.robots.swarm import Swarm
 
 TO = ("state", "goal")

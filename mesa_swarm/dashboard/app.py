@@ -1,36 +1,242 @@
-# ruff: noqa: N802 - Solara's components are named like classes
-"""The page: tabs, the panel of controls, and a world that one can play.
+"""The page: its address bar, theme, links, and places for sessions.
 
 Every browser session builds its own `Session`, and closes it when the page is closed; nothing is shared between them.
 """
 
 import os
+import threading
 from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+from urllib.parse import parse_qsl, urlencode
 
+import anywidget
 import solara
 import solara.lab
+import traitlets
 from reacton import ipyvuetify as rv
 from solara.server import settings
 
 from mesa_swarm.dashboard import FIRST, MODEL_VARIABLE
-from mesa_swarm.dashboard.address import address_from, query_of
-from mesa_swarm.dashboard.buttons import TroubleCard
-from mesa_swarm.dashboard.canvas_widget import SwarmCanvas, use_connection
 from mesa_swarm.dashboard.charts import Charts
 from mesa_swarm.dashboard.compare_view import Compare
 from mesa_swarm.dashboard.controls import ControlPanel, Panel
 from mesa_swarm.dashboard.export_view import ExportView
 from mesa_swarm.dashboard.gallery_view import Gallery, title
 from mesa_swarm.dashboard.inspector import InspectorView
-from mesa_swarm.dashboard.listeners import use_changes
-from mesa_swarm.dashboard.page_bar import PageBar
-from mesa_swarm.dashboard.places import Places
 from mesa_swarm.dashboard.replay_view import Replay
-from mesa_swarm.dashboard.scripts import text_of
-from mesa_swarm.dashboard.session import Session
-from mesa_swarm.gallery import description
+from mesa_swarm.dashboard.session import LARGEST_SEED, Session, checked_wish
+from mesa_swarm.dashboard.widgets import TroubleCard
+from mesa_swarm.errors import InvalidValueError, SwarmError, UnknownNameError, check_choice, check_count, unknown_name
+from mesa_swarm.gallery import description, find_model, model_names
+from mesa_swarm.parameters import Parameter, parameters_of
+from mesa_swarm.viewing.canvas_widget import SwarmCanvas, text_of, use_connection
+from mesa_swarm.viewing.play_loop import use_changes
+from mesa_swarm.world.map import builtin_maps
 
-CSS = text_of("style.css")
+LONGEST = 4000
+# A link that took longer than some seconds to open would be taken for a broken one.
+MOST_STEPS = 20_000
+COUNTS = {"seed": LARGEST_SEED, "step": MOST_STEPS}
+MOST_FAULTS = 5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Address:
+    """What a link asks for.
+
+    Parameters
+    ----------
+    model : str
+    wishes : dict
+        Parameters that are not the model's defaults.
+    seed, steps : int
+    faults : tuple of str
+        Why it does not ask for all that the link says, empty if it does.
+    """
+
+    model: str
+    wishes: dict[str, Any] = field(default_factory=dict)
+    seed: int = 1
+    steps: int = 0
+    faults: tuple[str, ...] = ()
+
+
+def address_from(query: str | None, first: str) -> Address:
+    """Return what a link's query asks for; each word that is wrong is told of, and left out.
+
+    Parameters
+    ----------
+    query : str or None
+        What follows the question mark.
+    first : str
+        The model if it names none.
+
+    Examples
+    --------
+    >>> address_from("model=fire_fighting&strategy=A&seed=7", "boids")
+    Address(model='fire_fighting', wishes={'strategy': 'A'}, seed=7, steps=0, faults=())
+    >>> address_from("model=fire_fighting&strategie=A&seed=7", "boids").faults[0][:67]
+    "unknown parameter of fire_fighting 'strategie'; did you mean 'strat"
+    """
+    words = dict(parse_qsl((query or "")[:LONGEST]))
+    words.pop("token", None)
+    try:
+        name = check_choice("model", words.pop("model", first), model_names())
+    except SwarmError as error:  # of a model that nobody knows the other words mean nothing
+        return Address(model=first, faults=(str(error),))
+    known, values, faults = parameters_of(find_model(name)), {}, []
+    for word, text in words.items():
+        try:
+            values[word] = _value(name, known, word, text)
+        except SwarmError as error:
+            faults.append(str(error))
+    seed, steps = values.pop("seed", 1), values.pop("step", 0)
+    return Address(model=name, wishes=values, seed=seed, steps=steps, faults=_first_few(faults))
+
+
+def _value(model: str, known: dict[str, Parameter], word: str, text: str) -> Any:
+    """Return what one word of a link asks for."""
+    if word in COUNTS:
+        return _count(word, text, COUNTS[word])
+    if word not in known:
+        raise UnknownNameError(unknown_name(f"parameter of {model}", word, known))
+    # A link never names a file: whoever sends one would have this machine read it.
+    return check_choice("map", text, builtin_maps()) if word == "map" else checked_wish(known[word], text)
+
+
+def _first_few(faults: list[str]) -> tuple[str, ...]:
+    more = len(faults) - MOST_FAULTS
+    return (*faults[:MOST_FAULTS], f"and {more} more") if more > 0 else tuple(faults)
+
+
+def _count(name: str, text: str, most: int) -> int:
+    try:
+        return check_count(name, int(text), maximum=most)
+    except ValueError as error:
+        known = isinstance(error, InvalidValueError)
+        raise InvalidValueError(str(error) if known else f"{name} is {text!r:.60}; expected a whole number") from None
+
+
+def query_of(session: Session) -> str:
+    """Return the query of a link that shows what a session shows, but for uploaded maps.
+
+    What was changed during the run is in it as if it had been so from the start.
+
+    Examples
+    --------
+    >>> query_of(Session("fire_fighting", {"strategy": "A"}, seed=7))
+    'model=fire_fighting&strategy=A&seed=7'
+    """
+    words = {"model": session.name}
+    for name, parameter in session.parameters.items():
+        value = session.wishes[name]
+        if value != parameter.default and value not in session.uploads:
+            words[name] = repr(value) if isinstance(value, float) else str(value)
+    words["seed"] = str(session.seed)
+    shown = session.past.shown
+    if shown and session.straight and not session.playing and not session.waiting and 0 < shown.step <= MOST_STEPS:
+        words["step"] = str(shown.step)
+    return urlencode(words)
+
+
+class PageBar(anywidget.AnyWidget):
+    """A button that switches between light and dark, and the page's hand on the address bar.
+
+    Parameters
+    ----------
+    query : str
+        Written into the address bar; the page is not loaded anew.
+    dark : bool
+        What the user chose, or what the system prefers.
+    """
+
+    _esm = """
+    const KEY = "mesa_swarm.theme", WORDS = { auto: "as the system", light: "light", dark: "dark" };
+    const NEXT = { auto: "dark", dark: "light", light: "auto" };
+    const SIGNS = { auto: "\\u25D0", light: "\\u2600", dark: "\\u263E" };
+
+    export default {
+      render({ model, el }) {
+        const system = matchMedia("(prefers-color-scheme: dark)");
+        const button = document.createElement("button");
+        button.type = "button";
+        button.className = "swarm-theme";
+        const choice = () => WORDS[localStorage.getItem(KEY)] ? localStorage.getItem(KEY) : "auto";
+        const apply = () => {
+          const dark = choice() === "auto" ? system.matches : choice() === "dark", page = el.closest(".v-application");
+          button.textContent = SIGNS[choice()];
+          button.title = `Theme: ${WORDS[choice()]}`;
+          button.setAttribute("aria-label", button.title);
+          for (const one of [page, document.getElementById("app")]) {
+            one?.classList.toggle("theme--dark", dark);
+            one?.classList.toggle("theme--light", !dark);
+          }
+          model.set("dark", dark);
+          model.save_changes();
+        };
+        const write = () => history.replaceState(history.state, "", `${location.pathname}?${model.get("query")}`);
+        button.addEventListener("click", () => (localStorage.setItem(KEY, NEXT[choice()]), apply()));
+        system.addEventListener("change", apply);
+        model.on("change:query", write);
+        el.append(button);
+        apply();
+        if (model.get("query")) write();
+        return () => (system.removeEventListener("change", apply), model.off("change:query", write));
+      },
+    };
+    """
+    query = traitlets.Unicode("").tag(sync=True)
+    dark = traitlets.Bool(False).tag(sync=True)
+
+
+MOST_PAGES = 40
+
+
+class Places:
+    """Places that are taken and given back.
+
+    Parameters
+    ----------
+    most : int
+
+    Examples
+    --------
+    >>> places = Places(1)
+    >>> leave = places.take()
+    >>> places.take() is None
+    True
+    >>> leave()
+    >>> places.taken
+    0
+    """
+
+    def __init__(self, most: int = MOST_PAGES) -> None:
+        self.most = most
+        self._holders: set[object] = set()
+        self._lock = threading.Lock()
+
+    @property
+    def taken(self) -> int:
+        """How many are taken."""
+        return len(self._holders)
+
+    def take(self) -> Callable[[], None] | None:
+        """Take a place, and return what gives it back, however often called; None if there is none."""
+        holder = object()
+        with self._lock:
+            if len(self._holders) >= self.most:
+                return None
+            self._holders.add(holder)
+
+        def leave() -> None:
+            with self._lock:
+                self._holders.discard(holder)
+
+        return leave
+
+
+CSS = text_of("dashboard/style.css")
 WATCH, MODELS = "Watch", "Models"
 CANVAS = {"bar": True, "keys": "page", "toggles": {}}
 # What stands beside the canvas, from top to bottom: components that are given the session.

@@ -12,12 +12,12 @@ import solara
 import traitlets
 from matplotlib.figure import Figure
 
-from mesa_swarm.dashboard.downloads import Downloads
-from mesa_swarm.dashboard.past import Picture
-from mesa_swarm.dashboard.scripts import text_of
 from mesa_swarm.dashboard.series import Chart, Series
 from mesa_swarm.dashboard.session import Session
-from mesa_swarm.experiments.pictures import literal, png
+from mesa_swarm.dashboard.widgets import Downloads
+from mesa_swarm.viewing.canvas_widget import text_of
+from mesa_swarm.viewing.pictures import literal, png
+from mesa_swarm.viewing.player import Picture
 
 # While it is played, charts are brought up to date so often, s.
 EVERY = 0.4
@@ -43,7 +43,7 @@ class ChartBoard(anywidget.AnyWidget):
         Keys of those that are.
     """
 
-    _esm = text_of("elements.js", "downloads.js", "charts.js")
+    _esm = text_of("viewing/elements.js", "dashboard/downloads.js", "dashboard/charts.js")
     charts: traitlets.List[dict[str, Any]] = traitlets.List().tag(sync=True)
     shown: traitlets.List[str] = traitlets.List().tag(sync=True)
 
@@ -176,7 +176,7 @@ def news_of(series: Series, keys: list[str]) -> tuple[list[dict], list[bytes]]:
 
     Examples
     --------
-    >>> from mesa_swarm.model import SwarmModel
+    >>> from mesa_swarm import SwarmModel
     >>> series = Series()
     >>> series.follow(SwarmModel(rng=1))
     >>> news_of(series, ["collisions"])[0][0]["points"]
@@ -236,7 +236,7 @@ def figure_of(series: Series, key: str) -> Figure:
 
 
 @solara.component
-def Charts(session: Session) -> None:  # noqa: N802 - Solara's components are named like classes
+def Charts(session: Session) -> None:
     """Show the charts that the user chooses."""
     board = ChartBoard.element()
     solara.use_effect(lambda: Charting(solara.get_widget(board), session).close, [])

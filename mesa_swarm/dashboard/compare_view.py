@@ -1,26 +1,292 @@
-# ruff: noqa: N802 - Solara's components are named like classes
-"""Two worlds side by side with one clock and one chart, and what many seeds say of the difference."""
+"""Two worlds side by side, their controls and their chart."""
 
 import base64
-from collections.abc import Callable
+import io
+import secrets
+import threading
+from collections.abc import Callable, Sequence
 from functools import partial
 from html import escape
+from typing import Any
 
+import numpy as np
 import solara
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator, StrMethodFormatter
 from reacton import ipyvuetify as rv
 
-from mesa_swarm.dashboard.buttons import Button, TroubleCard
-from mesa_swarm.dashboard.canvas_widget import SwarmCanvas, extent_of, use_connection
-from mesa_swarm.dashboard.compare_panel import ComparePanel
-from mesa_swarm.dashboard.comparing import Comparing
-from mesa_swarm.dashboard.controls import ControlPanel, label_of
-from mesa_swarm.dashboard.curves import CurveThread
-from mesa_swarm.dashboard.listeners import use_changes
-from mesa_swarm.dashboard.many_runs import Report
-from mesa_swarm.dashboard.pair import NAMES, Side
-from mesa_swarm.dashboard.past import Picture
-from mesa_swarm.dashboard.readings import value_text
+from mesa_swarm.dashboard.comparing import FEWEST_SEEDS, Comparing, Report
+from mesa_swarm.dashboard.controls import LARGEST_RANDOM_SEED, ControlPanel, field_of, label_of, place_of, value_at
+from mesa_swarm.dashboard.pair import NAMES, Pair, Side
 from mesa_swarm.dashboard.session import Session
+from mesa_swarm.dashboard.widgets import Button, TroubleCard
+from mesa_swarm.experiments.figures import window_means
+from mesa_swarm.gallery import model_names
+from mesa_swarm.parameters import Slider
+from mesa_swarm.viewing.canvas_widget import SwarmCanvas, extent_of, use_connection
+from mesa_swarm.viewing.pictures import COOL, HOT, INK, literal
+from mesa_swarm.viewing.play_loop import use_changes
+from mesa_swarm.viewing.player import Picture
+from mesa_swarm.viewing.readings import value_text
+
+# Not drawn more often, s: a drawing takes a tenth of that.
+EVERY = 0.5
+MOST_PANELS = 3
+# What every model reports is drawn last.
+LAST = ("total_collisions", "collisions")
+# A line has so many corners at most; each is the mean of the steps between.
+CORNERS = 300
+SIZE, DOTS_PER_INCH = (10.4, 2.05), 150
+STYLES = ((COOL, "-"), (HOT, "--"))
+_DRAWING = threading.Lock()
+
+# By name the steps and the numbers, shapes (m,) and (m,).
+Reports = dict[str, tuple[np.ndarray, np.ndarray]]
+
+
+def series_of(pair: Pair) -> tuple[Reports, Reports]:
+    """Return what the models of a pair reported, at the steps that are kept; empty where there is no model."""
+    with pair.lock:
+        first, second = (_reports_of(side) for side in pair.sides)
+    return first, second
+
+
+def _reports_of(side: Side) -> Reports:
+    if side.model is None:
+        return {}
+    collected, charts = side.model.datacollector.model_vars, side.series.charts()
+    tables = {chart.key: side.series.rows(chart.key) for chart in charts if chart.key in collected}
+    found = {name: (steps, numbers[:, 0]) for name, (steps, numbers) in tables.items()}
+    # A report that was never a number is none of the chart's.
+    return {name: line for name, line in found.items() if not len(line[0]) or np.isfinite(line[1]).any()}
+
+
+def curves_png(series: Sequence[Reports], labels: Sequence[str]) -> bytes:
+    """Return a chart as PNG: a panel for each of the first three reports, in it a line for each world.
+
+    Parameters
+    ----------
+    series : sequence of dict
+        Of each world by name, the steps and the numbers.
+    labels : sequence of str
+        Of the worlds.
+
+    Examples
+    --------
+    >>> steps = np.array([1, 2])
+    >>> curves_png([{"fires": (steps, np.array([7, 6]))}, {"fires": (steps, np.array([7, 7]))}], ["A", "B"])[1:4]
+    b'PNG'
+    """
+    names = main_reports(series)
+    with _DRAWING:
+        figure = Figure(figsize=SIZE)
+        panels = figure.subplots(1, max(len(names), 1), squeeze=False)[0]
+        figure.subplots_adjust(left=0.045, right=0.985, top=0.77, bottom=0.22, wspace=0.17)
+        for name, axes in zip(names, panels, strict=False):
+            draw(axes, name, series, labels)
+        lines = panels[0].get_legend_handles_labels()
+        figure.legend(*lines, loc="upper right", bbox_to_anchor=(1.0, 1.04), ncols=2, fontsize=9.5, frameon=False)
+        return _png(figure)
+
+
+def main_reports(series: Sequence[Reports]) -> list[str]:
+    """Return the names of what is drawn: what the model itself reports before what all models do.
+
+    Examples
+    --------
+    >>> line = np.array([1]), np.array([0])
+    >>> main_reports([{"collisions": line, "groups": line}])
+    ['groups', 'collisions']
+    """
+    names = dict.fromkeys(name for one in series for name in one)
+    return sorted(names, key=lambda name: LAST.index(name) if name in LAST else -1)[:MOST_PANELS]
+
+
+def draw(axes: Axes, name: str, series: Sequence[Reports], labels: Sequence[str]) -> None:
+    """Draw one report of both worlds into a panel."""
+    lines = [one[name] for one in series if name in one]
+    for one, label, (colour, style) in zip(series, labels, STYLES, strict=True):
+        if name in one:
+            middles, means = (window_means(part.astype(float), CORNERS)[1] for part in one[name])
+            axes.plot(middles, means, style, color=colour, linewidth=1.8, label=literal(label))
+    axes.set_title(literal(name.replace("_", " ")), fontsize=11, loc="left", color=INK)
+    axes.set_xlabel("step", fontsize=9, labelpad=1)
+    axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+    axes.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
+    known = [numbers[np.isfinite(numbers)] for _, numbers in lines]
+    counts = all((numbers == np.round(numbers)).all() for numbers in known)
+    axes.yaxis.set_major_locator(MaxNLocator(4, integer=counts, min_n_ticks=1))
+    axes.tick_params(labelsize=9)
+    axes.grid(axis="y", color="#dddddd", linewidth=0.7)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.set_xlim(0, max([1, *(steps[-1] for steps, _ in lines if len(steps))]))
+    if all(numbers.min(initial=0.0) >= 0.0 for numbers in known):
+        axes.set_ylim(bottom=0.0, top=None if axes.dataLim.y1 > 0 else 1.0)
+
+
+def _png(figure: Figure) -> bytes:
+    file = io.BytesIO()
+    FigureCanvasAgg(figure)
+    figure.savefig(file, format="png", dpi=DOTS_PER_INCH)
+    return file.getvalue()
+
+
+class CurveThread:
+    """Draws the chart of a pair whenever there is something new, but not too often.
+
+    Parameters
+    ----------
+    pair : Pair
+    labels : function
+        Returns what the two worlds are called.
+    take : function
+        Called with a PNG.
+    """
+
+    def __init__(self, pair: Pair, labels: Callable[[], Sequence[str]], take: Callable[[bytes], None]) -> None:
+        self._pair, self._labels, self._take = pair, labels, take
+        self._stop = threading.Event()
+        threading.Thread(target=self._run, name="curves", daemon=True).start()
+
+    def close(self) -> None:
+        """Draw no more."""
+        self._stop.set()
+
+    def _run(self) -> None:
+        drawn: tuple = ()
+        while not self._stop.is_set():
+            labels = tuple(self._labels())
+            now = labels, *((id(side.model), side.model and side.model.completed) for side in self._pair.sides)
+            if now != drawn:
+                drawn = now
+                self._take(curves_png(series_of(self._pair), labels))
+            self._stop.wait(EVERY)
+
+
+# The slider goes so far; more can be typed.
+MOST_SLID = 100
+
+
+class ComparePanel:
+    """Lets a control panel show and change what is compared.
+
+    Parameters
+    ----------
+    widget : ControlPanel
+    comparing : Comparing
+    """
+
+    def __init__(self, widget: ControlPanel, comparing: Comparing) -> None:
+        self.widget, self.comparing = widget, comparing
+        self._leave = comparing.pair.changed.add(self.refresh)
+        self._shown: tuple = ()
+        self._hear = lambda _, message, __: self.act(message)
+        widget.on_msg(self._hear)
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Show how everything is set."""
+        comparing = self.comparing
+        shown = comparing.name, comparing.parameter, tuple(comparing.session.map_names())
+        if shown != self._shown:
+            self._shown = shown
+            self.widget.groups = groups_of(comparing)
+        values = values_of(comparing)
+        if values != self.widget.values:
+            self.widget.values = values
+
+    def act(self, message: dict) -> None:
+        """Do what the user asks for."""
+        comparing, name = self.comparing, message.get("name", "")
+        value: Any = message.get("value")
+        match message.get("do"):
+            case "choose" if name == "model":
+                comparing.choose_model(str(value))
+            case "choose" if name == "parameter":
+                comparing.choose_parameter(str(value))
+            case "choose" if name in NAMES:
+                comparing.wish(name, str(value))
+                comparing.reset()
+            case "text" if name in NAMES:
+                comparing.wish(name, str(value))
+            case "place" if name in NAMES:
+                comparing.wish(name, value_at(int(value), comparing.choices[comparing.parameter]))
+            case "place" if name == "seeds":
+                comparing.set_count("seeds", int(value))
+            case "text" if name in ("seed", "seeds", "steps"):
+                comparing.set_count(name, str(value))
+            case "random":
+                comparing.set_count("seed", secrets.randbelow(LARGEST_RANDOM_SEED))
+                comparing.reset()
+            case "defaults":
+                comparing.choose_model(comparing.name)
+
+    def close(self) -> None:
+        """Part them."""
+        self._leave()
+        self.widget.on_msg(self._hear, remove=True)
+
+
+def groups_of(comparing: Comparing) -> list[dict[str, Any]]:
+    """Return all controls in groups, as the panel wants them.
+
+    Examples
+    --------
+    >>> from mesa_swarm.dashboard.session import Session
+    >>> comparing = Comparing(Session("fire_fighting"))
+    >>> [field["label"] for field in groups_of(comparing)[0]["fields"]]
+    ['model', 'parameter', 'strategy in A', 'strategy in B']
+    >>> comparing.close()
+    """
+    choice = {"kind": "choice", "live": True}
+    fields = [
+        {**choice, "name": "model", "label": "model", "help": "", "options": model_names()},
+        {**choice, "name": "parameter", "label": "parameter", "options": list(comparing.choices)},
+    ]
+    fields[1]["help"] = "the one that differs; all others are as on the Watch page"
+    return [
+        {"title": "Two worlds", "fields": [*fields, *(_value_field(comparing, name) for name in NAMES)]},
+        {"title": "Many seeds", "fields": _run_fields()},
+    ]
+
+
+def _value_field(comparing: Comparing, name: str) -> dict[str, Any]:
+    """Return the control of the value in world A or B."""
+    parameter = comparing.choices[comparing.parameter]
+    field = field_of(parameter, comparing.session) or {}
+    at_once = not isinstance(parameter.control, Slider)
+    label = f"{label_of(parameter.name)} in {name}"
+    said = parameter.help if name == NAMES[0] else ""
+    return {**field, "name": name, "label": label, "help": said, "upload": False, "live": at_once}
+
+
+def _run_fields() -> list[dict[str, Any]]:
+    seeds = {"name": "seeds", "label": "seeds", "help": "1, 2, 3 ...: each is run with A and with B"}
+    steps = {"name": "steps", "label": "steps", "help": "of each run, unless its model is done before"}
+    return [
+        {**seeds, "kind": "slider", "low": FEWEST_SEEDS, "high": MOST_SLID, "live": True},
+        {**steps, "kind": "text", "live": True},
+    ]
+
+
+def values_of(comparing: Comparing) -> dict[str, dict[str, Any]]:
+    """Return how each control is set, whether it waits for a reset, and what is wrong with it."""
+    texts = {"model": comparing.name, "parameter": comparing.parameter, "seed": comparing.seed}
+    texts |= {"seeds": comparing.seeds, "steps": comparing.steps}
+    values: dict[str, dict[str, Any]] = {name: {"text": str(text)} for name, text in texts.items()}
+    values["seeds"]["place"] = min(comparing.seeds, MOST_SLID)
+    parameter = comparing.choices[comparing.parameter]
+    for name, value in zip(NAMES, comparing.values, strict=True):
+        values[name] = {"text": value_text(value)}
+        if isinstance(parameter.control, Slider):
+            values[name]["place"] = place_of(value, parameter)
+    for name, entry in values.items():
+        entry["waits"] = name in comparing.waiting
+        entry["fault"] = comparing.faults.get(name, "")
+    return values
+
 
 OVER_TIME, OVER_SEEDS = "Over time", "Over many seeds"
 BAR = {"bar": True, "keys": "page", "stage": False, "toggles": {}}

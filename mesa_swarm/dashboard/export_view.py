@@ -8,11 +8,11 @@ import anywidget
 import solara
 import traitlets
 
-from mesa_swarm.dashboard.downloads import Downloads
 from mesa_swarm.dashboard.exporting import KINDS, PICTURES, Exporting
-from mesa_swarm.dashboard.past import Picture
-from mesa_swarm.dashboard.scripts import text_of
 from mesa_swarm.dashboard.session import Session
+from mesa_swarm.dashboard.widgets import Downloads
+from mesa_swarm.viewing.canvas_widget import text_of
+from mesa_swarm.viewing.player import Picture
 
 # Progress, and what was recorded, are told so often, s.
 EVERY = 0.25
@@ -29,7 +29,7 @@ class Exporter(anywidget.AnyWidget):
         How things are.
     """
 
-    _esm = text_of("elements.js", "downloads.js", "exporter.js")
+    _esm = text_of("viewing/elements.js", "dashboard/downloads.js", "dashboard/exporter.js")
     kinds: traitlets.List[list[str | bool]] = traitlets.List().tag(sync=True)
     told = traitlets.Dict().tag(sync=True)
 
@@ -132,7 +132,7 @@ def told_of(exporting: Exporting) -> dict[str, Any]:
 
 
 @solara.component
-def ExportView(session: Session) -> None:  # noqa: N802 - Solara's components are named like classes
+def ExportView(session: Session) -> None:
     """Show what can be made of the run."""
     exporter = Exporter.element()
     solara.use_effect(lambda: ExportDesk(solara.get_widget(exporter), session).close, [])

@@ -9,11 +9,11 @@ import shapely
 
 from mesa_swarm.control.explain import moment_of
 from mesa_swarm.errors import InvalidValueError, check_number
-from mesa_swarm.model import SwarmModel
+from mesa_swarm.robots.design import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RANGE
 from mesa_swarm.robots.reasons import Moment
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.snapshots import DECISIONS
-from mesa_swarm.robots.table import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RANGE
+from mesa_swarm.swarm_model import SwarmModel
 
 WATCHED = (*DECISIONS, "heard_layer", "heard_task", "radiation", "line")
 # What is kept of the last steps, so that the past can be looked into.

@@ -8,11 +8,11 @@ import solara
 import traitlets
 
 from mesa_swarm.dashboard.inspection import inspect, move, neighbour_of, robot_of
-from mesa_swarm.dashboard.past import Picture
-from mesa_swarm.dashboard.readings import in_words
-from mesa_swarm.dashboard.scripts import text_of
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.viewing.canvas_widget import text_of
+from mesa_swarm.viewing.player import Picture
+from mesa_swarm.viewing.readings import in_words
 
 # While it is played, the inspector is brought up to date so often, s.
 EVERY = 0.2
@@ -31,7 +31,7 @@ class Inspector(anywidget.AnyWidget):
         Why it could not be moved.
     """
 
-    _esm = text_of("elements.js", "inspector.js")
+    _esm = text_of("viewing/elements.js", "dashboard/inspector.js")
     told = traitlets.Dict().tag(sync=True)
     editable = traitlets.Bool(False).tag(sync=True)
     fault = traitlets.Unicode("").tag(sync=True)
@@ -140,7 +140,7 @@ class Inspecting:
 
 
 @solara.component
-def InspectorView(session: Session) -> None:  # noqa: N802 - Solara's components are named like classes
+def InspectorView(session: Session) -> None:
     """Show the robot that is selected."""
     inspector = Inspector.element()
     solara.use_effect(lambda: Inspecting(solara.get_widget(inspector), session).close, [])

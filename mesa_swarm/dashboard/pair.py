@@ -2,12 +2,10 @@
 
 import threading
 
-from mesa_swarm.dashboard.past import Past, Picture
-from mesa_swarm.dashboard.play_loop import PlayLoop
-from mesa_swarm.dashboard.played import Played, Viewer
-from mesa_swarm.dashboard.player import Player
 from mesa_swarm.dashboard.series import MOST_NUMBERS, Series
-from mesa_swarm.model import SwarmModel
+from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.viewing.play_loop import PlayLoop
+from mesa_swarm.viewing.player import Past, Picture, Played, Player, Viewer
 
 NAMES = ("A", "B")
 
@@ -75,7 +73,7 @@ class Pair(Played):
         self.sides = Side(self.loop, self.lock), Side(self.loop, self.lock)
 
     @property
-    def error(self) -> str:
+    def error(self) -> str:  # type: ignore[override] # of both sides, each of which has its own
         """What went wrong in either, empty if nothing did."""
         wrong = [f"{name}: {side.error}" for name, side in zip(NAMES, self.sides, strict=True) if side.error]
         return "; ".join(wrong)
@@ -86,7 +84,7 @@ class Pair(Played):
         return all(side.finished for side in self.sides)
 
     @property
-    def past(self) -> Past:
+    def past(self) -> Past:  # type: ignore[override] # likewise
         """The pictures of the side that has come farthest."""
         return max((side.past for side in self.sides), key=lambda past: past.last_step)
 

@@ -4,13 +4,12 @@ import threading
 from bisect import bisect_left
 from pathlib import Path
 
-from mesa_swarm.dashboard.past import Past, Picture
-from mesa_swarm.dashboard.player import Player
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.recording.frames import Frame
 from mesa_swarm.recording.recording import Recording
-from mesa_swarm.viewing.moments import moment_of_frame, packed_frame
-from mesa_swarm.viewing.worlds import world_at, worlds_of_recording
+from mesa_swarm.viewing.frame import moment_of_frame, packed_frame
+from mesa_swarm.viewing.player import Past, Picture, Player
+from mesa_swarm.viewing.scene import world_at, worlds_of_recording
 
 
 class RecordedPast(Past):
@@ -102,7 +101,7 @@ class Projector(Player):
     Examples
     --------
     >>> import tempfile
-    >>> from mesa_swarm.model import SwarmModel
+    >>> from mesa_swarm import SwarmModel
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     model = SwarmModel(rng=1)
     ...     with model.record(f"{folder}/run.arrow"):

@@ -1,4 +1,3 @@
-# ruff: noqa: N802 - Solara's components are named like classes
 """A recording in the page: played, scrubbed, left for another run from any of its steps."""
 
 from functools import partial
@@ -7,19 +6,18 @@ from typing import Any
 import solara
 from reacton import ipyvuetify as rv
 
-from mesa_swarm.dashboard.buttons import Button, Item, TroubleCard
-from mesa_swarm.dashboard.canvas_widget import SwarmCanvas, use_connection
 from mesa_swarm.dashboard.controls import ControlPanel, field_of, label_of, place_of, value_at
-from mesa_swarm.dashboard.file_picker import FilePicker, Upload
 from mesa_swarm.dashboard.gallery_view import title
-from mesa_swarm.dashboard.listeners import use_changes
-from mesa_swarm.dashboard.past import Past
 from mesa_swarm.dashboard.projector import Projector
-from mesa_swarm.dashboard.readings import value_text
 from mesa_swarm.dashboard.replaying import ENDING, MOST_EVENTS, Replaying
 from mesa_swarm.dashboard.session import Session
+from mesa_swarm.dashboard.widgets import Button, FilePicker, Item, TroubleCard, Upload
 from mesa_swarm.gallery import find_model
 from mesa_swarm.parameters import Slider, parameters_of
+from mesa_swarm.viewing.canvas_widget import SwarmCanvas, use_connection
+from mesa_swarm.viewing.play_loop import use_changes
+from mesa_swarm.viewing.player import Past
+from mesa_swarm.viewing.readings import value_text
 
 CANVAS = {"bar": True, "keys": "page", "toggles": {}}
 NOTHING_LISTED = "Recordings of a folder are listed here when the dashboard is started with --recordings FOLDER."

@@ -1,31 +1,104 @@
-"""What one user replays: a recording of this machine or one handed over, its events, and runs that branch off it."""
+"""What one user replays, uploads in pieces, and runs that branch off."""
 
 import os
 import threading
 from collections.abc import Iterator
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
+from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import Any, cast
 
 from mesa_swarm.dashboard import RECORDINGS_VARIABLE
-from mesa_swarm.dashboard.incoming import Incoming
-from mesa_swarm.dashboard.listeners import Listeners
 from mesa_swarm.dashboard.projector import Projector
-from mesa_swarm.dashboard.readings import in_words
-from mesa_swarm.dashboard.session import Session
-from mesa_swarm.dashboard.wishes import LARGEST_SEED, MOST_ROBOTS
+from mesa_swarm.dashboard.session import LARGEST_SEED, MOST_ROBOTS, Session
 from mesa_swarm.errors import InvalidValueError, RecordingError, SwarmError, check_choice, check_count
+from mesa_swarm.files import unwritable
+from mesa_swarm.fire.model import FireModel
 from mesa_swarm.gallery import class_name, find_model, model_names
-from mesa_swarm.model import SwarmModel
-from mesa_swarm.observed_world import ObservedWorld
 from mesa_swarm.parameters import parameters_of
-from mesa_swarm.recording.events import Event, events_of
-from mesa_swarm.recording.frames import Frame
+from mesa_swarm.recording.frames import Event, Frame, events_of
 from mesa_swarm.recording.provenance import map_of
 from mesa_swarm.recording.recording import Recording
-from mesa_swarm.recording.rerun import Watch
 from mesa_swarm.recording.resume import resumed
+from mesa_swarm.recording.verify import Watch
+from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.viewing.play_loop import Listeners
+from mesa_swarm.viewing.readings import in_words
 from mesa_swarm.world.map import Map, builtin_maps
+
+# So many letters of a name are kept: no file system is asked for more bytes than it can take.
+LONGEST_NAME = 60
+
+
+class Incoming:
+    """A file that somebody hands over, piece by piece.
+
+    Parameters
+    ----------
+    name : str
+        What its owner calls it.
+
+    Attributes
+    ----------
+    path : Path
+        Where it is; it is called there nearly as its owner calls it, for errors name the file that they found.
+
+    Examples
+    --------
+    >>> incoming = Incoming("run.arrow")
+    >>> incoming.take(b"abc")
+    3
+    >>> incoming.end()
+    >>> incoming.path.name, incoming.path.read_bytes()
+    ('run.arrow', b'abc')
+    >>> incoming.discard()
+    >>> incoming.path.exists()
+    False
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self._folder = TemporaryDirectory(prefix="mesa_swarm_", ignore_cleanup_errors=True)
+        self.path = Path(self._folder.name, harmless(name))
+        self._file = self.path.open("wb", buffering=0)  # else a full disk would be noticed at the end
+
+    def take(self, piece: bytes) -> int:
+        """Take the next piece; return how many bytes have come.
+
+        Raises
+        ------
+        InvalidValueError
+            If the disk does not take it.
+        """
+        left = memoryview(piece)
+        try:
+            while left:
+                left = left[self._file.write(left) :]
+        except OSError as error:
+            raise unwritable(Path(self.name), error, cure="the server's disk is full or broken") from None
+        return self._file.tell()
+
+    def end(self) -> None:
+        """Take note that all has come."""
+        self._file.close()
+
+    def discard(self) -> None:
+        """Delete the file, and its folder."""
+        self.end()
+        self._folder.cleanup()
+
+
+def harmless(name: str) -> str:
+    """Return a name under which a file can be kept, whatever its owner calls it.
+
+    Examples
+    --------
+    >>> harmless("my run.arrow"), harmless("../../etc/passwd"), harmless("..")
+    ('my run.arrow', 'passwd', 'file')
+    """
+    letters = [letter if letter.isalnum() or letter in " ._-()" else "_" for letter in PureWindowsPath(name).name]
+    return "".join(letters)[-LONGEST_NAME:].strip(" .") or "file"
+
 
 ENDING = ".arrow"
 LARGEST_UPLOAD = 200_000_000
@@ -213,7 +286,7 @@ class Replaying:
         """Return what shows how far running again is, and ends it once the recording was closed."""
         shown = monotonic()
 
-        def watch(model: ObservedWorld) -> None:
+        def watch(model: FireModel) -> None:
             nonlocal shown
             if stop.is_set():
                 raise StoppedError

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mesa_swarm.errors import UnknownNameError, unknown_name
-from mesa_swarm.model import SwarmModel
+from mesa_swarm.swarm_model import SwarmModel
 
 # Kept of a run, or of two that are compared, 16 MB; of a longer one every second step is dropped, and again.
 MOST_NUMBERS = 2_000_000

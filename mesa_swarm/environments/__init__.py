@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 from mesa_swarm.environments.registration import register
 
 if TYPE_CHECKING:  # a type checker does not call __getattr__
-    from mesa_swarm.environments.commanded import Commanded
     from mesa_swarm.environments.parallel import ParallelSwarmEnv
     from mesa_swarm.environments.robot_env import RobotEnv
     from mesa_swarm.environments.robot_vector import RobotVectorEnv
+    from mesa_swarm.environments.task_world import Commanded
     from mesa_swarm.environments.tasks import CollisionAvoidance, ExtinguishFires, FindFires, Task
     from mesa_swarm.environments.vector import VectorSwarmEnv
 

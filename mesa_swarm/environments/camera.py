@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 
 from mesa_swarm.errors import check_choice
-from mesa_swarm.model import SwarmModel
+from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.shapes import Shape
 

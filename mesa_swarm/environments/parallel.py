@@ -4,7 +4,7 @@ import numpy as np
 
 from mesa_swarm.environments.actions import shares
 from mesa_swarm.environments.camera import METADATA, Camera, checked_mode
-from mesa_swarm.environments.extra import need
+from mesa_swarm.environments.registration import need
 from mesa_swarm.environments.spaces import action_space, observation_space
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.environments.tasks import Task

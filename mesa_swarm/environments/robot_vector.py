@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mesa_swarm.environments.camera import METADATA, Camera, checked_mode
-from mesa_swarm.environments.extra import need
+from mesa_swarm.environments.registration import need
 from mesa_swarm.environments.spaces import action_space, observation_space
 from mesa_swarm.environments.tasks import TASKS, Task
 from mesa_swarm.environments.vector import Infos, VectorSwarmEnv

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mesa_swarm.environments.extra import need
+from mesa_swarm.environments.registration import need
 from mesa_swarm.environments.tasks import Task
 
 need("gymnasium")

@@ -9,8 +9,7 @@ import numpy as np
 
 from mesa_swarm.control import Avoid, Explore, Layer
 from mesa_swarm.environments.actions import checked_choice
-from mesa_swarm.environments.observation import Observer
-from mesa_swarm.environments.scores import DrivingScore, ExtinguishingScore, FindingScore, Score, ThesisScore
+from mesa_swarm.environments.scores import DrivingScore, ExtinguishingScore, FindingScore, Observer, Score, ThesisScore
 from mesa_swarm.errors import (
     InvalidValueError,
     UnknownNameError,
@@ -22,8 +21,8 @@ from mesa_swarm.errors import (
 )
 from mesa_swarm.fire import FightFire, FireConstants, design_constants
 from mesa_swarm.learning.rewards import REWARDS
-from mesa_swarm.model import SwarmModel
 from mesa_swarm.robots.design import AGENT9, AGENT_FIRE, RobotDesign
+from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.world.map import Map
 
 LARGEST_REWARD = 1e6

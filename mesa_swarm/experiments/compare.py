@@ -10,17 +10,15 @@ from typing import Any
 from joblib import cpu_count
 
 from mesa_swarm.errors import InvalidValueError, check_count
-from mesa_swarm.experiments.experiment import Experiment, Outcome, checked_settings
+from mesa_swarm.experiments.experiment import Experiment, Outcome, checked_settings, source_hash
 from mesa_swarm.experiments.figures import comparison_pictures, write_with_pictures
-from mesa_swarm.experiments.findings import finding
 from mesa_swarm.experiments.ledger import Ledger
 from mesa_swarm.experiments.plan import Plan, Run, checked_plan, is_plain
 from mesa_swarm.experiments.pool import results_of
-from mesa_swarm.experiments.portrait import Portrait
-from mesa_swarm.experiments.source import source_hash
-from mesa_swarm.experiments.tables import runs_csv, summary_csv, summary_rows, text_table
+from mesa_swarm.experiments.tables import finding, runs_csv, summary_csv, summary_rows, text_table
 from mesa_swarm.files import check_writable
 from mesa_swarm.progress import progress_bar
+from mesa_swarm.viewing.portrait import Portrait
 
 MOST_JOBS = 1024
 # A comparison stores its runs here, in the folder of its tables.

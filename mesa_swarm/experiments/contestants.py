@@ -15,8 +15,7 @@ from mesa_swarm.learning.fitness import Fitness
 from mesa_swarm.learning.hebbian import HebbianLearning
 from mesa_swarm.learning.networks import Networks
 from mesa_swarm.learning.policy import Policy, PolicyLayer, SensorLayout
-from mesa_swarm.learning.q_learning import QLearning
-from mesa_swarm.learning.q_policy import QPolicy
+from mesa_swarm.learning.q_learning import QLearning, QPolicy
 from mesa_swarm.learning.wire_learning import WireFittedQ
 from mesa_swarm.robots.design import AGENT9
 from mesa_swarm.world.random_map import random_map

@@ -1,9 +1,21 @@
-"""What a watched model shows of behaviour that gets nowhere."""
+"""Unproductive behaviour of a watched model, and oscillation of trained robots."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
 
 from mesa_swarm.analysis.pathology import Pathologies, find_pathologies
-from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.model import SwarmModel
-from mesa_swarm.robots.snapshots import check_kept
+from mesa_swarm.analysis.pathology_track import flips_of
+from mesa_swarm.control import Subsumption
+from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number
+from mesa_swarm.experiments.compare import checked_jobs
+from mesa_swarm.experiments.pool import in_order
+from mesa_swarm.gallery import find_model
+from mesa_swarm.learning import PolicyLayer, QPolicy
+from mesa_swarm.robots.design import AGENT9
+from mesa_swarm.robots.snapshots import Snapshots, check_kept
+from mesa_swarm.swarm_model import SwarmModel
 
 NEEDED = ("position", "heading", "command", "layer", "distance", "kind")
 
@@ -65,3 +77,130 @@ def check_wheels(model: SwarmModel) -> None:
             raise InvalidValueError(
                 f"robots of the design {design.name} have no wheels left and right; diagnose those that have"
             )
+
+
+# Where the wall is when a robot sets out, and how far off: along it, or towards it.
+SCENES = {"beside a wall": (0.0, (5.0, 25.0)), "towards a wall": (-90.0, (15.0, 40.0))}
+# A robot sets out within this angle of exactly along, or towards.
+SPREAD = 0.3
+# Only flips with something nearer than this share of the range count: one and a half critical distances.
+IN_SIGHT = 0.6
+WALL, MIDDLE = 20.0, 400.0
+CORRIDOR, THRESHOLD = "corridor flip", "back-and-forth at a threshold"
+MEASURES = ("turns to and fro", "back and forth", CORRIDOR, THRESHOLD)
+
+
+def trained(
+    reward: str, actions: int, rng: int, *, steps: int = 20_000, n_robots: int = 15, beta: float = 5e-3
+) -> QPolicy:
+    """Let robots learn on the map `original`, as the thesis's did, and return what they know.
+
+    Examples
+    --------
+    >>> trained("b", 4, 1, steps=20, n_robots=2).copies
+    2
+    """
+    model = find_model("q_learning")(reward=reward, actions=actions, beta=beta, n_robots=n_robots, rng=rng)
+    return model.run(check_count("steps", steps, minimum=1)).learner.policy()
+
+
+def oscillation(
+    policy: QPolicy, *, scene: str, rng: int = 1, steps: int = 300, temperature: float = 0.05
+) -> dict[str, float]:
+    """Put each robot of a policy alone beside, or before, a long wall, and return how it dithers there.
+
+    Parameters
+    ----------
+    policy : QPolicy
+        Trained with `AGENT9`. It learns no more.
+    scene : str
+        "beside a wall": along it, 5 to 25 units off; "towards a wall": 15 to 40 off; at random within 17 degrees.
+    rng : int
+        Seed of poses and choices.
+    steps : int
+    temperature : float
+        Of the choice; low, so that what is seen is not chance.
+
+    Returns
+    -------
+    dict of float
+        Means over the robots. "turns to and fro" and "back and forth": flips per 100 of the steps with a wall within
+        0.6 of the range, of the turn, and of the direction of travel. "corridor flip" and "back-and-forth at a
+        threshold": shares of all steps that are in such an episode, see `analysis.find_pathologies`.
+
+    Examples
+    --------
+    >>> policy = trained("b", 4, 1, steps=20, n_robots=1)
+    >>> sorted(oscillation(policy, scene="beside a wall", steps=60)) == sorted(MEASURES)
+    True
+    """
+    check_choice("scene", scene, SCENES)
+    cooled = replace(policy, temperature=check_number("temperature", temperature, above=0))
+    seeds = np.random.SeedSequence(check_count("rng", rng)).spawn(cooled.copies)
+    rows = [_watched(cooled.of_robot(k), scene, seed, steps) for k, seed in enumerate(seeds)]
+    return {name: float(np.mean([row[name] for row in rows])) for name in MEASURES}
+
+
+def _watched(policy: QPolicy, scene: str, seed: np.random.SeedSequence, steps: int) -> dict[str, float]:
+    degrees, (least, most) = SCENES[scene]
+    chance = np.random.default_rng(seed)
+    model = SwarmModel(map="openspace", rng=int(chance.integers(2**31)))
+    y = WALL + AGENT9.radius + chance.uniform(least, most)
+    model.add_robots(AGENT9, poses=[(MIDDLE, y, np.radians(degrees) + chance.uniform(-SPREAD, SPREAD))])
+    model.control = Subsumption(PolicyLayer(policy=policy))
+    kept = model.watch(last=None, columns=NEEDED)
+    model.run(steps)
+    return {**flips(kept, max(policy.sensors.ranges)), **_episodes(model, steps)}
+
+
+def flips(kept: Snapshots | Mapping[str, np.ndarray], sight: float) -> dict[str, float]:
+    """Return flips of turn and of travel per 100 of the steps in which something is within 0.6 of the range."""
+    distance, command = kept["distance"], kept["command"]
+    nearest = np.where(distance < 0, np.inf, distance).min(axis=2)
+    near = nearest < IN_SIGHT * sight
+    turn, travel = np.sign(command[..., 1] - command[..., 0]), np.sign(command.sum(axis=2))
+    share = 100.0 / max(int(np.count_nonzero(near)), 1)
+    return {
+        "turns to and fro": share * np.count_nonzero(flips_of(turn) & near),
+        "back and forth": share * np.count_nonzero(flips_of(travel) & near),
+    }
+
+
+def _episodes(model: SwarmModel, steps: int) -> dict[str, float]:
+    found = pathologies_of(model)
+    return {kind: sum(episode.steps for episode in found.of_kind(kind)) / steps for kind in (CORRIDOR, THRESHOLD)}
+
+
+def oscillations(
+    cases: list[tuple[str, int]], seeds: list[int], *, steps: int = 20_000, jobs: int = -1
+) -> list[dict[str, object]]:
+    """Train robots with each reward and number of actions on each seed, and measure how they dither in both scenes.
+
+    Parameters
+    ----------
+    cases : list of (reward, actions)
+    seeds : list of int
+    steps : int
+        Of training.
+    jobs : int
+        Processes at a time, -1 for one on each core.
+
+    Returns
+    -------
+    list of dict
+        A row for each case, seed and scene, with the measures of `oscillation`.
+
+    Examples
+    --------
+    >>> rows = oscillations([("b", 4)], [1], steps=20, jobs=1)
+    >>> [row["scene"] for row in rows]
+    ['beside a wall', 'towards a wall']
+    """
+    work = [(reward, actions, seed, steps) for reward, actions in cases for seed in seeds]
+    return [row for rows in in_order(checked_jobs(jobs), _rows, work) for row in rows]
+
+
+def _rows(reward: str, actions: int, seed: int, steps: int) -> list[dict[str, object]]:
+    policy = trained(reward, actions, seed, steps=steps)
+    case = {"reward": reward, "actions": actions, "seed": seed}
+    return [{**case, "scene": scene, **oscillation(policy, scene=scene, rng=seed)} for scene in SCENES]

@@ -10,8 +10,8 @@ from mesa_swarm.analysis.coverage import coverage, reachable_cells
 from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.learning.actions import ranges_of
 from mesa_swarm.learning.fitness import SQUARE, Tally
-from mesa_swarm.model import SwarmModel
 from mesa_swarm.robots.design import RobotDesign
+from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.world.map import Map
 
 MEASURES = ("collisions", "worst robot", "speed ahead", "coverage")

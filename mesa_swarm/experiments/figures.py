@@ -1,21 +1,247 @@
-"""The pictures of a comparison: final states, robots at each fire over time, what was collected over time."""
+"""Figures of a comparison: distributions and paired differences."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
-from matplotlib.ticker import MaxNLocator, StrMethodFormatter
+from matplotlib.ticker import FixedLocator, MaxNLocator, StrMethodFormatter
 
-from mesa_swarm.experiments.comparison_figures import comparison_figure, main_measure
-from mesa_swarm.experiments.pictures import COOL, INK, literal, png, world_figure
-from mesa_swarm.experiments.portrait import Portrait
+from mesa_swarm.experiments.statistics import TIME, Interval, bootstrap_mean, pair_differences, summarised
 from mesa_swarm.files import write_all
+from mesa_swarm.viewing.pictures import COOL, HOT, INK, literal, png, world_figure
+from mesa_swarm.viewing.portrait import Portrait
 
-if TYPE_CHECKING:  # compare imports this module
+if TYPE_CHECKING:
     from mesa_swarm.experiments.compare import Comparison
+
+PAIR = "#8a8a8a"
+# Of a screen that is shown to a class: 16 to 9, letters that can be read from the last row.
+WIDE = (12.8, 7.2)
+TITLE, TEXT = 17, 14
+MOST_ROWS = 12
+# Half the width over which the pairs of one value are spread, as a part of the way to the next value.
+SPREAD = 0.28
+# How far beside its runs a mean stands, likewise.
+ASIDE = 0.14
+# As parts of all numbers: how far beyond them what has none stands, half the width of its place, and where the axis of
+# numbers ends.
+LANE, BROAD, END = 0.3, 0.13, 0.08
+BEYOND = "#efefec"
+
+
+def main_measure(comparison: "Comparison") -> str:
+    """Return what a comparison is about: the model's headline if it was measured, else the first measure.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    """
+    headline: str = getattr(comparison.plan.model_class, "headline", ("",))[0]
+    return headline if headline in comparison.measures else comparison.measures[0]
+
+
+def comparison_figure(comparison: "Comparison", measures: Sequence[str]) -> Figure:
+    """Return a figure with a row for each measure: on the left all runs, on the right differences on the same seed.
+
+    A thin line is a seed. Rings are means, and bars their 95 % intervals, beside the runs and not upon them. An
+    interval of the differences that does not meet the line at 0 is drawn in orange. Times that never came stand on a
+    dotted line beyond a gap, where the axis has ended.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    measures : sequence of str
+        At most twelve of them are drawn.
+    """
+    rows = list(measures)[:MOST_ROWS]
+    width, height = WIDE
+    figure = Figure(figsize=(width, height if len(rows) == 1 else 3.4 * len(rows)), layout="constrained")
+    panels = figure.subplots(len(rows), 2, squeeze=False, width_ratios=(1.15, 1))
+    plan = comparison.plan
+    seeds = f"{len(plan.seeds)} {'seed' if len(plan.seeds) == 1 else 'seeds'}"
+    title = f"{plan.model_class.__name__}: {plan.parameter} compared over {seeds}"
+    figure.suptitle(literal(title), fontsize=TITLE)
+    for measure, (left, right) in zip(rows, panels, strict=True):
+        _draw_runs(left, comparison, measure)
+        _draw_differences(right, comparison, measure)
+    return figure
+
+
+def _draw_runs(axes: Axes, comparison: "Comparison", measure: str) -> None:
+    """Draw every run, those of one seed joined, and the mean under each value."""
+    plan = comparison.plan
+    places = places_of(plan.values)
+    columns = np.array([_numbers(comparison.column(value, measure)) for value in plan.values])
+    if measure.endswith(TIME):
+        axes.yaxis.set_major_locator(MaxNLocator("auto", integer=True, min_n_ticks=1))
+        if np.isnan(columns).any():
+            _name_lane(axes, columns, 1, f"not by step {plan.steps:,}")
+            _end_axis(axes, columns)
+            columns = np.where(np.isnan(columns), _lane(columns, 1), columns)
+    faint = min(0.8, 8 / columns.shape[1] + 0.12)
+    axes.plot(places, columns, "o-", color=PAIR, linewidth=0.8, markersize=5, alpha=faint)
+    nearest = float(np.diff(np.sort(places)).min())
+    for i, (place, value) in enumerate(zip(places, plan.values, strict=True)):
+        aside = ASIDE * nearest * (1 if i else -1)  # the first to the left, where no lines are
+        _draw_interval(axes, place + aside, summarised(comparison.column(value, measure)).mean, COOL)
+    axes.set_xlim(places.min() - 0.3 * nearest, places.max() + 0.3 * nearest)
+    axes.set_title(literal(_wrapped(measure)), fontsize=TEXT)
+    _label_values(axes, comparison, measure, places, plan.values)
+
+
+def _draw_differences(axes: Axes, comparison: "Comparison", measure: str) -> None:
+    """Draw the difference of every pair, and their mean, under each value but the first."""
+    first, *others = comparison.plan.values
+    everywhere = places_of(comparison.plan.values)
+    reach = SPREAD * float(np.diff(np.sort(everywhere)).min())
+    base = comparison.column(first, measure)
+    pairs = {value: _pairs(base, comparison.column(value, measure), measure) for value in others}
+    axes.yaxis.set_major_locator(MaxNLocator(6, integer=measure.endswith(TIME), min_n_ticks=1))
+    _name_lanes(axes, pairs, first)
+    below, above = (_lane(np.concatenate([[0.0], *pairs.values()]), side) for side in (-1, 1))
+    axes.axhline(0, color=INK, linewidth=1.2)
+    for place, (value, differences) in zip(everywhere[1:], pairs.items(), strict=True):
+        heights = np.clip(differences, below, above)
+        axes.plot(place + spread_out(len(heights), reach), heights, "o", color=PAIR, markersize=6, alpha=0.7)
+        mean = bootstrap_mean(pair_differences(base, comparison.column(value, measure)))
+        _draw_interval(axes, place + 1.5 * reach, mean, HOT if mean.excludes_zero else COOL)
+    axes.set_xlim(everywhere[1:].min() - 2 * reach, everywhere[1:].max() + 2.5 * reach)
+    axes.set_title(literal(f"minus {comparison.plan.parameter} {first}, on the same seed"), fontsize=TEXT)
+    _label_values(axes, comparison, measure, everywhere[1:], others, paired=True)
+
+
+def _pairs(base: Sequence[float | None], column: Sequence[float | None], measure: str) -> np.ndarray:
+    """Return the differences in rising order; of times infinite ones too, where one of the two never came."""
+    differences = np.array(pair_differences(base, column), float)
+    if measure.endswith(TIME):
+        never = [(a is None) - (b is None) for a, b in zip(base, column, strict=True)]
+        differences = np.concatenate([differences, [-np.inf * side for side in never if side]])
+    return np.sort(differences)
+
+
+def _name_lanes(axes: Axes, pairs: dict[Any, np.ndarray], first: Any) -> None:
+    """Say where the pairs are of which one never came."""
+    together = np.concatenate([[0.0], *pairs.values()])
+    other = next(iter(pairs)) if len(pairs) == 1 else "this"
+    for side, never in ((-1, first), (1, other)):
+        if (together == side * np.inf).any():
+            _name_lane(axes, together, side, f"never with {never}")
+            _end_axis(axes, together)
+    if not np.isfinite(together[1:]).any():
+        axes.yaxis.set_major_locator(FixedLocator([0]))
+        axes.text(0.5, 0.6, "on no seed with both", transform=axes.transAxes, ha="center", fontsize=TEXT)
+
+
+def _reach(numbers: np.ndarray) -> tuple[float, float, float]:
+    """Return the least and the greatest of those that are numbers, and how far they lie apart."""
+    finite = numbers[np.isfinite(numbers)]
+    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
+    return low, high, (high - low) or 1.0
+
+
+def _lane(numbers: np.ndarray, side: int) -> float:
+    """Return where to draw what has no number: beyond a gap after all that have one."""
+    low, high, span = _reach(numbers)
+    return high + LANE * span if side > 0 else low - LANE * span
+
+
+def _name_lane(axes: Axes, numbers: np.ndarray, side: int, text: str) -> None:
+    """Draw the place of what has no number, and say what stands there."""
+    lane, half = _lane(numbers, side), BROAD * _reach(numbers)[2]
+    axes.axhspan(lane - half, lane + half, color=BEYOND, linewidth=0, zorder=0)
+    axes.axhline(lane, color=INK, linewidth=0.8, linestyle=":")
+    above = ("axes fraction", "data")
+    axes.annotate(literal(text), (0.5, lane), (0, 6), above, "offset points", ha="center", fontsize=TEXT - 2)
+
+
+def _end_axis(axes: Axes, numbers: np.ndarray) -> None:
+    """Let the axis, and what is written on it, end with the numbers."""
+    if not np.isfinite(numbers).any():
+        axes.yaxis.set_major_locator(FixedLocator([]))
+        axes.spines["left"].set_visible(False)
+        return
+    low, high, span = _reach(numbers)
+    first, last = low - END * span, high + END * span
+    ticks = np.asarray(axes.yaxis.get_major_locator().tick_values(low, high))
+    axes.yaxis.set_major_locator(FixedLocator(ticks[(first <= ticks) & (ticks <= last)].tolist()))
+    axes.update_datalim([(0.0, first), (0.0, last)], updatex=False)
+    axes.spines["left"].set_bounds(first, last)
+
+
+def places_of(values: Sequence[Any]) -> np.ndarray:
+    """Return where values stand on an axis: numbers where they are, words one after the other.
+
+    Examples
+    --------
+    >>> places_of(("A", "B")), places_of((5, 10, 50))
+    (array([0., 1.]), array([ 5., 10., 50.]))
+    """
+    if _are_numbers(values):
+        return np.array(values, float)
+    return np.arange(len(values), dtype=float)
+
+
+def _are_numbers(values: Sequence[Any]) -> bool:
+    """Whether values make an axis: numbers that rise."""
+    numbers = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values)
+    return numbers and all(a < b for a, b in pairwise(values))
+
+
+def spread_out(n: int, reach: float) -> np.ndarray:
+    """Return offsets of n dots, so that they stand beside each other.
+
+    Examples
+    --------
+    >>> spread_out(3, 1.0), spread_out(1, 1.0)
+    (array([-1.,  0.,  1.]), array([0.]))
+    """
+    return np.linspace(-reach, reach, n) if n > 1 else np.zeros(n)
+
+
+def _draw_interval(axes: Axes, place: float, interval: Interval, colour: str) -> None:
+    if np.isnan(interval.estimate):
+        return
+    if not np.isnan(interval.low):
+        axes.plot([place, place], [interval.low, interval.high], color=colour, linewidth=4, solid_capstyle="butt")
+    axes.plot(place, interval.estimate, "o", color=colour, markersize=11, markerfacecolor="white", markeredgewidth=3)
+
+
+def _label_values(
+    axes: Axes, comparison: "Comparison", measure: str, places: np.ndarray, values: Sequence[Any], paired: bool = False
+) -> None:
+    """Name the values below the axis, with in how many runs it happened if not in all."""
+    plan = comparison.plan
+    labels = [f"{literal(str(value))}{_count(comparison, measure, value, paired)}" for value in values]
+    turned: dict[str, Any] = {"rotation": 45, "ha": "right"} if len(labels) * max(map(len, labels)) > 60 else {}
+    axes.set_xticks(places, labels, **turned)
+    axes.set_xlabel(literal(plan.parameter), fontsize=TEXT)
+    axes.tick_params(labelsize=TEXT - 2)
+    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:,.6g}"))
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def _count(comparison: "Comparison", measure: str, value: Any, paired: bool) -> str:
+    column = comparison.column(value, measure)
+    first = comparison.column(comparison.plan.values[0], measure)
+    n = len(pair_differences(first, column)) if paired else sum(number is not None for number in column)
+    return f"\n{n} of {len(column)} {'pairs' if paired else 'runs'}" if n < len(column) else ""
+
+
+def _numbers(column: Sequence[float | None]) -> list[float]:
+    return [np.nan if number is None else number for number in column]
+
+
+def _wrapped(text: str) -> str:
+    """Break a long name after a word, so that it stays above its panel."""
+    if len(text) <= 45:
+        return text
+    at = text.rfind(" ", 0, 45)
+    return text if at < 0 else f"{text[:at]}\n{text[at + 1 :]}"
+
 
 COLOURS = (COOL, "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
 OUT_COLOUR = "#9a9a9a"

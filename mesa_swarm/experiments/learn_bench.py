@@ -1,4 +1,4 @@
-"""The benchmark of learning: trained at home, measured there, on other maps, and on maps that nobody was trained on."""
+"""The benchmark of learning: train, measure, tabulate, draw."""
 
 import json
 import math
@@ -12,16 +12,22 @@ from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from mesa_swarm.errors import check_choice, check_count
 from mesa_swarm.experiments.compare import checked_jobs
 from mesa_swarm.experiments.contestants import DESIGN, HOME, PARTS, ROBOTS, Trained, contestants
 from mesa_swarm.experiments.driving import MEASURES, drive_measured, driven_world
 from mesa_swarm.experiments.experiment import Outcome
+from mesa_swarm.experiments.figures import COLOURS
 from mesa_swarm.experiments.ledger import Ledger
 from mesa_swarm.experiments.pool import results_of
+from mesa_swarm.experiments.statistics import Interval, bootstrap_interquartile_mean
+from mesa_swarm.experiments.tables import csv_text
 from mesa_swarm.files import check_writable
 from mesa_swarm.progress import progress_bar
+from mesa_swarm.viewing.pictures import INK, literal, png
 from mesa_swarm.world.map import Map, builtin_maps
 from mesa_swarm.world.random_map import random_map
 
@@ -29,7 +35,7 @@ LEDGER = "ledger.jsonl"
 PACKAGE = Path(__file__).resolve().parent.parent
 # What a result depends on: whoever changes this code does the runs again.
 FOLDERS = "geometry", "world", "robots", "physics", "control", "fire", "learning", "analysis"
-ENGINE = (*FOLDERS, "streams.py", "world_model.py", "observed_world.py", "model.py")
+ENGINE = (*FOLDERS, "streams.py", "world_model.py", "model.py", "swarm_model.py")
 SOURCES = (*ENGINE, "experiments/contestants.py", "experiments/driving.py", "experiments/evolution.py")
 # Generated maps on which nobody was trained, bred or chosen: on GENERATED all are compared, and UNSEEN, at which nobody
 # looked before everything else stood, say whether the target is reached.
@@ -254,3 +260,236 @@ def _sources() -> str:
         for path in sorted(part.rglob("*.py")) if part.is_dir() else [part]:
             found.update(path.read_bytes())
     return found.hexdigest()
+
+
+TITLES = {
+    "home": "On the map of the training (`original`)",
+    "built in": "On the other built-in maps",
+    "generated": "On generated maps that nobody was trained on",
+}
+HOW = {"frozen": "frozen", "learning": "still learning"}
+GROUPS = tuple(TITLES)
+HEADER = ("contestant", "collisions [95 %]", "worst", "ahead", "coverage")
+# What is asked of a good one: hardly any collisions, most of the greatest speed, and to see what the rule sees.
+FEW, FAST = 0.5, 0.6
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """What one contestant did on maps of one group.
+
+    Parameters
+    ----------
+    name, group, mode : str
+        Of the contestant; one of `GROUPS`; "frozen" or "learning".
+    collisions : Interval
+        Interquartile mean over seeds and maps, per robot and 1,000 steps.
+    worst : float
+        Of the worst robot of all.
+    ahead, coverage : float
+        Interquartile means.
+    """
+
+    name: str
+    group: str
+    mode: str
+    collisions: Interval
+    worst: float
+    ahead: float
+    coverage: float
+
+
+def lines_of(runs: Sequence[Run]) -> list[Line]:
+    """Return a line for each group of maps, mode and contestant, those left out that do not learn while they drive."""
+    names = list(dict.fromkeys(run.name for run in runs))
+    lines = []
+    for group in GROUPS:
+        for mode in MODES:
+            for name in names:
+                found = values_of(runs, name, group, mode)
+                if found["collisions"]:
+                    lines.append(_line(name, group, mode, found))
+    return lines
+
+
+def values_of(runs: Sequence[Run], name: str, group: str, mode: str) -> dict[str, list[float]]:
+    """Return what one contestant did on maps of a group: by measure, a value for each seed and map."""
+    found: dict[str, list[float]] = {measure: [] for measure in MEASURES}
+    for run in runs:
+        for place, how, measure, value in run.rows() if run.name == name else ():
+            if group_of(place) == group and how == mode:
+                found[measure].append(value)
+    return found
+
+
+def _line(name: str, group: str, mode: str, found: dict[str, list[float]]) -> Line:
+    ahead, seen = (bootstrap_interquartile_mean(found[m]).estimate for m in ("speed ahead", "coverage"))
+    collisions = bootstrap_interquartile_mean(found["collisions"])
+    return Line(name, group, mode, collisions, max(found["worst robot"]), ahead, seen)
+
+
+def markdown(benchmark: Benchmark, runs: Sequence[Run]) -> str:
+    """Return all tables as Markdown: how long training took, then one table for each group of maps and mode."""
+    parts = [_training(benchmark, runs)]
+    lines = lines_of(runs)
+    for group in GROUPS:
+        for mode in MODES:
+            rows = [_cells(line) for line in lines if (line.group, line.mode) == (group, mode)]
+            if rows:
+                parts.append("\n".join([f"**{TITLES[group]}, {HOW[mode]}**", "", *_table([HEADER, *rows])]))
+    parts += [seed_by_seed(runs, name) for name in BRED if _on_every_map(runs, name)]
+    return "\n\n".join(parts) + "\n"
+
+
+def _training(benchmark: Benchmark, runs: Sequence[Run]) -> str:
+    rows = [("contestant", "seeds", "robot-steps of training", "wall time, s", "processor time, s")]
+    for name in dict.fromkeys(run.name for run in runs):
+        mine = [run.results for run in runs if run.name == name]
+        wall, used = (np.mean([r[f"train {what} seconds"] for r in mine]) for what in ("wall", "processor"))
+        rows.append((name, str(len(mine)), f"{mine[0]['robot-steps']:,.0f}", f"{wall:.1f}", f"{used:.1f}"))
+    title = f"**Training: {benchmark.steps:,} steps of 15 robots on `original`; evaluation: "
+    return "\n".join([f"{title}{benchmark.evaluation_steps:,} steps a map**", "", *_table(rows)])
+
+
+def _on_every_map(runs: Sequence[Run], name: str) -> dict[int, list[float]]:
+    """Return by seed the collisions, the speed ahead and the coverage, means over all unseen maps."""
+    asked = [f"{EVERY}|frozen|{measure}" for measure in ("collisions", "speed ahead", "coverage")]
+    found = {run.seed: [run.results.get(key) for key in asked] for run in runs if run.name == name}
+    return {seed: [v for v in values if v is not None] for seed, values in found.items() if None not in values}
+
+
+def seed_by_seed(runs: Sequence[Run], name: str) -> str:
+    """Return a table of who reaches what is asked: by each seed alone, and in the mean."""
+    mine, rule = _on_every_map(runs, name), _on_every_map(runs, RULE)
+    found = {str(seed): (*values, rule[seed][2] if seed in rule else math.nan) for seed, values in mine.items()}
+    found["mean"] = tuple(np.mean(list(found.values()), axis=0))
+    rows = [
+        (row, f"{c:.2f}", f"{a:.2f}", f"{s:.3f}", f"{r:.3f}", _reached(c, a, s, r))
+        for row, (c, a, s, r) in found.items()
+    ]
+    header = ("seed", "collisions", "ahead", "coverage", "of the rule", "reached")
+    title = f"**{name}: each seed on all twenty unseen maps, frozen (means)**"
+    return "\n".join([title, "", *_table([header, *rows])])
+
+
+def _reached(collisions: float, ahead: float, seen: float, of_the_rule: float) -> str:
+    return "yes" if collisions <= FEW and ahead >= FAST and seen >= of_the_rule else "no"
+
+
+def _cells(line: Line) -> tuple[str, ...]:
+    c = line.collisions
+    limits = "" if math.isnan(c.low) else f" [{_brief(c.low)}, {_brief(c.high)}]"
+    return line.name, f"{_brief(c.estimate)}{limits}", _brief(line.worst), f"{line.ahead:z.2f}", f"{line.coverage:.2f}"
+
+
+def _brief(number: float) -> str:
+    return f"{number:.2f}" if number < 10 else f"{number:.0f}"
+
+
+def _table(rows: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(len(row[c]) for row in rows) for c in range(len(rows[0]))]
+    texts = ["| " + " | ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)) + " |" for row in rows]
+    return [texts[0], "|" + "|".join("-" * (w + 2) for w in widths) + "|", *texts[1:]]
+
+
+def runs_csv(runs: Sequence[Run]) -> str:
+    """Return one line for each contestant, seed, map and mode."""
+    rows = []
+    for run in runs:
+        places = dict.fromkeys((place, mode) for place, mode, _, _ in run.rows())
+        for place, mode in places:
+            values = [run.results[f"{place}|{mode}|{measure}"] for measure in MEASURES]
+            rows.append([run.name, run.seed, place, group_of(place), mode, *values])
+    return csv_text([["contestant", "seed", "map", "group", "mode", *MEASURES], *rows])
+
+
+def summary_json(benchmark: Benchmark, runs: Sequence[Run]) -> str:
+    """Return the settings and the lines of all tables."""
+    lines = [
+        {
+            **{name: getattr(line, name) for name in ("name", "group", "mode", "worst", "ahead", "coverage")},
+            "collisions": line.collisions.estimate,
+            "collisions_low": _finite(line.collisions.low),
+            "collisions_high": _finite(line.collisions.high),
+        }
+        for line in lines_of(runs)
+    ]
+    settings = {name: getattr(benchmark, name) for name in ("seeds", "steps", "evaluation_steps")}
+    return json.dumps({**settings, "lines": lines}, indent=1, allow_nan=False) + "\n"
+
+
+def _finite(number: float) -> float | None:
+    return None if math.isnan(number) else number
+
+
+MARKS = "osD^vP*Xhp"
+# Below this, collisions are drawn on a scale that reaches 0.
+LINEAR = 0.1
+PANELS = {"home": "original, trained on", "built in": "other built-in maps", "generated": "generated maps"}
+
+
+def learning_pictures(runs: Sequence[Run]) -> dict[str, bytes]:
+    """Return the PNGs of a benchmark by file name."""
+    pictures = {"learn_bench.png": png(speed_figure(lines_of(runs)))}
+    if any(run.curve() for run in runs):
+        pictures["learn_curves.png"] = png(curve_figure(runs))
+    return pictures
+
+
+def speed_figure(lines: Sequence[Line]) -> Figure:
+    """Return collisions over speed ahead, a panel for each group of maps: full marks frozen, hollow still learning."""
+    figure = Figure(figsize=(12.8, 5.6), layout="constrained")
+    names = list(dict.fromkeys(line.name for line in lines))
+    panels = figure.subplots(1, len(GROUPS), sharex=True, sharey=True)
+    for group, axes in zip(GROUPS, panels, strict=True):
+        axes.fill_between([FAST, 1.0], 0, FEW, color="#009e73", alpha=0.1, linewidth=0)
+        axes.axvline(FAST, color=INK, linewidth=0.5, linestyle=":")
+        axes.axhline(FEW, color=INK, linewidth=0.5, linestyle=":")
+        for line in (each for each in lines if each.group == group):
+            _mark(axes, line, names.index(line.name))
+        axes.set_yscale("symlog", linthresh=LINEAR)
+        axes.set_ylim(bottom=0)
+        axes.set_title(PANELS[group], fontsize=12)
+        axes.set_xlabel("mean speed ahead, share of the greatest")
+        axes.spines[["top", "right"]].set_visible(False)
+    panels[0].set_ylabel("collisions per robot and 1,000 steps\n(interquartile mean, 95 %)")
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=5, frameon=False, fontsize=9)
+    return figure
+
+
+def _mark(axes: Axes, line: Line, number: int) -> None:
+    colour, frozen, c = COLOURS[number % len(COLOURS)], line.mode == "frozen", line.collisions
+    reach = np.nan_to_num([[c.estimate - c.low], [c.high - c.estimate]])
+    axes.errorbar(
+        line.ahead,
+        c.estimate,
+        yerr=np.maximum(reach, 0.0),
+        fmt=MARKS[number % len(MARKS)],
+        color=colour,
+        markerfacecolor=colour if frozen else "white",
+        markersize=8,
+        clip_on=False,  # those without collisions stand on the axis
+        linewidth=1.0,
+        label=literal(line.name) if frozen else None,
+    )
+
+
+def curve_figure(runs: Sequence[Run]) -> Figure:
+    """Return collisions in the course of training: a line for each contestant that learns, medians of all seeds."""
+    figure = Figure(figsize=(8.5, 4.6), layout="constrained")
+    axes = figure.subplots()
+    names = list(dict.fromkeys(run.name for run in runs))
+    for name in names:
+        curves = np.array([run.curve() for run in runs if run.name == name])
+        if curves.size:
+            middle, colour = np.median(curves, axis=0), COLOURS[names.index(name) % len(COLOURS)]
+            at = (np.arange(len(middle)) + 0.5) / len(middle)
+            mark = MARKS[names.index(name) % len(MARKS)]
+            axes.plot(at, middle, color=colour, marker=mark, markersize=4, label=literal(name))
+            axes.fill_between(at, curves.min(axis=0), curves.max(axis=0), color=colour, alpha=0.08, linewidth=0)
+    axes.set_yscale("symlog", linthresh=LINEAR)
+    axes.set(xlim=(0, 1), xlabel="share of the training", ylabel="collisions per robot and 1,000 steps")
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(frameon=False, fontsize=9)
+    return figure

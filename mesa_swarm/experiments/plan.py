@@ -17,10 +17,10 @@ from mesa_swarm.errors import (
     shortened,
     unknown_name,
 )
-from mesa_swarm.experiments.portrait import Portrait, portrait_of
 from mesa_swarm.gallery import find_model
-from mesa_swarm.model import SwarmModel
 from mesa_swarm.parameters import Choice, parameters_of
+from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.viewing.portrait import Portrait, portrait_of
 
 MOST_SEEDS = 100_000
 # Seeds are told apart as floats are, in tables and in TOML of other programs.

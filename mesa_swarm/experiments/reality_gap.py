@@ -14,19 +14,18 @@ from matplotlib.figure import Figure
 
 from mesa_swarm.errors import InvalidValueError, check_choice, check_number, shortened
 from mesa_swarm.experiments.compare import LEDGER, checked_jobs, has_numbers
-from mesa_swarm.experiments.experiment import Experiment, Outcome, checked_settings
+from mesa_swarm.experiments.experiment import Experiment, Outcome, checked_settings, source_hash
 from mesa_swarm.experiments.figures import COLOURS, write_with_pictures
 from mesa_swarm.experiments.ledger import Ledger
-from mesa_swarm.experiments.pictures import literal, png
 from mesa_swarm.experiments.plan import checked_plan, checked_seeds, numbers_of
 from mesa_swarm.experiments.pool import results_of
-from mesa_swarm.experiments.source import source_hash
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean, pair_differences
 from mesa_swarm.experiments.tables import aligned, csv_text, in_words
 from mesa_swarm.files import check_writable
 from mesa_swarm.gallery import find_model
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.robots.imperfections import PRESETS, Imperfections
+from mesa_swarm.viewing.pictures import literal, png
 
 DIAL = (0.0, 0.25, 0.5, 0.75, 1.0)
 SEEDS = 10

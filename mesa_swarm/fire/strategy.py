@@ -8,10 +8,10 @@ import numpy as np
 
 from mesa_swarm.errors import check_choice, check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.robots.design import AXIS_X, AXIS_Y, MOUNT_X, MOUNT_Y
+from mesa_swarm.robots.drive import approach
 from mesa_swarm.robots.reasons import Moment, Reason
-from mesa_swarm.robots.steering import approach
 from mesa_swarm.robots.swarm import Swarm
-from mesa_swarm.robots.table import AXIS_X, AXIS_Y, MOUNT_X, MOUNT_Y
 from mesa_swarm.world.statics import FIRE
 
 STRATEGIES = ("A", "B")

@@ -6,13 +6,10 @@ from mesa_swarm.learning.hebbian import HebbianLearning
 from mesa_swarm.learning.networks import Networks, fit
 from mesa_swarm.learning.policy import Policy, PolicyLayer, SensorLayout
 from mesa_swarm.learning.policy_files import load_policy, save_policy
-from mesa_swarm.learning.q_learning import QLearning
-from mesa_swarm.learning.q_policy import QPolicy
+from mesa_swarm.learning.q_learning import QLearning, QPolicy
 from mesa_swarm.learning.reflex_policy import ReflexPolicy
 from mesa_swarm.learning.rewards import reward
-from mesa_swarm.learning.wire_fitting import wire_value
-from mesa_swarm.learning.wire_learning import WireFittedQ
-from mesa_swarm.learning.wire_policy import WirePolicy
+from mesa_swarm.learning.wire_learning import WireFittedQ, WirePolicy, wire_value
 
 __all__ = [
     "Evolution",

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from mesa_swarm.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.robots.table import RANGE
+from mesa_swarm.robots.design import RANGE
 from mesa_swarm.world.statics import FIRE, LOAD, ROBOT
 
 # Left and right wheel as shares of max_speed (thesis 8.1); `actions=4` keeps the first four.

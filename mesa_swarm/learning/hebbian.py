@@ -17,8 +17,7 @@ from mesa_swarm.errors import (
 )
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import ranges_of
-from mesa_swarm.learning.keeping import Keeper
-from mesa_swarm.learning.learner import LARGEST
+from mesa_swarm.learning.learner import LARGEST, Keeper
 from mesa_swarm.learning.policy import check_designs, sensors_of
 from mesa_swarm.learning.reflex_policy import ReflexPolicy, nearness
 from mesa_swarm.learning.rewards import REWARDS, rewarded

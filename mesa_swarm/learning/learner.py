@@ -1,7 +1,9 @@
-"""What learners share: networks and temperatures of robots as columns, and what becomes a policy."""
+"""What learners share: columns, temperatures, policies, networks as columns, state kept across rebinding."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
@@ -10,12 +12,226 @@ from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import InvalidValueError, LearningError, check_choice, check_flag, check_number, shortened
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import ENCODINGS, ranges_of
-from mesa_swarm.learning.keeping import Keeper
-from mesa_swarm.learning.memory import Memory
-from mesa_swarm.learning.network_policy import NetworkPolicy
-from mesa_swarm.learning.policy import sensors_of
+from mesa_swarm.learning.networks import PARTS, NetworkPolicy, Networks
+from mesa_swarm.learning.policy import check_designs, sensors_of
 from mesa_swarm.learning.rewards import REWARDS
 from mesa_swarm.robots.swarm import Swarm
+
+
+class Left:
+    """What a layer remembered of a swarm's robots when it was taken out; it reads as the swarm did.
+
+    Parameters
+    ----------
+    swarm : Swarm
+    prefix : str
+        Of the layer's columns.
+
+    Examples
+    --------
+    >>> swarm = Swarm()
+    >>> _ = swarm.remember("0.Rule.seen", (), float, 0.0)
+    >>> sorted(Left(swarm, "0.Rule").columns)
+    ['0.Rule.seen', 'number']
+    """
+
+    def __init__(self, swarm: Swarm, prefix: str) -> None:
+        self.swarm, self.prefix, self.designs = swarm, prefix, swarm.designs
+        self.whereabouts = whereabouts(swarm)
+        names = [name for name in swarm.columns if name == "number" or name.startswith(f"{prefix}.")]
+        self.columns = {name: swarm.columns[name].copy() for name in names}
+
+    def __len__(self) -> int:
+        """How many robots there were."""
+        return len(self.columns["number"])
+
+    def remember(self, name: str, shape: tuple, dtype: type, initial: object) -> np.ndarray:
+        """Return the column of this name."""
+        return self.columns[name]
+
+    def lay(self, prefix: str) -> None:
+        """Let those of the robots that are still there have what was remembered of them, in columns of this prefix."""
+        columns = self.swarm.columns
+        _, now, then = np.intersect1d(columns["number"], self.columns["number"], return_indices=True)
+        for name, old in self.columns.items():
+            if name != "number":
+                # Columns may have become wider, with robots of more sensors.
+                known: Any = (now, *(slice(0, width) for width in old.shape[1:]))
+                columns[prefix + name.removeprefix(self.prefix)][known] = old[then]
+
+
+class Keeper:
+    """Base of layers that learn: bound again in the same model, they go on as if they had never been taken out.
+
+    In another model, robots begin with what was learned: see `_take_along`.
+    """
+
+    name: str
+    frozen: bool
+    start: Any = None
+    # A swarm, or what is left of it to a layer that was taken out.
+    _home: Any = None
+    _prefix = ""
+
+    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
+        """Remember in columns of the swarm what each robot knows; go on with what was learned before, if anything."""
+        home = self._home
+        left = home if isinstance(home, Left) and home.swarm is swarm else None
+        if home is not None and left is None:
+            self._take_along()
+        self._home, self._prefix, self._rng = swarm, prefix, rng
+        self._remember(swarm, prefix)
+        if left is not None:
+            left.lay(prefix)
+
+    def unbind(self) -> None:
+        """Keep what the robots know, as its columns are about to be dropped."""
+        self._home = Left(self._robots, self._prefix)
+
+    def _check_frozen(self) -> None:
+        """Refuse to drive by what nobody has learned."""
+        if self.frozen and not (self.start and self.start.steps):
+            raise LearningError(
+                f"{self.name} is frozen and knows nothing; give it a trained policy as start, or let it learn"
+            )
+
+    def _training(self, names: Sequence[str], lessons: int, training: dict) -> dict:
+        """Return where a policy comes from: these parameters, the world, what it started from, and what is given."""
+        return {
+            "learner": type(self).__name__,
+            "mesa_swarm": version("mesa-swarm"),
+            **whereabouts(self._robots),
+            **{name: getattr(self, name) for name in names},
+            "robots": len(self._robots),
+            "lessons": lessons,
+            **({"started_from": self.start.training} if self.start else {}),
+            **training,
+        }
+
+    def _remember(self, swarm: Swarm, prefix: str) -> None:
+        """Make the columns."""
+        raise NotImplementedError
+
+    def _take_along(self) -> None:
+        """Make what was learned the start of another model's robots, or refuse to."""
+        raise NotImplementedError
+
+    @property
+    def _robots(self) -> Any:
+        """The swarm that it belongs to, or what is left of it."""
+        if self._home is None:
+            raise LearningError(
+                f"this {self.name} is in no model: a model learns with a copy of it; ask model.control.layers[0], "
+                "or whichever layer it is there"
+            )
+        return self._home
+
+    def _column(self, name: str) -> np.ndarray:
+        return self._robots.columns[f"{self._prefix}.{name}"]
+
+
+def whereabouts(robots: Swarm | Left) -> dict[str, str | int]:
+    """Return the design of the robots, on which map they are, and how many steps their model has taken."""
+    if isinstance(robots, Left):
+        return robots.whereabouts
+    if not len(robots):
+        return {}
+    model = robots.agents[0].model
+    return {"design": robots.designs[0].name, "map": str(model.map.name), "model_steps": int(model.steps)}
+
+
+class Memory:
+    """The networks of all robots of a swarm, `count` for each robot.
+
+    Hidden units are twice the proximity sensors of the widest design present. The columns grow with it: new
+    weights of robots that were there before are 0, so that what they learned stays.
+
+    Parameters
+    ----------
+    swarm : Swarm
+    prefix : str
+        Of the columns' names.
+    count : int
+        Networks a robot.
+    per_sensor : int
+        Inputs a proximity sensor.
+    start : NetworkPolicy, optional
+        What robots know when they are born.
+
+    Raises
+    ------
+    LearningError
+        If robots have other sensors than `start` was trained with.
+    """
+
+    def __init__(self, swarm: Swarm, prefix: str, count: int, per_sensor: int, start: NetworkPolicy | None) -> None:
+        self._swarm, self._prefix, self._count, self._start = swarm, prefix, count, start
+        self._check_start()
+        inputs, units = (per_sensor, "proximity"), (2, "proximity")
+        shapes = ((count, *inputs, *units), (count, *units), (count, *units), (count,))
+        for name, shape in zip(PARTS, shapes, strict=True):
+            swarm.remember(f"{prefix}.{name}", shape, np.float64, 0.0)
+        swarm.remember(f"{prefix}.born", (), np.bool_, False)
+
+    @property
+    def weights(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Views of all networks, robot after robot, as `networks.forward` takes them."""
+        inner, inner_bias, outer, outer_bias = (self._swarm.columns[f"{self._prefix}.{part}"] for part in PARTS)
+        networks = outer_bias.size
+        inputs, units = math.prod(inner.shape[2:4]), math.prod(inner.shape[4:])
+        return (
+            inner.reshape(networks, inputs, units),
+            inner_bias.reshape(networks, units),
+            outer.reshape(networks, units),
+            outer_bias.reshape(networks),
+        )
+
+    def give_birth(self, rng: np.random.Generator, shared: bool) -> None:
+        """Give robots that have no networks yet theirs; where they are shared, those of the others."""
+        born = self._swarm.columns[f"{self._prefix}.born"]
+        if born.all():
+            return
+        self._check_start()
+        new, known = np.flatnonzero(~born), np.flatnonzero(born)
+        for index, part in enumerate(PARTS):
+            column = self._swarm.columns[f"{self._prefix}.{part}"]
+            if shared and len(known):
+                column[new] = column[known[0]]
+            elif self._start is not None:
+                sets = self._start.networks.weights[index].reshape(-1, *column.shape[1:])
+                column[new] = sets[0 if shared else self._swarm.columns["number"][new] % len(sets)]
+            else:
+                limit = self._limit(part)
+                column[new] = rng.uniform(-limit, limit, (1 if shared else len(new), *column.shape[1:]))
+        born[:] = True
+
+    def _limit(self, part: str) -> float:
+        """Return the largest first weight: 1 / sqrt(weights that feed the node), the bias unit's included."""
+        shape = self._swarm.columns[f"{self._prefix}.inner"].shape
+        feeding = shape[2:4] if part.startswith("inner") else shape[4:]
+        return 1.0 / math.sqrt(math.prod(feeding) + 1)
+
+    def _check_start(self) -> None:
+        if self._start is not None:
+            check_designs(self._start.sensors, self._swarm)
+
+    def networks(self, robots: int) -> Networks:
+        """Return copies of the networks of the first robots."""
+        return Networks(*(weights[: robots * self._count].copy() for weights in self.weights))
+
+    def checkpoint(self) -> dict:
+        """Return nothing: all that is remembered stands in columns of the swarm, which are kept anyway."""
+        return {}
+
+    def restore(self, state: dict) -> None:
+        """Take nothing: the columns are there already."""
+
+    def share(self) -> None:
+        """Give every robot what the first one has."""
+        for part in PARTS:
+            column = self._swarm.columns[f"{self._prefix}.{part}"]
+            column[1:] = column[:1]
+
 
 # Rewards are within [-1, 1], so that nothing is worth more than 1 / (1 - gamma), at most 1,000: a correction or a
 # weight a million times as large has diverged. What is within stays finite.

@@ -14,9 +14,9 @@ import numpy as np
 from mesa_swarm.errors import InvalidValueError, LearningError, check_count, check_number, shortened
 from mesa_swarm.files import draft_of
 from mesa_swarm.learning.policy import Policy, SensorLayout, check_policy
-from mesa_swarm.learning.q_policy import QPolicy
+from mesa_swarm.learning.q_learning import QPolicy
 from mesa_swarm.learning.reflex_policy import ReflexPolicy
-from mesa_swarm.learning.wire_policy import WirePolicy
+from mesa_swarm.learning.wire_learning import WirePolicy
 from mesa_swarm.robots.design import MOST_SENSORS
 
 FORMAT = "mesa_swarm policy 1"

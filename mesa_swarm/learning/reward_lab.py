@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number, shortened
 from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, boltzmann, checked_actions
 from mesa_swarm.learning.policy import SensorLayout
-from mesa_swarm.learning.q_policy import QPolicy
+from mesa_swarm.learning.q_learning import QPolicy
 from mesa_swarm.learning.rewards import REWARDS, rewarded
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.sensors import mount_of

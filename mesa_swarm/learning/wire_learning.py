@@ -1,20 +1,196 @@
-"""WireFittedQ: Q-learning with continuous actions, by wire fitting (thesis 7.3.2, 10.3)."""
+"""Q-learning with continuous actions: wire fitting, the learner and its policy."""
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import check_count, check_name, check_number
+from mesa_swarm.errors import InvalidValueError, check_count, check_name, check_number, shortened
 from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.learning.actions import best_of, chosen, write_inputs
+from mesa_swarm.learning.actions import ACTIONS, as_floats, best_of, chosen, write_inputs
 from mesa_swarm.learning.learner import LARGEST, Learner, cool, is_bounded
-from mesa_swarm.learning.networks import back_propagate
+from mesa_swarm.learning.networks import NetworkPolicy, back_propagate, forward
 from mesa_swarm.learning.rewards import rewarded
-from mesa_swarm.learning.wire_fitting import SMOOTHING, TINY, interpolate
-from mesa_swarm.learning.wire_policy import OUTPUTS, STARTS, WirePolicy, propose
 from mesa_swarm.robots.swarm import Swarm
+
+SMOOTHING = 0.1
+TINY = 0.01
+
+
+def wire_value(
+    action: ArrayLike, wires: ArrayLike, values: ArrayLike, *, smoothing: float = SMOOTHING, tiny: float = TINY
+) -> tuple[float, np.ndarray, np.ndarray]:
+    """Return what an action is worth, and how that changes with the wires and their values.
+
+    ``Q(u) = sum_i(q_i / D_i) / sum_i(1 / D_i)`` with ``D_i = |u - u_i|^2 + c (q_max - q_i) + eps``. It is never
+    above q_max, which it nearly is at the best wire. The gradients are exact, also for the best wire, on
+    which all D_i depend.
+
+    Parameters
+    ----------
+    action : ndarray, shape (2,)
+        u, wheel commands as shares of max_speed.
+    wires : ndarray, shape (w, 2)
+        u_i, the actions that are proposed.
+    values : ndarray, shape (w,)
+        q_i, what each of them is worth.
+    smoothing, tiny : float
+        c, at least 0, and eps, above 0.
+
+    Returns
+    -------
+    (float, ndarray, ndarray)
+        Q(u), dQ/du_i of shape (w, 2), dQ/dq_i of shape (w,).
+
+    Raises
+    ------
+    InvalidValueError
+
+    Examples
+    --------
+    >>> value, _, _ = wire_value([1.0, 1.0], [[1.0, 1.0], [-1.0, -1.0]], [1.0, -1.0])
+    >>> round(value, 3)
+    0.998
+    """
+    u, ends, q = as_floats(action), as_floats(wires), as_floats(values)
+    finite = all(np.isfinite(part).all() for part in (u, ends, q))
+    if u.shape != (2,) or q.ndim != 1 or not len(q) or ends.shape != (len(q), 2) or not finite:
+        raise InvalidValueError(
+            f"action is {shortened(action)}, wires are {shortened(wires)} and values {shortened(values)}; "
+            "expected finite numbers of shapes (2,), (w, 2) and (w,)"
+        )
+    c, eps = check_number("smoothing", smoothing, minimum=0), check_number("tiny", tiny, above=0)
+    by_wire, by_value = np.empty((len(q), 2)), np.empty(len(q))
+    return float(interpolate(u[0], u[1], ends, q, c, eps, by_wire, by_value)), by_wire, by_value
+
+
+@compiled
+def interpolate(left, right, wires, values, smoothing, tiny, by_wire, by_value):
+    """Return Q(left, right); write its derivatives by the wires (w, 2) and by their values (w,)."""
+    count = values.shape[0]
+    best = 0
+    for i in range(1, count):
+        if values[i] > values[best]:
+            best = i
+    weights, weighted = 0.0, 0.0
+    for i in range(count):
+        away = distance_to(left, right, wires[i, 0], wires[i, 1], values[best] - values[i], smoothing, tiny)
+        weights += 1.0 / away
+        weighted += values[i] / away
+    value = weighted / weights
+    pulled = 0.0
+    for i in range(count):
+        away = distance_to(left, right, wires[i, 0], wires[i, 1], values[best] - values[i], smoothing, tiny)
+        by_distance = (value - values[i]) / (away * away * weights)
+        by_value[i] = 1.0 / (away * weights) - smoothing * by_distance
+        by_wire[i, 0] = 2.0 * (wires[i, 0] - left) * by_distance
+        by_wire[i, 1] = 2.0 * (wires[i, 1] - right) * by_distance
+        pulled += smoothing * by_distance
+    by_value[best] += pulled  # q_max is its value: it is in every D_i
+    return value
+
+
+@compiled
+def distance_to(left, right, wire_left, wire_right, below, smoothing, tiny):
+    """Return D_i of a wire whose value is `below` under the best one's."""
+    return (left - wire_left) ** 2 + (right - wire_right) ** 2 + smoothing * below + tiny
+
+
+@compiled
+def squashed(said, start):
+    """Return a wheel command in (-1, 1) of what a network says: 0 gives `start`."""
+    return math.tanh(said + math.atanh(start))
+
+
+# Where wires begin: at the thesis's actions, but inside of the limits, from where they can move.
+STARTS = 0.8 * ACTIONS
+# Networks of a wire: what they say of the left wheel, of the right wheel, of the value.
+OUTPUTS = 3
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WirePolicy(NetworkPolicy):
+    """Choose one of the actions that networks propose, by Boltzmann's probabilities of their values.
+
+    Parameters
+    ----------
+    sensors : SensorLayout
+    networks : Networks
+        ``copies * wires * 3`` of them: of every wire the left wheel, the right wheel, the value. The k-th robot
+        acts by set ``k % copies``.
+    wires : int
+        1 to 8.
+    encoding, temperature, steps, training
+        As for `QPolicy`.
+
+    Raises
+    ------
+    InvalidValueError
+        If the networks do not fit the sensors and wires, or hold anything that is not finite.
+    """
+
+    family: ClassVar[str] = "wires"
+    counted: ClassVar[str] = "wires"
+    wires: int = 4
+
+    def __post_init__(self) -> None:
+        """Check that the parts fit together."""
+        object.__setattr__(self, "wires", check_count("wires", self.wires, minimum=1, maximum=len(STARTS)))
+        self._check_parts()
+
+    @property
+    def group(self) -> int:
+        """How many networks a robot has: three for each wire."""
+        return OUTPUTS * self.wires
+
+    def proposals(
+        self, readings: ArrayLike, kinds: ArrayLike | None = None, *, numbers: ArrayLike | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the wires' actions (n, w, 2) and what they are worth (n, w), given readings and kinds (n, s)."""
+        known = self._known(readings, kinds, numbers)
+        actions, values = np.empty((len(known[0]), self.wires, 2)), np.empty((len(known[0]), self.wires))
+        propose_all(*known, actions, values)
+        return actions, values
+
+    def act(
+        self,
+        readings: ArrayLike,
+        kinds: ArrayLike | None = None,
+        chance: ArrayLike | None = None,
+        *,
+        numbers: ArrayLike | None = None,
+    ) -> np.ndarray:
+        """Return wheel commands (n, 2) as shares of max_speed; see `QPolicy.act`."""
+        actions, values = self.proposals(readings, kinds, numbers=numbers)
+        return actions[np.arange(len(values)), self._taken(values, chance)]
+
+
+@compiled
+def propose_all(distance, kind, ranges, weights, numbers, actions, values):
+    """Write the wires' actions (n, w, 2) and values (n, w) of every robot."""
+    robots, wires = values.shape
+    copies = weights[3].shape[0] // (OUTPUTS * wires)
+    now, hidden = np.empty((1, weights[0].shape[1])), np.empty((OUTPUTS * wires, weights[0].shape[2]))
+    for i in range(robots):
+        number = numbers[i] if numbers.shape[0] else i
+        write_inputs(distance, kind, ranges, i, 0, now, 0)
+        propose(weights, (number % copies) * OUTPUTS * wires, now, 0, hidden, actions[i], values[i])
+
+
+@compiled
+def propose(weights, first, inputs, row, hidden, actions, values):
+    """Write what the wires of one robot propose, by its networks from `first` on; `hidden` is left for learning."""
+    inner, inner_bias, outer, outer_bias = weights
+    for w in range(values.shape[0]):
+        for side in range(2):
+            m = OUTPUTS * w + side
+            said = forward(inner, inner_bias, outer, outer_bias, first + m, inputs, row, hidden[m])
+            actions[w, side] = squashed(said, STARTS[w, side])
+        m = OUTPUTS * w + 2
+        values[w] = forward(inner, inner_bias, outer, outer_bias, first + m, inputs, row, hidden[m])
 
 
 @dataclass(kw_only=True)

@@ -17,9 +17,9 @@ from mesa_swarm.physics.sensing import (
     sense_radiation,
 )
 from mesa_swarm.physics.settle import settle
+from mesa_swarm.robots.design import PERIOD
 from mesa_swarm.robots.drive import Drive, slipped_wheels
 from mesa_swarm.robots.swarm import Swarm
-from mesa_swarm.robots.table import PERIOD
 
 FEWEST_CELLS = 64
 CELLS_PER_ROBOT = 4

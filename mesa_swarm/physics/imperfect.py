@@ -8,10 +8,10 @@ import numpy as np
 
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.physics.radio import GOLDEN, mixed
+from mesa_swarm.robots.design import RANGE
 from mesa_swarm.robots.drive import no_longer
 from mesa_swarm.robots.imperfections import Imperfections, is_ideal
 from mesa_swarm.robots.swarm import LASTING, Swarm
-from mesa_swarm.robots.table import RANGE
 from mesa_swarm.world.statics import OBSTACLE
 
 # What chance is asked for, so that no two answers have to do with each other.

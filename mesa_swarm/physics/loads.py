@@ -26,10 +26,8 @@ import shapely
 
 from mesa_swarm.physics.contact import SLOP
 from mesa_swarm.physics.motion import LONGEST_PIECE, sinc
-from mesa_swarm.physics.room import Room, Stop
-from mesa_swarm.physics.scene import Scene
-from mesa_swarm.world.form import Pose
-from mesa_swarm.world.load import Load
+from mesa_swarm.physics.scene import Room, Scene, Stop
+from mesa_swarm.world.bodies import Load, Pose
 
 # A joint push that exceeds the resistance by less than this share is equal to it but for rounding; a robot whose
 # push is so small a share of a full one drives along the load.

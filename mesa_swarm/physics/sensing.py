@@ -13,7 +13,7 @@ from mesa_swarm.geometry.sector import (
     sector_to_disc,
     sector_to_segment,
 )
-from mesa_swarm.robots.table import (
+from mesa_swarm.robots.design import (
     AXIS_X,
     AXIS_Y,
     COS_HALF,

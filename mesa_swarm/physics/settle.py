@@ -7,8 +7,7 @@ import numpy as np
 from mesa_swarm.errors import PlacementError
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.overlap import in_polygon
-from mesa_swarm.physics.contact import SLOP, separate
-from mesa_swarm.physics.standing import deepest_static
+from mesa_swarm.physics.contact import SLOP, deepest_static, separate
 
 SWEEPS = 400
 # The search for free room goes round in rings this share of a radius apart.

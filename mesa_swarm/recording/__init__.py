@@ -1,7 +1,6 @@
 """Runs written to files and read back: see `record`, `Recording`, `verify` and `resume`."""
 
-from mesa_swarm.recording.events import Event
-from mesa_swarm.recording.frames import Frame
+from mesa_swarm.recording.frames import Event, Frame
 from mesa_swarm.recording.recorder import Recorder, record
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.resume import resume

@@ -1,4 +1,4 @@
-"""The complete state of a model between two steps, and a model that is given it back."""
+"""Checkpoints: everything a model needs to continue."""
 
 from collections.abc import Sequence
 from typing import Any, Protocol, runtime_checkable
@@ -6,15 +6,76 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from mesa.agent import Agent
 
+from mesa_swarm.control.arbiter import MOST_LAYERS
 from mesa_swarm.errors import RecordingError, SwarmError, shortened
-from mesa_swarm.observed_world import ObservedWorld
-from mesa_swarm.recording.clock import has_own_events, set_clock
-from mesa_swarm.recording.collected import Path, collected_to_json, joined, lay_collected, reporters_of
-from mesa_swarm.recording.container import Checkpoint
-from mesa_swarm.recording.parts import control_from_json, control_to_json, part_from_json, part_to_json
-from mesa_swarm.recording.plain import Packed
-from mesa_swarm.recording.stored_columns import check_columns, lay_columns, lay_history
-from mesa_swarm.recording.things import lay_things, things_to_json
+from mesa_swarm.fire.model import FireModel
+from mesa_swarm.recording.collected import (
+    Path,
+    collected_to_json,
+    has_own_events,
+    joined,
+    lay_collected,
+    reporters_of,
+    set_clock,
+)
+from mesa_swarm.recording.container import Checkpoint, Packed
+from mesa_swarm.recording.parts import (
+    control_from_json,
+    control_to_json,
+    lay_things,
+    part_from_json,
+    part_to_json,
+    things_to_json,
+)
+from mesa_swarm.robots.design import LARGEST_RADIUS
+
+
+def lay_columns(columns: dict[str, np.ndarray], told: dict, packed: Packed) -> None:
+    """Write stored columns into those of a model, which must have the same form."""
+    if told.keys() != columns.keys():
+        odd = sorted(told.keys() ^ columns.keys())
+        raise RecordingError(f"column {shortened(odd[0])} is only in one of the two")
+    values = {name: packed.unpack(column) for name, column in told.items()}
+    for name, column in columns.items():
+        value = values[name]
+        if not isinstance(value, np.ndarray) or value.dtype != column.dtype or value.shape != column.shape:
+            raise RecordingError(f"column {name} has another form")
+    for name, column in columns.items():
+        column[...] = values[name]
+
+
+def check_columns(model: FireModel) -> None:
+    """Refuse what compiled functions, which check nothing, would take for a row of an array or a place."""
+    robots, fires, designs = model.swarm.columns, model.fires.columns, model.swarm.designs
+    for name, count in (("design", len(designs)), ("fire", len(model.fires)), ("layer", MOST_LAYERS)):
+        if not ((robots[name] >= (0 if name == "design" else -1)) & (robots[name] < count)).all():
+            raise RecordingError(f"column {name} names one that there is not")
+    radius, fastest = (np.array([getattr(d, name) for d in designs]) for name in ("radius", "max_speed"))
+    low, high = np.reshape(model.map.bounds, (2, 2))
+    own = robots["design"]
+    sound = {
+        "position": all(((c["position"] >= low) & (c["position"] <= high)).all() for c in (robots, fires)),
+        "heading": np.isfinite(robots["heading"]).all(),
+        "number": len(np.unique(robots["number"])) == len(model.swarm),
+        "command": np.isfinite(robots["command"]).all(),
+        "radius": not len(own) or (robots["radius"] == radius[own]).all(),
+        "max_speed": not len(own) or ((robots["max_speed"] >= 0) & (robots["max_speed"] <= fastest[own])).all(),
+        "radius of fires": ((fires["radius"] > 0) & (fires["radius"] <= LARGEST_RADIUS)).all(),
+    }
+    wrong = [name for name, fits in sound.items() if not fits]
+    if wrong:
+        raise RecordingError(f"column {wrong[0]} holds what cannot be")
+
+
+def lay_history(model: FireModel, told: list) -> None:
+    """Give the history of fires its rhythm and its places; its rows are collected."""
+    history = model.fires.history
+    every, places, fires = told
+    numbers = all(type(number) is int and number >= 0 for number in (every, fires, *places))
+    if not numbers or len(places) != len(model.fires) or any(place >= fires for place in places) or fires > 1e7:
+        raise RecordingError("the history of fires is none")
+    history.every, history._places, history._fires = every, list(places), fires
+
 
 # What is stored in a way of its own, or follows from what is stored, or says only how the model is being looked at.
 # First Mesa's, then ours.
@@ -76,7 +137,7 @@ class Checkpointed(Protocol):
 class _Told(Packed):
     """Plain values of a model, in which its agents may stand: told by their unique_ids."""
 
-    def __init__(self, model: ObservedWorld, arrays: list[np.ndarray] | None = None) -> None:
+    def __init__(self, model: FireModel, arrays: list[np.ndarray] | None = None) -> None:
         super().__init__(arrays)
         self._model = model
         self._agents: dict[int, Agent] | None = None
@@ -98,9 +159,7 @@ class _Told(Packed):
         return super().unpack(told)
 
 
-def checkpoint_of(
-    model: ObservedWorld, since: dict[Path, int] | None = None, *, steps: int | None = None
-) -> Checkpoint:
+def checkpoint_of(model: FireModel, since: dict[Path, int] | None = None, *, steps: int | None = None) -> Checkpoint:
     """Return the complete state of a model, between two steps.
 
     Stored are the swarm, obstacles, loads, fires, radio, control, all random streams, Mesa's counters, what was
@@ -109,7 +168,7 @@ def checkpoint_of(
 
     Parameters
     ----------
-    model : ObservedWorld
+    model : FireModel
     since : dict, optional
         How much was collected at the last checkpoint (`lengths_of`): only what came since is stored. By
         default all.
@@ -157,12 +216,12 @@ def checkpoint_of(
     return Checkpoint(step=model.completed, state_hash=state_hash, facts=facts, arrays=told.arrays)
 
 
-def restore(model: ObservedWorld, checkpoint: Checkpoint, earlier: Sequence[Checkpoint] = ()) -> ObservedWorld:
+def restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpoint] = ()) -> FireModel:
     """Give a model that its constructor has just made the state of a checkpoint, and return it.
 
     Parameters
     ----------
-    model : ObservedWorld
+    model : FireModel
         Of the class that was stored.
     checkpoint : Checkpoint
     earlier : sequence of Checkpoint
@@ -186,7 +245,7 @@ def restore(model: ObservedWorld, checkpoint: Checkpoint, earlier: Sequence[Chec
     return model
 
 
-def _restore(model: ObservedWorld, checkpoint: Checkpoint, earlier: Sequence[Checkpoint]) -> None:
+def _restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpoint]) -> None:
     facts, told = checkpoint.facts, _Told(model, checkpoint.arrays)
     lay_things(model, facts["things"])
     model.fire_constants = part_from_json(facts["constants"])
@@ -212,7 +271,7 @@ def _restore(model: ObservedWorld, checkpoint: Checkpoint, earlier: Sequence[Che
 # ---- control
 
 
-def _control_state(model: ObservedWorld, told: _Told) -> list:
+def _control_state(model: FireModel, told: _Told) -> list:
     if model.control is None:
         return []
     arbiter = model.control
@@ -234,11 +293,11 @@ def _inner(values: dict, what: str, told: _Told) -> dict:
     return {n: _attribute(v, f"{what}'s {n}", told) for n, v in values.items() if v is not swarm}
 
 
-def _imperfect_to_json(model: ObservedWorld) -> list | None:
+def _imperfect_to_json(model: FireModel) -> list | None:
     return None if model._imperfect is None else [part_to_json(model.imperfections), model._imperfect.key]
 
 
-def _lay_imperfect(model: ObservedWorld, told: list | None) -> None:
+def _lay_imperfect(model: FireModel, told: list | None) -> None:
     """Give the model the imperfections that it had, and the key of their chance."""
     if told is None and model.imperfections is None:
         return
@@ -246,11 +305,11 @@ def _lay_imperfect(model: ObservedWorld, told: list | None) -> None:
     model.imperfections = part_from_json(part)
     if type(key) is not int or not 0 <= key < 2**64:
         raise RecordingError(f"the key of its chance is {shortened(key)}")
-    if part is not None:
+    if model._imperfect is not None:
         model._imperfect.key = key
 
 
-def _lay_control(model: ObservedWorld, facts: dict, told: _Told) -> None:
+def _lay_control(model: FireModel, facts: dict, told: _Told) -> None:
     """Give the model the radio and the control that it had, unless its constructor has made the same."""
     _lay_imperfect(model, facts.get("imperfect"))
     radio = part_from_json(facts["radio"])
@@ -302,7 +361,7 @@ def _attribute(value: object, name: str, told: _Told) -> object:
             raise RecordingError(f"{error}; give its class checkpoint() and restore(state)") from None
 
 
-def _lay_attributes(model: ObservedWorld, facts: dict, told: _Told) -> None:
+def _lay_attributes(model: FireModel, facts: dict, told: _Told) -> None:
     attributes = facts["attributes"]
     if HANDLED & attributes.keys():
         raise RecordingError("it has attributes that are no state")
@@ -339,7 +398,7 @@ def _value(now: object, name: str, told_value: dict, told: _Told) -> object:
     return part_from_json(value) if kind == "part" else told.unpack(value)
 
 
-def _of_things(model: ObservedWorld, told: Packed) -> list:
+def _of_things(model: FireModel, told: Packed) -> list:
     """Return what people have written onto robots and other agents."""
     extra = []
     for agent in model.agents:
@@ -354,7 +413,7 @@ def _of_things(model: ObservedWorld, told: Packed) -> list:
 # ---- randomness
 
 
-def _randomness(model: ObservedWorld, told: Packed) -> dict:
+def _randomness(model: FireModel, told: Packed) -> dict:
     version, words, gauss = model.random.getstate()
     noise = model._noise
     return {
@@ -365,7 +424,7 @@ def _randomness(model: ObservedWorld, told: Packed) -> dict:
     }
 
 
-def _lay_randomness(model: ObservedWorld, facts: dict, told: Packed) -> None:
+def _lay_randomness(model: FireModel, facts: dict, told: Packed) -> None:
     for name, state in facts["streams"].items():
         model.streams[name].bit_generator.state = _checked_state(told.unpack(state))
     model.rng.bit_generator.state = _checked_state(told.unpack(facts["rng"]))

@@ -1,4 +1,4 @@
-"""What a model collects over its steps, told by what came since the last checkpoint, and put together again."""
+"""Collected data and the step counter, stored and restored."""
 
 import json
 import math
@@ -11,9 +11,55 @@ from typing import Any
 import numpy as np
 
 from mesa_swarm.errors import RecordingError
-from mesa_swarm.observed_world import ObservedWorld
-from mesa_swarm.recording.container import Checkpoint, memory_of
-from mesa_swarm.recording.plain import Packed
+from mesa_swarm.fire.model import FireModel
+from mesa_swarm.recording.container import Checkpoint, Packed, memory_of
+
+MOST_STEPS = 100_000_000
+
+
+def set_clock(model: FireModel, steps: int) -> None:
+    """Let Mesa count so many steps, in which nothing happens.
+
+    Examples
+    --------
+    >>> from mesa_swarm import SwarmModel
+    >>> model = SwarmModel(rng=1)
+    >>> set_clock(model, 30)
+    >>> model.steps, model.completed
+    (30, 0)
+    """
+    if type(steps) is not int or not model.steps <= steps <= MOST_STEPS:
+        raise RecordingError(f"{steps!r:.40} is no count of steps")
+    if has_own_events(model):
+        _let_pass(model, steps)
+    elif not hasattr(model, "_default_schedule"):
+        model.steps = steps
+    else:
+        model._default_schedule.pause()
+        model.steps, model.time = steps, float(steps)
+        model._default_schedule.resume()
+
+
+def has_own_events(model: FireModel) -> bool:
+    """Tell whether anything besides the step is scheduled."""
+    if not hasattr(model, "_default_schedule"):
+        return False
+    step = model._default_schedule
+    others = [generator for generator in model._event_generators if generator is not step]
+    # While the step is being taken, its own event is not among those that wait.
+    waiting = [event for event in model._event_list._events if not event.CANCELED and event is not step._current_event]
+    return bool(others) or bool(waiting) or model.time != model.steps
+
+
+def _let_pass(model: FireModel, steps: int) -> None:
+    """Take steps in which the model does nothing, so that events of its own come when they are due."""
+    user_step, model._user_step = model._user_step, lambda: None
+    try:
+        while model.steps < steps:
+            model.step()
+    finally:
+        model._user_step = user_step
+
 
 # What one array holds exactly, and what it is called.
 UNIFORM = {float: np.float64, bool: np.bool_, np.float64: np.float64, np.int64: np.int64, np.bool_: np.bool_}
@@ -27,7 +73,7 @@ MOST_COLLECTED, MOST_PACKED = 100_000_000, 64
 Path = tuple[str, ...]
 
 
-def series_of(model: ObservedWorld) -> dict[Path, list]:
+def series_of(model: FireModel) -> dict[Path, list]:
     """Return all lists that grow with the steps: what Mesa's DataCollector holds, and the history of fires."""
     collector, history = model.datacollector, model.fires.history
     if collector._agenttype_records:
@@ -40,23 +86,23 @@ def series_of(model: ObservedWorld) -> dict[Path, list]:
     return series
 
 
-def lengths_of(model: ObservedWorld) -> dict[Path, int]:
+def lengths_of(model: FireModel) -> dict[Path, int]:
     """Return how long each series is now."""
     return {path: len(values) for path, values in series_of(model).items()}
 
 
-def reporters_of(model: ObservedWorld) -> dict[str, Any]:
+def reporters_of(model: FireModel) -> dict[str, Any]:
     """Return the reporters that remember something, and say so by `checkpoint` and `restore`, by name."""
     found = {name: getattr(r, "func", r) for name, r in model.datacollector.model_reporters.items()}
     return {name: reporter for name, reporter in found.items() if hasattr(reporter, "checkpoint")}
 
 
-def collected_to_json(model: ObservedWorld, packed: Packed, since: dict[Path, int]) -> list:
+def collected_to_json(model: FireModel, packed: Packed, since: dict[Path, int]) -> list:
     """Return what came since the series had these lengths: for each its path, where it goes on, and the values.
 
     Parameters
     ----------
-    model : ObservedWorld
+    model : FireModel
     packed : Packed
     since : dict
         From `lengths_of`; empty for all there is. A series that is shorter now was begun anew.
@@ -121,7 +167,7 @@ def joined(parts: Sequence[tuple[list, Packed]]) -> dict[Path, list]:
     return whole
 
 
-def lay_collected(model: ObservedWorld, series: dict[Path, list]) -> None:
+def lay_collected(model: FireModel, series: dict[Path, list]) -> None:
     """Make a model hold these series.
 
     Raises

@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 
 from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError, shortened, unknown_name
-from mesa_swarm.observed_world import ObservedWorld
+from mesa_swarm.fire.model import FireModel
 from mesa_swarm.world.statics import BORDER, FIRE, ROBOT
 
 DEFAULT = ("position", "heading", "command", "layer", "distance", "kind", "temperature", "fires", "contacts", "loads")
@@ -30,7 +30,7 @@ class Layout:
 
     Parameters
     ----------
-    model : ObservedWorld
+    model : FireModel
     columns : sequence of str
         Names of the swarm's columns, and of "fires", "contacts", "loads".
     exact : bool
@@ -42,7 +42,7 @@ class Layout:
         If a name is not one of them.
     """
 
-    def __init__(self, model: ObservedWorld, columns: Sequence[str], exact: bool) -> None:
+    def __init__(self, model: FireModel, columns: Sequence[str], exact: bool) -> None:
         self.real = np.float64 if exact else np.float32
         names = _checked_names(columns, (*model.swarm.columns, *TABLES))
         widths = {name: model.swarm.columns[name].shape[1:] for name in names if name not in TABLES}
@@ -51,7 +51,7 @@ class Layout:
         self.has_readings = not READINGS.isdisjoint(self.columns)
         self.schema = self._schema(model, widths)
 
-    def prepare(self, model: ObservedWorld) -> None:
+    def prepare(self, model: FireModel) -> None:
         """Have sensors read what there is now, as whoever looks sees it; the next step then need not read them."""
         if self.has_readings:
             model.sense()
@@ -62,7 +62,7 @@ class Layout:
             return np.dtype(self.real)
         return np.dtype(np.int32) if dtype == np.int64 else dtype
 
-    def _schema(self, model: ObservedWorld, widths: dict[str, tuple]) -> pa.Schema:
+    def _schema(self, model: FireModel, widths: dict[str, tuple]) -> pa.Schema:
         fields = [("step", pa.int64()), ("state_hash", pa.string()), ("robot", pa.list_(pa.int32()))]
         for name in self.columns:
             value = _arrow_type(name, self.stored_type(model.swarm.columns[name].dtype))
@@ -84,7 +84,7 @@ class Chunk:
     Parameters
     ----------
     layout : Layout
-    model : ObservedWorld
+    model : FireModel
     capacity : int
         Rows.
 
@@ -94,7 +94,7 @@ class Chunk:
         If the swarm no longer has the columns that the file has.
     """
 
-    def __init__(self, layout: Layout, model: ObservedWorld, capacity: int) -> None:
+    def __init__(self, layout: Layout, model: FireModel, capacity: int) -> None:
         self.layout = layout
         self.capacity = capacity
         self.steps = np.zeros(capacity, np.int64)
@@ -198,7 +198,7 @@ class Chunk:
         return pa.ListArray.from_arrays(np.concatenate([[0], np.cumsum(counts)]).astype(np.int32), struct)
 
 
-def population_of(model: ObservedWorld) -> tuple:
+def population_of(model: FireModel) -> tuple:
     """Return what changes whenever a robot, obstacle or fire is added or removed, or columns come or go.
 
     Ids only grow and what is added stands last, so length and last id tell of every change.
@@ -220,7 +220,7 @@ def _arrow_type(name: str, dtype: np.dtype) -> pa.DataType:
         raise RecordingError(f"column {shortened(name)} is of type {dtype}; expected numbers or booleans") from None
 
 
-def _things(model: ObservedWorld) -> tuple:
+def _things(model: FireModel) -> tuple:
     return model.obstacle_list, model.fires.agents, list(model.loads)
 
 

@@ -1,24 +1,170 @@
-"""Where a recording comes from: model, parameters, map, seed, versions; enough to run it again."""
+"""Where a recording comes from, and the scenery around its robots."""
 
 import inspect
 import json
+import math
 import platform
+from collections.abc import Sequence
 from dataclasses import asdict
 from importlib.metadata import version
 from typing import Any, cast
 
 import numpy as np
+from shapely import Point, Polygon
 
 from mesa_swarm.errors import InvalidValueError, RecordingError, SwarmError, shortened
 from mesa_swarm.fire.constants import FireConstants
-from mesa_swarm.observed_world import ObservedWorld
-from mesa_swarm.recording.scenery import scenery_of
+from mesa_swarm.fire.model import FireModel
 from mesa_swarm.recording.schema import checked_provenance, read_json
+from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.radio import Radio
+from mesa_swarm.robots.sensors import mount_of
+from mesa_swarm.world.bodies import Load
 from mesa_swarm.world.map import Map
+from mesa_swarm.world.shapes import Shape
+
+
+def scenery_of(model: FireModel) -> dict:
+    """Return what one must know to draw a model, besides what changes from step to step, as JSON has it.
+
+    Parameters
+    ----------
+    model : FireModel
+        Any `SwarmModel`.
+
+    Returns
+    -------
+    dict
+        ``designs``; ``robots``, rows [first id, last id, index of their design]; ``shapes`` of obstacles and
+        ground marks on the map; ``loads``, shapes about their own centres; ``layers``, names in the order of
+        the column `layer`; ``leave``, the temperature at which a robot is too hot, and ``join``, down to which it
+        is until it has cooled.
+
+    Examples
+    --------
+    >>> from mesa_swarm import AGENT3, SwarmModel
+    >>> model = SwarmModel(rng=1)
+    >>> robots = model.add_robots(AGENT3, 2)
+    >>> scenery = scenery_of(model)
+    >>> scenery["robots"], scenery["designs"][0]["radius"], scenery["shapes"][0]["rings"][0][0]
+    ([[5, 6, 0]], 5.0, [0.0, 0.0])
+    """
+    layers = () if model.control is None else model.control.layers
+    still = [obstacle.shape for obstacle in model.obstacle_list if not isinstance(obstacle, Load)]
+    return {
+        "designs": [_written_design(design) for design in model.swarm.designs],
+        "robots": _runs([robot.unique_id for robot in model.swarm.agents], model.swarm.design.tolist()),
+        "shapes": [written_shape(shape) for shape in still],
+        "loads": [{"id": load.unique_id, **_written_form(load)} for load in model.loads],
+        "layers": [layer.name for layer in layers],
+        "leave": model.fire_constants.leave,
+        "join": model.fire_constants.join,
+    }
+
+
+def shows(scenery: dict, other: dict) -> bool:
+    """Tell whether a scenery says all that a later one of the same model does: robots may only have gone.
+
+    Examples
+    --------
+    >>> shows({"robots": [[5, 7, 0]], "leave": 1.0}, {"robots": [[5, 5, 0], [7, 7, 0]], "leave": 1.0})
+    True
+    >>> shows({"robots": [[5, 7, 0]], "leave": 1.0}, {"robots": [[5, 8, 0]], "leave": 1.0})
+    False
+    """
+    last, newest = (max((run[1] for run in one["robots"]), default=0) for one in (scenery, other))
+    return newest <= last and {**scenery, "robots": ()} == {**other, "robots": ()}
+
+
+def joined(sceneries: Sequence[tuple[int, dict]]) -> tuple[tuple[int, dict], ...]:
+    """Return sceneries of one model, each of which knows all robots, designs and loads that any of them knows.
+
+    Obstacles, layers and heat are each one's own.
+
+    Parameters
+    ----------
+    sceneries : sequence of (step, dict)
+        In the order of time: ids only grow.
+
+    Examples
+    --------
+    >>> early = {"designs": ["a"], "robots": [[1, 2, 0]], "loads": [], "shapes": ["wall"]}
+    >>> late = {"designs": ["b", "a"], "robots": [[2, 2, 1], [5, 6, 0]], "loads": [], "shapes": []}
+    >>> (_, first), (_, second) = joined([(0, early), (9, late)])
+    >>> first["designs"], first["robots"], second["shapes"]
+    (['a', 'b'], [[1, 2, 0], [5, 6, 1]], [])
+    """
+    designs: list = []
+    robots: list[list[int]] = []
+    loads: dict[int, dict] = {}
+    for _, scenery in sceneries:
+        designs += [design for design in scenery["designs"] if design not in designs]
+        newest = robots[-1][1] if robots else -1
+        for first, last, which in scenery["robots"]:
+            if last > newest:
+                robots.append([max(first, newest + 1), last, designs.index(scenery["designs"][which])])
+        loads |= {load["id"]: load for load in scenery["loads"]}
+    same = {"designs": designs, "robots": robots, "loads": list(loads.values())}
+    return tuple((step, {**scenery, **same}) for step, scenery in sceneries)
+
+
+def written_shape(shape: Shape) -> dict:
+    """Return a disc as x, y and radius, a polygon as its rings.
+
+    Examples
+    --------
+    >>> from mesa_swarm.world.shapes import disc
+    >>> written_shape(disc((1, 2), 3, contact=False))
+    {'disc': [1.0, 2.0, 3.0], 'mark': True}
+    """
+    return {**_written_geometry(shape.geometry, shape.radius), **({} if shape.contact else {"mark": True})}
+
+
+def _written_form(load: Load) -> dict:
+    return _written_geometry(load.form.outline, load.form.radius)
+
+
+def _written_geometry(geometry: Point | Polygon, radius: float) -> dict:
+    """Return a Shapely point with its radius, or a polygon, as JSON has it."""
+    if geometry.geom_type == "Point":
+        return {"disc": [geometry.x, geometry.y, radius]}
+    rings = (geometry.exterior, *geometry.interiors)
+    return {"rings": [np.asarray(ring.coords)[:-1].tolist() for ring in rings]}
+
+
+def _written_design(design: RobotDesign) -> dict:
+    return {
+        "name": design.name,
+        "radius": design.radius,
+        "max_speed": design.max_speed,
+        "holonomic": not design.turns,
+        "sensors": [
+            [
+                *mount_of(sensor, design.radius),
+                math.radians(sensor.bearing_degrees),
+                math.radians(sensor.field_of_view_degrees) / 2,
+                sensor.range,
+            ]
+            for sensor in design.proximity
+        ],
+    }
+
+
+def _runs(ids: list[int], designs: list[int]) -> list[list[int]]:
+    """Return stretches of robots of one design: [first id, last id, design]."""
+    runs: list[list[int]] = []
+    for one, design in zip(ids, designs, strict=True):
+        if runs and runs[-1][2] == design:
+            runs[-1][1] = one
+        else:
+            runs.append([one, one, design])
+    return runs
+
 
 # Since 2 readings are of the row's own poses, interventions are told, and scenery wherever it changes.
 FORMAT = 2
+# Where classes live that older versions had elsewhere.
+MOVED = {("mesa_swarm.model", "SwarmModel"): "mesa_swarm.swarm_model"}
 READABLE = (1, FORMAT)
 PACKAGES = ("mesa-swarm", "mesa", "numpy", "numba", "shapely", "pyarrow")
 # Objects that parameters may be, besides plain values: written as {name: fields}.
@@ -29,12 +175,12 @@ WHAT_TO_DO = (
 )
 
 
-def provenance_of(model: ObservedWorld, rerun: bool) -> dict:
+def provenance_of(model: FireModel, rerun: bool) -> dict:
     """Return all that a recording says of its origin, as JSON has it.
 
     Parameters
     ----------
-    model : ObservedWorld
+    model : FireModel
     rerun : bool
         Whether it must suffice to run the model again.
 
@@ -45,7 +191,7 @@ def provenance_of(model: ObservedWorld, rerun: bool) -> dict:
 
     Examples
     --------
-    >>> from mesa_swarm.model import SwarmModel
+    >>> from mesa_swarm import SwarmModel
     >>> provenance_of(SwarmModel(map="sparse", rng=1), rerun=True)["seed"]
     1
     """
@@ -66,7 +212,7 @@ def provenance_of(model: ObservedWorld, rerun: bool) -> dict:
     }
 
 
-def parameters_of_run(model: ObservedWorld) -> dict:
+def parameters_of_run(model: FireModel) -> dict:
     """Return what the model's constructor was given, and the defaults of what it was not given."""
     given, named = model.given
     bound = inspect.signature(type(model)).bind(*given, **named)
@@ -78,7 +224,7 @@ def parameters_of_run(model: ObservedWorld) -> dict:
     return parameters
 
 
-def rebuilt(provenance: dict, model_class: type, **changes: object) -> ObservedWorld:
+def rebuilt(provenance: dict, model_class: type, **changes: object) -> FireModel:
     """Return the model as its constructor made it, perhaps with other parameters.
 
     Raises
@@ -160,7 +306,10 @@ def from_metadata(metadata: dict[bytes, bytes] | None, source: object) -> dict:
     if facts.get("format") not in READABLE:
         shown, known = shortened(facts.get("format")), " or ".join(map(str, READABLE))
         raise RecordingError(f"{source} has format {shown}, which this version cannot read; expected {known}")
-    return checked_provenance(facts, source)
+    facts = checked_provenance(facts, source)
+    model = facts["model"]
+    model["module"] = MOVED.get((model["module"], model["name"]), model["module"])
+    return facts
 
 
 def _written(name: str, value: object, rerun: bool) -> object:
@@ -197,7 +346,7 @@ def _read_seed(seed: Any) -> int | np.random.SeedSequence:
     return np.random.SeedSequence(seed["entropy"], spawn_key=seed["spawn_key"]) if isinstance(seed, dict) else seed
 
 
-def _written_seed(model: ObservedWorld, seed: object, rerun: bool) -> object:
+def _written_seed(model: FireModel, seed: object, rerun: bool) -> object:
     if isinstance(seed, (int, np.integer)):
         return int(seed)
     if isinstance(seed, (np.random.Generator, np.random.BitGenerator)) and rerun:

@@ -1,30 +1,164 @@
-"""What writes a recording while its model runs."""
+"""The recorder, and its row buffer."""
 
+import json
 import os
 import sys
 import weakref
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from mimetypes import MimeTypes
 from pathlib import Path
+from time import perf_counter
 from types import TracebackType
+from typing import Any
 
 import pyarrow as pa
 
 from mesa_swarm.errors import RecordingError, check_count, shortened
 from mesa_swarm.files import shown_path
-from mesa_swarm.observed_world import ObservedWorld
+from mesa_swarm.fire.model import FireModel
+from mesa_swarm.recording.changes import Mark, intervention_to_json
 from mesa_swarm.recording.checkpoint import checkpoint_of
 from mesa_swarm.recording.collected import Path as SeriesPath
 from mesa_swarm.recording.collected import check_collected, lengths_of, size_of_collected
 from mesa_swarm.recording.container import to_bytes
-from mesa_swarm.recording.interventions import intervention_to_json
-from mesa_swarm.recording.layout import DEFAULT, Layout
-from mesa_swarm.recording.marks import Mark
-from mesa_swarm.recording.parts import control_to_json, own_code
-from mesa_swarm.recording.provenance import as_metadata, from_metadata, provenance_of
-from mesa_swarm.recording.schema import MOST_EVERY, check_columns, checked_scenery
-from mesa_swarm.recording.sealed_stream import CHECKPOINT, INTERVENTION, Sealed, SealedWriter
-from mesa_swarm.recording.tape import HASH_EVERY, Tape
+from mesa_swarm.recording.layout import DEFAULT, Chunk, Layout, population_of
+from mesa_swarm.recording.parts import control_to_json, own_code, summary
+from mesa_swarm.recording.provenance import as_metadata, from_metadata, provenance_of, scenery_of, shows
+from mesa_swarm.recording.schema import (
+    MOST_EVERY,
+    check_columns,
+    check_values,
+    checked_change,
+    checked_scenery,
+    longest_gap,
+)
+from mesa_swarm.recording.sealed_stream import CHANGE, CHECKPOINT, INTERVENTION, Sealed, SealedWriter
+
+HASH_EVERY = 100
+# A chunk ends with whichever comes first. Larger ones make finding a frame slow, smaller ones make the file large.
+MOST_ROWS = 256
+MOST_BYTES = 2_000_000
+MOST_SECONDS = 1.0
+
+
+class Tape:
+    """Rows gathered in a chunk, and the file they go to.
+
+    What is pending follows from two counts, rows put and rows sealed, so that Ctrl-C between any two
+    instructions neither loses a row nor writes one twice.
+    """
+
+    def __init__(self, layout: Layout, writer: SealedWriter, model: FireModel, every: int = 1) -> None:
+        self.writer = writer
+        self._gap, self._newest = longest_gap(every), model.completed
+        self.rows = 0
+        self._layout = layout
+        self._seen, self._scenery = _seen(model), scenery_of(model)
+        self._chunk: Chunk | None = None
+        self._hashed = -1
+        self._written_at = self._synced_at = perf_counter()
+
+    def put(self, model: FireModel) -> None:
+        """Keep the model as it is now."""
+        chunk, step = self._chunk, model.completed
+        self._check_gap(step)
+        self._layout.prepare(model)
+        seen = _seen(model)
+        if chunk is None or seen != self._seen:
+            self.flush()
+            if seen != self._seen:
+                self._tell_change(model)
+                self._seen = seen
+            chunk = self._chunk = self._new_chunk(model)
+        state_hash = None
+        if step // HASH_EVERY != self._hashed:
+            state_hash, self._hashed = model.state_hash(), step // HASH_EVERY
+        row = self.rows - self.writer.sealed.rows
+        chunk.put(row, step, state_hash)
+        self.rows, self._newest = self.rows + 1, step
+        if row + 1 == chunk.capacity or perf_counter() - self._written_at > MOST_SECONDS:
+            self.flush()
+
+    def attach(self, name: str, content: bytes, step: int) -> None:
+        """Write what is no row, after all rows before it."""
+        self.flush()
+        self.writer.attach(name, content, step)
+
+    def flush(self) -> None:
+        """Write the pending rows as one chunk."""
+        pending = self.rows - self.writer.sealed.rows
+        if self._chunk is not None and pending:
+            self._write(self._chunk, pending)
+        self._written_at = perf_counter()
+        if self._written_at - self._synced_at > MOST_SECONDS:
+            self.writer.sync()
+            self._synced_at = self._written_at
+
+    def close(self, broken_off: bool = False) -> None:
+        """Write what is left and end the file; one without rows replaces no other if it was broken off."""
+        if self.writer.closed:
+            return
+        try:
+            self.flush()
+            if broken_off and not self.writer.is_in_place:
+                self.writer.abandon()
+            self.writer.close()
+        except (RecordingError, OSError):
+            self.writer.abandon()
+            raise
+
+    def _write(self, chunk: Chunk, rows: int) -> None:
+        """Write the first rows of a chunk; if no reader would take one of them, those before it, and say so."""
+        batch, first = chunk.batch(rows), int(chunk.steps[0])
+        try:
+            check_values(batch, first, shown_path(self.writer.path))
+        except RecordingError:
+            good = bisect_left(range(1, rows), True, key=lambda number: not _is_readable(chunk.batch(number)))
+            if good:
+                self.writer.write(chunk.batch(good), first)
+            raise
+        self.writer.write(batch, first)
+
+    def _tell_change(self, model: FireModel) -> None:
+        """Write what there is since the last row, and what it looks like if that is news."""
+        told: dict[str, Any] = {"there": summary(model)}
+        scenery = scenery_of(model)
+        if not shows(self._scenery, scenery):
+            told["scenery"] = self._scenery = scenery
+        text = json.dumps(told).encode()
+        try:
+            checked_scenery(checked_change(text).get("scenery", scenery))
+        except (RecordingError, ValueError) as error:
+            raise RecordingError(
+                f"{shown_path(self.writer.path)} cannot hold what came or went at step {model.completed}: {error}"
+            ) from None
+        self.attach(CHANGE, text, model.completed)
+
+    def _check_gap(self, step: int) -> None:
+        if step > self._newest + self._gap:
+            raise RecordingError(
+                f"{shown_path(self.writer.path)} cannot go on at step {step}: the last row is of step {self._newest}, "
+                f"and at most {self._gap:,} steps may lie between two; start another recording"
+            )
+
+    def _new_chunk(self, model: FireModel) -> Chunk:
+        row_bytes = Chunk(self._layout, model, 1).row_bytes
+        return Chunk(self._layout, model, max(1, min(MOST_ROWS, MOST_BYTES // row_bytes)))
+
+
+def _seen(model: FireModel) -> tuple:
+    """Return what differs whenever the model may look other than it did, besides what rows hold."""
+    return population_of(model), model.fire_constants
+
+
+def _is_readable(batch: pa.RecordBatch) -> bool:
+    try:
+        check_values(batch, 0, "")
+    except RecordingError:
+        return False
+    return True
+
 
 CHECKPOINT_EVERY = 1000
 # A chunk takes 6 kB beside its rows: in a loop of shorter runs these would be most of the file.
@@ -40,7 +174,7 @@ class Recorder:
 
     Parameters
     ----------
-    model : ObservedWorld
+    model : FireModel
     path : Path
     every : int
         Steps from one row to the next.
@@ -56,7 +190,7 @@ class Recorder:
 
     def __init__(
         self,
-        model: ObservedWorld,
+        model: FireModel,
         path: Path,
         every: int,
         layout: Layout,
@@ -74,7 +208,7 @@ class Recorder:
             writer.abandon()
             raise
         self._mark = Mark(model)
-        self._unwritten: ObservedWorld | None = None
+        self._unwritten: FireModel | None = None
         self._observers = model.observers
         self._observers.append(self)
         self._finish = weakref.finalize(self, _close_silently, self._tape)
@@ -97,7 +231,7 @@ class Recorder:
         """Whether nothing more is recorded."""
         return self._tape.writer.closed
 
-    def before_step(self, model: ObservedWorld) -> None:
+    def before_step(self, model: FireModel) -> None:
         """Store the state if somebody changed it since the last step; called by the model before each step."""
         if self.closed:
             return
@@ -106,17 +240,17 @@ class Recorder:
             model._sensed = None  # columns that are written directly do not tell: without us, they were read now
             self._guarded(self._checkpoints.put_intervention, model, what)
 
-    def after_step(self, model: ObservedWorld, step: int) -> None:
+    def after_step(self, model: FireModel, step: int) -> None:
         """Take note that a row is due; called by the model when its class may still have more to do in this step."""
         if not step % self.every and not self.closed:
             self._unwritten = model
 
-    def after_failure(self, model: ObservedWorld) -> None:
+    def after_failure(self, model: FireModel) -> None:
         """Record the row of a step that failed when only the class's own part was left; called by the model."""
         if not self.closed:
             self._put_row()
 
-    def between_steps(self, model: ObservedWorld) -> None:
+    def between_steps(self, model: FireModel) -> None:
         """Record what is due; called by the model when nothing of the step is left to do."""
         if self.closed:
             return
@@ -125,7 +259,7 @@ class Recorder:
             self._guarded(self._checkpoints.put, model)
         self._mark = Mark(model)
 
-    def after_run(self, model: ObservedWorld, steps: int) -> None:
+    def after_run(self, model: FireModel, steps: int) -> None:
         """Write what is pending, so that it can be read, unless the run was short; called at the end of `run`."""
         if steps >= STEPS_WORTH_A_CHUNK and not self.closed:
             self._guarded(self._tape.flush)
@@ -194,7 +328,7 @@ class Recorder:
 class _Checkpoints:
     """Complete states, stored every so many steps; what is collected over the steps is told from one to the next."""
 
-    def __init__(self, tape: Tape, every: int, model: ObservedWorld) -> None:
+    def __init__(self, tape: Tape, every: int, model: FireModel) -> None:
         self.steps: list[int] = []
         self.why_not = "" if every else NO_CHECKPOINTS
         self.due = 0 if every else sys.maxsize
@@ -204,17 +338,17 @@ class _Checkpoints:
         self._since: dict[SeriesPath, int] = {}
         self._collected = self._more = 0
 
-    def put(self, model: ObservedWorld) -> None:
+    def put(self, model: FireModel) -> None:
         """Store the model as it is now, unless it holds what cannot be stored."""
         self._attach(model, self._content(model, model.steps))
 
-    def put_intervention(self, model: ObservedWorld, what: list[str]) -> None:
+    def put_intervention(self, model: FireModel, what: list[str]) -> None:
         """Tell what somebody changed before the step that Mesa has counted just now, and store what came of it."""
         content = self._content(model, model.steps - 1) if self._every else b""
         self._tape.attach(INTERVENTION, intervention_to_json(what, self.why_not), model.completed)
         self._attach(model, content)
 
-    def _content(self, model: ObservedWorld, steps: int) -> bytes:
+    def _content(self, model: FireModel, steps: int) -> bytes:
         """Return a checkpoint as bytes; none, and why, if there is none."""
         self.due = model.completed + self._every
         try:
@@ -229,7 +363,7 @@ class _Checkpoints:
         self.why_not = ""
         return content
 
-    def _check_control(self, model: ObservedWorld) -> None:
+    def _check_control(self, model: FireModel) -> None:
         """Refuse a control with code that the model's constructor, as far as is known, does not give it."""
         now = control_to_json(model.control)
         own = own_code(now)
@@ -239,7 +373,7 @@ class _Checkpoints:
                 "after resuming from before, or record a model whose class has the rule"
             )
 
-    def _attach(self, model: ObservedWorld, content: bytes) -> None:
+    def _attach(self, model: FireModel, content: bytes) -> None:
         if content:
             self._tape.attach(CHECKPOINT, content, model.completed)
             self._since = lengths_of(model)
@@ -256,7 +390,7 @@ def _close_silently(tape: Tape) -> None:
 
 
 def record(
-    model: ObservedWorld,
+    model: FireModel,
     path: str | os.PathLike[str],
     *,
     every: int = 1,
@@ -281,7 +415,7 @@ def record(
 
     Parameters
     ----------
-    model : ObservedWorld
+    model : FireModel
         Any `SwarmModel`.
     path : str or Path
     every : int
@@ -356,7 +490,7 @@ def _check_readable(schema: pa.Schema) -> None:
         raise RecordingError(f"no reader would take this recording: {error}") from None
 
 
-def _why_not(model: ObservedWorld) -> str:
+def _why_not(model: FireModel) -> str:
     """Return what cannot be stored of a model, an empty text if all can."""
     try:
         to_bytes(checkpoint_of(model, lengths_of(model)))

@@ -14,13 +14,11 @@ import numpy as np
 import pandas as pd
 
 from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError, check_count, shortened, unknown_name
+from mesa_swarm.recording.changes import Intervention, intervention_from_json
 from mesa_swarm.recording.container import Checkpoint, from_bytes
-from mesa_swarm.recording.events import Event, events_of
-from mesa_swarm.recording.frames import Frame, Rows, table_of
-from mesa_swarm.recording.interventions import Intervention, intervention_from_json
+from mesa_swarm.recording.frames import Event, Frame, Rows, events_of, table_of
 from mesa_swarm.recording.layout import TABLES
-from mesa_swarm.recording.provenance import from_metadata
-from mesa_swarm.recording.scenery import joined
+from mesa_swarm.recording.provenance import from_metadata, joined
 from mesa_swarm.recording.schema import check_columns, checked_change, checked_rows, checked_scenery, misplaced
 from mesa_swarm.recording.sealed_stream import CHANGE, CHECKPOINT, INTERVENTION, Piece, SealedReader
 

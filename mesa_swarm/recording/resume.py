@@ -2,23 +2,19 @@
 
 import os
 from copy import deepcopy
-from importlib import import_module
-from pkgutil import iter_modules
 from typing import Any
 
 import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError, check_count, shortened, unknown_name
-from mesa_swarm.observed_world import ObservedWorld
+from mesa_swarm.fire.model import FireModel
+from mesa_swarm.gallery import shipped_class
 from mesa_swarm.progress import progress_bar
-from mesa_swarm.recording.clock import set_clock
-from mesa_swarm.recording.collected import reporters_of
+from mesa_swarm.recording.collected import reporters_of, set_clock
 from mesa_swarm.recording.provenance import rebuilt
 from mesa_swarm.recording.recording import Recording
-from mesa_swarm.recording.rerun import Rerun, Watch, restored, started_again, states_to
-from mesa_swarm.recording.verify import last_same, run_to
+from mesa_swarm.recording.verify import Rerun, Watch, last_same, restored, run_to, started_again, states_to
 
-MODELS = "mesa_swarm.models"
 # What parameters decide; all other columns are the state of the run.
 OF_PARAMETERS = frozenset({"number", "design", "radius", "max_speed"})
 # What a run changes besides columns, in any model: plain values that no longer are what the constructor made them.
@@ -29,7 +25,7 @@ OWN = frozenset({"_senses_version", "given"})
 
 def resume(
     base: type, path: str | os.PathLike[str], *, step: int | None = None, progress: bool = False, **changes: object
-) -> ObservedWorld:
+) -> FireModel:
     """Return the model as it was after a step of a recording, from which it goes on bit by bit as it did.
 
     The nearest checkpoint at or before the step is restored, and the model runs from there to the step, compared
@@ -65,7 +61,7 @@ def resume(
     Examples
     --------
     >>> import tempfile
-    >>> from mesa_swarm.model import SwarmModel
+    >>> from mesa_swarm import SwarmModel
     >>> from mesa_swarm.models.fire_fighting import FireFighting
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     model = FireFighting(strategy="A", rng=1)
@@ -83,7 +79,7 @@ def resume(
 
 def resumed(
     recording: Recording, base: type, step: int, changes: dict[str, Any], watch: Watch = lambda _: None
-) -> ObservedWorld:
+) -> FireModel:
     """Return what `resume` does, and call `watch` with the model after each step that is run again."""
     model_class = class_of(recording, base)
     unknown = sorted(set(changes) - {*recording.provenance["parameters"], "map"})
@@ -101,7 +97,7 @@ def resumed(
     return changed
 
 
-def state_at(recording: Recording, model_class: type, step: int, watch: Watch = lambda _: None) -> ObservedWorld:
+def state_at(recording: Recording, model_class: type, step: int, watch: Watch = lambda _: None) -> FireModel:
     """Return the model as it was after a step of a recording: from the last checkpoint before it that is whole.
 
     Without any the model is run again from its parameters.
@@ -135,16 +131,16 @@ def _nearest(recording: Recording, model_class: type, step: int, watch: Watch) -
     return started_again(recording, model_class, watch)
 
 
-def take_over(new: ObservedWorld, old: ObservedWorld, fresh: ObservedWorld) -> None:
+def take_over(new: FireModel, old: FireModel, fresh: FireModel) -> None:
     """Give a model that has taken no step yet the state of another.
 
     Parameters
     ----------
-    new : ObservedWorld
+    new : FireModel
         With the parameters that count from now on.
-    old : ObservedWorld
+    old : FireModel
         Whose state it is to have.
-    fresh : ObservedWorld
+    fresh : FireModel
         What `old` was before its first step: what differs from it is state, all else came from parameters.
 
     Raises
@@ -166,7 +162,7 @@ def take_over(new: ObservedWorld, old: ObservedWorld, fresh: ObservedWorld) -> N
     new.swarm.disturbed = old.swarm.disturbed
 
 
-def _check_same_things(new: ObservedWorld, old: ObservedWorld) -> None:
+def _check_same_things(new: FireModel, old: FireModel) -> None:
     for name in ("robots", "fires", "obstacles", "loads"):
         there, was = ([thing.unique_id for thing in getattr(model, name)] for model in (new, old))
         if there != was:
@@ -176,7 +172,7 @@ def _check_same_things(new: ObservedWorld, old: ObservedWorld) -> None:
             )
 
 
-def _take_columns(new: ObservedWorld, old: ObservedWorld) -> None:
+def _take_columns(new: FireModel, old: FireModel) -> None:
     known = {**{_without_place(name): name for name in old.swarm.columns}, **{name: name for name in old.swarm.columns}}
     for name, column in new.swarm.columns.items():
         source = known.get(name, known.get(_without_place(name)))
@@ -191,7 +187,7 @@ def _without_place(name: str) -> str:
     return rest if dot and place.isdigit() else name
 
 
-def _take_fires(new: ObservedWorld, old: ObservedWorld) -> None:
+def _take_fires(new: FireModel, old: FireModel) -> None:
     for name in ("temperature", "out", "out_step", "robots"):
         new.fires.columns[name][:] = old.fires.columns[name]
     every = new.fires.history.every
@@ -199,7 +195,7 @@ def _take_fires(new: ObservedWorld, old: ObservedWorld) -> None:
     new.fires.history.every = every
 
 
-def _take_randomness(new: ObservedWorld, old: ObservedWorld) -> None:
+def _take_randomness(new: FireModel, old: FireModel) -> None:
     for name, state in old.streams.state().items():
         new.streams[name].bit_generator.state = state
     new.rng.bit_generator.state = old.rng.bit_generator.state
@@ -207,14 +203,14 @@ def _take_randomness(new: ObservedWorld, old: ObservedWorld) -> None:
     new.__dict__["_noise"] = old.__dict__["_noise"]  # this step's errors of sensors, which may be drawn already
 
 
-def _take_plain_values(new: ObservedWorld, old: ObservedWorld, fresh: ObservedWorld) -> None:
+def _take_plain_values(new: FireModel, old: FireModel, fresh: FireModel) -> None:
     values: dict[str, Any] = {n: v for n, v in old.__dict__.items() if isinstance(v, PLAIN) and n not in OWN}
     for name, value in values.items():
         if not np.array_equal(value, fresh.__dict__.get(name, new)):
             new.__dict__[name] = deepcopy(value)
 
 
-def _take_collected(new: ObservedWorld, old: ObservedWorld) -> None:
+def _take_collected(new: FireModel, old: FireModel) -> None:
     """Take what Mesa collected, unless other parameters collect something else."""
     if new.datacollector.model_vars.keys() == old.datacollector.model_vars.keys():
         for name, values in old.datacollector.model_vars.items():
@@ -245,9 +241,7 @@ def class_of(recording: Recording, base: type) -> type:
         If it is another one.
     """
     module, name = recording.provenance["model"]["module"], recording.provenance["model"]["name"]
-    shipped = {f"{MODELS}.{found.name}" for found in iter_modules(import_module(MODELS).__path__)}
-    if module in shipped:
-        import_module(module)
+    shipped_class(module, name)  # imports it, so that it is among those that are loaded
     for model_class in _family(base):
         if (model_class.__module__, model_class.__qualname__) == (module, name):
             return model_class
@@ -255,6 +249,24 @@ def class_of(recording: Recording, base: type) -> type:
         f"{recording.path} is of {shortened(name)}, which is neither {base.__name__} nor derived from it and loaded; "
         "import its class and call its resume"
     )
+
+
+def shipped_class_of(recording: Recording) -> type:
+    """Return the recorded class, which has to be one that comes with mesa_swarm: importing any other is running it.
+
+    Raises
+    ------
+    RecordingError
+        If it is another one.
+    """
+    recorded = recording.provenance["model"]
+    model_class = shipped_class(recorded["module"], recorded["name"])
+    if model_class is None:
+        raise RecordingError(
+            f"{recording.path} is of {shortened(recorded['name'])}, which does not come with mesa_swarm; "
+            "call mesa_swarm.recording.verify(recording, its_class)"
+        )
+    return model_class
 
 
 def _family(base: type) -> list[type]:

@@ -12,10 +12,10 @@ from matplotlib.ticker import StrMethodFormatter
 from numpy.typing import ArrayLike
 
 from mesa_swarm.experiments.figures import COLOURS
-from mesa_swarm.experiments.pictures import draw_world, legend_of, literal
-from mesa_swarm.experiments.portrait import portrait_of
 from mesa_swarm.experiments.statistics import mean_interval
-from mesa_swarm.model import SwarmModel
+from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.viewing.pictures import draw_world, legend_of, literal
+from mesa_swarm.viewing.portrait import portrait_of
 
 # Long lines are drawn by so many points: more cannot be seen.
 MOST_POINTS = 1000
@@ -71,7 +71,7 @@ def world_picture(model: SwarmModel, title: str, *, perceived: bool = False) -> 
 
     Examples
     --------
-    >>> from mesa_swarm.model import SwarmModel
+    >>> from mesa_swarm import SwarmModel
     >>> world_picture(SwarmModel(rng=1), "a world").axes[0].get_title()
     'a world'
     """

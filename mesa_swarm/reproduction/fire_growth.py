@@ -11,10 +11,9 @@ from mesa_swarm.errors import FireConstantsWarning
 from mesa_swarm.fire.burning import next_temperature
 from mesa_swarm.fire.constants import FireConstants, design_constants
 from mesa_swarm.reproduction.drawing import count_steps, plain_axes
-from mesa_swarm.reproduction.judging import judged_fact, judged_number
+from mesa_swarm.reproduction.judging import Check, Result, judged_fact, judged_number
 from mesa_swarm.reproduction.laboratory import Laboratory
 from mesa_swarm.reproduction.registry import Item
-from mesa_swarm.reproduction.result import Check, Result
 
 # The example by which (B.9) was found to be wrong: three robots put out a fire of area 1 and T = 1 in 200 steps.
 GROWTH, ROBOTS, TIME, AREA = 1000.0, 3, 200, 1.0

@@ -47,7 +47,7 @@ class Laboratory:
     Examples
     --------
     >>> import tempfile
-    >>> from mesa_swarm.reproduction.swarm_runs import chain_run
+    >>> from mesa_swarm.reproduction.swarms import chain_run
     >>> with tempfile.TemporaryDirectory() as home, Laboratory(Path(home), quick=True) as laboratory:
     ...     rows = laboratory.runs(chain_run, laboratory.seeds(40), n_robots=3)
     ...     len(rows), laboratory.made
@@ -158,7 +158,7 @@ def engine_hash() -> str:
     models = Path(next(iter(import_module(MODELS).__path__)))
     folders = [package / name for name in ENGINE] + [models]
     files = [path for folder in folders for path in sorted(folder.glob("*.py"))]
-    files += [*sorted(package.glob("*model*.py")), package / "observed_world.py", package / "streams.py"]
+    files += [*sorted(package.glob("*model*.py")), package / "streams.py"]
     return blake2b("".join(_file(path) for path in files).encode(), digest_size=16).hexdigest()
 
 

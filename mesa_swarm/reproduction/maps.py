@@ -2,12 +2,11 @@
 
 import numpy as np
 
-from mesa_swarm.model import SwarmModel
 from mesa_swarm.reproduction.drawing import world_picture
-from mesa_swarm.reproduction.judging import judged_fact, judged_number
+from mesa_swarm.reproduction.judging import UNSETTLED, Check, Result, judged_fact, judged_number
 from mesa_swarm.reproduction.laboratory import Laboratory
 from mesa_swarm.reproduction.registry import Item
-from mesa_swarm.reproduction.result import UNSETTLED, Check, Result
+from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.shapes import Shape
 

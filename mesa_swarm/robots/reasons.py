@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mesa_swarm.robots.table import AXIS_X, AXIS_Y, MOUNT_X, MOUNT_Y
+from mesa_swarm.robots.design import AXIS_X, AXIS_Y, MOUNT_X, MOUNT_Y
 from mesa_swarm.world.statics import FIRE, LOAD, OBSTACLE, ROBOT
 
 # Speeds below this are rounding.

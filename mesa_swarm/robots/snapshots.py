@@ -53,7 +53,7 @@ class Snapshots:
 
     Examples
     --------
-    >>> from mesa_swarm.model import SwarmModel
+    >>> from mesa_swarm import SwarmModel
     >>> from mesa_swarm.robots.design import AGENT9
     >>> model = SwarmModel(rng=1)
     >>> robots = model.add_robots(AGENT9, 5)

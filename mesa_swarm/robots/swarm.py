@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.robots.design import RobotDesign
-from mesa_swarm.robots.table import DesignTable
+from mesa_swarm.robots.design import DesignTable, RobotDesign
 from mesa_swarm.world.statics import BORDER, ROBOT
 
 # name: (shape after the row, dtype, value of a new robot). A string names a width that the designs decide.

@@ -1,19 +1,233 @@
-"""Exercises that check themselves: run an answer over several seeds, and say what was expected and what came."""
+"""Exercises that check themselves over several seeds, and what they require."""
 
+import linecache
+import math
+import traceback
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from mesa_swarm.control.arbiter import Subsumption
 from mesa_swarm.control.behaviour import Behaviour, behaviour
 from mesa_swarm.control.explore import Explore
-from mesa_swarm.control.subsumption import Subsumption
-from mesa_swarm.errors import unknown_name
-from mesa_swarm.model import SwarmModel
+from mesa_swarm.errors import InvalidValueError, SwarmError, UnknownNameError, check_count, shortened, unknown_name
 from mesa_swarm.parameters import parameters_of
-from mesa_swarm.teaching.failures import in_words, is_missing, told
-from mesa_swarm.teaching.verdict import Verdict, seeds_in_words, shown, verdict_on
-from mesa_swarm.teaching.wish import Wish
+from mesa_swarm.swarm_model import SwarmModel
+
+PACKAGE = str(Path(__file__).parent.parent)
+LIBRARIES = ("site-packages", "dist-packages", "<frozen")
+
+
+def in_words(error: BaseException) -> str:
+    """Return in one sentence what an error says, and at which line of the learner's own code it happened.
+
+    Examples
+    --------
+    >>> in_words(ZeroDivisionError("division by zero"))
+    'it stopped with ZeroDivisionError: division by zero'
+    """
+    message = " ".join(str(error).split())
+    if isinstance(error, SwarmError):
+        return message
+    line = own_line(error)
+    where = f", at the line: {line}" if line else ""
+    return f"it stopped with {type(error).__name__}: {message or 'no more is known'}{where}"
+
+
+def own_line(error: BaseException) -> str:
+    """Return the last line of code that is the learner's own on the way to an error, "" if there is none."""
+    for frame in reversed(traceback.extract_tb(error.__traceback__)):
+        foreign = frame.filename.startswith(PACKAGE) or any(part in frame.filename for part in LIBRARIES)
+        line = (frame.line or linecache.getline(frame.filename, frame.lineno or 0)).strip()
+        if line and not foreign:
+            return line
+    return ""
+
+
+def is_missing(answer: object) -> bool:
+    """Tell whether an answer is only a place for one: None or dots.
+
+    Examples
+    --------
+    >>> is_missing(...), is_missing(0)
+    (True, False)
+    """
+    return answer is None or answer is ...
+
+
+def told(what: str, got: object, expected: str) -> str:
+    """Return one sentence: what was got and what was expected.
+
+    Examples
+    --------
+    >>> told("your answer", "ten", "a number")
+    "your answer is 'ten'; expected a number"
+    """
+    return f"{what} is {shortened(got)}; expected {expected}"
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What is asked of one number of every run.
+
+    Parameters
+    ----------
+    what : str
+        Name of the number: of a model's `results`, of an attribute of it, or of an entry of a mapping. With
+        `measure` it only names it.
+    at_least, at_most : float
+        Limits, both included; at least one of them is given.
+    measure : callable, optional
+        Takes what a run gave, such as the model, and returns the number.
+    misses : int
+        On so many seeds it may be missed, at least 0.
+
+    Raises
+    ------
+    InvalidValueError
+        If no limit is given.
+
+    Examples
+    --------
+    >>> print(Wish("fires out", at_least=7))
+    fires out: at least 7
+    >>> Wish("fires out", at_least=7).is_met(6)
+    False
+    """
+
+    what: str
+    _: KW_ONLY
+    at_least: float = -math.inf
+    at_most: float = math.inf
+    measure: Callable[[Any], float] | None = None
+    misses: int = 0
+
+    def __post_init__(self) -> None:
+        """Check that something is asked."""
+        check_count("misses", self.misses)
+        if self.at_least == -math.inf and self.at_most == math.inf:
+            raise InvalidValueError(f"wish {self.what!r} has no limit; give at_least, at_most or both")
+
+    def __str__(self) -> str:
+        """Return what is asked in words."""
+        low = f"at least {self.at_least:,g}" if self.at_least > -math.inf else ""
+        high = f"at most {self.at_most:,g}" if self.at_most < math.inf else ""
+        return f"{self.what}: {' and '.join(part for part in (low, high) if part)}"
+
+    def is_met(self, number: float | None) -> bool:
+        """Tell whether a number is as asked; None says that it did not happen."""
+        return number is not None and self.at_least <= number <= self.at_most
+
+    def number_of(self, outcome: Any) -> float | None:
+        """Return the number that a run gave.
+
+        Examples
+        --------
+        >>> Wish("turns", at_most=3).number_of({"turns": 2})
+        2
+        """
+        if self.measure is not None:
+            return self.measure(outcome)
+        results = outcome if isinstance(outcome, Mapping) else getattr(outcome, "results", dict)()
+        if self.what in results:
+            return results[self.what]
+        if not isinstance(outcome, Mapping) and hasattr(outcome, self.what):
+            return getattr(outcome, self.what)
+        raise UnknownNameError(unknown_name("result", self.what, results))
+
+
+PASSED = "Well done: what was asked for came."
+NOT_YET = "Not yet."
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Verdict:
+    """Whether an answer passes, and what is said of it.
+
+    Parameters
+    ----------
+    passed : bool
+    text : str
+        One line or more.
+
+    Examples
+    --------
+    >>> Verdict(False, "there is no answer so far", hint="look at the left wheel")
+    Not yet. There is no answer so far.
+    Hint: look at the left wheel.
+    """
+
+    passed: bool
+    text: str
+    hint: str = ""
+
+    def __repr__(self) -> str:
+        """Return what a notebook shows."""
+        if self.passed:
+            return f"{PASSED}\n{self.text}"
+        said = f"{NOT_YET}\n{self.text}" if "\n" in self.text or self.text.startswith(" ") else self._sentence()
+        return f"{said}\nHint: {self.hint}{'' if self.hint.endswith(('.', '?')) else '.'}" if self.hint else said
+
+    __str__ = __repr__
+
+    def _sentence(self) -> str:
+        return f"{NOT_YET} {self.text[:1].upper()}{self.text[1:].rstrip('.')}."
+
+
+def verdict_on(
+    wishes: Sequence[Wish], numbers: Sequence[Sequence[float | None]], seeds: Sequence[int], hint: str
+) -> Verdict:
+    """Return the verdict on the numbers that came, a row a wish.
+
+    Examples
+    --------
+    >>> verdict_on([Wish("turns", at_most=3)], [[2, 5]], seeds=[1, 2], hint="")
+    Not yet.
+      turns: at most 3 was asked for; with seeds 1 and 2 came 2, 5: as asked with 1 of 2 seeds
+    """
+    rows = list(zip(wishes, numbers, strict=True))
+    passed = all(sum(not wish.is_met(number) for number in row) <= wish.misses for wish, row in rows)
+    return Verdict(passed, "\n".join(_line(wish, row, seeds) for wish, row in rows), hint)
+
+
+def _line(wish: Wish, row: Sequence[float | None], seeds: Sequence[int]) -> str:
+    met, runs = sum(map(wish.is_met, row)), len(row)
+    came = ", ".join(map(shown, row))
+    enough = f" ({runs - wish.misses} are enough)" if wish.misses else ""
+    score = f"all {runs}" if met == runs else f"{met} of {runs}"
+    return f"  {wish} was asked for; with {seeds_in_words(seeds)} came {came}: as asked with {score} seeds{enough}"
+
+
+def shown(number: float | None) -> str:
+    """Return a number as a reader wants it, or that it never came.
+
+    Examples
+    --------
+    >>> shown(1234.5678), shown(None), shown(True)
+    ('1,235', 'never', '1')
+    """
+    if number is None or math.isnan(number):
+        return "never"
+    return f"{float(number):,.4g}" if abs(number) < 1000 else f"{number:,.0f}"
+
+
+def seeds_in_words(seeds: Sequence[int]) -> str:
+    """Return which seeds these are.
+
+    Examples
+    --------
+    >>> seeds_in_words([101, 102, 103]), seeds_in_words([4, 9]), seeds_in_words([4])
+    ('seeds 101 to 103', 'seeds 4 and 9', 'seed 4')
+    """
+    first, last, count = seeds[0], seeds[-1], len(seeds)
+    if count > 2 and list(seeds) == list(range(first, last + 1)):
+        return f"seeds {first} to {last}"
+    names = ", ".join(map(str, seeds[:-1]))
+    return f"seeds {names} and {last}" if count > 1 else f"seed {first}"
+
 
 # Not those that the notebooks show: an answer is to be good on seeds that it was not made for.
 SEEDS = (101, 102, 103, 104, 105)
@@ -88,7 +302,7 @@ def check_rule(
 
     Examples
     --------
-    >>> from mesa_swarm.model import SwarmModel
+    >>> from mesa_swarm import SwarmModel
     >>> from mesa_swarm.robots.design import AGENT3
     >>> def world(rng):
     ...     model = SwarmModel(rng=rng)

@@ -1,12 +1,32 @@
-"""Pictures for notebooks, which show whatever can say what it looks like as a PNG."""
+"""Pictures as notebooks show them, for full or quick runs."""
 
+import os
 from typing import TYPE_CHECKING, Any
 
-from mesa_swarm.experiments.pictures import png, world_figure
-from mesa_swarm.experiments.portrait import portrait_of
+from mesa_swarm.viewing.pictures import png, world_figure
+from mesa_swarm.viewing.portrait import portrait_of
 
-if TYPE_CHECKING:  # matplotlib is for those who draw
+if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+# Set, it makes what notebooks show small: enough to see that every cell runs, too little to see what it is about.
+VARIABLE = "MESA_SWARM_QUICK"
+
+
+def sized(full: int, quick: int) -> int:
+    """Return the full size of something, or the quick one where the environment asks for small runs.
+
+    Parameters
+    ----------
+    full, quick : int
+        Steps, seeds, robots: whatever takes time.
+
+    Examples
+    --------
+    >>> sized(3_000, 30) in (3_000, 30)
+    True
+    """
+    return quick if os.environ.get(VARIABLE, "") not in ("", "0") else full
 
 
 class Picture:
@@ -40,7 +60,7 @@ def picture(*shown: Any, titles: tuple[str, ...] = (), sectors: bool = False, pe
 
     Examples
     --------
-    >>> from mesa_swarm.model import SwarmModel
+    >>> from mesa_swarm import SwarmModel
     >>> picture(SwarmModel(rng=1))._repr_png_()[1:4]
     b'PNG'
     """

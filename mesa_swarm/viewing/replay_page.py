@@ -1,12 +1,130 @@
-"""A recording as one page of HTML that plays from disk, without a network and for ever."""
+"""A recording as one page that plays from disk."""
 
 import json
 from base64 import b64encode
+from collections.abc import Iterator
+from functools import cached_property
 from importlib import resources
+from threading import Lock
 
+from mesa_swarm.errors import InvalidValueError, shortened
+from mesa_swarm.recording.frames import Frame, events_of
 from mesa_swarm.recording.recording import Recording
+from mesa_swarm.viewing.frame import moment_of_frame, packed_chunk
 from mesa_swarm.viewing.headers import policy, source_of
-from mesa_swarm.viewing.reel import Reel
+from mesa_swarm.viewing.scene import OWN, knows_bodies, world_at, worlds_of_recording
+
+# Rows of a chunk: many compress well, few are quickly fetched. Fewer of many robots.
+MOST_ROWS = 256
+FEWEST_ROWS = 8
+ROBOT_ROWS = 200_000
+
+
+class Reel:
+    """The rows of a recording before the first that is damaged; may be asked by several threads.
+
+    Parameters
+    ----------
+    recording : Recording
+
+    Attributes
+    ----------
+    recording : Recording
+    rows : int
+    chunk_rows : int
+        Rows of each chunk but the last.
+    """
+
+    def __init__(self, recording: Recording) -> None:
+        self.recording = recording
+        self.rows = recording.intact
+        self._lock = Lock()
+        robots = len(recording[0].robots) if self.rows else 0
+        self.chunk_rows = max(FEWEST_ROWS, min(MOST_ROWS, ROBOT_ROWS // max(robots, 1)))
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Iterate over the frames."""
+        return self._frames(0, self.rows)
+
+    @property
+    def chunks(self) -> int:
+        """How many chunks there are."""
+        return -(-self.rows // self.chunk_rows)
+
+    def chunk(self, place: int) -> bytes:
+        """Return one chunk, see `packed_chunk`.
+
+        Raises
+        ------
+        InvalidValueError
+            If there is no such chunk.
+        """
+        if not 0 <= place < self.chunks:
+            raise InvalidValueError(f"chunk is {place}; expected 0 to {self.chunks - 1}")
+        first = place * self.chunk_rows
+        frames = self._frames(first, min(first + self.chunk_rows, self.rows))
+        moments = (moment_of_frame(frame, world_at(self._worlds, frame.step)) for frame in frames)
+        return packed_chunk(moments, self._worlds[0][1])
+
+    @cached_property
+    def about(self) -> dict:
+        """What the player must know first: the world, how it changes, and the run that was recorded in it."""
+        facts, ((_, world), *later) = self.recording.provenance, self._worlds
+        return {
+            "world": world,
+            "later": [{"step": step, **{name: other[name] for name in OWN}} for step, other in later],
+            "model": facts["model"]["name"],
+            "parameters": {name: _in_words(value) for name, value in facts["parameters"].items()},
+            "seed": _in_words(facts["seed"]),
+            "version": facts["versions"].get("mesa-swarm", ""),
+            "every": facts["every"],
+            "first": self.recording[0].step if self.rows else 0,
+            "rows": self.rows,
+            "chunk_rows": self.chunk_rows,
+            "notes": list(self._notes()),
+        }
+
+    @cached_property
+    def events(self) -> list[dict]:
+        """What happened, oldest first; every row is read for it."""
+        return [{"step": event.step, "kind": event.kind, "text": event.text} for event in events_of(self)]
+
+    @cached_property
+    def _worlds(self) -> list[tuple[int, dict]]:
+        return worlds_of_recording(self.recording)
+
+    def _frames(self, begin: int, end: int) -> Iterator[Frame]:
+        for row in range(begin, end):
+            with self._lock:
+                frame = self.recording[row]
+            yield frame
+
+    def _notes(self) -> Iterator[str]:
+        recording = self.recording
+        if self.rows < len(recording):
+            yield f"The recording is damaged after step {self._last_step}; what follows is left out."
+        elif recording.damage:
+            yield f"The recording {recording.damage}."
+        elif not recording.complete:
+            yield f"The recording was not closed; it is whole up to step {self._last_step}."
+        if not knows_bodies(recording):
+            yield "An older version recorded this: robots are drawn in the usual size, without their sensors."
+
+    @property
+    def _last_step(self) -> int:
+        return self.recording[self.rows - 1].step if self.rows else 0
+
+
+def _in_words(value: object) -> str:
+    """Return a parameter or a seed as a user would write it.
+
+    Examples
+    --------
+    >>> _in_words(0.1 + 0.2), _in_words({"entropy": 3, "spawn_key": []})
+    ('0.3', "{'entropy': 3, 'spawn_key': []}")
+    """
+    return f"{value:.6g}" if isinstance(value, float) else shortened(value) if isinstance(value, dict) else str(value)
+
 
 IMPORT = 'import { Stage, TOGGLES } from "./canvas.js";\n'
 
@@ -14,7 +132,7 @@ IMPORT = 'import { Stage, TOGGLES } from "./canvas.js";\n'
 def replay_page(recording: Recording) -> str:
     """Return a page that plays a recording; it is whole in itself and asks for nothing.
 
-    What is drawn is rounded as `mesa_swarm.viewing.chunks` says: positions to within 1/65535 of the map.
+    What is drawn is rounded as `mesa_swarm.viewing.frame` says: positions to within 1/65535 of the map.
     50 robots and 3,000 steps take less than 2 MB.
 
     Parameters

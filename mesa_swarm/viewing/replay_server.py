@@ -7,8 +7,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.viewing.headers import safe_headers
-from mesa_swarm.viewing.reel import Reel
-from mesa_swarm.viewing.replay_page import page_of, sources
+from mesa_swarm.viewing.replay_page import Reel, page_of, sources
 
 HOST = "127.0.0.1"
 TOKEN_BYTES = 18
@@ -32,7 +31,7 @@ class ReplayServer(ThreadingHTTPServer):
     Examples
     --------
     >>> import tempfile
-    >>> from mesa_swarm.model import SwarmModel
+    >>> from mesa_swarm import SwarmModel
     >>> from mesa_swarm.recording import Recording
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     model = SwarmModel(rng=1)

@@ -12,8 +12,7 @@ from functools import partial
 from typing import Any
 
 from mesa_swarm.errors import InvalidValueError, check_choice, check_number, shortened, unknown_name
-from mesa_swarm.world.map_parts import Bounds, FireSpot, checked_bounds, naming, refusal
-from mesa_swarm.world.map_work import DISC, POLYGON, Work
+from mesa_swarm.world.map_parts import DISC, POLYGON, Bounds, FireSpot, Work, checked_bounds, naming, refusal
 from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, checked_rings, disc, polygon, rectangle
 
 TOP_KEYS = ("name", "width", "height", "origin", "bounds", "obstacle", "fire")

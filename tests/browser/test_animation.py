@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from mesa_swarm.exports import export
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
+from mesa_swarm.viewing import export
 
 CHROMIUM = Path("/usr/bin/chromium")
 FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--disable-background-networking", "--disable-sync"]

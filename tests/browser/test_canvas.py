@@ -8,8 +8,8 @@ import pytest
 
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
-from mesa_swarm.viewing.moments import moment_of_model, packed_frame
-from mesa_swarm.viewing.worlds import world_of_model
+from mesa_swarm.viewing.frame import moment_of_model, packed_frame
+from mesa_swarm.viewing.scene import world_of_model
 
 SCRIPT = (files("mesa_swarm.viewing") / "canvas.js").read_text(encoding="utf-8")
 WIDTH, HEIGHT, LEFT = 900, 675, 150

@@ -15,13 +15,13 @@ import pytest
 
 from mesa_swarm import AGENT9, all_round, disc
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.model import SwarmModel
 from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
-from mesa_swarm.viewing.moments import moment_of_frame, moment_of_model, packed_frame
+from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.viewing.frame import moment_of_frame, moment_of_model, packed_frame
 from mesa_swarm.viewing.replay_page import asset, replay_page
-from mesa_swarm.viewing.worlds import world_of_model, worlds_of_recording
+from mesa_swarm.viewing.scene import world_of_model, worlds_of_recording
 
 CHROMIUM = Path("/usr/bin/chromium")
 FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]

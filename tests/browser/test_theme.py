@@ -2,7 +2,7 @@
 
 import pytest
 
-from mesa_swarm.dashboard.canvas_widget import SwarmCanvas
+from mesa_swarm.viewing.canvas_widget import SwarmCanvas
 
 LINK = "?model=fire_fighting&seed=1&step=50"
 # What is drawn: the world, and every chart.

@@ -21,7 +21,7 @@ from mesa_swarm.control import (
     Subsumption,
     VectorSum,
 )
-from mesa_swarm.environments.commanded import Commanded
+from mesa_swarm.environments.task_world import Commanded
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.fire.strategy import FightFire
 from mesa_swarm.robots.design import RobotDesign

@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT3, AGENT6, AGENT9, SwarmModel
-from mesa_swarm.control.layer import Senses
-from mesa_swarm.control.perception import centroids, nearest_ahead
+from mesa_swarm.control.layer import Senses, centroids, nearest_ahead
 from mesa_swarm.world.statics import ROBOT
 from scenes import empty
 

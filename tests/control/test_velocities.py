@@ -7,8 +7,7 @@ import pytest
 
 from mesa_swarm import AGENT9, HolonomicDrive, ProximitySensor, RobotDesign
 from mesa_swarm.control import Align, Cruise, Explore, MatchVelocity, Subsumption, VectorSum, behaviour
-from mesa_swarm.control.apparent import track
-from mesa_swarm.control.match_velocity import drive_arcs
+from mesa_swarm.control.flocking import drive_arcs, track
 from mesa_swarm.physics.motion import advance
 from mesa_swarm.robots.drive import wheels_to_motion
 from scenes import empty

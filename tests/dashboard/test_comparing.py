@@ -16,19 +16,26 @@ from PIL import Image
 from support.killing import environment
 from waiting import wait_until
 
-from mesa_swarm.dashboard import many_runs
-from mesa_swarm.dashboard.compare_panel import ComparePanel, groups_of, values_of
-from mesa_swarm.dashboard.comparing import Comparing
+from mesa_swarm.dashboard import comparing as comparing_module
+from mesa_swarm.dashboard.compare_view import (
+    ComparePanel,
+    CurveThread,
+    curves_png,
+    draw,
+    groups_of,
+    main_reports,
+    series_of,
+    values_of,
+)
+from mesa_swarm.dashboard.comparing import MOST_AT_ONCE, Comparing, ManyRuns, workers_for
 from mesa_swarm.dashboard.controls import ControlPanel
-from mesa_swarm.dashboard.curves import CurveThread, curves_png, draw, main_reports, series_of
-from mesa_swarm.dashboard.many_runs import MOST_AT_ONCE, ManyRuns, workers_for
 from mesa_swarm.dashboard.pair import Pair
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments.compare import compare
 from mesa_swarm.experiments.plan import checked_plan
 from mesa_swarm.gallery import model_names
-from mesa_swarm.model import SwarmModel
+from mesa_swarm.swarm_model import SwarmModel
 
 
 @pytest.fixture
@@ -124,7 +131,7 @@ def test_the_chart_has_a_line_for_each_world(comparing):
 
 
 def test_the_chart_shows_every_step_where_it_was_taken_though_the_models_forget_the_early_ones(monkeypatch):
-    monkeypatch.setattr("mesa_swarm.dashboard.player.MOST_COLLECTED", 20)
+    monkeypatch.setattr("mesa_swarm.viewing.player.MOST_COLLECTED", 20)
     pair = Pair()
     pair.place(*(SwarmModel(rng=1, model_reporters={"now": "completed"}) for _ in "AB"))
     for _ in range(50):
@@ -168,7 +175,7 @@ def test_the_chart_is_drawn_when_there_is_something_new_and_no_more_when_closed(
 def test_the_runs_say_each_that_is_done_and_then_what_came_of_them():
     said = []
     plan = checked_plan("fire_fighting", seeds=2, steps=5)
-    many_runs._do(plan, 1, lambda kind, value: said.append((kind, value)))
+    comparing_module._do(plan, 1, lambda kind, value: said.append((kind, value)))
     assert [kind for kind, _ in said] == ["run"] * 4 + ["report"]
     report, found = said[-1][1], compare("fire_fighting", seeds=2, steps=5, jobs=1)
     assert report.finding == found.finding()
@@ -181,7 +188,7 @@ def test_what_a_model_raises_in_a_run_is_said():
     said = []
     plan = checked_plan("fire_fighting", seeds=2, steps=5)
     plan.settings["n_robots"] = -1
-    many_runs._do(plan, 1, lambda kind, value: said.append((kind, value)))
+    comparing_module._do(plan, 1, lambda kind, value: said.append((kind, value)))
     assert said[0][0] == "error"
     assert "n_robots is -1" in said[0][1]
 
@@ -189,7 +196,7 @@ def test_what_a_model_raises_in_a_run_is_said():
 def test_one_core_is_left_to_the_page(monkeypatch):
     plan = checked_plan("fire_fighting", seeds=30, steps=5)
     for cores, workers in ((1, 1), (2, 1), (8, 7), (500, 60)):
-        monkeypatch.setattr(many_runs, "cpu_count", lambda cores=cores: cores)
+        monkeypatch.setattr(comparing_module, "cpu_count", lambda cores=cores: cores)
         assert workers_for(plan) == workers
 
 
@@ -223,7 +230,7 @@ def test_runs_in_the_background_give_what_they_give_in_the_foreground():
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="this system has no process groups")
 def test_cancelling_ends_all_processes_at_once_and_makes_room_for_the_next(monkeypatch):
-    monkeypatch.setattr(many_runs, "cpu_count", lambda: 3)
+    monkeypatch.setattr(comparing_module, "cpu_count", lambda: 3)
     plan = checked_plan("fire_fighting", seeds=10, steps=1_000_000)
     for _ in range(MOST_AT_ONCE + 1):
         runs = ManyRuns()

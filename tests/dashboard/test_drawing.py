@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from mesa_swarm.dashboard.drawing import (
+from mesa_swarm.dashboard.gallery_view import (
     draw_fires,
     draw_loads,
     draw_robots,

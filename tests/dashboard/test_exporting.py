@@ -9,9 +9,8 @@ from waiting import wait_until
 
 from mesa_swarm.dashboard import exporting as module
 from mesa_swarm.dashboard.export_view import ExportDesk, Exporter
-from mesa_swarm.dashboard.exporting import Exporting, Wanted
+from mesa_swarm.dashboard.exporting import Exporting, Tape, Wanted
 from mesa_swarm.dashboard.session import Session
-from mesa_swarm.dashboard.tape import Tape
 from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
@@ -117,7 +116,7 @@ def test_a_recording_that_ends_at_its_limit_has_whole_steps_only(tmp_path, monke
             super().step()
             self.robots[0].heading += 0.1
 
-    monkeypatch.setattr("mesa_swarm.dashboard.tape.LOOK_EVERY", 3)
+    monkeypatch.setattr("mesa_swarm.dashboard.exporting.LOOK_EVERY", 3)
     tape, model = Tape(tmp_path, most_bytes=1), More(n_robots=3, rng=1)
     tape.start(model)
     model.run(3)

@@ -7,8 +7,7 @@ import pytest
 
 from mesa_swarm import AGENT9, SwarmModel, disc
 from mesa_swarm.control import Subsumption
-from mesa_swarm.dashboard.address import query_of
-from mesa_swarm.dashboard.canvas_widget import Connection, SwarmCanvas
+from mesa_swarm.dashboard.app import query_of
 from mesa_swarm.dashboard.inspection import MOST_BYTES, WATCHED, inspect, move, watch_closely
 from mesa_swarm.dashboard.inspector import Inspecting, Inspector
 from mesa_swarm.dashboard.session import Session
@@ -18,6 +17,7 @@ from mesa_swarm.learning.actions import ACTION_NAMES
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.models.q_learning import QLearning
+from mesa_swarm.viewing.canvas_widget import Connection, SwarmCanvas
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 import solara
 
-from mesa_swarm.dashboard.listeners import Listeners, use_changes
+from mesa_swarm.viewing.play_loop import Listeners, use_changes
 
 
 def drawn_while(change) -> list[str]:

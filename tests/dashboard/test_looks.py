@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 STYLE, PLAYER = (
-    (files("mesa_swarm.dashboard") / name).read_text(encoding="utf-8") for name in ("style.css", "player.css")
+    (files("mesa_swarm") / name).read_text(encoding="utf-8") for name in ("dashboard/style.css", "viewing/widget.css")
 )
 CANVAS = (files("mesa_swarm.viewing") / "canvas.js").read_text(encoding="utf-8")
 READABLE = 4.5

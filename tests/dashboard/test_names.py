@@ -10,17 +10,16 @@ from support.names import HOSTILE_NAMES
 
 from mesa_swarm import Map
 from mesa_swarm.dashboard import RECORDINGS_VARIABLE
-from mesa_swarm.dashboard.compare_view import table_html
-from mesa_swarm.dashboard.curves import curves_png
+from mesa_swarm.dashboard.compare_view import curves_png, table_html
 from mesa_swarm.dashboard.replaying import Replaying
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.errors import MapError, SwarmError
-from mesa_swarm.experiments.pictures import png, world_figure
-from mesa_swarm.experiments.portrait import portrait_of
-from mesa_swarm.exports import export
-from mesa_swarm.model import SwarmModel
 from mesa_swarm.recording import Recording
 from mesa_swarm.robots.design import AGENT9
+from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.viewing import export
+from mesa_swarm.viewing.pictures import png, world_figure
+from mesa_swarm.viewing.portrait import portrait_of
 from mesa_swarm.viewing.replay_page import replay_page
 
 SVG = b'<svg width="80" height="60"><circle cx="40" cy="20" r="5"/></svg>'

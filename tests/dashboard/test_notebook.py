@@ -6,10 +6,9 @@ import pytest
 import reacton
 import solara
 
-from mesa_swarm.dashboard.canvas_widget import SwarmCanvas
-from mesa_swarm.dashboard.notebook import EVERY, swarm_canvas
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.models.fire_fighting import FireFighting
+from mesa_swarm.viewing.canvas_widget import EVERY, SwarmCanvas, swarm_canvas
 
 
 @pytest.fixture
@@ -82,7 +81,7 @@ def test_the_buttons_of_a_widget_step_the_model_itself(sent):
 
 
 def test_what_a_model_of_ones_own_has_collected_is_kept_however_long_it_is_played(sent, monkeypatch):
-    monkeypatch.setattr("mesa_swarm.dashboard.player.MOST_COLLECTED", 5)
+    monkeypatch.setattr("mesa_swarm.viewing.player.MOST_COLLECTED", 5)
     model = FireFighting(n_robots=3, rng=1)
     canvas = model.show()
     canvas._hear({"do": "ready"})

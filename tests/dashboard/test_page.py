@@ -5,7 +5,7 @@ import pytest
 import solara
 
 from mesa_swarm.dashboard import app
-from mesa_swarm.dashboard.page_bar import PageBar
+from mesa_swarm.dashboard.app import PageBar
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.models.fire_fighting import FireFighting
 

@@ -3,10 +3,10 @@
 from waiting import threads, wait_until
 
 from mesa_swarm.dashboard.pair import Pair
-from mesa_swarm.dashboard.past import KeptPast, Picture
-from mesa_swarm.dashboard.play_loop import AS_FAST_AS_IT_GOES
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
+from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES
+from mesa_swarm.viewing.player import KeptPast, Picture
 
 
 class Breaks(CollisionAvoidance):

@@ -6,11 +6,10 @@ from support.clock import Clock
 from waiting import threads, wait_until
 
 from mesa_swarm import disc
-from mesa_swarm.dashboard.past import KeptPast, Picture
-from mesa_swarm.dashboard.play_loop import AS_FAST_AS_IT_GOES, BREATH, LONGEST_DEBT, PlayLoop
-from mesa_swarm.dashboard.player import Player
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
+from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES, BREATH, LONGEST_DEBT, PlayLoop
+from mesa_swarm.viewing.player import KeptPast, Picture, Player
 
 
 class Spectator:
@@ -194,7 +193,7 @@ def test_an_error_in_a_picture_is_told_at_any_speed(monkeypatch):
     player, told = Player(CollisionAvoidance(rng=1)), []
     player.add_viewer(Spectator())
     player.changed.add(lambda: told.append(player.error))
-    monkeypatch.setattr("mesa_swarm.dashboard.player.readings_of", lambda model: 1 / 0)
+    monkeypatch.setattr("mesa_swarm.viewing.player.readings_of", lambda model: 1 / 0)
     player.loop.speed = AS_FAST_AS_IT_GOES
     player.play()
     wait_until(lambda: told and told[-1] == "ZeroDivisionError: division by zero")

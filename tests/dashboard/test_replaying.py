@@ -15,18 +15,17 @@ from waiting import threads, wait_until
 
 from mesa_swarm.dashboard import RECORDINGS_VARIABLE
 from mesa_swarm.dashboard.controls import ControlPanel
-from mesa_swarm.dashboard.file_picker import FilePicker, Upload
-from mesa_swarm.dashboard.incoming import Incoming
-from mesa_swarm.dashboard.play_loop import AS_FAST_AS_IT_GOES, BREATH
 from mesa_swarm.dashboard.projector import Projector
 from mesa_swarm.dashboard.replay_view import BranchPanel
-from mesa_swarm.dashboard.replaying import LARGEST_UPLOAD, Replaying
+from mesa_swarm.dashboard.replaying import LARGEST_UPLOAD, Incoming, Replaying
 from mesa_swarm.dashboard.session import Session
+from mesa_swarm.dashboard.widgets import FilePicker, Upload
 from mesa_swarm.errors import RecordingError
-from mesa_swarm.model import SwarmModel
 from mesa_swarm.models.boids import Boids
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.robots.design import AGENT9
+from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES, BREATH
 
 STEPS = 120
 

@@ -7,13 +7,12 @@ from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.dashboard.inspection import MOST_STEPS
 from mesa_swarm.dashboard.pair import Pair
-from mesa_swarm.dashboard.past import MOST_BYTES, PICTURE_BYTES
-from mesa_swarm.dashboard.player import MOST_COLLECTED
 from mesa_swarm.dashboard.series import MOST_NUMBERS, Series, charts_of, grouped
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.errors import UnknownNameError
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
+from mesa_swarm.viewing.player import MOST_BYTES, MOST_COLLECTED, PICTURE_BYTES
 
 MODULE = "mesa_swarm.dashboard.series"
 
@@ -131,7 +130,7 @@ def test_a_link_to_a_later_step_has_all_that_was_measured_until_then():
 
 
 def test_a_run_on_the_page_keeps_a_window_of_all_that_grows_with_the_steps(monkeypatch):
-    monkeypatch.setattr("mesa_swarm.dashboard.player.MOST_COLLECTED", 50)
+    monkeypatch.setattr("mesa_swarm.viewing.player.MOST_COLLECTED", 50)
     session, alone = Session("fire_fighting", seed=3), FireFighting(rng=3)
     session.kept.most_bytes, session.series.most_numbers = 40_000, 1000
     for _ in range(330):
@@ -148,7 +147,7 @@ def test_a_run_on_the_page_keeps_a_window_of_all_that_grows_with_the_steps(monke
 
 
 def test_what_is_recorded_is_not_forgotten_meanwhile(monkeypatch, tmp_path):
-    monkeypatch.setattr("mesa_swarm.dashboard.player.MOST_COLLECTED", 20)
+    monkeypatch.setattr("mesa_swarm.viewing.player.MOST_COLLECTED", 20)
     session = Session("fire_fighting", seed=3)
     model = session.model
     played(session, 15)
@@ -162,7 +161,7 @@ def test_what_is_recorded_is_not_forgotten_meanwhile(monkeypatch, tmp_path):
 
 
 def test_worlds_that_are_compared_keep_a_window_too(monkeypatch):
-    monkeypatch.setattr("mesa_swarm.dashboard.player.MOST_COLLECTED", 20)
+    monkeypatch.setattr("mesa_swarm.viewing.player.MOST_COLLECTED", 20)
     pair = Pair()
     pair.place(CollisionAvoidance(n_robots=2, rng=1), CollisionAvoidance(n_robots=2, rng=2))
     played(pair, 50)
@@ -171,7 +170,7 @@ def test_worlds_that_are_compared_keep_a_window_too(monkeypatch):
 
 
 def test_steps_before_the_first_picture_and_on_the_way_to_a_branch_are_forgotten_alike(monkeypatch):
-    monkeypatch.setattr("mesa_swarm.dashboard.player.MOST_COLLECTED", 20)
+    monkeypatch.setattr("mesa_swarm.viewing.player.MOST_COLLECTED", 20)
     session = Session("fire_fighting", seed=3, steps=65)
     for _ in range(2):
         assert len(session.model.datacollector.model_vars["collisions"]) == 20

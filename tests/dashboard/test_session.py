@@ -6,11 +6,11 @@ import pytest
 from waiting import threads, wait_until
 
 from mesa_swarm.dashboard import session as module
-from mesa_swarm.dashboard.address import address_from, query_of
+from mesa_swarm.dashboard.app import address_from, query_of
 from mesa_swarm.dashboard.comparing import Comparing
-from mesa_swarm.dashboard.play_loop import AS_FAST_AS_IT_GOES
 from mesa_swarm.dashboard.session import READER, USUAL_SPEED, Session
 from mesa_swarm.models.fire_fighting import FireFighting
+from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES
 
 MODULE = "mesa_swarm.dashboard.session"
 

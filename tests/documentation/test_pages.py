@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from mesa_swarm import cli
+from mesa_swarm.cli.study import study
 from mesa_swarm.experiments.bench import PEERS, TARGETS
-from mesa_swarm.study_cli import study
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]

@@ -5,7 +5,7 @@ import pytest
 
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.control import Subsumption
-from mesa_swarm.environments.commanded import Commanded
+from mesa_swarm.environments.task_world import Commanded
 from mesa_swarm.errors import InvalidValueError
 
 

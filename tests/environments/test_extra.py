@@ -3,7 +3,7 @@ import sys
 
 import pytest
 
-from mesa_swarm.environments.extra import need
+from mesa_swarm.environments.registration import need
 from mesa_swarm.errors import SwarmError
 
 WITHOUT = """

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT9, AGENT_FIRE, LineSensor, ProximitySensor, RadiationSensor, RobotDesign, SwarmModel, disc
-from mesa_swarm.environments.observation import Observer
+from mesa_swarm.environments.scores import Observer
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.environments.tasks import ExtinguishFires, FindFires
 from mesa_swarm.errors import InvalidValueError, UnknownNameError

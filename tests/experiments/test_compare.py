@@ -13,14 +13,13 @@ import pytest
 import mesa_swarm
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments.compare import Comparison, compare, run_plan
-from mesa_swarm.experiments.comparison_figures import comparison_figure
-from mesa_swarm.experiments.findings import finding
-from mesa_swarm.experiments.pictures import png
+from mesa_swarm.experiments.figures import comparison_figure
 from mesa_swarm.experiments.plan import Plan, Run, checked_plan
-from mesa_swarm.experiments.tables import WIDEST, fitting, runs_csv, summary_csv, summary_rows
+from mesa_swarm.experiments.tables import WIDEST, finding, fitting, runs_csv, summary_csv, summary_rows
 from mesa_swarm.files import check_writable, write_whole
 from mesa_swarm.gallery import class_name, description, find_model, model_names
-from mesa_swarm.model import SwarmModel
+from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.viewing.pictures import png
 
 FIRE = find_model("fire_fighting")
 AVOID = find_model("collision_avoidance")

@@ -5,7 +5,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from mesa_swarm.experiments.compare import Comparison
-from mesa_swarm.experiments.comparison_figures import comparison_figure
+from mesa_swarm.experiments.figures import comparison_figure
 from mesa_swarm.experiments.plan import Plan, Run
 from mesa_swarm.gallery import find_model
 

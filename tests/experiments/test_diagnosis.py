@@ -5,9 +5,9 @@ import pytest
 
 from mesa_swarm import AGENT3, HolonomicDrive, RobotDesign
 from mesa_swarm.analysis.pathology import KINDS, Episode, Pathologies, find_pathologies
+from mesa_swarm.cli.diagnose_commands import MOST_TOLD, told
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.experiments.diagnose_commands import MOST_TOLD, told
 from mesa_swarm.experiments.diagnosis import NEEDED, pathologies_of
 from mesa_swarm.gallery import find_model
 from scenes import ahead, blind, corridor, empty

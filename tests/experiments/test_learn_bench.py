@@ -7,15 +7,26 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, Map, disc
+from mesa_swarm.cli.learn_commands import bench as command
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments import learn_bench as bench
 from mesa_swarm.experiments.contestants import BREEDING, CHOOSING, contestants
 from mesa_swarm.experiments.driving import drive_measured, driven_world, within_reach
 from mesa_swarm.experiments.experiment import Outcome
-from mesa_swarm.experiments.learn_bench import EVERY, GENERATED, UNSEEN, Benchmark, Run, learn_bench
-from mesa_swarm.experiments.learn_commands import bench as command
-from mesa_swarm.experiments.learn_table import lines_of, markdown, runs_csv, seed_by_seed, summary_json
+from mesa_swarm.experiments.learn_bench import (
+    EVERY,
+    GENERATED,
+    UNSEEN,
+    Benchmark,
+    Run,
+    learn_bench,
+    lines_of,
+    markdown,
+    runs_csv,
+    seed_by_seed,
+    summary_json,
+)
 from mesa_swarm.experiments.ledger import Ledger
 from mesa_swarm.world.random_map import random_map
 

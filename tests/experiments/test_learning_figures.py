@@ -10,9 +10,16 @@ from mesa_swarm import AGENT9
 from mesa_swarm.analysis import central_moving_average
 from mesa_swarm.cli import main
 from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.experiments.fire_figures import TITLES, FireRun, fire_figure
-from mesa_swarm.experiments.learning_figures import LearningRun, learning_figure, learning_run, regression_figure
-from mesa_swarm.experiments.reward_figures import reward_figure
+from mesa_swarm.experiments.learning_figures import (
+    TITLES,
+    FireRun,
+    LearningRun,
+    fire_figure,
+    learning_figure,
+    learning_run,
+    regression_figure,
+    reward_figure,
+)
 from mesa_swarm.learning import QPolicy
 from mesa_swarm.learning.reward_lab import learned_profile, reward_profile
 from mesa_swarm.models.q_learning import QLearning

@@ -7,20 +7,18 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
-from mesa_swarm.experiments import pictures
-from mesa_swarm.experiments.bench import complexity_figure, exponent, step_table, verdict
+from mesa_swarm.experiments.bench import AREA_PER_ROBOT, complexity_figure, exponent, peer_workload, step_table, verdict
 from mesa_swarm.experiments.figures import fires_figure, series_figure, window_means
-from mesa_swarm.experiments.fire_figures import fire_figure, fire_run
-from mesa_swarm.experiments.pictures import draw_world, legend_of, png, world_figure
-from mesa_swarm.experiments.portrait import portrait_of
+from mesa_swarm.experiments.learning_figures import fire_figure, fire_run, reward_figure
 from mesa_swarm.experiments.reality_gap import Gap, gap_figure
-from mesa_swarm.experiments.reward_figures import reward_figure
-from mesa_swarm.experiments.workload import AREA_PER_ROBOT, peer_workload
 from mesa_swarm.gallery import find_model
 from mesa_swarm.learning.reward_lab import reward_profile
-from mesa_swarm.model import SwarmModel
 from mesa_swarm.reproduction.drawing import world_picture
 from mesa_swarm.robots.design import AGENT9
+from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.viewing import pictures
+from mesa_swarm.viewing.pictures import draw_world, legend_of, png, world_figure
+from mesa_swarm.viewing.portrait import portrait_of
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.map_parts import FireSpot
 from mesa_swarm.world.shapes import disc, polygon, rectangle

@@ -7,9 +7,9 @@ import pytest
 from PIL import Image
 
 from mesa_swarm import cli
+from mesa_swarm.cli import reality_gap_commands
 from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.experiments import reality_gap as module
-from mesa_swarm.experiments import reality_gap_commands
 from mesa_swarm.experiments.reality_gap import gap_figure, gap_run, reality_gap
 from mesa_swarm.gallery import find_model, model_names
 

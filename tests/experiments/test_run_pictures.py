@@ -6,13 +6,14 @@ from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.colors import to_rgba
 
 from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm.cli import picture_commands
+from mesa_swarm.cli.picture_commands import drawn, parsed_steps
 from mesa_swarm.control import PASS, Subsumption, behaviour
 from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.experiments import picture_commands
-from mesa_swarm.experiments.picture_commands import drawn, parsed_steps
-from mesa_swarm.experiments.pictures import png
-from mesa_swarm.experiments.portrait import portrait_of
-from mesa_swarm.experiments.run_pictures import (
+from mesa_swarm.gallery import find_model
+from mesa_swarm.viewing.pictures import png
+from mesa_swarm.viewing.portrait import portrait_of
+from mesa_swarm.viewing.run_pictures import (
     LAYER_COLOURS,
     MOST_TRACES,
     NO_LAYER,
@@ -21,7 +22,6 @@ from mesa_swarm.experiments.run_pictures import (
     stages,
     trace,
 )
-from mesa_swarm.gallery import find_model
 
 AGGLOMERATION, AVOIDANCE = find_model("agglomeration"), find_model("collision_avoidance")
 

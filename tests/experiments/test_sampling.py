@@ -12,7 +12,7 @@ from mesa_swarm.experiments.experiment import checked_experiment
 from mesa_swarm.experiments.plan import checked_seeds
 from mesa_swarm.experiments.sampling import Points, Sample, grid
 from mesa_swarm.gallery import find_model
-from mesa_swarm.model import SwarmModel
+from mesa_swarm.swarm_model import SwarmModel
 
 FIRE = find_model("fire_fighting")
 GRID = {"strategy": ["A", "B"], "n_robots": [2, 3]}

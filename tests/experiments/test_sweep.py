@@ -14,13 +14,12 @@ from pyarrow import parquet
 
 from mesa_swarm.errors import InvalidValueError, SwarmError
 from mesa_swarm.experiments.compare import compare
-from mesa_swarm.experiments.experiment import Outcome, checked_experiment, error_in_words
+from mesa_swarm.experiments.experiment import Outcome, checked_experiment, error_in_words, source_hash
 from mesa_swarm.experiments.ledger import Ledger
 from mesa_swarm.experiments.sampling import Sample
-from mesa_swarm.experiments.source import source_hash
 from mesa_swarm.experiments.sweep import sweep
 from mesa_swarm.gallery import find_model
-from mesa_swarm.model import SwarmModel
+from mesa_swarm.swarm_model import SwarmModel
 
 FIRE = find_model("fire_fighting")
 GRID = {"strategy": ["A", "B"], "n_robots": [2, 3]}
@@ -100,7 +99,7 @@ def test_a_wrong_sweep_is_refused_before_anything_is_run(tmp_path, wrong, said):
 
 
 MODEL_FILE = """
-from mesa_swarm.model import SwarmModel
+from mesa_swarm.swarm_model import SwarmModel
 
 FACTOR = 1
 
@@ -141,7 +140,7 @@ def test_a_class_without_a_file_is_known_by_the_code_of_its_methods():
 
 
 def test_the_fingerprint_of_a_source_is_the_same_in_every_process():
-    code = "from mesa_swarm.experiments.source import source_hash; from mesa_swarm.gallery import find_model\n"
+    code = "from mesa_swarm.experiments.experiment import source_hash; from mesa_swarm.gallery import find_model\n"
     code += "print(source_hash(find_model('fire_fighting')))"
     said = {
         subprocess.run(

@@ -4,8 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.exports.chosen import Choice
-from mesa_swarm.exports.look import Look, film_size, parsed_size
+from mesa_swarm.viewing.export import Choice
+from mesa_swarm.viewing.pictures import Look, film_size, parsed_size
 
 
 @given(gap=st.integers(1, 7), count=st.integers(1, 200), most=st.integers(2, 50))

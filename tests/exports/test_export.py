@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from mesa_swarm.errors import ExportError, ExportWarning, InvalidValueError, RecordingError, UnknownNameError
-from mesa_swarm.exports import export, film
-from mesa_swarm.exports.screen import Screen
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
+from mesa_swarm.viewing import export, films
+from mesa_swarm.viewing.films import Screen
 
 ENDINGS = ("png", "svg", "gif", "mp4", "csv", "parquet")
 
@@ -123,7 +123,7 @@ def test_films_say_what_they_need_when_it_is_missing(run, tmp_path, monkeypatch)
 
 
 def test_a_film_that_ffmpeg_cannot_make_is_one_line_and_no_file(run, tmp_path, monkeypatch):
-    monkeypatch.setattr(film, "ENCODING", ["-c:v", "no_such_codec"])
+    monkeypatch.setattr(films, "ENCODING", ["-c:v", "no_such_codec"])
     with pytest.raises(ExportError, match=r"a\.mp4 cannot be written: ffmpeg says: .*no_such_codec|Error"):
         export(run, tmp_path / "a.mp4", last=5)
     assert names(tmp_path) == []

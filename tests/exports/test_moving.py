@@ -9,14 +9,13 @@ import pytest
 from matplotlib.colors import to_rgb
 from PIL import Image
 
-from mesa_swarm.experiments import pictures
-from mesa_swarm.exports import export
-from mesa_swarm.exports.look import CAPTION, MARGIN, Look
-from mesa_swarm.exports.portraits import Portraits, Rows
-from mesa_swarm.exports.screen import Screen
-from mesa_swarm.model import SwarmModel
 from mesa_swarm.models.agglomeration import Agglomeration
 from mesa_swarm.recording import Recording
+from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.viewing import export, pictures
+from mesa_swarm.viewing.films import Screen
+from mesa_swarm.viewing.pictures import CAPTION, MARGIN, Look
+from mesa_swarm.viewing.portrait import Portraits, Rows
 
 imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
 SVG = "{http://www.w3.org/2000/svg}"

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, Map, SwarmModel, disc, rectangle
-from mesa_swarm.experiments.portrait import portrait_of
-from mesa_swarm.exports.portraits import Portraits, Rows
-from mesa_swarm.exports.trails import trails_of
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
+from mesa_swarm.viewing.pictures import trails_of
+from mesa_swarm.viewing.portrait import Portraits, Rows, portrait_of
 
 
 def same(shown, wanted):

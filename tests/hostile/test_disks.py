@@ -22,12 +22,12 @@ from mesa_swarm.dashboard.exporting import Exporting
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments.evolution import Trial, evolve
-from mesa_swarm.experiments.pictures import png, world_figure
-from mesa_swarm.experiments.portrait import portrait_of
 from mesa_swarm.learning import QPolicy, save_policy
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
 from mesa_swarm.robots.design import AGENT3
+from mesa_swarm.viewing.pictures import png, world_figure
+from mesa_swarm.viewing.portrait import portrait_of
 from mesa_swarm.world.map import Map
 
 pytestmark = pytest.mark.slow

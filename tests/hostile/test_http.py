@@ -28,7 +28,7 @@ from support.hostile import attack
 from visits import LAUNCH, answers, free_port, wait_until
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from mesa_swarm.dashboard.address import COUNTS, Address, address_from
+from mesa_swarm.dashboard.app import COUNTS, Address, address_from
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.gallery import find_model, model_names
 from mesa_swarm.models.fire_fighting import FireFighting
@@ -39,7 +39,7 @@ pytestmark = pytest.mark.slow
 REPLAY = """
 import sys
 from mesa_swarm.recording import Recording
-from mesa_swarm.viewing.reel import Reel
+from mesa_swarm.viewing.replay_page import Reel
 from mesa_swarm.viewing.replay_server import ReplayServer
 with ReplayServer(Reel(Recording(sys.argv[1]))) as server:
     print(server.address, flush=True)

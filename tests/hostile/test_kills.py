@@ -304,7 +304,7 @@ print(list(on_all(3, np.sum, [(np.ones(1_000_000),), (np.ones(1_000_000),)])))
 time.sleep(1000)
 """,
     "of oscillations": """
-from mesa_swarm.experiments.oscillation import oscillations
+from mesa_swarm.experiments.diagnosis import oscillations
 if __name__ == "__main__":
     oscillations([("b", 4)], [1, 2, 3], steps=1_000_000, jobs=2)
 """,

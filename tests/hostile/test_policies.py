@@ -16,9 +16,9 @@ from mesa_swarm.errors import SwarmError
 from mesa_swarm.learning import PolicyLayer, load_policy, save_policy
 from mesa_swarm.learning.networks import Networks
 from mesa_swarm.learning.policy import SensorLayout
-from mesa_swarm.learning.q_policy import QPolicy
+from mesa_swarm.learning.q_learning import QPolicy
 from mesa_swarm.learning.reflex_policy import ReflexPolicy, genome_length
-from mesa_swarm.learning.wire_policy import WirePolicy
+from mesa_swarm.learning.wire_learning import WirePolicy
 
 pytestmark = pytest.mark.slow
 

@@ -11,18 +11,17 @@ from support.hostile import attack
 from mesa_swarm import SwarmModel
 from mesa_swarm.dashboard.projector import Projector
 from mesa_swarm.errors import ExportError, RecordingError
-from mesa_swarm.experiments.recording_commands import class_of
-from mesa_swarm.exports.export import export
 from mesa_swarm.models.boids import Boids
 from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.models.q_learning import QLearning
 from mesa_swarm.recording import Recording, verify
-from mesa_swarm.viewing.moments import moment_of_frame, packed_frame
-from mesa_swarm.viewing.reel import Reel
-from mesa_swarm.viewing.replay_page import replay_page
+from mesa_swarm.recording.resume import shipped_class_of
+from mesa_swarm.viewing.export import export
+from mesa_swarm.viewing.frame import moment_of_frame, packed_frame
+from mesa_swarm.viewing.replay_page import Reel, replay_page
 from mesa_swarm.viewing.replay_server import ReplayServer
-from mesa_swarm.viewing.worlds import world_at, worlds_of_recording
+from mesa_swarm.viewing.scene import world_at, worlds_of_recording
 
 pytestmark = pytest.mark.slow
 
@@ -79,7 +78,7 @@ def projected(path, place):
 
 def verified(path, place):
     recording = Recording(path)
-    str(verify(recording, class_of(recording)))
+    str(verify(recording, shipped_class_of(recording)))
 
 
 def resumed(path, place):

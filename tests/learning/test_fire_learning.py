@@ -7,8 +7,17 @@ from mesa_swarm import AGENT_FIRE, SwarmModel
 from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.fire import FireConstants
-from mesa_swarm.learning.fire_learning import LearnFires, paid
-from mesa_swarm.learning.skills import APPROACH, BACK_OFF, EXPLORE, FOLLOW, SITUATIONS, SKILLS, WAIT
+from mesa_swarm.learning.fire_learning import (
+    APPROACH,
+    BACK_OFF,
+    EXPLORE,
+    FOLLOW,
+    SITUATIONS,
+    SKILLS,
+    WAIT,
+    LearnFires,
+    paid,
+)
 from mesa_swarm.models.learning_fires import LearningFires
 
 REWARDS = (10.0, 20.0, 0.5)

@@ -9,7 +9,7 @@ import pytest
 
 from mesa_swarm import AGENT3, AGENT9, SwarmModel
 from mesa_swarm.control import Avoid, Subsumption
-from mesa_swarm.environments.commanded import Commanded
+from mesa_swarm.environments.task_world import Commanded
 from mesa_swarm.errors import LearningError
 from mesa_swarm.learning import HebbianLearning, PolicyLayer, QLearning, WireFittedQ, load_policy, save_policy
 from mesa_swarm.learning.fire_learning import LearnFires

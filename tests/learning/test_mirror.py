@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from mesa_swarm import AGENT3, AGENT9, ProximitySensor, RobotDesign
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.learning import SensorLayout
-from mesa_swarm.learning.mirror import half_length, twins_of, whole_genome
-from mesa_swarm.learning.reflex_policy import ReflexPolicy, genome_length
+from mesa_swarm.learning.reflex_policy import ReflexPolicy, genome_length, half_length, twins_of, whole_genome
 
 NINE = SensorLayout.of(AGENT9)
 # Of bearings 0, 30, -30, 60, -60, 90, -90, 140, -140.

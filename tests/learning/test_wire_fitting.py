@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.learning.wire_fitting import wire_value
+from mesa_swarm.learning.wire_learning import wire_value
 
 SEEDS = st.integers(0, 2**32)
 

@@ -9,8 +9,7 @@ from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import LearningError, SwarmError
 from mesa_swarm.learning import Networks, PolicyLayer, QLearning, WireFittedQ, load_policy, save_policy
-from mesa_swarm.learning.wire_learning import learn_one
-from mesa_swarm.learning.wire_policy import STARTS, propose
+from mesa_swarm.learning.wire_learning import STARTS, learn_one, propose
 
 
 def learning(robots=3, rng=1, **options):

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import solara
 
-from mesa_swarm.dashboard.notebook import swarm_canvas
 from mesa_swarm.gallery import find_model, model_names
+from mesa_swarm.viewing.canvas_widget import swarm_canvas
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # Mesa's and Solara's own, of what they take from each other

@@ -10,13 +10,12 @@ from support.forging import changed, put_together, taken_apart
 
 from mesa_swarm import SwarmModel
 from mesa_swarm.errors import InvalidValueError, RecordingError
-from mesa_swarm.experiments.recording_commands import class_of
-from mesa_swarm.exports.scenes import scene_of
 from mesa_swarm.models.boids import Boids
 from mesa_swarm.recording import Recording, sealed_stream, verify
 from mesa_swarm.recording.container import CODEC, LENGTH, MAGIC, from_bytes
-from mesa_swarm.recording.resume import resumed
+from mesa_swarm.recording.resume import resumed, shipped_class_of
 from mesa_swarm.recording.sealed_stream import SealedReader, SealedWriter
+from mesa_swarm.viewing.portrait import scene_of
 
 STEPS = 6
 FAR = 10**12
@@ -115,7 +114,7 @@ def test_no_module_is_imported_because_a_recording_names_it(parts, tmp_path, mon
     path = put_together(with_fact(parts, ("model",), {"module": module, "name": its_class}), tmp_path / "run.arrow")
     for read in (SwarmModel.resume, SwarmModel.verify, lambda path: verify(path, Boids)):
         refusal(read, path)
-    refusal(class_of, Recording(path))
+    refusal(shipped_class_of, Recording(path))
     assert scene_of(Recording(path)).start is None
     assert "trap_of_recordings" not in sys.modules
 

@@ -11,7 +11,7 @@ from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.models.learning_fires import LearningFires
 from mesa_swarm.recording import Recording, verify
-from mesa_swarm.recording.marks import Mark
+from mesa_swarm.recording.changes import Mark
 from mesa_swarm.robots.imperfections import ROBOTARIUM
 
 HAND, LAST = 12, 20

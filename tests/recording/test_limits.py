@@ -11,10 +11,9 @@ from mesa_swarm.errors import InvalidValueError, RecordingError
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording, collected, container, verify
 from mesa_swarm.recording.checkpoint import checkpoint_of, restore
-from mesa_swarm.recording.container import Checkpoint, from_bytes, to_bytes
-from mesa_swarm.recording.plain import Packed
-from mesa_swarm.recording.rerun import states_to
+from mesa_swarm.recording.container import Checkpoint, Packed, from_bytes, to_bytes
 from mesa_swarm.recording.schema import longest_gap
+from mesa_swarm.recording.verify import states_to
 
 
 class Collecting(SwarmModel):

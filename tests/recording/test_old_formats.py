@@ -9,10 +9,10 @@ from mesa_swarm.errors import RecordingError
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording, provenance, recorder, verify
 from mesa_swarm.recording.layout import Layout
+from mesa_swarm.recording.parts import summary
+from mesa_swarm.recording.recorder import Tape
 from mesa_swarm.recording.sealed_stream import CHANGE
-from mesa_swarm.recording.tape import Tape
-from mesa_swarm.recording.things import summary
-from mesa_swarm.viewing.worlds import worlds_of_recording
+from mesa_swarm.viewing.scene import worlds_of_recording
 
 
 def tell_only_what_there_is(tape, model):

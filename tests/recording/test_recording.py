@@ -7,7 +7,7 @@ from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Frame, Recording
-from mesa_swarm.recording.events import events_of
+from mesa_swarm.recording.frames import events_of
 
 
 def equal(one, two):

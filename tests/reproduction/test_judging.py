@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mesa_swarm.errors import UnknownNameError
 from mesa_swarm.experiments.statistics import Interval
 from mesa_swarm.reproduction import judging
-from mesa_swarm.reproduction.result import OUTCOMES, VERDICTS, Check, Result, verdict
+from mesa_swarm.reproduction.judging import OUTCOMES, VERDICTS, Check, Result, verdict
 
 numbers = st.floats(-1e6, 1e6)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from joblib import Parallel, delayed
 
-from mesa_swarm.learning.skills import BACK_OFF, SITUATIONS, WAIT
+from mesa_swarm.learning.fire_learning import BACK_OFF, SITUATIONS, WAIT
 from mesa_swarm.models.learning_fires import LearningFires
 
 pytestmark = pytest.mark.slow

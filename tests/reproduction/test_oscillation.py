@@ -6,7 +6,7 @@ is shown to be the cure that the thesis hoped for.
 
 import pytest
 
-from mesa_swarm.experiments.oscillation import oscillations
+from mesa_swarm.experiments.diagnosis import oscillations
 from mesa_swarm.experiments.statistics import paired_difference
 
 pytestmark = pytest.mark.slow

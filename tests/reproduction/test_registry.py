@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from mesa_swarm.errors import UnknownNameError
+from mesa_swarm.reproduction.judging import VERDICTS
 from mesa_swarm.reproduction.laboratory import Laboratory
 from mesa_swarm.reproduction.registry import find_item, items
-from mesa_swarm.reproduction.result import VERDICTS
 
 FIGURES = [
     *(f"4.{i}" for i in range(12, 17)),

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from mesa_swarm.models.fire_fighting import FireFighting
-from mesa_swarm.reproduction import fire_growth, learning_runs, strategy_map
+from mesa_swarm.reproduction import fire_fighting, fire_growth, learning
 from mesa_swarm.reproduction.complexity import exponents
-from mesa_swarm.reproduction.fire_runs import fire_model, grown_map, rhythm
+from mesa_swarm.reproduction.fire_fighting import fire_model, grown_map, rhythm
 from mesa_swarm.reproduction.maps import boxes, listed_boxes
-from mesa_swarm.reproduction.network_runs import regression_run
+from mesa_swarm.reproduction.networks import regression_run
 from mesa_swarm.world.map import Map
 
 
@@ -23,21 +23,21 @@ PLACE = {"robots": 5, "size": 1.0, "rest": 60.0}
 
 class TestCells:
     def test_more_fires_out_win(self):
-        cell = strategy_map.cell_of(PLACE, runs([6, 6, 6]), runs([7, 7, 7]))
+        cell = fire_fighting.cell_of(PLACE, runs([6, 6, 6]), runs([7, 7, 7]))
         assert (cell.winner, cell.out) == ("B", (6.0, 7.0))
-        assert strategy_map.cell_of(PLACE, runs([7] * 6), runs([6, 6, 5, 6, 6, 5])).winner == "A"
+        assert fire_fighting.cell_of(PLACE, runs([7] * 6), runs([6, 6, 5, 6, 6, 5])).winner == "A"
 
     def test_where_as_many_are_out_the_sooner_wins(self):
         first, second = runs([7] * 4, [500, 600, 700, 800]), runs([7] * 4, [400, 510, 590, 700])
-        assert strategy_map.cell_of(PLACE, first, second).winner == "B"
-        assert strategy_map.cell_of(PLACE, second, first).winner == "A"
+        assert fire_fighting.cell_of(PLACE, first, second).winner == "B"
+        assert fire_fighting.cell_of(PLACE, second, first).winner == "A"
 
     def test_where_chance_is_larger_nobody_wins(self):
-        assert strategy_map.cell_of(PLACE, runs([7, 6, 7]), runs([6, 7, 7])).winner == ""
+        assert fire_fighting.cell_of(PLACE, runs([7, 6, 7]), runs([6, 7, 7])).winner == ""
 
     def test_words_name_where_a_wins(self):
-        cells = [strategy_map.cell_of(PLACE, runs([7, 7, 7]), runs([6, 6, 6]))]
-        told = " ".join(strategy_map.winners_in_words(cells))
+        cells = [fire_fighting.cell_of(PLACE, runs([7, 7, 7]), runs([6, 6, 6]))]
+        told = " ".join(fire_fighting.winners_in_words(cells))
         assert "A in 1" in told
         assert "with 5 robots, fires 1 times as large and a rest of 60" in told
 
@@ -54,7 +54,7 @@ class TestFires:
         model = fire_model(3, "B").run(30)
         assert model.state_hash() == FireFighting(strategy="B", rng=3).run(30).state_hash()
 
-    @pytest.mark.parametrize("rest", strategy_map.RESTS)
+    @pytest.mark.parametrize("rest", fire_fighting.RESTS)
     def test_a_robot_works_in_proportion_to_its_rest(self, rest):
         wanted = rhythm(rest)
         assert wanted["leave"] / rest == pytest.approx(100 / 60)
@@ -76,17 +76,17 @@ class TestFires:
 
 class TestLearning:
     def test_a_robot_that_turns_at_a_distance_is_found_out(self):
-        places = learning_runs.PLACES
-        assert learning_runs.turning_distance(np.ones(len(places), bool)) == 0.0
+        places = learning.PLACES
+        assert learning.turning_distance(np.ones(len(places), bool)) == 0.0
         away = places > 30.2
-        assert learning_runs.turning_distance(away) == places[away][0]
+        assert learning.turning_distance(away) == places[away][0]
         islands = away | (places < 5)
-        assert learning_runs.turning_distance(islands) == places[away][0]
+        assert learning.turning_distance(islands) == places[away][0]
 
     def test_before_a_wall_the_front_sensor_reads_the_distance_and_those_behind_nothing(self):
-        distance, kind = learning_runs.readings_before_a_wall()
-        near = learning_runs.PLACES <= 50
-        assert np.allclose(distance[near, 0], learning_runs.PLACES[near])
+        distance, kind = learning.readings_before_a_wall()
+        near = learning.PLACES <= 50
+        assert np.allclose(distance[near, 0], learning.PLACES[near])
         assert (distance[~near, 0] == -1).all()
         assert (kind[:, -2:] == -1).all()
 

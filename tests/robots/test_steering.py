@@ -5,7 +5,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mesa_swarm.robots.steering import approach
+from mesa_swarm.robots.drive import approach
 
 bearings = st.floats(-math.pi, math.pi)
 

@@ -8,6 +8,6 @@ import pytest
 def recorded_in_full_chunks(model, path, steps):
     """Record a run; by the clock alone no chunk is written."""
     with pytest.MonkeyPatch.context() as patched, model.record(path):
-        patched.setattr("mesa_swarm.recording.tape.MOST_SECONDS", math.inf)
+        patched.setattr("mesa_swarm.recording.recorder.MOST_SECONDS", math.inf)
         model.run(steps)
     return path

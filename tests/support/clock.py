@@ -2,7 +2,7 @@
 
 from waiting import threads, wait_until
 
-from mesa_swarm.dashboard.play_loop import PlayLoop
+from mesa_swarm.viewing.play_loop import PlayLoop
 
 
 class Clock:

@@ -4,10 +4,10 @@ import pytest
 
 from mesa_swarm.control import PASS, Avoid
 from mesa_swarm.errors import InvalidValueError, check_number
-from mesa_swarm.model import SwarmModel
 from mesa_swarm.models.boids import Boids
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.robots.design import AGENT9
+from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.teaching import (
     Wish,
     check_estimate,

@@ -5,9 +5,8 @@ from hypothesis.extra.numpy import arrays
 
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.recording import Recording
-from mesa_swarm.viewing.chunks import _coded, packed_chunk
-from mesa_swarm.viewing.moments import Moment, moment_of_frame, moment_of_model
-from mesa_swarm.viewing.worlds import COLUMNS, world_of_model, worlds_of_recording
+from mesa_swarm.viewing.frame import Moment, _coded, moment_of_frame, moment_of_model, packed_chunk
+from mesa_swarm.viewing.scene import COLUMNS, world_of_model, worlds_of_recording
 from unpacking import Reader, unpacked_chunk
 
 WORLD = {

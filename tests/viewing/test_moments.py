@@ -8,8 +8,8 @@ from mesa_swarm.control import Avoid, Explore, Respond, Subsumption
 from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
-from mesa_swarm.viewing.moments import design_of, moment_of_frame, moment_of_model, packed_frame
-from mesa_swarm.viewing.worlds import world_at, world_of_model, worlds_of_recording
+from mesa_swarm.viewing.frame import design_of, moment_of_frame, moment_of_model, packed_frame
+from mesa_swarm.viewing.scene import world_at, world_of_model, worlds_of_recording
 from unpacking import unpacked_frame
 
 

@@ -9,7 +9,7 @@ from mesa_swarm.errors import InvalidValueError, RecordingError
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording, recorder
 from mesa_swarm.recording import provenance as written
-from mesa_swarm.viewing.reel import Reel
+from mesa_swarm.viewing.replay_page import Reel
 from unpacking import unpacked_chunk
 
 

@@ -4,7 +4,7 @@ import threading
 import pytest
 
 from mesa_swarm.recording import Recording
-from mesa_swarm.viewing.reel import Reel
+from mesa_swarm.viewing.replay_page import Reel
 from mesa_swarm.viewing.replay_server import ReplayServer
 from unpacking import unpacked_chunk
 

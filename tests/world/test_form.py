@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from mesa_swarm import disc, polygon, rectangle
-from mesa_swarm.world.form import Form, mean_distance
+from mesa_swarm.world.bodies import Form, mean_distance
 
 
 def test_a_form_lies_where_its_pose_says():

@@ -10,7 +10,7 @@ from shapely import Point
 from mesa_swarm import AGENT9, disc, rectangle
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import InvalidValueError, RemovedRobotError
-from mesa_swarm.world.load import Load
+from mesa_swarm.world.bodies import Load
 from scenes import ahead, blind, empty
 
 BOX = rectangle((200, 100), (240, 200))

@@ -6,8 +6,7 @@ from hypothesis import strategies as st
 from support.pace import work_within
 
 from mesa_swarm.errors import MapError
-from mesa_swarm.world.map import FireSpot, Map
-from mesa_swarm.world.map_legacy import read_legacy
+from mesa_swarm.world.map import FireSpot, Map, read_legacy
 from mesa_swarm.world.shapes import disc, rectangle
 
 ORIGINAL = """[

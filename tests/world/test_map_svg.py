@@ -15,8 +15,8 @@ from support.pace import work_within
 from mesa_swarm.errors import MapError
 from mesa_swarm.world import map_svg
 from mesa_swarm.world.map import FireSpot, Map
+from mesa_swarm.world.map_parts import stopping_when
 from mesa_swarm.world.map_svg import TOLERANCE_OF_SIDE
-from mesa_swarm.world.map_work import stopping_when
 from mesa_swarm.world.shapes import disc, polygon, rectangle
 
 TOLERANCE = 800 * TOLERANCE_OF_SIDE

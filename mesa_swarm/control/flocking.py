@@ -1,0 +1,404 @@
+"""Moving as neighbours move: velocity matching, and Reynolds's three rules.
+
+The layers command a velocity in the robot's own frame, forward and sideways to the left (`HolonomicDrive`), and
+are meant to be added up by `VectorSum`. Where Reynolds's birds know how their neighbours fly, these robots tell it
+from how the neighbours' perceived centroid moves.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from mesa_swarm.control.layer import Senses, centroids
+from mesa_swarm.errors import check_choice, check_name, check_number
+from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.physics.motion import sinc
+from mesa_swarm.robots.design import AXIS_X, AXIS_Y
+from mesa_swarm.robots.reasons import Moment, Reason
+from mesa_swarm.robots.sensors import LARGEST_RANGE
+from mesa_swarm.robots.swarm import Swarm
+from mesa_swarm.world.statics import ROBOT
+
+# How many steps in a row must be compared before there is an estimate.
+FEWEST = 3
+
+
+class Apparent:
+    """The estimated velocity of the visible centroid of each robot, kept in columns of the swarm.
+
+    The displacement m of the centroid between two steps, corrected for what the robot itself was told to drive
+    (it cannot know whether it slipped), is v = m / dt (5.3, corrected). A sensor sees no motion across its
+    sector, and a jump when what it sees passes to its neighbour, so v is the exponential mean over the last
+    `memory` steps. Displacements longer than `jump` are others coming into sight or leaving it: not counted.
+
+    Parameters
+    ----------
+    swarm : Swarm
+    prefix : str
+        Of the columns' names.
+    memory : float
+        Steps, at least 1.
+    jump : float
+        Map units.
+    turns : bool
+        Whether commands are wheel speeds left and right, which turn the body; else forward and sideways.
+    """
+
+    def __init__(self, swarm: Swarm, prefix: str, memory: float, jump: float, turns: bool) -> None:
+        self._swarm, self._prefix, self._turns = swarm, prefix, turns
+        self._share, self._jump = 1.0 / memory, jump
+        swarm.remember(f"{prefix}.centroid", (2,), np.float64, 0.0)
+        swarm.remember(f"{prefix}.velocity", (2,), np.float64, 0.0)
+        swarm.remember(f"{prefix}.seen", (), np.int64, 0)
+        swarm.remember(f"{prefix}.compared", (), np.int64, 0)
+
+    def update(self, senses: Senses) -> tuple[np.ndarray, np.ndarray]:
+        """Take in this step's readings; return velocity (n, 2) in the robot's frame, and steps compared (n,)."""
+        centroid, seen = centroids(senses)
+        columns = self._swarm.columns
+        before, velocity = columns[f"{self._prefix}.centroid"], columns[f"{self._prefix}.velocity"]
+        seen_before, compared = columns[f"{self._prefix}.seen"], columns[f"{self._prefix}.compared"]
+        track(
+            centroid, seen, senses.last_command, senses.radius, self._turns, self._share, self._jump,
+            before, seen_before, velocity, compared,
+        )  # fmt: skip
+        return velocity, compared
+
+
+@compiled
+def track(centroid, seen, command, radius, turns, share, jump, before, seen_before, velocity, compared):
+    """Bring the estimates up to date, and remember what is seen now."""
+    for i in range(centroid.shape[0]):
+        ahead, left, turn = command[i, 0], command[i, 1], 0.0
+        if turns:
+            turn = (command[i, 1] - command[i, 0]) / (2.0 * radius[i])
+            chord = 0.5 * (command[i, 0] + command[i, 1]) * sinc(0.5 * turn)
+            ahead, left = chord * math.cos(0.5 * turn), chord * math.sin(0.5 * turn)
+        cosine, sine = math.cos(turn), math.sin(turn)
+        # Everything is told in the frame that the robot has now: turned by `turn`, moved by (ahead, left).
+        x, y = before[i, 0] - ahead, before[i, 1] - left
+        moved_x = centroid[i, 0] - (cosine * x + sine * y)
+        moved_y = centroid[i, 1] - (cosine * y - sine * x)
+        vx, vy = velocity[i, 0], velocity[i, 1]
+        vx, vy = cosine * vx + sine * vy, cosine * vy - sine * vx
+        if seen[i] == 0:
+            vx, vy, compared[i] = 0.0, 0.0, 0
+        elif seen_before[i] > 0 and math.hypot(moved_x, moved_y) <= jump:
+            compared[i] += 1
+            weight = max(share, 1.0 / compared[i])
+            vx += weight * (moved_x - vx)
+            vy += weight * (moved_y - vy)
+        velocity[i, 0], velocity[i, 1] = vx, vy
+        before[i, 0], before[i, 1] = centroid[i, 0], centroid[i, 1]
+        seen_before[i] = seen[i]
+
+
+@dataclass(kw_only=True)
+class MatchVelocity:
+    """Drive the arc that takes the robot as far, and in the same direction, as its neighbours moved.
+
+    In one step a robot can reach the point T = m, the displacement of the visible centroid in a step, along
+    an arc that begins in its own direction; T must lie ahead. Wheels that would have to turn faster than
+    they can are slowed together, so that the robot keeps to the arc and needs several steps.
+
+    Active when robots have been seen for a few steps, their centroid moves by at least `slowest`, and T
+    lies within 90 degrees. Others, and robots whose neighbours stand still (which would otherwise stand still
+    together for ever), are left to the layers below.
+
+    Parameters
+    ----------
+    memory : float
+        Steps over which the neighbours' velocity is averaged, at least 1: sensors that tell no direction
+        inside their sectors make single steps useless.
+    jump : float
+        The centroid of the same neighbours moves at most this far in a step, map units, above 0; where it
+        seems to move farther others have come or gone, and the step is not counted.
+    slowest : float
+        Share of max_speed below which the neighbours count as standing still, 0 to 1.
+
+    Examples
+    --------
+    >>> MatchVelocity(memory=10).slowest
+    0.1
+    """
+
+    memory: float = 20.0
+    jump: float = 15.0
+    slowest: float = 0.1
+    name: str = "MatchVelocity"
+    commands_wheels: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        check_name("name", self.name)
+        check_number("MatchVelocity's memory", self.memory, minimum=1, maximum=1e6)
+        check_number("MatchVelocity's jump", self.jump, above=0)
+        check_number("MatchVelocity's slowest", self.slowest, minimum=0, maximum=1)
+
+    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
+        """Remember where the centroid was, and how it moves."""
+        self._apparent = Apparent(swarm, prefix, float(self.memory), float(self.jump), True)
+
+    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
+        """Drive the robots that know how others move."""
+        velocity, compared = self._apparent.update(senses)
+        drive_arcs(
+            velocity, compared, FEWEST, float(self.slowest), senses.max_speed, senses.radius, command, layer, index
+        )
+
+    def reason(self, moment: Moment) -> Reason:
+        """Say whom it matches."""
+        seeing = moment.seeing(ROBOT)
+        return Reason(f"it matches the motion of the robots that {len(seeing)} of its sensors see", tuple(seeing))
+
+
+@compiled
+def drive_arcs(velocity, compared, fewest, slowest, max_speed, radius, command, layer, index):
+    """Write the commands of robots that know their neighbours' velocity and are driven by no earlier layer."""
+    for i in range(layer.shape[0]):
+        x, y = velocity[i, 0], velocity[i, 1]
+        length = math.hypot(x, y)
+        if layer[i] >= 0 or compared[i] < fewest or x <= 0.0 or length < slowest * max_speed[i]:
+            continue
+        bearing = math.atan2(y, x)
+        # The chord of an arc that turns by 2 b points along b, and is sinc(b) times as long as the arc.
+        speed, rim = length / sinc(bearing), 2.0 * bearing * radius[i]
+        share = min(1.0, max_speed[i] / (speed + abs(rim)))
+        command[i, 0] = share * (speed - rim)
+        command[i, 1] = share * (speed + rim)
+        layer[i] = index
+
+
+WHAT = ("robots", "others", "everything")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Separate:
+    """Move away from what is near: the nearer, the faster.
+
+    Active when a sensor sees something nearer than `distance`. Each such sensor adds a vector away from what it
+    sees, of length 1 - reading / distance; the sum, at most 1 long, times max_speed is the velocity.
+
+    Parameters
+    ----------
+    distance : float
+        Map units, above 0.
+    what : str
+        "robots", "others" (obstacles, fires, loads) or "everything".
+
+    Examples
+    --------
+    >>> Separate(distance=10, what="robots").name
+    'Separate'
+    """
+
+    distance: float = 15.0
+    what: str = "everything"
+    name: str = "Separate"
+    commands_wheels: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        check_name("name", self.name)
+        check_number("Separate's distance", self.distance, above=0, maximum=LARGEST_RANGE)
+        check_choice("what", self.what, WHAT)
+
+    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
+        """Remember nothing."""
+
+    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
+        """Write velocities away from what is near."""
+        what = WHAT.index(self.what)
+        separate_from(
+            senses.distance, senses.kind, senses.sensors, senses.design, senses.max_speed, float(self.distance), what,
+            command, layer, index,
+        )  # fmt: skip
+
+    def reason(self, moment: Moment) -> Reason:
+        """Say what is near."""
+        near = [int(s) for s in np.flatnonzero(moment.kind >= 0) if moment.distance[s] < self.distance]
+        seeing = [s for s in near if WHAT[int(moment.kind[s] != ROBOT)] == self.what or self.what == "everything"]
+        return Reason("near: " + ", ".join(map(moment.reading, seeing)), tuple(seeing))
+
+
+@compiled
+def separate_from(distance, kind, sensors, design, max_speed, near, what, command, layer, index):
+    """Write velocities away from what is nearer than `near`, of robots that are driven by no earlier layer."""
+    for i in range(layer.shape[0]):
+        if layer[i] >= 0:
+            continue
+        d, x, y, count = design[i], 0.0, 0.0, 0
+        for s in range(distance.shape[1]):
+            meant = what == 2 or (kind[i, s] == ROBOT) == (what == 0)
+            if kind[i, s] >= 0 and meant and distance[i, s] < near:
+                weight = 1.0 - distance[i, s] / near
+                x -= weight * sensors[d, s, AXIS_X]
+                y -= weight * sensors[d, s, AXIS_Y]
+                count += 1
+        if count:
+            share = max_speed[i] / max(1.0, math.hypot(x, y))
+            command[i, 0], command[i, 1] = share * x, share * y
+            layer[i] = index
+
+
+@dataclass(kw_only=True)
+class Align:
+    """Move as the neighbours move.
+
+    Active when robots have been seen for a few steps; see `Apparent` in `control.apparent`.
+
+    Parameters
+    ----------
+    memory : float
+        Steps over which the neighbours' velocity is averaged, at least 1.
+    jump : float
+        The centroid of the same neighbours moves at most this far in a step, map units, above 0.
+
+    Examples
+    --------
+    >>> Align(memory=5).name
+    'Align'
+    """
+
+    memory: float = 10.0
+    jump: float = 15.0
+    name: str = "Align"
+    commands_wheels: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        check_name("name", self.name)
+        check_number("Align's memory", self.memory, minimum=1, maximum=1e6)
+        check_number("Align's jump", self.jump, above=0)
+
+    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
+        """Remember where the centroid was, and how it moves."""
+        self._apparent = Apparent(swarm, prefix, float(self.memory), float(self.jump), False)
+
+    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
+        """Write the neighbours' velocities."""
+        velocity, compared = self._apparent.update(senses)
+        align(velocity, compared, FEWEST, senses.max_speed, command, layer, index)
+
+    def reason(self, moment: Moment) -> Reason:
+        """Say whom it matches."""
+        seeing = moment.seeing(ROBOT)
+        return Reason(f"it moves as the robots that {len(seeing)} of its sensors see", tuple(seeing))
+
+
+@compiled
+def align(velocity, compared, fewest, max_speed, command, layer, index):
+    """Write the neighbours' velocities, at most max_speed, of robots that are driven by no earlier layer."""
+    for i in range(layer.shape[0]):
+        if layer[i] >= 0 or compared[i] < fewest:
+            continue
+        length = math.hypot(velocity[i, 0], velocity[i, 1])
+        share = min(1.0, max_speed[i] / length) if length > 0.0 else 0.0
+        command[i, 0], command[i, 1] = share * velocity[i, 0], share * velocity[i, 1]
+        layer[i] = index
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cohere:
+    """Move towards the perceived centroid of the neighbours, slower as it gets near.
+
+    Active when a robot is seen.
+
+    Parameters
+    ----------
+    distance : float
+        Centroids nearer than this, map units, above 0, are approached more slowly: by their share of it.
+
+    Examples
+    --------
+    >>> Cohere().distance
+    40.0
+    """
+
+    distance: float = 40.0
+    name: str = "Cohere"
+    commands_wheels: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        check_name("name", self.name)
+        check_number("Cohere's distance", self.distance, above=0, maximum=LARGEST_RANGE)
+
+    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
+        """Remember nothing."""
+
+    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
+        """Write velocities towards the centroid."""
+        centroid, seen = centroids(senses)
+        cohere(centroid, seen, senses.max_speed, float(self.distance), command, layer, index)
+
+    def reason(self, moment: Moment) -> Reason:
+        """Say how far the centroid is."""
+        seeing = moment.seeing(ROBOT)
+        away = math.hypot(*moment.position_of(seeing))
+        return Reason(f"the centroid of the robots it sees is {away:.1f} away", tuple(seeing))
+
+
+@compiled
+def cohere(centroid, seen, max_speed, near, command, layer, index):
+    """Write velocities towards the centroid, of robots that are driven by no earlier layer."""
+    for i in range(layer.shape[0]):
+        if layer[i] >= 0 or seen[i] == 0:
+            continue
+        share = max_speed[i] / max(near, math.hypot(centroid[i, 0], centroid[i, 1]))
+        command[i, 0], command[i, 1] = share * centroid[i, 0], share * centroid[i, 1]
+        layer[i] = index
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cruise:
+    """Go on in the direction in which the robot was last told to go; at first, ahead. Always active.
+
+    Parameters
+    ----------
+    speed : float
+        Share of max_speed, 0 to 1.
+
+    Examples
+    --------
+    >>> Cruise(speed=0.5).name
+    'Cruise'
+    """
+
+    speed: float = 0.7
+    name: str = "Cruise"
+    commands_wheels: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        """Check the parameter."""
+        check_name("name", self.name)
+        check_number("Cruise's speed", self.speed, minimum=0, maximum=1)
+
+    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
+        """Remember nothing: the last command is enough."""
+
+    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
+        """Write velocities along the last command."""
+        cruise(senses.last_command, senses.max_speed, float(self.speed), command, layer, index)
+
+    def reason(self, moment: Moment) -> Reason:
+        """Say that nothing is needed for it."""
+        return Reason("it goes on as before")
+
+
+@compiled
+def cruise(last_command, max_speed, share, command, layer, index):
+    """Write velocities along the last command, of robots that are driven by no earlier layer."""
+    for i in range(layer.shape[0]):
+        if layer[i] >= 0:
+            continue
+        x, y = last_command[i, 0], last_command[i, 1]
+        length = math.hypot(x, y)
+        if length > 0.0:
+            x, y = x / length, y / length
+        else:
+            x, y = 1.0, 0.0
+        command[i, 0], command[i, 1] = share * max_speed[i] * x, share * max_speed[i] * y
+        layer[i] = index

@@ -1,0 +1,214 @@
+"""Buttons, downloads and uploads of the page."""
+
+import threading
+from collections.abc import Callable, Generator
+from pathlib import Path
+from typing import Protocol
+
+import anywidget
+import solara
+import traitlets
+from reacton import ipyvuetify as rv
+
+
+@solara.component
+def Button(
+    label: str, act: Callable[[], object], class_: str = "", pressed: bool | None = None, enabled: bool = True
+) -> None:
+    """Show a button; of those that are pressed or not, whether this one is."""
+    about = {"type": "button"} | ({} if enabled else {"disabled": True})
+    if pressed is not None:
+        about["aria-pressed"] = "true" if pressed else "false"
+    button = rv.Html(tag="button", class_=class_, attributes=about, children=[label])
+    rv.use_event(button, "click", lambda *_: act())
+
+
+@solara.component
+def Item(name: str, act: Callable[[], object], more: str = "", chosen: bool = False) -> None:
+    """Show one line of a list as a button."""
+    about = {"type": "button"} | ({"aria-current": "true"} if chosen else {})
+    children = [name, rv.Html(tag="small", children=[more])] if more else [name]
+    button = rv.Html(tag="button", attributes=about, children=children)
+    rv.use_event(button, "click", lambda *_: act())
+
+
+@solara.component
+def TroubleCard(title: str, *texts: str, way_out: tuple[str, Callable[[], object]] | None = None) -> None:
+    """Show what went wrong, and a button that leads out of it."""
+    with rv.Html(tag="section", class_="swarm-trouble", attributes={"role": "alert"}):
+        if title:
+            rv.Html(tag="h2", children=[title])
+        for text in texts:
+            rv.Html(tag="p", children=[text])
+        if way_out:
+            label, act = way_out
+            solara.Button(label, act, color="primary")
+
+
+PIECE = 1_000_000
+TYPES = {
+    ".png": "image/png",
+    ".svg": "image/svg+xml",
+    ".gif": "image/gif",
+    ".mp4": "video/mp4",
+    ".html": "text/html",
+    ".csv": "text/csv",
+}
+
+
+# Each with whether it is the last one.
+Pieces = Generator[tuple[bytes, bool], None, None]
+
+
+class Downloads:
+    """Sends files; the next piece of one goes when the browser asks for it.
+
+    Parameters
+    ----------
+    widget : AnyWidget
+        Whose module has `Downloads` of downloads.js.
+
+    Examples
+    --------
+    >>> list(pieces_of(b"abcde", 2))
+    [(b'ab', False), (b'cd', False), (b'e', True)]
+    """
+
+    def __init__(self, widget: anywidget.AnyWidget) -> None:
+        self._widget = widget
+        self._lock = threading.Lock()
+        self._open: dict[int, tuple[str, Pieces]] = {}
+        self._number = 0
+
+    def send(self, name: str, content: bytes | Path) -> None:
+        """Hand over a file under a name."""
+        with self._lock:
+            self._number += 1
+            number = self._number
+            self._open[number] = name, pieces_of(content, PIECE)
+        self.hear({"do": "more", "value": number})
+
+    def hear(self, message: dict) -> bool:
+        """Send the next piece, if that is what is asked for; return whether it was."""
+        if message.get("do") != "more":
+            return False
+        with self._lock:
+            number = message.get("value")
+            if number not in self._open:
+                return True
+            name, pieces = self._open[number]
+            piece, last = next(pieces)
+            if last:
+                pieces.close()
+                del self._open[number]
+        kind = TYPES.get(Path(name).suffix, "application/octet-stream")
+        self._widget.send({"kind": "file", "number": number, "name": name, "type": kind, "last": last}, [piece])
+        return True
+
+    def close(self) -> None:
+        """Let go of what was not asked for."""
+        with self._lock:
+            for _, pieces in self._open.values():
+                pieces.close()
+            self._open.clear()
+
+
+def pieces_of(content: bytes | Path, size: int) -> Pieces:
+    """Yield the pieces of bytes or of a file, and whether each is the last one."""
+    if isinstance(content, bytes):
+        for start in range(0, max(len(content), 1), size):
+            yield content[start : start + size], start + size >= len(content)
+        return
+    with content.open("rb") as file:
+        piece = file.read(size)
+        while True:
+            following = file.read(size)
+            yield piece, not following
+            if not following:
+                return
+            piece = following
+
+
+class Receiver(Protocol):
+    """Whoever takes a file: piece by piece, and may refuse."""
+
+    def begin_upload(self, name: str, size: int) -> bool:
+        """Return whether a file may come."""
+
+    def take(self, piece: bytes) -> bool:
+        """Take a piece; return whether more may come."""
+
+    def end_upload(self) -> None:
+        """Take note that all has come."""
+
+
+class FilePicker(anywidget.AnyWidget):
+    """A button that opens the browser's choice of files.
+
+    Parameters
+    ----------
+    label : str
+    accept : str
+        Endings of names, as HTML has them.
+    """
+
+    _esm = """
+    export default {
+      render({ model, el }) {
+        const file = document.createElement("input"), button = document.createElement("button");
+        Object.assign(file, { type: "file", accept: model.get("accept"), hidden: true });
+        file.setAttribute("aria-label", model.get("label"));
+        Object.assign(button, { type: "button", textContent: model.get("label") });
+        let chosen = null, from = 0;
+        const next = async () => {
+          const part = await chosen.slice(from, from + model.get("piece")).arrayBuffer();
+          from += part.byteLength;
+          model.send({ do: "piece", last: from >= chosen.size }, undefined, [part]);
+        };
+        const hear = (message) => chosen && (message.go ? next() : (chosen = null));
+        button.addEventListener("click", () => file.click());
+        file.addEventListener("change", () => {
+          [chosen, from] = [file.files[0], 0];
+          if (chosen) model.send({ do: "begin", name: chosen.name, size: chosen.size });
+          file.value = "";
+        });
+        model.on("msg:custom", hear);
+        el.append(file, button);
+        return () => model.off("msg:custom", hear);
+      },
+    };
+    """
+    label = traitlets.Unicode("Upload").tag(sync=True)
+    accept = traitlets.Unicode("").tag(sync=True)
+    piece = traitlets.Int(PIECE).tag(sync=True)
+
+
+class Upload:
+    """Lets a button hand its files to a receiver.
+
+    Parameters
+    ----------
+    picker : FilePicker
+    receiver : Receiver
+    """
+
+    def __init__(self, picker: FilePicker, receiver: Receiver) -> None:
+        self.picker, self.receiver = picker, receiver
+        self._hear = lambda _, message, buffers: self.act(message, buffers)
+        picker.on_msg(self._hear)
+
+    def act(self, message: dict, buffers: list) -> None:
+        """Do what the browser asks for."""
+        match message.get("do"):
+            case "begin":
+                goes_on = self.receiver.begin_upload(str(message.get("name", "")), int(message.get("size", 0)))
+                self.picker.send({"go": goes_on})
+            case "piece" if buffers:
+                goes_on = self.receiver.take(bytes(buffers[0])) and not message.get("last")
+                self.picker.send({"go": goes_on})
+                if message.get("last"):
+                    self.receiver.end_upload()
+
+    def close(self) -> None:
+        """Part them."""
+        self.picker.on_msg(self._hear, remove=True)

@@ -1,0 +1,165 @@
+"""FireModel: the engine's model with fires, which burn, heat robots and are put out by them."""
+
+import os
+from collections.abc import Iterator, Sequence
+
+import mesa
+import numpy as np
+
+from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
+from mesa_swarm.fire.burning import burn
+from mesa_swarm.fire.constants import FireConstants, design_constants
+from mesa_swarm.fire.fires import Fire, Fires
+from mesa_swarm.model import EngineModel
+from mesa_swarm.robots.radio import Radio
+from mesa_swarm.streams import Seed
+from mesa_swarm.world.map import RADIUS_OF_UNIT_AREA, Map
+from mesa_swarm.world.shapes import disc
+from mesa_swarm.world.statics import FIRE
+
+
+class FireModel(EngineModel):
+    """A world of robots, obstacles, loads and fires, advanced step by step; `SwarmModel` adds recordings.
+
+    Parameters
+    ----------
+    map, rng, engine, turn_angle_degrees, fire_constants, extinguish_range, history_every, collect_every
+        See `SwarmModel`, as for all others.
+    """
+
+    def __init__(
+        self,
+        *,
+        map: str | os.PathLike | Map = "openspace",
+        rng: Seed = None,
+        engine: str = "compiled",
+        turn_angle_degrees: float = 60.0,
+        fire_constants: FireConstants | None = None,
+        extinguish_range: float = 10.0,
+        history_every: int = 1,
+        collect_every: int = 1,
+        communication: Radio | None = None,
+        model_reporters: dict | None = None,
+        agent_reporters: dict | None = None,
+    ) -> None:
+        self.extinguish_range = check_number("extinguish_range", extinguish_range, minimum=0, maximum=1e9)
+        self.fires = Fires(check_count("history_every", history_every))
+        self._burns = False
+        super().__init__(
+            map=map,
+            rng=rng,
+            engine=engine,
+            turn_angle_degrees=turn_angle_degrees,
+            collect_every=collect_every,
+            communication=communication,
+            model_reporters=model_reporters,
+            agent_reporters=agent_reporters,
+        )
+        self.space.attach(self.fires)
+        for spot in self.map.fires:
+            self.add_fire(spot.position, radius=spot.radius, temperature=spot.temperature)
+        self.fire_constants = design_constants() if fire_constants is None else fire_constants
+
+    def __repr__(self) -> str:
+        counts = f"{len(self.swarm)} robots, {len(self.fires)} fires"
+        return f"<{type(self).__name__} on map {self.map.name}, step {self.steps}: {counts}>"
+
+    @property
+    def fire_constants(self) -> FireConstants:
+        """The constants of the fires and of the heat in robots; may be changed between steps."""
+        return self._fire_constants
+
+    @fire_constants.setter
+    def fire_constants(self, constants: FireConstants) -> None:
+        if not isinstance(constants, FireConstants):
+            raise InvalidValueError(
+                f"fire_constants is {shortened(constants)}; expected what design_constants() returns"
+            )
+        self._fire_constants = constants
+
+    def add_fire(
+        self,
+        position: Sequence[float],
+        *,
+        radius: float | None = None,
+        area: float | None = None,
+        temperature: float = 1.0,
+    ) -> Fire:
+        """Add a fire and return its agent.
+
+        Parameters
+        ----------
+        position : (x, y)
+            Within the map.
+        radius, area : float
+            Either or both; area = (radius / 10) ** 2 unless both are given.
+        temperature : float
+            Above 0, at most 1.
+        """
+        point = self._checked_point(position)
+        if radius is None and area is None:
+            raise InvalidValueError("add_fire got neither radius nor area; give one of them")
+        if radius is None:
+            radius = RADIUS_OF_UNIT_AREA * np.sqrt(check_number("area", area, above=0, maximum=1e12))
+        radius = check_number("radius", radius, above=0, maximum=1e6)
+        area = (radius / RADIUS_OF_UNIT_AREA) ** 2 if area is None else area
+        check_number("area", area, above=0, maximum=1e12)
+        check_number("temperature", temperature, above=0, maximum=1)
+        self._check_clear_of_loads("fire", disc(point, radius))
+        row = self.fires.add(point, radius, area, temperature)
+        fire = Fire(self.space, self, self.fires, row)
+        self.fires.agents.append(fire)
+        self._burns = True
+        self._scene_changed()
+        return fire
+
+    def fires_changed(self, index: int) -> None:
+        """Take note that a fire was removed: nobody fights it any more."""
+        self.swarm.forget_contact(FIRE, index)
+        self.swarm.columns["fire"].fill(-1)
+        self.obstacles_changed()
+
+    def _process(self) -> None:
+        """Let fires burn and heat robots."""
+        if not self._burns:
+            return
+        if self._snapshots is not None:
+            self._snapshots.note()
+        columns, fires, c = self.swarm.columns, self.fires.columns, self.fire_constants
+        scene = self._current_scene()
+        went_out = burn(
+            columns["position"],
+            columns["radius"],
+            scene.fires,
+            fires["area"],
+            (c.k1, c.k2, c.k3, c.k4, c.leave, c.join),
+            self.extinguish_range,
+            self.steps,
+            fires["temperature"],
+            fires["out"],
+            fires["out_step"],
+            fires["robots"],
+            columns["temperature"],
+            columns["heat"],
+            columns["hot"],
+            columns["fire"],
+        )
+        if went_out:
+            scene.statics.mark_burning(~fires["out"])
+
+    def _collect(self) -> None:
+        history = self.fires.history
+        if self._burns and history.every and self._completed % history.every == 0:
+            fires = self.fires
+            history.append(self.steps, fires.temperature, fires.robots, fires.out)
+        super()._collect()
+
+    def _hot_discs(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.fires.discs, self.fires.columns["temperature"]
+
+    def _hot_agents(self) -> Sequence[mesa.Agent]:
+        return self.fires.agents
+
+    def _hashed_columns(self) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
+        yield from super()._hashed_columns()
+        yield "fires", self.fires.columns

@@ -1,0 +1,194 @@
+"""SwarmModel: the engine's model with fires, and with what it takes to record, resume, verify and show it."""
+
+import os
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Self
+
+from mesa_swarm.errors import SwarmError
+from mesa_swarm.fire.model import FireModel
+
+if TYPE_CHECKING:  # optional, or slow to load
+    from mesa_swarm.recording.recorder import Recorder
+    from mesa_swarm.recording.verify import Verification
+    from mesa_swarm.viewing.canvas_widget import SwarmCanvas
+
+
+class SwarmModel(FireModel):
+    """A world of robots, obstacles and fires, advanced step by step.
+
+    Parameters
+    ----------
+    map : str, path or Map
+        A built-in map (original, sparse, openspace, openspace_fire), a file (.toml, .svg, .map), or a Map.
+    rng : int, SeedSequence, Generator or None
+        Seed of everything random. The same seed gives the same bits.
+    engine : str
+        "compiled", or "shapely": slow and readable, the oracle of the first.
+    turn_angle_degrees : float
+        A robot whose travel is farther than this from the normal of a flat face that it meets is turned
+        parallel to it; 0 to 90.
+    fire_constants : FireConstants, optional
+        From `design_constants`, whose defaults are used otherwise.
+    extinguish_range : float
+        A robot whose body is this near to a fire's edge can fight it and takes its heat, at least 0.
+    history_every : int
+        Steps between two rows of `fires.history`; 0 keeps none.
+    collect_every : int
+        Steps between two rows of `datacollector`, 1 for each step; 0 collects nothing.
+    communication : Radio, optional
+        How robots broadcast to each other; by default they do not.
+    model_reporters, agent_reporters : dict, optional
+        More of what Mesa's DataCollector collects, besides `collisions` and
+        `total_collisions`.
+
+    Attributes
+    ----------
+    swarm : Swarm
+        The robots' columns.
+    fires : Fires
+        The fires' columns.
+    space : Arena
+    datacollector : mesa.DataCollector
+
+    Examples
+    --------
+    >>> from mesa_swarm import AGENT9, SwarmModel
+    >>> from mesa_swarm.control import Avoid, Explore, Subsumption
+    >>> model = SwarmModel(map="original", rng=1)
+    >>> robots = model.add_robots(AGENT9, 5)
+    >>> model.control = Subsumption(Avoid(distance=15), Explore())
+    >>> model.run(10).steps
+    10
+    """
+
+    def record(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        every: int = 1,
+        columns: Sequence[str] | None = None,
+        exact: bool = False,
+        overwrite: bool = False,
+        rerun: bool = True,
+        checkpoint_every: int = 1000,
+    ) -> "Recorder":
+        """Write the model after each of the next steps to a file; see `mesa_swarm.recording.record`.
+
+        Parameters
+        ----------
+        path : str or Path
+        every : int
+            Steps from one row to the next.
+        columns : sequence of str, optional
+            Of the swarm, and "fires", "contacts", "loads"; by default what one needs to look at the run.
+        exact : bool
+            Whether real numbers keep all 64 bits.
+        overwrite : bool
+            Whether a file that is there is replaced.
+        rerun : bool
+            Whether the model must be one that can be run again from what the file says of it.
+        checkpoint_every : int
+            Steps from one checkpoint, from which `resume` goes on, to the next; 0 stores none.
+
+        Returns
+        -------
+        Recorder
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from mesa_swarm import SwarmModel
+        >>> model = SwarmModel(rng=1)
+        >>> with tempfile.TemporaryDirectory() as folder, model.record(f"{folder}/run.arrow", every=5) as recorder:
+        ...     len(model.run(20) and recorder)
+        4
+        """
+        from mesa_swarm.recording.recorder import record  # noqa: PLC0415 - slow to load
+
+        return record(
+            self,
+            path,
+            every=every,
+            columns=columns,
+            exact=exact,
+            overwrite=overwrite,
+            rerun=rerun,
+            checkpoint_every=checkpoint_every,
+        )
+
+    @classmethod
+    def resume(
+        cls, path: str | os.PathLike[str], *, step: int | None = None, progress: bool = False, **changes: object
+    ) -> Self:
+        """Return the model as it was after a step of a recording; see `mesa_swarm.recording.resume`.
+
+        Parameters
+        ----------
+        path : str or Path
+        step : int, optional
+            By default the last one recorded.
+        progress : bool
+            Whether to show a bar of the steps that are run again.
+        **changes
+            Parameters of the model that are other from then on.
+
+        Returns
+        -------
+        SwarmModel
+            Of this class. At a step after which something was changed by hand, with that change.
+        """
+        from mesa_swarm.recording.resume import resume  # noqa: PLC0415 - slow to load
+
+        return resume(cls, path, step=step, progress=progress, **changes)
+
+    @classmethod
+    def verify(cls, path: str | os.PathLike[str], *, progress: bool = False) -> "Verification":
+        """Run a recorded model again and compare every row; see `mesa_swarm.recording.verify`.
+
+        Parameters
+        ----------
+        path : str or Path
+            Of a recording of this class, or of one that is derived from it.
+        progress : bool
+            Whether to show a bar.
+
+        Returns
+        -------
+        Verification
+        """
+        from mesa_swarm.recording.recording import Recording  # noqa: PLC0415 - slow to load
+        from mesa_swarm.recording.resume import class_of  # noqa: PLC0415
+        from mesa_swarm.recording.verify import verify  # noqa: PLC0415
+
+        recording = Recording(path)
+        return verify(recording, class_of(recording, cls), progress)
+
+    def show(self, *, speed: float = 60.0, height: int = 560) -> "SwarmCanvas":
+        """Return a widget for notebooks on which the model is seen and played; needs the extra `dashboard`.
+
+        What a program steps is shown as well. Where no widget can live, there is a picture instead.
+
+        Parameters
+        ----------
+        speed : float
+            Steps a second when it is played, above 0, at most 1000.
+        height : int
+            Of the widget, 100 to 10,000 pixels.
+
+        Returns
+        -------
+        SwarmCanvas
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel
+        >>> type(SwarmModel(rng=1).show()).__name__
+        'SwarmCanvas'
+        """
+        try:
+            from mesa_swarm.viewing.canvas_widget import show  # noqa: PLC0415 - optional
+        except ModuleNotFoundError as error:
+            raise SwarmError(
+                f"show needs {error.name}; install it with: pip install 'mesa-swarm[dashboard]'"
+            ) from error
+        return show(self, speed=speed, height=height)

@@ -1,0 +1,325 @@
+"""Animated SVG of a recording."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from math import ceil, floor, log10
+from pathlib import Path
+from xml.sax.saxutils import escape
+
+import numpy as np
+import shapely
+from matplotlib.colors import to_hex
+
+from mesa_swarm.errors import ExportError, InvalidValueError
+from mesa_swarm.files import write_whole
+from mesa_swarm.progress import Progress, progress_bar
+from mesa_swarm.recording.frames import Frame
+from mesa_swarm.viewing import pictures
+from mesa_swarm.viewing.pictures import USUAL
+from mesa_swarm.viewing.portrait import Portraits
+from mesa_swarm.world.shapes import Shape
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Clock:
+    """When the values of an animation count.
+
+    Parameters
+    ----------
+    moments : int
+        How many values there are, at least 2: the first at the beginning, the last at the end.
+    seconds : float
+        From the beginning to the end, whereupon it begins again.
+    """
+
+    moments: int
+    seconds: float
+
+    @property
+    def _repeat(self) -> str:
+        return f'dur="{self.seconds:.6g}s" repeatCount="indefinite"'
+
+    def moving(self, kind: str, rows: np.ndarray, digits: int, added: bool = False) -> str:
+        """Return what moves or turns an element evenly through rows of numbers; one value if they are all the same.
+
+        The first animation of an element replaces its transform, so that all have to be there.
+
+        Examples
+        --------
+        >>> Clock(moments=2, seconds=1.0).moving("translate", np.array([[0.0, 1.0], [2.5, 1.0]]), 1)[-71:]
+        'type="translate" values="0 1;2.5 1" dur="1s" repeatCount="indefinite"/>'
+        """
+        texts = [number_row(row, digits) for row in rows.tolist()]
+        texts = texts if len(set(texts)) > 1 else texts[:1]
+        more = ' additive="sum"' if added else ""
+        shown = ";".join(texts)
+        return f'<animateTransform attributeName="transform"{more} type="{kind}" values="{shown}" {self._repeat}/>'
+
+    def jumping(self, name: str, values: Sequence[str], tag: str = "animate", more: str = "") -> str:
+        """Return what changes an attribute at once wherever the value differs from the one before.
+
+        Examples
+        --------
+        >>> Clock(moments=3, seconds=2.0).jumping("fill", ["red", "red", "blue"])[50:81]
+        'values="red;blue" keyTimes="0;1'
+        """
+        kept = [i for i in range(len(values)) if i == 0 or values[i] != values[i - 1]]
+        if len(kept) == 1:
+            return ""
+        # Rounded down: at its moment a value counts already, as it does in what moves.
+        times = ";".join(f"{floor(1e5 * i / (self.moments - 1)) / 1e5:.5g}" for i in kept)
+        shown = ";".join(values[i] for i in kept)
+        return (
+            f'<{tag} attributeName="{name}"{more} calcMode="discrete" values="{shown}" keyTimes="{times}" '
+            f"{self._repeat}/>"
+        )
+
+
+def number_row(numbers: Iterable[float], digits: int) -> str:
+    """Return numbers rounded to so many digits, with blanks between them and no zeros at their ends.
+
+    Examples
+    --------
+    >>> number_row((1.26, -0.01, 30.0), 1)
+    '1.3 0 30'
+    """
+    return " ".join(f"{round(number, digits) + 0.0:.10g}" for number in numbers)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Track:
+    """One thing over time.
+
+    Parameters
+    ----------
+    number : int
+        unique_id.
+    values : ndarray, shape (k, m)
+        Where it was not there, what it had next before that, or first after.
+    present : bool ndarray, shape (k,)
+    """
+
+    number: int
+    values: np.ndarray
+    present: np.ndarray
+
+
+def tracks(moments: Iterable[tuple[np.ndarray, np.ndarray]]) -> Iterator[Track]:
+    """Yield the track of everything, by unique_id.
+
+    Parameters
+    ----------
+    moments : iterable of (ids, values)
+        Shapes (n,) and (n, m), at each of the steps.
+
+    Examples
+    --------
+    >>> moments = [(np.array([7]), np.array([[1.0]])), (np.array([7, 8]), np.array([[2.0], [5.0]]))]
+    >>> [(track.number, track.values.ravel().tolist(), track.present.tolist()) for track in tracks(moments)]
+    [(7, [1.0, 2.0], [True, True]), (8, [5.0, 5.0], [False, True])]
+    """
+    found = list(moments)
+    places: dict[int, list[tuple[int, int]]] = {}
+    for moment, (ids, _) in enumerate(found):
+        for row, number in enumerate(ids.tolist()):
+            places.setdefault(number, []).append((moment, row))
+    for number in sorted(places):
+        values = np.array([found[moment][1][row] for moment, row in places[number]])
+        present = np.zeros(len(found), bool)
+        present[[moment for moment, _ in places[number]]] = True
+        latest = np.maximum(np.cumsum(present) - 1, 0)
+        yield Track(number=number, values=values[latest], present=present)
+
+
+SHADE, FAINT = "#555555", "#888888"
+# The caption is so high, as a share of the map's longer side.
+CAPTION = 0.045
+
+
+def export_animation(portraits: Portraits, path: Path, steps: Sequence[int], *, fps: float, progress: bool) -> None:
+    """Write steps as an animated SVG that repeats, whole or not at all.
+
+    Parameters
+    ----------
+    portraits : Portraits
+    path : Path
+    steps : sequence of int
+        At least two; step i is shown i / fps seconds after the beginning, and between two robots move evenly.
+    fps : float
+        Steps shown a second.
+    progress : bool
+        Whether to show a bar.
+
+    Raises
+    ------
+    InvalidValueError
+        If there are fewer steps than two.
+    """
+    if len(steps) < 2:
+        raise InvalidValueError(f"an animation of step {steps[0]} alone does not move; choose two steps or more")
+    with progress_bar(len(steps), "frames", progress) as bar:
+        frames = [_noted(portraits.frame(step), bar) for step in steps]
+    write_whole(path, Animation(portraits, frames, fps).text(), ExportError)
+
+
+def _noted(frame: Frame, bar: Progress) -> Frame:
+    bar.update(1)
+    return frame
+
+
+class Animation:
+    """The drawing of some frames.
+
+    Parameters
+    ----------
+    portraits : Portraits
+    frames : list of Frame
+    fps : float
+    """
+
+    def __init__(self, portraits: Portraits, frames: list[Frame], fps: float) -> None:
+        self._portraits, self._frames = portraits, frames
+        self._first = portraits.at(frames[0].step)
+        self._clock = Clock(moments=len(frames), seconds=(len(frames) - 1) / fps)
+        x_min, y_min, x_max, y_max = self._first.bounds
+        self._size = x_max - x_min, y_max - y_min
+        # A tenth of a pixel, at the usual size.
+        self._digits = max(0, ceil(log10(10 * USUAL / max(self._size))))
+
+    def text(self) -> str:
+        """Return the whole drawing."""
+        (width, height), caption = self._size, CAPTION * max(self._size)
+        total = height + caption
+        scale = USUAL / max(self._size)
+        x_min, _, _, y_max = self._first.bounds
+        edge = 2 / scale
+        box = self._numbers(-edge, -edge, width + 2 * edge, total + 2 * edge)
+        pixels = round(width * scale) + 4, round(total * scale) + 4
+        look = f'width="{pixels[0]}" height="{pixels[1]}" font-family="sans-serif"'
+        turned = f"translate({self._numbers(-x_min, y_max + caption)}) scale(1 -1)"
+        frame = f'<rect y="{caption:.6g}" width="{width:.6g}" height="{height:.6g}"'
+        parts = [
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{box}" {look}>',
+            f"<title>{escape(self._title())}</title>",
+            f'<rect x="{-edge:.6g}" y="{-edge:.6g}" width="100%" height="100%" fill="#ffffff"/>',
+            f"<defs>{''.join(self._bodies())}</defs>",
+            f'<clipPath id="world">{frame}/></clipPath><g clip-path="url(#world)"><g transform="{turned}">',
+            *self._standing(),
+            *self._loads(),
+            *self._fires(),
+            *self._robots(),
+            "</g></g>",
+            f'{frame} fill="none" stroke="{FAINT}" stroke-width="{width / USUAL:.3g}"/>',
+            *self._caption(caption),
+            "</svg>",
+        ]
+        return "\n".join(part for part in parts if part) + "\n"
+
+    def _title(self) -> str:
+        return f"{self._portraits.scene.name}, steps {self._frames[0].step:,} to {self._frames[-1].step:,}"
+
+    def _numbers(self, *numbers: float) -> str:
+        return number_row(numbers, self._digits)
+
+    def _standing(self) -> Iterator[str]:
+        shown = [self._portraits.scene.at(frame.step).obstacles for frame in self._frames]
+        for standing in {id(obstacles): obstacles for obstacles in shown}.values():
+            when = self._clock.jumping("visibility", ["visible" if one is standing else "hidden" for one in shown])
+            for label, colour, contact in (("marks", pictures.MARK, False), ("obstacles", pictures.OBSTACLE, True)):
+                shapes = [shape for shape in standing if shape.contact is contact]
+                if shapes:
+                    outlines = "".join(self._outline(shape) for shape in shapes)
+                    yield f'<path class="{label}" fill="{colour}" d="{outlines}">{when}</path>'
+
+    def _outline(self, shape: Shape) -> str:
+        if shape.is_disc:
+            (x, y), r = shape.position.tolist(), shape.radius
+            # Clockwise as Shapely's outlines are: where two overlap, both must stay filled.
+            left, right, radii = self._numbers(x - r, y), self._numbers(x + r, y), self._numbers(r, r)
+            return f"M{left}A{radii} 0 0 0 {right}A{radii} 0 0 0 {left}Z"
+        rings = [shape.geometry.exterior, *shape.geometry.interiors]
+        points = [shapely.get_coordinates(ring)[:-1].tolist() for ring in rings]
+        return "".join("M" + " ".join(self._numbers(*point) for point in ring) + "Z" for ring in points)
+
+    def _loads(self) -> Iterator[str]:
+        forms = self._portraits.scene.forms
+        for track in self._tracks_of("loads", "load", ("x", "y", "heading")):
+            if track.number in forms:
+                shape = self._outline(forms[track.number].shape_at((0.0, 0.0, 0.0)))
+                yield self._body(track, f'class="load" fill="{pictures.LOAD}"', "", f'<path d="{shape}"/>')
+
+    def _fires(self) -> Iterator[str]:
+        names = ("x", "y", "radius", "temperature", "out")
+        for place, track in enumerate(self._tracks_of("fires", "fire", names), start=1):
+            x, y, radius = track.values[0, :3]
+            heat, out = np.clip(track.values[:, 3], 0, 1), track.values[:, 4] > 0
+            colours = [
+                pictures.OUT if dead else to_hex(pictures.TEMPERATURE(t)) for t, dead in zip(heat, out, strict=True)
+            ]
+            inks = [SHADE if dead else "#ffffff" for dead in out]
+            at, r, size = self._numbers(x, y), self._numbers(radius), min(0.9 * radius, self._size[0] / 36)
+            yield (
+                f'<g class="fire" transform="translate({at}) scale(1 -1)">{self._shown(track)}'
+                f'<circle r="{r}" fill="{colours[0]}" stroke="{SHADE}" stroke-width="{radius / 20:.3g}">'
+                f"{self._clock.jumping('fill', colours)}</circle>"
+                f'<text font-size="{size:.3g}" text-anchor="middle" dy=".35em" fill="{inks[0]}">'
+                f"{self._clock.jumping('fill', inks)}{place}</text></g>"
+            )
+
+    def _robots(self) -> Iterator[str]:
+        hot = [self._portraits.hot(frame) for frame in self._frames]
+        rows = [
+            np.column_stack([frame["position"], frame["heading"], its]).astype(float)
+            for frame, its in zip(self._frames, hot, strict=True)
+        ]
+        radii = self._radii()
+        for track in tracks(zip((frame.robots for frame in self._frames), rows, strict=True)):
+            colours = [pictures.HOT if is_hot else pictures.COOL for is_hot in track.values[:, 3]]
+            body = f'<use href="#body{radii.index(self._portraits.radius_of(track.number))}"/>'
+            look = f'class="robot" data-robot="{track.number}" fill="{colours[0]}"'
+            yield self._body(track, look, self._clock.jumping("fill", colours), body)
+
+    def _body(self, track: Track, look: str, changes: str, drawn: str) -> str:
+        """Return something that moves and turns."""
+        places, degrees = track.values[:, :2], np.degrees(np.unwrap(track.values[:, 2]))[:, None]
+        start = f"translate({self._numbers(*places[0])}) rotate({number_row(degrees[0], 0)})"
+        moves = self._clock.moving("translate", places, self._digits)
+        turns = self._clock.moving("rotate", degrees, 0, added=True)
+        return f'<g {look} transform="{start}">{moves}{turns}{changes}{self._shown(track)}{drawn}</g>'
+
+    def _shown(self, track: Track) -> str:
+        return self._clock.jumping("visibility", ["visible" if there else "hidden" for there in track.present])
+
+    def _tracks_of(self, table: str, number: str, names: Sequence[str]) -> Iterator[Track]:
+        if any(table not in frame.columns for frame in self._frames):
+            return iter(())
+        rows = (frame[table] for frame in self._frames)
+        return tracks((row[number], np.column_stack([row[name] for name in names]).astype(float)) for row in rows)
+
+    def _radii(self) -> list[float]:
+        return sorted({self._portraits.radius_of(robot) for frame in self._frames for robot in frame.robots.tolist()})
+
+    def _bodies(self) -> Iterator[str]:
+        for place, r in enumerate(self._radii()):
+            edge, line = f"{r / 14:.3g}", f"{r / 8:.3g}"
+            front = f"M0 {-0.92 * r:.5g}A{0.92 * r:.5g} {0.92 * r:.5g} 0 0 1 0 {0.92 * r:.5g}Z"
+            yield (
+                f'<g id="body{place}"><circle r="{r:.5g}" stroke="{SHADE}" stroke-width="{edge}"/>'
+                f'<path d="{front}" fill="{pictures.FRONT}"/>'
+                f'<path d="M0 0H{r:.5g}" stroke="{pictures.INK}" stroke-width="{line}"/></g>'
+            )
+
+    def _caption(self, height: float) -> Iterator[str]:
+        """Yield the name and the step, which is a strip of numbers that jumps up by one after the other."""
+        width, size = self._size[0], 0.55 * height
+        look = f'font-size="{size:.4g}" fill="{pictures.INK}"'
+        yield f'<text x="{size / 2:.4g}" y="{0.7 * height:.4g}" {look}>{escape(self._portraits.scene.name)}</text>'
+        jumps = [f"0 {-height * place:.6g}" for place in range(len(self._frames))]
+        # Clipped by a group: a drawing within the drawing would have a clock of its own, which nobody can set.
+        yield f'<clipPath id="line"><rect width="{width:.6g}" height="{height:.6g}"/></clipPath>'
+        yield f'<g clip-path="url(#line)"><g {look} text-anchor="end">'
+        yield self._clock.jumping("transform", jumps, "animateTransform", ' type="translate"')
+        for place, frame in enumerate(self._frames):
+            y = (place + 0.7) * height
+            yield f'<text x="{width - size / 2:.6g}" y="{y:.6g}">step {frame.step:,}</text>'
+        yield "</g></g>"

@@ -1,0 +1,290 @@
+"""Films: MP4 and GIF from frames drawn as pixels."""
+
+import subprocess
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import IO, Any, cast
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from PIL import GifImagePlugin, Image, ImageChops
+
+from mesa_swarm.errors import ExportError, InvalidValueError
+from mesa_swarm.files import draft_of
+from mesa_swarm.progress import progress_bar
+from mesa_swarm.viewing import pictures
+from mesa_swarm.viewing.pictures import (
+    CAPTION,
+    INK,
+    MARGIN,
+    Look,
+    draw_trails,
+    draw_what_changes,
+    draw_what_stands,
+    film_size,
+    literal,
+)
+from mesa_swarm.viewing.portrait import Portrait, Portraits
+
+DOTS_PER_INCH = 100
+PAPER, EDGE = "#ffffff", "#888888"
+
+
+class Screen:
+    """A canvas of the film's size on which its steps are drawn.
+
+    Parameters
+    ----------
+    portraits : Portraits
+    look : Look
+
+    Attributes
+    ----------
+    size : (width, height)
+        Pixels.
+    """
+
+    def __init__(self, portraits: Portraits, look: Look) -> None:
+        self.size = look.size or film_size(portraits.scene.bounds)
+        self._portraits, self._look = portraits, look
+        width, height = self.size
+        figure = Figure(figsize=(width / DOTS_PER_INCH, height / DOTS_PER_INCH), dpi=DOTS_PER_INCH, facecolor=PAPER)
+        self._canvas = FigureCanvasAgg(figure)
+        self._axes = self._world(figure)
+        self._name, self._count, self._step = self._captions(figure)
+        self._obstacles: tuple | None = None
+        self._standing: list[Artist] = []
+        self._behind: Any = None
+
+    def show(self, step: int) -> np.ndarray:
+        """Return a step as pixels, uint8 of shape (height, width, 4), valid until the next one is shown."""
+        axes, portrait = self._axes, self._portraits.at(step)
+        if portrait.obstacles is not self._obstacles:
+            self._stand(portrait)
+        self._canvas.restore_region(self._behind)
+        standing = set(axes.get_children())
+        draw_what_changes(axes, portrait, self._look.sectors)
+        if self._look.trails:
+            draw_trails(axes, self._portraits, step, self._look.trails)
+        new = sorted((artist for artist in axes.get_children() if artist not in standing), key=lambda a: a.zorder)
+        for artist in new:
+            axes.draw_artist(artist)
+            artist.remove()
+        self._write_captions(portrait)
+        return np.asarray(self._canvas.buffer_rgba())
+
+    def _world(self, figure: Figure) -> Axes:
+        width, height = self.size
+        inner = max(1, width - 2 * MARGIN), max(1, height - 2 * MARGIN - CAPTION)
+        axes = figure.add_axes((MARGIN / width, MARGIN / height, inner[0] / width, inner[1] / height))
+        axes.set(xticks=[], yticks=[], xlabel="", ylabel="")
+        for spine in axes.spines.values():
+            spine.set(color=EDGE, linewidth=0.8)
+        return axes
+
+    def _stand(self, portrait: Portrait) -> None:
+        """Draw what stands behind the next frames."""
+        axes = self._axes
+        for artist in self._standing:
+            artist.remove()
+        before = set(axes.get_children())
+        draw_what_stands(axes, portrait)
+        axes.set(xlabel="", ylabel="")
+        self._standing = [artist for artist in axes.get_children() if artist not in before]
+        self._canvas.draw()
+        self._behind = self._canvas.copy_from_bbox(axes.figure.bbox)
+        self._obstacles = portrait.obstacles
+
+    def _captions(self, figure: Figure) -> list:
+        y = 1 - (CAPTION + MARGIN) / 2 / self.size[1]
+        places = {"left": 2 * MARGIN / self.size[0], "center": 0.5, "right": 1 - 2 * MARGIN / self.size[0]}
+        size = max(6, min(10.5, self.size[0] / 50))
+        return [
+            figure.text(x, y, "", ha=side, va="center", size=size, color=INK, animated=True)
+            for side, x in places.items()
+        ]
+
+    def _write_captions(self, portrait: Portrait) -> None:
+        out = portrait.fires["out"]
+        self._name.set_text(literal(self._portraits.scene.name))
+        self._count.set_text(f"{out.sum()} of {len(out)} fires out" if len(out) else "")
+        self._step.set_text(f"step {portrait.steps:,}")
+        for text in (self._name, self._count, self._step):
+            self._axes.draw_artist(text)
+
+
+def film_frames(screen: Screen, steps: Sequence[int], progress: bool) -> Iterator[np.ndarray]:
+    """Yield the pixels of steps, with a bar if wanted; each is valid until the next."""
+    with progress_bar(len(steps), "frames", progress) as bar:
+        for step in steps:
+            yield screen.show(step)
+            bar.update(1)
+
+
+END = b";"
+KEEP = 1
+# Colours that touch paper or ink get so many steps in between, for smooth edges.
+BETWEEN = (0.25, 0.5, 0.75)
+
+
+def export_gif(
+    portraits: Portraits, path: Path, steps: Sequence[int], *, fps: float, look: Look, progress: bool
+) -> None:
+    """Write steps as an animated GIF that repeats, whole or not at all.
+
+    Parameters
+    ----------
+    portraits : Portraits
+    path : Path
+    steps : sequence of int
+        One a frame.
+    fps : float
+        Frames a second; the format rounds to hundredths of a second a frame.
+    look : Look
+    progress : bool
+        Whether to show a bar.
+    """
+    screen = Screen(portraits, look)
+    with draft_of(path, ExportError) as draft, draft.open("wb") as file:
+        for part in _parts(film_frames(screen, steps, progress), 10 * round(100 / fps)):
+            file.write(part)
+
+
+def _parts(frames: Iterator[np.ndarray], milliseconds: int) -> Iterator[bytes]:
+    """Yield a GIF in pieces, so that no more than two frames are in memory."""
+    colours = palette()
+    last = None
+    for pixels in frames:
+        image = Image.fromarray(pixels[..., :3]).quantize(palette=colours, dither=Image.Dither.NONE)
+        if last is None:
+            yield from GifImagePlugin.getheader(image.copy(), info={"loop": 0})[0]
+        box = _changed(last, image)
+        yield from GifImagePlugin.getdata(image.crop(box), box[:2], duration=milliseconds, disposal=KEEP)
+        last = image
+    yield END
+
+
+def _changed(last: Image.Image | None, image: Image.Image) -> tuple[int, int, int, int]:
+    """Return the box in which an image differs from the last; a pixel where they are equal: frames have some."""
+    if last is None:
+        return (0, 0, *image.size)
+    before, now = (Image.frombytes("L", image.size, shown.tobytes()) for shown in (last, image))
+    return ImageChops.difference(before, now).getbbox() or (0, 0, 1, 1)
+
+
+def palette() -> Image.Image:
+    """Return the colours of all pictures, with some steps between them, as an image with 256 of them.
+
+    Examples
+    --------
+    >>> palette().mode
+    'P'
+    """
+    flat = [pictures.COOL, pictures.HOT, pictures.FRONT, pictures.OBSTACLE, pictures.LOAD, pictures.MARK]
+    flat += [pictures.SECTOR, EDGE, "#555555"]
+    paper, ink, front = (np.array(to_rgb(colour)) for colour in (PAPER, pictures.INK, pictures.FRONT))
+    exact = [to_rgb(colour) for colour in (*flat, PAPER, pictures.INK, pictures.OUT)]
+    heat = [colour[:3] for colour in pictures.TEMPERATURE(np.linspace(0, 1, 48))]
+    # Pillow takes the colour nearest to a small cube of them: greys near the paper would take its place.
+    greys = [(grey, grey, grey) for grey in np.linspace(0, 0.88, 40)]
+    mixed = [_mixed(colour, ground) for colour in flat for ground in (paper, ink)]
+    mixed += [_mixed(back, front) for back in (pictures.COOL, pictures.HOT)]
+    table = np.rint(255 * np.concatenate([exact, heat, greys, *mixed])).astype(np.uint8)[:256]
+    image = Image.new("P", (1, 1))
+    image.putpalette(np.resize(table, (256, 3)).tobytes())
+    return image
+
+
+def _mixed(colour: str, ground: np.ndarray) -> np.ndarray:
+    return np.array([share * np.array(to_rgb(colour)) + (1 - share) * ground for share in BETWEEN])
+
+
+# yuv420p is the one that every player shows; faststart lets browsers begin before all is loaded.
+ENCODING = ["-c:v", "libx264", "-preset", "veryfast", "-crf", "20", "-pix_fmt", "yuv420p"]
+CONTAINER = ["-movflags", "+faststart", "-f", "mp4"]
+
+
+def export_film(
+    portraits: Portraits, path: Path, steps: Sequence[int], *, fps: float, look: Look, progress: bool
+) -> None:
+    """Write steps as a film, whole or not at all.
+
+    Parameters
+    ----------
+    portraits : Portraits
+    path : Path
+    steps : sequence of int
+        One a frame.
+    fps : float
+        Frames a second.
+    look : Look
+        Its size must be even.
+    progress : bool
+        Whether to show a bar.
+
+    Raises
+    ------
+    InvalidValueError
+        If the size is odd, or imageio-ffmpeg is missing.
+    ExportError
+        If ffmpeg fails.
+    """
+    program = ffmpeg()
+    check_even(look)
+    screen = Screen(portraits, look)
+    with draft_of(path, ExportError) as draft:
+        command = [program, "-y", "-v", "error", *_input(screen.size, fps), *ENCODING, *CONTAINER, str(draft)]
+        _encode(command, film_frames(screen, steps, progress), path)
+
+
+def ffmpeg() -> str:
+    """Return the program, or say how to get it."""
+    try:
+        import imageio_ffmpeg  # noqa: PLC0415 - an extra, which only films need
+
+        return imageio_ffmpeg.get_ffmpeg_exe()
+    except (ModuleNotFoundError, RuntimeError):
+        raise InvalidValueError(
+            "films need imageio-ffmpeg; install it with: pip install 'mesa-swarm[video]', or export a .gif"
+        ) from None
+
+
+def check_even(look: Look) -> None:
+    """Refuse sizes that H.264 cannot have."""
+    if look.size is not None and any(length % 2 for length in look.size):
+        width, height = look.size
+        raise InvalidValueError(f"size is {width}x{height}; films need an even width and height")
+
+
+def _input(size: tuple[int, int], fps: float) -> list[str]:
+    return ["-f", "rawvideo", "-pix_fmt", "rgba", "-s", "{}x{}".format(*size), "-r", f"{fps:g}", "-i", "-"]
+
+
+def _encode(command: list[str], frames: Iterable[np.ndarray], path: Path) -> None:
+    """Send frames to the program and wait for it; Ctrl-C reaches us and not it, so that we may tidy up."""
+    with TemporaryFile() as complaints:
+        process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=complaints, start_new_session=True)
+        try:
+            _send(cast(IO[bytes], process.stdin), frames)  # which is a pipe
+            status = process.wait()
+        finally:
+            process.kill()
+            process.wait()
+        if status:
+            complaints.seek(0)
+            reason = complaints.read(2000).decode(errors="replace").strip().splitlines() or [f"status {status}"]
+            raise ExportError(f"{path} cannot be written: ffmpeg says: {reason[-1]:.200}")
+
+
+def _send(pipe: IO[bytes], frames: Iterable[np.ndarray]) -> None:
+    try:
+        with pipe:
+            for pixels in frames:
+                pipe.write(pixels.data)
+    except BrokenPipeError:  # it has ended, and its status says why
+        return

@@ -1,0 +1,436 @@
+"""Pictures of the world, and of single steps of a recording."""
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+import shapely
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import EllipseCollection, LineCollection, PatchCollection, PathCollection
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Wedge
+from matplotlib.path import Path as Outline
+from numpy.typing import ArrayLike
+
+from mesa_swarm.errors import ExportError, InvalidValueError, check_count, shortened
+from mesa_swarm.files import write_whole
+from mesa_swarm.fire.model import FireModel
+from mesa_swarm.progress import progress_bar
+from mesa_swarm.robots.sensors import ProximitySensor, mount_of
+from mesa_swarm.viewing.portrait import Portrait, Portraits, portrait_of
+from mesa_swarm.world.map_parts import Bounds
+from mesa_swarm.world.shapes import Shape
+
+SMALLEST, LARGEST = 64, 4096
+# The longer side of the world in a film.
+USUAL = 800
+# Above the world of a film stands its name and step; around it is a margin.
+CAPTION, MARGIN = 32, 4
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Look:
+    """How it is drawn.
+
+    Parameters
+    ----------
+    size : (width, height), optional
+        Pixels, 64 to 4096 each.
+    sectors : bool
+        Whether to show where the robots' proximity sensors look.
+    trails : int
+        Over how many steps to show where robots were, 0 for no trails.
+
+    Raises
+    ------
+    InvalidValueError
+        If a value is out of its range.
+    """
+
+    size: tuple[int, int] | None = None
+    sectors: bool = False
+    trails: int = 0
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        check_count("trails", self.trails)
+        if self.size is None:
+            return
+        if isinstance(self.size, str) or len(self.size) != 2:
+            raise InvalidValueError(f"size is {shortened(self.size)}; expected (width, height) such as (800, 600)")
+        for name, length in zip(("width", "height"), self.size, strict=True):
+            check_count(name, length, minimum=SMALLEST, maximum=LARGEST)
+
+
+def film_size(bounds: Bounds) -> tuple[int, int]:
+    """Return the pixels of a film that shows a world of these bounds, both even as films want them.
+
+    Examples
+    --------
+    >>> film_size((0, 0, 800, 600))
+    (808, 640)
+    """
+    width, height = bounds[2] - bounds[0], bounds[3] - bounds[1]
+    scale = USUAL / max(width, height)
+    return _even(width * scale + 2 * MARGIN), _even(height * scale + 2 * MARGIN + CAPTION)
+
+
+def _even(length: float) -> int:
+    return max(SMALLEST, 2 * round(length / 2))
+
+
+def parsed_size(text: str) -> tuple[int, int]:
+    """Return what was typed such as 800x600 as (width, height).
+
+    Examples
+    --------
+    >>> parsed_size("800x600")
+    (800, 600)
+    """
+    parts = text.lower().split("x")
+    if len(parts) != 2 or not all(part.isdecimal() and len(part) < 6 for part in parts):
+        raise InvalidValueError(f"size is {text!r:.60}; expected WIDTHxHEIGHT such as 800x600")
+    return int(parts[0]), int(parts[1])
+
+
+TRAIL = "#0072b2"
+# So many points a trail at most: films draw them in every frame.
+MOST_POINTS = 60
+
+
+def trails_of(portraits: Portraits, step: int, length: int) -> list[np.ndarray]:
+    """Return the places of each robot from `length` steps before until a step, oldest first.
+
+    Parameters
+    ----------
+    portraits : Portraits
+    step : int
+        One of those that were recorded.
+    length : int
+        Steps, at least 1.
+
+    Returns
+    -------
+    list of ndarray, shapes (k, 2)
+        Of the robots that are there at the step, in the order of the rows.
+    """
+    past = portraits.steps[(portraits.steps >= step - length) & (portraits.steps <= step)]
+    chosen = past[:: -max(1, -(-len(past) // MOST_POINTS))][::-1].tolist()
+    frames = [portraits.frame(number) for number in chosen]
+    robots = frames[-1].robots
+    if all(np.array_equal(frame.robots, robots) for frame in frames):
+        return list(np.stack([frame["position"] for frame in frames], axis=1))
+    places: dict[int, list] = {robot: [] for robot in robots.tolist()}
+    for frame in frames:
+        for robot, place in zip(frame.robots.tolist(), frame["position"].tolist(), strict=True):
+            places.get(robot, []).append(place)
+    return [np.array(places[robot]) for robot in robots.tolist()]
+
+
+def draw_trails(axes: Axes, portraits: Portraits, step: int, length: int) -> None:
+    """Draw trails as thin lines below the robots."""
+    lines = trails_of(portraits, step, length)
+    axes.add_collection(LineCollection(lines, colors=TRAIL, linewidths=0.8, alpha=0.45, zorder=4.5, label="trails"))
+
+
+# Okabe and Ito's colours, which people with any colour vision can tell apart.
+COOL, HOT, FRONT = "#0072b2", "#d55e00", "#f0e442"
+OBSTACLE, LOAD, MARK, OUT, SECTOR, INK = "#a8a8a8", "#009e73", "#e2d3b0", "#ececec", "#56b4e9", "#222222"
+PERCEIVED = "#6e6e6e"
+# Black to red; its lightness rises all the way, so that it can be read without seeing red.
+TEMPERATURE = LinearSegmentedColormap.from_list("temperature", ["#000000", "#7f0000", "#ff3b1f"])
+DOTS_PER_INCH = 200
+
+
+def draw_world(model: FireModel | Portrait, axes: Axes, sectors: bool = False) -> None:
+    """Draw the world as it is, everything to scale, y up.
+
+    Fires go from black to red with their temperature and are pale once they are out; the front half of a
+    robot is yellow, its back blue, or vermilion while it is too hot to fight.
+
+    Parameters
+    ----------
+    model : SwarmModel or Portrait
+    axes : matplotlib Axes
+    sectors : bool
+        Whether to show where the robots' proximity sensors look.
+
+    Examples
+    --------
+    >>> from mesa_swarm import SwarmModel
+    >>> axes = Figure().add_subplot()
+    >>> draw_world(SwarmModel(map="original", rng=1), axes)
+    >>> axes.get_xlabel()
+    'x (map units)'
+    """
+    portrait = model if isinstance(model, Portrait) else portrait_of(model)
+    draw_what_stands(axes, portrait)
+    draw_what_changes(axes, portrait, sectors)
+
+
+def draw_what_stands(axes: Axes, portrait: Portrait) -> None:
+    """Draw the ground, obstacles and marks, which a film shows behind all its frames."""
+    _draw_ground(axes, portrait.bounds)
+    _draw_shapes(axes, [s for s in portrait.obstacles if not s.contact], MARK, 1, "marks")
+    _draw_shapes(axes, [s for s in portrait.obstacles if s.contact], OBSTACLE, 2, "obstacles")
+
+
+def draw_what_changes(axes: Axes, portrait: Portrait, sectors: bool = False) -> None:
+    """Draw loads, fires and robots."""
+    _draw_shapes(axes, portrait.loads, LOAD, 2, "loads")
+    _draw_fires(axes, portrait.fires)
+    if sectors:
+        _draw_sectors(axes, portrait)
+    _draw_robots(axes, portrait.robots)
+    if "perceived" in portrait.robots:
+        _draw_perceived(axes, portrait.robots)
+
+
+def _draw_ground(axes: Axes, bounds: Bounds) -> None:
+    x_min, y_min, x_max, y_max = bounds
+    axes.set(xlim=(x_min, x_max), ylim=(y_min, y_max), aspect="equal", facecolor="white")
+    axes.set(xlabel="x (map units)", ylabel="y (map units)")
+
+
+def _draw_shapes(axes: Axes, shapes: Sequence[Shape], colour: str, height: int, label: str) -> None:
+    if shapes:
+        paths = [_outline(shape) for shape in shapes]
+        axes.add_collection(PathCollection(paths, facecolors=colour, linewidths=0, zorder=height, label=label))
+
+
+def _outline(shape: Shape) -> Outline:
+    """Return a shape as a path; its holes stay open."""
+    if shape.is_disc:
+        return Outline.circle((shape.geometry.x, shape.geometry.y), shape.radius)
+    rings = [shape.geometry.exterior, *shape.geometry.interiors]
+    # normal form turns holes the other way round than the outline, which leaves them unfilled
+    return Outline.make_compound_path(*(Outline(shapely.get_coordinates(ring), closed=True) for ring in rings))
+
+
+def _draw_fires(axes: Axes, fires: dict[str, np.ndarray]) -> None:
+    out = fires["out"]
+    colours = np.where(out[:, None], matplotlib.colors.to_rgba(OUT), TEMPERATURE(fires["temperature"]))
+    _discs(axes, fires["position"], fires["radius"], colours, 3, label="fires")
+    for i, (x, y) in enumerate(fires["position"]):
+        colour = "#555555" if out[i] else "white"
+        axes.text(x, y, str(i + 1), color=colour, size=7, ha="center", va="center", zorder=4, clip_on=True)
+
+
+def _discs(axes: Axes, centres: np.ndarray, radii: np.ndarray, colours: ArrayLike, height: int, **more: Any) -> None:
+    """Draw discs to scale; the collection's sizes are in the units of the axes."""
+    sizes = 2 * np.asarray(radii)
+    discs = EllipseCollection(sizes, sizes, np.zeros(len(sizes)), units="xy", offsets=centres, **more)
+    discs.set(offset_transform=axes.transData, facecolor=colours, edgecolor="#555555", linewidth=0.6, zorder=height)
+    axes.add_collection(discs)
+
+
+def _draw_robots(axes: Axes, robots: dict[str, np.ndarray]) -> None:
+    position, heading, radius = robots["position"], robots["heading"], robots["radius"]
+    if not len(position):
+        return
+    backs = np.where(robots["hot"], HOT, COOL)
+    _discs(axes, position, radius, backs, 5, label="robots")
+    ahead = radius[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
+    fronts = _half_discs(position, 0.92 * ahead)
+    axes.add_collection(PathCollection(fronts, facecolors=FRONT, linewidths=0, zorder=6, label="fronts"))
+    tips = position + ahead
+    lines = LineCollection(list(np.stack([position, tips], axis=1)), colors=INK, linewidths=0.7, zorder=7)
+    axes.add_collection(lines)
+
+
+def _half_discs(position: np.ndarray, ahead: np.ndarray) -> list[Outline]:
+    """Return half discs about positions, of the length of `ahead` and towards it; films have many of them."""
+    half = Outline.wedge(-90, 90)
+    left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
+    vertices = np.asarray(half.vertices, float)
+    x, y = vertices[:, :1], vertices[:, 1:]
+    outlines = position[:, None] + x * ahead[:, None] + y * left[:, None]
+    return [Outline(outline, half.codes) for outline in outlines]
+
+
+def _draw_perceived(axes: Axes, robots: dict[str, np.ndarray]) -> None:
+    """Draw a grey line from each robot to where it perceives the centroid of those that it sees."""
+    lines = np.stack([robots["position"], robots["perceived"]], axis=1)
+    lines = lines[np.isfinite(lines).all(axis=(1, 2))]
+    axes.add_collection(LineCollection(list(lines), colors=PERCEIVED, linewidths=0.9, zorder=4.6, label="perceived"))
+
+
+def _draw_sectors(axes: Axes, portrait: Portrait) -> None:
+    robots = portrait.robots
+    wedges = [
+        _sector(sensor, position, heading, radius)
+        for position, heading, radius, design in zip(
+            *map(robots.get, ("position", "heading", "radius", "design")), strict=True
+        )
+        for sensor in portrait.designs[design].proximity
+    ]
+    axes.add_collection(PatchCollection(wedges, facecolors=SECTOR, alpha=0.12, linewidths=0, zorder=4, label="sectors"))
+
+
+def _sector(sensor: ProximitySensor, position: np.ndarray, heading: float, radius: float) -> Wedge:
+    x, y = mount_of(sensor, radius)
+    cos, sin = np.cos(heading), np.sin(heading)
+    centre = position[0] + cos * x - sin * y, position[1] + sin * x + cos * y
+    axis, half = np.degrees(heading) + sensor.bearing_degrees, sensor.field_of_view_degrees / 2
+    return Wedge(centre, sensor.range, axis - half, axis + half)
+
+
+def legend_of(portrait: Portrait) -> list[Artist]:
+    """Return the entries of a legend for what a portrait shows, and nothing else.
+
+    Examples
+    --------
+    >>> from mesa_swarm import SwarmModel
+    >>> [entry.get_label() for entry in legend_of(portrait_of(SwarmModel(map="original", rng=1)))]
+    ['obstacle']
+    """
+    shown = [("obstacle", OBSTACLE, any(s.contact for s in portrait.obstacles))]
+    shown += [("load", LOAD, bool(portrait.loads))]
+    shown += [("ground mark", MARK, any(not s.contact for s in portrait.obstacles))]
+    entries: list[Artist] = [Patch(color=colour, label=label) for label, colour, seen in shown if seen]
+    if len(portrait.robots["hot"]):
+        entries.append(_robot_entry("robot, its front yellow", COOL))
+    if np.isfinite(portrait.robots.get("perceived", np.nan)).any():
+        entries.append(Line2D([], [], color=PERCEIVED, label="to the centroid that it perceives"))
+    if portrait.robots["hot"].any():
+        entries.append(_robot_entry("robot too hot to fight", HOT))
+    if len(portrait.fires["out"]):
+        entries += [Patch(color=TEMPERATURE(t), label=f"fire, T = {t:g}") for t in (0.0, 0.5, 1.0)]
+        entries.append(Patch(facecolor=OUT, edgecolor="#555555", label="fire, out"))
+    return entries
+
+
+def _robot_entry(label: str, colour: str) -> Line2D:
+    style: dict[str, Any] = {
+        "marker": "o",
+        "linestyle": "",
+        "fillstyle": "left",
+        "markersize": 8,
+        "markeredgecolor": "#555555",
+    }
+    return Line2D([], [], color=colour, markerfacecoloralt=FRONT, label=label, **style)
+
+
+def world_figure(portraits: dict[str, Portrait], sectors: bool = False) -> Figure:
+    """Return a figure of worlds side by side, by title, with one legend for all.
+
+    Examples
+    --------
+    >>> from mesa_swarm import SwarmModel
+    >>> len(world_figure({"start": portrait_of(SwarmModel(rng=1))}).axes)
+    1
+    """
+    columns = min(len(portraits), 3)
+    rows = -(-len(portraits) // columns)
+    tallest = max(
+        (y_max - y_min) / (x_max - x_min) for x_min, y_min, x_max, y_max in (p.bounds for p in portraits.values())
+    )
+    height = min(4.9 * tallest, 12.0) + 0.8
+    figure = Figure(figsize=(5.6 * columns, height * rows + 0.4), layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes, (title, portrait) in zip(grid, portraits.items(), strict=False):
+        draw_world(portrait, axes, sectors)
+        axes.set_title(literal(title), fontsize=11)
+    for axes in grid[len(portraits) :]:
+        axes.set_axis_off()
+    entries = {entry.get_label(): entry for portrait in portraits.values() for entry in legend_of(portrait)}
+    figure.legend(
+        handles=list(entries.values()),
+        loc="outside lower center",
+        ncols=4 if columns > 1 else 3,
+        fontsize=8,
+        frameon=False,
+    )
+    return figure
+
+
+def literal(text: str) -> str:
+    """Return a text that Matplotlib shows as it is: between dollars it would read mathematics, and fail at most names.
+
+    Examples
+    --------
+    >>> len(literal("a $ b"))
+    6
+    """
+    return text.replace("$", "\\$")
+
+
+def png(figure: Figure) -> bytes:
+    """Return a figure as a PNG; the same figure gives the same bytes.
+
+    Examples
+    --------
+    >>> png(Figure(figsize=(1, 1)))[1:4]
+    b'PNG'
+    """
+    file = io.BytesIO()
+    FigureCanvasAgg(figure)
+    figure.savefig(file, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
+    return file.getvalue()
+
+
+def still_paths(path: Path, steps: Sequence[int], sheet: bool) -> dict[Path, list[int]]:
+    """Return which steps each file shows: one file is named as it was asked for, several by their steps too.
+
+    Examples
+    --------
+    >>> {str(name): shown for name, shown in still_paths(Path("out.png"), [0, 500], sheet=False).items()}
+    {'out_0.png': [0], 'out_500.png': [500]}
+    """
+    if sheet or len(steps) == 1:
+        return {path: list(steps)}
+    return {path.with_name(f"{path.stem}_{step}{path.suffix}"): [step] for step in steps}
+
+
+def export_stills(portraits: Portraits, files: dict[Path, list[int]], look: Look, progress: bool) -> None:
+    """Draw the pictures, each of which is written whole.
+
+    Parameters
+    ----------
+    portraits : Portraits
+    files : dict
+        Steps by path, see `still_paths`; an ending .svg gives vectors, any other a PNG.
+    look : Look
+    progress : bool
+        Whether to show a bar.
+    """
+    with progress_bar(len(files), "pictures", progress) as bar:
+        for path, steps in files.items():
+            figure = still_figure(portraits, steps, look)
+            write_whole(path, svg(figure) if path.suffix.lower() == ".svg" else png(figure), ExportError)
+            bar.update(1)
+
+
+def still_figure(portraits: Portraits, steps: Sequence[int], look: Look) -> Figure:
+    """Return a figure of steps, side by side if they are several."""
+    shown = {f"{portraits.scene.name}, step {step:,}": portraits.at(step) for step in steps}
+    figure = world_figure(shown, look.sectors)
+    if look.trails:
+        for axes, step in zip(figure.axes, steps, strict=False):
+            draw_trails(axes, portraits, step, look.trails)
+    if look.size is not None:
+        width, height = look.size
+        figure.set_size_inches(width / DOTS_PER_INCH, height / DOTS_PER_INCH)
+    return figure
+
+
+def svg(figure: Figure) -> bytes:
+    """Return a figure as SVG; the same figure gives the same bytes.
+
+    Examples
+    --------
+    >>> svg(Figure(figsize=(1, 1)))[:5]
+    b'<?xml'
+    """
+    file = io.BytesIO()
+    with matplotlib.rc_context({"svg.hashsalt": "mesa_swarm"}):
+        figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
+    return file.getvalue()

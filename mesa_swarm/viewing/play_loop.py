@@ -1,0 +1,207 @@
+"""The thread that plays at a given speed, and listeners to changes."""
+
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+
+import solara
+
+
+class Listeners:
+    """Functions that are called with whatever is told.
+
+    Attributes
+    ----------
+    told : int
+        How often anything was told, also when nobody listened.
+
+    Never tell while holding a lock: a listener may draw a page, whose own lock somebody holds who waits for yours.
+
+    Examples
+    --------
+    >>> heard, listeners = [], Listeners()
+    >>> leave = listeners.add(heard.append)
+    >>> listeners.tell("hello")
+    >>> leave()
+    >>> listeners.tell("still there?")
+    >>> heard
+    ['hello']
+    >>> listeners.told
+    2
+    """
+
+    def __init__(self) -> None:
+        self._functions: list[Callable] = []
+        self._lock = threading.Lock()
+        self.told = 0
+
+    def __len__(self) -> int:
+        return len(self._functions)
+
+    def add(self, function: Callable) -> Callable[[], None]:
+        """Call a function from now on, until what is returned is called."""
+        with self._lock:
+            self._functions = [*self._functions, function]
+
+        def leave() -> None:
+            with self._lock:
+                self._functions = [other for other in self._functions if other is not function]
+
+        return leave
+
+    def tell(self, *news: object) -> None:
+        """Call all, in the order in which they came."""
+        with self._lock:
+            self.told += 1
+            functions = self._functions
+        for function in functions:
+            function(*news)
+
+    def clear(self) -> None:
+        """Forget all."""
+        with self._lock:
+            self._functions = []
+
+
+def use_changes(listeners: Listeners) -> int:
+    """Draw a Solara component anew whenever these listeners are told; return how often that was."""
+    count, set_count = solara.use_state(0)
+    drawn = solara.use_memo(lambda: listeners.told, [listeners])
+
+    def hear(*_: object) -> None:
+        set_count(lambda n: n + 1)
+
+    def listen() -> Callable[[], None]:
+        leave = listeners.add(hear)
+        if listeners.told != drawn:  # before anybody heard it, but after the component had looked
+            hear()
+        return leave
+
+    solara.use_effect(listen, [listeners])
+    return count
+
+
+# Steps are taken for so long before a picture is offered again, s.
+BATCH_TIME = 1 / 40
+# So long nobody steps after a batch, so that clicks are served, s.
+BREATH = 0.001
+# A thread that was held up does not make up for more than this, s.
+LONGEST_DEBT = 0.1
+# The achieved rate is that of the last so many seconds.
+RATE_TIME = 1.0
+AS_FAST_AS_IT_GOES = math.inf
+
+
+class PlayLoop:
+    """Steps at a given speed in a thread of its own.
+
+    A thread that has been told to stop takes no further step: `step` is handed the thread's own stop, to be
+    looked at with the lock held under which it steps.
+
+    Parameters
+    ----------
+    step : function
+        Called with a `threading.Event`; takes one step unless that is set, and returns whether to go on.
+    show : function
+        Called after every batch of steps.
+    ended : function
+        Called when the thread ends by itself.
+    clock, wait : function, optional
+        Return the time in seconds, and let it pass: `wait` is called with the thread's stop, which ends it early, and
+        seconds.
+
+    Attributes
+    ----------
+    speed : float
+        Steps a second wished for, above 0; `AS_FAST_AS_IT_GOES`.
+
+    Examples
+    --------
+    >>> taken = []
+    >>> def step(stop):
+    ...     taken.append(0)
+    ...     return len(taken) < 5
+    >>> done = threading.Event()
+    >>> loop = PlayLoop(step, lambda: None, done.set)
+    >>> loop.speed = 500
+    >>> loop.play()
+    >>> done.wait(10), len(taken)
+    (True, 5)
+    """
+
+    def __init__(
+        self,
+        step: Callable[[threading.Event], bool],
+        show: Callable[[], None],
+        ended: Callable[[], None],
+        *,
+        clock: Callable[[], float] = time.perf_counter,
+        wait: Callable[[threading.Event, float], object] = threading.Event.wait,
+    ) -> None:
+        self.speed = 30.0
+        self._step, self._show, self._ended = step, show, ended
+        self._clock, self._wait = clock, wait
+        self._stop = threading.Event()
+        self._stop.set()
+        self._taken: deque[tuple[float, int]] = deque()
+
+    @property
+    def playing(self) -> bool:
+        """Whether a thread steps that was not told to stop."""
+        return not self._stop.is_set()
+
+    @property
+    def rate(self) -> float:
+        """Steps a second that were taken in the last second, 0 at rest."""
+        taken = list(self._taken)
+        if not self.playing or len(taken) < 2:
+            return 0.0
+        seconds = taken[-1][0] - taken[0][0]
+        return sum(steps for _, steps in taken[1:]) / seconds if seconds > 0 else 0.0
+
+    def play(self) -> None:
+        """Step from now on."""
+        if self.playing:
+            return
+        self._stop = threading.Event()
+        self._taken = deque()
+        threading.Thread(target=self._run, args=(self._stop,), name="play", daemon=True).start()
+
+    def pause(self) -> None:
+        """Take no further step; the thread ends soon."""
+        self._stop.set()
+
+    def _run(self, stop: threading.Event) -> None:
+        then, due = self._clock(), 1.0
+        while not stop.is_set():
+            taken, goes_on = self._batch(stop, due)
+            if not goes_on and not stop.is_set():
+                stop.set()
+                self._ended()
+                return
+            if taken:
+                self._note(taken)
+                self._show()
+            self._wait(stop, max(BREATH, min((1.0 - (due - taken)) / self.speed, 0.25)))
+            now = self._clock()
+            due = min(due - taken + (now - then) * self.speed, 1.0 + LONGEST_DEBT * self.speed)
+            then = now
+
+    def _batch(self, stop: threading.Event, due: float) -> tuple[int, bool]:
+        """Take the steps that are due, as many as fit in a batch; return how many, and whether to go on."""
+        end, taken = self._clock() + BATCH_TIME, 0
+        while due - taken >= 1.0:
+            if not self._step(stop):
+                return taken, False
+            taken += 1
+            if self._clock() > end:
+                break
+        return taken, True
+
+    def _note(self, steps: int) -> None:
+        now = self._clock()
+        self._taken.append((now, steps))
+        while len(self._taken) > 2 and now - self._taken[0][0] > max(RATE_TIME, 2.5 / self.speed):
+            self._taken.popleft()

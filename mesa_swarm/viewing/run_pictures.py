@@ -1,0 +1,198 @@
+"""Pictures of a run: its stages, the traces of robots, an ethogram. Each is one call."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter, MaxNLocator, StrMethodFormatter
+
+from mesa_swarm.analysis import layer_shares
+from mesa_swarm.errors import InvalidValueError, check_count, shortened
+from mesa_swarm.fire.model import FireModel
+from mesa_swarm.progress import progress_bar
+from mesa_swarm.robots.snapshots import check_kept
+from mesa_swarm.viewing.pictures import literal, world_figure
+from mesa_swarm.viewing.portrait import portrait_of
+
+# Okabe and Ito's colours for layers, in order; white for no layer.
+LAYER_COLOURS = ("#d55e00", "#0072b2", "#009e73", "#e69f00", "#cc79a7", "#56b4e9", "#f0e442", "#000000")
+NO_LAYER = "#ffffff"
+MOST_TRACES = 8
+FAINT = "#7a7a7a"
+
+
+def stages(
+    model: FireModel, steps: Sequence[int] = (0, 1000, 3000), *, perceived: bool = True, progress: bool = False
+) -> Figure:
+    """Run a model and return a figure of its world at each of these steps, side by side.
+
+    Parameters
+    ----------
+    model : SwarmModel
+        As it is: steps that it has taken already cannot be shown.
+    steps : sequence of int
+        Ascending, none before the model's own.
+    perceived : bool
+        Whether to draw a grey line from each robot to where it perceives the centroid of those that it sees.
+    progress : bool
+        Whether to show a bar.
+
+    Raises
+    ------
+    InvalidValueError
+        If the steps are not ascending, or past.
+
+    Examples
+    --------
+    >>> from mesa_swarm.gallery import find_model
+    >>> len(stages(find_model("agglomeration")(n_robots=5, rng=1), steps=(0, 20)).axes)
+    2
+    """
+    wanted = [check_count("step", step, minimum=model.steps) for step in steps]
+    if not wanted or sorted(set(wanted)) != wanted:
+        raise InvalidValueError(f"steps is {shortened(steps)}; expected ascending steps such as (0, 1000, 3000)")
+    portraits = {}
+    for step in wanted:
+        model.run(step - model.steps, progress)
+        portraits[f"{type(model).__name__}, step {model.steps:,}"] = portrait_of(model, perceived=perceived)
+    return world_figure(portraits)
+
+
+def trace(model: FireModel, steps: int = 10_000, *, robots: int = 1, every: int = 5, progress: bool = False) -> Figure:
+    """Run a model and return a figure of where its first robots went, each from a square to where it is now.
+
+    Parameters
+    ----------
+    model : SwarmModel
+    steps : int
+        From now on.
+    robots : int
+        How many, 1 to 8.
+    every : int
+        Steps from one point of a trace to the next, at least 1.
+    progress : bool
+        Whether to show a bar.
+
+    Examples
+    --------
+    >>> from mesa_swarm.gallery import find_model
+    >>> figure = trace(find_model("collision_avoidance")(rng=1), steps=100)
+    >>> figure.axes[0].get_title()
+    'CollisionAvoidance, 100 steps'
+    """
+    count = check_count("robots", robots, minimum=1, maximum=MOST_TRACES)
+    first, steps = model.steps, check_count("steps", steps, minimum=1)
+    places = _places(model, first + steps, check_count("every", every, minimum=1), progress)
+    figure = world_figure({f"{type(model).__name__}, {model.steps - first:,} steps": portrait_of(model)})
+    for row in range(min(count, len(model.swarm))):
+        _draw_trace(figure.axes[0], places[:, row], LAYER_COLOURS[(row + 1) % len(LAYER_COLOURS)])
+    return figure
+
+
+def _places(model: FireModel, last: int, every: int, progress: bool) -> np.ndarray:
+    """Run a model until a step; return where its robots were at the start, every so many steps, and at the end."""
+    places = [model.swarm.position.copy()]
+    with progress_bar(last - model.steps, "steps", progress) as bar:
+        while model.steps < last and model.running:
+            before = model.steps
+            model.run(min(every, last - before))
+            bar.update(model.steps - before)
+            places.append(model.swarm.position.copy())
+    return np.array(places)
+
+
+def _draw_trace(axes: Axes, points: np.ndarray, colour: str) -> None:
+    lines = np.stack([points[:-1], points[1:]], axis=1)
+    axes.add_collection(LineCollection(list(lines), colors=colour, linewidths=0.6, alpha=0.8, zorder=4.5))
+    axes.plot(*points[0], "s", color=colour, markersize=4, zorder=4.6)
+
+
+def ethogram(model: FireModel, *, robots: int | None = None) -> Figure:
+    """Return a figure of which layer drove which robot when, from what `model.watch()` has kept.
+
+    Above, a row a robot, named by its unique_id; below, the share of robots that each layer drives.
+
+    Parameters
+    ----------
+    model : SwarmModel
+    robots : int, optional
+        Only the first so many, at least 1.
+
+    Raises
+    ------
+    InvalidValueError
+        If nothing was kept, the column `layer` is missing, or there is no control.
+
+    Examples
+    --------
+    >>> from mesa_swarm.gallery import find_model
+    >>> model = find_model("collision_avoidance")(rng=1)
+    >>> kept = model.watch(last=None)
+    >>> [axes.get_ylabel() for axes in ethogram(model.run(50)).axes]
+    ['robot', 'share of robots']
+    """
+    if model.control is None:
+        raise InvalidValueError("there is no control to draw; set model.control")
+    kept = check_kept(model.watched, ("layer",), "draw", "watch(last=None)")
+    if robots is not None:
+        check_count("robots", robots, minimum=1)
+    names = [layer.name for layer in model.control.layers]
+    ids = [robot.unique_id for robot in model.swarm.agents[:robots]]
+    return ethogram_figure(kept.steps, kept["layer"][:, :robots], names, ids)
+
+
+def ethogram_figure(
+    steps: np.ndarray, layer: np.ndarray, names: Sequence[str], ids: Sequence[int] | None = None
+) -> Figure:
+    """Return the figure of `ethogram` from plain arrays.
+
+    Parameters
+    ----------
+    steps : ndarray, shape (k,)
+    layer : int ndarray, shape (k, n)
+        Index of the layer that drove each robot, -1 for none.
+    names : sequence of str
+        Of the layers.
+    ids : sequence of int, optional
+        What each robot is called, its unique_id in `ethogram`; by default 1, 2, ...
+    """
+    n = layer.shape[1]
+    colours = [NO_LAYER, *(LAYER_COLOURS[k % len(LAYER_COLOURS)] for k in range(len(names)))]
+    figure = Figure(figsize=(9.0, 2.6 + min(0.13 * n, 5.0)), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(max(1.0, min(0.13 * n, 5.0)), 1.2))
+    edges = 2 * steps[0] - steps[1] if len(steps) > 1 else steps[0] - 1, steps[-1]
+    above.imshow(
+        layer.T + 1,
+        cmap=ListedColormap(colours),
+        vmin=-0.5,
+        vmax=len(names) + 0.5,
+        aspect="auto",
+        interpolation="nearest",
+        extent=(*edges, n + 0.5, 0.5),
+    )
+    above.set(ylabel="robot")
+    _name_rows(above, range(1, n + 1) if ids is None else ids)
+    shares = layer_shares(layer, len(names))
+    # A share is drawn back to the step before, the first one too.
+    below.stackplot([edges[0], *steps], np.vstack([shares[:1], shares])[:, :-1].T, colors=colours[1:], step="pre")
+    below.set(xlabel="step", ylabel="share of robots", xlim=edges, ylim=(0, 1))
+    below.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
+    shown = [Patch(color=colour, label=literal(name)) for colour, name in zip(colours[1:], names, strict=True)]
+    if (layer < 0).any():
+        shown.append(Patch(facecolor=NO_LAYER, edgecolor=FAINT, label="no layer: it stands"))
+    figure.legend(handles=shown, loc="outside upper center", ncols=min(len(shown), 5), fontsize=9, frameon=False)
+    return figure
+
+
+def _name_rows(axes: Axes, ids: Sequence[int]) -> None:
+    """Write on the axis of the rows 1, 2, ... what each is called, as many as there is room for."""
+
+    def called(row: float, _: int | None) -> str:
+        return str(ids[int(row) - 1]) if row == int(row) and 1 <= row <= len(ids) else ""
+
+    axes.yaxis.set_major_locator(MaxNLocator(nbins="auto", integer=True, min_n_ticks=1))
+    axes.yaxis.set_major_formatter(FuncFormatter(called))

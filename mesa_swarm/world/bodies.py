@@ -1,0 +1,295 @@
+"""Obstacles and loads: bodies with a shape, as Mesa agents, and the form of those that move."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from mesa import Model
+from shapely import Point, Polygon
+from shapely.geometry.base import BaseGeometry
+from shapely.geometry.polygon import orient
+
+from mesa_swarm.errors import InvalidValueError, RemovedRobotError, check_number
+from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.world.arena import Arena, ArenaAgent
+from mesa_swarm.world.shapes import Coordinates, Shape
+
+# Bodies may overlap by this share of their thickness, and by more at the tips of sharp corners: it is rounding.
+LOOSE = 1e-9
+# How deep the heart lies, as a share of the thickness: enough for lines from the outside to have a direction, and so
+# little that corners of the heart are next to those of the body.
+PITH = 1e-3
+
+Pose = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Form:
+    """What a body is like wherever it lies, as Shapely geometries about its centre.
+
+    Parameters
+    ----------
+    outline : shapely Point or Polygon
+        A Point at the origin is the centre of a disc.
+    radius : float
+        Radius of the disc; 0 for a polygon.
+    core : shapely geometry
+        The body without the skin that may overlap others; a Point for a disc.
+    core_radius : float
+        Radius of the core of a disc; 0 for a polygon.
+    heart : shapely geometry
+        What is left below a thicker skin; never empty. Lines to it tell directions even where bodies touch.
+    reach : float
+        Distance of the centre from the farthest point.
+    thickness : float
+        Radius of the largest disc within.
+    lever : float
+        Mean distance of the points of the body from its centre, see `mean_distance`.
+    """
+
+    outline: Point | Polygon
+    radius: float
+    core: BaseGeometry
+    core_radius: float
+    heart: BaseGeometry
+    reach: float
+    thickness: float
+    lever: float
+
+    @classmethod
+    def of(cls, shape: Shape) -> "Form":
+        """Return the form of a shape.
+
+        Examples
+        --------
+        >>> from mesa_swarm.world.shapes import rectangle
+        >>> round(Form.of(rectangle((100, 100), (130, 140))).reach, 9)
+        25.0
+        """
+        centre = shape.position
+        return cls.about_origin(shapely.transform(shape.geometry, lambda points: points - centre), shape.radius)
+
+    @classmethod
+    def about_origin(cls, outline: Point | Polygon, radius: float) -> "Form":
+        """Return the form of an outline that lies about the origin already."""
+        is_disc = isinstance(outline, Point)
+        thickness = radius or shapely.maximum_inscribed_circle(outline).length
+        skin = LOOSE * thickness
+        points = shapely.get_coordinates(outline)
+        return cls(
+            outline=outline,
+            radius=radius,
+            core=outline if is_disc else outline.buffer(-skin, join_style="mitre"),
+            core_radius=radius - skin if is_disc else 0.0,
+            heart=outline if is_disc else outline.buffer(-PITH * thickness, join_style="mitre"),
+            reach=radius + float(np.hypot(*points.T).max()),
+            thickness=thickness,
+            lever=mean_distance(outline, radius),
+        )
+
+    def shape_at(self, pose: Pose) -> Shape:
+        """Return the shape of the body at (x, y, heading)."""
+        return Shape(shapely.normalize(placed(self.outline, pose)), self.radius)
+
+    def body_at(self, pose: Pose) -> Shape:
+        """Return the same with its corners in the same order at every pose, not in normal form."""
+        return Shape(placed(self.outline, pose), self.radius)
+
+    def overlaps(self, pose: Pose, shape: Shape) -> bool:
+        """Tell whether the body, lying there, overlaps a shape by more than rounding."""
+        gap = shapely.distance(placed(self.core, pose), shape.geometry)
+        return bool(gap <= self.core_radius + shape.radius)
+
+    def is_within(self, pose: Pose, bounds: tuple[float, float, float, float]) -> bool:
+        """Tell whether the body, lying there, is within a map."""
+        x_min, y_min, x_max, y_max = placed(self.core, pose).bounds
+        r = self.core_radius
+        return bounds[0] <= x_min - r and bounds[1] <= y_min - r and x_max + r <= bounds[2] and y_max + r <= bounds[3]
+
+
+def placed(geometry: BaseGeometry, pose: Pose) -> BaseGeometry:
+    """Return a geometry about the origin turned by the heading and moved to the place of a pose.
+
+    Examples
+    --------
+    >>> placed(Point(2, 0), (10.0, 5.0, 0.0)).wkt
+    'POINT (12 5)'
+    """
+    x, y, heading = pose
+    cosine, sine = math.cos(heading), math.sin(heading)
+
+    def move(points: np.ndarray) -> np.ndarray:
+        return np.column_stack(
+            [cosine * points[:, 0] - sine * points[:, 1] + x, sine * points[:, 0] + cosine * points[:, 1] + y]
+        )
+
+    return shapely.transform(geometry, move)
+
+
+def mean_distance(outline: Point | Polygon, radius: float) -> float:
+    r"""Return the mean distance of the points of a body from the origin, which is its centre.
+
+    Two thirds of the radius of a disc. A polygon is the sum of the triangles between the origin and each
+    edge, counted negative where the edge runs the other way round: with the distance h of the edge's line
+    from the origin, and azimuths a and b of the edge's ends from the foot of the perpendicular,
+
+    .. math:: \int r\,dA = \frac{h^3}{6} \left[\sec t \tan t + \operatorname{asinh} \tan t\right]_a^b
+
+    Examples
+    --------
+    >>> round(mean_distance(shapely.box(-1, -1, 1, 1), 0.0), 6)  # (sqrt 2 + asinh 1) / 3
+    0.765196
+    """
+    if isinstance(outline, Point):
+        return 2.0 * radius / 3.0
+    polygon = orient(outline)
+    rings = [shapely.get_coordinates(ring) for ring in (polygon.exterior, *polygon.interiors)]
+    moments = [_moment(a, b) for ring in rings for a, b in zip(ring[:-1].tolist(), ring[1:].tolist(), strict=True)]
+    return math.fsum(moments) / polygon.area
+
+
+def _moment(a: tuple[float, float], b: tuple[float, float]) -> float:
+    """Return the integral of the distance from the origin over the triangle between it and an edge."""
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    length = math.hypot(dx, dy)
+    height = (a[0] * b[1] - b[0] * a[1]) / length
+    if height == 0.0:
+        return 0.0
+    begin, end = ((p[0] * dx + p[1] * dy) / (length * abs(height)) for p in (a, b))
+    return height**3 / 6.0 * (_antiderivative(end) - _antiderivative(begin))
+
+
+def _antiderivative(tangent: float) -> float:
+    return tangent * math.hypot(1.0, tangent) + math.asinh(tangent)
+
+
+class Obstacle(ArenaAgent):
+    """Something that stands in the world and never moves, or a mark painted on its ground.
+
+    Created by `SwarmModel.add_obstacle`; take it out with `remove()`.
+
+    Parameters
+    ----------
+    space, model
+        Mesa's.
+    shape : Shape
+        From `disc`, `rectangle` or `polygon`.
+    """
+
+    def __init__(self, space: Arena, model: Model, shape: Shape) -> None:
+        self.shape = shape
+        super().__init__(space, model)
+        index = space._agent_to_index[self]
+        space._agent_positions[index] = shape.position
+
+    def __repr__(self) -> str:
+        if self.space is None:
+            return f"<{type(self).__name__} {self.unique_id}, removed>"
+        x, y = (round(float(number), 2) for number in self.position)
+        name = type(self).__name__
+        return f"<{name} {self.unique_id}, {self.shape.kind} at ({x}, {y}){'' if self.contact else ', a mark'}>"
+
+    @property
+    def contact(self) -> bool:
+        """Whether bodies bump into it; False for a mark on the ground."""
+        return self.shape.contact
+
+    @property
+    def position(self) -> np.ndarray:
+        """Centre of a disc or centroid of a polygon, shape (2,)."""
+        return self.shape.position
+
+    @position.setter
+    def position(self, value: Coordinates) -> None:
+        raise InvalidValueError("obstacles do not move; remove this one and add another")
+
+    def remove(self) -> None:
+        """Take the obstacle out of the world, between two steps."""
+        if self.space is None:
+            raise RemovedRobotError("this obstacle has been removed already; take one from model.obstacles")
+        model = self.model
+        super().remove()
+        model.obstacles_changed()
+
+
+LARGEST_RESISTANCE = 1e9
+
+
+class Load(Obstacle):
+    """A body that moves while robots push harder than it resists; an obstacle in all else.
+
+    Created by `SwarmModel.add_load`; take it out with `remove()`. See `physics.loads` for how it moves.
+
+    Parameters
+    ----------
+    space, model
+        Mesa's.
+    shape : Shape
+        Where it lies at first.
+    resistance : float
+        How many robots' full pushes it withstands, above 0.
+
+    Attributes
+    ----------
+    shape : Shape
+        As it lies now; a new one whenever it has moved.
+    moved : bool
+        Whether it moved in the last step.
+    pushers : int
+        How many robots pushed it in the last step.
+    """
+
+    def __init__(self, space: Arena, model: Model, shape: Shape, resistance: float) -> None:
+        super().__init__(space, model, shape)
+        self.form = Form.of(shape)
+        x, y = shape.position.tolist()
+        self.lay((x, y, 0.0))
+        self.resistance = resistance
+        self.moved = False
+        self.pushers = 0
+
+    @property
+    def position(self) -> np.ndarray:
+        """Its centre (of a polygon the centroid), shape (2,)."""
+        return np.array(self.pose[:2])
+
+    @position.setter
+    def position(self, value: Coordinates) -> None:
+        raise InvalidValueError("loads move only when robots push them; remove this one and add another")
+
+    @property
+    def heading(self) -> float:
+        """How far it has been turned since it was added, rad in [-pi, pi), counter-clockwise."""
+        return self.pose[2]
+
+    @property
+    def resistance(self) -> float:
+        """How many robots' full pushes it withstands; it moves only when pushed harder than that."""
+        return self._resistance
+
+    @resistance.setter
+    def resistance(self, value: float) -> None:
+        self._resistance = checked_resistance(value)
+
+    def lay(self, pose: Pose) -> None:
+        """Lay it at (x, y, heading)."""
+        x, y, heading = pose
+        self.pose: Pose = (x, y, float(wrapped(heading)))
+        self.shape = self.form.shape_at(self.pose)
+        self.space._agent_positions[self.space._agent_to_index[self]] = x, y
+
+    def rest(self) -> None:
+        """Forget the last step."""
+        self.moved, self.pushers = False, 0
+
+    def farthest_from(self, pose: Pose) -> float:
+        """Return no less than the distance of any of its points from where it was at another pose."""
+        x, y, heading = self.pose
+        turned = 2.0 * abs(math.sin((heading - pose[2]) / 2.0))
+        return math.hypot(x - pose[0], y - pose[1]) + self.form.reach * turned
+
+
+def checked_resistance(value: float) -> float:
+    """Return a resistance that is one, or say why it is not."""
+    return check_number("resistance", value, above=0, maximum=LARGEST_RESISTANCE)
