@@ -17,7 +17,7 @@ from mesa_swarm.errors import MapError, SwarmError
 from mesa_swarm.recording import Recording
 from mesa_swarm.robots.design import AGENT9
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.viewing import export
+from mesa_swarm.viewing.export import export
 from mesa_swarm.viewing.pictures import png, world_figure
 from mesa_swarm.viewing.portrait import portrait_of
 from mesa_swarm.viewing.replay_page import replay_page
