@@ -1,4 +1,4 @@
-"""A hook of MkDocs: equations become MathML, which browsers draw of themselves, without a script from elsewhere."""
+"""A hook of MkDocs: convert equations to MathML, which browsers draw without an external script."""
 
 import re
 from html import unescape
@@ -7,7 +7,8 @@ from latex2mathml.converter import convert
 from mkdocs.structure.pages import Page
 
 EQUATION = re.compile(r'<(span|div) class="arithmatex">(.*?)</\1>', re.DOTALL)
-# Notebooks keep their dollars; those in code, in what it prints and in what is copied from it are none of an equation.
+# Notebook pages still have dollars around equations. Dollars in code, its output and its clipboard text are not part of an
+# equation.
 OF_NOTEBOOK = re.compile(
     r'<(?P<code>pre|code|script|style)\b.*?</(?P=code)>|<div [^>]*class="clipboard-copy-txt"[^>]*>.*?</div>'
     r"|(?P<mark>\$\$?)(?P<latex>[^$]+)(?P=mark)",
