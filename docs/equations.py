@@ -7,8 +7,7 @@ from latex2mathml.converter import convert
 from mkdocs.structure.pages import Page
 
 EQUATION = re.compile(r'<(span|div) class="arithmatex">(.*?)</\1>', re.DOTALL)
-# Notebook pages still have dollars around equations. Dollars in code, its output and its clipboard text are not part of an
-# equation.
+# Equations of notebooks are still between dollars. Code, its output and its clipboard text contain no equations.
 OF_NOTEBOOK = re.compile(
     r'<(?P<code>pre|code|script|style)\b.*?</(?P=code)>|<div [^>]*class="clipboard-copy-txt"[^>]*>.*?</div>'
     r"|(?P<mark>\$\$?)(?P<latex>[^$]+)(?P=mark)",
