@@ -60,8 +60,8 @@ class Perimeter(SwarmModel):
     ) -> None:
         super().__init__(map=map, rng=rng, model_reporters=held("roundness", "outwards"))
         self.add_robots(all_round(SENSORS, range=sight), check_count("n_robots", n_robots))
-        keep = control.Perimeter(ring=ring, tolerance=tolerance)
-        self.control = Subsumption(Avoid(distance=avoid_distance), keep, Explore())
+        layer = control.Perimeter(ring=ring, tolerance=tolerance)
+        self.control = Subsumption(Avoid(distance=avoid_distance), layer, Explore())
 
     @property
     def roundness(self) -> float:
