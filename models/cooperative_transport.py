@@ -60,7 +60,7 @@ class CooperativeTransport(SwarmModel):
         *,
         n_robots: Annotated[int, Slider(1, 50, 1, "robots")] = 5,
         resistance: Annotated[
-            float, Slider(0.5, 10, 0.1, "full pushes that the load withstands; one at a corner counts up to 1.65")
+            float, Slider(0.5, 10, 0.1, "full pushes withstood; one at a corner counts up to 1.65")
         ] = 1.7,
         load: Annotated[str, Choice(tuple(LOADS), "the shape of the load")] = "disc",
         sight: Annotated[float, Slider(20, 200, 5, "range of the infrared sensors, map units")] = 150.0,

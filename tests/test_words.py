@@ -16,7 +16,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 # Folders of Python files whose comments, strings and names are checked.
 FOLDERS = ["docs", "models", "notebooks/solutions"]
-TEXTS = ["README.md", "CHANGELOG.md", "CONTRIBUTING.md", "mkdocs.yml", ".ci/run", "docs/**/*.md", "docs/*.css"]
+TEXTS = ["README.md", "CHANGELOG.md", "CONTRIBUTING.md", "mkdocs.yml", ".ci/run", "docs/**/*.md", "docs/*.css", "docs/pictures/step.svg"]
 NOTEBOOKS = ["notebooks/*.ipynb"]
 TEXTS_OF_NOTEBOOKS = ["notebooks/*.md"]
 
