@@ -147,6 +147,7 @@ def files() -> list[Path]:
     """Return all files that are checked."""
     patterns = [*TEXTS, *NOTEBOOKS, *(f"{folder}/**/*.py" for folder in FOLDERS)]
     found = {path for each in patterns for path in ROOT.glob(each)}
+    found -= {Path(__file__)}
     return sorted(path for path in found if not path.is_relative_to(ROOT / "mesa_swarm" / "models"))
 
 
