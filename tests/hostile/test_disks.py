@@ -37,17 +37,16 @@ OLD = b"what stood there before\n" * 400
 KEPT = re.compile(r"its (\d+) rows so far are kept")
 JOB = "model = 'fire_fighting'\nsteps = 12\nseeds = 2\nrobots = 2\n"
 WORKING = (
-    "experiments.commands",
-    "experiments.job_commands",
-    "experiments.learn_commands",
-    "experiments.map_commands",
-    "experiments.picture_commands",
-    "experiments.reality_gap_commands",
-    "experiments.reward_commands",
-    "exports.export_commands",
-    "reproduction.commands",
+    "experiments.compare",
+    "experiments.learn_bench",
+    "experiments.learning_figures",
+    "experiments.reality_gap",
+    "experiments.sweep",
     "models.boids",
+    "reproduction.registry",
+    "viewing.export",
     "viewing.replay_page",
+    "viewing.run_pictures",
 )
 # Written to line by line, not replaced: what they hold is as whole as before.
 APPENDED = ("ledger.jsonl", "runs.jsonl")
