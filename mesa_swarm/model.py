@@ -395,10 +395,10 @@ class EngineModel(World):
         self._channel.exchange(self.swarm, self._current_scene(), word)
 
     def _decide(self) -> None:
-        columns = self.swarm.columns
-        command, layer = columns["command"], columns["layer"]
         if self._control is None:
             return
+        columns = self.swarm.columns
+        command, layer = columns["command"], columns["layer"]
         columns["task"].fill(-1)
         columns["goal"].fill(np.nan)
         if self._senses is None or self._senses_version != self.swarm.version:
@@ -417,11 +417,11 @@ class EngineModel(World):
             send_goals(columns["position"], columns["heading"], columns["goal"], columns["sent_goal"])
 
     def _move(self) -> None:
-        scene, table = self._current_scene(), self.swarm.table
         for load in self._loads:
             load.rest()
         if not len(self.swarm):
             return
+        scene, table = self._current_scene(), self.swarm.table
         if self.swarm.disturbed:
             self._engine.settle(self.swarm, scene)
             self.swarm.disturbed = False
@@ -460,15 +460,16 @@ class EngineModel(World):
 
         They are called after a step that failed as well: what it has changed stays.
         """
+        observers = self.observers
         try:
-            for observer in self.observers.complete:
+            for observer in observers.complete:
                 observer.before_step(self)
             type(self).step(self, *given, **named)
-            for observer in self.observers.complete:
+            for observer in observers.complete:
                 observer.between_steps(self)
         except BaseException:
             self._schedule_again()
-            for observer in self.observers.complete:
+            for observer in observers.complete:
                 observer.after_failure(self)
             raise
 
