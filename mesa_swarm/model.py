@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import wraps
 from hashlib import blake2b
-from typing import Any, Protocol, Self, SupportsIndex, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, Self, SupportsIndex, runtime_checkable
 
 import mesa
 import numpy as np
@@ -22,6 +22,7 @@ from mesa_swarm.errors import (
     check_number,
     shortened,
 )
+from mesa_swarm.moved import moved_name
 from mesa_swarm.physics.contact import Contacts
 from mesa_swarm.physics.engine import CompiledEngine, Engine
 from mesa_swarm.physics.imperfect import Imperfect
@@ -613,3 +614,10 @@ class EngineModel(World):
             draws = stream.random(shape)
             self._noise = (step, before, draws)
         return draws
+
+
+if not TYPE_CHECKING:  # with this, a type checker would take any name for one of this module
+
+    def __getattr__(name: str) -> object:
+        """Return a name that was in this module before, from where it is now."""
+        return moved_name(__name__, name)
