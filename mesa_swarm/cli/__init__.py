@@ -12,7 +12,7 @@ from typing import Annotated, TextIO
 import typer
 
 from mesa_swarm.cli import check, compare, draw, learn, page, run
-from mesa_swarm.errors import SwarmError
+from mesa_swarm.errors import SwarmError, in_words
 
 INTERRUPTED = 130
 DISK_FULL = (errno.ENOSPC, errno.EFBIG)
@@ -81,11 +81,11 @@ def _in_words(error: Exception) -> str:
     if hasattr(error, "format_message"):  # Typer does not know the command or option
         return f"{error.format_message()} (mesa-swarm --help lists what is possible)"
     if isinstance(error, SwarmError):
-        return str(error).replace("overwrite=True (--force)", "--force")  # the option, not the Python parameter
+        return in_words(error).replace("overwrite=True (--force)", "--force")  # the option, not the Python parameter
     if isinstance(error, OSError):
         unnamed = "standard output or a temporary file" if error.errno in DISK_FULL else None
         return ": ".join(str(part) for part in (error.filename or unnamed, error.strerror or error) if part)
-    return f"{type(error).__name__}: {error} (--debug shows where)"
+    return f"{in_words(error)} (--debug shows where)"
 
 
 def _show_warning(
