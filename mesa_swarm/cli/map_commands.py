@@ -6,7 +6,6 @@ from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.files import checked_file, write_whole
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.pictures import png, world_figure
-from mesa_swarm.viewing.portrait import portrait_of
 from mesa_swarm.world.map import Map
 
 MOST_AREAS = 12
@@ -30,8 +29,7 @@ def show_map(file: str, out: Path | None) -> None:
         checked_file(out, ".png")
     print(described(world))
     if out is not None:
-        portrait = portrait_of(SwarmModel(map=world, rng=1))
-        print(write_whole(out, png(world_figure({world.name: portrait}))))
+        print(write_whole(out, png(world_figure({world.name: SwarmModel(map=world, rng=1)}))))
 
 
 def described(world: Map) -> str:

@@ -3,7 +3,7 @@ import pytest
 from pandas.testing import assert_frame_equal
 from pyarrow import parquet
 
-from mesa_swarm.viewing import export
+from mesa_swarm.viewing.export import export
 
 
 @pytest.mark.parametrize("table", ["robots", "fires", "contacts"])
