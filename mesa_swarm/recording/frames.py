@@ -12,6 +12,7 @@ from mesa_swarm.control.layer import Senses, centroids
 from mesa_swarm.errors import UnknownNameError, unknown_name
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.recording.layout import READINGS, TABLES, field_type
+from mesa_swarm.world.statics import FIRE
 
 AXES = {"position": ("x", "y"), "command": ("command_left", "command_right")}
 # What pictures show of a step.
@@ -34,7 +35,8 @@ class Frame:
     robots : int32 ndarray, shape (n,)
         unique_id of each robot, in the order of all columns.
     columns : dict of ndarray
-        Columns of shape (n, ...); tables as structured arrays.
+        Columns of shape (n, ...); tables as structured arrays. In them `fire` and what robots met are unique_ids; the
+        robots' own column `fire` is the index of a row of fires, -1 for none.
     """
 
     step: int
@@ -195,7 +197,10 @@ def _array(values: pa.Array) -> np.ndarray:
 
 
 def table_of(frames: Iterable[Frame], table: str) -> pd.DataFrame:
-    """Return the rows of frames as a table, see `Recording.to_pandas`.
+    """Return the rows of frames as a table for people, see `Recording.to_pandas`.
+
+    Robots and loads have their unique_id. Fires are numbered 1, 2, ... as in pictures: in the column `fire` of fires
+    and of robots (there -1 for no fire), and as what robots met in contacts, if fires were recorded as well.
 
     Parameters
     ----------
@@ -210,9 +215,10 @@ def table_of(frames: Iterable[Frame], table: str) -> pd.DataFrame:
 
 def _robot_table(frame: Frame) -> dict[str, np.ndarray]:
     flat = {"step": np.full(len(frame.robots), frame.step), "robot": frame.robots}
-    for name, values in frame.columns.items():
+    for name, stored in frame.columns.items():
         if name in TABLES:
             continue
+        values = np.where(stored >= 0, stored + 1, stored) if name == "fire" else stored
         width = int(np.prod(values.shape[1:]))
         parts = [values] if values.ndim == 1 else values.reshape(len(values), width).T
         names = [name] if values.ndim == 1 else AXES.get(name) or [f"{name}_{i}" for i in range(width)]
@@ -222,7 +228,17 @@ def _robot_table(frame: Frame) -> dict[str, np.ndarray]:
 
 def _table(frame: Frame, name: str) -> dict[str, np.ndarray]:
     rows = frame[name]
-    return {"step": np.full(len(rows), frame.step), **{field: rows[field] for field in rows.dtype.names or ()}}
+    columns = {"step": np.full(len(rows), frame.step), **{field: rows[field] for field in rows.dtype.names or ()}}
+    if name == "fires":
+        columns["fire"] = np.arange(1, len(rows) + 1, dtype=rows["fire"].dtype)
+    elif name == "contacts" and "fires" in frame.columns:
+        numbers = {fire: number for number, fire in enumerate(frame["fires"]["fire"].tolist(), start=1)}
+        other = [
+            numbers.get(other, other) if kind == FIRE else other
+            for kind, other in zip(rows["kind"].tolist(), rows["other"].tolist(), strict=True)
+        ]
+        columns["other"] = np.array(other, rows["other"].dtype)
+    return columns
 
 
 # So many robots that collide in one step are a burst; it lasts until fewer did for so many steps.

@@ -1,9 +1,13 @@
+import numpy as np
 import pandas as pd
 import pytest
 from pandas.testing import assert_frame_equal
 from pyarrow import parquet
 
+from mesa_swarm.models.fire_fighting import FireFighting
+from mesa_swarm.recording import Recording
 from mesa_swarm.viewing.export import export
+from mesa_swarm.world.statics import FIRE
 
 
 @pytest.mark.parametrize("table", ["robots", "fires", "contacts"])
@@ -35,3 +39,24 @@ def test_only_the_steps_that_were_asked_for_are_in_the_table(run, tmp_path):
     export(run, tmp_path / "b.parquet", table="fires", steps=[299, 7])
     wanted = table[table["step"].isin([7, 299])].reset_index(drop=True)
     assert_frame_equal(pd.read_parquet(tmp_path / "b.parquet"), wanted)
+
+
+def test_fires_are_numbered_from_one_in_every_table(tmp_path):
+    model = FireFighting(n_robots=20, strategy="A", rng=1)
+    columns = ("position", "fire", "fires", "contacts")
+    with model.record(tmp_path / "run.arrow", columns=columns):
+        model.run(300)
+    recording = Recording(tmp_path / "run.arrow")
+    tables = {}
+    for table in ("robots", "fires", "contacts"):
+        (path,) = export(recording, tmp_path / f"{table}.csv", table=table)
+        tables[table] = pd.read_csv(path)
+    assert tables["fires"]["fire"].tolist() == [*range(1, 8)] * 300
+    stored = np.concatenate([frame["fire"] for frame in recording])
+    assert {-1, 1, 2} <= set(stored.tolist())
+    assert tables["robots"]["fire"].tolist() == [fire + 1 if fire >= 0 else -1 for fire in stored]
+    ids = [fire.unique_id for fire in model.fires]
+    met = np.concatenate([frame["contacts"] for frame in recording])
+    wanted = [ids.index(row["other"]) + 1 if row["kind"] == FIRE else row["other"] for row in met]
+    assert (met["kind"] == FIRE).any()
+    assert tables["contacts"]["other"].tolist() == wanted
