@@ -4,6 +4,7 @@ import pytest
 from pandas.testing import assert_frame_equal
 from pyarrow import parquet
 
+from mesa_swarm.control import Explore, Subsumption
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
 from mesa_swarm.viewing.export import export
@@ -43,6 +44,9 @@ def test_only_the_steps_that_were_asked_for_are_in_the_table(run, tmp_path):
 
 def test_fires_are_numbered_from_one_in_every_table(tmp_path):
     model = FireFighting(n_robots=20, strategy="A", rng=1)
+    x, y, radius = model.fires.discs[2]
+    model.robots[0].position, model.robots[0].heading = (x - radius - 12, y), 0.0
+    model.control = Subsumption(Explore())
     columns = ("position", "fire", "fires", "contacts")
     with model.record(tmp_path / "run.arrow", columns=columns):
         model.run(300)
@@ -53,7 +57,7 @@ def test_fires_are_numbered_from_one_in_every_table(tmp_path):
         tables[table] = pd.read_csv(path)
     assert tables["fires"]["fire"].tolist() == [*range(1, 8)] * 300
     stored = np.concatenate([frame["fire"] for frame in recording])
-    assert {-1, 1, 2} <= set(stored.tolist())
+    assert {-1, 2} <= set(stored.tolist())
     assert tables["robots"]["fire"].tolist() == [fire + 1 if fire >= 0 else -1 for fire in stored]
     ids = [fire.unique_id for fire in model.fires]
     met = np.concatenate([frame["contacts"] for frame in recording])
