@@ -180,10 +180,8 @@ def show_map(
     if out is not None:
         from mesa_swarm.swarm_model import SwarmModel
         from mesa_swarm.viewing.pictures import png, world_figure
-        from mesa_swarm.viewing.portrait import portrait_of
 
-        portrait = portrait_of(SwarmModel(map=world, rng=1))
-        print(write_whole(out, png(world_figure({world.name: portrait}))))
+        print(write_whole(out, png(world_figure({world.name: SwarmModel(map=world, rng=1)}))))
 
 
 def described(world: "Map") -> str:

@@ -18,7 +18,7 @@ from mesa_swarm.experiments.pool import results_of
 from mesa_swarm.experiments.tables import finding, runs_csv, summary_csv, summary_rows, text_table
 from mesa_swarm.files import check_writable
 from mesa_swarm.progress import progress_bar
-from mesa_swarm.viewing.portrait import Portrait
+from mesa_swarm.viewing.final_state import FinalState
 
 MOST_JOBS = 1024
 # A comparison stores its runs here, in the folder of its tables.
@@ -62,7 +62,7 @@ class Comparison:
         return list(self.runs[0].results)
 
     @property
-    def portraits(self) -> dict[Any, Portrait]:
+    def portraits(self) -> dict[Any, FinalState]:
         """The final state under each value, with the first seed."""
         return {run.value: run.portrait for run in self.runs if run.portrait is not None}
 

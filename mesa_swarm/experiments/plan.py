@@ -20,7 +20,7 @@ from mesa_swarm.errors import (
 from mesa_swarm.gallery import find_model
 from mesa_swarm.parameters import Choice, parameters_of
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.viewing.portrait import Portrait, portrait_of
+from mesa_swarm.viewing.final_state import FinalState, final_state_of
 
 MOST_SEEDS = 100_000
 # Seeds are told apart as floats are, in tables and in TOML of other programs.
@@ -46,8 +46,8 @@ class Run:
         Fingerprint of its final state.
     results : dict of str to float or None
         What the model's ``results`` returned; None means that it did not happen.
-    portrait : Portrait, optional
-        Of the final state; kept for the first seed only.
+    portrait : FinalState, optional
+        For figures; of the first seed only.
     """
 
     value: Any
@@ -55,7 +55,7 @@ class Run:
     steps: int
     state_hash: str
     results: dict[str, float | None]
-    portrait: Portrait | None = field(default=None, compare=False)
+    portrait: FinalState | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,7 @@ class Plan:
     def run(self, rng: int, value: Any) -> Run:
         """Do one run."""
         model = self.built(rng, value).run(self.steps)
-        portrait = portrait_of(model) if rng == self.seeds[0] else None
+        portrait = final_state_of(model) if rng == self.seeds[0] else None
         results = model.results()
         kept = numbers_of({name: results[name] for name in self.measures or results})
         return Run(value, rng, model.steps, model.state_hash(), kept, portrait)

@@ -27,7 +27,6 @@ from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
 from mesa_swarm.robots.design import AGENT3
 from mesa_swarm.viewing.pictures import png, world_figure
-from mesa_swarm.viewing.portrait import portrait_of
 from mesa_swarm.world.map import Map
 
 pytestmark = pytest.mark.slow
@@ -231,7 +230,7 @@ def inputs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("inputs")
     for module in WORKING:
         import_module(f"mesa_swarm.{module}")
-    png(world_figure({"warm": portrait_of(FireFighting(rng=1))}))
+    png(world_figure({"warm": FireFighting(rng=1)}))
     model = FireFighting(n_robots=3, rng=1)
     with model.record(folder / "run.arrow"):
         model.run(60)

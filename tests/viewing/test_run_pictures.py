@@ -9,8 +9,8 @@ from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.control import PASS, Subsumption, behaviour
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.gallery import find_model
+from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.viewing.pictures import png
-from mesa_swarm.viewing.portrait import portrait_of
 from mesa_swarm.viewing.run_pictures import (
     LAYER_COLOURS,
     MOST_TRACES,
@@ -81,7 +81,7 @@ def test_a_line_leads_from_each_robot_that_sees_others_to_where_it_perceives_the
     (segment,) = lines.get_segments()  # the second looks away from the first, the third sees nobody
     assert segment == pytest.approx(np.array([[100, 100], [125, 100]]))
     assert perceived_lines(three(), perceived=False) == []
-    assert "perceived" not in portrait_of(three()).robots
+    assert "perceived" not in frame_of(three()).columns
 
 
 @pytest.mark.parametrize("steps", [(), (20, 10), (10, 10), (-1,), (2.5,)])
