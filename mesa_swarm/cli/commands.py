@@ -6,8 +6,9 @@ from importlib import import_module
 from pathlib import Path
 
 from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.experiments.compare import LEDGER, checked_jobs, run_plan
+from mesa_swarm.experiments.compare import LEDGER, run_plan
 from mesa_swarm.experiments.plan import checked_plan
+from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.run_records import filled_in
 from mesa_swarm.files import check_writable
 from mesa_swarm.gallery import description, find_model, model_names

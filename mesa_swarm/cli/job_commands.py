@@ -9,10 +9,12 @@ from pathlib import Path
 
 from mesa_swarm.cli.commands import print_pairs
 from mesa_swarm.errors import InvalidValueError, SwarmError
-from mesa_swarm.experiments.compare import checked_jobs
-from mesa_swarm.experiments.experiment import Experiment, Outcome, Task, carried_out, error_in_words
+from mesa_swarm.experiments.experiment import Experiment
 from mesa_swarm.experiments.jobs import Job, read_job, recorded_to
+from mesa_swarm.experiments.ledger import Outcome
+from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.run_records import RunRecords, recorded
+from mesa_swarm.experiments.runs import Run, attempt, error_in_words
 from mesa_swarm.experiments.sweep import check_recorded, done_before, run_experiment
 from mesa_swarm.files import check_writable
 
@@ -22,13 +24,13 @@ class _Run:
     """A run of the queue, and the file it is recorded to, if any."""
 
     experiment: Experiment
-    task: Task
+    run: Run
     records: RunRecords | None
 
     @property
     def file(self) -> Path | None:
         """Looked for anew each time: somebody may have put a link there meanwhile."""
-        return None if self.records is None else self.records.path(self.experiment.name, self.task.rng)
+        return None if self.records is None else self.records.path(self.experiment.name, self.run.rng)
 
     def observer(self, force: bool) -> Callable:
         """Return what is entered around the run."""
@@ -38,7 +40,7 @@ class _Run:
         return partial(recorded, path=file, options=self.records.options, overwrite=force)
 
     def __str__(self) -> str:
-        return f"{self.experiment.name}, rng {self.task.rng}"
+        return f"{self.experiment.name}, rng {self.run.rng}"
 
 
 def run(path: str, *, progress: bool, record: Path | None = None, force: bool = False) -> bool:
@@ -62,9 +64,9 @@ def run(path: str, *, progress: bool, record: Path | None = None, force: bool = 
                 f"{experiment.name} has {len(experiment.points)} points; do them with: mesa-swarm sweep {path}"
             )
     queue = [
-        _Run(experiment, task, records)
+        _Run(experiment, run, records)
         for experiment, records in zip(job.experiments, job.records, strict=True)
-        for task in experiment.tasks()
+        for run in experiment.runs()
     ]
     failed = 0
     for number, one in enumerate(queue):
@@ -82,7 +84,7 @@ def _outcome(one: _Run, progress: bool, force: bool) -> Outcome:
     except SwarmError as error:
         return Outcome(error=error_in_words(error))
     try:
-        return carried_out(one.experiment.model_class, one.task, observed, progress)
+        return attempt(one.run, observed, progress)
     except KeyboardInterrupt:
         if one.file is not None:
             print(f"what was recorded so far is kept in {one.file}")
@@ -94,8 +96,7 @@ def _tell(one: _Run, outcome: Outcome) -> None:
     if outcome.error is not None:
         print(f"mesa-swarm: {one}: {outcome.error}", file=sys.stderr, flush=True)
         return
-    all_results = outcome.results or {}
-    results = {name: all_results[name] for name in one.experiment.measure or all_results}
+    results = {name: outcome.numbers[name] for name in one.experiment.measures or outcome.numbers}
     written = {} if one.file is None else {"recording": one.file}
     print_pairs({"steps": outcome.steps, **results, "state hash": outcome.state_hash, **written})
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from time import perf_counter
 
 from mesa_swarm.errors import InvalidValueError, SwarmError
-from mesa_swarm.experiments.compare import checked_jobs
+from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.files import check_writable, checked_file, write_all, write_whole
 from mesa_swarm.reproduction.drawing import svg
 from mesa_swarm.reproduction.judging import Result
