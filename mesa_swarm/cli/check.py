@@ -104,7 +104,7 @@ def reproduce(
     """Reproduce the thesis's results, each with a verdict; continue an interrupted call."""
     if every and figure:
         raise InvalidValueError("--all and --figure are given at once; leave one out")
-    from mesa_swarm.experiments.compare import checked_jobs
+    from mesa_swarm.experiments.pool import checked_jobs
     from mesa_swarm.reproduction import registry
     from mesa_swarm.reproduction.laboratory import Laboratory
 

@@ -31,8 +31,8 @@ def sweep(
     quiet: Quiet = False,
 ) -> None:
     """Do all runs of a job file; continue an interrupted sweep. Exit status 1 if some runs failed."""
-    from mesa_swarm.experiments.compare import checked_jobs
     from mesa_swarm.experiments.jobs import read_job
+    from mesa_swarm.experiments.pool import checked_jobs
     from mesa_swarm.experiments.sweep import done_before, run_experiment
 
     read = read_job(job)
@@ -87,8 +87,9 @@ def compare(
     quiet: Quiet = False,
 ) -> None:
     """Compare values of a parameter over the same seeds; continue an interrupted comparison."""
-    from mesa_swarm.experiments.compare import LEDGER, checked_jobs, run_plan
+    from mesa_swarm.experiments.compare import LEDGER, run_plan
     from mesa_swarm.experiments.plan import checked_plan
+    from mesa_swarm.experiments.pool import checked_jobs
     from mesa_swarm.parameters import parsed_settings
 
     model_class = find_model(model)

@@ -113,9 +113,10 @@ def run_job(path: str, record: Path | None, force: bool, *, progress: bool) -> b
     progress : bool
         Whether each run has a progress bar.
     """
-    from mesa_swarm.experiments.experiment import Outcome, carried_out, error_in_words
     from mesa_swarm.experiments.jobs import read_job, recorded_to
+    from mesa_swarm.experiments.ledger import Outcome
     from mesa_swarm.experiments.run_records import recorded
+    from mesa_swarm.experiments.runs import attempt, error_in_words
 
     job = read_job(path) if record is None else recorded_to(read_job(path), record)
     for experiment in job.experiments:
@@ -124,18 +125,18 @@ def run_job(path: str, record: Path | None, force: bool, *, progress: bool) -> b
                 f"{experiment.name} has {len(experiment.points)} points; run them with: mesa-swarm sweep {path}"
             )
     parts = zip(job.experiments, job.records, strict=True)
-    queue = [(experiment, records, task) for experiment, records in parts for task in experiment.tasks()]
+    queue = [(experiment, records, one) for experiment, records in parts for one in experiment.runs()]
     failed = 0
-    for number, (experiment, records, task) in enumerate(queue):
-        title = f"{experiment.name}, rng {task.rng}"
+    for number, (experiment, records, one) in enumerate(queue):
+        title = f"{experiment.name}, rng {one.rng}"
         print("\n" * bool(number) + title, flush=True)
         file: Path | None = None
         observer: Callable = nullcontext
         try:
             if records is not None:
-                file = records.path(experiment.name, task.rng)
+                file = records.path(experiment.name, one.rng)
                 observer = partial(recorded, path=file, options=records.options, overwrite=force)
-            outcome = carried_out(experiment.model_class, task, observer, progress)
+            outcome = attempt(one, observer, progress)
         except SwarmError as error:
             outcome = Outcome(error=error_in_words(error))
         except KeyboardInterrupt:
@@ -146,8 +147,7 @@ def run_job(path: str, record: Path | None, force: bool, *, progress: bool) -> b
             failed += 1
             print(f"mesa-swarm: {title}: {outcome.error}", file=sys.stderr, flush=True)
             continue
-        results = outcome.results or {}
-        measured = {name: results[name] for name in experiment.measure or results}
+        measured = {name: outcome.numbers[name] for name in experiment.measures or outcome.numbers}
         written = {} if file is None else {"recording": file}
         print_pairs({"steps": outcome.steps, **measured, "state hash": outcome.state_hash, **written})
     return not failed

@@ -19,8 +19,9 @@ from mesa_swarm.dashboard.pair import NAMES, Pair
 from mesa_swarm.dashboard.session import LARGEST_SEED, Session, checked_wish
 from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, check_count, in_words
 from mesa_swarm.experiments.compare import Comparison, run_plan
+from mesa_swarm.experiments.experiment import DEFAULT_STEPS
 from mesa_swarm.experiments.figures import comparison_figure, main_measure
-from mesa_swarm.experiments.plan import DEFAULT_STEPS, Plan, checked_plan
+from mesa_swarm.experiments.plan import Plan, checked_plan
 from mesa_swarm.experiments.pool import ending_with_us
 from mesa_swarm.experiments.tables import runs_csv, table_and_notes
 from mesa_swarm.gallery import find_model, model_names
@@ -142,7 +143,7 @@ class ManyRuns:
                 raise SwarmError("a comparison is under way; cancel it first")
             if not _under_way.acquire(blocking=False):
                 raise SwarmError(f"{MOST_AT_ONCE} comparisons are under way on this server; try again when one is done")
-            self.done, self.total, self.report, self.error = 0, len(plan.tasks), None, ""
+            self.done, self.total, self.report, self.error = 0, len(plan), None, ""
             self._began = time.monotonic()
             try:
                 self._process = _begun(plan)
@@ -202,7 +203,7 @@ class ManyRuns:
 
 def workers_for(plan: Plan) -> int:
     """Return how many processes work at a plan: one less than there are cores, which is left to the page."""
-    return max(1, min(cpu_count() - 1, len(plan.tasks)))
+    return max(1, min(cpu_count() - 1, len(plan)))
 
 
 def _begun(plan: Plan) -> subprocess.Popen:

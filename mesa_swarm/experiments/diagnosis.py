@@ -9,8 +9,7 @@ from mesa_swarm.analysis.pathology import Pathologies, find_pathologies
 from mesa_swarm.analysis.pathology_track import flips_of
 from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number
-from mesa_swarm.experiments.compare import checked_jobs
-from mesa_swarm.experiments.pool import in_order
+from mesa_swarm.experiments.pool import checked_jobs, in_order
 from mesa_swarm.gallery import find_model
 from mesa_swarm.learning import PolicyLayer, QPolicy
 from mesa_swarm.robots.design import AGENT9

@@ -3,20 +3,18 @@
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import FixedLocator, MaxNLocator, StrMethodFormatter
 
+from mesa_swarm.experiments.plan import PairedRuns
 from mesa_swarm.experiments.statistics import TIME, Interval, bootstrap_mean, pair_differences, summarised
 from mesa_swarm.files import write_all
 from mesa_swarm.viewing.final_state import FinalState
 from mesa_swarm.viewing.pictures import COOL, HOT, INK, literal, png, world_figure
-
-if TYPE_CHECKING:
-    from mesa_swarm.experiments.compare import Comparison
 
 PAIR = "#8a8a8a"
 # Of a screen that is shown to a class: 16 to 9, letters that can be read from the last row.
@@ -33,18 +31,13 @@ LANE, BROAD, END = 0.3, 0.13, 0.08
 BEYOND = "#efefec"
 
 
-def main_measure(comparison: "Comparison") -> str:
-    """Return what a comparison is about: the model's headline if it was measured, else the first measure.
-
-    Parameters
-    ----------
-    comparison : Comparison
-    """
+def main_measure(comparison: PairedRuns) -> str:
+    """Return what a comparison is about: the model's headline if it was measured, else the first measure."""
     headline: str = getattr(comparison.plan.model_class, "headline", ("",))[0]
     return headline if headline in comparison.measures else comparison.measures[0]
 
 
-def comparison_figure(comparison: "Comparison", measures: Sequence[str]) -> Figure:
+def comparison_figure(comparison: PairedRuns, measures: Sequence[str]) -> Figure:
     """Return a figure with a row for each measure: on the left all runs, on the right differences on the same seed.
 
     A thin line is a seed. Rings are means, and bars their 95 % intervals, beside the runs and not upon them. An
@@ -53,7 +46,7 @@ def comparison_figure(comparison: "Comparison", measures: Sequence[str]) -> Figu
 
     Parameters
     ----------
-    comparison : Comparison
+    comparison : PairedRuns
     measures : sequence of str
         At most twelve of them are drawn.
     """
@@ -71,7 +64,7 @@ def comparison_figure(comparison: "Comparison", measures: Sequence[str]) -> Figu
     return figure
 
 
-def _draw_runs(axes: Axes, comparison: "Comparison", measure: str) -> None:
+def _draw_runs(axes: Axes, comparison: PairedRuns, measure: str) -> None:
     """Draw every run, those of one seed joined, and the mean under each value."""
     plan = comparison.plan
     places = places_of(plan.values)
@@ -93,7 +86,7 @@ def _draw_runs(axes: Axes, comparison: "Comparison", measure: str) -> None:
     _label_values(axes, comparison, measure, places, plan.values)
 
 
-def _draw_differences(axes: Axes, comparison: "Comparison", measure: str) -> None:
+def _draw_differences(axes: Axes, comparison: PairedRuns, measure: str) -> None:
     """Draw the difference of every pair, and their mean, under each value but the first."""
     first, *others = comparison.plan.values
     everywhere = places_of(comparison.plan.values)
@@ -211,7 +204,7 @@ def _draw_interval(axes: Axes, place: float, interval: Interval, colour: str) ->
 
 
 def _label_values(
-    axes: Axes, comparison: "Comparison", measure: str, places: np.ndarray, values: Sequence[Any], paired: bool = False
+    axes: Axes, comparison: PairedRuns, measure: str, places: np.ndarray, values: Sequence[Any], paired: bool = False
 ) -> None:
     """Name the values below the axis, with in how many runs it happened if not in all."""
     plan = comparison.plan
@@ -224,7 +217,7 @@ def _label_values(
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def _count(comparison: "Comparison", measure: str, value: Any, paired: bool) -> str:
+def _count(comparison: PairedRuns, measure: str, value: Any, paired: bool) -> str:
     column = comparison.column(value, measure)
     first = comparison.column(comparison.plan.values[0], measure)
     n = len(pair_differences(first, column)) if paired else sum(number is not None for number in column)
@@ -248,13 +241,8 @@ OUT_COLOUR = "#9a9a9a"
 MOST_PICTURED = 6
 
 
-def comparison_pictures(comparison: "Comparison") -> dict[str, bytes]:
-    """Return the PNGs of a comparison by file name: of all pairs, and of the first seed under its first six values.
-
-    Parameters
-    ----------
-    comparison : Comparison
-    """
+def comparison_pictures(comparison: PairedRuns) -> dict[str, bytes]:
+    """Return the PNGs of a comparison by file name: of all pairs, and of the first seed under its first six values."""
     plan = comparison.plan
     portraits = {
         f"{plan.model_class.__name__}, {plan.parameter} {value}, seed {plan.seeds[0]}": portrait

@@ -21,8 +21,7 @@ from mesa_swarm.errors import (
     shortened,
     unknown_name,
 )
-from mesa_swarm.experiments.experiment import Experiment, checked_experiment, checked_seeds
-from mesa_swarm.experiments.plan import MOST_STEPS
+from mesa_swarm.experiments.experiment import MOST_STEPS, Experiment, checked_experiment, checked_seeds
 from mesa_swarm.experiments.run_records import OPTIONS, RunRecords, file_within, filled_in
 from mesa_swarm.experiments.sampling import MOST_POINTS, Sample
 from mesa_swarm.gallery import find_model, model_names

@@ -4,44 +4,38 @@ import json
 import math
 import os
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
-from hashlib import blake2b
-from importlib.metadata import version
-from pathlib import Path
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mesa_swarm.errors import check_choice, check_count
-from mesa_swarm.experiments.compare import checked_jobs
 from mesa_swarm.experiments.contestants import DESIGN, HOME, PARTS, ROBOTS, Trained, contestants
 from mesa_swarm.experiments.driving import MEASURES, drive_measured, driven_world
-from mesa_swarm.experiments.experiment import Outcome
+from mesa_swarm.experiments.experiment import package_version
 from mesa_swarm.experiments.figures import COLOURS
-from mesa_swarm.experiments.ledger import Ledger
-from mesa_swarm.experiments.pool import results_of
+from mesa_swarm.experiments.fingerprints import engine_hash, fingerprint
+from mesa_swarm.experiments.ledger import Ledger, Outcome
+from mesa_swarm.experiments.pool import checked_jobs
+from mesa_swarm.experiments.runs import Run, call, completed
 from mesa_swarm.experiments.statistics import Interval, bootstrap_interquartile_mean
 from mesa_swarm.experiments.tables import csv_text
 from mesa_swarm.files import check_writable
-from mesa_swarm.progress import progress_bar
 from mesa_swarm.viewing.pictures import INK, literal, png
 from mesa_swarm.world.map import Map, builtin_maps
 from mesa_swarm.world.random_map import random_map
 
 LEDGER = "ledger.jsonl"
-PACKAGE = Path(__file__).resolve().parent.parent
-# What a result depends on: whoever changes this code does the runs again.
-FOLDERS = "geometry", "world", "robots", "physics", "control", "fire", "learning", "analysis"
-ENGINE = (*FOLDERS, "streams.py", "world_model.py", "model.py", "swarm_model.py")
-SOURCES = (*ENGINE, "experiments/contestants.py", "experiments/driving.py", "experiments/evolution.py")
-# Generated maps on which nobody was trained, bred or chosen: on GENERATED all are compared, and UNSEEN, at which nobody
-# looked before everything else stood, say whether the target is reached.
+# A result depends on these and on the engine: whoever changes this code does the runs again.
+SOURCES = ("experiments/contestants.py", "experiments/driving.py", "experiments/evolution.py")
+# Generated maps that no contestant was trained, bred or chosen on: all are compared on GENERATED; UNSEEN, which were
+# not looked at before everything else was fixed, show whether the target is reached.
 GENERATED, UNSEEN = range(1, 21), range(40_001, 40_021)
 EVERY = "every unseen map"
-# Who is measured on every unseen map with every seed: the bred ones, and the rule whose coverage is their mark.
+# Measured on every unseen map with every seed: the bred ones, and the rule whose coverage they have to reach.
 RULE, BRED = "Avoid + Explore", ("evolved reflex", "evolved network")
 MODES = ("frozen", "learning")
 OF_TRAINING = ("train wall seconds", "train processor seconds", "robot-steps")
@@ -71,7 +65,7 @@ class Benchmark:
     Examples
     --------
     >>> bench = Benchmark(seeds=10)
-    >>> len(bench.tasks()), bench.maps(1), bench.maps(10)[-1]
+    >>> len(list(bench.runs())), bench.maps(1), bench.maps(10)[-1]
     (100, ('original', 'sparse', 'openspace', 'openspace_fire', 'random 1', 'random 2'), 'random 20')
     """
 
@@ -102,34 +96,35 @@ class Benchmark:
         mine = (GENERATED[k % len(GENERATED)] for k in (first, first + 1))
         return (*builtin_maps(), *(f"random {number}" for number in mine))
 
-    def tasks(self) -> list[tuple[str, int]]:
-        """Return the trainings: contestant and seed. Seed by seed, so that an interrupted benchmark is a fair one."""
-        return [(name, seed) for seed in range(1, self.seeds + 1) for name in self.names]
-
     def key(self, name: str, seed: int) -> str:
-        """Return the fingerprint of all that decides what comes of a training and its evaluation."""
-        said = [name, seed, self.steps, self.evaluation_steps, version("mesa-swarm"), _sources()]
-        return blake2b(json.dumps(said).encode(), digest_size=16).hexdigest()
+        """Return the fingerprint of all that decides the outcome of a training and its evaluation."""
+        version = package_version("mesa-swarm")
+        return fingerprint(name, seed, self.steps, self.evaluation_steps, version, engine_hash(*SOURCES))
+
+    def runs(self) -> Iterator[Run]:
+        """Yield the trainings: seed by seed, so that an interrupted benchmark is a fair one."""
+        for seed in range(1, self.seeds + 1):
+            for name in self.names:
+                yield Run(partial(measured, self), {"name": name}, seed, self.steps, self.key(name, seed))
 
 
-@dataclass(frozen=True, slots=True)
-class Run:
-    """What came of a training with a seed: results by ``map|mode|measure``, and of the training."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Training(Outcome):
+    """The outcome of a training with a seed: results by ``map|mode|measure``, and of the training."""
 
     name: str
     seed: int
-    results: Mapping[str, float | None]
 
     def rows(self) -> Iterator[tuple[str, str, str, float]]:
         """Yield map, mode, measure and value of the evaluation."""
-        for key, value in self.results.items():
+        for key, value in self.numbers.items():
             parts = key.split("|")
             if len(parts) == 3 and value is not None:
                 yield parts[0], parts[1], parts[2], value
 
     def curve(self) -> list[float]:
         """Return collisions per robot and 1,000 steps in each part of the training."""
-        return [value for key, value in self.results.items() if key.startswith("training|") and value is not None]
+        return [value for key, value in self.numbers.items() if key.startswith("training|") and value is not None]
 
 
 def learn_bench(
@@ -139,11 +134,11 @@ def learn_bench(
     jobs: int = 1,
     resume: bool = True,
     progress: bool = False,
-) -> list[Run]:
-    """Train and measure all contestants, and return what came of it.
+) -> list[Training]:
+    """Train and measure all contestants.
 
     Each finished training is on the disk, with its measurements, before the next is waited for. A benchmark that
-    was interrupted goes on where it was when it is called again with the same folder.
+    was interrupted continues when it is called again with the same folder.
 
     Parameters
     ----------
@@ -153,7 +148,7 @@ def learn_bench(
     jobs : int
         Processes; -1 for one on each core. Results do not depend on it.
     resume : bool
-        Whether what the folder holds counts; else it is done again.
+        Whether runs stored in the folder count; else they are done again.
     progress : bool
 
     Raises
@@ -163,20 +158,12 @@ def learn_bench(
     """
     workers = checked_jobs(jobs)
     file = check_writable(out) / LEDGER
-    tasks = benchmark.tasks()
-    with (
-        Ledger(file, retry_failed=True, fits=is_training) as ledger,
-        progress_bar(len(tasks), "trainings", progress) as bar,
-    ):
+    runs = list(benchmark.runs())
+    with Ledger(file, retry_failed=True, fits=is_training) as ledger:
         if not resume:
             ledger.clear()
-        left = [task for task in tasks if benchmark.key(*task) not in ledger]
-        bar.update(len(tasks) - len(left))
-        for name, seed, results in results_of(workers, measured, ((benchmark, *task) for task in left)):
-            ledger.append(benchmark.key(name, seed), Outcome(steps=benchmark.steps, results=results))
-            bar.update()
-        outcomes = ((name, seed, ledger.outcome(benchmark.key(name, seed))) for name, seed in tasks)
-        return [Run(name, seed, outcome.results or {}) for name, seed, outcome in outcomes if outcome]
+        found = completed(runs, call, ledger=ledger, workers=workers, progress=progress, unit="trainings")
+    return [Training(**found[run.key].stored(), name=run.settings["name"], seed=run.rng) for run in runs]
 
 
 def is_training(outcome: Outcome) -> bool:
@@ -187,7 +174,7 @@ def is_training(outcome: Outcome) -> bool:
     >>> is_training(Outcome(results={"robot-steps": 15.0}))
     False
     """
-    results = outcome.results or {}
+    results = outcome.numbers
     places = {key.rpartition("|")[0] for key in results if key.count("|") == 2}
     wanted = {*OF_TRAINING, *(f"{place}|{measure}" for place in places for measure in MEASURES)}
     curve = [key for key in results if key.startswith("training|")]
@@ -197,21 +184,21 @@ def is_training(outcome: Outcome) -> bool:
     return numbers and wanted <= results.keys() <= known and len(curve) in (0, parts)
 
 
-def measured(benchmark: Benchmark, name: str, seed: int) -> tuple[str, int, dict[str, float]]:
-    """Train a contestant with a seed, and measure what came of it on all its maps."""
+def measured(benchmark: Benchmark, *, name: str, rng: int) -> dict[str, float]:
+    """Train a contestant with a seed, and measure it on all its maps."""
     begun, used = time.perf_counter(), time.process_time()
-    trained = contestants()[name](seed, benchmark.steps)
+    trained = contestants()[name](rng, benchmark.steps)
     figures = time.perf_counter() - begun, time.process_time() - used, float(trained.robot_steps)
     results = dict(zip(OF_TRAINING, figures, strict=True))
     results |= {f"training|{k:02}": value for k, value in enumerate(trained.curve)}
-    for place in benchmark.maps(seed):
+    for place in benchmark.maps(rng):
         for mode in MODES:
-            for measure, value in _measures(trained, mode, place, seed, benchmark.evaluation_steps).items():
+            for measure, value in _measures(trained, mode, place, rng, benchmark.evaluation_steps).items():
                 results[f"{place}|{mode}|{measure}"] = value
     if name in (RULE, *BRED):
-        means = on_every_map(trained, seed, benchmark.evaluation_steps)
+        means = on_every_map(trained, rng, benchmark.evaluation_steps)
         results |= {f"{EVERY}|frozen|{measure}": value for measure, value in means.items()}
-    return name, seed, results
+    return results
 
 
 def on_every_map(trained: Trained, seed: int, steps: int) -> dict[str, float]:
@@ -252,16 +239,6 @@ def group_of(place: str) -> str:
     return "generated" if place.startswith("random") else "built in"
 
 
-@cache
-def _sources() -> str:
-    found = blake2b(digest_size=8)
-    for name in SOURCES:
-        part = PACKAGE / name
-        for path in sorted(part.rglob("*.py")) if part.is_dir() else [part]:
-            found.update(path.read_bytes())
-    return found.hexdigest()
-
-
 TITLES = {
     "home": "On the map of the training (`original`)",
     "built in": "On the other built-in maps",
@@ -299,7 +276,7 @@ class Line:
     coverage: float
 
 
-def lines_of(runs: Sequence[Run]) -> list[Line]:
+def lines_of(runs: Sequence[Training]) -> list[Line]:
     """Return a line for each group of maps, mode and contestant, those left out that do not learn while they drive."""
     names = list(dict.fromkeys(run.name for run in runs))
     lines = []
@@ -312,7 +289,7 @@ def lines_of(runs: Sequence[Run]) -> list[Line]:
     return lines
 
 
-def values_of(runs: Sequence[Run], name: str, group: str, mode: str) -> dict[str, list[float]]:
+def values_of(runs: Sequence[Training], name: str, group: str, mode: str) -> dict[str, list[float]]:
     """Return what one contestant did on maps of a group: by measure, a value for each seed and map."""
     found: dict[str, list[float]] = {measure: [] for measure in MEASURES}
     for run in runs:
@@ -328,7 +305,7 @@ def _line(name: str, group: str, mode: str, found: dict[str, list[float]]) -> Li
     return Line(name, group, mode, collisions, max(found["worst robot"]), ahead, seen)
 
 
-def markdown(benchmark: Benchmark, runs: Sequence[Run]) -> str:
+def markdown(benchmark: Benchmark, runs: Sequence[Training]) -> str:
     """Return all tables as Markdown: how long training took, then one table for each group of maps and mode."""
     parts = [_training(benchmark, runs)]
     lines = lines_of(runs)
@@ -341,24 +318,24 @@ def markdown(benchmark: Benchmark, runs: Sequence[Run]) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def _training(benchmark: Benchmark, runs: Sequence[Run]) -> str:
+def _training(benchmark: Benchmark, runs: Sequence[Training]) -> str:
     rows = [("contestant", "seeds", "robot-steps of training", "wall time, s", "processor time, s")]
     for name in dict.fromkeys(run.name for run in runs):
-        mine = [run.results for run in runs if run.name == name]
+        mine = [run.numbers for run in runs if run.name == name]
         wall, used = (np.mean([r[f"train {what} seconds"] for r in mine]) for what in ("wall", "processor"))
         rows.append((name, str(len(mine)), f"{mine[0]['robot-steps']:,.0f}", f"{wall:.1f}", f"{used:.1f}"))
     title = f"**Training: {benchmark.steps:,} steps of 15 robots on `original`; evaluation: "
     return "\n".join([f"{title}{benchmark.evaluation_steps:,} steps a map**", "", *_table(rows)])
 
 
-def _on_every_map(runs: Sequence[Run], name: str) -> dict[int, list[float]]:
+def _on_every_map(runs: Sequence[Training], name: str) -> dict[int, list[float]]:
     """Return by seed the collisions, the speed ahead and the coverage, means over all unseen maps."""
     asked = [f"{EVERY}|frozen|{measure}" for measure in ("collisions", "speed ahead", "coverage")]
-    found = {run.seed: [run.results.get(key) for key in asked] for run in runs if run.name == name}
+    found = {run.seed: [run.numbers.get(key) for key in asked] for run in runs if run.name == name}
     return {seed: [v for v in values if v is not None] for seed, values in found.items() if None not in values}
 
 
-def seed_by_seed(runs: Sequence[Run], name: str) -> str:
+def seed_by_seed(runs: Sequence[Training], name: str) -> str:
     """Return a table of who reaches what is asked: by each seed alone, and in the mean."""
     mine, rule = _on_every_map(runs, name), _on_every_map(runs, RULE)
     found = {str(seed): (*values, rule[seed][2] if seed in rule else math.nan) for seed, values in mine.items()}
@@ -392,18 +369,18 @@ def _table(rows: Sequence[Sequence[str]]) -> list[str]:
     return [texts[0], "|" + "|".join("-" * (w + 2) for w in widths) + "|", *texts[1:]]
 
 
-def runs_csv(runs: Sequence[Run]) -> str:
+def runs_csv(runs: Sequence[Training]) -> str:
     """Return one line for each contestant, seed, map and mode."""
     rows = []
     for run in runs:
         places = dict.fromkeys((place, mode) for place, mode, _, _ in run.rows())
         for place, mode in places:
-            values = [run.results[f"{place}|{mode}|{measure}"] for measure in MEASURES]
+            values = [run.numbers[f"{place}|{mode}|{measure}"] for measure in MEASURES]
             rows.append([run.name, run.seed, place, group_of(place), mode, *values])
     return csv_text([["contestant", "seed", "map", "group", "mode", *MEASURES], *rows])
 
 
-def summary_json(benchmark: Benchmark, runs: Sequence[Run]) -> str:
+def summary_json(benchmark: Benchmark, runs: Sequence[Training]) -> str:
     """Return the settings and the lines of all tables."""
     lines = [
         {
@@ -428,7 +405,7 @@ LINEAR = 0.1
 PANELS = {"home": "original, trained on", "built in": "other built-in maps", "generated": "generated maps"}
 
 
-def learning_pictures(runs: Sequence[Run]) -> dict[str, bytes]:
+def learning_pictures(runs: Sequence[Training]) -> dict[str, bytes]:
     """Return the PNGs of a benchmark by file name."""
     pictures = {"learn_bench.png": png(speed_figure(lines_of(runs)))}
     if any(run.curve() for run in runs):
@@ -475,7 +452,7 @@ def _mark(axes: Axes, line: Line, number: int) -> None:
     )
 
 
-def curve_figure(runs: Sequence[Run]) -> Figure:
+def curve_figure(runs: Sequence[Training]) -> Figure:
     """Return collisions in the course of training: a line for each contestant that learns, medians of all seeds."""
     figure = Figure(figsize=(8.5, 4.6), layout="constrained")
     axes = figure.subplots()

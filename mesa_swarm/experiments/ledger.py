@@ -1,4 +1,4 @@
-"""An append-only ledger of finished runs: what it has taken survives a kill and a power cut."""
+"""Outcomes of runs, and the append-only ledger that stores them: they survive a kill and a power cut."""
 
 import json
 import os
@@ -7,47 +7,72 @@ import sys
 from array import array
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from threading import Lock
-from typing import BinaryIO, Self, TypeGuard
+from typing import Any, BinaryIO, Self, TypeGuard
 from zlib import crc32
 
 import numpy as np
 
 from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.experiments.experiment import LONGEST_ERROR, Outcome
-from mesa_swarm.files import shown_path, unlock
-
-try:
-    import fcntl
-except ModuleNotFoundError:  # on Windows
-    fcntl = None  # type: ignore[assignment]  # what is missing is asked for by its name
+from mesa_swarm.files import lock, shown_path, unlock
 
 KEY_BYTES = 16
 KEY = re.compile(f"[0-9a-f]{{{2 * KEY_BYTES}}}")
 # Checksum and the text up to the key: how each line of a ledger begins, and of no other file.
 BEGINNING = re.compile(rb'[0-9a-f]{8} \{"key": "')
-# A file with nothing but these first bytes of a line is a ledger: with fewer it might be somebody's number.
+# A file with nothing but these first bytes of a line is a ledger: with fewer it might be any number.
 FEWEST_BYTES = 9
 # Lists within lists: those of a run's results are few, and one line can hold millions.
 DEEPEST = 32
+LONGEST_ERROR = 500
 LONGEST_LINE = 4 << 20
 LARGEST_STEPS = 2**62
-NAMES = {"key", "steps", "state_hash", "results", "error"}
+STORED = ("steps", "state_hash", "results", "error")
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """The outcome of a run: results, or the error that ended it.
+
+    Parameters
+    ----------
+    steps : int
+        That the model took.
+    state_hash : str, optional
+        Fingerprint of its final state.
+    results : dict of str to float or None, optional
+        None means that it did not happen.
+    error : str, optional
+    """
+
+    steps: int = 0
+    state_hash: str | None = None
+    results: dict[str, Any] | None = None
+    error: str | None = None
+
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """The results, empty after an error."""
+        return self.results or {}
+
+    def stored(self) -> dict[str, Any]:
+        """Return the fields that a ledger stores."""
+        return {name: getattr(self, name) for name in STORED}
 
 
 class Ledger:
-    """A file with one line a finished run: checksum, key, outcome.
+    """A file with one line per finished run: checksum, key, outcome.
 
     A line is written in one piece and synced to the disk before the run counts as done. A line that a kill tore
-    apart is cut off when the ledger is opened again; one that the disk spoilt fails its checksum and counts as never
+    apart is cut off when the ledger is opened again; a damaged line fails its checksum and counts as never
     written, as does one whose checksum is right and whose content is not the outcome of a run. Nothing else is ever
     cut: a file that is not a ledger is refused and stays as it is, as does one with the checksum of a first line at
     most. Of two lines with one key the last counts. One process at a time may write.
 
-    Memory grows by 24 bytes a run: its key, and where its line begins.
+    Memory grows by 24 bytes per run: its key, and where its line begins.
 
     Parameters
     ----------
@@ -56,7 +81,7 @@ class Ledger:
     retry_failed : bool
         Whether runs that ended in an error count as not done.
     read_only : bool
-        Whether it is only looked at: nothing is changed, and another process may be writing to it.
+        Nothing is changed, and another process may be writing to it.
     fits : callable, optional
         Returns whether an `Outcome` can be one of the runs that are wanted; others count as never written.
 
@@ -83,12 +108,14 @@ class Ledger:
         fits: Callable[[Outcome], bool] | None = None,
     ) -> None:
         self.path = path
-        self._lock = Lock()  # joblib asks what is left in a thread of its own
+        self._lock = Lock()  # joblib asks for outstanding runs in a thread of its own
         self._fits = fits
         self._file = _opened(path, read_only)
         try:
-            if not read_only:
-                self._keep_others_out()
+            if not read_only and lock(self._file) is False:
+                raise InvalidValueError(
+                    f"{shown_path(path)} is being written by another sweep; wait for it or choose another folder"
+                )
             self._read(retry_failed)
             if not read_only:
                 self._cut()
@@ -103,7 +130,7 @@ class Ledger:
         self.close()
 
     def close(self) -> None:
-        """Close the file, and let others write."""
+        """Close the file, and give up its lock."""
         unlock(self._file)  # a worker that is still there may share it
         self._file.close()
 
@@ -113,7 +140,7 @@ class Ledger:
             return self._place(key) is not None
 
     def clear(self) -> None:
-        """Forget all runs: the file is empty then."""
+        """Delete all runs: the file is empty then."""
         with self._lock:
             os.truncate(self.path, 0)
             self._ended = True
@@ -125,7 +152,7 @@ class Ledger:
         Raises
         ------
         InvalidValueError
-            If the disk does not take it, or it could not be read again. Nothing of it is left then.
+            If it cannot be written, or could not be read again. Nothing of it is left then.
         """
         line = _line(key, outcome)
         if _entry(line) is None:
@@ -152,11 +179,11 @@ class Ledger:
             self._file.seek(place)
             entry = _entry(self._file.readline(LONGEST_LINE))
         if entry is None or entry[0] != key:
-            raise InvalidValueError(f"{shown_path(self.path)} was changed while it was read; run the sweep again")
+            raise InvalidValueError(f"{shown_path(self.path)} changed while it was read; run the sweep again")
         return entry[1]
 
     def _put(self, line: bytes, place: int) -> None:
-        """Write past the file's buffer, which would keep what the disk does not take and try again when closed."""
+        """Write past the file's buffer, which would hold what a full disk refuses and try again when closed."""
         left = memoryview(line)
         try:
             while left:
@@ -195,7 +222,7 @@ class Ledger:
         """Yield where each good line begins and what it holds; refuse another file, and note a torn end."""
         known, torn, line, place = False, None, b"\n", 0
         self._file.seek(0)
-        # Of a line that is longer than any of ours there are pieces, which are none of ours either.
+        # A line that is longer than any of ours comes in pieces, which are refused likewise.
         for piece in iter(partial(self._file.readline, LONGEST_LINE), b""):
             is_start, line = line.endswith(b"\n"), piece
             is_ours = is_start and BEGINNING.match(line) is not None
@@ -228,16 +255,6 @@ class Ledger:
         order = np.argsort(self._keys, kind="stable")  # of equal keys the last line stays last
         self._keys, self._places = self._keys[order], self._places[order]
 
-    def _keep_others_out(self) -> None:
-        if fcntl is None:
-            return
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise InvalidValueError(
-                f"{shown_path(self.path)} is being written by another sweep; wait for it or choose another folder"
-            ) from None
-
 
 def _opened(path: Path, read_only: bool) -> BinaryIO:
     """Return an open file; it is created unless it is only to be read."""
@@ -254,9 +271,9 @@ def _opened(path: Path, read_only: bool) -> BinaryIO:
 
 
 def _line(key: str, outcome: Outcome) -> bytes:
-    """Return the line of an outcome, empty if it holds what cannot be written."""
+    """Return the line of an outcome, empty if part of it cannot be written."""
     try:
-        text = json.dumps({"key": key, **asdict(outcome)}, ensure_ascii=False).encode("utf-8", "backslashreplace")
+        text = json.dumps({"key": key, **outcome.stored()}, ensure_ascii=False).encode("utf-8", "backslashreplace")
     except (TypeError, ValueError, RecursionError):
         return b""
     return b"%08x %s\n" % (crc32(text), text)
@@ -269,7 +286,7 @@ def _is_torn(line: bytes) -> bool:
 
 
 def _entry(line: bytes) -> tuple[str, Outcome] | None:
-    """Return the key and the outcome in a line, None if it is torn, spoilt or holds anything else."""
+    """Return the key and the outcome in a line, None if it is torn, damaged or holds anything else."""
     checksum, _, text = line.rstrip(b"\n").partition(b" ")
     if not line.endswith(b"\n") or len(line) > LONGEST_LINE or checksum != b"%08x" % crc32(text):
         return None
@@ -277,7 +294,7 @@ def _entry(line: bytes) -> tuple[str, Outcome] | None:
         values = json.loads(text.decode())
     except (ValueError, RecursionError):
         return None
-    if not isinstance(values, dict) or values.keys() != NAMES:
+    if not isinstance(values, dict) or values.keys() != {"key", *STORED}:
         return None
     key = values.pop("key")
     outcome = Outcome(**values)
@@ -285,27 +302,25 @@ def _entry(line: bytes) -> tuple[str, Outcome] | None:
 
 
 def _is_outcome(outcome: Outcome) -> bool:
-    """Return whether this is what a run can end in: either results, or the error that ended it."""
+    """Return whether this is a possible outcome of a run: either results, or the error that ended it."""
     if type(outcome.steps) is not int or not 0 <= outcome.steps <= LARGEST_STEPS:
         return False
     if (outcome.results is None) == (outcome.error is None):
         return False
     if not all(text is None or _is_line(text) for text in (outcome.state_hash, outcome.error)):
         return False
-    return outcome.results is None or (
-        isinstance(outcome.results, dict)
-        and all(map(_is_text, outcome.results))
-        and all(map(_is_number, outcome.results.values()))
+    results = outcome.results
+    return results is None or (
+        isinstance(results, dict) and all(map(_is_text, results)) and all(map(_is_number, results.values()))
     )
 
 
 def _is_line(text: object) -> bool:
-    """Return whether this is a text of one line that can be written."""
     return _is_text(text) and len(text) <= LONGEST_ERROR and len(text.splitlines()) <= 1
 
 
 def _is_text(text: object) -> TypeGuard[str]:
-    """Return whether this is a text that can be written, which those with half a pair of surrogates cannot."""
+    """Return whether this is a text that can be written: without half a pair of surrogates."""
     return isinstance(text, str) and not any("\ud800" <= letter <= "\udfff" for letter in text)
 
 

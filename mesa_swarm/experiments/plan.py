@@ -1,163 +1,124 @@
-"""What a comparison will do, checked before any of it is done."""
+"""Comparisons: what one will do, checked before any of it is done, and the paired runs that it did."""
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-import pandas as pd
-
-from mesa_swarm.errors import (
-    InvalidValueError,
-    UnknownNameError,
-    check_choice,
-    check_count,
-    check_number,
-    shortened,
-    unknown_name,
+from mesa_swarm.errors import InvalidValueError, UnknownNameError, check_choice, shortened, unknown_name
+from mesa_swarm.experiments.experiment import (
+    Experiment,
+    checked_class,
+    checked_seeds,
+    checked_settings,
+    checked_steps,
 )
-from mesa_swarm.gallery import find_model
+from mesa_swarm.experiments.fingerprints import source_hash
+from mesa_swarm.experiments.ledger import Outcome
+from mesa_swarm.experiments.runs import Run, check_results, outcome_of
 from mesa_swarm.parameters import Choice, parameters_of
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.final_state import FinalState, final_state_of
 
-MOST_SEEDS = 100_000
-# Seeds are told apart as floats are, in tables and in TOML of other programs.
-LARGEST_SEED = 2**53 - 1
-MOST_STEPS = 100_000_000
 MOST_VALUES = 100
-DEFAULT_STEPS = 3_000
-# NumPy has no numbers for larger whole ones.
-LARGEST_WHOLE = 2**63 - 1
 
 
-@dataclass(frozen=True, slots=True)
-class Run:
-    """One run: with which value and seed, for how many steps, and what came of it.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PairedOutcome(Outcome):
+    """The outcome of a run of a comparison.
 
     Parameters
     ----------
     value
         Of the parameter that is compared.
-    rng, steps : int
-        Its seed, and the steps that it took.
-    state_hash : str
-        Fingerprint of its final state.
-    results : dict of str to float or None
-        What the model's ``results`` returned; None means that it did not happen.
+    rng : int
+        The run's seed.
     portrait : FinalState, optional
-        For figures; of the first seed only.
+        Of the final state; for the first seed only, and not stored.
     """
 
     value: Any
     rng: int
-    steps: int
-    state_hash: str
-    results: dict[str, float | None]
     portrait: FinalState | None = field(default=None, compare=False)
 
 
-@dataclass(frozen=True, slots=True)
-class Plan:
-    """A model, a parameter, the values that are compared, and over how many seeds and steps.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan(Experiment):
+    """An experiment that compares values of one parameter over the same seeds.
+
+    Parameters
+    ----------
+    parameter : str
+    values : tuple
+        The points, as they were given.
 
     Examples
     --------
-    >>> from mesa_swarm.gallery import find_model
-    >>> plan = checked_plan(find_model("fire_fighting"), seeds=2)
-    >>> plan.parameter, plan.values, plan.tasks
-    ('strategy', ('A', 'B'), [(1, 'A'), (1, 'B'), (2, 'A'), (2, 'B')])
+    >>> plan = checked_plan("fire_fighting", seeds=2)
+    >>> plan.parameter, plan.values, [(run.rng, run.settings) for run in plan.runs()][1:3]
+    ('strategy', ('A', 'B'), [(1, {'strategy': 'B'}), (2, {'strategy': 'A'})])
     """
 
-    model_class: type
     parameter: str
     values: tuple
-    seeds: Sequence[int]
-    steps: int
-    settings: dict[str, Any]
-    measures: tuple[str, ...] = ()
 
-    @property
-    def tasks(self) -> list[tuple[int, Any]]:
-        """Seed and value of every run; every value meets the same seeds."""
-        return [(rng, value) for rng in self.seeds for value in self.values]
+    def runs(self, *, keyed: bool = False) -> Iterator[Run]:
+        """Yield the runs: seed by seed, and with each all values, so that pairs are done together.
+
+        Keys are those of a sweep, so that runs of changed code are other runs.
+        """
+        points = [{**self.settings, **point} for point in self.points]
+        measures = {"measures of a comparison": list(self.measures)}
+        checked = [{**checked_settings(self.model_class, point), **measures} for point in points if keyed]
+        for rng in self.seeds:
+            for k, point in enumerate(points):
+                key = self.key(checked[k], rng) if keyed else f"{rng} {k}"
+                yield Run(self.model_class, point, rng, self.steps, key)
 
     def built(self, rng: int, value: Any) -> SwarmModel:
         """Return the model of one run, before its first step."""
         return self.model_class(**self.settings, **{self.parameter: value}, rng=rng)
 
-    def run(self, rng: int, value: Any) -> Run:
-        """Do one run."""
-        model = self.built(rng, value).run(self.steps)
-        portrait = final_state_of(model) if rng == self.seeds[0] else None
-        results = model.results()
-        kept = numbers_of({name: results[name] for name in self.measures or results})
-        return Run(value, rng, model.steps, model.state_hash(), kept, portrait)
+    def simulate(self, run: Run) -> PairedOutcome:
+        """Do one run, and draw the portrait of one with the first seed."""
+        model = run.made().run(run.steps)
+        portrait = final_state_of(model) if run.rng == self.seeds[0] else None
+        return self.paired(run, outcome_of(model, self.measures), portrait)
+
+    def paired(self, run: Run, outcome: Outcome, portrait: FinalState | None = None) -> PairedOutcome:
+        """Return the outcome of a run as one of this comparison."""
+        return PairedOutcome(**outcome.stored(), value=run.settings[self.parameter], rng=run.rng, portrait=portrait)
 
 
-def plain(number: Any) -> Any:
-    """Return a number of NumPy's as one of Python's, which reads back from a file as the same.
+@dataclass(frozen=True, slots=True, repr=False)
+class PairedRuns:
+    """The runs of a plan: what tables, figures and findings are made of.
 
-    Examples
-    --------
-    >>> plain(np.int64(3)), plain(np.array(0.5))
-    (3, 0.5)
+    Parameters
+    ----------
+    plan : Plan
+    runs : tuple of PairedOutcome
+        By seed, then by value, whatever the order in which they were done.
+    done_before : int
+        How many of them an earlier call had done.
     """
-    return number.item() if isinstance(number, (np.generic, np.ndarray)) and number.ndim == 0 else number
 
+    plan: Plan
+    runs: tuple[PairedOutcome, ...]
+    done_before: int = field(default=0, compare=False)
 
-def numbers_of(results: Mapping[str, Any]) -> dict[str, float | None]:
-    """Return the results of a run as numbers of Python's, which read back from a file as the same.
+    def column(self, value: Any, measure: str) -> list[float | None]:
+        """Return a measure in all runs with one value, by seed."""
+        return [run.numbers[measure] for run in self.runs if run.value == value]
 
-    Raises
-    ------
-    InvalidValueError
-        If one of them is no number, or infinite.
+    @property
+    def measures(self) -> list[str]:
+        """The names of what was measured."""
+        return list(self.runs[0].numbers)
 
-    Examples
-    --------
-    >>> from fractions import Fraction
-    >>> numbers_of({"groups": np.int64(3), "share": Fraction(1, 2), "arrived at": None})
-    {'groups': 3, 'share': 0.5, 'arrived at': None}
-    """
-    numbers = {}
-    for name, number in results.items():
-        simple = plain(number)
-        numbers[name] = simple if is_plain(simple) else check_result(name, simple)
-    return numbers
-
-
-def is_plain(number: object) -> bool:
-    """Return whether this is what `numbers_of` gives; NaN is, which a run may end in and tables leave out.
-
-    Examples
-    --------
-    >>> is_plain(None), is_plain(3), is_plain(10**300), is_plain([1.0])
-    (True, True, False, False)
-    """
-    if isinstance(number, float):
-        return not math.isinf(number)
-    return number is None or (isinstance(number, int) and abs(number) <= LARGEST_WHOLE)
-
-
-def check_result(name: str, number: object) -> float:
-    """Return a result as a float, or refuse it.
-
-    Raises
-    ------
-    InvalidValueError
-
-    Examples
-    --------
-    >>> check_result("groups", float("nan"))
-    Traceback (most recent call last):
-    mesa_swarm.errors.InvalidValueError: result 'groups' is nan; expected a finite number or None
-    """
-    try:
-        return check_number(f"result {shortened(name)}", number)
-    except InvalidValueError as error:
-        raise InvalidValueError(f"{error} or None") from None
+    @property
+    def portraits(self) -> dict[Any, FinalState]:
+        """The final state under each value, with the first seed."""
+        return {run.value: run.portrait for run in self.runs if run.portrait is not None}
 
 
 def checked_plan(
@@ -177,12 +138,12 @@ def checked_plan(
     model : type or str
         A SwarmModel with a method ``results``, or the name of one of the gallery.
     parameter, values
-        By default what the model's attribute ``compares`` says; the values of another parameter may be left
+        By default the model's attribute ``compares``; the values of another parameter may be left
         out if it has a `Choice`.
     seeds : int or sequence of int
         Each value is run with rng 1, 2, ... seeds, or with these; at most 100,000.
     steps : int
-        By default what the model's attribute ``steps_to_compare`` says, else 3,000.
+        By default the model's attribute ``steps_to_compare``, else 3,000.
     settings : mapping
         Other parameters, the same in all runs.
     measures : sequence of str
@@ -195,16 +156,17 @@ def checked_plan(
     """
     model_class = checked_class(model)
     settings = dict(settings or {})
-    default = getattr(model_class, "steps_to_compare", DEFAULT_STEPS)
     compared, chosen = _checked_values(model_class, parameter, values, settings)
     plan = Plan(
-        model_class,
-        compared,
-        chosen,
-        checked_seeds(seeds),
-        check_count("steps", default if steps is None else steps, minimum=1, maximum=MOST_STEPS),
-        settings,
-        checked_measures(measures),
+        model_class=model_class,
+        settings=settings,
+        points=[{compared: value} for value in chosen],
+        seeds=checked_seeds(seeds),
+        steps=checked_steps(model_class, steps),
+        measures=checked_measures(measures),
+        source=source_hash(model_class),
+        parameter=compared,
+        values=chosen,
     )
     for value in plan.values:
         built = plan.built(plan.seeds[0], value)
@@ -214,56 +176,8 @@ def checked_plan(
     return plan
 
 
-def checked_class(model: object) -> type:
-    """Return the class of a model that is given itself or by its name in the gallery.
-
-    Raises
-    ------
-    InvalidValueError, UnknownNameError
-
-    Examples
-    --------
-    >>> checked_class("fire_fighting").__name__
-    'FireFighting'
-    """
-    model_class = find_model(model) if isinstance(model, str) else model
-    if not isinstance(model_class, type):
-        raise InvalidValueError(f"model is {shortened(model)}; expected a class or the name of a model")
-    return model_class
-
-
-def checked_seeds(seeds: object) -> Sequence[int]:
-    """Return seeds 1, 2, ... for a number of them, or those of a list.
-
-    Examples
-    --------
-    >>> list(checked_seeds(3)), checked_seeds([7, 5])
-    ([1, 2, 3], (7, 5))
-    """
-    seeds = as_list(seeds)
-    if isinstance(seeds, (str, bytes)) or not isinstance(seeds, Sequence):
-        return range(1, 1 + check_count("seeds", seeds, minimum=1, maximum=MOST_SEEDS))
-    listed = tuple(check_count("seeds", seed, maximum=LARGEST_SEED) for seed in seeds)
-    check_count("number of seeds", len(listed), minimum=1, maximum=MOST_SEEDS)
-    if len(set(listed)) < len(listed):
-        raise InvalidValueError(f"seeds is {shortened(seeds)}; expected different ones")
-    return listed
-
-
-def as_list(values: object) -> object:
-    """Return the values of an array or series as a list of Python's own, anything else as it is.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> as_list(np.arange(2)), as_list("A")
-    ([0, 1], 'A')
-    """
-    return values.tolist() if isinstance(values, (np.ndarray, pd.Series, pd.Index)) else values
-
-
 def checked_measures(measures: object) -> tuple[str, ...]:
-    """Return the names of results that are wanted, refused if one is there twice or if it is one text.
+    """Return the names of results that are wanted; refuse a single text, and names that are repeated.
 
     Examples
     --------
@@ -276,21 +190,6 @@ def checked_measures(measures: object) -> tuple[str, ...]:
     if len(set(names)) < len(names):
         raise InvalidValueError(f"measures is {shortened(names)}; expected different ones")
     return names
-
-
-def check_results(model_class: type, model: SwarmModel) -> None:
-    """Refuse a model that does not say what came of it, in numbers.
-
-    Raises
-    ------
-    InvalidValueError
-    """
-    results = getattr(model, "results", None)
-    if results is None:
-        raise InvalidValueError(f"{model_class.__name__} has no method results(), which returns what is compared")
-    for name, number in results().items():
-        if number is not None and not isinstance(number, (bool, np.bool_)):
-            check_result(name, number)
 
 
 def _checked_values(
@@ -315,7 +214,9 @@ def _checked_parameter(model_class: type, name: str | None) -> tuple[str, tuple]
     declared, values = getattr(model_class, "compares", (None, ()))
     name = declared if name is None else name
     if name is None:
-        raise InvalidValueError(f"{model_class.__name__} does not say what to compare; give a parameter and values")
+        raise InvalidValueError(
+            f"{model_class.__name__} has no attribute compares with a parameter and values; give both"
+        )
     if name not in known:
         raise UnknownNameError(unknown_name(f"parameter of {model_class.__name__}", name, known))
     if name != declared:

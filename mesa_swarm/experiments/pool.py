@@ -1,4 +1,4 @@
-"""Processes that work at the same time, through joblib: on this machine, or on the cluster that joblib was told of."""
+"""Processes that work at the same time, through joblib: on this machine, or on the cluster that joblib is set to."""
 
 import os
 import signal
@@ -11,18 +11,37 @@ from threading import RLock, Thread
 from time import sleep
 from typing import Any
 
-from joblib import Parallel, delayed
+from joblib import Parallel, cpu_count, delayed
 from joblib.externals.loky import get_reusable_executor
 from joblib.parallel import LokyBackend, get_active_backend
 from tqdm import tqdm
 
+from mesa_swarm.errors import InvalidValueError, check_count
+
+MOST_JOBS = 1024
 LOCAL = "LokyBackend"
-# Workers look so often whether their parent is there, s.
-LOOK_EVERY = 0.5
+# Interval at which workers check that their parent is there, s.
+CHECK_EVERY = 0.5
 
 
 class WorkerDiedError(RuntimeError):
     """A worker was killed, or crashed, with what it was working at."""
+
+
+def checked_jobs(jobs: int) -> int:
+    """Return how many processes will work: as many as there are cores for -1.
+
+    Examples
+    --------
+    >>> checked_jobs(2)
+    2
+    """
+    if jobs == -1:
+        return cpu_count()
+    try:
+        return check_count("jobs", jobs, minimum=1, maximum=MOST_JOBS)
+    except InvalidValueError as error:
+        raise InvalidValueError(f"{error}, or -1 for one on each core") from None
 
 
 class Workers(LokyBackend):
@@ -44,8 +63,8 @@ def on_all(workers: int, work: Callable, tasks: Iterable[tuple]) -> Iterator[Any
     Parameters
     ----------
     workers : int
-        Processes on this machine. Inside `joblib.parallel_config` with another backend, such as dask, that one
-        says where the work is done.
+        Processes on this machine. Inside `joblib.parallel_config` with another backend, such as dask, the work
+        is done there.
     work : callable
     tasks : iterable of tuple
         The arguments of each call; read as workers become free, never far ahead.
@@ -68,41 +87,29 @@ def on_all(workers: int, work: Callable, tasks: Iterable[tuple]) -> Iterator[Any
         yield from results
     except BaseException as error:
         if not is_remote():
-            # Without this, workers would finish what nobody waits for any more.
+            # Without this, workers would finish tasks whose results are no longer wanted.
             get_reusable_executor().shutdown(wait=True, kill_workers=True)
         if isinstance(error, BrokenProcessPool) or type(error).__name__ == "KilledWorker":
             raise WorkerDiedError(str(error)) from error
         raise
 
 
-def results_of(workers: int, work: Callable, tasks: Iterable[tuple]) -> Iterator[Any]:
-    """Yield what `work` returns for each task, as they are done: by `on_all`, or in this process if one is enough.
-
-    Examples
-    --------
-    >>> list(results_of(1, pow, [(2, 3), (3, 2)]))
-    [8, 9]
-    """
-    if workers == 1:
-        yield from (work(*task) for task in tasks)
-        return
-    yield from on_all(workers, work, tasks)
-
-
 def in_order(workers: int, work: Callable, tasks: list[tuple]) -> list[Any]:
-    """Return what `work` returns for each task, in the order of the tasks, whichever is done first.
+    """Return what `work` returns for each task, in the order of the tasks: in this process if one is enough.
 
     Examples
     --------
     >>> in_order(1, pow, [(2, 3), (3, 2)])
     [8, 9]
     """
-    results = dict(results_of(workers, _numbered, ((k, work, task) for k, task in enumerate(tasks))))
+    if workers == 1:
+        return [work(*task) for task in tasks]
+    results = dict(on_all(workers, _numbered, ((k, work, task) for k, task in enumerate(tasks))))
     return [results[k] for k in range(len(tasks))]
 
 
 def is_remote() -> bool:
-    """Whether joblib was told of another place for work than processes of this machine.
+    """Return whether joblib is set to another place for work than processes of this machine.
 
     Examples
     --------
@@ -113,12 +120,12 @@ def is_remote() -> bool:
 
 
 def end_with(parent: int) -> None:
-    """Let this process end at once, whatever it does, when its parent is gone; also if it is gone already.
+    """Let this process end at once when its parent is gone; also if it is gone already.
 
     Parameters
     ----------
     parent : int
-        Number of the process that has started this one.
+        Id of the process that has started this one.
     """
     Thread(target=_end_after, args=(parent,), name="end with the parent", daemon=True).start()
 
@@ -151,22 +158,22 @@ else:
 
     def _wait_for_end(parent: int) -> None:
         while os.getppid() == parent:  # else another process has taken its children
-            sleep(LOOK_EVERY)
+            sleep(CHECK_EVERY)
 
 
 def _local() -> Workers:
-    """Return processes of this machine, with the number of threads that joblib was asked for."""
+    """Return processes of this machine, with the number of threads that joblib is set to."""
     return Workers(inner_max_num_threads=get_active_backend()[0].inner_max_num_threads)
 
 
 @contextmanager
 def _interrupts_held() -> Iterator[None]:
-    """Let Ctrl-C wait while workers start: they inherit this and never hear it; we stop them ourselves."""
+    """Block Ctrl-C while workers start: they inherit this and never receive it; we stop them ourselves."""
     hold = getattr(signal, "pthread_sigmask", None)
     if hold is None:  # on Windows
         yield
         return
-    resource_tracker.ensure_running()  # else workers start it, which lets Ctrl-C through again
+    resource_tracker.ensure_running()  # else workers start it, which unblocks Ctrl-C
     before = hold(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

@@ -1,9 +1,10 @@
-"""The reality gap: what a model scores while a dial goes from ideal robots to measured ones."""
+"""The reality gap: scores of a model while a dial goes from ideal robots to measured ones."""
 
 import os
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -13,18 +14,19 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mesa_swarm.errors import InvalidValueError, check_choice, check_number, shortened
-from mesa_swarm.experiments.compare import LEDGER, checked_jobs, has_numbers
-from mesa_swarm.experiments.experiment import Experiment, Outcome, checked_settings, source_hash
+from mesa_swarm.experiments.compare import LEDGER
+from mesa_swarm.experiments.experiment import checked_settings
 from mesa_swarm.experiments.figures import COLOURS, write_with_pictures
-from mesa_swarm.experiments.ledger import Ledger
-from mesa_swarm.experiments.plan import checked_plan, checked_seeds, numbers_of
-from mesa_swarm.experiments.pool import results_of
+from mesa_swarm.experiments.ledger import Ledger, Outcome
+from mesa_swarm.experiments.plan import Plan, checked_plan
+from mesa_swarm.experiments.pool import checked_jobs
+from mesa_swarm.experiments.runs import Run, completed, has_numbers, simulate
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean, pair_differences
-from mesa_swarm.experiments.tables import aligned, csv_text, in_words
+from mesa_swarm.experiments.tables import aligned, csv_text, with_limits
 from mesa_swarm.files import check_writable
 from mesa_swarm.gallery import find_model
-from mesa_swarm.progress import progress_bar
 from mesa_swarm.robots.imperfections import PRESETS, Imperfections
+from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.pictures import literal, png
 
 DIAL = (0.0, 0.25, 0.5, 0.75, 1.0)
@@ -62,14 +64,18 @@ class Gap:
         return bootstrap_mean([score for score in self.scores[place] if score is not None])
 
     def lost(self, place: float) -> Interval:
-        """Return by how much the score differs there from that of ideal robots, on the same seeds."""
+        """Return the difference from the score of ideal robots, on the same seeds."""
         return bootstrap_mean(pair_differences(self.scores[self.dial[0]], self.scores[place]))
 
     def table(self) -> str:
         """Return the scores as text."""
         header = ["dial", f"{self.measure} [95 %]", f"minus dial {self.dial[0]:g} [95 %]"]
         rows = [
-            [f"{place:g}", in_words(self.mean(place)), "" if i == 0 else in_words(self.lost(place), signed=True)]
+            [
+                f"{place:g}",
+                with_limits(self.mean(place)),
+                "" if i == 0 else with_limits(self.lost(place), signed=True),
+            ]
             for i, place in enumerate(self.dial)
         ]
         title = f"{self.model}, {self.preset} robots: {len(self.seeds)} paired seeds, at most {self.steps:,} steps each"
@@ -114,7 +120,7 @@ def reality_gap(
         0 to 1, rising; robots at 0 are ideal, and their runs bitwise those without any dial.
     seeds : int or sequence of int
     steps : int, optional
-        At most; by default what the model says.
+        At most; by default those that the model declares.
     measure : str, optional
         The result that is the score; by default the model's `headline`, else its first, that it has in every run.
     settings : dict, optional
@@ -123,13 +129,8 @@ def reality_gap(
         Processes at a time, -1 for one on each core.
     progress : bool
     out : path, optional
-        Folder in which each run is stored as soon as it is done: what was interrupted, or killed, goes on from there
+        Folder in which each run is stored as soon as it is done: what was interrupted, or killed, continues
         when it is called again with the same folder.
-
-    Raises
-    ------
-    SwarmError
-        If anything about it is wrong.
 
     Examples
     --------
@@ -140,73 +141,51 @@ def reality_gap(
     workers = checked_jobs(jobs)
     whole = PRESETS[check_choice("preset", preset, PRESETS)]
     places = checked_dial(dial)
-    plan = checked_plan(find_model(model), seeds=checked_seeds(seeds), steps=steps, settings=_freed(model, settings))
-    tasks = [(model, settings or {}, whole, place, seed, plan.steps) for place in places for seed in plan.seeds]
+    model_class = find_model(model)
+    plan = checked_plan(model_class, seeds=seeds, steps=steps, settings=_freed(model_class, settings))
     names = list(plan.built(plan.seeds[0], plan.values[0]).results())
 
     def fits(outcome: Outcome) -> bool:
-        return has_numbers(outcome) and list(outcome.results or ()) == names
+        return has_numbers(outcome) and list(outcome.numbers) == names
 
+    def check(outcome: Outcome) -> None:
+        if measure is not None:
+            check_choice("measure", measure, outcome.numbers)  # now, not when all is done
+
+    runs = {place: _runs(plan, settings or {}, whole.at(place)) for place in places}
+    every = [run for place in places for run in runs[place]]
     with nullcontext() if out is None else Ledger(check_writable(out) / LEDGER, fits=fits) as ledger:
-        results = _made(tasks, workers, measure, progress, ledger)
-    rows = {place: [results[place, seed] for seed in plan.seeds] for place in places}
-    wanted = chosen_measure(rows, measure, getattr(find_model(model), "headline", ())[:1])
+        found = completed(every, simulate, ledger=ledger, each=check, workers=workers, progress=progress)
+    rows = {place: [found[run.key].numbers for run in runs[place]] for place in places}
+    wanted = chosen_measure(rows, measure, getattr(model_class, "headline", ())[:1])
     scores = {place: [row[wanted] for row in row_of] for place, row_of in rows.items()}
     return Gap(
         model=model, measure=wanted, preset=preset, dial=places, seeds=plan.seeds, steps=plan.steps, scores=scores
     )
 
 
-def _freed(model: str, settings: dict[str, Any] | None) -> dict[str, Any]:
+def _freed(model_class: type, settings: dict[str, Any] | None) -> dict[str, Any]:
     """Return the settings without the parameter that the model's own comparison varies."""
-    varied = getattr(find_model(model), "compares", (None,))[0]
+    varied = getattr(model_class, "compares", (None,))[0]
     return {name: value for name, value in (settings or {}).items() if name != varied}
 
 
-def _made(
-    tasks: list[tuple], workers: int, measure: str | None, progress: bool, ledger: Ledger | None
-) -> dict[tuple[float, int], dict]:
-    """Return the results of all runs by place and seed; those that the ledger has are not done again."""
-    keys = {} if ledger is None else {task[3:5]: _key(*task) for task in tasks}
-    stored = {at: ledger.outcome(key) for at, key in keys.items()} if ledger is not None else {}
-    results = {at: outcome.results or {} for at, outcome in stored.items() if outcome is not None}
-    left = [task for task in tasks if task[3:5] not in results]
-    with progress_bar(len(tasks), "runs", progress) as bar:
-        bar.initial = bar.n = len(results)
-        bar.refresh()
-        for place, seed, row in results_of(min(workers, max(len(left), 1)), gap_run, left):
-            if measure is not None:
-                check_choice("measure", measure, row)  # now, not when all is done
-            results[place, seed] = row
-            if ledger is not None:
-                ledger.append(keys[place, seed], Outcome(results=row))
-            bar.update()
-    return results
+def _runs(plan: Plan, settings: dict[str, Any], imperfections: Imperfections | None) -> list[Run]:
+    """Return a run for each seed of a plan; keys are those of a sweep, with the imperfections of the robots."""
+    keyed = {**checked_settings(plan.model_class, settings), "imperfections of robots": repr(imperfections)}
+    make = partial(imperfect, plan.model_class, imperfections)
+    return [Run(make, settings, rng, plan.steps, plan.key(keyed, rng)) for rng in plan.seeds]
 
 
-def _key(model: str, settings: dict, whole: Imperfections, place: float, rng: int, steps: int) -> str:
-    """Return the fingerprint of a run: that of a sweep's, and how imperfect the robots are."""
-    model_class = find_model(model)
-    experiment = Experiment(model_class, {}, (), (), steps, source=source_hash(model_class))
-    imperfect = {"imperfections of robots": repr(whole.at(place))}
-    return experiment.key({**checked_settings(model_class, settings), **imperfect}, rng)
-
-
-def gap_run(
-    model: str, settings: dict, whole: Imperfections, place: float, rng: int, steps: int
-) -> tuple[float, int, dict]:
-    """Do one run, and return its place, seed and results."""
-    built = find_model(model)(**settings, rng=rng)
-    built.imperfections = whole.at(place)
-    return place, rng, numbers_of(built.run(steps).results())
+def imperfect(model_class: type, imperfections: Imperfections | None, /, **settings: Any) -> SwarmModel:
+    """Return a model whose robots are as imperfect as this."""
+    model = model_class(**settings)
+    model.imperfections = imperfections
+    return model
 
 
 def checked_dial(dial: Sequence[float]) -> tuple[float, ...]:
     """Return places of the dial that rise from 0 to 1 at most.
-
-    Raises
-    ------
-    InvalidValueError
 
     Examples
     --------
@@ -220,9 +199,9 @@ def checked_dial(dial: Sequence[float]) -> tuple[float, ...]:
 
 
 def chosen_measure(rows: dict[float, list[dict]], measure: str | None, first: Sequence[str] = ()) -> str:
-    """Return the result that is the score: the one that is wanted, or the first that there is in every run.
+    """Return the result that is the score: the one that is wanted, or the first that every run has.
 
-    What `first` names is looked at before all others.
+    The names in `first` come before all others.
 
     Examples
     --------
@@ -237,25 +216,14 @@ def chosen_measure(rows: dict[float, list[dict]], measure: str | None, first: Se
 
 
 def gap_figure(gap: Gap) -> Figure:
-    """Return the standard picture: the score over the dial, each seed a thin line, means with their intervals.
-
-    Parameters
-    ----------
-    gap : Gap
-    """
+    """Return the standard picture: the score over the dial, each seed a thin line, means with their intervals."""
     figure = Figure(figsize=(7.5, 4.5), layout="constrained")
     draw_gap(figure.add_subplot(), gap)
     return figure
 
 
 def gaps_figure(gaps: Sequence[Gap]) -> Figure:
-    """Return the standard pictures of several models, two in a row.
-
-    Parameters
-    ----------
-    gaps : sequence of Gap
-        At least one.
-    """
+    """Return the standard pictures of several models, at least one, two in a row."""
     rows = (len(gaps) + 1) // 2
     figure = Figure(figsize=(11, 3.4 * rows), layout="constrained")
     for place, gap in enumerate(gaps, 1):

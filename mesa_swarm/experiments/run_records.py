@@ -11,7 +11,9 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from mesa_swarm.errors import InvalidValueError, RecordingError, check_choice, shortened, unknown_name
-from mesa_swarm.experiments.experiment import Experiment, Outcome, Task, carried_out, first_built
+from mesa_swarm.experiments.experiment import Experiment, first_built
+from mesa_swarm.experiments.ledger import Outcome
+from mesa_swarm.experiments.runs import Run, attempt
 from mesa_swarm.files import free_draft, put_in_place, shown_path, unwritable
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.recording.recorder import record
@@ -251,26 +253,25 @@ class Archive:
         return self.folder / f"{key}{SUFFIX}"
 
     def clear(self, key: str) -> None:
-        """Delete what a worker that died has left of a recording, unless somebody is still writing it."""
+        """Delete the draft of a recording that a dead worker left, unless it is still being written."""
         free_draft(self.file(key))
 
-    def carried_out(self, model_class: type, task: Task) -> Outcome:
-        """Do a run and keep its recording; that of a run that fails ends where it failed.
+    def attempt(self, run: Run) -> Outcome:
+        """Do a run and store its recording; that of a run that fails ends where it failed.
 
         Raises
         ------
         RecordingError
-            If the recording cannot be written: that is no fault of the run, which is to be done again.
+            If the recording cannot be written: the run is not the cause, and is to be done again.
         """
-        file = self.file(task.key)
+        file = self.file(run.key)
         try:
             file.parent.mkdir(parents=True, exist_ok=True)
             draft = free_draft(file)
         except OSError as error:
             raise unwritable(file, error, RecordingError, AGAIN) from None
-        kept = partial(recorded, path=draft, options=self.options)
         try:
-            outcome = carried_out(model_class, task, kept, beyond=(RecordingError,))
+            outcome = attempt(run, partial(recorded, path=draft, options=self.options), beyond=(RecordingError,))
             if draft.exists():
                 with open(draft, "rb", buffering=0) as whole:
                     put_in_place(whole, file)

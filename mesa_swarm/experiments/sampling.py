@@ -6,10 +6,10 @@ from math import prod
 from typing import Any, overload
 
 import numpy as np
+import pandas as pd
 from scipy.stats import qmc
 
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number, shortened
-from mesa_swarm.experiments.plan import as_list
 from mesa_swarm.parameters import Parameter, parameters_of
 
 KINDS = ("latin_hypercube", "sobol")
@@ -195,6 +195,17 @@ def _values(model_class: type, name: str, listed: Any) -> Iterator[Any]:
         if is_twice:
             raise InvalidValueError(f"{name} has {shortened(value)} twice; expected different values")
         yield checked
+
+
+def as_list(values: object) -> object:
+    """Return the values of an array or series as a list of Python's own, anything else as it is.
+
+    Examples
+    --------
+    >>> as_list(np.arange(2)), as_list("A")
+    ([0, 1], 'A')
+    """
+    return values.tolist() if isinstance(values, (np.ndarray, pd.Series, pd.Index)) else values
 
 
 def _hashable(value: Any) -> Any:

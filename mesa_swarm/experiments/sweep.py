@@ -1,8 +1,7 @@
 """Many runs that a kill only interrupts, and their table as Parquet."""
 
 import os
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
@@ -14,110 +13,37 @@ import pyarrow as pa
 from pyarrow import parquet
 
 from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.experiments.compare import checked_jobs
 from mesa_swarm.experiments.experiment import (
     FIXED,
     Experiment,
-    Outcome,
-    Task,
-    carried_out,
     check_columns,
     checked_experiment,
-    error_in_words,
     first_built,
     shown_value,
 )
-from mesa_swarm.experiments.ledger import Ledger
-from mesa_swarm.experiments.pool import WorkerDiedError, is_remote, on_all
+from mesa_swarm.experiments.ledger import Ledger, Outcome
+from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.run_records import Archive, check_options, chosen_options
+from mesa_swarm.experiments.runs import Run, attempt, do_runs, error_in_words
 from mesa_swarm.experiments.sampling import Sample
 from mesa_swarm.files import check_writable, draft_of
 from mesa_swarm.parameters import parameters_of
-from mesa_swarm.progress import progress_bar
-
-ROWS_AT_ONCE = 10_000
-RECORDING = "recording"
-TYPES = {bool: pa.bool_(), int: pa.int64(), float: pa.float64()}
-
-
-def write_table(experiment: Experiment, ledger: Ledger, path: Path, archive: Archive | None = None) -> Path:
-    """Write one row a run, in the experiment's order, whole or not at all; never more than 10,000 are in memory.
-
-    Parameters
-    ----------
-    experiment : Experiment
-        All of whose runs are done.
-    ledger : Ledger
-    path : Path
-        Of the Parquet file. Columns: the parameters that are set, `rng`, `steps`, `state_hash`, the results, `error`.
-    archive : Archive, optional
-        If there is one, `recording` names each run's file in it.
-
-    Raises
-    ------
-    InvalidValueError
-        If it cannot be written. The runs are in the ledger, and are not done again.
-    """
-    schema = _schema(experiment, ledger)
-    if archive is not None:
-        schema = schema.append(pa.field(RECORDING, pa.string()))
-    with draft_of(path) as draft, parquet.ParquetWriter(draft, schema) as writer:
-        for rows in _batches(_row(*pair, archive) for pair in _done(experiment, ledger)):
-            writer.write_table(pa.Table.from_pylist(rows, schema=schema))
-    return path
-
-
-def _schema(experiment: Experiment, ledger: Ledger) -> pa.Schema:
-    """Return the columns; a result that only some runs have gets its place by the first run that has it."""
-    known = parameters_of(experiment.model_class)
-    fields = [(name, TYPES.get(known[name].kind, pa.string())) for name in experiment.columns]
-    fields += [("rng", pa.int64()), ("steps", pa.int64()), ("state_hash", pa.string())]
-    names: dict[str, None] = dict.fromkeys(experiment.measure)
-    if not names:
-        for _, outcome in _done(experiment, ledger):
-            names.update(dict.fromkeys(outcome.results or ()))
-    return pa.schema([*fields, *((name, pa.float64()) for name in names), ("error", pa.string())])
-
-
-def _done(experiment: Experiment, ledger: Ledger) -> Iterator[tuple[Task, Outcome]]:
-    for task in experiment.tasks():
-        outcome = ledger.outcome(task.key)
-        if outcome is not None:
-            yield task, outcome
-
-
-def _row(task: Task, outcome: Outcome, archive: Archive | None) -> dict[str, Any]:
-    settings = {name: shown_value(value) for name, value in task.settings.items()}
-    failed = outcome.error is not None
-    fixed = {
-        "rng": task.rng,
-        "steps": None if failed else outcome.steps,
-        "state_hash": outcome.state_hash,
-        "error": outcome.error,
-    }
-    file = None if archive is None else archive.file(task.key)
-    recording = {RECORDING: file.name} if file is not None and file.exists() else {}
-    return {**settings, **fixed, **(outcome.results or {}), **recording}
-
-
-def _batches(rows: Iterable[dict]) -> Iterator[list[dict]]:
-    rows = iter(rows)
-    while batch := list(islice(rows, ROWS_AT_ONCE)):
-        yield batch
-
 
 LEDGER = "ledger.jsonl"
 TABLE = "runs.parquet"
 RECORDINGS = "recordings"
-# A run under way when its worker died is tried again beside others, and from then on alone, to see who is to blame.
+RECORDING = "recording"
+ROWS_AT_ONCE = 10_000
+TYPES = {bool: pa.bool_(), int: pa.int64(), float: pa.float64()}
+# How often a run is tried whose worker dies.
 TRIES = 3
-# Of runs that failed so many different reasons are told; the table has all.
+# Different errors that are reported; the table has all.
 MOST_ERRORS = 3
 
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """What came of a sweep.
+    """The outcome of a sweep.
 
     Parameters
     ----------
@@ -154,10 +80,10 @@ def sweep(
     progress: bool = False,
     retry_failed: bool = False,
 ) -> Sweep:
-    """Run a model at every point of a grid or sample with every seed, and write a table of what came of it.
+    """Run a model at every point of a grid or sample with every seed, and write a table of the results.
 
     Each finished run is on the disk before the next is waited for. A sweep that was interrupted, or whose process
-    or workers were killed, goes on where it was when it is called again with the same folder; runs that another
+    or workers were killed, continues when it is called again with the same folder; runs that another
     sweep has done there are not done again. A run that ends in an error is recorded with it. A run whose worker
     dies is tried again, three times in all. Runs of code that was changed since are other runs (`source_hash`).
 
@@ -177,7 +103,7 @@ def sweep(
     progress : bool
         Whether to show a bar with the time left, in a terminal or notebook.
     retry_failed : bool
-        Whether to do again what ended in an error before.
+        Whether to repeat runs that ended in an error before.
 
     Raises
     ------
@@ -223,7 +149,7 @@ def run_experiment(
     record: Mapping[str, Any] | None = None,
     retry_failed: bool = False,
 ) -> Sweep:
-    """Do what is left of an experiment, and write its table.
+    """Do the outstanding runs of an experiment, and write its table.
 
     Parameters
     ----------
@@ -232,22 +158,25 @@ def run_experiment(
         Of the ledger and the table.
     workers : int
         Processes, from `checked_jobs`.
-    progress : bool
-    record : mapping, optional
-        Options of a recording of every run; see `sweep`.
-    retry_failed : bool
+    progress, record, retry_failed
+        See `sweep`; `record` are options, or None.
     """
     archive = None if record is None else Archive(folder / RECORDINGS, record)
     taken = _taken(experiment, archive)
     with Ledger(folder / LEDGER, retry_failed=retry_failed, fits=partial(_has_row, taken)) as ledger:
-        before = sum(_is_done(task.key, ledger, archive) for task in experiment.tasks())
-        with progress_bar(len(experiment), "runs", progress) as bar:
-            bar.initial = bar.n = before
-            bar.refresh()
-            for task, outcome in _outcomes(experiment, ledger, workers, archive):
-                if task.key not in ledger:  # else it was done before, and now recorded
-                    ledger.append(task.key, _as_row(taken, outcome))
-                bar.update()
+        before = sum(_is_done(run.key, ledger, archive) for run in experiment.runs())
+        for run, outcome in do_runs(
+            (run for run in experiment.runs() if not _is_done(run.key, ledger, archive)),
+            partial(_done, taken, archive),
+            count=len(experiment),
+            done=before,
+            ledger=ledger,
+            workers=workers,
+            tries=TRIES,
+            progress=progress,
+        ):
+            if archive is not None and outcome.error is not None:
+                archive.clear(run.key)
         path = write_table(experiment, ledger, folder / TABLE, archive)
         failed, errors = _failures(experiment, ledger)
     return Sweep(path, len(experiment), failed, before, errors)
@@ -256,30 +185,22 @@ def run_experiment(
 def _failures(experiment: Experiment, ledger: Ledger) -> tuple[int, tuple[str, ...]]:
     """Return how many runs ended in an error, and the first different errors; memory does not grow with the runs."""
     failed, errors = 0, dict[str, None]()
-    for task in experiment.tasks():
-        outcome = ledger.outcome(task.key)
-        if outcome is None or outcome.error is None:
-            continue
-        failed += 1
-        if len(errors) < MOST_ERRORS:
-            errors[outcome.error] = None
+    for _, outcome in _stored(experiment, ledger):
+        if outcome.error is not None:
+            failed += 1
+            if len(errors) < MOST_ERRORS:
+                errors[outcome.error] = None
     return failed, tuple(errors)
 
 
 def done_before(experiment: Experiment, folder: Path, record: Mapping[str, Any] | None = None) -> int:
     """Return how many runs of an experiment are done in a folder, without changing anything there.
 
-    Parameters
-    ----------
-    experiment : Experiment
-    folder : Path
-    record : mapping, optional
-        If given, runs that were not recorded do not count.
+    If options of recordings are given, runs that were not recorded do not count.
 
     Examples
     --------
-    >>> from mesa_swarm.gallery import find_model
-    >>> done_before(checked_experiment(find_model("fire_fighting"), seeds=2, steps=5), Path("nowhere"))
+    >>> done_before(checked_experiment("fire_fighting", seeds=2, steps=5), Path("nowhere"))
     0
     """
     if not (folder / LEDGER).exists():
@@ -287,112 +208,103 @@ def done_before(experiment: Experiment, folder: Path, record: Mapping[str, Any] 
     archive = None if record is None else Archive(folder / RECORDINGS, record)
     fits = partial(_has_row, _taken(experiment, archive))
     with Ledger(folder / LEDGER, read_only=True, fits=fits) as ledger:
-        return sum(_is_done(task.key, ledger, archive) for task in experiment.tasks())
+        return sum(_is_done(run.key, ledger, archive) for run in experiment.runs())
 
 
 def check_recorded(experiment: Experiment) -> None:
-    """Refuse an experiment whose runs cannot be recorded because a result is named as the column of recordings.
-
-    Raises
-    ------
-    SwarmError
-
-    Examples
-    --------
-    >>> check_recorded(checked_experiment("fire_fighting", seeds=2, steps=5))
-    """
+    """Refuse an experiment whose runs cannot be recorded because a result is named as the column of recordings."""
     check_columns(first_built(experiment).results(), {RECORDING})
 
 
 def _taken(experiment: Experiment, archive: Archive | None) -> set[str]:
-    """Return the names of the columns that are no results."""
+    """Return the names of the columns that are not results."""
     return {*FIXED, *experiment.columns, *(() if archive is None else (RECORDING,))}
 
 
 def _has_row(taken: set[str], outcome: Outcome) -> bool:
-    """Whether an outcome can be a row of the table: single numbers, named otherwise than the other columns."""
-    results = outcome.results or {}
+    """Return whether an outcome can be a row of the table: single numbers, named differently from other columns."""
+    results = outcome.numbers
     return results.keys().isdisjoint(taken) and not any(isinstance(value, list) for value in results.values())
 
 
-def _as_row(taken: set[str], outcome: Outcome) -> Outcome:
-    """Return an outcome, or as an error that a result has come in the run that is named as another column."""
-    try:
-        check_columns(outcome.results or (), taken)
-    except InvalidValueError as error:
-        return Outcome(error=error_in_words(error))
-    return outcome
-
-
 def _is_done(key: str, ledger: Ledger, archive: Archive | None) -> bool:
-    """Whether a run need not be done; one that failed may have no recording."""
+    """Return whether a run need not be done; one that failed may have no recording."""
     if archive is None or archive.file(key).exists():
         return key in ledger
     outcome = ledger.outcome(key)
     return outcome is not None and outcome.error is not None
 
 
-def _outcomes(
-    experiment: Experiment, ledger: Ledger, workers: int, archive: Archive | None
-) -> Iterator[tuple[Task, Outcome]]:
-    """Yield the runs that are left as they are done."""
-    left = (task for task in experiment.tasks() if not _is_done(task.key, ledger, archive))
-    work = partial(_done_task, experiment.model_class, archive)
-    if workers == 1 and not is_remote():
-        yield from map(work, left)
-        return
-    yield from _survivors(work, left, workers, archive)
+def _done(taken: set[str], archive: Archive | None, run: Run) -> Outcome:
+    """Do a run, and record it if there is an archive; a result named as another column is an error."""
+    outcome = attempt(run) if archive is None else archive.attempt(run)
+    try:
+        check_columns(outcome.numbers, taken)
+    except InvalidValueError as error:
+        return Outcome(error=error_in_words(error))
+    return outcome
 
 
-def _survivors(
-    work: Callable, tasks: Iterator[Task], workers: int, archive: Archive | None
-) -> Iterator[tuple[Task, Outcome]]:
-    """Yield runs as they are done, and go on when workers die."""
-    deaths: Counter[str] = Counter()
-    again: list[Task] = []
-    while True:
-        under_way: dict[str, Task] = {}
-        try:
-            yield from _together(work, _noted([*again], tasks, under_way), under_way, workers)
-            return
-        except WorkerDiedError:
-            deaths.update(under_way.keys())  # a mapping would be taken for counts
-        again = [task for key, task in under_way.items() if deaths[key] == 1]
-        for task in (task for key, task in under_way.items() if deaths[key] > 1):
-            yield _alone(work, task, deaths, archive)
+def write_table(experiment: Experiment, ledger: Ledger, path: Path, archive: Archive | None = None) -> Path:
+    """Write one row a run, in the experiment's order, whole or not at all; never more than 10,000 are in memory.
 
+    Parameters
+    ----------
+    experiment : Experiment
+        All of whose runs are done.
+    ledger : Ledger
+    path : Path
+        Of the Parquet file. Columns: the parameters that are set, `rng`, `steps`, `state_hash`, the results, `error`.
+    archive : Archive, optional
+        If there is one, `recording` names each run's file in it.
 
-def _together(
-    work: Callable, tasks: Iterator[Task], under_way: dict[str, Task], workers: int
-) -> Iterator[tuple[Task, Outcome]]:
-    for task, outcome in on_all(workers, work, ((task,) for task in tasks)):
-        yield task, outcome
-        del under_way[task.key]  # by now it is in the ledger
-
-
-def _noted(again: list[Task], tasks: Iterator[Task], under_way: dict[str, Task]) -> Iterator[Task]:
-    """Yield first what is tried again, then what is new, and note what is handed out."""
-    for source in (again, tasks):
-        for task in source:
-            if task.key not in under_way:  # samples of whole numbers may have a point twice
-                under_way[task.key] = task
-                yield task
-
-
-def _alone(work: Callable, task: Task, deaths: Counter[str], archive: Archive | None) -> tuple[Task, Outcome]:
-    """Try a run with nothing beside it, so that nobody else can be to blame."""
-    while deaths[task.key] < TRIES:
-        try:
-            (done,) = on_all(2, work, [(task,)])  # two, since one would be this very process
-            return done
-        except WorkerDiedError:
-            deaths[task.key] += 1
+    Raises
+    ------
+    InvalidValueError
+        If it cannot be written. The runs are in the ledger, and are not done again.
+    """
+    schema = _schema(experiment, ledger)
     if archive is not None:
-        archive.clear(task.key)
-    return task, Outcome(error=f"WorkerDiedError: the process died in each of {TRIES} tries")
+        schema = schema.append(pa.field(RECORDING, pa.string()))
+    with draft_of(path) as draft, parquet.ParquetWriter(draft, schema) as writer:
+        for rows in _batches(_row(*pair, archive) for pair in _stored(experiment, ledger)):
+            writer.write_table(pa.Table.from_pylist(rows, schema=schema))
+    return path
 
 
-def _done_task(model_class: type, archive: Archive | None, task: Task) -> tuple[Task, Outcome]:
-    if archive is None:
-        return task, carried_out(model_class, task)
-    return task, archive.carried_out(model_class, task)
+def _schema(experiment: Experiment, ledger: Ledger) -> pa.Schema:
+    """Return the columns; a result that only some runs have is placed by the first run that has it."""
+    known = parameters_of(experiment.model_class)
+    fields = [(name, TYPES.get(known[name].kind, pa.string())) for name in experiment.columns]
+    fields += [("rng", pa.int64()), ("steps", pa.int64()), ("state_hash", pa.string())]
+    names: dict[str, None] = dict.fromkeys(experiment.measures)
+    if not names:
+        for _, outcome in _stored(experiment, ledger):
+            names.update(dict.fromkeys(outcome.numbers))
+    return pa.schema([*fields, *((name, pa.float64()) for name in names), ("error", pa.string())])
+
+
+def _stored(experiment: Experiment, ledger: Ledger) -> Iterator[tuple[Run, Outcome]]:
+    for run in experiment.runs():
+        outcome = ledger.outcome(run.key)
+        if outcome is not None:
+            yield run, outcome
+
+
+def _row(run: Run, outcome: Outcome, archive: Archive | None) -> dict[str, Any]:
+    settings = {name: shown_value(value) for name, value in run.settings.items()}
+    fixed = {
+        "rng": run.rng,
+        "steps": outcome.steps if outcome.error is None else None,
+        "state_hash": outcome.state_hash,
+        "error": outcome.error,
+    }
+    file = None if archive is None else archive.file(run.key)
+    recording = {RECORDING: file.name} if file is not None and file.exists() else {}
+    return {**settings, **fixed, **outcome.numbers, **recording}
+
+
+def _batches(rows: Iterable[dict]) -> Iterator[list[dict]]:
+    rows = iter(rows)
+    while batch := list(islice(rows, ROWS_AT_ONCE)):
+        yield batch

@@ -5,8 +5,9 @@ import io
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from mesa_swarm.experiments.plan import PairedRuns
 from mesa_swarm.experiments.statistics import (
     FEWEST,
     TIME,
@@ -17,9 +18,6 @@ from mesa_swarm.experiments.statistics import (
     summarised,
     superiority,
 )
-
-if TYPE_CHECKING:
-    from mesa_swarm.experiments.compare import Comparison
 
 WIDEST = 100
 GAP = "  "
@@ -53,13 +51,8 @@ class Row:
     ranked: int = 0
 
 
-def summary_rows(comparison: "Comparison") -> list[Row]:
-    """Return a row for each measure and value, in order.
-
-    Parameters
-    ----------
-    comparison : Comparison
-    """
+def summary_rows(comparison: PairedRuns) -> list[Row]:
+    """Return a row for each measure and value, in order."""
     values = comparison.plan.values
     return [
         _row(measure, value, comparison.column(values[0], measure), comparison.column(value, measure), i > 0)
@@ -76,13 +69,8 @@ def _row(measure: str, value: Any, base: Sequence, column: Sequence, compared: b
     return Row(measure, value, summarised(column), bootstrap_mean(differences), len(differences), larger, ranked)
 
 
-def text_table(comparison: "Comparison") -> str:
-    """Return the summary as aligned text, at most 100 columns wide.
-
-    Parameters
-    ----------
-    comparison : Comparison
-    """
+def text_table(comparison: PairedRuns) -> str:
+    """Return the summary as aligned text, at most 100 columns wide."""
     plan = comparison.plan
     seeds = len(plan.seeds)
     title = (
@@ -93,13 +81,8 @@ def text_table(comparison: "Comparison") -> str:
     return "\n".join([title, "", *fitting(cells), "", *notes])
 
 
-def table_and_notes(comparison: "Comparison") -> tuple[list[list[str]], list[str]]:
-    """Return the cells of the summary, line by line with the header first, and what one must know to read them.
-
-    Parameters
-    ----------
-    comparison : Comparison
-    """
+def table_and_notes(comparison: PairedRuns) -> tuple[list[list[str]], list[str]]:
+    """Return the cells of the summary, line by line with the header first, and what one must know to read them."""
     plan, rows = comparison.plan, summary_rows(comparison)
     some_missing = any(row.summary.happened < row.summary.runs for row in rows)
     first = plan.values[0]
@@ -130,7 +113,7 @@ def _cells(row: Row, first: bool) -> list[str]:
         row.measure[:WIDEST] if first else "",
         str(row.value)[:16],
         share,
-        in_words(summary.mean),
+        with_limits(summary.mean),
         "" if row.difference is None else _difference(row, row.difference),
         "" if row.larger is None else _larger(row.larger),
     ]
@@ -138,7 +121,7 @@ def _cells(row: Row, first: bool) -> list[str]:
 
 def _difference(row: Row, difference: Interval) -> str:
     counted = f" ({row.pairs} pair{'s' if row.pairs > 1 else ''})" if 0 < row.pairs < row.summary.runs else ""
-    return in_words(difference, signed=True) + counted
+    return with_limits(difference, signed=True) + counted
 
 
 def _larger(share: Interval) -> str:
@@ -156,14 +139,14 @@ def percent(share: Interval) -> str:
     return f"{100 * share.low:.0f}-{100 * share.high:.0f} %"
 
 
-def in_words(interval: Interval, signed: bool = False) -> str:
+def with_limits(interval: Interval, signed: bool = False) -> str:
     """Return an estimate with its limits, all with the digits that the interval's width deserves.
 
     Examples
     --------
-    >>> in_words(Interval(1234.56, 1200.1, 1269.0)), in_words(Interval(0.123, 0.05, 0.2), signed=True)
+    >>> with_limits(Interval(1234.56, 1200.1, 1269.0)), with_limits(Interval(0.123, 0.05, 0.2), signed=True)
     ('1,235 [1,200, 1,269]', '+0.123 [+0.050, +0.200]')
-    >>> in_words(Interval(7.0, math.nan, math.nan))
+    >>> with_limits(Interval(7.0, math.nan, math.nan))
     '7'
     """
     if math.isnan(interval.estimate):
@@ -214,15 +197,10 @@ def fitting(table: list[list[str]]) -> list[str]:
     return [header, rule, *(line for name, row in zip(above, rest, strict=True) for line in (*name, f" {row}"))]
 
 
-def runs_csv(comparison: "Comparison") -> str:
-    """Return one line a run: value, seed, steps, state hash and every measure, empty where it did not happen.
-
-    Parameters
-    ----------
-    comparison : Comparison
-    """
+def runs_csv(comparison: PairedRuns) -> str:
+    """Return one line a run: value, seed, steps, state hash and every measure, empty where it did not happen."""
     header = [comparison.plan.parameter, "rng", "steps", "state_hash", *comparison.measures]
-    runs = ([run.value, run.rng, run.steps, run.state_hash, *run.results.values()] for run in comparison.runs)
+    runs = ([run.value, run.rng, run.steps, run.state_hash, *run.numbers.values()] for run in comparison.runs)
     return csv_text([header, *runs])
 
 
@@ -266,15 +244,11 @@ def csv_text(lines: Iterable[Sequence]) -> str:
 ONE_SEED = "one seed says nothing about others"
 
 
-def finding(comparison: "Comparison") -> str:
+def finding(comparison: PairedRuns) -> str:
     """Return what was found, in one sentence.
 
     About the model's ``headline``, an event (a measure that is None where it did not happen, and the words for
     it), if it has one; else about its first measure.
-
-    Parameters
-    ----------
-    comparison : Comparison
     """
     measure, words = getattr(comparison.plan.model_class, "headline", ("", ""))
     if measure in comparison.measures:
@@ -282,7 +256,7 @@ def finding(comparison: "Comparison") -> str:
     return _about_number(comparison, comparison.measures[0])
 
 
-def _about_event(comparison: "Comparison", measure: str, words: str) -> str:
+def _about_event(comparison: PairedRuns, measure: str, words: str) -> str:
     plan = comparison.plan
     shares = {value: summarised(comparison.column(value, measure)) for value in plan.values}
     order = sorted(plan.values, key=lambda value: -shares[value].happened)
@@ -303,7 +277,7 @@ def _share_text(parameter: str, value: Any, summary: Summary, words: str) -> str
     return f"with {value} in {summary.happened} of {summary.runs} ({percent(summary.share)})"
 
 
-def _most_different(comparison: "Comparison", headline: str, order: list) -> str:
+def _most_different(comparison: PairedRuns, headline: str, order: list) -> str:
     """Name the other event whose share differs most between the best and the worst value."""
     best, worst = order[0], order[-1]
     counts = {
@@ -318,7 +292,7 @@ def _most_different(comparison: "Comparison", headline: str, order: list) -> str
     return f"; most different is {what!r}: in {more} runs with {best}, in {fewer} with {worst}"
 
 
-def _about_number(comparison: "Comparison", measure: str) -> str:
+def _about_number(comparison: PairedRuns, measure: str) -> str:
     plan = comparison.plan
     means = {value: summarised(comparison.column(value, measure)).mean for value in plan.values}
     seen = [value for value in plan.values if means[value].estimate == means[value].estimate]
@@ -326,14 +300,15 @@ def _about_number(comparison: "Comparison", measure: str) -> str:
         return f"{measure} happened with fewer than two of the values of {plan.parameter}: nothing to compare."
     low, high = (pick(seen, key=lambda value: means[value].estimate) for pick in (min, max))
     if low == high:
-        return f"{measure} was {in_words(means[low])} with every {plan.parameter}: no difference was seen."
+        return f"{measure} was {with_limits(means[low])} with every {plan.parameter}: no difference was seen."
     return (
-        f"{measure} was {in_words(means[high])} with {plan.parameter} {high} and {in_words(means[low])} with {low}, "
-        f"{_difference_text(comparison, measure, low, high)}{_chosen(len(plan.values))}."
+        f"{measure} was {with_limits(means[high])} with {plan.parameter} {high} "
+        f"and {with_limits(means[low])} with {low}, {_difference_text(comparison, measure, low, high)}"
+        f"{_chosen(len(plan.values))}."
     )
 
 
-def _difference_text(comparison: "Comparison", measure: str, low: Any, high: Any) -> str:
+def _difference_text(comparison: PairedRuns, measure: str, low: Any, high: Any) -> str:
     """Say by how much a measure is larger under one value than another, on how many seeds, and what that shows."""
     columns = comparison.column(low, measure), comparison.column(high, measure)
     differences = pair_differences(*columns)
@@ -342,7 +317,7 @@ def _difference_text(comparison: "Comparison", measure: str, low: Any, high: Any
     times = "later" if measure.endswith(TIME) else "larger"
     share = f"{100 * larger.estimate:.0f} % of {seeds} seeds ({percent(larger)})"
     return (
-        f"a difference of {in_words(mean)} over {len(differences)} paired seeds, {times} with {high} on {share}: "
+        f"a difference of {with_limits(mean)} over {len(differences)} paired seeds, {times} with {high} on {share}: "
         f"{_verdict(len(differences), mean.excludes_zero)}"
     )
 

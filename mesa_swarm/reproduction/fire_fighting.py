@@ -12,7 +12,7 @@ from matplotlib.image import AxesImage
 
 from mesa_swarm.experiments.figures import fires_figure
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean, mean_interval, paired_difference
-from mesa_swarm.experiments.tables import in_words
+from mesa_swarm.experiments.tables import with_limits
 from mesa_swarm.fire.burning import is_hot, next_temperature
 from mesa_swarm.fire.constants import design_constants, robots_needed
 from mesa_swarm.gallery import find_model
@@ -238,15 +238,15 @@ def winners_in_words(cells: Sequence[Cell]) -> tuple[str, ...]:
 
 def over_robots(cell: Cell) -> str:
     """Say how the strategies compare with this number of robots."""
-    gain = in_words(cell.sooner, signed=True)
+    gain = with_limits(cell.sooner, signed=True)
     sooner = f", B sooner by {gain} steps in {cell.pairs} pairs that both ended" if cell.pairs > 1 else ""
     return f"{cell.robots} robots, {cell.out[0]:.1f} fires out with A and {cell.out[1]:.1f} with B{sooner}"
 
 
 def named(cell: Cell) -> str:
     """Say where a cell is, and by how much A is better there."""
-    by = in_words(cell.more, signed=True)
-    what = f"{by} fires" if sign(cell.more) else f"{in_words(cell.sooner, signed=True)} steps sooner"
+    by = with_limits(cell.more, signed=True)
+    what = f"{by} fires" if sign(cell.more) else f"{with_limits(cell.sooner, signed=True)} steps sooner"
     return (
         f"with {cell.robots} robots, fires {cell.size:g} times as large and a rest of {cell.rest:g} (B less A: {what})"
     )
@@ -417,7 +417,7 @@ def paired_in_words(leaving: list[dict], waiting: list[dict]) -> str:
     fewer = sum(b < a for a, b in zip(column(leaving, "out"), column(waiting, "out"), strict=True))
     times = [time for time in column(waiting, "all out at") if time is not None]
     large = sum(column(leaving, "largest out"))
-    quick = in_words(bootstrap_mean(times)) if times else "-"
+    quick = with_limits(bootstrap_mean(times)) if times else "-"
     return (
         f"Of {len(leaving)} pairs B put out more fires in {more} and fewer in {fewer}. A put out the large fire in "
         f"{large} of {len(leaving)} runs. B was done after {quick} steps, in {len(times)} runs."

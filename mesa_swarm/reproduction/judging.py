@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from mesa_swarm.errors import check_choice
 from mesa_swarm.experiments.statistics import Interval, mean_interval, paired_difference, share_interval
-from mesa_swarm.experiments.tables import csv_text, in_words
+from mesa_swarm.experiments.tables import csv_text, with_limits
 
 # Of a check: the data say so, they do not settle it, they say the opposite.
 HOLDS, UNSETTLED, FAILS = "holds", "unsettled", "fails"
@@ -168,7 +168,7 @@ def judged_mean(
     return Check(
         claim=claim,
         reported=reported,
-        measured=f"{in_words(mean)}, {len(seen)} runs",
+        measured=f"{with_limits(mean)}, {len(seen)} runs",
         criterion=f"mean {limits_in_words(low, high)}",
         outcome=placed(mean, low, high),
         main=main,
@@ -239,7 +239,7 @@ def judged_difference(
     return Check(
         claim=claim,
         reported=reported,
-        measured=f"{sides}: {in_words(difference, signed=True)}, {pairs} pairs",
+        measured=f"{sides}: {with_limits(difference, signed=True)}, {pairs} pairs",
         criterion="paired difference above 0",
         outcome=above_zero(difference),
         main=main,

@@ -14,7 +14,7 @@ import mesa_swarm
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments.compare import Comparison, compare, run_plan
 from mesa_swarm.experiments.figures import comparison_figure
-from mesa_swarm.experiments.plan import Plan, Run, checked_plan
+from mesa_swarm.experiments.plan import PairedOutcome, Plan, checked_plan
 from mesa_swarm.experiments.tables import WIDEST, finding, fitting, runs_csv, summary_csv, summary_rows
 from mesa_swarm.files import check_writable, write_whole
 from mesa_swarm.gallery import class_name, description, find_model, model_names
@@ -35,11 +35,30 @@ def made_up(columns, model_class=FIRE, parameter="strategy"):
     values = tuple(columns)
     seeds = range(1, 1 + len(next(iter(columns[values[0]].values()))))
     runs = [
-        Run(value, rng, 100, "hash", {name: column[rng - 1] for name, column in columns[value].items()})
+        PairedOutcome(
+            steps=100,
+            state_hash="hash",
+            results={name: column[rng - 1] for name, column in columns[value].items()},
+            value=value,
+            rng=rng,
+        )
         for rng in seeds
         for value in values
     ]
-    return Comparison(Plan(model_class, parameter, values, seeds, 100, {}), tuple(runs))
+    return Comparison(plan_of(model_class, parameter, values, seeds, 100), tuple(runs))
+
+
+def plan_of(model_class, parameter, values, seeds, steps):
+    points = [{parameter: value} for value in values]
+    return Plan(
+        model_class=model_class,
+        settings={},
+        points=points,
+        seeds=seeds,
+        steps=steps,
+        parameter=parameter,
+        values=values,
+    )
 
 
 def test_every_value_meets_the_same_seeds(comparison):
@@ -78,7 +97,7 @@ def test_runs_of_changed_code_settings_or_steps_are_other_runs(tmp_path, monkeyp
 
     assert [done_before(), done_before(), done_before(seeds=3)] == [0, 4, 4]
     assert [done_before(steps=6), done_before(settings={"n_robots": 3}), done_before(measures=["fires out"])] == [0] * 3
-    monkeypatch.setattr(import_module("mesa_swarm.experiments.compare"), "source_hash", lambda model_class: "changed")
+    monkeypatch.setattr(import_module("mesa_swarm.experiments.plan"), "source_hash", lambda model_class: "changed")
     assert done_before() == 0
 
 
@@ -192,7 +211,7 @@ def test_results_that_are_not_numbers_are_refused():
 
 
 def test_an_error_within_a_run_reaches_the_caller_from_other_processes():
-    plan = Plan(FIRE, "n_robots", (5, 10**9), (1, 2), 5, {})
+    plan = plan_of(FIRE, "n_robots", (5, 10**9), (1, 2), 5)
     with pytest.raises(SwarmError, match="do not fit"):
         run_plan(plan, 2)
 

@@ -67,7 +67,7 @@ def test_a_job_names_model_map_robots_parameters_steps_seeds_recordings_and_meas
     assert (first.name, first.model_class, first.steps) == ("points", find_model("fire_fighting"), 10)
     assert first.settings == {"map": "openspace_fire", "n_robots": 5, "k1": 0.001, "strategy": "A"}
     assert (tuple(first.points), tuple(first.seeds)) == (({"leave": 100.0}, {"leave": 200.0}), (3, 4))
-    assert first.measure == ("fires out",)
+    assert first.measures == ("fires out",)
     assert job.records[0].path("points", 3) == tmp_path / "runs" / "points" / "3.arrow"
     assert job.records[0].options == {"every": 5, "columns": ["position"], "exact": False}
     assert job.records[1] is None

@@ -13,13 +13,13 @@ from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments import learn_bench as bench
 from mesa_swarm.experiments.contestants import BREEDING, CHOOSING, contestants
 from mesa_swarm.experiments.driving import drive_measured, driven_world, within_reach
-from mesa_swarm.experiments.experiment import Outcome
+from mesa_swarm.experiments.fingerprints import ENGINE, PACKAGE
 from mesa_swarm.experiments.learn_bench import (
     EVERY,
     GENERATED,
     UNSEEN,
     Benchmark,
-    Run,
+    Training,
     learn_bench,
     lines_of,
     markdown,
@@ -27,7 +27,7 @@ from mesa_swarm.experiments.learn_bench import (
     seed_by_seed,
     summary_json,
 )
-from mesa_swarm.experiments.ledger import Ledger
+from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.world.random_map import random_map
 
 BRIEF = {"seeds": 2, "steps": 40, "evaluation_steps": 10}
@@ -74,13 +74,14 @@ def test_the_rule_and_the_bred_are_measured_on_every_unseen_map_with_each_seed(t
     assert "evolved reflex: each seed on all twenty unseen maps" in markdown(alone, runs)
 
 
-def test_the_target_is_told_seed_by_seed_and_in_the_mean():
-    def told(seed, name, *values):
+def test_the_target_is_judged_seed_by_seed_and_in_the_mean():
+    def training(seed, name, *values):
         measures = ("collisions", "speed ahead", "coverage")
-        return Run(name, seed, {f"{EVERY}|frozen|{m}": v for m, v in zip(measures, values, strict=True)})
+        results = {f"{EVERY}|frozen|{m}": v for m, v in zip(measures, values, strict=True)}
+        return Training(name=name, seed=seed, results=results)
 
-    rule = [told(seed, "Avoid + Explore", 60.0, 0.9, 0.8) for seed in (1, 2)]
-    bred = [told(1, "evolved reflex", 0.25, 0.875, 0.8125), told(2, "evolved reflex", 0.75, 0.875, 0.8125)]
+    rule = [training(seed, "Avoid + Explore", 60.0, 0.9, 0.8) for seed in (1, 2)]
+    bred = [training(1, "evolved reflex", 0.25, 0.875, 0.8125), training(2, "evolved reflex", 0.75, 0.875, 0.8125)]
     table = [
         [cell.strip() for cell in row.split("|")[1:-1]]
         for row in seed_by_seed(rule + bred, "evolved reflex").splitlines()[4:]
@@ -103,7 +104,7 @@ def test_a_robot_that_drives_straight_is_fast_and_sees_what_it_passes():
     assert measured["coverage"] == 11 / 1600  # x from 106 to 205, in cells of 10
 
 
-def test_collisions_are_counted_per_robot_and_thousand_steps_and_the_worst_is_told():
+def test_collisions_are_counted_per_robot_and_thousand_steps_and_the_worst_is_reported():
     hall = Map(name="hall", bounds=(0, 0, 400, 400))
     model = driven_world(Subsumption(Explore()), AGENT9, 0, hall, 1)
     model.add_robots(AGENT9, poses=[(395, 200, 0.0), (100, 100, 0.0)])
@@ -143,11 +144,11 @@ def test_an_interrupted_benchmark_goes_on_to_the_same_results(tmp_path, monkeypa
     calls = []
     usual = bench.measured
 
-    def interrupted(*given):
-        calls.append(given)
+    def interrupted(*given, **more):
+        calls.append(more)
         if len(calls) == 3:
             raise KeyboardInterrupt
-        return usual(*given)
+        return usual(*given, **more)
 
     monkeypatch.setattr(Benchmark, "maps", lambda self, seed: ("openspace",))
     whole = learn_bench(brief(), out=tmp_path / "whole")
@@ -164,11 +165,11 @@ def test_an_interrupted_benchmark_goes_on_to_the_same_results(tmp_path, monkeypa
 
 
 def test_lines_are_interquartile_means_over_seeds_and_maps():
-    told = {
+    results = {
         f"random {k}|frozen|{m}": v for k, v in enumerate([1.0, 2.0, 3.0, 90.0]) for m in ("collisions", "coverage")
     }
-    told |= {f"random {k}|frozen|{m}": 0.5 for k in range(4) for m in ("worst robot", "speed ahead")}
-    (line,) = lines_of([Run("someone", 1, told)])
+    results |= {f"random {k}|frozen|{m}": 0.5 for k in range(4) for m in ("worst robot", "speed ahead")}
+    (line,) = lines_of([Training(name="one", seed=1, results=results)])
     assert (line.group, line.mode, line.collisions.estimate, line.worst, line.ahead) == (
         "generated",
         "frozen",
@@ -212,16 +213,16 @@ def test_who_takes_part_does_not_depend_on_the_order_in_which_they_are_named():
 
 
 def test_trainings_are_done_again_when_code_changes_that_trains_drives_or_measures():
-    kept = {name.split("/")[0] for name in bench.SOURCES}
-    files = [bench.PACKAGE / name for name in bench.SOURCES if name.startswith("experiments/")]
+    hashed = {name.split("/")[0] for name in (*ENGINE, *bench.SOURCES)}
+    files = [PACKAGE / name for name in bench.SOURCES]
     nodes = [node for file in files for node in ast.walk(ast.parse(file.read_text()))]
     used = {
         node.module.split(".")[1] for node in nodes if isinstance(node, ast.ImportFrom) and "mesa_swarm" in node.module
     }
-    parts = {part if (bench.PACKAGE / part).is_dir() else f"{part}.py" for part in used}
+    parts = {part if (PACKAGE / part).is_dir() else f"{part}.py" for part in used}
     assert "analysis" in parts
-    assert parts - kept == {"errors.py", "progress.py"}
-    assert all((bench.PACKAGE / name).exists() for name in bench.SOURCES)
+    assert parts - hashed == {"errors.py", "files.py", "progress.py"}
+    assert all((PACKAGE / name).exists() for name in (*ENGINE, *bench.SOURCES))
 
 
 def test_a_stored_training_with_other_numbers_than_those_of_a_training_counts_as_never_done(tmp_path):

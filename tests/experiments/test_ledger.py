@@ -13,8 +13,7 @@ import pytest
 from support.forks import forked
 
 from mesa_swarm.errors import SwarmError
-from mesa_swarm.experiments.experiment import Outcome
-from mesa_swarm.experiments.ledger import Ledger
+from mesa_swarm.experiments.ledger import Ledger, Outcome
 
 
 def ended(steps):

@@ -10,7 +10,8 @@ from mesa_swarm import cli
 from mesa_swarm.cli import compare
 from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.experiments import reality_gap as module
-from mesa_swarm.experiments.reality_gap import gap_figure, gap_run, reality_gap
+from mesa_swarm.experiments.reality_gap import gap_figure, reality_gap
+from mesa_swarm.experiments.runs import simulate
 from mesa_swarm.gallery import find_model, model_names
 
 SMALL = {"n_robots": 5}
@@ -33,7 +34,7 @@ def test_what_was_interrupted_goes_on_and_ends_in_the_same_table(tmp_path, monke
     ledger = tmp_path / "runs.jsonl"
     ledger.write_bytes(ledger.read_bytes()[:-10])  # the last line is torn
     done = []
-    monkeypatch.setattr(module, "gap_run", lambda *task: done.append(task) or gap_run(*task))
+    monkeypatch.setattr(module, "simulate", lambda run: done.append(run) or simulate(run))
     assert reality_gap(**how, out=tmp_path).csv() == whole.csv()
     assert len(done) == 1
 
@@ -75,11 +76,7 @@ def test_what_is_wrong_is_refused(more, error, words):
 def test_an_unknown_measure_is_refused_after_the_first_run(monkeypatch):
     made = []
 
-    def counted(*task):
-        made.append(task)
-        return gap_run(*task)
-
-    monkeypatch.setattr("mesa_swarm.experiments.reality_gap.gap_run", counted)
+    monkeypatch.setattr(module, "simulate", lambda run: made.append(run) or simulate(run))
     with pytest.raises(UnknownNameError, match="did you mean 'groups'"):
         reality_gap("agglomeration", seeds=3, steps=2, settings=SMALL, measure="group", jobs=1)
     assert len(made) == 1
@@ -148,7 +145,7 @@ def test_stored_runs_that_cannot_be_of_this_model_are_done_again_and_then_rememb
         line.update(wrong)
     texts = [json.dumps(line).encode() for line in lines]
     ledger.write_bytes(b"".join(b"%08x %s\n" % (crc32(text), text) for text in texts))
-    monkeypatch.setattr(module, "gap_run", lambda *task: done.append(task) or gap_run(*task))
+    monkeypatch.setattr(module, "simulate", lambda run: done.append(run) or simulate(run))
     assert [reality_gap(**how).csv() for _ in range(2)] == [whole] * 2
     assert len(done) == (4 if every else 1)
 

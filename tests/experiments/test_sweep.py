@@ -14,8 +14,10 @@ from pyarrow import parquet
 
 from mesa_swarm.errors import InvalidValueError, SwarmError
 from mesa_swarm.experiments.compare import compare
-from mesa_swarm.experiments.experiment import Outcome, checked_experiment, error_in_words, source_hash
-from mesa_swarm.experiments.ledger import Ledger
+from mesa_swarm.experiments.experiment import checked_experiment
+from mesa_swarm.experiments.fingerprints import source_hash
+from mesa_swarm.experiments.ledger import Ledger, Outcome
+from mesa_swarm.experiments.runs import error_in_words
 from mesa_swarm.experiments.sampling import Sample
 from mesa_swarm.experiments.sweep import sweep
 from mesa_swarm.gallery import find_model
@@ -57,10 +59,10 @@ def test_a_sweep_that_is_widened_does_only_what_is_new(tmp_path):
 
 def test_other_steps_and_parameters_are_other_runs():
     keys = {
-        task.key
+        run.key
         for steps in (5, 6)
         for n in (2, 3)
-        for task in checked_experiment(FIRE, {"n_robots": [n]}, seeds=2, steps=steps).tasks()
+        for run in checked_experiment(FIRE, {"n_robots": [n]}, seeds=2, steps=steps).runs()
     }
     assert len(keys) == 8
 
@@ -140,7 +142,7 @@ def test_a_class_without_a_file_is_known_by_the_code_of_its_methods():
 
 
 def test_the_fingerprint_of_a_source_is_the_same_in_every_process():
-    code = "from mesa_swarm.experiments.experiment import source_hash; from mesa_swarm.gallery import find_model\n"
+    code = "from mesa_swarm.experiments.fingerprints import source_hash; from mesa_swarm.gallery import find_model\n"
     code += "print(source_hash(find_model('fire_fighting')))"
     said = {
         subprocess.run(
@@ -222,12 +224,12 @@ def test_an_experiment_of_a_model_in_place_of_its_class_is_refused():
 
 
 def test_a_stored_outcome_that_cannot_be_a_row_of_the_table_is_done_again(tmp_path):
-    task = next(checked_experiment(FIRE, seeds=1, steps=5).tasks())
+    run = next(checked_experiment(FIRE, seeds=1, steps=5).runs())
     good = sweep(FIRE, seeds=1, steps=5, out=tmp_path, jobs=1)
     table = good.path.read_bytes()
     for wrong in ({"rng": 1.0}, {"error": 1.0}, {"a": [1.0, 2.0]}):
         with Ledger(tmp_path / "ledger.jsonl") as ledger:
-            ledger.append(task.key, Outcome(steps=5, results=wrong))
+            ledger.append(run.key, Outcome(steps=5, results=wrong))
         assert sweep(FIRE, seeds=1, steps=5, out=tmp_path, jobs=1).path.read_bytes() == table
 
 

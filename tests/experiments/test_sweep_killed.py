@@ -49,7 +49,6 @@ def test_the_death_of_a_worker_is_noticed_within_five_seconds():
 DRIVER = """
 import sys
 from mesa_swarm.gallery import find_model
-from mesa_swarm.experiments.experiment import source_hash
 from mesa_swarm.experiments.sweep import sweep
 if __name__ == "__main__":
     grid, out, seeds = {"strategy": ["A", "B"]}, sys.argv[1], int(sys.argv[2])
@@ -127,7 +126,6 @@ from pathlib import Path
 from distributed import Client, LocalCluster
 from joblib import parallel_config
 from mesa_swarm.gallery import find_model
-from mesa_swarm.experiments.experiment import source_hash
 from mesa_swarm.experiments.sweep import sweep
 
 def kill_one(address, process, ledger, scheduler):

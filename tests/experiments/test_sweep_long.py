@@ -12,13 +12,13 @@ import sys
 from pathlib import Path
 import psutil
 from failing_models import Counting
-from mesa_swarm.experiments import sweep_table
+from mesa_swarm.experiments import sweep
 from mesa_swarm.experiments.experiment import checked_experiment
 from mesa_swarm.experiments.sweep import run_experiment
 
 if __name__ == "__main__":
     out, jobs = Path(sys.argv[1]), int(sys.argv[2])
-    sweep_table.ROWS_AT_ONCE = 100  # what is held at a time, which fewer runs than usual fill
+    sweep.ROWS_AT_ONCE = 100  # what is held at a time, which fewer runs than usual fill
     for seeds in (500, 2500):
         experiment = checked_experiment(Counting, seeds=seeds, steps=1, settings={"diary": str(out / "diary")})
         run_experiment(experiment, out, jobs)

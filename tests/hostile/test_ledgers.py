@@ -10,8 +10,8 @@ import pytest
 from support.hostile import attack
 
 from mesa_swarm.errors import SwarmError
-from mesa_swarm.experiments.experiment import Outcome, checked_experiment
-from mesa_swarm.experiments.ledger import Ledger
+from mesa_swarm.experiments.experiment import checked_experiment
+from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.experiments.sweep import done_before, run_experiment
 from mesa_swarm.gallery import find_model
 

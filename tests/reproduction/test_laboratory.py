@@ -4,8 +4,7 @@ import pytest
 
 from mesa_swarm.cli.check import made_by
 from mesa_swarm.errors import SwarmError
-from mesa_swarm.experiments.experiment import Outcome
-from mesa_swarm.experiments.ledger import Ledger
+from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.reproduction.laboratory import Laboratory, key_of
 from mesa_swarm.reproduction.networks import choice_run
 from mesa_swarm.reproduction.registry import Item

@@ -1,0 +1,121 @@
+"""Fingerprints of code and of runs: whether a stored outcome is still that of the code that would be run now."""
+
+import inspect
+import json
+import sys
+from collections.abc import Callable, Iterable
+from functools import cache
+from hashlib import blake2b
+from importlib import import_module
+from pathlib import Path
+from types import CodeType
+
+from mesa_swarm.gallery import PACKAGE as MODELS
+
+PACKAGE = Path(__file__).resolve().parent.parent
+# The version number of these packages stands for their content.
+VERSIONED = ("builtins", "mesa", "mesa_swarm")
+# What decides the result of a run, apart from the files that say which runs there are.
+ENGINE = (
+    *("geometry", "world", "robots", "physics", "control", "fire", "learning", "analysis"),
+    *("streams.py", *sorted(path.name for path in PACKAGE.glob("*model.py"))),
+)
+
+
+def fingerprint(*parts: object, default: Callable | None = None) -> str:
+    """Return the key of a run: a fingerprint of all that decides its outcome, as JSON.
+
+    Examples
+    --------
+    >>> fingerprint("boids", {"a": 1, "b": 2}, 7) == fingerprint("boids", {"b": 2, "a": 1}, 7)
+    True
+    """
+    return blake2b(json.dumps(parts, sort_keys=True, default=default).encode(), digest_size=16).hexdigest()
+
+
+def files_hash(paths: Iterable[Path]) -> str:
+    """Return a fingerprint of the content of files.
+
+    Parameters
+    ----------
+    paths : iterable of Path
+        Files; of a folder all Python files in it.
+    """
+    digest = blake2b(digest_size=8)
+    for path in paths:
+        for file in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
+            digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
+@cache
+def engine_hash(*more: str, models: bool = False) -> str:
+    """Return a fingerprint of the files of the engine, its rules and measures.
+
+    Parameters
+    ----------
+    *more : str
+        Other files: absolute, or relative to the package.
+    models : bool
+        Whether it covers the gallery.
+
+    Examples
+    --------
+    >>> len(engine_hash()), engine_hash() == engine_hash("errors.py")
+    (16, False)
+    """
+    gallery = [Path(next(iter(import_module(MODELS).__path__)))] if models else []
+    return files_hash([*(PACKAGE / name for name in (*ENGINE, *more)), *gallery])
+
+
+def source_hash(model_class: type) -> str:
+    """Return a fingerprint of the code of a model.
+
+    It covers the files of the modules in which the class and its bases are written, those of the gallery too, and
+    the code of their methods as it was loaded, which is all that there is of a class that was typed into a notebook.
+    Packages with a version (mesa_swarm without its gallery, and mesa) are represented by it. Other files that a model
+    imports, and other cells of a notebook, are not covered: after a change in them, choose another folder for
+    the results.
+
+    Examples
+    --------
+    >>> from mesa_swarm.gallery import find_model
+    >>> source_hash(find_model("boids")) == source_hash(find_model("boids"))
+    True
+    >>> source_hash(find_model("boids")) == source_hash(find_model("flocking"))
+    False
+    """
+    digest = blake2b(digest_size=8)
+    for base in model_class.__mro__:
+        if base.__module__.startswith(MODELS) or base.__module__.split(".")[0] not in VERSIONED:
+            path = getattr(sys.modules.get(base.__module__), "__file__", None)
+            digest.update(Path(path).read_bytes() if path and Path(path).is_file() else b"")
+            digest.update(repr(_methods(base)).encode())
+    return digest.hexdigest()
+
+
+def _methods(base: type) -> list:
+    """Return what the methods of a class do, by name."""
+    members = sorted(vars(base).items())
+    return [(name, _instructions(code)) for name, member in members for code in _codes(member)]
+
+
+def _codes(member: object) -> list[CodeType]:
+    parts = (member.fget, member.fset) if isinstance(member, property) else (member,)
+    functions = [inspect.unwrap(part) for part in map(_bare, parts) if callable(part)]
+    return [function.__code__ for function in functions if hasattr(function, "__code__")]
+
+
+def _bare(member: object) -> object:
+    return member.__func__ if isinstance(member, (staticmethod, classmethod)) else member
+
+
+def _instructions(code: CodeType) -> tuple:
+    """Return what a code object does, without the file and the address from which it was loaded."""
+    return code.co_code.hex(), code.co_names, [_constant(value) for value in code.co_consts]
+
+
+def _constant(value: object) -> object:
+    if isinstance(value, CodeType):
+        return _instructions(value)
+    return sorted(map(repr, value)) if isinstance(value, frozenset) else repr(value)

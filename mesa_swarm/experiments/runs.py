@@ -1,0 +1,354 @@
+"""One run and its outcome; outstanding runs, done on many processes and stored in a ledger."""
+
+import math
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from itertools import chain
+from typing import Any, TypeVar, cast
+
+import numpy as np
+
+from mesa_swarm.errors import InvalidValueError, check_number, shortened
+from mesa_swarm.experiments.ledger import LONGEST_ERROR, Ledger, Outcome
+from mesa_swarm.experiments.pool import WorkerDiedError, is_remote, on_all
+from mesa_swarm.progress import progress_bar
+from mesa_swarm.swarm_model import SwarmModel
+
+# NumPy has no numbers for larger whole ones.
+LARGEST_WHOLE = 2**63 - 1
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One run to do.
+
+    Parameters
+    ----------
+    make : callable
+        Takes the settings and ``rng``: a model class, or a function that returns numbers.
+    settings : dict
+        In full.
+    rng, steps : int
+        Its seed, and the steps that a model takes at most.
+    key : str
+        Of no other run; in a ledger, the fingerprint of all that decides the outcome.
+    """
+
+    make: Callable[..., Any]
+    settings: Mapping[str, Any]
+    rng: int
+    steps: int = 0
+    key: str = ""
+
+    def made(self) -> Any:
+        """Return the model before its first step, or the numbers of the function."""
+        return self.make(**self.settings, rng=self.rng)
+
+
+Result = TypeVar("Result", bound=Outcome)
+
+
+def do_runs(
+    runs: Iterable[Run],
+    work: Callable[[Run], Result],
+    *,
+    count: int,
+    done: int = 0,
+    ledger: Ledger | None = None,
+    workers: int = 1,
+    tries: int = 1,
+    progress: bool = False,
+    unit: str = "runs",
+) -> Iterator[tuple[Run, Result]]:
+    """Do outstanding runs, store each outcome before the next is waited for, and yield both.
+
+    Parameters
+    ----------
+    runs : iterable of Run
+        Read as workers become free, never far ahead.
+    work : callable
+        Does a run.
+    count, done : int
+        All runs, and those of them that are not outstanding: for the progress bar.
+    ledger : Ledger, optional
+        An outcome replaces a stored one only if it has other results than that.
+    workers : int
+        Processes, from `checked_jobs`.
+    tries : int
+        How often a run is tried whose worker dies; after that, if they are several, this is its outcome.
+    progress : bool
+    unit : str
+        Of the progress bar.
+
+    Raises
+    ------
+    WorkerDiedError
+        If a worker dies and there is a single try.
+
+    Examples
+    --------
+    >>> squares = [Run(lambda rng: {"square": rng**2}, {}, rng) for rng in (2, 3)]
+    >>> [outcome.results for _, outcome in do_runs(squares, call, count=2)]
+    [{'square': 4}, {'square': 9}]
+    """
+    if tries == 1:  # else a run that kills its process would end this one
+        workers = min(workers, max(count - done, 1))
+    with progress_bar(count, unit, progress) as bar:
+        bar.initial = bar.n = done
+        bar.refresh()
+        for run, outcome in _outcomes(runs, work, workers, tries):
+            if ledger is not None and not _is_stored(ledger, run, outcome):
+                ledger.append(run.key, outcome)
+            bar.update()
+            yield run, outcome
+
+
+def completed(
+    runs: Sequence[Run],
+    work: Callable[[Run], Outcome],
+    *,
+    ledger: Ledger | None,
+    each: Callable[[Outcome], object] = lambda outcome: None,
+    **how: Any,
+) -> dict[str, Outcome]:
+    """Return the outcomes of all runs by key, after doing those that a ledger does not have.
+
+    Parameters
+    ----------
+    runs, work, ledger
+        See `do_runs`, as for other parameters.
+    each : callable
+        Called with each new outcome.
+    """
+    found = stored_in(ledger, runs)
+    left = [run for run in runs if run.key not in found]
+    for run, outcome in do_runs(left, work, count=len(runs), done=len(runs) - len(left), ledger=ledger, **how):
+        found[run.key] = outcome
+        each(outcome)
+    return found
+
+
+def stored_in(ledger: Ledger | None, runs: Iterable[Run]) -> dict[str, Outcome]:
+    """Return the outcomes that a ledger has of runs, by key."""
+    outcomes = {} if ledger is None else {run.key: ledger.outcome(run.key) for run in runs}
+    return {key: outcome for key, outcome in outcomes.items() if outcome is not None}
+
+
+def _is_stored(ledger: Ledger, run: Run, outcome: Outcome) -> bool:
+    """Return whether a ledger has results of the same names in the same order for a run, whatever their values."""
+    before = ledger.outcome(run.key)
+    return before is not None and list(before.numbers) == list(outcome.numbers)
+
+
+def call(run: Run) -> Outcome:
+    """Do the run of a function that returns numbers."""
+    return Outcome(steps=run.steps, results=run.made())
+
+
+def simulate(run: Run) -> Outcome:
+    """Do the run of a model; its errors are raised.
+
+    Examples
+    --------
+    >>> from mesa_swarm.gallery import find_model
+    >>> simulate(Run(find_model("fire_fighting"), {"n_robots": 2}, rng=1, steps=5)).numbers["fires out"]
+    0
+    """
+    return outcome_of(run.made().run(run.steps))
+
+
+def outcome_of(model: SwarmModel, measures: Sequence[str] = ()) -> Outcome:
+    """Return the outcome of a model that has run: these results of it, all by default."""
+    results = model.results()
+    return Outcome(model.steps, model.state_hash(), numbers_of({name: results[name] for name in measures or results}))
+
+
+def attempt(
+    run: Run,
+    observed: Callable[[Any], AbstractContextManager] = nullcontext,
+    progress: bool = False,
+    beyond: tuple[type[Exception], ...] = (),
+) -> Outcome:
+    """Do the run of a model; its error is an outcome too.
+
+    Parameters
+    ----------
+    run : Run
+    observed : callable
+        Called with the model; its context manager is entered while the model runs, such as a recorder.
+    progress : bool
+        Whether to show a bar of the steps.
+    beyond : tuple of exception classes
+        These are raised: they are not caused by the run.
+
+    Examples
+    --------
+    >>> from mesa_swarm.gallery import find_model
+    >>> attempt(Run(find_model("fire_fighting"), {"n_robots": -1}, rng=1, steps=5)).error
+    'InvalidValueError: n_robots is -1; expected a whole number at least 0 and at most 2147483647'
+    """
+    try:
+        model = run.made()
+        with observed(model):
+            model.run(run.steps, progress=progress)
+        check_results(type(model), model)
+        results = {name: None if value is None else float(value) for name, value in model.results().items()}
+        return Outcome(model.steps, model.state_hash(), results)
+    except beyond:
+        raise
+    except (Exception, SystemExit) as error:
+        return Outcome(error=error_in_words(error))
+
+
+def error_in_words(error: BaseException) -> str:
+    """Return an error as one line that is the same whenever it happens.
+
+    Examples
+    --------
+    >>> error_in_words(ValueError("no <Robot object at 0x7f00>"))
+    'ValueError: no <Robot object>'
+    """
+    words = " ".join(without_addresses(str(error)).split())
+    # Names of files may hold what cannot be written as text.
+    return f"{type(error).__name__}: {words}".encode("utf-8", "backslashreplace").decode()[:LONGEST_ERROR]
+
+
+def without_addresses(text: str) -> str:
+    """Return a text without the addresses of objects in memory, which differ between processes.
+
+    Examples
+    --------
+    >>> without_addresses("<Drive object at 0x7f00>")
+    '<Drive object>'
+    """
+    return re.sub(r" at 0x[0-9a-fA-F]+", "", text)
+
+
+def numbers_of(results: Mapping[str, Any]) -> dict[str, float | None]:
+    """Return the results of a run as numbers of Python's, which read back from a file as the same.
+
+    Raises
+    ------
+    InvalidValueError
+        If one of them is not a number, or infinite.
+
+    Examples
+    --------
+    >>> from fractions import Fraction
+    >>> numbers_of({"groups": np.int64(3), "share": Fraction(1, 2), "arrived at": None})
+    {'groups': 3, 'share': 0.5, 'arrived at': None}
+    """
+    numbers = {}
+    for name, number in results.items():
+        is_numpy = isinstance(number, (np.generic, np.ndarray)) and number.ndim == 0
+        simple = number.item() if is_numpy else number
+        numbers[name] = simple if is_plain(simple) else check_result(name, simple)
+    return numbers
+
+
+def is_plain(number: object) -> bool:
+    """Return whether this is a result as `numbers_of` returns it; NaN is, which tables leave out.
+
+    Examples
+    --------
+    >>> is_plain(None), is_plain(3), is_plain(10**300), is_plain([1.0])
+    (True, True, False, False)
+    """
+    if isinstance(number, float):
+        return not math.isinf(number)
+    return number is None or (isinstance(number, int) and abs(number) <= LARGEST_WHOLE)
+
+
+def has_numbers(outcome: Outcome) -> bool:
+    """Return whether an outcome is that of a run which `simulate` did: results, each of which is a number or None.
+
+    Examples
+    --------
+    >>> has_numbers(Outcome(results={"groups": 2.0})), has_numbers(Outcome(error="it broke"))
+    (True, False)
+    """
+    return bool(outcome.results) and all(map(is_plain, outcome.numbers.values()))
+
+
+def check_result(name: str, number: object) -> float:
+    """Return a result as a float, or refuse it.
+
+    Examples
+    --------
+    >>> check_result("groups", float("nan"))
+    Traceback (most recent call last):
+    mesa_swarm.errors.InvalidValueError: result 'groups' is nan; expected a finite number or None
+    """
+    try:
+        return check_number(f"result {shortened(name)}", number)
+    except InvalidValueError as error:
+        raise InvalidValueError(f"{error} or None") from None
+
+
+def check_results(model_class: type, model: SwarmModel) -> None:
+    """Refuse a model without results, or with a result that is not a number.
+
+    Raises
+    ------
+    InvalidValueError
+    """
+    results = getattr(model, "results", None)
+    if results is None:
+        raise InvalidValueError(f"{model_class.__name__} has no method results(), which returns what is compared")
+    for name, number in results().items():
+        if number is not None and not isinstance(number, (bool, np.bool_)):
+            check_result(name, number)
+
+
+def _outcomes(
+    runs: Iterable[Run], work: Callable[[Run], Result], workers: int, tries: int
+) -> Iterator[tuple[Run, Result]]:
+    """Yield runs with their outcomes as they are done, and go on when workers die."""
+    if workers == 1 and not is_remote():
+        yield from ((run, work(run)) for run in runs)
+        return
+    fresh = iter(runs)
+    deaths: Counter[str] = Counter()
+    again: list[Run] = []
+    while True:
+        under_way: dict[str, Run] = {}
+        try:
+            for key, outcome in on_all(workers, _keyed, _noted(chain(again, fresh), work, under_way)):
+                yield under_way[key], outcome
+                del under_way[key]  # by now it is in the ledger
+            return
+        except WorkerDiedError:
+            if tries == 1:
+                raise
+            deaths.update(under_way.keys())  # a mapping would be taken for counts
+        # A run under way when its worker died is tried again beside others, and from then on alone.
+        again = [run for key, run in under_way.items() if deaths[key] == 1]
+        for key, run in under_way.items():
+            if deaths[key] > 1:
+                yield run, _alone(work, run, tries - deaths[key], tries)
+
+
+def _noted(runs: Iterable[Run], work: Callable, under_way: dict[str, Run]) -> Iterator[tuple[Callable, Run]]:
+    """Yield tasks for workers, and note what is handed out."""
+    for run in runs:
+        if run.key not in under_way:  # samples of whole numbers may have a point twice
+            under_way[run.key] = run
+            yield work, run
+
+
+def _keyed(work: Callable[[Run], Result], run: Run) -> tuple[str, Result]:
+    return run.key, work(run)
+
+
+def _alone(work: Callable[[Run], Result], run: Run, left: int, tries: int) -> Result:
+    """Try a run with nothing beside it, so that no other run can be the cause."""
+    for _ in range(left):
+        try:
+            (outcome,) = on_all(2, work, [(run,)])  # two, since one would be this very process
+            return outcome
+        except WorkerDiedError:
+            pass
+    return cast(Result, Outcome(error=f"WorkerDiedError: the process died in each of {tries} tries"))
