@@ -11,6 +11,7 @@ from mesa_swarm.reproduction.drawing import column, plain_axes
 from mesa_swarm.reproduction.judging import Result, judged_fact, judged_mean, judged_number
 from mesa_swarm.reproduction.laboratory import Laboratory
 from mesa_swarm.reproduction.registry import Item
+from mesa_swarm.viewing.palette import LIGHT
 
 POINTS = 30
 NOISE = 0.05
@@ -134,7 +135,7 @@ def regression_figure(networks: int) -> Figure:
     said = np.array([fitted.outputs(np.full((networks, 1), at)) for at in fine])
     errors = np.sqrt(((said - our_curve(fine)[:, None]) ** 2).mean(axis=0))
     figure, (axes,) = plain_axes("x", "y")
-    axes.plot(x, y, "o", color="#8a8a8a", markersize=4, label="points that were shown")
+    axes.plot(x, y, "o", color=LIGHT.faint, markersize=4, label="points that were shown")
     for which, label, style in ((errors.argmin(), "best", "-"), (errors.argmax(), "worst", "--")):
         axes.plot(fine, said[:, which], style, linewidth=1.8, label=f"{label} of {networks} networks")
     axes.legend(frameon=False)

@@ -9,10 +9,11 @@ import pytest
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording.frames import frame_of
+from mesa_swarm.viewing import palette
 from mesa_swarm.viewing.packing import PACKED_FROM, packed_frame
 from mesa_swarm.viewing.scene import scene_of
 
-SCRIPT = (files("mesa_swarm.viewing") / "canvas.js").read_text(encoding="utf-8")
+SCRIPT = palette.script() + (files("mesa_swarm.viewing") / "canvas.js").read_text(encoding="utf-8")
 WIDTH, HEIGHT, LEFT = 900, 675, 150
 EVERYWHERE = 1e6
 DRAW = """async ({ script, world, frame, before, turned, scale }) => {

@@ -20,6 +20,7 @@ from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
 from mesa_swarm.recording.frames import Frame, frame_of
 from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.viewing import palette
 from mesa_swarm.viewing.packing import PACKED_FROM, packed_frame
 from mesa_swarm.viewing.replay_page import asset, replay_page
 from mesa_swarm.viewing.scene import Scene, scene_of, scene_of_recording
@@ -262,7 +263,7 @@ def test_the_command_serves_the_same_frames_and_ends_with_ctrl_c(blank, recorded
 def staged(page, world, frame: bytes):
     """Draw a packed frame on a stage of its own, as the dashboard does."""
     page.set_content('<canvas id="world" style="width:1000px;height:700px"></canvas>')
-    code = asset("canvas.js").encode()
+    code = (palette.script() + asset("canvas.js")).encode()
     page.evaluate(
         """async ([code, world, bytes]) => {
           const source = new Blob([new Uint8Array(code)], { type: "text/javascript" });
@@ -308,7 +309,7 @@ def test_a_load_is_drawn_where_it_was_pushed_to(blank, tmp_path):
             "stage_pixel(x, y)", "document.getElementById('world').getContext('2d').getImageData(x, y, 1, 1).data"
         )
     )
-    assert colour[:3] == [0x2E, 0x7D, 0x5B]
+    assert colour[:3] == palette.rgb(palette.LIGHT.load).tolist()
 
 
 @pytest.mark.slow

@@ -36,6 +36,7 @@ from mesa_swarm.experiments.compare import compare
 from mesa_swarm.experiments.plan import checked_plan
 from mesa_swarm.gallery import model_names
 from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.viewing.palette import LIGHT, rgb
 
 
 @pytest.fixture
@@ -126,7 +127,7 @@ def test_the_chart_has_a_line_for_each_world(comparing):
     assert main_reports([first, second]) == ["fires_burning", "robots_at_fires", "total_collisions"]
     assert first["fires_burning"][0].tolist() == list(range(1, 11))
     pixels = np.asarray(Image.open(io.BytesIO(curves_png([first, second], ["one", "two"]))).convert("RGB")).astype(int)
-    for colour in ((0, 114, 178), (213, 94, 0)):
+    for colour in map(rgb, LIGHT.series[:2]):
         assert (np.abs(pixels - colour).sum(axis=2) < 30).sum() > 100
 
 
