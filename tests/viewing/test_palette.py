@@ -217,7 +217,7 @@ def test_the_hotter_a_fire_the_lighter_with_any_colour_vision(palette):
 
 def test_maps_that_are_written_as_svg_have_the_colours_of_the_palette():
     names = {"GROUND": "ground", "SOLID": "obstacle", "MARK": "mark", "RIM": "fire_rim"}
-    assert {name: getattr(map, name) for name in names} == {name: getattr(LIGHT, ours) for name, ours in names.items()}
+    assert {name: getattr(maps, name) for name in names} == {name: getattr(LIGHT, ours) for name, ours in names.items()}
     assert fire_colour(1.0) == maps.FLAME
 
 
