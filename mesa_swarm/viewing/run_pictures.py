@@ -14,7 +14,7 @@ from mesa_swarm.analysis import layer_shares
 from mesa_swarm.errors import InvalidValueError, check_count, shortened
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.progress import progress_bar
-from mesa_swarm.robots.snapshots import check_kept
+from mesa_swarm.robots.snapshots import check_watched
 from mesa_swarm.viewing.pictures import literal, world_figure
 from mesa_swarm.viewing.portrait import portrait_of
 
@@ -137,7 +137,7 @@ def ethogram(model: FireModel, *, robots: int | None = None) -> Figure:
     """
     if model.control is None:
         raise InvalidValueError("there is no control to draw; set model.control")
-    kept = check_kept(model.watched, ("layer",), "draw", "watch(last=None)")
+    kept = check_watched(model.watched, ("layer",), "draw", "watch(last=None)")
     if robots is not None:
         check_count("robots", robots, minimum=1)
     names = [layer.name for layer in model.control.layers]

@@ -83,7 +83,7 @@ def test_a_branch_that_no_robot_has_come_to_is_refused_too():
 
     with pytest.raises(BehaviourError, match="step 1: it does not return two wheel speeds in every branch"):
         step_with(behaviour(three_when_hot))
-    with pytest.raises(BehaviourError, match="step 1: it changes what it sees"):
+    with pytest.raises(BehaviourError, match="step 1: it changes its readings"):
         step_with(behaviour(writes_when_hot))
     with pytest.raises(BehaviourError, match=r"step 1: it uses an unknown field of me 'maxspeed'.* mean 'max_speed'"):
         step_with(behaviour(misspelt_when_hot))

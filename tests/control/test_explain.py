@@ -106,7 +106,7 @@ def test_a_step_in_the_past_is_explained_by_what_was_known_then():
     assert "Avoid" in layers
 
 
-NOTHING = r"nothing was kept to explain; call model\.watch\(\) before"
+NOTHING = r"no steps are stored to explain; call model\.watch\(\) before"
 COLUMNS = r"not kept: position, heading, command, d.*; add"
 
 
@@ -133,7 +133,7 @@ def test_to_whoever_watches_and_lost_what_was_kept_it_is_said_why(change):
         model.robots[1].remove()
     elif change == "control":
         model.control = Subsumption(Avoid())
-    words = r"no step is kept to explain: .* robots came or went .* run the model on"
+    words = r"no step is stored to explain: .* robots were added or removed .* run the model on"
     with pytest.raises(InvalidValueError, match=words):
         model.explain(first(model))
     assert told(model.run(1)).step == model.steps
@@ -166,7 +166,7 @@ def test_a_step_that_was_not_kept_is_refused(step):
     model = watched(Explore())
     if step is not None:
         model.run(2)
-    with pytest.raises(InvalidValueError, match=r"was not kept|no step is kept|a whole number") as caught:
+    with pytest.raises(InvalidValueError, match=r"is not stored|no step is stored|a whole number") as caught:
         model.explain(first(model), step)
     assert "\n" not in str(caught.value)
 
@@ -189,7 +189,7 @@ def test_a_removed_robot_is_refused():
 def test_the_robots_that_stay_are_not_mistaken_for_those_that_went():
     model = watched(Avoid(), Explore(), poses=[(200, 150, 0.0), (100, 100, 0.0)], obstacles=[AHEAD]).run(1)
     first(model).remove()
-    with pytest.raises(InvalidValueError, match="no step is kept"):
+    with pytest.raises(InvalidValueError, match="no step is stored"):
         model.explain(first(model))
     assert told(model.run(1)).layer == "Explore"
 
@@ -197,7 +197,7 @@ def test_the_robots_that_stay_are_not_mistaken_for_those_that_went():
 def test_another_control_is_not_asked_about_steps_of_the_former():
     model = watched(Avoid(), Explore()).run(2)
     model.control = Subsumption(Explore(name="Other"))
-    with pytest.raises(InvalidValueError, match="no step is kept"):
+    with pytest.raises(InvalidValueError, match="no step is stored"):
         told(model)
     assert told(model.run(1)).layer == "Other"
 
@@ -206,7 +206,7 @@ def test_without_control_there_is_nothing_to_explain():
     model = watched(Explore())
     model.control = None
     model.run(1)
-    with pytest.raises(InvalidValueError, match=r"there is no control to explain; set model\.control"):
+    with pytest.raises(InvalidValueError, match=r"control is None, which explains nothing; set model\.control"):
         model.explain(first(model))
 
 

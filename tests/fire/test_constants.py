@@ -94,7 +94,7 @@ def test_the_defaults_come_without_a_warning():
     ("wishes", "words"),
     [
         ({"robots": 1, "extinguish_time": 100}, "one robot suffices"),
-        ({"robots": 5000, "extinguish_time": 1e5}, "nobody will put it out"),
+        ({"robots": 5000, "extinguish_time": 1e5}, "the robots cannot put it out"),
         ({"rest_time": 1e6}, "join is 0"),
     ],
 )

@@ -136,7 +136,7 @@ def test_removing_robots_drops_what_was_kept_so_that_no_row_means_another_robot(
     model.run(5)
     next(iter(model.robots)).remove()
     assert len(kept) == 0
-    with pytest.raises(InvalidValueError, match="nothing is kept yet"):
+    with pytest.raises(InvalidValueError, match="none are stored yet"):
         kept.at(5)
     model.run(2)
     assert kept["position"].shape == (2, 2, 2)
@@ -216,5 +216,7 @@ def test_a_step_that_was_not_kept_names_those_that_are():
     model = some()
     kept = model.watch(last=3)
     model.run(10)
-    with pytest.raises(InvalidValueError, match="step 2 was not kept; kept are 3 from 8 to 10; keep more with watch"):
+    with pytest.raises(
+        InvalidValueError, match="step 2 is not stored; stored are 3 from 8 to 10; store more with watch"
+    ):
         kept.at(2)
