@@ -133,7 +133,7 @@ def test_where_stored_steps_were_dropped_the_error_gives_the_reason(change):
         model.robots[1].remove()
     elif change == "control":
         model.control = Subsumption(Avoid())
-    words = r"no step is stored to explain: .* robots were added or removed .* run the model on"
+    words = r"no step is stored to explain: .* robots were added or removed, .* run the model on"
     with pytest.raises(InvalidValueError, match=words):
         model.explain(first(model))
     assert told(model.run(1)).step == model.steps

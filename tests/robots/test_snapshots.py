@@ -208,7 +208,7 @@ def test_wrong_settings_are_refused_in_one_line(options, error, words):
 
 def test_a_column_that_is_not_watched_suggests_the_nearest():
     stored = some().watch(columns=("position", "layer"))
-    with pytest.raises(UnknownNameError, match="unknown column that is watched 'layers'; did you mean 'layer'"):
+    with pytest.raises(UnknownNameError, match="unknown watched column 'layers'; did you mean 'layer'"):
         stored["layers"]
 
 
