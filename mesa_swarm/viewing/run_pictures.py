@@ -15,7 +15,7 @@ from mesa_swarm.errors import InvalidValueError, check_count, shortened
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.frames import frame_of
-from mesa_swarm.robots.snapshots import check_kept
+from mesa_swarm.robots.snapshots import check_watched
 from mesa_swarm.viewing.palette import LIGHT, layer_colour
 from mesa_swarm.viewing.pictures import Shown, literal, world_figure
 from mesa_swarm.viewing.scene import scene_of
@@ -136,7 +136,7 @@ def ethogram(model: FireModel, *, robots: int | None = None) -> Figure:
     """
     if model.control is None:
         raise InvalidValueError("there is no control to draw; set model.control")
-    kept = check_kept(model.watched, ("layer",), "draw", "watch(last=None)")
+    kept = check_watched(model.watched, ("layer",), "draw", "watch(last=None)")
     if robots is not None:
         check_count("robots", robots, minimum=1)
     names = [layer.name for layer in model.control.layers]

@@ -231,8 +231,8 @@ def test_where_nothing_was_kept_it_says_what_to_do():
     undriven = SwarmModel(rng=1)
     undriven.watch()
     for model, words in (
-        (unwatched, r"nothing was kept to draw; call model\.watch\(last=None\)"),
-        (unstepped, "no step is kept to draw"),
+        (unwatched, r"no steps are stored to draw; call model\.watch\(last=None\)"),
+        (unstepped, "no step is stored to draw"),
         (headings.run(2), "not kept: layer; add them"),
         (undriven.run(2), r"there is no control to draw; set model\.control"),
     ):
