@@ -22,12 +22,12 @@ from mesa_swarm.world.shapes import Shape
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Clock:
-    """When the values of an animation count.
+    """When the values of an animation are shown.
 
     Parameters
     ----------
     moments : int
-        How many values there are, at least 2: the first at the beginning, the last at the end.
+        Number of values, at least 2: the first at the beginning, the last at the end.
     seconds : float
         From the beginning to the end, whereupon it begins again.
     """
@@ -63,12 +63,12 @@ class Clock:
         >>> Clock(moments=3, seconds=2.0).jumping("fill", ["red", "red", "blue"])[50:81]
         'values="red;blue" keyTimes="0;1'
         """
-        kept = [i for i in range(len(values)) if i == 0 or values[i] != values[i - 1]]
-        if len(kept) == 1:
+        changes = [i for i in range(len(values)) if i == 0 or values[i] != values[i - 1]]
+        if len(changes) == 1:
             return ""
-        # Rounded down: at its moment a value counts already, as it does in what moves.
-        times = ";".join(f"{floor(1e5 * i / (self.moments - 1)) / 1e5:.5g}" for i in kept)
-        shown = ";".join(values[i] for i in kept)
+        # Rounded down: a value is shown from its own time on, as moving elements are.
+        times = ";".join(f"{floor(1e5 * i / (self.moments - 1)) / 1e5:.5g}" for i in changes)
+        shown = ";".join(values[i] for i in changes)
         return (
             f'<{tag} attributeName="{name}"{more} calcMode="discrete" values="{shown}" keyTimes="{times}" '
             f"{self._repeat}/>"
@@ -76,7 +76,7 @@ class Clock:
 
 
 def number_row(numbers: Iterable[float], digits: int) -> str:
-    """Return numbers rounded to so many digits, with blanks between them and no zeros at their ends.
+    """Return numbers rounded to some digits, separated by blanks, without trailing zeros.
 
     Examples
     --------
@@ -87,8 +87,8 @@ def number_row(numbers: Iterable[float], digits: int) -> str:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Track:
-    """One thing over time.
+class ObjectTrack:
+    """One object over time.
 
     Parameters
     ----------
@@ -104,8 +104,8 @@ class Track:
     present: np.ndarray
 
 
-def tracks(moments: Iterable[tuple[np.ndarray, np.ndarray]]) -> Iterator[Track]:
-    """Yield the track of everything, by unique_id.
+def tracks(moments: Iterable[tuple[np.ndarray, np.ndarray]]) -> Iterator[ObjectTrack]:
+    """Yield the track of every object, by unique_id.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def tracks(moments: Iterable[tuple[np.ndarray, np.ndarray]]) -> Iterator[Track]:
         present = np.zeros(len(found), bool)
         present[[moment for moment, _ in places[number]]] = True
         latest = np.maximum(np.cumsum(present) - 1, 0)
-        yield Track(number=number, values=values[latest], present=present)
+        yield ObjectTrack(number=number, values=values[latest], present=present)
 
 
 SHADE, FAINT = "#555555", "#888888"
@@ -276,7 +276,7 @@ class Animation:
             look = f'class="robot" data-robot="{track.number}" fill="{colours[0]}"'
             yield self._body(track, look, self._clock.jumping("fill", colours), body)
 
-    def _body(self, track: Track, look: str, changes: str, drawn: str) -> str:
+    def _body(self, track: ObjectTrack, look: str, changes: str, drawn: str) -> str:
         """Return something that moves and turns."""
         places, degrees = track.values[:, :2], np.degrees(np.unwrap(track.values[:, 2]))[:, None]
         start = f"translate({self._numbers(*places[0])}) rotate({number_row(degrees[0], 0)})"
@@ -284,10 +284,10 @@ class Animation:
         turns = self._clock.moving("rotate", degrees, 0, added=True)
         return f'<g {look} transform="{start}">{moves}{turns}{changes}{self._shown(track)}{drawn}</g>'
 
-    def _shown(self, track: Track) -> str:
+    def _shown(self, track: ObjectTrack) -> str:
         return self._clock.jumping("visibility", ["visible" if there else "hidden" for there in track.present])
 
-    def _tracks_of(self, table: str, number: str, names: Sequence[str]) -> Iterator[Track]:
+    def _tracks_of(self, table: str, number: str, names: Sequence[str]) -> Iterator[ObjectTrack]:
         if any(table not in frame.columns for frame in self._frames):
             return iter(())
         rows = (frame[table] for frame in self._frames)
@@ -316,7 +316,7 @@ class Animation:
         look = f'font-size="{size:.4g}" fill="{pictures.INK}"'
         yield f'<text x="{size / 2:.4g}" y="{0.7 * height:.4g}" {look}>{escape(self._drawn.scene.name)}</text>'
         jumps = [f"0 {-height * place:.6g}" for place in range(len(self._frames))]
-        # Clipped by a group: a drawing within the drawing would have a clock of its own, which nobody can set.
+        # Clipped by a group: a drawing within the drawing would have a clock of its own, which cannot be set.
         yield f'<clipPath id="line"><rect width="{width:.6g}" height="{height:.6g}"/></clipPath>'
         yield f'<g clip-path="url(#line)"><g {look} text-anchor="end">'
         yield self._clock.jumping("transform", jumps, "animateTransform", ' type="translate"')

@@ -13,7 +13,7 @@
 
    The wheel zooms, dragging pans, a click selects. The canvas is drawn at the size that CSS gives it.
 
-   world (JSON, made by `world_of_model` and `worlds_of_recording` in viewing/worlds.py):
+   world (JSON, made by `Scene.world` in viewing/scene.py):
      bounds      [x_min, y_min, x_max, y_max], map units, y up
      shapes      [{ disc: [x, y, r] } or { rings: [[[x, y], ...], ...] }, each with mark: true on the ground]
      loads       the same about their own centres

@@ -129,8 +129,9 @@ def film_frames(screen: Screen, steps: Sequence[int], progress: bool) -> Iterato
 
 
 END = b";"
-KEEP = 1
-# Colours that touch paper or ink get so many steps in between, for smooth edges.
+# GIF: the next frame is drawn over this one.
+IN_PLACE = 1
+# Shares of a colour in the steps between it and paper or ink, for smooth edges.
 BETWEEN = (0.25, 0.5, 0.75)
 
 
@@ -166,7 +167,7 @@ def _parts(frames: Iterator[np.ndarray], milliseconds: int) -> Iterator[bytes]:
         if last is None:
             yield from GifImagePlugin.getheader(image.copy(), info={"loop": 0})[0]
         box = _changed(last, image)
-        yield from GifImagePlugin.getdata(image.crop(box), box[:2], duration=milliseconds, disposal=KEEP)
+        yield from GifImagePlugin.getdata(image.crop(box), box[:2], duration=milliseconds, disposal=IN_PLACE)
         last = image
     yield END
 
@@ -245,7 +246,13 @@ def export_film(
 
 
 def ffmpeg() -> str:
-    """Return the program, or say how to get it."""
+    """Return the path of ffmpeg.
+
+    Raises
+    ------
+    InvalidValueError
+        If imageio-ffmpeg is not installed.
+    """
     try:
         import imageio_ffmpeg  # noqa: PLC0415 - an extra, which only films need
 
@@ -268,7 +275,7 @@ def _input(size: tuple[int, int], fps: float) -> list[str]:
 
 
 def _encode(command: list[str], frames: Iterable[np.ndarray], path: Path) -> None:
-    """Send frames to the program and wait for it; Ctrl-C reaches us and not it, so that we may tidy up."""
+    """Send frames to ffmpeg and wait for it; Ctrl-C reaches only this process, which then cleans up."""
     with TemporaryFile() as complaints:
         process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=complaints, start_new_session=True)
         try:
@@ -280,7 +287,7 @@ def _encode(command: list[str], frames: Iterable[np.ndarray], path: Path) -> Non
         if status:
             complaints.seek(0)
             reason = complaints.read(2000).decode(errors="replace").strip().splitlines() or [f"status {status}"]
-            raise ExportError(f"{path} cannot be written: ffmpeg says: {reason[-1]:.200}")
+            raise ExportError(f"{path} cannot be written: ffmpeg reports: {reason[-1]:.200}")
 
 
 def _send(pipe: IO[bytes], frames: Iterable[np.ndarray]) -> None:
@@ -288,5 +295,5 @@ def _send(pipe: IO[bytes], frames: Iterable[np.ndarray]) -> None:
         with pipe:
             for pixels in frames:
                 pipe.write(pixels.data)
-    except BrokenPipeError:  # it has ended, and its status says why
+    except BrokenPipeError:  # ffmpeg has ended; its status shows why
         return

@@ -42,7 +42,7 @@ Shown = FireModel | tuple[Frame, Scene]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Look:
-    """How it is drawn.
+    """Options of a drawing.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def _even(length: float) -> int:
 
 
 def parsed_size(text: str) -> tuple[int, int]:
-    """Return what was typed such as 800x600 as (width, height).
+    """Return a text such as 800x600 as (width, height).
 
     Examples
     --------
@@ -106,12 +106,12 @@ def parsed_size(text: str) -> tuple[int, int]:
 
 
 TRAIL = "#0072b2"
-# So many points a trail at most: films draw them in every frame.
+# Most points of a trail: films draw them in every frame.
 MOST_POINTS = 60
 
 
 def trails_of(drawn: PicturedSteps, step: int, length: int) -> list[np.ndarray]:
-    """Return the places of each robot from `length` steps before until a step, oldest first.
+    """Return the positions of each robot during the last `length` steps up to a step, oldest first.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def draw_trails(axes: Axes, drawn: PicturedSteps, step: int, length: int) -> Non
     axes.add_collection(LineCollection(lines, colors=TRAIL, linewidths=0.8, alpha=0.45, zorder=4.5, label="trails"))
 
 
-# Okabe and Ito's colours, which people with any colour vision can tell apart.
+# Okabe and Ito's colours, distinguishable with any colour vision.
 COOL, HOT, FRONT = "#0072b2", "#d55e00", "#f0e442"
 OBSTACLE, LOAD, MARK, OUT, SECTOR, INK = "#a8a8a8", "#009e73", "#e2d3b0", "#ececec", "#56b4e9", "#222222"
 PERCEIVED = "#6e6e6e"
@@ -374,7 +374,7 @@ def world_figure(shown: Mapping[str, Shown], sectors: bool = False) -> Figure:
 
 
 def literal(text: str) -> str:
-    """Return a text that Matplotlib shows as it is: between dollars it would read mathematics, and fail at most names.
+    """Return a text that Matplotlib shows as it is: between dollars it would parse mathematics.
 
     Examples
     --------
@@ -399,7 +399,7 @@ def png(figure: Figure) -> bytes:
 
 
 def still_paths(path: Path, steps: Sequence[int], sheet: bool) -> dict[Path, list[int]]:
-    """Return which steps each file shows: one file is named as it was asked for, several by their steps too.
+    """Return which steps each file shows: a single file has the given name, several have their steps added.
 
     Examples
     --------

@@ -57,7 +57,7 @@ class Reel:
         Raises
         ------
         InvalidValueError
-            If there is no such chunk.
+            If it does not exist.
         """
         if not 0 <= place < self.chunks:
             raise InvalidValueError(f"chunk is {place}; expected 0 to {self.chunks - 1}")
@@ -66,7 +66,7 @@ class Reel:
 
     @cached_property
     def about(self) -> dict:
-        """What the player must know first: the world, how it changes, and the run that was recorded in it."""
+        """What the player needs first: the world, its changes, and the run that was recorded in it."""
         facts = self.recording.provenance
         return {
             "world": self.scene.world(),
@@ -161,15 +161,15 @@ def replay_page(recording: Recording) -> str:
 
 
 def page_of(about: dict, chunks: list[bytes]) -> str:
-    """Return the player's page with what it must know, and with chunks if it is to have them at hand.
+    """Return the player's page with its inputs, and with the chunks that are embedded.
 
     Parameters
     ----------
     about : dict
-        `Reel.about`; ``embedded`` says whether the chunks are in the page.
+        `Reel.about`; ``embedded``: whether the chunks are in the page.
     chunks : list of bytes
     """
-    # A "<" in a text would end the element; nobody but JSON reads it.
+    # A "<" in a text would end the element; JSON reads the escape as the same text.
     facts = json.dumps(about, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     data = [f'<script type="application/json" id="about">{facts}</script>']
     for place, chunk in enumerate(chunks):

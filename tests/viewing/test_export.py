@@ -125,7 +125,7 @@ def test_films_say_what_they_need_when_it_is_missing(run, tmp_path, monkeypatch)
 
 def test_a_film_that_ffmpeg_cannot_make_is_one_line_and_no_file(run, tmp_path, monkeypatch):
     monkeypatch.setattr(films, "ENCODING", ["-c:v", "no_such_codec"])
-    with pytest.raises(ExportError, match=r"a\.mp4 cannot be written: ffmpeg says: .*no_such_codec|Error"):
+    with pytest.raises(ExportError, match=r"a\.mp4 cannot be written: ffmpeg reports: .*no_such_codec|Error"):
         export(run, tmp_path / "a.mp4", last=5)
     assert names(tmp_path) == []
 

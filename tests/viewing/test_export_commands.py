@@ -74,7 +74,7 @@ def test_a_torn_recording_is_exported_as_far_as_it_is_whole_and_this_is_said(typ
 
 def test_a_folder_that_is_not_there_is_not_made(typed):
     status, _, err = typed("nowhere/a.csv --quiet")
-    assert (status, err) == (2, "mesa-swarm: there is no folder nowhere; make it first, or choose another place\n")
+    assert (status, err) == (2, "mesa-swarm: folder nowhere does not exist; make it first, or choose another place\n")
 
 
 @pytest.mark.filterwarnings("default")

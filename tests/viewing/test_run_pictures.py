@@ -237,7 +237,7 @@ def test_where_nothing_was_kept_it_says_what_to_do():
         (unwatched, r"nothing was kept to draw; call model\.watch\(last=None\)"),
         (unstepped, "no step is kept to draw"),
         (headings.run(2), "not kept: layer; add them"),
-        (undriven.run(2), r"there is no control to draw; set model\.control"),
+        (undriven.run(2), r"model\.control is None"),
     ):
         with pytest.raises(InvalidValueError, match=words):
             ethogram(model)
