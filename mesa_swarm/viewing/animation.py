@@ -19,6 +19,10 @@ from mesa_swarm.viewing.pictures import USUAL
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
 from mesa_swarm.world.shapes import Shape
 
+SHADE, FAINT = "#555555", "#888888"
+# The caption is so high, as a share of the map's longer side.
+CAPTION = 0.045
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Clock:
@@ -131,24 +135,10 @@ def tracks(moments: Iterable[tuple[np.ndarray, np.ndarray]]) -> Iterator[ObjectT
         yield ObjectTrack(number=number, values=values[latest], present=present)
 
 
-SHADE, FAINT = "#555555", "#888888"
-# The caption is so high, as a share of the map's longer side.
-CAPTION = 0.045
-
-
 def export_animation(drawn: PicturedSteps, path: Path, steps: Sequence[int], *, fps: float, progress: bool) -> None:
     """Write steps as an animated SVG that repeats, whole or not at all.
 
-    Parameters
-    ----------
-    drawn : PicturedSteps
-    path : Path
-    steps : sequence of int
-        At least two; step i is shown i / fps seconds after the beginning, and between two robots move evenly.
-    fps : float
-        Steps shown a second.
-    progress : bool
-        Whether to show a bar.
+    Step i is shown i / fps seconds after the beginning, and between two steps robots move evenly.
 
     Raises
     ------
@@ -168,14 +158,7 @@ def _noted(frame: Frame, bar: Progress) -> Frame:
 
 
 class Animation:
-    """The drawing of some frames.
-
-    Parameters
-    ----------
-    drawn : PicturedSteps
-    frames : list of Frame
-    fps : float
-    """
+    """The drawing of some frames."""
 
     def __init__(self, drawn: PicturedSteps, frames: list[Frame], fps: float) -> None:
         self._drawn, self._frames = drawn, frames

@@ -44,7 +44,7 @@ export const TOGGLES = [
   { name: "labels", label: "Fire numbers, robots at fires", on: true },
 ];
 
-// Colours that people with any colour vision tell apart (Okabe and Ito 2008).
+// Colours distinguishable with any colour vision (Okabe and Ito 2008).
 export const LAYER_COLOURS = ["#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442", "#0072b2", "#999999"];
 
 const THEMES = {
@@ -69,7 +69,7 @@ const ROBOT = 1;
 const MOST_DETAILED = 2000;
 // More sectors in sight than this, and only those that see something are drawn.
 const MOST_BLIND = 2000;
-// All trails in sight together have so many points: of many robots they are shorter.
+// Points of all trails in sight together: trails of many robots are shorter.
 const MOST_TRAIL = 6000;
 const BATCH = 32;
 // Points of a trail nearer to each other than this are left out, px.
@@ -78,7 +78,7 @@ const TRAIL_APART = 2;
 // unless their radius is larger than this, px of the screen.
 const MOST_DRAWN = 100;
 const LARGEST_COPIED = 8;
-// On a sheet there are robots at so many places a pixel, along and across, and at so many headings a pixel of rim.
+// Robots on a sheet: places per pixel, along and across, and headings per pixel of rim.
 const PLACES = 3;
 const TURNS = 1.5;
 const TRAIL_POINTS = 48;
@@ -204,7 +204,7 @@ export class Stage {
     this.#look({ x: x + (px - this.#width / 2) * shift, y: y - (py - this.#height / 2) * shift, scale: next });
   }
 
-  /** Keep the robot with this id in the middle from now on, or null for none. */
+  /** Follow the robot with this id, or null for none. */
   follow(id) {
     this.#followed = id;
     this.onFollow(id);
@@ -678,7 +678,7 @@ export class Stage {
     }
   }
 
-  /** Keep where robots were: of earlier frames only, and of the same robots. */
+  /** Store where robots were: of earlier frames only, and of the same robots. */
   #remember(frame) {
     const last = this.#frame;
     if (last === null || last.step === frame.step) return;

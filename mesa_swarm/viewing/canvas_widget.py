@@ -17,6 +17,12 @@ from mesa_swarm.viewing.pictures import png, world_figure
 from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES
 from mesa_swarm.viewing.player import PackedFrame, Past, Played, Player
 
+# Frames on their way to the browser: one is drawn while the next is made.
+MOST_AHEAD = 2
+SPEEDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 250.0, 500.0, 1000.0, AS_FAST_AS_IT_GOES)
+# Interval at which steps that a program takes are shown, s.
+EVERY = 0.05
+
 
 def text_of(*names: str) -> str:
     """Return files of the package, one after the other: a widget is one module.
@@ -28,11 +34,6 @@ def text_of(*names: str) -> str:
     """
     here = files("mesa_swarm")
     return "".join((here / name).read_text(encoding="utf-8") for name in names)
-
-
-# Frames on their way to the browser: one is drawn while the next is made.
-MOST_AHEAD = 2
-SPEEDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 250.0, 500.0, 1000.0, AS_FAST_AS_IT_GOES)
 
 
 def script() -> str:
@@ -287,10 +288,6 @@ def rate_text(rate: float) -> str:
     return f"{rate:.2g}" if rate < 10 else f"{rate:,.0f}"
 
 
-# Interval at which steps that a program takes are shown, s.
-EVERY = 0.05
-
-
 class Watcher:
     """Shows steps that a program takes, not those of the player itself.
 
@@ -343,10 +340,6 @@ def _WorldView(model: FireModel, occasion: object) -> None:
 
 def swarm_canvas(model: FireModel) -> Element:
     """Return the canvas of a model, as a component of Mesa's `SolaraViz`.
-
-    Parameters
-    ----------
-    model : SwarmModel
 
     Examples
     --------

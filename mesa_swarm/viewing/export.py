@@ -29,6 +29,26 @@ from mesa_swarm.viewing.films import check_even, export_film, export_gif, ffmpeg
 from mesa_swarm.viewing.pictures import Look, export_stills, still_paths
 from mesa_swarm.viewing.recorded_steps import PicturedSteps, RecordedSteps
 
+STEPS_AT_ONCE = 256
+RANGE = ("every", "first", "last")
+DRAWN = ("sectors", "trails")
+# Options of each kind of file.
+PERMITTED = {
+    ".png": {"steps", *RANGE, "sheet", "size", *DRAWN},
+    ".svg": {"steps", *RANGE, "sheet", "animate", *DRAWN},
+    ".gif": {*RANGE, "fps", "size", *DRAWN},
+    ".mp4": {*RANGE, "fps", "size", *DRAWN},
+    ".html": set(),
+    ".csv": {"steps", *RANGE, "table"},
+    ".parquet": {"steps", *RANGE, "table"},
+}
+ANIMATED = {*RANGE, "fps", "animate"}
+# Frames a second, and how many frames there are at most unless `every` is given.
+FPS = {".svg": 20.0, ".gif": 25.0, ".mp4": 30.0}
+MOST_FRAMES = {".svg": 300, ".gif": 300, ".mp4": 900}
+# Browsers play faster GIFs too slowly.
+FASTEST = {".svg": 120.0, ".gif": 50.0, ".mp4": 120.0}
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StepChoice:
@@ -144,30 +164,15 @@ def _in_words(there: np.ndarray) -> str:
     return f"there are {len(there)} steps from {there[0]} to {there[-1]}"
 
 
-STEPS_AT_ONCE = 256
-
-
 def export_csv(rows: RecordedSteps, path: Path, steps: Sequence[int], table: str, progress: bool) -> None:
-    """Write a table as CSV, whole or not at all.
-
-    Parameters
-    ----------
-    rows : RecordedSteps
-    path : Path
-    steps : sequence of int
-        Which ones.
-    table : str
-        "robots", "fires", "contacts" or "loads".
-    progress : bool
-        Whether to show a bar.
-    """
+    """Write a table as CSV, whole or not at all."""
     with draft_of(path, ExportError) as draft, draft.open("w", newline="", encoding="utf-8") as file:
         for number, piece in enumerate(pieces(rows, steps, table, progress)):
             piece.to_csv(file, index=False, header=number == 0, lineterminator="\n")
 
 
 def export_parquet(rows: RecordedSteps, path: Path, steps: Sequence[int], table: str, progress: bool) -> None:
-    """Write a table as Parquet, whole or not at all; parameters as for `export_csv`."""
+    """Write a table as Parquet, whole or not at all."""
     found = pieces(rows, steps, table, progress)
     first = pa.Table.from_pandas(next(found), preserve_index=False)
     with draft_of(path, ExportError) as draft, parquet.ParquetWriter(draft, first.schema, compression="zstd") as writer:
@@ -203,26 +208,6 @@ def export_page(recording: Recording, path: Path) -> None:
     from mesa_swarm.viewing.replay_page import replay_page  # noqa: PLC0415 - pictures and tables do without it
 
     write_whole(path, replay_page(recording), ExportError)
-
-
-RANGE = ("every", "first", "last")
-DRAWN = ("sectors", "trails")
-# Options of each kind of file.
-PERMITTED = {
-    ".png": {"steps", *RANGE, "sheet", "size", *DRAWN},
-    ".svg": {"steps", *RANGE, "sheet", "animate", *DRAWN},
-    ".gif": {*RANGE, "fps", "size", *DRAWN},
-    ".mp4": {*RANGE, "fps", "size", *DRAWN},
-    ".html": set(),
-    ".csv": {"steps", *RANGE, "table"},
-    ".parquet": {"steps", *RANGE, "table"},
-}
-ANIMATED = {*RANGE, "fps", "animate"}
-# Frames a second, and how many frames there are at most unless `every` is given.
-FPS = {".svg": 20.0, ".gif": 25.0, ".mp4": 30.0}
-MOST_FRAMES = {".svg": 300, ".gif": 300, ".mp4": 900}
-# Browsers play faster GIFs too slowly.
-FASTEST = {".svg": 120.0, ".gif": 50.0, ".mp4": 120.0}
 
 
 def export(

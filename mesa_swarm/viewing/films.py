@@ -35,15 +35,18 @@ from mesa_swarm.viewing.scene import Scene
 
 DOTS_PER_INCH = 100
 PAPER, EDGE = "#ffffff", "#888888"
+END = b";"
+# GIF: the next frame is drawn over this one.
+IN_PLACE = 1
+# Shares of a colour in the steps between it and paper or ink, for smooth edges.
+BETWEEN = (0.25, 0.5, 0.75)
+# yuv420p is the one that every player shows; faststart lets browsers begin before all is loaded.
+ENCODING = ["-c:v", "libx264", "-preset", "veryfast", "-crf", "20", "-pix_fmt", "yuv420p"]
+CONTAINER = ["-movflags", "+faststart", "-f", "mp4"]
 
 
 class Screen:
     """A canvas of the film's size on which its steps are drawn.
-
-    Parameters
-    ----------
-    drawn : PicturedSteps
-    look : Look
 
     Attributes
     ----------
@@ -128,30 +131,10 @@ def film_frames(screen: Screen, steps: Sequence[int], progress: bool) -> Iterato
             bar.update(1)
 
 
-END = b";"
-# GIF: the next frame is drawn over this one.
-IN_PLACE = 1
-# Shares of a colour in the steps between it and paper or ink, for smooth edges.
-BETWEEN = (0.25, 0.5, 0.75)
-
-
 def export_gif(
     drawn: PicturedSteps, path: Path, steps: Sequence[int], *, fps: float, look: Look, progress: bool
 ) -> None:
-    """Write steps as an animated GIF that repeats, whole or not at all.
-
-    Parameters
-    ----------
-    drawn : PicturedSteps
-    path : Path
-    steps : sequence of int
-        One a frame.
-    fps : float
-        Frames a second; the format rounds to hundredths of a second a frame.
-    look : Look
-    progress : bool
-        Whether to show a bar.
-    """
+    """Write steps as an animated GIF that repeats, whole or not at all; frames last whole hundredths of a second."""
     screen = Screen(drawn, look)
     with draft_of(path, ExportError) as draft, draft.open("wb") as file:
         for part in _parts(film_frames(screen, steps, progress), 10 * round(100 / fps)):
@@ -207,28 +190,10 @@ def _mixed(colour: str, ground: np.ndarray) -> np.ndarray:
     return np.array([share * np.array(to_rgb(colour)) + (1 - share) * ground for share in BETWEEN])
 
 
-# yuv420p is the one that every player shows; faststart lets browsers begin before all is loaded.
-ENCODING = ["-c:v", "libx264", "-preset", "veryfast", "-crf", "20", "-pix_fmt", "yuv420p"]
-CONTAINER = ["-movflags", "+faststart", "-f", "mp4"]
-
-
 def export_film(
     drawn: PicturedSteps, path: Path, steps: Sequence[int], *, fps: float, look: Look, progress: bool
 ) -> None:
     """Write steps as a film, whole or not at all.
-
-    Parameters
-    ----------
-    drawn : PicturedSteps
-    path : Path
-    steps : sequence of int
-        One a frame.
-    fps : float
-        Frames a second.
-    look : Look
-        Its size must be even.
-    progress : bool
-        Whether to show a bar.
 
     Raises
     ------

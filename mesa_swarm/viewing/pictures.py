@@ -38,6 +38,16 @@ USUAL = 800
 CAPTION, MARGIN = 32, 4
 # What can be drawn: a model as it is now, or a frame and the scene behind it.
 Shown = FireModel | tuple[Frame, Scene]
+TRAIL = "#0072b2"
+# Most points of a trail: films draw them in every frame.
+MOST_POINTS = 60
+# Okabe and Ito's colours, distinguishable with any colour vision.
+COOL, HOT, FRONT = "#0072b2", "#d55e00", "#f0e442"
+OBSTACLE, LOAD, MARK, OUT, SECTOR, INK = "#a8a8a8", "#009e73", "#e2d3b0", "#ececec", "#56b4e9", "#222222"
+PERCEIVED = "#6e6e6e"
+# Black to red; its lightness rises all the way, so that it can be read without seeing red.
+TEMPERATURE = LinearSegmentedColormap.from_list("temperature", ["#000000", "#7f0000", "#ff3b1f"])
+DOTS_PER_INCH = 200
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -105,21 +115,8 @@ def parsed_size(text: str) -> tuple[int, int]:
     return int(parts[0]), int(parts[1])
 
 
-TRAIL = "#0072b2"
-# Most points of a trail: films draw them in every frame.
-MOST_POINTS = 60
-
-
 def trails_of(drawn: PicturedSteps, step: int, length: int) -> list[np.ndarray]:
     """Return the positions of each robot during the last `length` steps up to a step, oldest first.
-
-    Parameters
-    ----------
-    drawn : PicturedSteps
-    step : int
-        One of those that were recorded.
-    length : int
-        Steps, at least 1.
 
     Returns
     -------
@@ -143,15 +140,6 @@ def draw_trails(axes: Axes, drawn: PicturedSteps, step: int, length: int) -> Non
     """Draw trails as thin lines below the robots."""
     lines = trails_of(drawn, step, length)
     axes.add_collection(LineCollection(lines, colors=TRAIL, linewidths=0.8, alpha=0.45, zorder=4.5, label="trails"))
-
-
-# Okabe and Ito's colours, distinguishable with any colour vision.
-COOL, HOT, FRONT = "#0072b2", "#d55e00", "#f0e442"
-OBSTACLE, LOAD, MARK, OUT, SECTOR, INK = "#a8a8a8", "#009e73", "#e2d3b0", "#ececec", "#56b4e9", "#222222"
-PERCEIVED = "#6e6e6e"
-# Black to red; its lightness rises all the way, so that it can be read without seeing red.
-TEMPERATURE = LinearSegmentedColormap.from_list("temperature", ["#000000", "#7f0000", "#ff3b1f"])
-DOTS_PER_INCH = 200
 
 
 def draw_world(shown: Shown, axes: Axes, sectors: bool = False) -> None:
@@ -412,17 +400,7 @@ def still_paths(path: Path, steps: Sequence[int], sheet: bool) -> dict[Path, lis
 
 
 def export_stills(drawn: PicturedSteps, files: dict[Path, list[int]], look: Look, progress: bool) -> None:
-    """Draw the pictures, each of which is written whole.
-
-    Parameters
-    ----------
-    drawn : PicturedSteps
-    files : dict
-        Steps by path, see `still_paths`; an ending .svg gives vectors, any other a PNG.
-    look : Look
-    progress : bool
-        Whether to show a bar.
-    """
+    """Draw the pictures, each of which is written whole."""
     with progress_bar(len(files), "pictures", progress) as bar:
         for path, steps in files.items():
             figure = still_figure(drawn, steps, look)

@@ -8,6 +8,16 @@ from collections.abc import Callable
 
 import solara
 
+# Steps are taken for this long before a frame is offered again, s.
+BATCH_TIME = 1 / 40
+# Pause after a batch in which clicks are served, s.
+BREATH = 0.001
+# A thread that was delayed does not make up for more than this, s.
+LONGEST_DEBT = 0.1
+# Window of the achieved rate, s.
+RATE_TIME = 1.0
+AS_FAST_AS_IT_GOES = math.inf
+
 
 class Listeners:
     """Functions that are called when something changes.
@@ -82,17 +92,6 @@ def use_changes(listeners: Listeners) -> int:
 
     solara.use_effect(listen, [listeners])
     return count
-
-
-# Steps are taken for this long before a frame is offered again, s.
-BATCH_TIME = 1 / 40
-# Pause after a batch in which clicks are served, s.
-BREATH = 0.001
-# A thread that was delayed does not make up for more than this, s.
-LONGEST_DEBT = 0.1
-# Window of the achieved rate, s.
-RATE_TIME = 1.0
-AS_FAST_AS_IT_GOES = math.inf
 
 
 class PlayLoop:

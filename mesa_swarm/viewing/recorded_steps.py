@@ -23,10 +23,6 @@ NEEDED = ("position", "heading")
 class RecordedSteps:
     """The whole rows of a recording.
 
-    Parameters
-    ----------
-    recording : Recording
-
     Attributes
     ----------
     recording : Recording
@@ -59,10 +55,6 @@ class PicturedSteps(RecordedSteps):
     That state is known of models that come with mesa_swarm and were not changed by hand before: a recording never
     makes a program import other code. Robots and loads that recordings of old versions do not describe are taken from
     such a model too; of other models obstacles are those of the map, and robots have a radius of 5.
-
-    Parameters
-    ----------
-    recording : Recording
 
     Attributes
     ----------

@@ -18,14 +18,11 @@ from mesa_swarm.viewing.scene import Scene, scene_of_recording
 MOST_ROWS = 256
 FEWEST_ROWS = 8
 ROBOT_ROWS = 200_000
+IMPORT = 'import { Stage, TOGGLES } from "./canvas.js";\n'
 
 
 class Reel:
     """The rows of a recording before the first that is damaged; may be asked by several threads.
-
-    Parameters
-    ----------
-    recording : Recording
 
     Attributes
     ----------
@@ -125,18 +122,11 @@ def _in_words(value: object) -> str:
     return f"{value:.6g}" if isinstance(value, float) else shortened(value) if isinstance(value, dict) else str(value)
 
 
-IMPORT = 'import { Stage, TOGGLES } from "./canvas.js";\n'
-
-
 def replay_page(recording: Recording) -> str:
     """Return a page that plays a recording; it is whole in itself and asks for nothing.
 
     What is drawn is rounded as `mesa_swarm.viewing.packing` describes: positions to within 1/65535 of the map.
     50 robots and 3,000 steps take less than 2 MB.
-
-    Parameters
-    ----------
-    recording : Recording
 
     Raises
     ------

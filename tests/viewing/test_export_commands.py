@@ -65,7 +65,7 @@ def test_files_are_replaced_only_by_force(typed, tmp_path):
 
 
 @pytest.mark.filterwarnings("default")
-def test_a_torn_recording_is_exported_as_far_as_it_is_whole_and_this_is_said(typed, tmp_path, run):
+def test_a_torn_recording_is_exported_as_far_as_it_is_whole_with_a_warning(typed, tmp_path, run):
     (tmp_path / "torn.arrow").write_bytes(run.path.read_bytes()[:-200])
     status, out, err = typed("a.csv --quiet", "torn.arrow")
     assert (status, out) == (0, "a.csv\n")
@@ -79,7 +79,7 @@ def test_a_folder_that_is_not_there_is_not_made(typed):
 
 @pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
-def test_an_empty_table_is_written_and_this_is_said(typed, tmp_path, kind):
+def test_an_empty_table_is_written_with_a_warning(typed, tmp_path, kind):
     model = SwarmModel(rng=1)
     with model.record(tmp_path / "bare.arrow"):
         model.run(3)
@@ -88,6 +88,6 @@ def test_an_empty_table_is_written_and_this_is_said(typed, tmp_path, kind):
     assert err == "mesa-swarm: warning: bare.arrow has no fires in these steps: the table is empty\n"
 
 
-def test_an_unknown_table_is_told_before_a_file_that_is_there(typed, tmp_path):
+def test_an_unknown_table_is_reported_before_an_existing_file(typed, tmp_path):
     (tmp_path / "a.csv").write_text("precious")
     assert "table 'fire'; did you mean 'fires'" in typed("a.csv --table fire --quiet")[2]
