@@ -162,7 +162,9 @@ def test_match_velocity_reports_how_many_sensors_see_robots():
     ("x", "where"), [(300, "outside"), (246, "on"), (251, "at the edge of"), (239, "at the edge of"), (225, "inside")]
 )
 def test_perimeter_reports_the_side_of_the_ring(x, where):
-    why = explanation(watched(Perimeter(ring=40, tolerance=4), design=ROUND, poses=[(200, 150, 0.0), (x, 150, 0.0)]).run(1))
+    why = explanation(
+        watched(Perimeter(ring=40, tolerance=4), design=ROUND, poses=[(200, 150, 0.0), (x, 150, 0.0)]).run(1)
+    )
     assert why.reason.endswith(f"away: {where} the ring of 40")
 
 

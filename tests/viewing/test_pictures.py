@@ -110,7 +110,7 @@ def test_fires_are_coloured_by_their_temperature_and_to_scale(temperature):
     assert near(at(50, 72), GROUND)
 
 
-def test_the_hotter_the_fire_the_lighter_its_colour_so_that_nobody_needs_to_see_red():
+def test_the_hotter_the_fire_the_lighter_its_colour_for_any_colour_vision():
     red, green, blue = np.transpose([colour(fire_colour(t)) for t in np.linspace(0, 1, 50)])
     assert (np.diff(0.2126 * red + 0.7152 * green + 0.0722 * blue) > 0).all()
 
@@ -209,7 +209,7 @@ def test_pictures_are_pngs_and_leave_no_state_in_pyplot():
     assert dict(mpl.rcParams) == before
 
 
-def test_the_peer_workload_is_what_the_issue_says():
+def test_the_peer_workload_has_the_agreed_density():
     model = peer_workload(100)
     width, height = np.diff(model.space.dimensions, axis=1).ravel()
     body = np.pi * 5.0**2
@@ -224,7 +224,7 @@ def test_the_same_workload_twice_gives_the_same_state():
     assert first == second
 
 
-def test_the_benchmark_table_says_which_targets_are_reached():
+def test_the_benchmark_table_shows_which_targets_are_reached():
     lines = step_table({50: 0.00005, 200: 0.001, 1000: 0.0004, 5000: 0.002, 10_000: 0.006})
     assert [line.split()[3] for line in lines[2:]] == ["yes", "no", "yes", "yes", "no"]
     assert max(map(len, lines)) <= 100
