@@ -58,17 +58,6 @@ def is_missing(answer: object) -> bool:
     return answer is None or answer is ...
 
 
-def mismatch(what: str, got: object, expected: str) -> str:
-    """Return one sentence: got, and expected.
-
-    Examples
-    --------
-    >>> mismatch("your answer", "ten", "a number")
-    "your answer is 'ten'; expected a number"
-    """
-    return f"{what} is {shortened(got)}; expected {expected}"
-
-
 @dataclass(frozen=True, slots=True)
 class Wish:
     """A criterion for one number of every run.
@@ -177,6 +166,10 @@ class Verdict:
         return f"{NOT_YET} {self.text[:1].upper()}{self.text[1:].rstrip('.')}."
 
 
+def _refused(answer: object, expected: str, hint: str) -> Verdict:
+    return Verdict(False, f"your answer is {shortened(answer)}; expected {expected}", hint)
+
+
 def verdict_on(
     wishes: Sequence[Wish], numbers: Sequence[Sequence[float | None]], seeds: Sequence[int], hint: str
 ) -> Verdict:
@@ -259,7 +252,7 @@ def check_model(
     if is_missing(make):
         return Verdict(False, NO_ANSWER, hint)
     if not callable(make):
-        return Verdict(False, mismatch("your answer", make, "a function that takes a seed"), hint)
+        return _refused(make, "a function that takes a seed", hint)
     try:
         rows = [_numbers(make, wishes, steps, seed) for seed in seeds]
     except Exception as error:  # every error of a learner becomes a sentence
@@ -401,9 +394,9 @@ def check_estimate(
     try:
         expected, measured = float(guess), np.array([run(seed) for seed in seeds], dtype=float)
     except (TypeError, ValueError):
-        return Verdict(False, mismatch("your answer", guess, "a number"), hint)
+        return _refused(guess, "a number", hint)
     if not np.isfinite(expected):
-        return Verdict(False, mismatch("your answer", guess, "a number"), hint)
+        return _refused(guess, "a number", hint)
     text = (
         f"you expected {shown(expected)} for {what}; the mean of {seeds_in_words(seeds)} is {shown(measured.mean())} "
         f"({shown(measured.min())} to {shown(measured.max())}); required: within {within:g}"
@@ -442,7 +435,7 @@ def check_function(
     if is_missing(function):
         return Verdict(False, NO_ANSWER, hint)
     if not callable(function):
-        return Verdict(False, mismatch("your answer", function, "a function"), hint)
+        return _refused(function, "a function", hint)
     for seed in seeds:
         expected = twin(*inputs(seed))
         try:

@@ -132,8 +132,8 @@ class TestSettings:
     @pytest.mark.parametrize(
         ("settings", "says"),
         [
-            (dict(distance=...), "no answer so far"),
-            (..., "no answer so far"),
+            (dict(distance=...), "no answer yet"),
+            (..., "no answer yet"),
             ([1], "expected settings by name, such as dict(distance=...)"),
             (dict(n_robots=3), "unknown parameter 'n_robots'"),
             (dict(distance="far"), "distance is 'far'"),
@@ -189,7 +189,7 @@ class TestFunctions:
             (lambda x: None, "returned None"),
             (lambda x: [x, x], "returned [2. 2.]"),
             (lambda x: x / 0, "ZeroDivisionError"),
-            (..., "no answer so far"),
+            (..., "no answer yet"),
             (5, "Your answer is 5; expected a function"),
         ],
     )
