@@ -192,7 +192,7 @@ def test_a_model_without_results_is_refused():
 
     with pytest.raises(SwarmError, match=r"Mute has no method results"):
         compare(Mute, parameter="speed", values=[1.0, 2.0])
-    with pytest.raises(SwarmError, match="does not say what to compare"):
+    with pytest.raises(SwarmError, match="has no attribute compares"):
         compare(Mute)
 
 
