@@ -1,4 +1,4 @@
-"""A hook of MkDocs: equations become MathML, which browsers draw of themselves, without a script from elsewhere."""
+"""A hook of MkDocs: convert equations to MathML, which browsers draw without an external script."""
 
 import re
 from html import unescape
@@ -7,7 +7,7 @@ from latex2mathml.converter import convert
 from mkdocs.structure.pages import Page
 
 EQUATION = re.compile(r'<(span|div) class="arithmatex">(.*?)</\1>', re.DOTALL)
-# Notebooks keep their dollars; those in code, in what it prints and in what is copied from it are none of an equation.
+# Equations of notebooks are still between dollars. Code, its output and its clipboard text contain no equations.
 OF_NOTEBOOK = re.compile(
     r'<(?P<code>pre|code|script|style)\b.*?</(?P=code)>|<div [^>]*class="clipboard-copy-txt"[^>]*>.*?</div>'
     r"|(?P<mark>\$\$?)(?P<latex>[^$]+)(?P=mark)",

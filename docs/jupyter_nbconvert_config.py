@@ -1,8 +1,8 @@
-"""Settings of nbconvert for the site: it reads them because docs/notebook_pages.py says where they are."""
+"""Settings of nbconvert for the site; docs/notebook_pages.py adds this folder to its search path."""
 
-c = get_config()  # noqa: F821 - nbconvert gives it
+c = get_config()  # noqa: F821 - defined by nbconvert
 
-# A widget would need scripts from elsewhere, and a kernel: a page shows the picture that stands for it.
+# A widget would need external scripts and a kernel: a page shows its picture instead.
 c.NbConvertBase.display_data_priority = ["text/html", "image/svg+xml", "image/png", "text/markdown", "text/plain"]
 c.ClearMetadataPreprocessor.enabled = True
 c.ClearMetadataPreprocessor.clear_cell_metadata = False

@@ -1,4 +1,4 @@
-"""A hook of MkDocs for the pages made of notebooks: their links lead to pages, and what they show needs no script."""
+"""A hook of MkDocs for notebook pages: resolve links to pages, and show pictures in place of widgets."""
 
 import logging
 import os
@@ -16,14 +16,14 @@ LOG = logging.getLogger("mkdocs.hooks.notebook_pages")
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Let nbconvert find its settings beside this file."""
+    """Add the folder of this file to the search path of nbconvert's settings."""
     found = os.environ.get("JUPYTER_CONFIG_PATH", "")
     os.environ["JUPYTER_CONFIG_PATH"] = os.pathsep.join(filter(None, (str(Path(__file__).parent), found)))
     return config
 
 
 def on_page_content(html: str, *, page: Page, files: Files, **_: object) -> str:
-    """Lead links from a notebook to files of the site to the pages that these became, as MkDocs does in Markdown."""
+    """Replace a notebook's links to source files by links to their pages, as MkDocs does in Markdown."""
     if not page.file.src_uri.endswith(".ipynb"):
         return html
 

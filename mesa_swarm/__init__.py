@@ -3,10 +3,16 @@
 Names are imported when they are first used, so that ``import mesa_swarm`` is quick.
 """
 
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from mesa_swarm.moved import MovedFinder
+
 __version__ = "0.1.0"
+
+if not any(isinstance(finder, MovedFinder) for finder in sys.meta_path):
+    sys.meta_path.append(MovedFinder())
 
 if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.experiments.compare import compare

@@ -8,6 +8,7 @@ from mesa_swarm.errors import check_choice
 
 PACKAGE = "mesa_swarm.models"
 BASE = "mesa_swarm.swarm_model"  # of SwarmModel itself
+OLD_BASE = "mesa_swarm.model"  # the same in recordings of version 0.1.0
 
 
 def model_names() -> list[str]:
@@ -69,6 +70,8 @@ def shipped_class(module: str, name: str) -> type | None:
     >>> shipped_class("mesa_swarm.models.fire_fighting", "FireFighting").__name__, shipped_class("os", "path")
     ('FireFighting', None)
     """
+    if (module, name) == (OLD_BASE, "SwarmModel"):
+        module = BASE
     if module != BASE and module not in {f"{PACKAGE}.{model}" for model in model_names()}:
         return None
     found = getattr(import_module(module), name, None)

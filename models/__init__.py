@@ -1,1 +1,1 @@
-"""The models that come with mesa_swarm, one file each."""
+"""The models of mesa_swarm, one file each."""

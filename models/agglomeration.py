@@ -1,17 +1,17 @@
-"""Agglomeration: robots that gather though none of them knows where.
+"""Agglomeration: robots that gather without a common goal position.
 
-WHAT IS IT? Robots explore until they see others, go to the centre of those that they see, and stay there. Fifty of
-them end up in many groups rather than in one: each group is content, which the thesis calls local convergence.
+WHAT IS IT? Robots explore until they see others, drive to the centroid of the visible robots, and stay there. Fifty
+of them end up in many groups rather than in one, which the thesis calls local convergence.
 
-HOW IT WORKS. Three layers, the first that is active drives. Avoid turns away from what is very near. Gather turns on
-the spot towards the perceived centroid of the robots that are seen now, when it is farther than the critical
-angle from straight ahead, and stays when it is ahead and near. Explore drives straight on.
+HOW IT WORKS. Three layers; the first active layer drives. Avoid turns away from very near bodies. Gather turns on the
+spot towards the perceived centroid of the visible robots when its bearing exceeds the critical angle, and stays when
+it is ahead and near. Explore drives straight on.
 
-HOW TO USE IT. `sight` is how far robots see each other, `stop_distance` how near the centroid must be to stay,
-`avoid_distance` how near is too near: above `stop_distance` less a radius, robots never come to rest.
+HOW TO USE IT. `sight` is the range at which robots see each other, `stop_distance` the distance of the centroid at
+which they stay, `avoid_distance` the range of Avoid: above `stop_distance` minus a radius, robots never come to rest.
 
-THINGS TO NOTICE. Pairs and threes that nobody joins. Robots in blind spots, which swing to and fro between two
-sensors. A robot that all others follow without its knowing, until it turns round.
+THINGS TO NOTICE. Pairs and triples that no robot joins. Robots whose neighbour is in a blind spot, which swing to and
+fro between two sensors. A robot that is followed by all others, until it turns round.
 
 THINGS TO TRY. Longer sight: are there fewer groups? Random turns: do groups grow afterwards? A larger stop distance:
 why are there only pairs?
@@ -34,7 +34,7 @@ from mesa_swarm.parameters import Choice, Slider
 from mesa_swarm.reporters import held
 from mesa_swarm.streams import Seed
 
-# Centres of robots of one group are at most this far apart: two robots' width and some air.
+# Greatest distance between the centres of linked robots: two robot diameters and a margin.
 LINK = 25.0
 
 
@@ -55,9 +55,9 @@ class Agglomeration(SwarmModel):
         *,
         n_robots: Annotated[int, Slider(2, 200, 1, "robots")] = 50,
         sight: Annotated[float, Slider(10, 200, 5, "range of the infrared sensors, map units")] = 50.0,
-        stop_distance: Annotated[float, Slider(0, 60, 1, "a centroid nearer than this is near enough")] = 12.0,
-        critical_angle: Annotated[float, Slider(0, 90, 1, "a centroid farther off is turned to, degrees")] = 10.0,
-        avoid_distance: Annotated[float, Slider(0, 30, 0.5, "nearer than this is too near, map units")] = 4.0,
+        stop_distance: Annotated[float, Slider(0, 60, 1, "centroid distance at which robots stay, map units")] = 12.0,
+        critical_angle: Annotated[float, Slider(0, 90, 1, "centroid bearing that makes robots turn, degrees")] = 10.0,
+        avoid_distance: Annotated[float, Slider(0, 30, 0.5, "distance below which robots turn away, map units")] = 4.0,
         turn_interval: Annotated[int, Slider(0, 1000, 10, "steps between random turns, 0 for none")] = 0,
         map: Annotated[str, Choice(("openspace", "sparse", "original"), "the world")] = "openspace",
         rng: Seed = None,
@@ -72,12 +72,12 @@ class Agglomeration(SwarmModel):
 
     @property
     def groups(self) -> int:
-        """How many groups of at least two robots there are."""
+        """Number of groups of at least two robots."""
         return clusters(self.swarm.position, LINK).count
 
     @property
     def largest_group(self) -> float:
-        """Share of all robots that are in the largest group."""
+        """Fraction of all robots that are in the largest group."""
         return clusters(self.swarm.position, LINK).largest_fraction
 
     @property
@@ -88,7 +88,7 @@ class Agglomeration(SwarmModel):
         return float(np.mean(nearest_neighbour_distances(self.swarm.position)))
 
     def results(self) -> dict[str, float | None]:
-        """Return what a comparison compares."""
+        """Return the measures used by a comparison."""
         return {
             "groups": self.groups,
             "largest group": self.largest_group,

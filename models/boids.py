@@ -1,20 +1,20 @@
 """Boids: Reynolds's three rules on robots that move in any direction.
 
-WHAT IS IT? The best known model of a flock, for comparison: separation, alignment and cohesion, added up. The bodies
-can go sideways (a holonomic drive), as birds on a screen can; see the model flocking for wheels.
+WHAT IS IT? The best known model of a flock, for comparison: the sum of separation, alignment and cohesion. The bodies
+can move sideways (a holonomic drive); see the model flocking for wheels.
 
-HOW IT WORKS. Each rule asks for a velocity, and the weighted sum of all drives the robot (VectorSum). Separate moves
-away from what is near, walls too. Align moves as the visible centroid moves. Cohere moves towards the centroid.
-Cruise goes on as before. What the robots know of each other they see by infrared; nobody tells them anything.
+HOW IT WORKS. Each rule returns a velocity, and the weighted sum drives the robot (VectorSum). Separate moves away from
+near bodies, including walls. Align moves as the visible centroid moves. Cohere moves towards the centroid. Cruise
+maintains the velocity. Robots perceive each other by infrared only, without communication.
 
 HOW TO USE IT. The four weights. 0 switches a rule off.
 
-THINGS TO NOTICE. Bodies keep their heading: the white half shows where the front is, not where the robot goes. Flocks
-part at walls and meet again.
+THINGS TO NOTICE. Bodies keep their heading: the light half shows the front, not the direction of motion. Flocks split
+at walls and rejoin.
 
-THINGS TO TRY. Alignment alone. Cohesion without separation. How little cruising is enough?
+THINGS TO TRY. Alignment alone. Cohesion without separation. What is the smallest sufficient cruise weight?
 
-EXTENDING IT. Give the flock a predator: a robot of another design that the others separate from.
+EXTENDING IT. Add a predator: a robot of another design from which the others separate.
 
 REFERENCE. C. W. Reynolds, Flocks, herds and schools: a distributed behavioral model, SIGGRAPH 1987.
 """
@@ -51,11 +51,11 @@ class Boids(SwarmModel):
         self,
         *,
         n_robots: Annotated[int, Slider(2, 200, 1, "robots")] = 50,
-        separation_weight: Annotated[float, Slider(0, 5, 0.1, "of moving away from what is near")] = 3.0,
-        alignment_weight: Annotated[float, Slider(0, 5, 0.1, "of moving as the neighbours do")] = 1.0,
-        cohesion_weight: Annotated[float, Slider(0, 5, 0.1, "of moving towards the neighbours")] = 0.5,
-        cruise_weight: Annotated[float, Slider(0, 5, 0.1, "of going on as before")] = 1.0,
-        separation: Annotated[float, Slider(1, 40, 1, "what is nearer than this is near, map units")] = 15.0,
+        separation_weight: Annotated[float, Slider(0, 5, 0.1, "weight of moving away from near bodies")] = 3.0,
+        alignment_weight: Annotated[float, Slider(0, 5, 0.1, "weight of moving as the neighbours do")] = 1.0,
+        cohesion_weight: Annotated[float, Slider(0, 5, 0.1, "weight of moving towards the neighbours")] = 0.5,
+        cruise_weight: Annotated[float, Slider(0, 5, 0.1, "weight of maintaining the velocity")] = 1.0,
+        separation: Annotated[float, Slider(1, 40, 1, "distance below which robots separate, map units")] = 15.0,
         sight: Annotated[float, Slider(20, 200, 5, "range of the infrared sensors, map units")] = 60.0,
         memory: Annotated[float, Slider(1, 100, 1, "steps over which the neighbours' motion is averaged")] = 10.0,
         map: Annotated[str, Choice(("openspace", "sparse", "original"), "the world")] = "openspace",
@@ -75,14 +75,14 @@ class Boids(SwarmModel):
         )
 
     def step(self) -> None:
-        """Advance by one step, and remember where everybody was."""
+        """Advance by one step, and store the previous positions."""
         self._before = self.swarm.position.copy()
         super().step()
 
     @property
     def travel(self) -> np.ndarray:
-        """Azimuth in which each robot moved in the last step, rad, nan where it did not, shape (n,)."""
-        # Who has come or gone since has not travelled yet.
+        """Azimuth of each robot's motion in the last step, rad, nan without motion, shape (n,)."""
+        # After a change in the number of robots there are no previous positions.
         before = self._before if len(self._before) == len(self.swarm) else self.swarm.position
         return directions(before, self.swarm.position)
 
@@ -93,10 +93,10 @@ class Boids(SwarmModel):
 
     @property
     def polarization(self) -> float:
-        """Length of the mean of all directions of travel: 0 for none alike, 1 for all alike."""
+        """Length of the mean of all directions of travel: near 0 for random, 1 for equal directions."""
         return polarization(self.travel)
 
     def results(self) -> dict[str, float | None]:
-        """Return what a comparison compares: means over the second half, None for nothing to measure."""
+        """Return the measures used by a comparison: means over the second half, None without data."""
         means = {name: later_mean(self.datacollector.model_vars[name]) for name in ("alignment", "polarization")}
         return {name: None if isnan(mean) else mean for name, mean in means.items()}

@@ -1,23 +1,23 @@
-"""Chain formation: robots that follow the nearest robot ahead, and so make chains.
+"""Chain formation: robots that follow the nearest robot ahead, and thereby form chains.
 
-WHAT IS IT? A robot follows whom it sees ahead of it; nobody counts or leads on purpose. Whoever follows nobody and is
-followed is a leader without knowing it.
+WHAT IS IT? A robot follows the nearest robot ahead; no robot is designated as leader. A robot that follows none and is
+followed is a leader, without knowing it.
 
-HOW IT WORKS. Layers, the first that is active drives. HeadOn (if switched on) turns round on the spot, at a random
-speed, when another robot comes head-on: the slower one follows. Avoid turns away from what is very near. Follow turns
-on the spot towards the nearest robot ahead and drives after it: fast while it is farther than the gap, else at
-cruise speed. Explore drives straight on at cruise speed, so that followers can catch up.
+HOW IT WORKS. Layers; the first active layer drives. HeadOn (if switched on) turns round on the spot, at a random
+speed, when another robot approaches head-on: the slower one follows. Avoid turns away from very near bodies. Follow
+turns on the spot towards the nearest robot ahead and drives after it: at full speed while it is farther than the gap,
+otherwise at cruise speed. Explore drives straight on at cruise speed, so that followers can catch up.
 
-HOW TO USE IT. `gap` and `gap_rule`: without the rule all drive equally fast and followers stay at the limit of their
-sight. `head_on` switches the leader rule on.
+HOW TO USE IT. `gap` and `gap_rule`: without the rule all robots drive equally fast and followers remain at the limit
+of their sight. `head_on` switches the leader rule on.
 
-THINGS TO NOTICE. Chains bend at walls and stay whole if they come at an angle; a leader that turns for long meets its
-own followers. Chains that meet head-on part into two others. A ring can follow itself for ever.
+THINGS TO NOTICE. Chains bend at walls and stay intact if they arrive at an angle; a leader that turns for long meets
+its own followers. Chains that meet head-on split into two others. A ring can follow itself for ever.
 
-THINGS TO TRY. The gap rule off: how long do chains get? Nine sensors instead of three: why do pairs now hold each
-other up for ever? (An ethogram shows it.) Sensors that see only 30 units far. Twenty robots, or a hundred.
+THINGS TO TRY. The gap rule off: how long do chains get? Nine sensors instead of three: why do pairs now block each
+other for ever? (An ethogram shows it.) Sensors with a range of only 30 units. Twenty robots, or a hundred.
 
-EXTENDING IT. Let the last of a chain drop out when nobody has been behind it for long.
+EXTENDING IT. Let the last robot of a chain drop out when none has followed it for long.
 
 REFERENCE. Thesis, sections 5.2.3.2, 5.3.3 and 10.2.
 """
@@ -37,7 +37,7 @@ SWITCH = ("on", "off")
 
 
 class ChainFormation(SwarmModel):
-    """Robots that follow the nearest robot ahead, and so make chains.
+    """Robots that follow the nearest robot ahead, and thereby form chains.
 
     Examples
     --------
@@ -52,13 +52,13 @@ class ChainFormation(SwarmModel):
         self,
         *,
         n_robots: Annotated[int, Slider(2, 200, 1, "robots")] = 50,
-        gap_rule: Annotated[str, Choice(SWITCH, "whether followers hurry while they are far")] = "on",
-        gap: Annotated[float, Slider(0, 50, 1, "what is farther than this is far, map units")] = 15.0,
+        gap_rule: Annotated[str, Choice(SWITCH, "whether distant followers drive faster")] = "on",
+        gap: Annotated[float, Slider(0, 50, 1, "distance above which followers drive faster, map units")] = 15.0,
         head_on: Annotated[str, Choice(SWITCH, "whether robots that meet head-on choose a leader")] = "off",
-        cruise_speed: Annotated[float, Slider(0.1, 1, 0.05, "share of the greatest speed")] = 0.7,
+        cruise_speed: Annotated[float, Slider(0.1, 1, 0.05, "fraction of the maximum speed")] = 0.7,
         design: Annotated[str, Choice(tuple(DESIGNS), "the robots' bodies and sensors")] = "AGENT3",
         sight: Annotated[float, Slider(10, 200, 5, "range of the infrared sensors, map units")] = 50.0,
-        avoid_distance: Annotated[float, Slider(0, 30, 0.5, "nearer than this is too near, map units")] = 4.0,
+        avoid_distance: Annotated[float, Slider(0, 30, 0.5, "distance below which robots turn away, map units")] = 4.0,
         map: Annotated[str, Choice(("openspace", "sparse", "original"), "the world")] = "openspace",
         rng: Seed = None,
     ) -> None:
@@ -76,27 +76,27 @@ class ChainFormation(SwarmModel):
         )
 
     def find_chains(self) -> Chains:
-        """Return who follows whom now."""
+        """Return the links between followers and leaders in the current step."""
         return chains(self.swarm.position, self.swarm.heading, link_distance=self.link_distance)
 
     @property
     def chains(self) -> int:
-        """How many chains of at least two robots there are."""
+        """Number of chains of at least two robots."""
         return self.find_chains().count
 
     @property
     def mean_chain(self) -> float:
-        """Mean number of robots in a chain, 0 where there is none."""
+        """Mean number of robots in a chain, 0 without chains."""
         found = self.find_chains()
         return found.mean_length if found.count else 0.0
 
     @property
     def chained(self) -> float:
-        """Share of all robots that are in a chain."""
+        """Fraction of all robots that are in a chain."""
         return self.find_chains().chained if len(self.swarm) else 0.0
 
     def results(self) -> dict[str, float]:
-        """Return what a comparison compares."""
+        """Return the measures used by a comparison."""
         found = self.find_chains()
         return {
             "chains": found.count,

@@ -1,22 +1,22 @@
-"""Collision avoidance: robots that explore and turn away from whatever is near.
+"""Collision avoidance: robots that explore and turn away from near bodies.
 
-WHAT IS IT? Robots drive straight on until one of their three forward infrared sensors sees something
-near; then they turn away. It is the simplest behaviour of the thesis, and the top layer of all others.
+WHAT IS IT? Robots drive straight on until one of their three forward infrared sensors detects a near body;
+then they turn away. It is the simplest behaviour of the thesis, and the top layer of all others.
 
-HOW IT WORKS. Two layers, the first that is active drives: Avoid (left sensor activated: turn right; right: turn
-left; front: turn to the robot's own side) and Explore (straight on, with a random turn now and then if asked).
-With a `spot_distance` there is a layer above them: Avoid on the spot, for what is nearer than that.
+HOW IT WORKS. Two layers; the first active layer drives: Avoid (left sensor activated: turn right; right: turn
+left; front: turn to the robot's preferred side) and Explore (straight on, with optional random turns at intervals).
+With a `spot_distance` there is a layer above them: Avoid on the spot, for bodies nearer than that.
 
-HOW TO USE IT. `distance` is how near is too near. `turn` stops one wheel ("translational") or turns on the spot
-("stationary"). `turn_interval` lets robots turn at random after so many steps. The design WIDE3 sees all that is ahead.
+HOW TO USE IT. `distance` is the range of Avoid. `turn` stops one wheel ("translational") or turns on the spot
+("stationary"). `turn_interval` is the number of steps between random turns. The design WIDE3 senses the full front.
 
 THINGS TO NOTICE. Robots that turn on the spot swing to and fro for ever in a corridor that activates both
-their sides; those that turn with one wheel stopped come out. A single robot leaves parts of the map out.
+their sides; those that turn with one wheel stopped get out. A single robot does not reach parts of the map.
 
-THINGS TO TRY. More robots; random turns; a distance that is larger than the corridors. One robot, design WIDE3,
-max_speed 4, distance 7 and spot_distance 3.5 sees nearly all of the map in 60,000 steps and touches nothing.
+THINGS TO TRY. More robots; random turns; a distance larger than the corridors. One robot, design WIDE3,
+max_speed 4, distance 7 and spot_distance 3.5 covers nearly the whole map in 60,000 steps without a collision.
 
-EXTENDING IT. Put a rule of your own between the layers with `behaviour`.
+EXTENDING IT. Put a custom rule between the layers with `behaviour`.
 
 REFERENCE. Thesis, sections 5.2.2 and 5.3.1.
 """
@@ -53,15 +53,15 @@ class CollisionAvoidance(SwarmModel):
         *,
         n_robots: Annotated[int, Slider(1, 200, 1, "robots")] = 10,
         design: Annotated[str, Choice(tuple(DESIGNS), "the robots' bodies and sensors")] = "AGENT9",
-        distance: Annotated[float, Slider(0, 50, 1, "nearer than this is too near, map units")] = 15.0,
+        distance: Annotated[float, Slider(0, 50, 1, "distance below which robots turn away, map units")] = 15.0,
         turn: Annotated[str, Choice(("translational", "stationary"), "how robots turn away")] = "translational",
         spot_distance: Annotated[
-            float, Slider(0, 20, 0.5, "nearer than this robots turn on the spot, map units")
+            float, Slider(0, 20, 0.5, "distance below which robots turn on the spot, map units")
         ] = 0.0,
-        max_speed: Annotated[float, Slider(0.1, 5, 0.1, "of the wheels, map units a step")] = 1.0,
+        max_speed: Annotated[float, Slider(0.1, 5, 0.1, "maximum wheel speed, map units per step")] = 1.0,
         turn_interval: Annotated[int, Slider(0, 1000, 10, "steps between random turns, 0 for none")] = 0,
-        slip_probability: Annotated[float, Slider(0, 1, 0.01, "of each wheel in each step")] = 0.0,
-        error_probability: Annotated[float, Slider(0, 1, 0.01, "of each sensor in each step")] = 0.0,
+        slip_probability: Annotated[float, Slider(0, 1, 0.01, "probability of slip, per wheel and step")] = 0.0,
+        error_probability: Annotated[float, Slider(0, 1, 0.01, "probability of an error, per sensor and step")] = 0.0,
         map: Annotated[str, Choice(("original", "sparse", "openspace"), "the world")] = "original",
         rng: Seed = None,
     ) -> None:
@@ -75,10 +75,10 @@ class CollisionAvoidance(SwarmModel):
         self.control = Subsumption(*spot, Avoid(distance=distance, turn=turn), Explore(turn_interval=turn_interval))
 
     def step(self) -> None:
-        """Advance by one step, and count those that robots have taken: there may be other robots later."""
+        """Advance by one step, and count robot-steps, since the number of robots may change."""
         super().step()
         self.robot_steps += len(self.swarm)
 
     def results(self) -> dict[str, float]:
-        """Return what a comparison compares: collisions per robot and 1,000 steps."""
+        """Return the measure used by a comparison: collisions per robot and 1,000 steps."""
         return {"collisions per robot and 1,000 steps": 1000.0 * self.total_collisions / max(self.robot_steps, 1)}

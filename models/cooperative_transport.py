@@ -1,21 +1,21 @@
-"""Cooperative transport: robots that push together what none of them can move alone.
+"""Cooperative transport: robots that together push a load that none of them can move alone.
 
-WHAT IS IT? A load lies in the room, too heavy for one robot. Robots that find it push it to a goal, though none of
-them knows where the others are, nor where the load is going.
+WHAT IS IT? The arena contains a load too heavy for one robot. Robots that find it push it to a goal, without knowing
+the positions of the others or the motion of the load.
 
 HOW IT WORKS. A load gives way when the sum of the robots' pushes exceeds its resistance (quasi-static, with an
-ellipsoidal limit surface). A beacon at the goal is heard by whoever is not in the load's shadow. Layers, the first
-that is active drives: Avoid (not of loads), Push (in the shadow push, out of it go round), Explore with random turns.
+ellipsoidal limit surface). A beacon at the goal is heard by robots that are not in the load's shadow. Layers; the first
+active layer drives: Avoid (not of loads), Push (push in the shadow, otherwise go round), Explore with random turns.
 
-HOW TO USE IT. `n_robots` and `resistance`: how many full pushes through its centre the load withstands. Elsewhere there
-is a lever: a push at a corner of the box counts as up to 1.65. `load` is a disc or a box.
+HOW TO USE IT. `n_robots` and `resistance`: the number of full pushes through its centre that the load withstands. Off
+centre there is a lever: a push at a corner of the box counts as up to 1.65. `load` is a disc or a box.
 
-THINGS TO NOTICE. One robot pushes for ever. With as many robots as the resistance asks for the load moves seldom: all
-must be there at once, and push the same way. A box turns.
+THINGS TO NOTICE. One robot pushes for ever. With as many robots as the resistance requires the load rarely moves: all
+must be there at once, and push in the same direction. A box turns.
 
 THINGS TO TRY. Five robots against a resistance of 3.5. Twenty robots: do they help or hinder each other? A box.
 
-EXTENDING IT. Let a robot that has pushed for long without the load moving go round to another place.
+EXTENDING IT. Let a robot go round to another place after it has pushed for long without moving the load.
 
 REFERENCE. Chen, Gauci, Li, Kolling and Gross, IEEE Transactions on Robotics 31 (2015); thesis, section 3.2.
 """
@@ -32,7 +32,7 @@ from mesa_swarm.streams import Seed
 
 START, GOAL = (250.0, 300.0), (600.0, 300.0)
 HALF = 25.0
-# The load has arrived when its centre is this near to the goal.
+# Distance of the load's centre from the goal at which it has arrived.
 NEAR = 30.0
 LOADS = {
     "disc": disc(START, HALF),
@@ -41,7 +41,7 @@ LOADS = {
 
 
 class CooperativeTransport(SwarmModel):
-    """Robots that push together what none of them can move alone.
+    """Robots that together push a load that none of them can move alone.
 
     Stops running when the load has arrived.
 
@@ -60,16 +60,16 @@ class CooperativeTransport(SwarmModel):
         *,
         n_robots: Annotated[int, Slider(1, 50, 1, "robots")] = 5,
         resistance: Annotated[
-            float, Slider(0.5, 10, 0.1, "full pushes that it withstands; one at a corner is up to 1.65")
+            float, Slider(0.5, 10, 0.1, "full pushes withstood; one at a corner counts up to 1.65")
         ] = 1.7,
         load: Annotated[str, Choice(tuple(LOADS), "the shape of the load")] = "disc",
         sight: Annotated[float, Slider(20, 200, 5, "range of the infrared sensors, map units")] = 150.0,
         turn_interval: Annotated[int, Slider(0, 1000, 10, "steps between random turns, 0 for none")] = 200,
-        avoid_distance: Annotated[float, Slider(0, 30, 0.5, "what is nearer is too near, map units")] = 3.0,
+        avoid_distance: Annotated[float, Slider(0, 30, 0.5, "distance below which robots turn away, map units")] = 3.0,
         rng: Seed = None,
     ) -> None:
         super().__init__(map="openspace", rng=rng, model_reporters={"way_left": "way_left", "pushers": "pushers"})
-        self.add_obstacle(disc(GOAL, NEAR, contact=False))  # a mark on the ground: where the load is to go
+        self.add_obstacle(disc(GOAL, NEAR, contact=False))  # a mark on the ground at the goal
         self.load = self.add_load(LOADS[check_choice("load", load, LOADS)], resistance=resistance)
         self.communication = Radio(range=2000.0, state=False, occlusion=True, beacons=(GOAL,))
         self.add_robots(all_round(12, range=sight), check_count("n_robots", n_robots))
@@ -85,7 +85,7 @@ class CooperativeTransport(SwarmModel):
 
     @property
     def pushers(self) -> int:
-        """How many robots pushed the load in the last step."""
+        """Number of robots that pushed the load in the last step."""
         return self.load.pushers
 
     def step(self) -> None:
@@ -95,5 +95,5 @@ class CooperativeTransport(SwarmModel):
             self.arrived_at, self.running = self.steps, False
 
     def results(self) -> dict[str, float | None]:
-        """Return what a comparison compares: when the load arrived, None if it has not, and the way left."""
+        """Return the measures used by a comparison: the step of arrival or None, and the remaining distance."""
         return {"arrived at": self.arrived_at, "way left": self.way_left}

@@ -1,24 +1,24 @@
-"""Fire-fighting: robots put out seven fires, of which the largest takes more than one of them.
+"""Fire-fighting: robots extinguish seven fires, the largest of which needs more than one robot.
 
-WHAT IS IT? A task that is shared out, by default without a word spoken. A robot at a fire cools it, and is heated
-by it; too hot, it must leave until it has cooled down. One robot cannot put the large central fire out alone.
+WHAT IS IT? A task shared by robots, by default without communication. A robot at a fire cools it, and is heated
+by it; too hot, it must leave until it has cooled down. One robot alone cannot extinguish the large central fire.
 
-HOW IT WORKS. Layers: Avoid, FightFire, Explore. Under strategy A a robot that is too hot turns away and explores;
-while it is too hot it ignores all fires. Under strategy B it backs off until it takes no more heat, waits, and
+HOW IT WORKS. Layers: Avoid, FightFire, Explore. Under strategy A a robot that is too hot turns away and explores,
+ignoring all fires. Under strategy B it backs off until it takes no more heat, waits, and
 returns to the same fire. The fires follow T <- T + k1 (T + 1) - (k2 / A) n, the robots H <- H + k3 T A - k4.
 
-HOW TO USE IT. Choose a strategy and the number of robots. k1 makes fires grow, k2 lets robots put them
-out, k3 heats robots, k4 cools them; `leave` and `join` are the heats at which a robot leaves and may return.
-`design_constants` finds all six from wished-for properties, and says what follows from them. With communication
-robots within range go to one that fights a fire or waits at one (state), or to where it sees that fire (goal).
+HOW TO USE IT. Choose a strategy and the number of robots. k1 is the growth of fires, k2 extinguishing,
+k3 heating of robots, k4 their cooling; `leave` and `join` are the heats at which a robot leaves and may return.
+`design_constants` computes all six from requirements, and reports the consequences. With communication
+robots within range go to one that fights a fire or waits at one (state), or to the fire that it sees (goal).
 
-THINGS TO NOTICE. Under B robots gather at the large fire though nobody calls them: waiting near it is enough.
+THINGS TO NOTICE. Under B robots gather at the large fire without being called: waiting near it is enough.
 Under A they leave one after the other, and the fire recovers between their visits, unless they call for help.
 
 THINGS TO TRY. Fires that start at T = 0.3 are put out by their first visitor, whatever the strategy. Find the
-number of robots from which A is as good as B, and the range of communication from which it is.
+number of robots, and the range of communication, from which A is as good as B.
 
-EXTENDING IT. Let robots that explore prefer places that they have not seen.
+EXTENDING IT. Let exploring robots prefer places that they have not visited.
 
 REFERENCE. Thesis, chapter 9 and appendix B. Communication as in Balch and Arkin, Autonomous Robots 1 (1994).
 """
@@ -62,15 +62,15 @@ class FireFighting(SwarmModel):
         n_robots: Annotated[int, Slider(1, 50, 1, "robots")] = 10,
         strategy: Annotated[str, Choice(("A", "B"), "what a hot robot does: A leaves, B waits nearby")] = "B",
         map: Annotated[str, Choice(("openspace_fire",), "the world")] = "openspace_fire",
-        k1: Annotated[float, Slider(0.0001, 0.003, 0.0001, "growth of fires a step")] = DEFAULT.k1,
-        k2: Annotated[float, Slider(0.001, 0.05, 0.001, "extinguishing a robot and step, per 1 / area")] = DEFAULT.k2,
-        k3: Annotated[float, Slider(0.0, 0.5, 0.001, "heating of robots a step, times T times area")] = DEFAULT.k3,
-        k4: Annotated[float, Slider(0.0, 2.0, 0.01, "cooling of robots a step")] = DEFAULT.k4,
+        k1: Annotated[float, Slider(0.0001, 0.003, 0.0001, "growth of fires per step")] = DEFAULT.k1,
+        k2: Annotated[float, Slider(0.001, 0.05, 0.001, "extinguishing per robot and step, over area")] = DEFAULT.k2,
+        k3: Annotated[float, Slider(0.0, 0.5, 0.001, "heating of robots per step, times T times area")] = DEFAULT.k3,
+        k4: Annotated[float, Slider(0.0, 2.0, 0.01, "cooling of robots per step")] = DEFAULT.k4,
         leave: Annotated[float, Slider(1, 1000, 1, "heat at which a robot leaves")] = DEFAULT.leave,
         join: Annotated[float, Slider(0, 999, 1, "heat at which it may fight again")] = DEFAULT.join,
         communication: Annotated[str, Choice(("none", *TO), "what robots at fires broadcast")] = "none",
-        communication_range: Annotated[float, Slider(0, FARTHEST, 10, "how far it carries")] = 200.0,
-        initial_temperature: Annotated[float, Slider(0.01, 1, 0.01, "of all fires at the start")] = 1.0,
+        communication_range: Annotated[float, Slider(0, FARTHEST, 10, "range of broadcasts, map units")] = 200.0,
+        initial_temperature: Annotated[float, Slider(0.01, 1, 0.01, "temperature of all fires at the start")] = 1.0,
         history_every: Annotated[int, Slider(1, 100, 1, "steps between rows of the fires' history")] = 10,
         rng: Seed = None,
     ) -> None:
@@ -93,12 +93,12 @@ class FireFighting(SwarmModel):
 
     @property
     def fires_burning(self) -> int:
-        """How many fires burn."""
+        """Number of burning fires."""
         return len(self.fires) - int(np.count_nonzero(self.fires.out))
 
     @property
     def robots_at_fires(self) -> int:
-        """How many robots fight a fire."""
+        """Number of robots that fight a fire."""
         return int(np.count_nonzero(self.swarm.fire >= 0))
 
     def step(self) -> None:
@@ -107,7 +107,7 @@ class FireFighting(SwarmModel):
         self.running = self.fires_burning > 0
 
     def results(self) -> dict[str, float | None]:
-        """Return what a comparison compares: fires out, and when each and the last went out, None if it burns."""
+        """Return the measures used by a comparison: fires out, and the step at which each and all were out, or None."""
         last = int(self.fires.out_step.max()) if len(self.fires) and self.fires.out.all() else None
         areas = self.fires.area
         out = {

@@ -1,21 +1,21 @@
 """Flocking: robots on two wheels that drive as their neighbours drive.
 
-WHAT IS IT? Nobody tells a robot how its neighbours move; it sees the centroid of those in sight, watches how it moves,
-and drives along. Neighbours come to drive the same way: flocks, which the walls break up and turn.
+WHAT IS IT? Robots do not know their neighbours' velocities; each tracks the centroid of the visible robots and moves
+with it. Neighbours align their motion and form flocks, which are split and turned by walls.
 
-HOW IT WORKS. Three layers, the first that is active drives. Avoid turns away from what is near. MatchVelocity
-estimates the velocity of the visible centroid, over a number of steps because a sensor sees no motion across its
-sector, and drives the arc that would take the robot as far in that direction. Explore drives straight on.
+HOW IT WORKS. Three layers; the first active layer drives. Avoid turns away from near bodies. MatchVelocity
+estimates the velocity of the visible centroid, over several steps because a sensor sees no motion across its
+sector, and drives the arc with the same displacement. Explore drives straight on.
 
 HOW TO USE IT. `matching` off shows the same robots without the rule. `memory` is the time over which the neighbours'
-motion is averaged, `sensors` how many sectors divide the circle, `sight` how far they see.
+motion is averaged, `sensors` the number of sectors of the circle, `sight` their range.
 
-THINGS TO NOTICE. `alignment` (neighbours' headings) rises from about 0.3, which walls and avoiding alone make, to 0.6;
-`polarization` of all robots hardly does: there are several flocks, and each is turned round by walls.
+THINGS TO NOTICE. `alignment` (neighbours' headings) rises from about 0.3, the effect of walls and Avoid alone, to 0.6;
+`polarization` of all robots hardly rises: there are several flocks, and each is turned by walls.
 
-THINGS TO TRY. Fewer sensors; a longer memory: why does it not help? Fifteen robots in a hundred: when do flocks meet?
+THINGS TO TRY. Fewer sensors; a longer memory: why does it not help? Fifteen robots, or a hundred: when do flocks meet?
 
-EXTENDING IT. Put Gather below MatchVelocity, so that flocks hold together. Compare with the model boids.
+EXTENDING IT. Put Gather below MatchVelocity, so that flocks stay together. Compare with the model boids.
 
 REFERENCE. Thesis, section 5.3.4; Vicsek et al., Physical Review Letters 75 (1995), for polarization.
 """
@@ -51,9 +51,9 @@ class Flocking(SwarmModel):
         matching: Annotated[str, Choice(("on", "off"), "whether robots match their neighbours' velocity")] = "on",
         memory: Annotated[float, Slider(1, 100, 1, "steps over which the neighbours' motion is averaged")] = 10.0,
         sight: Annotated[float, Slider(20, 200, 5, "range of the infrared sensors, map units")] = 60.0,
-        sensors: Annotated[int, Slider(6, 36, 1, "infrared sensors, all round")] = 24,
-        speed: Annotated[float, Slider(0.1, 1, 0.05, "of exploring robots, share of the greatest")] = 0.7,
-        avoid_distance: Annotated[float, Slider(0, 30, 0.5, "nearer than this is too near, map units")] = 8.0,
+        sensors: Annotated[int, Slider(6, 36, 1, "number of infrared sensors, all round")] = 24,
+        speed: Annotated[float, Slider(0.1, 1, 0.05, "speed of exploring robots, fraction of the maximum")] = 0.7,
+        avoid_distance: Annotated[float, Slider(0, 30, 0.5, "distance below which robots turn away, map units")] = 8.0,
         map: Annotated[str, Choice(("openspace", "sparse", "original"), "the world")] = "openspace",
         rng: Seed = None,
     ) -> None:
@@ -70,10 +70,10 @@ class Flocking(SwarmModel):
 
     @property
     def polarization(self) -> float:
-        """Length of the mean of all headings: 0 for none alike, 1 for all alike."""
+        """Length of the mean of all headings: near 0 for random, 1 for equal headings."""
         return polarization(self.swarm.heading)
 
     def results(self) -> dict[str, float | None]:
-        """Return what a comparison compares: means over the second half, None for nothing to measure."""
+        """Return the measures used by a comparison: means over the second half, None without data."""
         means = {name: later_mean(self.datacollector.model_vars[name]) for name in ("alignment", "polarization")}
         return {name: None if isnan(mean) else mean for name, mean in means.items()}

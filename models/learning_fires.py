@@ -1,23 +1,23 @@
-"""Learning to fight fires: what robots do about fires when nobody tells them, only what pays.
+"""Learning to fight fires: robots that learn a strategy from rewards.
 
 WHAT IS IT? Strategies A and B were written by hand. These robots learn what to do in which situation from two rewards:
-for finding a fire, and for putting one out. The question is whether they come to gather at the large fire.
+for finding a fire, and for extinguishing one. The question is whether they gather at the large fire.
 
-HOW IT WORKS. Layers: Avoid, LearnFires. A robot keeps to one of five skills (explore, approach, wait, back off,
+HOW IT WORKS. Layers: Avoid, LearnFires. A robot uses one of five skills (explore, approach, wait, back off,
 follow) until its situation changes: free, at a fire, too hot in the heat or out of it; a fire in sight or not; a
-robot in sight or not. For each situation it holds a value of each skill, corrects it by what the skill earned, and
-chooses by chance, the more so the higher its temperature T. When all fires are out, or after `round_steps`, they are
-lit again at the same places: a round.
+robot in sight or not. For each situation it stores a value of each skill, updates it by the reward of the skill, and
+chooses at random, the more so the higher its temperature T. When all fires are out, or after `round_steps`, they are
+relit at the same places: a round.
 
-HOW TO USE IT. With `controller` "shared" all robots learn in one table, with "own" each in its own. Beside them are
-strategies A and B, a follower (A, and it follows a robot that it sees), and skills at random.
+HOW TO USE IT. With `controller` "shared" all robots learn in one table, with "own" each in its own. For comparison
+there are strategies A and B, a follower (A, and it follows visible robots), and random skills.
 
-THINGS TO NOTICE. Early rounds end by the clock, with the large fire burning. Later, robots that share what they learn
-back out of the heat, wait in front of the fire and return: strategy B, which nobody told them.
+THINGS TO NOTICE. Early rounds reach the step limit, with the large fire burning. Later, robots that share a table
+back out of the heat, wait in front of the fire and return: strategy B, without being programmed.
 
-THINGS TO TRY. put_out 0: do they still put fires out? arrival 0? gamma 0.9, with which a rest never pays?
+THINGS TO TRY. put_out 0: do they still extinguish fires? arrival 0? gamma 0.9, at which a rest is never worth it?
 
-EXTENDING IT. Pay all robots when a fire goes out.
+EXTENDING IT. Reward all robots when a fire goes out.
 
 REFERENCE. Thesis 9.5 and 10.4. Sutton, Precup and Singh, Artificial Intelligence 112 (1999).
 """
@@ -38,7 +38,7 @@ CONTROLLERS = ("shared", "own", "A", "B", "follower", "random")
 
 
 class LearningFires(SwarmModel):
-    """Robots that learn what to do about fires.
+    """Robots that learn to fight fires.
 
     >>> LearningFires(rng=1).run(10).results()["rounds"]
     0
@@ -55,12 +55,12 @@ class LearningFires(SwarmModel):
         arrival: Annotated[float, Slider(0, 100, 1, "reward for arriving at another fire")] = 10.0,
         put_out: Annotated[float, Slider(0, 100, 1, "reward for those at a fire that goes out")] = 10.0,
         step_cost: Annotated[float, Slider(0, 1, 0.001, "cost of a step away from fires")] = 0.01,
-        alpha: Annotated[float, Slider(0, 1, 0.01, "how much of a new experience counts")] = 0.1,
-        gamma: Annotated[float, Slider(0, 0.9999, 0.0001, "what the next step's value counts")] = 0.999,
-        beta: Annotated[float, Slider(0, 0.01, 1e-5, "share by which T nears its end in each step")] = 1e-4,
+        alpha: Annotated[float, Slider(0, 1, 0.01, "weight of a new experience")] = 0.1,
+        gamma: Annotated[float, Slider(0, 0.9999, 0.0001, "weight of the next step's value")] = 0.999,
+        beta: Annotated[float, Slider(0, 0.01, 1e-5, "fraction by which T approaches its final value per step")] = 1e-4,
         first_temperature: Annotated[float, Slider(0.01, 50, 0.01, "T at the start")] = 5.0,
-        last_temperature: Annotated[float, Slider(0.01, 50, 0.01, "T in the end")] = 0.1,
-        round_steps: Annotated[int, Slider(100, 20_000, 100, "most steps of a round")] = 6_000,
+        last_temperature: Annotated[float, Slider(0.01, 50, 0.01, "final T")] = 0.1,
+        round_steps: Annotated[int, Slider(100, 20_000, 100, "maximum steps of a round")] = 6_000,
         map: Annotated[str, Choice(("openspace_fire",), "the world")] = "openspace_fire",
         rng: Seed = None,
     ) -> None:
@@ -68,7 +68,7 @@ class LearningFires(SwarmModel):
         if not len(self.fires):
             raise InvalidValueError(f"map {self.map.name} has no fires; choose one with fires, such as openspace_fire")
         self.round_steps, self.round_began = check_count("round_steps", round_steps, minimum=1), 0
-        self.rounds: list[list[int]] = []  # how long each lasted, whether all went out, whether the largest did
+        self.rounds: list[list[int]] = []  # steps of each, whether all fires went out, whether the largest did
         self.add_robots(AGENT_FIRE, check_count("n_robots", n_robots))
         learner = LearnFires(
             arrival=arrival, put_out=put_out, step_cost=step_cost, alpha=alpha, gamma=gamma, beta=beta,
@@ -79,11 +79,11 @@ class LearningFires(SwarmModel):
 
     @property
     def robots_at_largest(self) -> int:
-        """How many robots fight the largest fire."""
+        """Number of robots that fight the largest fire."""
         return int(self.fires.robots[np.argmax(self.fires.area)])
 
     def step(self) -> None:
-        """Advance by one step; begin a round when all fires are out or its time is over."""
+        """Advance by one step; begin a round when all fires are out or the step limit is reached."""
         super().step()
         out, lasted = self.fires.out, self.steps - self.round_began
         if out.all() or lasted >= self.round_steps:
@@ -91,7 +91,7 @@ class LearningFires(SwarmModel):
             self.light_again()
 
     def light_again(self) -> None:
-        """Take all fires away and light them anew at their places."""
+        """Remove all fires and relight them at their positions."""
         self.round_began = self.steps
         for layer in (layer for layer in self.control.layers if isinstance(layer, LearnFires)) if self.control else ():
             layer.begin_again()
@@ -101,7 +101,7 @@ class LearningFires(SwarmModel):
             self.add_fire(spot.position, radius=spot.radius, temperature=spot.temperature)
 
     def results(self) -> dict[str, float | None]:
-        """Return what came of the later half: of the rounds, and of the steps with robots at the largest fire."""
+        """Return the results of the second half: of the rounds, and of the steps with robots at the largest fire."""
         later = np.array(self.rounds[len(self.rounds) // 2 :], dtype=float)
         lasted, out, largest = later.mean(axis=0) if len(later) else (None,) * 3
         fighting = np.array(self.datacollector.model_vars["robots_at_largest"][self.steps // 2 :], dtype=float)

@@ -1,21 +1,21 @@
 """Perimeter: robots that form a ring and face outwards.
 
-WHAT IS IT? Musk oxen do it around their calves. Here nobody is inside: robots keep a distance from the centre of those
-that they see, and turn their backs to it. A ring comes out, or arcs of several, though none of them can see one.
+WHAT IS IT? Musk oxen do this around their calves. Here the ring is empty: robots keep a distance from the centroid of
+the visible robots, and turn their backs to it. A ring emerges, or arcs of several, though no robot can see one.
 
-HOW IT WORKS. Three layers, the first that is active drives. Avoid turns away from what is very near. Perimeter goes
-towards the perceived centroid from outside the ring distance, away from it from inside, and on it turns round
-and stays. Explore drives straight on while nobody is in sight.
+HOW IT WORKS. Three layers; the first active layer drives. Avoid turns away from very near bodies. Perimeter drives
+towards the perceived centroid from outside the ring distance, away from it from inside, and on the ring turns round
+and stays. Explore drives straight on while no robot is in sight.
 
-HOW TO USE IT. `ring` is the distance that each robot keeps from the centroid that it perceives; since nearer
-robots hide farther ones, the ring that comes out is wider. `sight` must reach across it.
+HOW TO USE IT. `ring` is the distance that each robot keeps from its perceived centroid; since nearer
+robots hide farther ones, the resulting ring is wider. `sight` must reach across it.
 
-THINGS TO NOTICE. The ring is not round, and its robots do not all look straight outwards: each has its own centroid,
-of those whom it sees. Late comers settle in a second row behind a gap.
+THINGS TO NOTICE. The ring is not round, and its robots do not all face straight outwards: each has its own centroid,
+of the robots that it sees. Latecomers settle in a second row behind a gap.
 
 THINGS TO TRY. Sight of 100: how many rings are there? A ring of 20 for 50 robots. A tolerance of 0.
 
-EXTENDING IT. Put something worth protecting in the middle, a load, and let robots form the ring around that.
+EXTENDING IT. Put a load in the middle, and let robots form the ring around it.
 
 REFERENCE. Thesis, sections 3.2 and 10.2 (named there as future work).
 """
@@ -31,7 +31,7 @@ from mesa_swarm.parameters import Choice, Slider
 from mesa_swarm.reporters import held
 from mesa_swarm.streams import Seed
 
-# A full circle of narrow sensors: the ring needs eyes in the back.
+# A full circle of narrow sensors: robots on the ring must see backwards.
 SENSORS = 36
 
 
@@ -54,18 +54,18 @@ class Perimeter(SwarmModel):
         ring: Annotated[float, Slider(0, 200, 5, "distance to keep from the perceived centroid, map units")] = 70.0,
         tolerance: Annotated[float, Slider(0, 50, 1, "half the width of the ring, map units")] = 4.0,
         sight: Annotated[float, Slider(20, 1000, 10, "range of the infrared sensors, map units")] = 400.0,
-        avoid_distance: Annotated[float, Slider(0, 30, 0.5, "nearer than this is too near, map units")] = 4.0,
+        avoid_distance: Annotated[float, Slider(0, 30, 0.5, "distance below which robots turn away, map units")] = 4.0,
         map: Annotated[str, Choice(("openspace", "sparse", "original"), "the world")] = "openspace",
         rng: Seed = None,
     ) -> None:
         super().__init__(map=map, rng=rng, model_reporters=held("roundness", "outwards"))
         self.add_robots(all_round(SENSORS, range=sight), check_count("n_robots", n_robots))
-        keep = control.Perimeter(ring=ring, tolerance=tolerance)
-        self.control = Subsumption(Avoid(distance=avoid_distance), keep, Explore())
+        layer = control.Perimeter(ring=ring, tolerance=tolerance)
+        self.control = Subsumption(Avoid(distance=avoid_distance), layer, Explore())
 
     @property
     def roundness(self) -> float:
-        """How alike the robots' distances from their true centroid are: 1 - deviation / mean, at least 0."""
+        """Uniformity of the robots' distances from their true centroid: 1 - standard deviation / mean, at least 0."""
         distance = np.hypot(*self._from_centroid().T)
         return max(0.0, 1.0 - float(distance.std() / distance.mean())) if len(distance) > 1 else 0.0
 
@@ -80,5 +80,5 @@ class Perimeter(SwarmModel):
         return position - position.mean(axis=0) if len(position) else position
 
     def results(self) -> dict[str, float]:
-        """Return what a comparison compares."""
+        """Return the measures used by a comparison."""
         return {"roundness": self.roundness, "facing outwards": self.outwards}

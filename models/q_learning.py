@@ -1,20 +1,20 @@
-"""Q-learning: robots that teach themselves to drive fast and to touch nothing.
+"""Q-learning: robots that learn to drive fast without collisions.
 
-WHAT IS IT? Nobody tells these robots how to avoid collisions. Each learns for itself, without a break and with
-the others about, from a reward: it is good to drive ahead, and bad to be near something.
+WHAT IS IT? These robots are not programmed to avoid collisions. Each learns continuously, together with
+the others, from a reward that is high for driving ahead and low near obstacles.
 
-HOW IT WORKS. A robot has a small network for each of its actions, which says what the action is worth, given what
-the infrared sensors read. It chooses by chance, the more so the higher its temperature T, and rather what is worth
-more. One step later it corrects the network by the reward it got and by what its new situation is worth.
-T falls from 1 to 0.2: first robots try things, then they do what they have learned.
+HOW IT WORKS. A robot has a small network for each of its actions, which estimates the value of the action from
+the infrared readings. It chooses at random, with higher probability for higher values, and more at random the higher
+its temperature T. One step later it corrects the network by the reward and by the value of the new state.
+T falls from 1 to 0.2: robots first explore, then use what they have learned.
 
-HOW TO USE IT. `reward` (a) pays the mean wheel speed, (b) driving straight ahead only, (c) as (b) without the leap at
-the critical distance. `beta` is how fast T falls. `gamma` is how far robots look ahead. `shared` lets all robots
-learn with one set of networks, `self_adjusting` lets each set T by how often it bumps, and `typed` tells robots,
-fires and loads from obstacles.
+HOW TO USE IT. `reward` (a) is the mean wheel speed, (b) rewards driving straight ahead only, (c) is as (b) without the
+jump at the critical distance. `beta` is the rate at which T falls. `gamma` is the discount factor. `shared` lets all
+robots learn with one set of networks, `self_adjusting` lets each set T by its rate of collisions, and `typed`
+distinguishes robots, fires and loads from obstacles.
 
-THINGS TO NOTICE. Most collisions happen in the first thousand steps. Some come back, long after: what a network
-learns of one situation changes what it says of others. With beta 0.005 collisions end sooner than with 0.0001.
+THINGS TO NOTICE. Most collisions happen in the first thousand steps. Some recur, long after: what a network
+learns in one situation changes its values in others. With beta 0.005 collisions end sooner than with 0.0001.
 
 THINGS TO TRY. Reward (a): why do robots quiver? Eight actions: are there more collisions, and why? gamma 0.9: at what
 distance do robots turn? A single robot: does it learn as well without the others?
@@ -40,7 +40,7 @@ YES_NO = ("no", "yes")
 
 
 class QLearning(SwarmModel):
-    """Robots that teach themselves to avoid collisions.
+    """Robots that learn to avoid collisions.
 
     Examples
     --------
@@ -55,18 +55,18 @@ class QLearning(SwarmModel):
         self,
         *,
         n_robots: Annotated[int, Slider(1, 100, 1, "robots")] = 15,
-        reward: Annotated[str, Choice(("a", "b", "c"), "pays (a) speed, (b) going straight, (c) b but no leap")] = "b",
-        actions: Annotated[int, Slider(4, 8, 4, "what robots can do: 8, or the first 4 of them")] = 4,
-        beta: Annotated[float, Slider(0, 0.01, 1e-4, "share by which T nears its end in each step")] = 1e-4,
-        alpha: Annotated[float, Slider(0, 1, 0.05, "how much of a new experience counts")] = 0.4,
+        reward: Annotated[str, Choice(("a", "b", "c"), "(a) speed, (b) driving straight, (c) b, continuous")] = "b",
+        actions: Annotated[int, Slider(4, 8, 4, "number of actions: 8, or the first 4 of them")] = 4,
+        beta: Annotated[float, Slider(0, 0.01, 1e-4, "fraction by which T approaches its final value per step")] = 1e-4,
+        alpha: Annotated[float, Slider(0, 1, 0.05, "weight of a new experience")] = 0.4,
         eta: Annotated[float, Slider(0, 1, 0.05, "learning rate of the networks")] = 0.1,
-        gamma: Annotated[float, Slider(0, 0.95, 0.05, "what the next step's value counts")] = 0.7,
+        gamma: Annotated[float, Slider(0, 0.95, 0.05, "weight of the next step's value")] = 0.7,
         first_temperature: Annotated[float, Slider(0.01, 5, 0.01, "T at the start")] = 1.0,
-        last_temperature: Annotated[float, Slider(0.01, 5, 0.01, "T in the end")] = 0.2,
-        critical: Annotated[float, Slider(0.05, 1, 0.05, "reading below which only nearness counts")] = 0.4,
-        encoding: Annotated[str, Choice(("distance", "typed"), "what robots know of what they see")] = "distance",
-        shared: Annotated[str, Choice(YES_NO, "whether all learn with the same networks")] = "no",
-        self_adjusting: Annotated[str, Choice(YES_NO, "whether a robot sets T by its own bumps")] = "no",
+        last_temperature: Annotated[float, Slider(0.01, 5, 0.01, "final T")] = 0.2,
+        critical: Annotated[float, Slider(0.05, 1, 0.05, "reading below which only distance is rewarded")] = 0.4,
+        encoding: Annotated[str, Choice(("distance", "typed"), "inputs: distances, or also body kinds")] = "distance",
+        shared: Annotated[str, Choice(YES_NO, "whether all robots share one set of networks")] = "no",
+        self_adjusting: Annotated[str, Choice(YES_NO, "whether a robot adapts T to its collisions")] = "no",
         map: Annotated[str, Choice(("original", "sparse", "openspace"), "the world")] = "original",
         rng: Seed = None,
     ) -> None:
@@ -86,17 +86,17 @@ class QLearning(SwarmModel):
 
     @property
     def reward(self) -> float:
-        """Mean reward that the robots got for their last actions."""
+        """Mean reward of the robots for their last actions."""
         return float(np.mean(self.learner.last_reward))
 
     @property
     def forward_speed(self) -> float:
-        """Mean speed ahead that was commanded, as a share of the largest."""
+        """Mean commanded forward speed, as a fraction of the maximum."""
         return float(np.mean(self.swarm.command.mean(axis=1) / self.swarm.max_speed))
 
     @property
     def learner(self) -> q_learning.QLearning:
-        """The layer that learns, with what it knows."""
+        """The learning layer, with its networks."""
         layers = () if self.control is None else self.control.layers
         learner = next((layer for layer in layers if isinstance(layer, q_learning.QLearning)), None)
         if learner is None:
@@ -104,7 +104,7 @@ class QLearning(SwarmModel):
         return learner
 
     def results(self) -> dict[str, float]:
-        """Return what a comparison compares: collisions per robot and 1,000 steps, and those of the end."""
+        """Return the measures used by a comparison: collisions per robot and 1,000 steps, in all and at the end."""
         counts = np.array(self.datacollector.model_vars["collisions"][-3_000:], dtype=float)
         robots, steps = max(len(self.swarm), 1), max(self.steps, 1)
         return {
@@ -115,5 +115,5 @@ class QLearning(SwarmModel):
 
 
 def _is_yes(name: str, answer: str | bool) -> bool:
-    """Return whether it is yes; sweeps and scripts say True and False."""
+    """Return whether it is yes; sweeps and scripts may pass True and False."""
     return bool(answer) if isinstance(answer, bool | np.bool_) else check_choice(name, answer, YES_NO) == "yes"

@@ -1,145 +1,141 @@
-"""The floors: a file imports only from floors below it, and every file has its line in ARCHITECTURE.md."""
+"""The house as ARCHITECTURE.md draws it: rooms on floors, imports downwards only, and where to find things."""
 
 import ast
 import re
-from collections.abc import Iterable
+import sys
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "mesa_swarm"
-MODULES = sorted(PACKAGE.rglob("*.py"))
-NAMES = [str(path.relative_to(PACKAGE)) for path in MODULES]
+PAGE = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+LONGEST_PAGE = 250
+ROW = re.compile(r"^\| (\d+) \| ((?:`[\w/.]+` ?)+) \|", re.MULTILINE)
+# Where | file | name | of the table of questions.
+QUESTION = re.compile(r"^\| ([^|]+\?) \| `([^`]+)`[^|]*\| `([^`]+)` \|", re.MULTILINE)
+QUESTIONS = QUESTION.findall(PAGE)
 
-# Floor of each folder or file (HOUSE 2); what may be imported sideways is stated.
-FLOORS = {
-    "errors.py": 0,
-    "files.py": 0.5,
-    "progress.py": 0,
-    "streams.py": 0,
-    "geometry": 1,
-    "world": 2,
-    "robots": 3,
-    "physics": 4,
-    "control": 5,
-    "fire": 5,
-    "learning": 5.2,  # above control: a policy is a layer
-    "world_model.py": 5.5,
-    "observed_world.py": 5.7,
-    "recorded_world.py": 5.8,
-    "model.py": 6,
-    "parameters.py": 6,
-    "reporters.py": 6,
-    "analysis": 7,
-    "models": 7,
-    "gallery.py": 7.5,
-    "recording": 7.5,  # above analysis, whose groups tell of merges
-    "viewing": 7.8,
-    "environments": 8,
-    "experiments": 8,
-    "exports": 8.3,  # above experiments, whose pictures are its stills
-    "teaching": 8.4,  # pictures of experiments, and what a notebook asks of a model
-    "reproduction": 8.5,  # above experiments, whose statistics and pictures it uses
-    "dashboard": 8.6,
-    "study_cli.py": 8.8,
-    "cli.py": 9,
-}
-# `model.record(...)` and `SwarmModel.resume(...)` are what people type; they import what does it when called.
-UPWARDS = {
-    ("recorded_world.py", "mesa_swarm.recording.recorder"),
-    ("recorded_world.py", "mesa_swarm.recording.resume"),
-    ("recorded_world.py", "mesa_swarm.recording.recording"),
-    ("recorded_world.py", "mesa_swarm.recording.verify"),
-    ("recorded_world.py", "mesa_swarm.viewing.canvas_widget"),
-    # What they return, for type checkers only.
-    ("recorded_world.py", "mesa_swarm.viewing.canvas_widget"),
-}
-# Narrower than a floor: analysis knows arrays, not the model.
-ONLY = {"analysis": {"analysis", "errors.py", "geometry"}}
+# Other packages that a room may import, besides the standard library, where that is less than all declared ones.
 OUTSIDE = {
-    0: {"numpy", "tqdm"},
-    1: {"numpy", "numba", "shapely"},
-    2: {"numpy", "shapely", "mesa", "defusedxml", "svgelements"},
-    3: {"numpy", "mesa"},
-    4: {"numpy", "shapely"},
-    5: {"numpy", "numba"},
-    5.2: {"numpy", "numba", "cmaes"},
-    5.5: {"numpy", "mesa"},
-    5.7: {"numpy"},
-    5.8: set(),
-    6: {"numpy", "mesa"},
+    "errors.py": {"numpy"},
+    "files.py": set(),
+    "progress.py": {"tqdm"},
+    "streams.py": {"numpy"},
+    "geometry": {"numpy", "numba", "shapely"},
+    "world": {"numpy", "shapely", "mesa", "defusedxml", "svgelements"},
+    "robots": {"numpy", "mesa"},
+    "physics": {"numpy", "shapely"},
+    "control": {"numpy", "numba"},
+    "fire": {"numpy", "mesa"},
+    "learning": {"numpy", "numba", "cmaes"},
     "analysis": {"numpy", "numba", "scipy"},
+    "world_model.py": {"numpy", "mesa"},
+    "model.py": {"numpy", "mesa"},
     "recording": {"numpy", "pandas", "pyarrow", "mesa", "shapely"},
-    "viewing": {"numpy"},
+    "swarm_model.py": set(),
 }
-STANDARD = {"__future__", *__import__("sys").stdlib_module_names}
+# What analysis measures is arrays, not models.
+ONLY = {"analysis": {"analysis", "errors.py", "geometry"}}
+HEAVY = {"solara", "matplotlib", "anywidget"}
+STANDARD = {"__future__", *sys.stdlib_module_names}
 
 
-def part_of(module: str) -> str:
-    """Return the folder or file below the package that a dotted name belongs to."""
-    first = module.removeprefix("mesa_swarm.").split(".")[0]
-    return f"{first}.py" if f"{first}.py" in FLOORS else first
+def sources() -> Iterator[tuple[str, Path]]:
+    """Iterate over all modules of the package, models among them, by their path from the package."""
+    for path in sorted(PACKAGE.rglob("*.py")):
+        if not path.is_relative_to(PACKAGE / "models"):  # a checkout may link them there
+            yield path.relative_to(PACKAGE).as_posix(), path
+    for path in sorted((ROOT / "models").glob("*.py")):
+        yield f"models/{path.name}", path
 
 
-def imports_of(path: Path) -> list[str]:
-    return imported_by(ast.walk(ast.parse(path.read_text())))
+MODULES = dict(sources())
+NAMES = {"mesa_swarm." + name.removesuffix(".py").removesuffix("/__init__").replace("/", "."): name for name in MODULES}
 
 
-def imported_by(nodes: Iterable[ast.AST]) -> list[str]:
-    modules = []
-    for node in nodes:
+def floors() -> dict[str, tuple[int, str]]:
+    """Return floor and room of each folder or file that the page's table names; the files of a row are one room."""
+    places = {}
+    for floor, row in ROW.findall(PAGE):
+        files = " ".join(part for part in re.findall(r"`([^`]+)`", row) if part.endswith(".py"))
+        for part in re.findall(r"`([^`]+)`", row):
+            places[part.rstrip("/")] = int(floor), files if part.endswith(".py") else part.rstrip("/")
+    return places
+
+
+FLOORS = floors()
+
+
+def part_of(name: str) -> str:
+    """Return the folder or file below the package in which a module lies."""
+    return name.split("/", maxsplit=1)[0]
+
+
+@cache
+def tree_of(name: str) -> ast.Module:
+    return ast.parse(MODULES[name].read_text(encoding="utf-8"))
+
+
+@cache
+def imports_of(name: str) -> frozenset[str]:
+    """Return all that a module imports: at its top, within functions, and for type checkers only."""
+    modules = set()
+    for node in ast.walk(tree_of(name)):
         if isinstance(node, ast.Import):
-            modules += [alias.name for alias in node.names]
+            modules |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, "relative import"
-            modules.append(node.module)
-    return modules
+            assert node.level == 0, f"{name} has a relative import"
+            longer = {f"{node.module}.{alias.name}" for alias in node.names}
+            modules |= (longer & NAMES.keys()) | ({str(node.module)} if longer - NAMES.keys() else set())
+    return frozenset(modules)
 
 
-def imports_when_run(path: Path) -> list[str]:
-    """Return what is imported besides what only type checkers import."""
-    tree = ast.parse(path.read_text())
-    blocks = [n for n in ast.walk(tree) if isinstance(n, ast.If) and ast.unparse(n.test) == "TYPE_CHECKING"]
-    unread = {id(node) for block in blocks for node in ast.walk(block)}
-    return imported_by(node for node in ast.walk(tree) if id(node) not in unread)
+def inner_imports_of(name: str) -> list[str]:
+    """Return the modules of the package that a module imports."""
+    return [NAMES[module] for module in imports_of(name) if module in NAMES]
 
 
-def part_of_file(path: Path) -> str:
-    return path.relative_to(PACKAGE).parts[0]
+def test_every_room_has_one_row_with_a_whole_floor():
+    parts = {part_of(name) for name in MODULES}
+    assert FLOORS.keys() == parts
+    assert len(re.findall(r"^\| \d+\.\d", PAGE, re.MULTILINE)) == 0
+    assert sum(len(re.findall("`", row)) // 2 for _, row in ROW.findall(PAGE)) == len(FLOORS)
 
 
-@pytest.mark.parametrize("path", MODULES, ids=NAMES)
-def test_a_file_imports_only_from_its_own_room_and_from_floors_below_it(path):
-    part = part_of_file(path)
-    if part == "__init__.py":
-        return
-    for module in imports_of(path):
-        if module.startswith("mesa_swarm.") and (path.name, module) not in UPWARDS:
-            target = part_of(module)
-            assert target == part or FLOORS[target] < FLOORS[part], f"{path.name} imports {module}"
-            assert target in ONLY.get(part, {target}), f"{path.name} imports {module}"
+@pytest.mark.parametrize("part", sorted(FLOORS))
+def test_a_room_imports_only_from_itself_and_from_floors_below(part):
+    floor, room = FLOORS[part]
+    for name in MODULES:
+        if part_of(name) == part:
+            for target in inner_imports_of(name):
+                below, other = FLOORS[part_of(target)]
+                assert other == room or below < floor, f"{name} imports {target}"
+                assert part_of(target) in ONLY.get(part, {part_of(target)}), f"{name} imports {target}"
 
 
-@pytest.mark.parametrize("path", MODULES, ids=NAMES)
-def test_a_file_imports_only_the_packages_that_its_floor_may(path):
-    part = part_of_file(path)
-    allowed = OUTSIDE.get(part, OUTSIDE.get(FLOORS.get(part, 8)))
-    if allowed is None:
-        return
-    for module in imports_of(path):
-        first = module.split(".")[0]
-        assert first in {*allowed, *STANDARD, "mesa_swarm"}, f"{path.name} imports {module}"
+@pytest.mark.parametrize("part", sorted(OUTSIDE))
+def test_a_room_imports_only_the_packages_that_it_may(part):
+    for name in MODULES:
+        if part_of(name) == part:
+            first = {module.split(".")[0] for module in imports_of(name)}
+            assert first <= {*OUTSIDE[part], *STANDARD, "mesa_swarm"}, name
 
 
-@pytest.mark.parametrize("path", MODULES, ids=NAMES)
-def test_no_module_imports_the_package_root(path):
-    assert "mesa_swarm" not in imports_of(path)
+def test_what_draws_is_imported_on_the_upper_floors_only():
+    lowest = FLOORS["viewing"][0]
+    low = [name for name in MODULES if FLOORS[part_of(name)][0] < lowest or name.startswith("models/")]
+    assert not [name for name in low if HEAVY & {module.split(".")[0] for module in imports_of(name)}]
+
+
+def test_no_module_imports_the_package_root():
+    assert not [name for name in MODULES if "mesa_swarm" in imports_of(name) and not name.startswith("models/")]
 
 
 def test_there_is_no_circle_of_imports():
-    names = {".".join(("mesa_swarm", *p.relative_to(PACKAGE).with_suffix("").parts)): p for p in MODULES}
-    graph = {n: [m for m in imports_when_run(p) if m in names and (p.name, m) not in UPWARDS] for n, p in names.items()}
+    graph = {name: inner_imports_of(name) for name in MODULES}
     finished: set[str] = set()
 
     def visit(name: str, trail: tuple[str, ...]) -> None:
@@ -154,32 +150,51 @@ def test_there_is_no_circle_of_imports():
     assert finished == set(graph)
 
 
-@pytest.mark.parametrize("name", [n for n in NAMES if not n.endswith("__init__.py")])
-def test_every_module_is_described_by_one_line_of_the_architecture_page(name):
-    lines = [line for line in (ROOT / "ARCHITECTURE.md").read_text().splitlines() if f"`{name}`" in line]
-    assert len(lines) == 1
+def test_a_class_name_is_used_once_in_the_package():
+    homes: dict[str, list[str]] = {}
+    for name in MODULES:
+        for node in tree_of(name).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                homes.setdefault(node.name, []).append(name)
+    assert {name: places for name, places in homes.items() if len(places) > 1} == {}
 
 
-def test_the_architecture_page_describes_no_module_that_is_gone():
-    described = re.findall(r"^\| [\d.]+ \| `([^`]+\.py)`", (ROOT / "ARCHITECTURE.md").read_text(), re.MULTILINE)
-    assert len(described) > 200
-    assert [name for name in described if not (PACKAGE / name).exists()] == []
+def test_a_file_is_at_most_600_lines_long():
+    lengths = {name: len(path.read_text(encoding="utf-8").splitlines()) for name, path in MODULES.items()}
+    assert {name: length for name, length in lengths.items() if length > 600} == {}
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "models").glob("*.py")), ids=lambda p: p.name)
 def test_a_model_file_is_short_enough_to_be_read_at_one_go(path):
-    assert len(path.read_text().splitlines()) < 120
+    assert len(path.read_text(encoding="utf-8").splitlines()) < 120
 
 
-def test_heavy_packages_of_looking_are_imported_on_the_top_floors_only():
-    heavy, top = (
-        {"solara", "matplotlib", "anywidget"},
-        {"experiments", "exports", "reproduction", "dashboard", "cli.py"},
-    )
-    others = [path for path in MODULES if part_of_file(path) not in top]
-    guilty = [
-        str(path)
-        for path in [*others, *(ROOT / "models").glob("*.py")]
-        if heavy & {module.split(".")[0] for module in imports_when_run(path)}
-    ]
-    assert not guilty
+def test_the_page_is_short_and_answers_twenty_questions():
+    assert len(PAGE.splitlines()) <= LONGEST_PAGE
+    assert len(QUESTIONS) >= 20
+
+
+@pytest.mark.parametrize(("question", "file", "name"), QUESTIONS, ids=[question for question, _, _ in QUESTIONS])
+def test_a_thing_is_where_the_page_says(question, file, name):
+    path = ROOT / file if (ROOT / file).exists() else PACKAGE / file
+    text = path.read_text(encoding="utf-8")
+    if path.suffix == ".py":
+        assert name in set(defined_in(ast.parse(text))), f"{file} does not define {name}"
+    else:
+        assert re.search(rf"\b{re.escape(name)}\b", text), f"{file} does not hold {name}"
+
+
+def defined_in(tree: ast.Module) -> Iterator[str]:
+    """Iterate over what a module defines: functions, classes, methods as Class.method, and constants."""
+    for node in tree.body:
+        if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+            yield node.name
+        if isinstance(node, ast.ClassDef):
+            for inner in node.body:
+                if isinstance(inner, ast.FunctionDef):
+                    yield f"{node.name}.{inner.name}"
+                elif isinstance(inner, ast.AnnAssign):
+                    yield f"{node.name}.{ast.unparse(inner.target)}"
+        elif isinstance(node, (ast.Assign, ast.AnnAssign)):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            yield from (ast.unparse(one) for target in targets for one in ast.walk(target) if isinstance(one, ast.Name))

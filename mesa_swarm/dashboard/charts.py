@@ -17,7 +17,7 @@ from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Downloads
 from mesa_swarm.viewing.canvas_widget import text_of
 from mesa_swarm.viewing.pictures import literal, png
-from mesa_swarm.viewing.player import Picture
+from mesa_swarm.viewing.player import PackedFrame
 
 # While it is played, charts are brought up to date so often, s.
 EVERY = 0.4
@@ -89,7 +89,7 @@ class Charting:
         if self.board.shown != shown:
             self.board.shown = shown
 
-    def push(self, number: int, picture: Picture) -> None:
+    def push(self, number: int, picture: PackedFrame) -> None:
         """Show the numbers up to now, if it is time; mark the step that is looked at if that is an earlier one."""
         session = self.session
         with self._lock:

@@ -28,7 +28,7 @@ from mesa_swarm.parameters import Slider
 from mesa_swarm.viewing.canvas_widget import SwarmCanvas, extent_of, use_connection
 from mesa_swarm.viewing.pictures import COOL, HOT, INK, literal
 from mesa_swarm.viewing.play_loop import use_changes
-from mesa_swarm.viewing.player import Picture
+from mesa_swarm.viewing.player import PackedFrame
 from mesa_swarm.viewing.readings import value_text
 
 # Not drawn more often, s: a drawing takes a tenth of that.
@@ -313,7 +313,7 @@ class SideView:
         """Whether the canvas has room for another picture."""
         return self.canvas.ready
 
-    def push(self, number: int, picture: Picture) -> None:
+    def push(self, number: int, picture: PackedFrame) -> None:
         """Hand a picture on."""
         self.canvas.tell(caption=self._caption())
         self.canvas.push(number, picture, rest=not self.side.playing, **extent_of(self.side.past))

@@ -12,7 +12,7 @@ from mesa_swarm.dashboard.exporting import KINDS, PICTURES, Exporting
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Downloads
 from mesa_swarm.viewing.canvas_widget import text_of
-from mesa_swarm.viewing.player import Picture
+from mesa_swarm.viewing.player import PackedFrame
 
 # Progress, and what was recorded, are told so often, s.
 EVERY = 0.25
@@ -69,7 +69,7 @@ class ExportDesk:
             self.exporter.kinds = kinds
         self._show()
 
-    def push(self, number: int, picture: Picture) -> None:
+    def push(self, number: int, picture: PackedFrame) -> None:
         """Show how much was recorded, if it is time."""
         if not self.session.playing or time.monotonic() - self._told >= EVERY:
             self._show()

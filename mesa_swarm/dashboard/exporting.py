@@ -14,13 +14,20 @@ from tempfile import TemporaryDirectory
 from typing import Any, cast
 
 from mesa_swarm.dashboard.session import Session
-from mesa_swarm.errors import ExportError, InvalidValueError, RecordingError, SwarmError, check_choice, check_count
+from mesa_swarm.errors import (
+    ExportError,
+    InvalidValueError,
+    RecordingError,
+    SwarmError,
+    check_choice,
+    check_count,
+    in_words,
+)
 from mesa_swarm.experiments.pool import ending_with_us
+from mesa_swarm.model import Observer
 from mesa_swarm.recording.recorder import Recorder, record
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.viewing.pictures import png, svg, world_figure
-from mesa_swarm.viewing.portrait import portrait_of
-from mesa_swarm.viewing.readings import in_words
+from mesa_swarm.viewing.pictures import Shown, frame_and_scene, png, svg, world_figure
 
 # Of one recording, bytes.
 MOST_BYTES = 300_000_000
@@ -28,7 +35,7 @@ MOST_BYTES = 300_000_000
 LOOK_EVERY = 50
 
 
-class Tape:
+class Tape(Observer):
     """Records a model from now on, one recording at a time.
 
     Parameters
@@ -341,8 +348,8 @@ class Exporting:
         for old in self.folder.glob("made*"):
             old.unlink()
         if wanted.kind in PICTURES:
-            step, portrait = self._portrait()
-            figure = world_figure({f"{session.name}, step {step:,}": portrait}, wanted.sectors)
+            step, shown = self._shown()
+            figure = world_figure({f"{session.name}, step {step:,}": shown}, wanted.sectors)
             name = f"{session.name}_{step}.{wanted.kind}"
             self._hand_over(name, png(figure) if wanted.kind == "png" else svg(figure))
             return name
@@ -359,17 +366,17 @@ class Exporting:
         self._hand_over(name, made)
         return name
 
-    def _portrait(self) -> tuple[int, Any]:
-        """Return the step that is looked at, and its portrait."""
+    def _shown(self) -> tuple[int, Shown]:
+        """Return the step that is looked at, and what is drawn of it."""
         session = self.session
         with session.lock:
             if session.model is None or session.past.shown is None:
                 raise ExportError("there is no model to draw; reset first")
             step = session.past.shown.step
             if session.past.is_present:
-                return session.model.completed, portrait_of(session.model)
+                return session.model.completed, frame_and_scene(session.model)
             _check_straight(session, "draw an earlier step")
-        return step, portrait_of(self._taken(session.remade(), step))
+        return step, self._taken(session.remade(), step)
 
     def _from_tape(self, path: Path) -> int:
         """Copy the tape; return how many steps are on it."""

@@ -9,10 +9,9 @@ import traitlets
 
 from mesa_swarm.dashboard.inspection import inspect, move, neighbour_of, robot_of
 from mesa_swarm.dashboard.session import Session
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.errors import InvalidValueError, in_words
 from mesa_swarm.viewing.canvas_widget import text_of
-from mesa_swarm.viewing.player import Picture
-from mesa_swarm.viewing.readings import in_words
+from mesa_swarm.viewing.player import PackedFrame
 
 # While it is played, the inspector is brought up to date so often, s.
 EVERY = 0.2
@@ -55,7 +54,7 @@ class Inspecting:
         inspector.on_msg(self._hear)
         session.add_viewer(self)
 
-    def push(self, number: int, picture: Picture) -> None:
+    def push(self, number: int, picture: PackedFrame) -> None:
         """Show what is known in the step that is shown, if it is time."""
         if not self.session.playing or time.monotonic() - self._shown >= EVERY:
             self.refresh()

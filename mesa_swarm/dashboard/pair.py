@@ -5,7 +5,7 @@ import threading
 from mesa_swarm.dashboard.series import MOST_NUMBERS, Series
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.play_loop import PlayLoop
-from mesa_swarm.viewing.player import Past, Picture, Played, Player, Viewer
+from mesa_swarm.viewing.player import PackedFrame, Past, Played, Player, Viewer
 
 NAMES = ("A", "B")
 
@@ -168,10 +168,10 @@ class Pair(Played):
         for side in self.sides:
             side.kept.look_at(step)
 
-    def _shown(self) -> Picture | None:
+    def _shown(self) -> PackedFrame | None:
         """Return a picture of no world, with the step that both are looked at, and their fingerprints."""
         first, second = (side.past.shown for side in self.sides)
         if first is None or second is None:
             return None
         mark = f"{first.fingerprint}-{second.fingerprint}".strip("-")
-        return Picture(max(first.step, second.step), b"", {}, (), mark)
+        return PackedFrame(max(first.step, second.step), b"", {}, (), mark)

@@ -7,9 +7,9 @@ from pathlib import Path
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.recording.frames import Frame
 from mesa_swarm.recording.recording import Recording
-from mesa_swarm.viewing.frame import moment_of_frame, packed_frame
-from mesa_swarm.viewing.player import Past, Picture, Player
-from mesa_swarm.viewing.scene import world_at, worlds_of_recording
+from mesa_swarm.viewing.packing import packed_frame
+from mesa_swarm.viewing.player import PackedFrame, Past, Player
+from mesa_swarm.viewing.scene import Scene, scene_of_recording
 
 
 class RecordedPast(Past):
@@ -26,8 +26,8 @@ class RecordedPast(Past):
         super().__init__()
         self._recording: Recording | None = recording
         self._rows = range(rows)
-        self._worlds = worlds_of_recording(recording)
-        self._last: tuple[int, Picture] | None = None
+        self._scene = scene_of_recording(recording)
+        self._last: tuple[int, PackedFrame] | None = None
         self._ends = tuple(recording[row].step if rows else 0 for row in (0, rows - 1))
 
     def __len__(self) -> int:
@@ -57,13 +57,13 @@ class RecordedPast(Past):
         return self._ends[1]
 
     @property
-    def shown(self) -> Picture | None:
+    def shown(self) -> PackedFrame | None:
         """The picture of the row that is looked at, None if there are no rows."""
         if not self._rows:
             return None
         if self._last is None or self._last[0] != self.index:
             frame = self.recording[self.index]
-            self._last = self.index, picture_of(frame, world_at(self._worlds, frame.step))
+            self._last = self.index, packed_with_readings(frame, self._scene)
         return self._last[1]
 
     def step_of(self, row: int) -> int:
@@ -186,24 +186,17 @@ class Projector(Player):
     def _keep(self, fingerprint: bool = False) -> None:
         """Keep nothing: all is in the file."""
 
-    def _shown(self) -> Picture | None:
+    def _shown(self) -> PackedFrame | None:
         """Return the picture that is looked at, None if it cannot be read, which is then said."""
         with self.minding():
             return None if self.error else self.past.shown
         return None  # what went wrong is in `error`
 
 
-def picture_of(frame: Frame, world: dict) -> Picture:
-    """Return what is shown of a recorded frame.
-
-    Parameters
-    ----------
-    frame : Frame
-    world : dict
-        Of `worlds_of_recording`, that of the frame's step.
-    """
-    packed = packed_frame(moment_of_frame(frame, world), world)
-    return Picture(frame.step, packed, world, readings_of_frame(frame), frame.state_hash or "")
+def packed_with_readings(frame: Frame, scene: Scene) -> PackedFrame:
+    """Return what is shown of a recorded frame."""
+    world = scene.world(frame.step)
+    return PackedFrame(frame.step, packed_frame(frame, scene), world, readings_of_frame(frame), frame.state_hash or "")
 
 
 def readings_of_frame(frame: Frame) -> tuple[tuple[str, str], ...]:

@@ -17,7 +17,7 @@ KINDS = (OBSTACLE, ROBOT, FIRE)
 BODY = 4
 
 
-class Observer:
+class ObservationEncoder:
     """Turns the columns of robots of one design into rows of numbers in [0, 1].
 
     A row is, in this order:
@@ -43,8 +43,10 @@ class Observer:
     Examples
     --------
     >>> from mesa_swarm.robots.design import AGENT9, AGENT_FIRE
-    >>> Observer(AGENT9, encoding="distance").width, Observer(AGENT_FIRE, encoding="typed", body=True).width
-    (9, 41)
+    >>> ObservationEncoder(AGENT9, encoding="distance").width
+    9
+    >>> ObservationEncoder(AGENT_FIRE, encoding="typed", body=True).width
+    41
     """
 
     def __init__(self, design: RobotDesign, *, encoding: str, body: bool = False, leave: float = 1.0) -> None:
@@ -85,7 +87,7 @@ class Observer:
 def observe(
     distance, kind, radiation, line, temperature, hot, heat, fire, reach, typed, body, leave, out
 ):  # fmt: skip
-    """Write the rows that `Observer` describes."""
+    """Write the rows that `ObservationEncoder` describes."""
     sensors = distance.shape[1]
     for i in range(out.shape[0]):
         for s in range(sensors):

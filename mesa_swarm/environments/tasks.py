@@ -9,7 +9,14 @@ import numpy as np
 
 from mesa_swarm.control import Avoid, Explore, Layer
 from mesa_swarm.environments.actions import checked_choice
-from mesa_swarm.environments.scores import DrivingScore, ExtinguishingScore, FindingScore, Observer, Score, ThesisScore
+from mesa_swarm.environments.scores import (
+    DrivingScore,
+    ExtinguishingScore,
+    FindingScore,
+    ObservationEncoder,
+    Score,
+    ThesisScore,
+)
 from mesa_swarm.errors import (
     InvalidValueError,
     UnknownNameError,
@@ -42,7 +49,7 @@ class Task:
     design : RobotDesign
         Of all robots, with at least one proximity sensor.
     encoding : str
-        What robots are told of what they see: "distance", or "typed": the kinds of things as well, see `Observer`.
+        What robots perceive: "distance", or "typed": the kinds of things as well; see `ObservationEncoder`.
     actions : "continuous", 4 or 8
         What they may be told to do: two wheel speeds from -1 to 1, shares of the greatest; or the number of one of
         the thesis's actions (8.1).
@@ -97,9 +104,9 @@ class Task:
         """How its fires burn."""
         return LASTING
 
-    def observer(self) -> Observer:
+    def observer(self) -> ObservationEncoder:
         """Return what tells robots of their readings."""
-        return Observer(self.design, encoding=self.encoding)
+        return ObservationEncoder(self.design, encoding=self.encoding)
 
     def others(self) -> tuple[Layer, ...]:
         """Return the layers that drive the robots that no learner commands."""
@@ -261,9 +268,9 @@ class ExtinguishFires(FireTask):
         """How its fires burn."""
         return design_constants() if self.fire_constants is None else self.fire_constants
 
-    def observer(self) -> Observer:
+    def observer(self) -> ObservationEncoder:
         """Return what tells robots of their readings and of their heat."""
-        return Observer(self.design, encoding=self.encoding, body=True, leave=self.constants.leave)
+        return ObservationEncoder(self.design, encoding=self.encoding, body=True, leave=self.constants.leave)
 
     def others(self) -> tuple[Layer, ...]:
         """Return the layers of strategy B."""

@@ -13,8 +13,8 @@ from matplotlib.ticker import FixedLocator, MaxNLocator, StrMethodFormatter
 from mesa_swarm.experiments.plan import PairedRuns
 from mesa_swarm.experiments.statistics import TIME, Interval, bootstrap_mean, pair_differences, summarised
 from mesa_swarm.files import write_all
+from mesa_swarm.viewing.final_state import FinalState
 from mesa_swarm.viewing.pictures import COOL, HOT, INK, literal, png, world_figure
-from mesa_swarm.viewing.portrait import Portrait
 
 PAIR = "#8a8a8a"
 # Of a screen that is shown to a class: 16 to 9, letters that can be read from the last row.
@@ -248,7 +248,7 @@ def comparison_pictures(comparison: PairedRuns) -> dict[str, bytes]:
         f"{plan.model_class.__name__}, {plan.parameter} {value}, seed {plan.seeds[0]}": portrait
         for value, portrait in list(comparison.portraits.items())[:MOST_PICTURED]
     }
-    worlds = {f"{title}, step {portrait.steps:,}": portrait for title, portrait in portraits.items()}
+    worlds = {f"{title}, step {portrait.frame.step:,}": portrait.world for title, portrait in portraits.items()}
     pictures = {"comparison.png": comparison_figure(comparison, [main_measure(comparison)])}
     if len(comparison.measures) > 1:
         pictures["comparison_all.png"] = comparison_figure(comparison, comparison.measures)
@@ -283,12 +283,12 @@ def write_with_pictures(
     return write_all(folder, {**tables, **drawn})
 
 
-def fires_figure(portraits: dict[str, Portrait]) -> Figure:
-    """Return a figure of the robots at each fire over time, -1 once it is out: a block for each portrait.
+def fires_figure(portraits: dict[str, FinalState]) -> Figure:
+    """Return a figure of the robots at each fire over time, -1 once it is out: a block for each run.
 
     Parameters
     ----------
-    portraits : dict of Portrait
+    portraits : dict of FinalState
         By title; each block has one strip a fire, and all share their axes.
     """
     strips = max(portrait.history["robots"].shape[1] for portrait in portraits.values())
@@ -334,14 +334,14 @@ def _draw_strip(axes: Axes, i: int, steps: np.ndarray, robots: np.ndarray) -> No
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def series_figure(portraits: dict[str, Portrait]) -> Figure:
+def series_figure(portraits: dict[str, FinalState]) -> Figure:
     """Return a figure of what was collected of the models in every step, a panel for each variable.
 
     Lines are means over a fortieth of the steps, so that rare events can be seen as rates.
 
     Parameters
     ----------
-    portraits : dict of Portrait
+    portraits : dict of FinalState
         By title, which the legend shows.
     """
     names = list(next(iter(portraits.values())).series)
@@ -356,7 +356,7 @@ def series_figure(portraits: dict[str, Portrait]) -> Figure:
     return figure
 
 
-def _draw_series(axes: Axes, name: str, portraits: dict[str, Portrait]) -> None:
+def _draw_series(axes: Axes, name: str, portraits: dict[str, FinalState]) -> None:
     for i, (title, portrait) in enumerate(portraits.items()):
         rows, means = window_means(portrait.series[name])
         steps = rows * portrait.collect_every

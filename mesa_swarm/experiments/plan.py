@@ -17,7 +17,7 @@ from mesa_swarm.experiments.ledger import Outcome
 from mesa_swarm.experiments.runs import Run, check_results, outcome_of
 from mesa_swarm.parameters import Choice, parameters_of
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.viewing.portrait import Portrait, portrait_of
+from mesa_swarm.viewing.final_state import FinalState, final_state_of
 
 MOST_VALUES = 100
 
@@ -32,13 +32,13 @@ class PairedOutcome(Outcome):
         Of the parameter that is compared.
     rng : int
         The run's seed.
-    portrait : Portrait, optional
+    portrait : FinalState, optional
         Of the final state; for the first seed only, and not stored.
     """
 
     value: Any
     rng: int
-    portrait: Portrait | None = field(default=None, compare=False)
+    portrait: FinalState | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,10 +81,10 @@ class Plan(Experiment):
     def simulate(self, run: Run) -> PairedOutcome:
         """Do one run, and draw the portrait of one with the first seed."""
         model = run.made().run(run.steps)
-        portrait = portrait_of(model) if run.rng == self.seeds[0] else None
+        portrait = final_state_of(model) if run.rng == self.seeds[0] else None
         return self.paired(run, outcome_of(model, self.measures), portrait)
 
-    def paired(self, run: Run, outcome: Outcome, portrait: Portrait | None = None) -> PairedOutcome:
+    def paired(self, run: Run, outcome: Outcome, portrait: FinalState | None = None) -> PairedOutcome:
         """Return the outcome of a run as one of this comparison."""
         return PairedOutcome(**outcome.stored(), value=run.settings[self.parameter], rng=run.rng, portrait=portrait)
 
@@ -116,7 +116,7 @@ class PairedRuns:
         return list(self.runs[0].numbers)
 
     @property
-    def portraits(self) -> dict[Any, Portrait]:
+    def portraits(self) -> dict[Any, FinalState]:
         """The final state under each value, with the first seed."""
         return {run.value: run.portrait for run in self.runs if run.portrait is not None}
 

@@ -1,6 +1,6 @@
-"""Rows of a recording, and the events that they show."""
+"""Frames: what a step looks like, in a recording or in a model; tables of frames, and the events that they show."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,25 +8,35 @@ import pandas as pd
 import pyarrow as pa
 
 from mesa_swarm.analysis.clusters import clusters
+from mesa_swarm.control.layer import Senses, centroids
 from mesa_swarm.errors import UnknownNameError, unknown_name
-from mesa_swarm.recording.layout import TABLES
+from mesa_swarm.fire.model import FireModel
+from mesa_swarm.recording.layout import READINGS, TABLES, field_type
+from mesa_swarm.world.statics import FIRE
 
 AXES = {"position": ("x", "y"), "command": ("command_left", "command_right")}
+# What pictures show of a step.
+PICTURED = ("position", "heading", "hot", "fires", "loads")
+TABLE_TYPES = {
+    table: np.dtype([(field, field_type(field, np.float64)) for field in fields]) for table, fields in TABLES.items()
+}
+NO_ROWS = {table: np.empty(0, kind) for table, kind in TABLE_TYPES.items()}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False, repr=False)
 class Frame:
-    """What was recorded after one step; ``frame["position"]`` is a column, ``frame["fires"]["x"]`` one of a table.
+    """What a step looks like; ``frame["position"]`` is a column, ``frame["fires"]["x"]`` one of a table.
 
     Parameters
     ----------
     step : int
     state_hash : str or None
-        The model's fingerprint, in about every hundredth step.
+        The model's fingerprint; recordings have one in about every hundredth row.
     robots : int32 ndarray, shape (n,)
         unique_id of each robot, in the order of all columns.
     columns : dict of ndarray
-        Columns of shape (n, ...); tables as structured arrays.
+        Columns of shape (n, ...); tables as structured arrays. In them `fire` and what robots met are unique_ids; the
+        robots' own column `fire` is the index of a row of fires, -1 for none.
     """
 
     step: int
@@ -41,6 +51,91 @@ class Frame:
         if name not in self.columns:
             raise UnknownNameError(unknown_name("recorded column", name, self.columns))
         return self.columns[name]
+
+
+def frame_of(model: FireModel, columns: Sequence[str] = PICTURED, *, perceived: bool = False) -> Frame:
+    """Return the frame of a model as it is now; it does not change with the model.
+
+    Parameters
+    ----------
+    model : SwarmModel
+    columns : sequence of str
+        Names of the swarm's columns, and of "fires", "contacts", "loads". If readings are among them, the sensors
+        are read for the current poses.
+    perceived : bool
+        Whether to add a column `perceived`, shape (n, 2): where on the map each robot perceives the centroid of
+        the robots that it sees, nan where it sees none. All sensors are then read.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such column.
+
+    Examples
+    --------
+    >>> from mesa_swarm import AGENT9, SwarmModel
+    >>> model = SwarmModel(rng=1)
+    >>> robots = model.add_robots(AGENT9, poses=[(100, 200, 0.5)])
+    >>> frame_of(model)["position"]
+    array([[100., 200.]])
+    """
+    if perceived or not READINGS.isdisjoint(columns):
+        model.sense()
+    found, shown = model.swarm.columns, {}
+    for name in columns:
+        if name in LIVE_TABLES:
+            shown[name] = LIVE_TABLES[name](model)
+        elif name in found:
+            shown[name] = found[name].copy()
+        else:
+            raise UnknownNameError(unknown_name("column", name, (*found, *TABLES)))
+    if perceived:
+        shown["perceived"] = _perceived(model)
+    robots = np.array([robot.unique_id for robot in model.swarm.agents], np.int32)
+    return Frame(step=model.completed, state_hash=None, robots=robots, columns=shown)
+
+
+def _live_fires(model: FireModel) -> np.ndarray:
+    fires = model.fires
+    if not len(fires):
+        return NO_ROWS["fires"]
+    table = np.empty(len(fires), TABLE_TYPES["fires"])
+    table["fire"] = [fire.unique_id for fire in fires.agents]
+    table["x"], table["y"] = fires.position.T
+    for name in ("radius", "temperature", "robots", "out"):
+        table[name] = fires.columns[name]
+    return table
+
+
+def _live_contacts(model: FireModel) -> np.ndarray:
+    if not model.swarm.collided.any():
+        return NO_ROWS["contacts"]
+    contacts = model.contacts
+    table = np.empty(len(contacts.robot), TABLE_TYPES["contacts"])
+    for name in ("robot", "kind", "other", "depth"):
+        table[name] = getattr(contacts, name)
+    table["normal_x"], table["normal_y"] = contacts.normal.T
+    return table
+
+
+def _live_loads(model: FireModel) -> np.ndarray:
+    rows = [(load.unique_id, *load.pose) for load in model.loads]
+    return np.array(rows, TABLE_TYPES["loads"]) if rows else NO_ROWS["loads"]
+
+
+LIVE_TABLES: Mapping[str, Callable[[FireModel], np.ndarray]] = {
+    "fires": _live_fires,
+    "contacts": _live_contacts,
+    "loads": _live_loads,
+}
+
+
+def _perceived(model: FireModel) -> np.ndarray:
+    centroid, seen = centroids(Senses.of(model.swarm))
+    cosine, sine = np.cos(model.swarm.heading), np.sin(model.swarm.heading)
+    x, y = centroid.T
+    place = model.swarm.position + np.column_stack([cosine * x - sine * y, sine * x + cosine * y])
+    return np.where(seen[:, None] > 0, place, np.nan)
 
 
 class Rows:
@@ -102,7 +197,10 @@ def _array(values: pa.Array) -> np.ndarray:
 
 
 def table_of(frames: Iterable[Frame], table: str) -> pd.DataFrame:
-    """Return the rows of frames as a table, see `Recording.to_pandas`.
+    """Return the rows of frames as a table for people, see `Recording.to_pandas`.
+
+    Robots and loads have their unique_id. Fires are numbered 1, 2, ... as in pictures: in the column `fire` of fires
+    and of robots (there -1 for no fire), and as what robots met in contacts, if fires were recorded as well.
 
     Parameters
     ----------
@@ -117,9 +215,10 @@ def table_of(frames: Iterable[Frame], table: str) -> pd.DataFrame:
 
 def _robot_table(frame: Frame) -> dict[str, np.ndarray]:
     flat = {"step": np.full(len(frame.robots), frame.step), "robot": frame.robots}
-    for name, values in frame.columns.items():
+    for name, stored in frame.columns.items():
         if name in TABLES:
             continue
+        values = np.where(stored >= 0, stored + 1, stored) if name == "fire" else stored
         width = int(np.prod(values.shape[1:]))
         parts = [values] if values.ndim == 1 else values.reshape(len(values), width).T
         names = [name] if values.ndim == 1 else AXES.get(name) or [f"{name}_{i}" for i in range(width)]
@@ -129,7 +228,17 @@ def _robot_table(frame: Frame) -> dict[str, np.ndarray]:
 
 def _table(frame: Frame, name: str) -> dict[str, np.ndarray]:
     rows = frame[name]
-    return {"step": np.full(len(rows), frame.step), **{field: rows[field] for field in rows.dtype.names or ()}}
+    columns = {"step": np.full(len(rows), frame.step), **{field: rows[field] for field in rows.dtype.names or ()}}
+    if name == "fires":
+        columns["fire"] = np.arange(1, len(rows) + 1, dtype=rows["fire"].dtype)
+    elif name == "contacts" and "fires" in frame.columns:
+        numbers = {fire: number for number, fire in enumerate(frame["fires"]["fire"].tolist(), start=1)}
+        other = [
+            numbers.get(other, other) if kind == FIRE else other
+            for kind, other in zip(rows["kind"].tolist(), rows["other"].tolist(), strict=True)
+        ]
+        columns["other"] = np.array(other, rows["other"].dtype)
+    return columns
 
 
 # So many robots that collide in one step are a burst; it lasts until fewer did for so many steps.

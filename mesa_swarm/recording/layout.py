@@ -72,10 +72,7 @@ class Layout:
         return pa.schema([*fields, *((name, pa.list_(self._struct(name))) for name in self.tables)])
 
     def _struct(self, table: str) -> pa.DataType:
-        return pa.struct([(field, pa.from_numpy_dtype(self._field_type(field))) for field in TABLES[table]])
-
-    def _field_type(self, field: str) -> np.dtype:
-        return np.dtype(np.bool_ if field == "out" else np.int32 if field in WHOLE else self.real)
+        return pa.struct([(field, pa.from_numpy_dtype(field_type(field, self.real))) for field in TABLES[table]])
 
 
 class Chunk:
@@ -211,6 +208,17 @@ def population_of(model: FireModel) -> tuple:
         len(fires),
         fires[-1].unique_id if fires else 0,
     )
+
+
+def field_type(field: str, real: type) -> np.dtype:
+    """Return the type of a field of a table.
+
+    Examples
+    --------
+    >>> field_type("x", np.float32), field_type("robots", np.float32)
+    (dtype('float32'), dtype('int32'))
+    """
+    return np.dtype(np.bool_ if field == "out" else np.int32 if field in WHOLE else real)
 
 
 def _arrow_type(name: str, dtype: np.dtype) -> pa.DataType:

@@ -17,6 +17,7 @@ import pyarrow as pa
 from mesa_swarm.errors import RecordingError, check_count, shortened
 from mesa_swarm.files import shown_path
 from mesa_swarm.fire.model import FireModel
+from mesa_swarm.model import Observer
 from mesa_swarm.recording.changes import Mark, intervention_to_json
 from mesa_swarm.recording.checkpoint import checkpoint_of
 from mesa_swarm.recording.collected import Path as SeriesPath
@@ -169,7 +170,7 @@ OTHER_KINDS = {".map", ".toml", ".npz", ".parquet", ".feather", ".jsonl", ".ipyn
 NO_CHECKPOINTS = "checkpoint_every is 0"
 
 
-class Recorder:
+class Recorder(Observer):
     """Writes down the model after its steps; made by `record`, and closed by `close`, at exit, or as a context.
 
     Parameters

@@ -268,6 +268,8 @@ class Recording:
     def to_pandas(self, table: str = "robots") -> pd.DataFrame:
         """Return a table with one row a robot and step, or a fire, contact or load and step.
 
+        Fires are numbered 1, 2, ... as in pictures; frames have their unique_ids.
+
         Parameters
         ----------
         table : str

@@ -13,9 +13,10 @@ from numpy.typing import ArrayLike
 
 from mesa_swarm.experiments.figures import COLOURS
 from mesa_swarm.experiments.statistics import mean_interval
+from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.pictures import draw_world, legend_of, literal
-from mesa_swarm.viewing.portrait import portrait_of
+from mesa_swarm.viewing.scene import scene_of
 
 # Long lines are drawn by so many points: more cannot be seen.
 MOST_POINTS = 1000
@@ -75,12 +76,12 @@ def world_picture(model: SwarmModel, title: str, *, perceived: bool = False) -> 
     >>> world_picture(SwarmModel(rng=1), "a world").axes[0].get_title()
     'a world'
     """
-    portrait = portrait_of(model, perceived=perceived)
+    world = frame_of(model, perceived=perceived), scene_of(model)
     figure = Figure(figsize=(7.0, 6.0), layout="constrained")
     axes = figure.add_subplot()
-    draw_world(portrait, axes)
+    draw_world(world, axes)
     axes.set_title(literal(title), fontsize=11)
-    entries = legend_of(portrait)
+    entries = legend_of(world)
     if entries:
         figure.legend(handles=entries, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
     return figure

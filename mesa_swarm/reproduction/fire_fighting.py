@@ -21,7 +21,7 @@ from mesa_swarm.reproduction.judging import Check, Result, judged_difference, ju
 from mesa_swarm.reproduction.laboratory import Laboratory
 from mesa_swarm.reproduction.registry import Item
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.viewing.portrait import portrait_of
+from mesa_swarm.viewing.final_state import final_state_of
 from mesa_swarm.world.map import Map
 
 MOST_STEPS = 15_000
@@ -427,7 +427,7 @@ def paired_in_words(leaving: list[dict], waiting: list[dict]) -> str:
 def history_figure(laboratory: Laboratory, strategy: str) -> Figure:
     """Return a figure of the robots at each fire over time, for the first seed."""
     model = fire_model(1, strategy).run(laboratory.pick(6_000, 600))
-    return fires_figure({f"strategy {strategy}, seed 1, fire {LARGEST + 1} is the large one": portrait_of(model)})
+    return fires_figure({f"strategy {strategy}, seed 1, fire {LARGEST + 1} is the large one": final_state_of(model)})
 
 
 ITEMS = (

@@ -3,8 +3,9 @@
 import os
 from typing import TYPE_CHECKING, Any
 
+from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.viewing.pictures import png, world_figure
-from mesa_swarm.viewing.portrait import portrait_of
+from mesa_swarm.viewing.scene import scene_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -67,5 +68,7 @@ def picture(*shown: Any, titles: tuple[str, ...] = (), sectors: bool = False, pe
     if len(shown) == 1 and hasattr(shown[0], "get_size_inches"):
         return Picture(shown[0])
     names = titles or [f"{type(model).__name__}, step {model.steps:,}" for model in shown]
-    portraits = {name: portrait_of(model, perceived=perceived) for name, model in zip(names, shown, strict=True)}
-    return Picture(world_figure(portraits, sectors))
+    worlds = {
+        name: (frame_of(model, perceived=perceived), scene_of(model)) for name, model in zip(names, shown, strict=True)
+    }
+    return Picture(world_figure(worlds, sectors))

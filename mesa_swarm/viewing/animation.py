@@ -16,7 +16,7 @@ from mesa_swarm.progress import Progress, progress_bar
 from mesa_swarm.recording.frames import Frame
 from mesa_swarm.viewing import pictures
 from mesa_swarm.viewing.pictures import USUAL
-from mesa_swarm.viewing.portrait import Portraits
+from mesa_swarm.viewing.recorded_steps import PicturedSteps
 from mesa_swarm.world.shapes import Shape
 
 
@@ -136,12 +136,12 @@ SHADE, FAINT = "#555555", "#888888"
 CAPTION = 0.045
 
 
-def export_animation(portraits: Portraits, path: Path, steps: Sequence[int], *, fps: float, progress: bool) -> None:
+def export_animation(drawn: PicturedSteps, path: Path, steps: Sequence[int], *, fps: float, progress: bool) -> None:
     """Write steps as an animated SVG that repeats, whole or not at all.
 
     Parameters
     ----------
-    portraits : Portraits
+    drawn : PicturedSteps
     path : Path
     steps : sequence of int
         At least two; step i is shown i / fps seconds after the beginning, and between two robots move evenly.
@@ -158,8 +158,8 @@ def export_animation(portraits: Portraits, path: Path, steps: Sequence[int], *, 
     if len(steps) < 2:
         raise InvalidValueError(f"an animation of step {steps[0]} alone does not move; choose two steps or more")
     with progress_bar(len(steps), "frames", progress) as bar:
-        frames = [_noted(portraits.frame(step), bar) for step in steps]
-    write_whole(path, Animation(portraits, frames, fps).text(), ExportError)
+        frames = [_noted(drawn.frame(step), bar) for step in steps]
+    write_whole(path, Animation(drawn, frames, fps).text(), ExportError)
 
 
 def _noted(frame: Frame, bar: Progress) -> Frame:
@@ -172,16 +172,15 @@ class Animation:
 
     Parameters
     ----------
-    portraits : Portraits
+    drawn : PicturedSteps
     frames : list of Frame
     fps : float
     """
 
-    def __init__(self, portraits: Portraits, frames: list[Frame], fps: float) -> None:
-        self._portraits, self._frames = portraits, frames
-        self._first = portraits.at(frames[0].step)
+    def __init__(self, drawn: PicturedSteps, frames: list[Frame], fps: float) -> None:
+        self._drawn, self._frames = drawn, frames
         self._clock = Clock(moments=len(frames), seconds=(len(frames) - 1) / fps)
-        x_min, y_min, x_max, y_max = self._first.bounds
+        x_min, y_min, x_max, y_max = drawn.scene.bounds
         self._size = x_max - x_min, y_max - y_min
         # A tenth of a pixel, at the usual size.
         self._digits = max(0, ceil(log10(10 * USUAL / max(self._size))))
@@ -191,7 +190,7 @@ class Animation:
         (width, height), caption = self._size, CAPTION * max(self._size)
         total = height + caption
         scale = USUAL / max(self._size)
-        x_min, _, _, y_max = self._first.bounds
+        x_min, _, _, y_max = self._drawn.scene.bounds
         edge = 2 / scale
         box = self._numbers(-edge, -edge, width + 2 * edge, total + 2 * edge)
         pixels = round(width * scale) + 4, round(total * scale) + 4
@@ -216,13 +215,13 @@ class Animation:
         return "\n".join(part for part in parts if part) + "\n"
 
     def _title(self) -> str:
-        return f"{self._portraits.scene.name}, steps {self._frames[0].step:,} to {self._frames[-1].step:,}"
+        return f"{self._drawn.scene.name}, steps {self._frames[0].step:,} to {self._frames[-1].step:,}"
 
     def _numbers(self, *numbers: float) -> str:
         return number_row(numbers, self._digits)
 
     def _standing(self) -> Iterator[str]:
-        shown = [self._portraits.scene.at(frame.step).obstacles for frame in self._frames]
+        shown = [self._drawn.scene.obstacles(frame.step) for frame in self._frames]
         for standing in {id(obstacles): obstacles for obstacles in shown}.values():
             when = self._clock.jumping("visibility", ["visible" if one is standing else "hidden" for one in shown])
             for label, colour, contact in (("marks", pictures.MARK, False), ("obstacles", pictures.OBSTACLE, True)):
@@ -242,7 +241,7 @@ class Animation:
         return "".join("M" + " ".join(self._numbers(*point) for point in ring) + "Z" for ring in points)
 
     def _loads(self) -> Iterator[str]:
-        forms = self._portraits.scene.forms
+        forms = self._drawn.scene.forms
         for track in self._tracks_of("loads", "load", ("x", "y", "heading")):
             if track.number in forms:
                 shape = self._outline(forms[track.number].shape_at((0.0, 0.0, 0.0)))
@@ -267,15 +266,13 @@ class Animation:
             )
 
     def _robots(self) -> Iterator[str]:
-        hot = [self._portraits.hot(frame) for frame in self._frames]
         rows = [
-            np.column_stack([frame["position"], frame["heading"], its]).astype(float)
-            for frame, its in zip(self._frames, hot, strict=True)
+            np.column_stack([frame["position"], frame["heading"], frame["hot"]]).astype(float) for frame in self._frames
         ]
         radii = self._radii()
         for track in tracks(zip((frame.robots for frame in self._frames), rows, strict=True)):
             colours = [pictures.HOT if is_hot else pictures.COOL for is_hot in track.values[:, 3]]
-            body = f'<use href="#body{radii.index(self._portraits.radius_of(track.number))}"/>'
+            body = f'<use href="#body{radii.index(self._radius_of(track.number))}"/>'
             look = f'class="robot" data-robot="{track.number}" fill="{colours[0]}"'
             yield self._body(track, look, self._clock.jumping("fill", colours), body)
 
@@ -297,7 +294,11 @@ class Animation:
         return tracks((row[number], np.column_stack([row[name] for name in names]).astype(float)) for row in rows)
 
     def _radii(self) -> list[float]:
-        return sorted({self._portraits.radius_of(robot) for frame in self._frames for robot in frame.robots.tolist()})
+        robots = np.unique(np.concatenate([frame.robots for frame in self._frames]))
+        return np.unique(self._drawn.scene.radius_of(robots)).tolist()
+
+    def _radius_of(self, robot: int) -> float:
+        return float(self._drawn.scene.radius_of(np.array([robot]))[0])
 
     def _bodies(self) -> Iterator[str]:
         for place, r in enumerate(self._radii()):
@@ -313,7 +314,7 @@ class Animation:
         """Yield the name and the step, which is a strip of numbers that jumps up by one after the other."""
         width, size = self._size[0], 0.55 * height
         look = f'font-size="{size:.4g}" fill="{pictures.INK}"'
-        yield f'<text x="{size / 2:.4g}" y="{0.7 * height:.4g}" {look}>{escape(self._portraits.scene.name)}</text>'
+        yield f'<text x="{size / 2:.4g}" y="{0.7 * height:.4g}" {look}>{escape(self._drawn.scene.name)}</text>'
         jumps = [f"0 {-height * place:.6g}" for place in range(len(self._frames))]
         # Clipped by a group: a drawing within the drawing would have a clock of its own, which nobody can set.
         yield f'<clipPath id="line"><rect width="{width:.6g}" height="{height:.6g}"/></clipPath>'

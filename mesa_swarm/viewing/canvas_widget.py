@@ -13,10 +13,10 @@ from reacton.core import Element
 
 from mesa_swarm.errors import check_count, check_number
 from mesa_swarm.fire.model import FireModel
+from mesa_swarm.model import Observer
 from mesa_swarm.viewing.pictures import png, world_figure
 from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES
-from mesa_swarm.viewing.player import Past, Picture, Played, Player
-from mesa_swarm.viewing.portrait import portrait_of
+from mesa_swarm.viewing.player import PackedFrame, Past, Played, Player
 
 
 def text_of(*names: str) -> str:
@@ -93,7 +93,7 @@ class SwarmCanvas(anywidget.AnyWidget):
         self.still: Callable[[], bytes] | None = None
         self.caught_up: Callable[[], None] = lambda: None
         self._lock = threading.RLock()
-        self._picture: Picture | None = None
+        self._picture: PackedFrame | None = None
         self._beside: dict = {}
         self._state: dict = {}
         self._world: dict | None = None
@@ -106,13 +106,13 @@ class SwarmCanvas(anywidget.AnyWidget):
         """Whether a browser shows it and has room for another picture."""
         return self._seen and self._sent - self._drawn < MOST_AHEAD
 
-    def push(self, number: int, picture: Picture, **beside: object) -> None:
+    def push(self, number: int, picture: PackedFrame, **beside: object) -> None:
         """Show a picture as soon as the browser has room, unless it was given one of a higher number.
 
         Parameters
         ----------
         number : int
-        picture : Picture
+        picture : PackedFrame
         **beside
             What else is told with it.
         """
@@ -163,7 +163,7 @@ class SwarmCanvas(anywidget.AnyWidget):
         self._sent += 1
         told = {"step": picture.step, "readings": picture.readings, "fingerprint": picture.fingerprint}
         numbers = {"number": self._sent, "pushed": self._pushed}
-        self.send({"kind": "picture", **numbers, **told, **self._beside}, [picture.frame])
+        self.send({"kind": "picture", **numbers, **told, **self._beside}, [picture.content])
 
     def _repr_mimebundle_(self, **wanted: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]] | None:
         """Return the widget, and beside it a picture."""
@@ -202,7 +202,7 @@ class Connection:
         """Whether the canvas has room for another picture."""
         return self.canvas.ready
 
-    def push(self, number: int, picture: Picture) -> None:
+    def push(self, number: int, picture: PackedFrame) -> None:
         """Hand a picture on, with what the player says of itself."""
         player = self.player
         rate, rest = rate_text(player.loop.rate), not player.playing
@@ -296,7 +296,7 @@ def rate_text(rate: float) -> str:
 EVERY = 0.05
 
 
-class Watcher:
+class Watcher(Observer):
     """Shows steps that a program takes, not those of the player itself.
 
     While a cell is executed the browser cannot say what it has drawn: the last step is shown when it can.
@@ -320,9 +320,6 @@ class Watcher:
         if is_behind and player.past.is_present and not player.playing:
             player.rest()
 
-    def close(self) -> None:
-        """Leave it as it is: there is nothing to close."""
-
 
 def show(model: FireModel, *, speed: float = 60.0, height: int = 560) -> SwarmCanvas:
     """Return a widget on which a model is seen and played; see `SwarmModel.show`."""
@@ -330,7 +327,7 @@ def show(model: FireModel, *, speed: float = 60.0, height: int = 560) -> SwarmCa
     player.loop.speed = check_number("speed", speed, above=0, maximum=1000)
     canvas = SwarmCanvas(options={"bar": True, "keys": "own", "toggles": {}})
     canvas.layout.height = f"{check_count('height', height, minimum=100, maximum=10_000)}px"
-    canvas.still = lambda: png(world_figure({"": portrait_of(model)}))
+    canvas.still = lambda: png(world_figure({"": model}))
     Connection(canvas, player)
     watcher = Watcher(player)
     canvas.caught_up = watcher.catch_up

@@ -27,7 +27,7 @@ from mesa_swarm.recording.recording import Recording
 from mesa_swarm.viewing.animation import export_animation
 from mesa_swarm.viewing.films import check_even, export_film, export_gif, ffmpeg
 from mesa_swarm.viewing.pictures import Look, export_stills, still_paths
-from mesa_swarm.viewing.portrait import Portraits, SceneRows
+from mesa_swarm.viewing.recorded_steps import PicturedSteps, RecordedSteps
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -147,12 +147,12 @@ def _in_words(there: np.ndarray) -> str:
 STEPS_AT_ONCE = 256
 
 
-def export_csv(rows: SceneRows, path: Path, steps: Sequence[int], table: str, progress: bool) -> None:
+def export_csv(rows: RecordedSteps, path: Path, steps: Sequence[int], table: str, progress: bool) -> None:
     """Write a table as CSV, whole or not at all.
 
     Parameters
     ----------
-    rows : SceneRows
+    rows : RecordedSteps
     path : Path
     steps : sequence of int
         Which ones.
@@ -166,7 +166,7 @@ def export_csv(rows: SceneRows, path: Path, steps: Sequence[int], table: str, pr
             piece.to_csv(file, index=False, header=number == 0, lineterminator="\n")
 
 
-def export_parquet(rows: SceneRows, path: Path, steps: Sequence[int], table: str, progress: bool) -> None:
+def export_parquet(rows: RecordedSteps, path: Path, steps: Sequence[int], table: str, progress: bool) -> None:
     """Write a table as Parquet, whole or not at all; parameters as for `export_csv`."""
     found = pieces(rows, steps, table, progress)
     first = pa.Table.from_pandas(next(found), preserve_index=False)
@@ -176,7 +176,7 @@ def export_parquet(rows: SceneRows, path: Path, steps: Sequence[int], table: str
             writer.write_table(pa.Table.from_pandas(piece, first.schema, preserve_index=False))
 
 
-def pieces(rows: SceneRows, steps: Sequence[int], table: str, progress: bool) -> Iterator[pd.DataFrame]:
+def pieces(rows: RecordedSteps, steps: Sequence[int], table: str, progress: bool) -> Iterator[pd.DataFrame]:
     """Yield the table of some steps, never more than 256 at once; warn at the end if it is empty.
 
     Raises
@@ -333,39 +333,38 @@ class _Job:
     def write(self, recording: Recording, sheet: bool, animate: bool, table: str) -> list[Path]:
         """Write it and return what was written."""
         if self.kind in (".png", ".svg") and not animate:
-            return self._stills(SceneRows(recording), sheet)
+            return self._stills(PicturedSteps(recording), sheet)
         _check_free([self.path], self.overwrite)
         if self.kind == ".html":
             export_page(recording, self.path)
         elif self.kind in (".csv", ".parquet"):
-            self._table(SceneRows(recording), table)
+            self._table(RecordedSteps(recording), table)
         else:
-            self._moving(SceneRows(recording))
+            self._moving(recording)
         return [self.path]
 
-    def _stills(self, rows: SceneRows, sheet: bool) -> list[Path]:
-        portraits = Portraits(rows)
-        steps = self.choice.among(portraits.steps) if self.choice.is_made else portraits.steps[-1:].tolist()
+    def _stills(self, drawn: PicturedSteps, sheet: bool) -> list[Path]:
+        steps = self.choice.among(drawn.steps) if self.choice.is_made else drawn.steps[-1:].tolist()
         files = still_paths(self.path, steps, sheet)
         _check_free(files, self.overwrite)
-        export_stills(portraits, files, self.look, self.progress)
+        export_stills(drawn, files, self.look, self.progress)
         return list(files)
 
-    def _table(self, rows: SceneRows, table: str) -> None:
+    def _table(self, rows: RecordedSteps, table: str) -> None:
         writer = export_csv if self.kind == ".csv" else export_parquet
         writer(rows, self.path, self.choice.among(rows.steps), table, self.progress)
 
-    def _moving(self, rows: SceneRows) -> None:
+    def _moving(self, recording: Recording) -> None:
         if self.kind == ".mp4":  # said before the work begins
             ffmpeg()
             check_even(self.look)
-        portraits = Portraits(rows)
-        steps = self.choice.thinned(portraits.steps, MOST_FRAMES[self.kind])
+        drawn = PicturedSteps(recording)
+        steps = self.choice.thinned(drawn.steps, MOST_FRAMES[self.kind])
         if self.kind == ".svg":
-            export_animation(portraits, self.path, steps, fps=self.fps, progress=self.progress)
+            export_animation(drawn, self.path, steps, fps=self.fps, progress=self.progress)
             return
         writer = export_film if self.kind == ".mp4" else export_gif
-        writer(portraits, self.path, steps, fps=self.fps, look=self.look, progress=self.progress)
+        writer(drawn, self.path, steps, fps=self.fps, look=self.look, progress=self.progress)
 
 
 def _checked_path(path: object) -> Path:

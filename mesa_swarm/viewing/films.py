@@ -17,19 +17,21 @@ from PIL import GifImagePlugin, Image, ImageChops
 from mesa_swarm.errors import ExportError, InvalidValueError
 from mesa_swarm.files import draft_of
 from mesa_swarm.progress import progress_bar
+from mesa_swarm.recording.frames import NO_ROWS, Frame
 from mesa_swarm.viewing import pictures
 from mesa_swarm.viewing.pictures import (
     CAPTION,
     INK,
     MARGIN,
     Look,
+    draw_frame,
+    draw_scene,
     draw_trails,
-    draw_what_changes,
-    draw_what_stands,
     film_size,
     literal,
 )
-from mesa_swarm.viewing.portrait import Portrait, Portraits
+from mesa_swarm.viewing.recorded_steps import PicturedSteps
+from mesa_swarm.viewing.scene import Scene
 
 DOTS_PER_INCH = 100
 PAPER, EDGE = "#ffffff", "#888888"
@@ -40,7 +42,7 @@ class Screen:
 
     Parameters
     ----------
-    portraits : Portraits
+    drawn : PicturedSteps
     look : Look
 
     Attributes
@@ -49,9 +51,9 @@ class Screen:
         Pixels.
     """
 
-    def __init__(self, portraits: Portraits, look: Look) -> None:
-        self.size = look.size or film_size(portraits.scene.bounds)
-        self._portraits, self._look = portraits, look
+    def __init__(self, drawn: PicturedSteps, look: Look) -> None:
+        self.size = look.size or film_size(drawn.scene.bounds)
+        self._drawn, self._look = drawn, look
         width, height = self.size
         figure = Figure(figsize=(width / DOTS_PER_INCH, height / DOTS_PER_INCH), dpi=DOTS_PER_INCH, facecolor=PAPER)
         self._canvas = FigureCanvasAgg(figure)
@@ -63,19 +65,19 @@ class Screen:
 
     def show(self, step: int) -> np.ndarray:
         """Return a step as pixels, uint8 of shape (height, width, 4), valid until the next one is shown."""
-        axes, portrait = self._axes, self._portraits.at(step)
-        if portrait.obstacles is not self._obstacles:
-            self._stand(portrait)
+        axes, frame, scene = self._axes, self._drawn.frame(step), self._drawn.scene
+        if scene.obstacles(step) is not self._obstacles:
+            self._stand(scene, step)
         self._canvas.restore_region(self._behind)
         standing = set(axes.get_children())
-        draw_what_changes(axes, portrait, self._look.sectors)
+        draw_frame(axes, frame, scene, self._look.sectors)
         if self._look.trails:
-            draw_trails(axes, self._portraits, step, self._look.trails)
+            draw_trails(axes, self._drawn, step, self._look.trails)
         new = sorted((artist for artist in axes.get_children() if artist not in standing), key=lambda a: a.zorder)
         for artist in new:
             axes.draw_artist(artist)
             artist.remove()
-        self._write_captions(portrait)
+        self._write_captions(frame)
         return np.asarray(self._canvas.buffer_rgba())
 
     def _world(self, figure: Figure) -> Axes:
@@ -87,18 +89,18 @@ class Screen:
             spine.set(color=EDGE, linewidth=0.8)
         return axes
 
-    def _stand(self, portrait: Portrait) -> None:
+    def _stand(self, scene: Scene, step: int) -> None:
         """Draw what stands behind the next frames."""
         axes = self._axes
         for artist in self._standing:
             artist.remove()
         before = set(axes.get_children())
-        draw_what_stands(axes, portrait)
+        draw_scene(axes, scene, step)
         axes.set(xlabel="", ylabel="")
         self._standing = [artist for artist in axes.get_children() if artist not in before]
         self._canvas.draw()
         self._behind = self._canvas.copy_from_bbox(axes.figure.bbox)
-        self._obstacles = portrait.obstacles
+        self._obstacles = scene.obstacles(step)
 
     def _captions(self, figure: Figure) -> list:
         y = 1 - (CAPTION + MARGIN) / 2 / self.size[1]
@@ -109,11 +111,11 @@ class Screen:
             for side, x in places.items()
         ]
 
-    def _write_captions(self, portrait: Portrait) -> None:
-        out = portrait.fires["out"]
-        self._name.set_text(literal(self._portraits.scene.name))
+    def _write_captions(self, frame: Frame) -> None:
+        out = frame.columns.get("fires", NO_ROWS["fires"])["out"]
+        self._name.set_text(literal(self._drawn.scene.name))
         self._count.set_text(f"{out.sum()} of {len(out)} fires out" if len(out) else "")
-        self._step.set_text(f"step {portrait.steps:,}")
+        self._step.set_text(f"step {frame.step:,}")
         for text in (self._name, self._count, self._step):
             self._axes.draw_artist(text)
 
@@ -133,13 +135,13 @@ BETWEEN = (0.25, 0.5, 0.75)
 
 
 def export_gif(
-    portraits: Portraits, path: Path, steps: Sequence[int], *, fps: float, look: Look, progress: bool
+    drawn: PicturedSteps, path: Path, steps: Sequence[int], *, fps: float, look: Look, progress: bool
 ) -> None:
     """Write steps as an animated GIF that repeats, whole or not at all.
 
     Parameters
     ----------
-    portraits : Portraits
+    drawn : PicturedSteps
     path : Path
     steps : sequence of int
         One a frame.
@@ -149,7 +151,7 @@ def export_gif(
     progress : bool
         Whether to show a bar.
     """
-    screen = Screen(portraits, look)
+    screen = Screen(drawn, look)
     with draft_of(path, ExportError) as draft, draft.open("wb") as file:
         for part in _parts(film_frames(screen, steps, progress), 10 * round(100 / fps)):
             file.write(part)
@@ -210,13 +212,13 @@ CONTAINER = ["-movflags", "+faststart", "-f", "mp4"]
 
 
 def export_film(
-    portraits: Portraits, path: Path, steps: Sequence[int], *, fps: float, look: Look, progress: bool
+    drawn: PicturedSteps, path: Path, steps: Sequence[int], *, fps: float, look: Look, progress: bool
 ) -> None:
     """Write steps as a film, whole or not at all.
 
     Parameters
     ----------
-    portraits : Portraits
+    drawn : PicturedSteps
     path : Path
     steps : sequence of int
         One a frame.
@@ -236,7 +238,7 @@ def export_film(
     """
     program = ffmpeg()
     check_even(look)
-    screen = Screen(portraits, look)
+    screen = Screen(drawn, look)
     with draft_of(path, ExportError) as draft:
         command = [program, "-y", "-v", "error", *_input(screen.size, fps), *ENCODING, *CONTAINER, str(draft)]
         _encode(command, film_frames(screen, steps, progress), path)

@@ -1,7 +1,7 @@
 """Pictures of the world, and of single steps of a recording."""
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,8 +24,10 @@ from mesa_swarm.errors import ExportError, InvalidValueError, check_count, short
 from mesa_swarm.files import write_whole
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.progress import progress_bar
+from mesa_swarm.recording.frames import NO_ROWS, Frame, frame_of
 from mesa_swarm.robots.sensors import ProximitySensor, mount_of
-from mesa_swarm.viewing.portrait import Portrait, Portraits, portrait_of
+from mesa_swarm.viewing.recorded_steps import PicturedSteps
+from mesa_swarm.viewing.scene import Scene, scene_of
 from mesa_swarm.world.map_parts import Bounds
 from mesa_swarm.world.shapes import Shape
 
@@ -34,6 +36,8 @@ SMALLEST, LARGEST = 64, 4096
 USUAL = 800
 # Above the world of a film stands its name and step; around it is a margin.
 CAPTION, MARGIN = 32, 4
+# What can be drawn: a model as it is now, or a frame and the scene behind it.
+Shown = FireModel | tuple[Frame, Scene]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -106,12 +110,12 @@ TRAIL = "#0072b2"
 MOST_POINTS = 60
 
 
-def trails_of(portraits: Portraits, step: int, length: int) -> list[np.ndarray]:
+def trails_of(drawn: PicturedSteps, step: int, length: int) -> list[np.ndarray]:
     """Return the places of each robot from `length` steps before until a step, oldest first.
 
     Parameters
     ----------
-    portraits : Portraits
+    drawn : PicturedSteps
     step : int
         One of those that were recorded.
     length : int
@@ -122,9 +126,9 @@ def trails_of(portraits: Portraits, step: int, length: int) -> list[np.ndarray]:
     list of ndarray, shapes (k, 2)
         Of the robots that are there at the step, in the order of the rows.
     """
-    past = portraits.steps[(portraits.steps >= step - length) & (portraits.steps <= step)]
+    past = drawn.steps[(drawn.steps >= step - length) & (drawn.steps <= step)]
     chosen = past[:: -max(1, -(-len(past) // MOST_POINTS))][::-1].tolist()
-    frames = [portraits.frame(number) for number in chosen]
+    frames = [drawn.frame(number) for number in chosen]
     robots = frames[-1].robots
     if all(np.array_equal(frame.robots, robots) for frame in frames):
         return list(np.stack([frame["position"] for frame in frames], axis=1))
@@ -135,9 +139,9 @@ def trails_of(portraits: Portraits, step: int, length: int) -> list[np.ndarray]:
     return [np.array(places[robot]) for robot in robots.tolist()]
 
 
-def draw_trails(axes: Axes, portraits: Portraits, step: int, length: int) -> None:
+def draw_trails(axes: Axes, drawn: PicturedSteps, step: int, length: int) -> None:
     """Draw trails as thin lines below the robots."""
-    lines = trails_of(portraits, step, length)
+    lines = trails_of(drawn, step, length)
     axes.add_collection(LineCollection(lines, colors=TRAIL, linewidths=0.8, alpha=0.45, zorder=4.5, label="trails"))
 
 
@@ -150,15 +154,16 @@ TEMPERATURE = LinearSegmentedColormap.from_list("temperature", ["#000000", "#7f0
 DOTS_PER_INCH = 200
 
 
-def draw_world(model: FireModel | Portrait, axes: Axes, sectors: bool = False) -> None:
-    """Draw the world as it is, everything to scale, y up.
+def draw_world(shown: Shown, axes: Axes, sectors: bool = False) -> None:
+    """Draw a world, everything to scale, y up.
 
     Fires go from black to red with their temperature and are pale once they are out; the front half of a
     robot is yellow, its back blue, or vermilion while it is too hot to fight.
 
     Parameters
     ----------
-    model : SwarmModel or Portrait
+    shown : SwarmModel, or (Frame, Scene)
+        A model is drawn as it is now.
     axes : matplotlib Axes
     sectors : bool
         Whether to show where the robots' proximity sensors look.
@@ -171,27 +176,33 @@ def draw_world(model: FireModel | Portrait, axes: Axes, sectors: bool = False) -
     >>> axes.get_xlabel()
     'x (map units)'
     """
-    portrait = model if isinstance(model, Portrait) else portrait_of(model)
-    draw_what_stands(axes, portrait)
-    draw_what_changes(axes, portrait, sectors)
+    frame, scene = frame_and_scene(shown)
+    draw_scene(axes, scene, frame.step)
+    draw_frame(axes, frame, scene, sectors)
 
 
-def draw_what_stands(axes: Axes, portrait: Portrait) -> None:
-    """Draw the ground, obstacles and marks, which a film shows behind all its frames."""
-    _draw_ground(axes, portrait.bounds)
-    _draw_shapes(axes, [s for s in portrait.obstacles if not s.contact], MARK, 1, "marks")
-    _draw_shapes(axes, [s for s in portrait.obstacles if s.contact], OBSTACLE, 2, "obstacles")
+def frame_and_scene(shown: Shown) -> tuple[Frame, Scene]:
+    """Return the frame and the scene of a model as it is now; a pair of them as it is."""
+    return shown if isinstance(shown, tuple) else (frame_of(shown), scene_of(shown))
 
 
-def draw_what_changes(axes: Axes, portrait: Portrait, sectors: bool = False) -> None:
+def draw_scene(axes: Axes, scene: Scene, step: int) -> None:
+    """Draw the ground, obstacles and marks of a step, which a film shows behind all its frames."""
+    _draw_ground(axes, scene.bounds)
+    obstacles = scene.obstacles(step)
+    _draw_shapes(axes, [s for s in obstacles if not s.contact], MARK, 1, "marks")
+    _draw_shapes(axes, [s for s in obstacles if s.contact], OBSTACLE, 2, "obstacles")
+
+
+def draw_frame(axes: Axes, frame: Frame, scene: Scene, sectors: bool = False) -> None:
     """Draw loads, fires and robots."""
-    _draw_shapes(axes, portrait.loads, LOAD, 2, "loads")
-    _draw_fires(axes, portrait.fires)
+    _draw_shapes(axes, scene.loads(frame), LOAD, 2, "loads")
+    _draw_fires(axes, frame)
     if sectors:
-        _draw_sectors(axes, portrait)
-    _draw_robots(axes, portrait.robots)
-    if "perceived" in portrait.robots:
-        _draw_perceived(axes, portrait.robots)
+        _draw_sectors(axes, frame, scene)
+    _draw_robots(axes, frame, scene.radius_of(frame.robots))
+    if "perceived" in frame.columns:
+        _draw_perceived(axes, frame)
 
 
 def _draw_ground(axes: Axes, bounds: Bounds) -> None:
@@ -215,11 +226,14 @@ def _outline(shape: Shape) -> Outline:
     return Outline.make_compound_path(*(Outline(shapely.get_coordinates(ring), closed=True) for ring in rings))
 
 
-def _draw_fires(axes: Axes, fires: dict[str, np.ndarray]) -> None:
-    out = fires["out"]
-    colours = np.where(out[:, None], matplotlib.colors.to_rgba(OUT), TEMPERATURE(fires["temperature"]))
-    _discs(axes, fires["position"], fires["radius"], colours, 3, label="fires")
-    for i, (x, y) in enumerate(fires["position"]):
+def _draw_fires(axes: Axes, frame: Frame) -> None:
+    fires = frame.columns.get("fires", NO_ROWS["fires"])
+    out, position = fires["out"], np.column_stack([fires["x"], fires["y"]]).astype(float)
+    # Single precision may have rounded a temperature to just above 1.
+    temperature = np.clip(fires["temperature"].astype(float), 0.0, 1.0)
+    colours = np.where(out[:, None], matplotlib.colors.to_rgba(OUT), TEMPERATURE(temperature))
+    _discs(axes, position, fires["radius"].astype(float), colours, 3, label="fires")
+    for i, (x, y) in enumerate(position):
         colour = "#555555" if out[i] else "white"
         axes.text(x, y, str(i + 1), color=colour, size=7, ha="center", va="center", zorder=4, clip_on=True)
 
@@ -232,11 +246,11 @@ def _discs(axes: Axes, centres: np.ndarray, radii: np.ndarray, colours: ArrayLik
     axes.add_collection(discs)
 
 
-def _draw_robots(axes: Axes, robots: dict[str, np.ndarray]) -> None:
-    position, heading, radius = robots["position"], robots["heading"], robots["radius"]
+def _draw_robots(axes: Axes, frame: Frame, radius: np.ndarray) -> None:
+    position, heading = frame["position"].astype(float), frame["heading"].astype(float)
     if not len(position):
         return
-    backs = np.where(robots["hot"], HOT, COOL)
+    backs = np.where(frame["hot"], HOT, COOL)
     _discs(axes, position, radius, backs, 5, label="robots")
     ahead = radius[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
     fronts = _half_discs(position, 0.92 * ahead)
@@ -256,21 +270,20 @@ def _half_discs(position: np.ndarray, ahead: np.ndarray) -> list[Outline]:
     return [Outline(outline, half.codes) for outline in outlines]
 
 
-def _draw_perceived(axes: Axes, robots: dict[str, np.ndarray]) -> None:
+def _draw_perceived(axes: Axes, frame: Frame) -> None:
     """Draw a grey line from each robot to where it perceives the centroid of those that it sees."""
-    lines = np.stack([robots["position"], robots["perceived"]], axis=1)
+    lines = np.stack([frame["position"], frame["perceived"]], axis=1)
     lines = lines[np.isfinite(lines).all(axis=(1, 2))]
     axes.add_collection(LineCollection(list(lines), colors=PERCEIVED, linewidths=0.9, zorder=4.6, label="perceived"))
 
 
-def _draw_sectors(axes: Axes, portrait: Portrait) -> None:
-    robots = portrait.robots
+def _draw_sectors(axes: Axes, frame: Frame, scene: Scene) -> None:
+    poses = zip(frame["position"].astype(float), frame["heading"].astype(float), strict=True)
+    designs = [scene.designs[place] for place in scene.design_of(frame.robots)]
     wedges = [
-        _sector(sensor, position, heading, radius)
-        for position, heading, radius, design in zip(
-            *map(robots.get, ("position", "heading", "radius", "design")), strict=True
-        )
-        for sensor in portrait.designs[design].proximity
+        _sector(sensor, position, heading, design.radius)
+        for (position, heading), design in zip(poses, designs, strict=True)
+        for sensor in design.proximity
     ]
     axes.add_collection(PatchCollection(wedges, facecolors=SECTOR, alpha=0.12, linewidths=0, zorder=4, label="sectors"))
 
@@ -283,26 +296,27 @@ def _sector(sensor: ProximitySensor, position: np.ndarray, heading: float, radiu
     return Wedge(centre, sensor.range, axis - half, axis + half)
 
 
-def legend_of(portrait: Portrait) -> list[Artist]:
-    """Return the entries of a legend for what a portrait shows, and nothing else.
+def legend_of(shown: Shown) -> list[Artist]:
+    """Return the entries of a legend for what is drawn of a model, or of (Frame, Scene), and nothing else.
 
     Examples
     --------
     >>> from mesa_swarm import SwarmModel
-    >>> [entry.get_label() for entry in legend_of(portrait_of(SwarmModel(map="original", rng=1)))]
+    >>> [entry.get_label() for entry in legend_of(SwarmModel(map="original", rng=1))]
     ['obstacle']
     """
-    shown = [("obstacle", OBSTACLE, any(s.contact for s in portrait.obstacles))]
-    shown += [("load", LOAD, bool(portrait.loads))]
-    shown += [("ground mark", MARK, any(not s.contact for s in portrait.obstacles))]
-    entries: list[Artist] = [Patch(color=colour, label=label) for label, colour, seen in shown if seen]
-    if len(portrait.robots["hot"]):
+    frame, scene = frame_and_scene(shown)
+    solid = [shape.contact for shape in scene.obstacles(frame.step)]
+    shapes = [("obstacle", OBSTACLE, any(solid)), ("load", LOAD, bool(scene.loads(frame)))]
+    shapes += [("ground mark", MARK, not all(solid))]
+    entries: list[Artist] = [Patch(color=colour, label=label) for label, colour, seen in shapes if seen]
+    if len(frame.robots):
         entries.append(_robot_entry("robot, its front yellow", COOL))
-    if np.isfinite(portrait.robots.get("perceived", np.nan)).any():
+    if np.isfinite(frame.columns.get("perceived", np.nan)).any():
         entries.append(Line2D([], [], color=PERCEIVED, label="to the centroid that it perceives"))
-    if portrait.robots["hot"].any():
+    if frame["hot"].any():
         entries.append(_robot_entry("robot too hot to fight", HOT))
-    if len(portrait.fires["out"]):
+    if len(frame.columns.get("fires", ())):
         entries += [Patch(color=TEMPERATURE(t), label=f"fire, T = {t:g}") for t in (0.0, 0.5, 1.0)]
         entries.append(Patch(facecolor=OUT, edgecolor="#555555", label="fire, out"))
     return entries
@@ -319,29 +333,36 @@ def _robot_entry(label: str, colour: str) -> Line2D:
     return Line2D([], [], color=colour, markerfacecoloralt=FRONT, label=label, **style)
 
 
-def world_figure(portraits: dict[str, Portrait], sectors: bool = False) -> Figure:
+def world_figure(shown: Mapping[str, Shown], sectors: bool = False) -> Figure:
     """Return a figure of worlds side by side, by title, with one legend for all.
+
+    Parameters
+    ----------
+    shown : mapping of str to SwarmModel, or to (Frame, Scene)
+        Models are drawn as they are now.
+    sectors : bool
+        Whether to show where the robots' proximity sensors look.
 
     Examples
     --------
     >>> from mesa_swarm import SwarmModel
-    >>> len(world_figure({"start": portrait_of(SwarmModel(rng=1))}).axes)
+    >>> len(world_figure({"start": SwarmModel(rng=1)}).axes)
     1
     """
-    columns = min(len(portraits), 3)
-    rows = -(-len(portraits) // columns)
-    tallest = max(
-        (y_max - y_min) / (x_max - x_min) for x_min, y_min, x_max, y_max in (p.bounds for p in portraits.values())
-    )
+    worlds = {title: frame_and_scene(one) for title, one in shown.items()}
+    columns = min(len(worlds), 3)
+    rows = -(-len(worlds) // columns)
+    bounds = [scene.bounds for _, scene in worlds.values()]
+    tallest = max((y_max - y_min) / (x_max - x_min) for x_min, y_min, x_max, y_max in bounds)
     height = min(4.9 * tallest, 12.0) + 0.8
     figure = Figure(figsize=(5.6 * columns, height * rows + 0.4), layout="constrained")
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
-    for axes, (title, portrait) in zip(grid, portraits.items(), strict=False):
-        draw_world(portrait, axes, sectors)
+    for axes, (title, world) in zip(grid, worlds.items(), strict=False):
+        draw_world(world, axes, sectors)
         axes.set_title(literal(title), fontsize=11)
-    for axes in grid[len(portraits) :]:
+    for axes in grid[len(worlds) :]:
         axes.set_axis_off()
-    entries = {entry.get_label(): entry for portrait in portraits.values() for entry in legend_of(portrait)}
+    entries = {entry.get_label(): entry for world in worlds.values() for entry in legend_of(world)}
     figure.legend(
         handles=list(entries.values()),
         loc="outside lower center",
@@ -390,12 +411,12 @@ def still_paths(path: Path, steps: Sequence[int], sheet: bool) -> dict[Path, lis
     return {path.with_name(f"{path.stem}_{step}{path.suffix}"): [step] for step in steps}
 
 
-def export_stills(portraits: Portraits, files: dict[Path, list[int]], look: Look, progress: bool) -> None:
+def export_stills(drawn: PicturedSteps, files: dict[Path, list[int]], look: Look, progress: bool) -> None:
     """Draw the pictures, each of which is written whole.
 
     Parameters
     ----------
-    portraits : Portraits
+    drawn : PicturedSteps
     files : dict
         Steps by path, see `still_paths`; an ending .svg gives vectors, any other a PNG.
     look : Look
@@ -404,18 +425,19 @@ def export_stills(portraits: Portraits, files: dict[Path, list[int]], look: Look
     """
     with progress_bar(len(files), "pictures", progress) as bar:
         for path, steps in files.items():
-            figure = still_figure(portraits, steps, look)
+            figure = still_figure(drawn, steps, look)
             write_whole(path, svg(figure) if path.suffix.lower() == ".svg" else png(figure), ExportError)
             bar.update(1)
 
 
-def still_figure(portraits: Portraits, steps: Sequence[int], look: Look) -> Figure:
+def still_figure(drawn: PicturedSteps, steps: Sequence[int], look: Look) -> Figure:
     """Return a figure of steps, side by side if they are several."""
-    shown = {f"{portraits.scene.name}, step {step:,}": portraits.at(step) for step in steps}
+    scene = drawn.scene
+    shown = {f"{scene.name}, step {step:,}": (drawn.frame(step), scene) for step in steps}
     figure = world_figure(shown, look.sectors)
     if look.trails:
         for axes, step in zip(figure.axes, steps, strict=False):
-            draw_trails(axes, portraits, step, look.trails)
+            draw_trails(axes, drawn, step, look.trails)
     if look.size is not None:
         width, height = look.size
         figure.set_size_inches(width / DOTS_PER_INCH, height / DOTS_PER_INCH)

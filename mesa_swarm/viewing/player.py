@@ -9,12 +9,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from mesa_swarm.errors import in_words
 from mesa_swarm.fire.model import FireModel
+from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.recording.recorder import Recorder
-from mesa_swarm.viewing.frame import moment_of_model, packed_frame
+from mesa_swarm.viewing.packing import PACKED_FROM, packed_frame
 from mesa_swarm.viewing.play_loop import Listeners, PlayLoop
-from mesa_swarm.viewing.readings import in_words, readings_of
-from mesa_swarm.viewing.scene import world_of_model
+from mesa_swarm.viewing.readings import readings_of
+from mesa_swarm.viewing.scene import Scene, scene_of
 
 MOST_BYTES = 48_000_000
 # What a picture takes besides its frame: itself, its readings, its fingerprint.
@@ -24,11 +26,11 @@ WORLD_BYTES = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Picture:
-    """What is shown of a step: a packed frame, the world that it is drawn in, numbers beside it."""
+class PackedFrame:
+    """A frame on its way to browsers: its bytes, the world that they are drawn in, numbers beside it."""
 
     step: int
-    frame: bytes
+    content: bytes
     world: dict = field(default_factory=dict, repr=False)
     readings: tuple[tuple[str, str], ...] = ()
     fingerprint: str = ""
@@ -52,7 +54,7 @@ class Past(ABC):
 
     @property
     @abstractmethod
-    def shown(self) -> Picture | None:
+    def shown(self) -> PackedFrame | None:
         """The picture that is looked at, None if there are none."""
 
     @property
@@ -91,7 +93,7 @@ class KeptPast(Past):
     --------
     >>> past = KeptPast()
     >>> for step in range(3):
-    ...     past.append(Picture(step, b""))
+    ...     past.append(PackedFrame(step, b""))
     >>> past.look(past.index - 1)
     >>> past.shown.step, past.is_present
     (1, False)
@@ -100,7 +102,7 @@ class KeptPast(Past):
     def __init__(self, most_bytes: int = MOST_BYTES) -> None:
         super().__init__()
         self.most_bytes = most_bytes
-        self._pictures: deque[Picture] = deque()
+        self._pictures: deque[PackedFrame] = deque()
         self._sizes: deque[int] = deque()
         self._bytes = 0
 
@@ -108,7 +110,7 @@ class KeptPast(Past):
         return len(self._pictures)
 
     @property
-    def shown(self) -> Picture | None:
+    def shown(self) -> PackedFrame | None:
         """The picture that is looked at, None before the first."""
         return self._pictures[self.index] if self._pictures else None
 
@@ -122,12 +124,12 @@ class KeptPast(Past):
         """The step of the latest picture, 0 if there is none."""
         return self._pictures[-1].step if self._pictures else 0
 
-    def append(self, picture: Picture) -> None:
+    def append(self, picture: PackedFrame) -> None:
         """Keep a new picture, and look at it; it replaces one of the same step."""
         if self._pictures and self._pictures[-1].step == picture.step:
             self._pictures.pop()
             self._bytes -= self._sizes.pop()
-        size = PICTURE_BYTES + len(picture.frame) + self._size_of_world(picture)
+        size = PICTURE_BYTES + len(picture.content) + self._size_of_world(picture)
         self._pictures.append(picture)
         self._sizes.append(size)
         self._bytes += size
@@ -136,7 +138,7 @@ class KeptPast(Past):
             self._bytes -= self._sizes.popleft()
         self.index = len(self._pictures) - 1
 
-    def _size_of_world(self, picture: Picture) -> int:
+    def _size_of_world(self, picture: PackedFrame) -> int:
         """Return about how much memory a world takes that the picture before was not drawn in."""
         if self._pictures and self._pictures[-1].world is picture.world:
             return 0
@@ -164,7 +166,7 @@ class Viewer(Protocol):
     def ready(self) -> bool:
         """Whether it has done with the last picture."""
 
-    def push(self, number: int, picture: Picture) -> None:
+    def push(self, number: int, picture: PackedFrame) -> None:
         """Show a picture, now or as soon as it can, unless it had one of a higher number."""
 
 
@@ -288,7 +290,7 @@ class Played(ABC):
         """Take a step in the thread, unless it was told to stop; return whether to go on."""
 
     @abstractmethod
-    def _shown(self) -> Picture | None:
+    def _shown(self) -> PackedFrame | None:
         """Return the picture that is looked at, None if there is none."""
 
 
@@ -344,8 +346,8 @@ class Player(Played):
         self.selected: int | None = None
         self.selection = Listeners()
         self.stepping = False
-        self._world: dict = {}
-        self._world_key: tuple = ()
+        self._scene: Scene | None = None
+        self._scene_key: tuple = ()
         self.rest()
 
     @property
@@ -405,7 +407,7 @@ class Player(Played):
         with self.lock:
             self.model = None
             self.past.clear()
-            self._world, self._world_key = {}, ()
+            self._scene, self._scene_key = None, ()
 
     @contextmanager
     def minding(self) -> Iterator[None]:
@@ -420,7 +422,7 @@ class Player(Played):
     def _can_go_on(self) -> bool:
         return self.model is not None and not self.error and not self.finished
 
-    def _shown(self) -> Picture | None:
+    def _shown(self) -> PackedFrame | None:
         return self.past.shown
 
     def _play_step(self, stop: threading.Event) -> bool:
@@ -462,15 +464,15 @@ class Player(Played):
         if known is None or known.step != self.model.completed or (fingerprint and not known.fingerprint):
             self.kept.append(self._picture(self.model, fingerprint))
 
-    def _picture(self, model: FireModel, fingerprint: bool) -> Picture:
+    def _picture(self, model: FireModel, fingerprint: bool) -> PackedFrame:
         standing = model.obstacle_list
         last = standing[-1].unique_id if standing else 0  # ids only grow: with the number it tells of every change
         key = id(model), model.swarm.version, len(standing), last, id(model.control), model.fire_constants.leave
-        if key != self._world_key:
-            self._world, self._world_key = world_of_model(model), key
-        frame = packed_frame(moment_of_model(model, self._world), self._world)
-        mark = model.state_hash() if fingerprint else ""
-        return Picture(model.completed, frame, self._world, readings_of(model), mark)
+        if self._scene is None or key != self._scene_key:
+            self._scene, self._scene_key = scene_of(model), key
+        content = packed_frame(frame_of(model, PACKED_FROM), self._scene)
+        state_hash = model.state_hash() if fingerprint else ""
+        return PackedFrame(model.completed, content, self._scene.world(), readings_of(model), state_hash)
 
 
 def forget_collected(model: FireModel, rows: int) -> None:

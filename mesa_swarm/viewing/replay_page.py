@@ -10,9 +10,9 @@ from threading import Lock
 from mesa_swarm.errors import InvalidValueError, shortened
 from mesa_swarm.recording.frames import Frame, events_of
 from mesa_swarm.recording.recording import Recording
-from mesa_swarm.viewing.frame import moment_of_frame, packed_chunk
 from mesa_swarm.viewing.headers import policy, source_of
-from mesa_swarm.viewing.scene import OWN, knows_bodies, world_at, worlds_of_recording
+from mesa_swarm.viewing.packing import packed_chunk
+from mesa_swarm.viewing.scene import Scene, scene_of_recording
 
 # Rows of a chunk: many compress well, few are quickly fetched. Fewer of many robots.
 MOST_ROWS = 256
@@ -62,17 +62,15 @@ class Reel:
         if not 0 <= place < self.chunks:
             raise InvalidValueError(f"chunk is {place}; expected 0 to {self.chunks - 1}")
         first = place * self.chunk_rows
-        frames = self._frames(first, min(first + self.chunk_rows, self.rows))
-        moments = (moment_of_frame(frame, world_at(self._worlds, frame.step)) for frame in frames)
-        return packed_chunk(moments, self._worlds[0][1])
+        return packed_chunk(self._frames(first, min(first + self.chunk_rows, self.rows)), self.scene)
 
     @cached_property
     def about(self) -> dict:
         """What the player must know first: the world, how it changes, and the run that was recorded in it."""
-        facts, ((_, world), *later) = self.recording.provenance, self._worlds
+        facts = self.recording.provenance
         return {
-            "world": world,
-            "later": [{"step": step, **{name: other[name] for name in OWN}} for step, other in later],
+            "world": self.scene.world(),
+            "later": self.scene.later,
             "model": facts["model"]["name"],
             "parameters": {name: _in_words(value) for name, value in facts["parameters"].items()},
             "seed": _in_words(facts["seed"]),
@@ -90,8 +88,9 @@ class Reel:
         return [{"step": event.step, "kind": event.kind, "text": event.text} for event in events_of(self)]
 
     @cached_property
-    def _worlds(self) -> list[tuple[int, dict]]:
-        return worlds_of_recording(self.recording)
+    def scene(self) -> Scene:
+        """What stands behind the frames."""
+        return scene_of_recording(self.recording)
 
     def _frames(self, begin: int, end: int) -> Iterator[Frame]:
         for row in range(begin, end):
@@ -107,7 +106,7 @@ class Reel:
             yield f"The recording {recording.damage}."
         elif not recording.complete:
             yield f"The recording was not closed; it is whole up to step {self._last_step}."
-        if not knows_bodies(recording):
+        if not recording.provenance.get("scenery"):
             yield "An older version recorded this: robots are drawn in the usual size, without their sensors."
 
     @property
@@ -132,7 +131,7 @@ IMPORT = 'import { Stage, TOGGLES } from "./canvas.js";\n'
 def replay_page(recording: Recording) -> str:
     """Return a page that plays a recording; it is whole in itself and asks for nothing.
 
-    What is drawn is rounded as `mesa_swarm.viewing.frame` says: positions to within 1/65535 of the map.
+    What is drawn is rounded as `mesa_swarm.viewing.packing` describes: positions to within 1/65535 of the map.
     50 robots and 3,000 steps take less than 2 MB.
 
     Parameters

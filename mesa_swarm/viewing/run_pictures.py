@@ -14,9 +14,10 @@ from mesa_swarm.analysis import layer_shares
 from mesa_swarm.errors import InvalidValueError, check_count, shortened
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.progress import progress_bar
+from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.robots.snapshots import check_kept
-from mesa_swarm.viewing.pictures import literal, world_figure
-from mesa_swarm.viewing.portrait import portrait_of
+from mesa_swarm.viewing.pictures import Shown, literal, world_figure
+from mesa_swarm.viewing.scene import scene_of
 
 # Okabe and Ito's colours for layers, in order; white for no layer.
 LAYER_COLOURS = ("#d55e00", "#0072b2", "#009e73", "#e69f00", "#cc79a7", "#56b4e9", "#f0e442", "#000000")
@@ -55,11 +56,12 @@ def stages(
     wanted = [check_count("step", step, minimum=model.steps) for step in steps]
     if not wanted or sorted(set(wanted)) != wanted:
         raise InvalidValueError(f"steps is {shortened(steps)}; expected ascending steps such as (0, 1000, 3000)")
-    portraits = {}
+    shown: dict[str, Shown] = {}
     for step in wanted:
         model.run(step - model.steps, progress)
-        portraits[f"{type(model).__name__}, step {model.steps:,}"] = portrait_of(model, perceived=perceived)
-    return world_figure(portraits)
+        frame = frame_of(model, perceived=perceived)
+        shown[f"{type(model).__name__}, step {model.steps:,}"] = frame, scene_of(model)
+    return world_figure(shown)
 
 
 def trace(model: FireModel, steps: int = 10_000, *, robots: int = 1, every: int = 5, progress: bool = False) -> Figure:
@@ -87,7 +89,7 @@ def trace(model: FireModel, steps: int = 10_000, *, robots: int = 1, every: int 
     count = check_count("robots", robots, minimum=1, maximum=MOST_TRACES)
     first, steps = model.steps, check_count("steps", steps, minimum=1)
     places = _places(model, first + steps, check_count("every", every, minimum=1), progress)
-    figure = world_figure({f"{type(model).__name__}, {model.steps - first:,} steps": portrait_of(model)})
+    figure = world_figure({f"{type(model).__name__}, {model.steps - first:,} steps": model})
     for row in range(min(count, len(model.swarm))):
         _draw_trace(figure.axes[0], places[:, row], LAYER_COLOURS[(row + 1) % len(LAYER_COLOURS)])
     return figure

@@ -1,14 +1,24 @@
 """Scenes: what stands behind the frames of a model or a recording."""
 
+import math
 from bisect import bisect_right
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from operator import itemgetter
+
+import numpy as np
 
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.fire.model import FireModel
+from mesa_swarm.recording.frames import Frame
 from mesa_swarm.recording.provenance import map_of, scenery_of, written_shape
 from mesa_swarm.recording.recording import Recording
-from mesa_swarm.world.map import Map
+from mesa_swarm.robots.design import RobotDesign
+from mesa_swarm.robots.sensors import ProximitySensor
+from mesa_swarm.world.bodies import Form
+from mesa_swarm.world.map_parts import Bounds
+from mesa_swarm.world.shapes import Shape, disc, polygon
 
 # name: (table, values a row, type). Wider types first: in a packed frame each array is then aligned.
 COLUMNS: dict[str, tuple[str, int | str, str]] = {
@@ -25,46 +35,180 @@ COLUMNS: dict[str, tuple[str, int | str, str]] = {
     "layer": ("robots", 1, "i1"),
     "design": ("robots", 1, "i1"),
 }
-# Which recorded column a drawn one is made from, where the names differ; what is always there is not named.
+# Which recorded column a drawn one is made from, where the names differ; those that are always there are not named.
 MADE_FROM = {"heat": "temperature", "heard": "heard_from"}
 ALWAYS = frozenset({"ids", "pose", "design", "fires", "loads", "contacts"})
-# In what the worlds of one recording may differ: robots and loads that came later are known to all of them.
+# What may change within a scene: robots, designs and loads that were added later are known from its beginning.
 OWN = ("shapes", "layers", "leave")
-# Of robots and loads in recordings that do not tell: version 0.1.0 did not write scenery.
+# Of robots and loads in recordings without scenery, which version 0.1.0 wrote.
 USUAL_DESIGN = {"name": "robot", "radius": 5.0, "max_speed": 1.0, "holonomic": False, "sensors": []}
 USUAL_RADIUS = 10.0
 USUAL_LEAVE = 100.0
+UNKNOWN = RobotDesign(name="unknown", radius=5.0)
 
 
-def world_of_model(model: FireModel) -> dict:
-    """Return the world of a model; make it anew when robots, obstacles or loads were added or removed.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scene:
+    """What stands behind frames; nothing in it changes, and shapes and designs are built when first needed.
+
+    Parameters
+    ----------
+    name : str
+        Of the model.
+    map : str
+        Name of the map.
+    bounds : (x_min, y_min, x_max, y_max)
+        Map units.
+    changes : tuple of (step, dict)
+        What is true from each of these steps on, as `scenery_of` describes it, in the order of time, at least one;
+        robots, designs and loads are the same in all.
+    columns : tuple of str
+        Which of `COLUMNS` frames in front of it can be packed with.
+    """
+
+    name: str
+    map: str
+    bounds: Bounds
+    changes: tuple[tuple[int, dict], ...]
+    columns: tuple[str, ...] = tuple(COLUMNS)
+
+    def world(self, step: int = 0) -> dict:
+        """Return what a browser needs to draw frames of a step, as JSON: see the top of ``canvas.js``.
+
+        The same object is returned for all steps between two changes.
+        """
+        return self._worlds[self._place(step)]
+
+    @property
+    def later(self) -> list[dict]:
+        """How the world of the first step changes: the step of each change, and what is true from then on."""
+        return [{"step": step, **{name: scenery[name] for name in OWN}} for step, scenery in self.changes[1:]]
+
+    def build(self) -> None:
+        """Build all shapes and designs now.
+
+        Raises
+        ------
+        InvalidValueError
+            If one of them is described wrongly.
+        """
+        _ = self._obstacles, self.forms, self.designs
+
+    def obstacles(self, step: int) -> tuple[Shape, ...]:
+        """Return obstacles and ground marks; one object for all steps between two changes of them."""
+        return self._obstacles[self._place(step)]
+
+    def limits(self, step: int) -> tuple[float, float]:
+        """Return the temperature from which on a robot is too hot to fight, and the one down to which it then is."""
+        scenery = self.changes[self._place(step)][1]
+        return float(scenery["leave"]), float(scenery.get("join", scenery["leave"]))
+
+    def loads(self, frame: Frame) -> tuple[Shape, ...]:
+        """Return the loads of a frame where they are, those left out whose shapes are unknown."""
+        rows = frame.columns.get("loads", np.empty(0)).tolist()
+        return tuple(self.forms[load].shape_at(tuple(pose)) for load, *pose in rows if load in self.forms)
+
+    def design_of(self, ids: np.ndarray) -> np.ndarray:
+        """Return the index of each robot's design, -1 for robots that the scene does not know.
+
+        Examples
+        --------
+        >>> runs = {"robots": [[3, 5, 0], [6, 8, 1]]}
+        >>> scene = Scene(name="", map="", bounds=(0, 0, 1, 1), changes=((0, runs),))
+        >>> scene.design_of(np.array([4, 7, 9]))
+        array([ 0,  1, -1])
+        """
+        if not self._runs.size:
+            return np.full(len(ids), -1)
+        first, last, design = self._runs
+        run = np.maximum(first.searchsorted(ids, side="right") - 1, 0)
+        return np.where((ids >= first[run]) & (ids <= last[run]), design[run], -1)
+
+    def radius_of(self, ids: np.ndarray) -> np.ndarray:
+        """Return the radius of each robot; of those that the scene does not know, 5 map units."""
+        return np.array([design.radius for design in self.designs])[self.design_of(ids)]
+
+    @cached_property
+    def designs(self) -> tuple[RobotDesign, ...]:
+        """The robots' designs as far as one sees them; the last one is that of unknown robots."""
+        return *map(_design, self.changes[0][1]["designs"]), UNKNOWN
+
+    @cached_property
+    def forms(self) -> dict[int, Form]:
+        """The loads' forms by unique_id."""
+        return {load["id"]: Form.of(_shape(load)) for load in self.changes[0][1]["loads"]}
+
+    @cached_property
+    def load_places(self) -> dict[int, int]:
+        """The index of each load among the world's, by unique_id."""
+        return {load["id"]: place for place, load in enumerate(self.changes[0][1]["loads"])}
+
+    @cached_property
+    def _obstacles(self) -> list[tuple[Shape, ...]]:
+        found: list[tuple[Shape, ...]] = []
+        for place, (_, scenery) in enumerate(self.changes):
+            same = place > 0 and scenery["shapes"] == self.changes[place - 1][1]["shapes"]
+            found.append(found[-1] if same else tuple(map(_shape, scenery["shapes"])))
+        return found
+
+    @cached_property
+    def _runs(self) -> np.ndarray:
+        """First ids, last ids and designs of robots in a row, shape (3, k)."""
+        return np.ascontiguousarray(np.array(self.changes[0][1]["robots"], int).reshape(-1, 3).T)
+
+    @cached_property
+    def _worlds(self) -> list[dict]:
+        return [self._world(scenery) for _, scenery in self.changes]
+
+    def _place(self, step: int) -> int:
+        return max(bisect_right(self.changes, step, key=itemgetter(0)) - 1, 0) if len(self.changes) > 1 else 0
+
+    def _world(self, scenery: dict) -> dict:
+        designs = scenery["designs"] or [USUAL_DESIGN]
+        ranges = [sensor[4] for design in designs for sensor in design["sensors"]]
+        return {
+            "map": self.map,
+            "bounds": list(map(float, self.bounds)),
+            "shapes": scenery["shapes"],
+            "loads": scenery["loads"],
+            "designs": designs,
+            "robots": scenery["robots"],
+            "layers": scenery["layers"],
+            "leave": scenery["leave"],
+            "reach": max(ranges, default=0.0) or 1.0,
+            "fastest": max(design["max_speed"] for design in designs) or 1.0,
+            "columns": [
+                dict(zip(("name", "table", "width", "type"), (name, *COLUMNS[name]), strict=True))
+                for name in self.columns
+            ],
+        }
+
+
+def scene_of(model: FireModel) -> Scene:
+    """Return the scene of a model; make it anew when robots, obstacles or loads were added or removed.
 
     Parameters
     ----------
     model : SwarmModel
 
-    Returns
-    -------
-    dict
-        As described at the top of ``canvas.js``.
-
     Examples
     --------
     >>> from mesa_swarm import SwarmModel
-    >>> world_of_model(SwarmModel(rng=1))["bounds"]
+    >>> scene_of(SwarmModel(rng=1)).world()["bounds"]
     [0.0, 0.0, 800.0, 600.0]
     """
-    return _world(scenery_of(model), model.map, COLUMNS)
+    changes = ((model.completed, scenery_of(model)),)
+    return Scene(name=type(model).__name__, map=model.map.name, bounds=model.map.bounds, changes=changes)
 
 
-def worlds_of_recording(recording: Recording) -> list[tuple[int, dict]]:
-    """Return the worlds of a recording, each with the first step that it is of, see `world_at`.
-
-    What is not recorded is drawn as it usually is, or not at all. The worlds differ in `OWN` alone.
+def scene_of_recording(recording: Recording, sceneries: Sequence[tuple[int, dict]] = ()) -> Scene:
+    """Return the scene of a recording.
 
     Parameters
     ----------
     recording : Recording
+    sceneries : sequence of (step, dict)
+        In the place of its own; if there are none, it shows its map, and robots and loads of the usual size.
 
     Raises
     ------
@@ -73,64 +217,51 @@ def worlds_of_recording(recording: Recording) -> list[tuple[int, dict]]:
     """
     if "position" not in recording.columns:
         raise RecordingError(f"{recording.path} has no positions to draw; record the column 'position' as well")
-    chart = map_of(recording.provenance)
-    recorded = [name for name in COLUMNS if name in ALWAYS or MADE_FROM.get(name, name) in recording.columns]
-    if "kind" not in recorded or "distance" not in recorded:
-        recorded = [name for name in recorded if name not in ("kind", "distance")]
-    sceneries = recording.sceneries or ((0, _usual_scenery(recording, chart)),)
-    return [(step, _world(scenery, chart, recorded)) for step, scenery in sceneries]
+    its_map = map_of(recording.provenance)
+    columns = [name for name in COLUMNS if name in ALWAYS or MADE_FROM.get(name, name) in recording.columns]
+    if "kind" not in columns or "distance" not in columns:
+        columns = [name for name in columns if name not in ("kind", "distance")]
+    return Scene(
+        name=recording.provenance["model"]["name"],
+        map=its_map.name,
+        bounds=its_map.bounds,
+        changes=tuple(sceneries or recording.sceneries or ((0, usual_scenery(recording)),)),
+        columns=tuple(columns),
+    )
 
 
-def world_at(worlds: Sequence[tuple[int, dict]], step: int) -> dict:
-    """Return the world of a step.
-
-    Parameters
-    ----------
-    worlds : sequence of (step, dict)
-        Of `worlds_of_recording`.
-    step : int
-
-    Examples
-    --------
-    >>> world_at([(10, {"map": "a"}), (20, {"map": "b"})], 19)
-    {'map': 'a'}
-    """
-    return worlds[max(bisect_right(worlds, step, key=itemgetter(0)) - 1, 0)][1]
-
-
-def knows_bodies(recording: Recording) -> bool:
-    """Tell whether a recording says how large its robots are, and what sensors they have."""
-    return bool(recording.provenance.get("scenery"))
-
-
-def _world(scenery: dict, chart: Map, columns: Iterable[str]) -> dict:
-    designs = scenery["designs"] or [USUAL_DESIGN]
-    ranges = [sensor[4] for design in designs for sensor in design["sensors"]]
-    return {
-        "map": chart.name,
-        "bounds": list(map(float, chart.bounds)),
-        "shapes": scenery["shapes"],
-        "loads": scenery["loads"],
-        "designs": designs,
-        "robots": scenery["robots"],
-        "layers": scenery["layers"],
-        "leave": scenery["leave"],
-        "reach": max(ranges, default=0.0) or 1.0,
-        "fastest": max(design["max_speed"] for design in designs) or 1.0,
-        "columns": [
-            dict(zip(("name", "table", "width", "type"), (name, *COLUMNS[name]), strict=True)) for name in columns
-        ],
-    }
-
-
-def _usual_scenery(recording: Recording, chart: Map) -> dict:
+def usual_scenery(recording: Recording) -> dict:
+    """Return what is drawn of a recording that describes neither robots nor loads."""
     first = recording[0] if recording.intact else None
     loads = first["loads"]["load"].tolist() if first and "loads" in first.columns else []
     return {
         "designs": [USUAL_DESIGN],
         "robots": [],
-        "shapes": [written_shape(shape) for shape in chart.obstacles],
+        "shapes": [written_shape(shape) for shape in map_of(recording.provenance).obstacles],
         "loads": [{"id": load, "disc": [0.0, 0.0, USUAL_RADIUS]} for load in loads],
         "layers": [],
         "leave": recording.provenance["parameters"].get("leave", USUAL_LEAVE),
     }
+
+
+def _shape(written: dict) -> Shape:
+    """Return the shape that `written_shape` wrote."""
+    contact = not written.get("mark", False)
+    if "disc" in written:
+        x, y, radius = written["disc"]
+        return disc((x, y), radius, contact=contact)
+    shell, *holes = written["rings"]
+    return polygon(shell, holes, contact=contact)
+
+
+def _design(written: dict) -> RobotDesign:
+    sensors = tuple(
+        ProximitySensor(
+            bearing_degrees=math.degrees(bearing),
+            range=reach,
+            field_of_view_degrees=min(2 * math.degrees(half), 360.0),
+            mount=(x, y),
+        )
+        for x, y, bearing, half, reach in written["sensors"]
+    )
+    return RobotDesign(name=written["name"], radius=written["radius"], max_speed=written["max_speed"], sensors=sensors)

@@ -1,8 +1,8 @@
 """Solutions of notebook 2; each part may be pasted into the cell of its exercise."""
 
 # %% exercise-1
-# Farther than the 20 units that it goes between two looks, with room to spare. On the spot it would turn by 4 radians
-# until it looks again, past where it wanted to go, and most of the time it would do nothing else.
+# Farther than the 20 units that it moves between two readings, with a margin. On the spot it would turn by 4 radians
+# between two readings, past the free direction, and would turn most of the time.
 answer = dict(distance=35, turn="translational")
 
 # %% exercise-2

@@ -14,6 +14,6 @@ def turn_away(me, distance=15.0):
 
 
 # %% exercise-2
-# Large, and both walls of the corridor are near at once: it turns to and fro before the entrance. Very small, and
-# the robot touches the wall before it has turned.
+# With a large distance both walls of the corridor are near at once, and the robot turns to and fro at the entrance.
+# With a very small one it touches the wall before it has turned.
 distance = 8

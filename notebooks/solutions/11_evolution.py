@@ -2,10 +2,10 @@
 
 # %% exercise-1
 weights = [
-    [0, -5],  # the eye ahead: turn to one side, whichever
-    [0, -5],  # left: slow down the right wheel
-    [-5, 0],  # right: slow down the left wheel
-    [2, 2],  # the constant: straight ahead, and at full speed still when something is a little near
+    [0, -5],  # the sensor ahead: turn to a fixed side
+    [0, -5],  # left: slow the right wheel
+    [-5, 0],  # right: slow the left wheel
+    [2, 2],  # the constant: straight ahead, and still at full speed when something is moderately near
 ]
 
 

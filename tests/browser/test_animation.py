@@ -6,7 +6,7 @@ import pytest
 
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
-from mesa_swarm.viewing import export
+from mesa_swarm.viewing.export import export
 
 CHROMIUM = Path("/usr/bin/chromium")
 FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--disable-background-networking", "--disable-sync"]

@@ -8,8 +8,9 @@ import pytest
 
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
-from mesa_swarm.viewing.frame import moment_of_model, packed_frame
-from mesa_swarm.viewing.scene import world_of_model
+from mesa_swarm.recording.frames import frame_of
+from mesa_swarm.viewing.packing import PACKED_FROM, packed_frame
+from mesa_swarm.viewing.scene import scene_of
 
 SCRIPT = (files("mesa_swarm.viewing") / "canvas.js").read_text(encoding="utf-8")
 WIDTH, HEIGHT, LEFT = 900, 675, 150
@@ -48,8 +49,8 @@ WRITE = """async ({ script, world, frame, places }) => {
 def drawn(chromium):
     """Draw the robots of a world that are left of a place; return how many, and the pixels of the left part."""
     model = CollisionAvoidance(n_robots=180, rng=1).run(50)
-    world = world_of_model(model)
-    frame = base64.b64encode(packed_frame(moment_of_model(model, world), world)).decode()
+    scene = scene_of(model)
+    world, frame = scene.world(), base64.b64encode(packed_frame(frame_of(model, PACKED_FROM), scene)).decode()
     page = chromium.new_page(viewport={"width": WIDTH, "height": HEIGHT})
 
     def draw(before: float, turned: float = 0.0, scale: float = 1.0) -> tuple[int, np.ndarray]:
@@ -78,8 +79,8 @@ def test_robots_that_are_copied_look_like_those_that_are_drawn(drawn, scale):
 
 def test_every_fire_has_the_number_that_charts_give_it_written_below_it(chromium):
     model = FireFighting(rng=1).run(20)
-    world = world_of_model(model)
-    frame = base64.b64encode(packed_frame(moment_of_model(model, world), world)).decode()
+    scene = scene_of(model)
+    world, frame = scene.world(), base64.b64encode(packed_frame(frame_of(model, PACKED_FROM), scene)).decode()
     page = chromium.new_page(viewport={"width": WIDTH, "height": HEIGHT})
     page.set_content("<style>canvas { position: fixed; width: 900px; height: 675px }</style>")
     told = {"script": SCRIPT, "world": world, "frame": frame, "places": model.fires.position.tolist()}

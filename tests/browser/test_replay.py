@@ -18,10 +18,11 @@ from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
+from mesa_swarm.recording.frames import Frame, frame_of
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.viewing.frame import moment_of_frame, moment_of_model, packed_frame
+from mesa_swarm.viewing.packing import PACKED_FROM, packed_frame
 from mesa_swarm.viewing.replay_page import asset, replay_page
-from mesa_swarm.viewing.scene import world_of_model, worlds_of_recording
+from mesa_swarm.viewing.scene import Scene, scene_of, scene_of_recording
 
 CHROMIUM = Path("/usr/bin/chromium")
 FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
@@ -277,8 +278,8 @@ def staged(page, world, frame: bytes):
 
 def test_bytes_of_a_live_model_are_drawn_as_they_are(blank):
     model = FireFighting(n_robots=12, rng=1).run(60)
-    world = world_of_model(model)
-    staged(blank, world, packed_frame(moment_of_model(model, world), world))
+    scene = scene_of(model)
+    staged(blank, scene.world(), packed_frame(frame_of(model, PACKED_FROM), scene))
     pose = np.column_stack([model.swarm.position, model.swarm.heading]).astype(np.float32)
     np.testing.assert_array_equal(blank.evaluate("[...frame.pose]"), pose.ravel().astype(float))
     sensors, contacts = model.swarm.distance.shape[1], int(model.swarm.collided.sum())
@@ -299,8 +300,8 @@ def test_a_load_is_drawn_where_it_was_pushed_to(blank, tmp_path):
     with model.record(tmp_path / "run.arrow"):
         model.run(200)
     recording = Recording(tmp_path / "run.arrow")
-    world = worlds_of_recording(recording)[0][1]
-    staged(blank, world, packed_frame(moment_of_frame(recording[-1], world), world))
+    scene = scene_of_recording(recording)
+    staged(blank, scene.world(), packed_frame(recording[-1], scene))
     x, y = model.load.position
     colour = blank.evaluate(
         f"(([x, y]) => [...stage_pixel(x, y)])(stage.toCanvas({x}, {y}))".replace(
@@ -315,8 +316,8 @@ def test_a_load_is_drawn_where_it_was_pushed_to(blank, tmp_path):
 def test_drawing_is_quick(blank, robots, most):
     model = SwarmModel(map="openspace", rng=1)
     model.add_robots(all_round(9, range=50.0), 1)
-    world = world_of_model(model)
-    staged(blank, world, crowd(moment_of_model(model, world), world, robots))
+    scene = scene_of(model)
+    staged(blank, scene.world(), crowd(frame_of(model, PACKED_FROM), scene, robots))
     took = blank.evaluate(
         "(() => { const began = performance.now(); for (let i = 0; i < 20; i++) stage.draw();"
         "document.getElementById('world').getContext('2d').getImageData(0, 0, 1, 1);"
@@ -326,15 +327,15 @@ def test_drawing_is_quick(blank, robots, most):
     assert took < most
 
 
-def crowd(moment, world, robots: int) -> bytes:
+def crowd(frame: Frame, scene: Scene, robots: int) -> bytes:
     """Return a packed frame of so many robots all over the map, a third of whose sensors see something."""
     rng = np.random.default_rng(1)
-    rows = {name: np.repeat(table, robots, axis=0) for name, table in moment.columns.items() if len(table) == 1}
-    rows["ids"] = np.arange(robots)[:, None]
-    rows["pose"] = rng.uniform([30, 30, -3], [770, 570, 3], (robots, 3))
+    rows = {name: np.repeat(table, robots, axis=0) for name, table in frame.columns.items() if len(table) == 1}
+    rows["position"] = rng.uniform([30, 30], [770, 570], (robots, 2))
+    rows["heading"] = rng.uniform(-3, 3, robots)
     rows["distance"] = np.where(rng.random((robots, 9)) < 0.33, rng.uniform(0, 50, (robots, 9)), -1.0)
-    rows["layer"] = rng.integers(0, 3, (robots, 1))
-    return packed_frame(replace(moment, columns=moment.columns | rows), world)
+    rows["layer"] = rng.integers(0, 3, robots)
+    return packed_frame(replace(frame, robots=np.arange(robots), columns=frame.columns | rows), scene)
 
 
 def test_what_was_changed_while_it_was_recorded_is_drawn_from_then_on(blank, tmp_path):

@@ -144,7 +144,7 @@ def test_a_robot_is_moved_and_the_link_no_longer_tells_of_the_step(inspecting):
     assert robot.heading == pytest.approx(-math.pi / 2)
     assert inspecting.inspector.told["pose"] == {"x": 300.0, "y": 420.5, "heading": -90.0}
     assert session.past.shown.step == 1
-    assert session.past.shown.frame != before.frame
+    assert session.past.shown.content != before.content
     assert session.past.shown.fingerprint != before.fingerprint
     assert "step=" not in query_of(session)
     session.reset()

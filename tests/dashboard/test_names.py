@@ -17,9 +17,8 @@ from mesa_swarm.errors import MapError, SwarmError
 from mesa_swarm.recording import Recording
 from mesa_swarm.robots.design import AGENT9
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.viewing import export
+from mesa_swarm.viewing.export import export
 from mesa_swarm.viewing.pictures import png, world_figure
-from mesa_swarm.viewing.portrait import portrait_of
 from mesa_swarm.viewing.replay_page import replay_page
 
 SVG = b'<svg width="80" height="60"><circle cx="40" cy="20" r="5"/></svg>'
@@ -59,8 +58,7 @@ def test_names_in_tables_are_text():
 
 @pytest.mark.parametrize("name", HOSTILE_NAMES)
 def test_names_in_pictures_are_text(name):
-    portrait = portrait_of(SwarmModel(rng=1))
-    assert png(world_figure({name: portrait})).startswith(b"\x89PNG")
+    assert png(world_figure({name: SwarmModel(rng=1)})).startswith(b"\x89PNG")
     numbers = {name: (np.arange(1, 4), np.arange(3.0))}
     assert curves_png([numbers, numbers], [name, name]).startswith(b"\x89PNG")
 

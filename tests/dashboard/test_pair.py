@@ -6,7 +6,7 @@ from mesa_swarm.dashboard.pair import Pair
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES
-from mesa_swarm.viewing.player import KeptPast, Picture
+from mesa_swarm.viewing.player import KeptPast, PackedFrame
 
 
 class Breaks(CollisionAvoidance):
@@ -32,7 +32,7 @@ class Spectator:
     def __init__(self, ready: bool = True) -> None:
         self.ready, self.steps, self._latest = ready, [], 0
 
-    def push(self, number: int, picture: Picture) -> None:
+    def push(self, number: int, picture: PackedFrame) -> None:
         if number > self._latest:
             self._latest = number
             self.steps.append(picture.step)
@@ -55,7 +55,7 @@ def shown_by(pair: Pair) -> list[int]:
 def test_the_past_is_looked_at_by_step():
     past = KeptPast()
     for step in (0, 2, 4, 8):
-        past.append(Picture(step, b""))
+        past.append(PackedFrame(step, b""))
     shown = []
     for step in (5, 8, 99, -1, 2):
         past.look_at(step)

@@ -9,7 +9,7 @@ from mesa_swarm import disc
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES, BREATH, LONGEST_DEBT, PlayLoop
-from mesa_swarm.viewing.player import KeptPast, Picture, Player
+from mesa_swarm.viewing.player import KeptPast, PackedFrame, Player
 
 
 class Spectator:
@@ -18,7 +18,7 @@ class Spectator:
     def __init__(self, ready: bool = True) -> None:
         self.ready, self.seen = ready, []
 
-    def push(self, number: int, picture: Picture) -> None:
+    def push(self, number: int, picture: PackedFrame) -> None:
         if not self.seen or number > self.seen[-1][0]:
             self.seen.append((number, picture.step))
 
@@ -35,26 +35,26 @@ class Breaks(CollisionAvoidance):
 def test_what_is_kept_is_bounded_and_the_oldest_goes_first():
     past, world = KeptPast(most_bytes=11_000), {}
     for step in range(50):
-        past.append(Picture(step, b"x" * 100, world))
+        past.append(PackedFrame(step, b"x" * 100, world))
     assert (len(past), past.first_step, past.last_step, past.shown.step) == (10, 40, 49, 49)
-    past.append(Picture(50, b"x" * 15_000, world))
+    past.append(PackedFrame(50, b"x" * 15_000, world))
     assert len(past) == 2
 
 
 def test_worlds_and_empty_frames_take_room_in_the_past_too():
     past = KeptPast(most_bytes=1_000_000)
     for step in range(3000):
-        past.append(Picture(step, b""))
+        past.append(PackedFrame(step, b""))
     assert 500 < len(past) <= 1000
     for step in range(3000, 4000):
-        past.append(Picture(step, b"", {"obstacles": list(range(10_000))}))
+        past.append(PackedFrame(step, b"", {"obstacles": list(range(10_000))}))
     assert len(past) < 10
 
 
 def test_a_picture_replaces_one_of_the_same_step():
     past = KeptPast()
-    past.append(Picture(0, b"a"))
-    past.append(Picture(0, b"b", fingerprint="mark"))
+    past.append(PackedFrame(0, b"a"))
+    past.append(PackedFrame(0, b"b", fingerprint="mark"))
     assert (len(past), past.shown.fingerprint) == (1, "mark")
 
 
@@ -182,7 +182,7 @@ def test_an_error_in_a_step_is_said_and_the_model_left_alone():
     player.loop.speed = AS_FAST_AS_IT_GOES
     player.play()
     wait_until(lambda: told and told[-1])
-    assert player.error == "ZeroDivisionError: nothing left"
+    assert player.error == "ZeroDivisionError: nothing left to share"
     wait_until(lambda: not threads("play"))
     player.step()
     player.play()

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT9, AGENT_FIRE, LineSensor, ProximitySensor, RadiationSensor, RobotDesign, SwarmModel, disc
-from mesa_swarm.environments.scores import Observer
+from mesa_swarm.environments.scores import ObservationEncoder
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.environments.tasks import ExtinguishFires, FindFires
 from mesa_swarm.errors import InvalidValueError, UnknownNameError
@@ -14,7 +14,7 @@ from scenes import empty
 EYE = RobotDesign(name="EYE", sensors=(ProximitySensor(range=40), RadiationSensor(range=60), LineSensor()))
 
 
-def observed(model: SwarmModel, observer: Observer) -> np.ndarray:
+def observed(model: SwarmModel, observer: ObservationEncoder) -> np.ndarray:
     model.sense()
     out = np.full((len(model.swarm), observer.width), np.nan)
     observer.observe(model.swarm.columns, out)
@@ -25,7 +25,7 @@ def test_a_reading_is_a_share_of_the_range_and_nothing_seen_is_1():
     model = empty()
     model.add_robots(EYE, poses=[(100, 100, 0.0), (200, 200, 0.0)])
     model.add_obstacle(disc((135, 100), 10))
-    assert np.allclose(observed(model, Observer(EYE, encoding="distance"))[:, 0], [20 / 40, 1.0])
+    assert np.allclose(observed(model, ObservationEncoder(EYE, encoding="distance"))[:, 0], [20 / 40, 1.0])
 
 
 @pytest.mark.parametrize("kind", [OBSTACLE, ROBOT, FIRE])
@@ -38,7 +38,7 @@ def test_a_typed_observation_has_a_block_for_each_kind(kind):
         model.add_robots(EYE, poses=[(130, 100, 0.0)])
     else:
         model.add_fire((130, 100), radius=5, temperature=0.25)
-    row = observed(model, Observer(EYE, encoding="typed"))[0]
+    row = observed(model, ObservationEncoder(EYE, encoding="typed"))[0]
     assert np.allclose(row[:4], [0.5, kind == OBSTACLE, kind == ROBOT, kind == FIRE])
     assert row[4] == (0.25 if kind == FIRE else 0.0)
 
@@ -47,7 +47,7 @@ def test_a_line_sensor_is_told_as_0_or_1():
     model = empty()
     model.add_robots(EYE, poses=[(100, 100, 0.0), (200, 200, 0.0)])
     model.add_obstacle(disc((100, 100), 3, contact=False))
-    assert observed(model, Observer(EYE, encoding="distance"))[:, 2].tolist() == [1.0, 0.0]
+    assert observed(model, ObservationEncoder(EYE, encoding="distance"))[:, 2].tolist() == [1.0, 0.0]
 
 
 def test_the_body_tells_its_temperature_and_whether_it_is_hot_takes_heat_and_extinguishes():
@@ -58,7 +58,7 @@ def test_the_body_tells_its_temperature_and_whether_it_is_hot_takes_heat_and_ext
     columns["hot"][2:] = True
     columns["heat"][1:3] = 0.5
     columns["fire"][1] = 0
-    out = observed(model, Observer(AGENT_FIRE, encoding="distance", body=True, leave=50.0))
+    out = observed(model, ObservationEncoder(AGENT_FIRE, encoding="distance", body=True, leave=50.0))
     assert out[:, -4:].tolist() == [[0, 0, 0, 0], [0.5, 0, 1, 1], [1, 1, 1, 0], [1, 1, 0, 0]]
 
 
@@ -97,4 +97,4 @@ def test_a_design_that_sees_nothing_is_refused(sensors):
 
 def test_an_unknown_encoding_is_refused():
     with pytest.raises(UnknownNameError, match=r"^unknown encoding 'type'; did you mean 'typed'\?"):
-        Observer(AGENT9, encoding="type")
+        ObservationEncoder(AGENT9, encoding="type")

@@ -1,11 +1,10 @@
-"""Diagnosis: what a watched model shows of behaviour that gets nowhere, and how it is told."""
+"""Diagnosis: what a watched model shows of behaviour that makes no progress."""
 
 import numpy as np
 import pytest
 
 from mesa_swarm import AGENT3, HolonomicDrive, RobotDesign
-from mesa_swarm.analysis.pathology import KINDS, Episode, Pathologies, find_pathologies
-from mesa_swarm.cli.diagnose_commands import MOST_TOLD, told
+from mesa_swarm.analysis.pathology import KINDS, find_pathologies
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.experiments.diagnosis import NEEDED, pathologies_of
@@ -92,36 +91,3 @@ def test_robots_without_wheels_left_and_right_are_refused():
     model.watch()
     with pytest.raises(InvalidValueError, match="robots of the design glider have no wheels left and right"):
         pathologies_of(model.run(3))
-
-
-# ---- how it is told
-
-
-def stuck(first, last, *robots):
-    return Episode(kind="stuck", robots=robots, first_step=first, last_step=last)
-
-
-def test_the_longest_are_told_first_by_unique_ids():
-    found = Pathologies((stuck(1, 40, 0), stuck(5, 99, 1), stuck(7, 46, 0)))
-    assert told(found, [11, 12]) == [
-        "Robot 12 drove and did not move, in steps 5 to 99.",
-        "Robot 11 drove and did not move, in steps 1 to 40.",
-        "Robot 11 drove and did not move, in steps 7 to 46.",
-    ]
-
-
-def test_pairs_are_told_by_both_ids():
-    pair = Episode(kind="head-on pair", robots=(0, 2), first_step=1, last_step=50, layers=(1,))
-    assert told(Pathologies((pair,)), [4, 5, 6])[0].startswith("Robots 4 and 6 faced each other")
-
-
-@pytest.mark.parametrize(("there", "lines"), [(MOST_TOLD, MOST_TOLD), (MOST_TOLD + 1, MOST_TOLD + 1)])
-def test_no_more_than_twenty_are_told_and_the_rest_counted(there, lines):
-    sentences = told(Pathologies(tuple(stuck(k, 50 + 2 * k, 0) for k in range(there))), [9])
-    assert len(sentences) == lines
-    assert sentences[0].endswith(f"in steps {there - 1} to {48 + 2 * there}.")
-    assert (sentences[-1] == "... and 1 more, none of them longer.") == (there > MOST_TOLD)
-
-
-def test_where_nothing_was_found_it_says_so():
-    assert told(Pathologies(()), []) == ["No pathology was found."]

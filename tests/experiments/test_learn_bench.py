@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, Map, disc
-from mesa_swarm.cli.learn_commands import bench as command
+from mesa_swarm.cli.learn import learn_bench as command
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments import learn_bench as bench
@@ -191,9 +191,7 @@ def test_tables_hold_everybody_and_are_read_back(runs):
 
 
 def test_the_command_writes_tables_and_pictures(tmp_path, capsys):
-    command(
-        seeds=1, steps=5, evaluation_steps=3, only="Hebbian", jobs=1, out=tmp_path / "b", resume=True, progress=False
-    )
+    command(seeds=1, steps=5, evaluation_steps=3, only="Hebbian", jobs=1, out=tmp_path / "b", resume=True, quiet=True)
     names = {path.name for path in (tmp_path / "b").iterdir()}
     assert {"learn_bench.md", "learn_bench.csv", "learn_bench.json", "learn_bench.png", "learn_curves.png"} <= names
     assert "learn_bench.png" in capsys.readouterr().out

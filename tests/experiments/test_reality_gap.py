@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from mesa_swarm import cli
-from mesa_swarm.cli import reality_gap_commands
+from mesa_swarm.cli import compare
 from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.experiments import reality_gap as module
 from mesa_swarm.experiments.reality_gap import gap_figure, reality_gap
@@ -103,7 +103,7 @@ def typed(words: str) -> object:
 
 def test_without_a_model_all_of_them_are_drawn(capsys, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(reality_gap_commands, "model_names", lambda: ("boids", "flocking", "perimeter"))
+    monkeypatch.setattr(compare, "model_names", lambda: ("boids", "flocking", "perimeter"))
     assert not typed("reality-gap --seeds 1 --steps 3 --jobs 1 --quiet --out gaps")
     out = capsys.readouterr().out
     assert [line.split(",")[0] for line in out.splitlines() if "paired seeds" in line] == [
@@ -118,7 +118,7 @@ def test_without_a_model_all_of_them_are_drawn(capsys, monkeypatch, tmp_path):
 def test_what_is_meant_for_one_model_is_refused_for_all(words, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert typed(f"reality-gap {words}") == 2
-    assert "was given without a model; name the model that it is for" in capsys.readouterr().err
+    assert "is given without a model; name the model that it is for" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 
 

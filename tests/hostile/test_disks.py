@@ -27,7 +27,6 @@ from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
 from mesa_swarm.robots.design import AGENT3
 from mesa_swarm.viewing.pictures import png, world_figure
-from mesa_swarm.viewing.portrait import portrait_of
 from mesa_swarm.world.map import Map
 
 pytestmark = pytest.mark.slow
@@ -37,17 +36,16 @@ OLD = b"what stood there before\n" * 400
 KEPT = re.compile(r"its (\d+) rows so far are kept")
 JOB = "model = 'fire_fighting'\nsteps = 12\nseeds = 2\nrobots = 2\n"
 WORKING = (
-    "experiments.commands",
-    "experiments.job_commands",
-    "experiments.learn_commands",
-    "experiments.map_commands",
-    "experiments.picture_commands",
-    "experiments.reality_gap_commands",
-    "experiments.reward_commands",
-    "exports.export_commands",
-    "reproduction.commands",
+    "experiments.compare",
+    "experiments.learn_bench",
+    "experiments.learning_figures",
+    "experiments.reality_gap",
+    "experiments.sweep",
     "models.boids",
+    "reproduction.registry",
+    "viewing.export",
     "viewing.replay_page",
+    "viewing.run_pictures",
 )
 # Written to line by line, not replaced: what they hold is as whole as before.
 APPENDED = ("ledger.jsonl", "runs.jsonl")
@@ -232,7 +230,7 @@ def inputs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("inputs")
     for module in WORKING:
         import_module(f"mesa_swarm.{module}")
-    png(world_figure({"warm": portrait_of(FireFighting(rng=1))}))
+    png(world_figure({"warm": FireFighting(rng=1)}))
     model = FireFighting(n_robots=3, rng=1)
     with model.record(folder / "run.arrow"):
         model.run(60)

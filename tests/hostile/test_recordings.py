@@ -18,10 +18,10 @@ from mesa_swarm.models.q_learning import QLearning
 from mesa_swarm.recording import Recording, verify
 from mesa_swarm.recording.resume import shipped_class_of
 from mesa_swarm.viewing.export import export
-from mesa_swarm.viewing.frame import moment_of_frame, packed_frame
+from mesa_swarm.viewing.packing import packed_frame
 from mesa_swarm.viewing.replay_page import Reel, replay_page
 from mesa_swarm.viewing.replay_server import ReplayServer
-from mesa_swarm.viewing.scene import world_at, worlds_of_recording
+from mesa_swarm.viewing.scene import scene_of_recording
 
 pytestmark = pytest.mark.slow
 
@@ -50,10 +50,9 @@ def facts(path, place):
 
 def frames(path, place):
     recording = Recording(path)
-    worlds = worlds_of_recording(recording)
+    scene = scene_of_recording(recording)
     for frame in recording:
-        world = world_at(worlds, frame.step)
-        packed_frame(moment_of_frame(frame, world), world)
+        packed_frame(frame, scene)
 
 
 def replayed(path, place):

@@ -58,7 +58,7 @@ class TestForm:
         cells = cells_of(path)
         text = "\n".join(cell.source for cell in read(path).cells if cell.cell_type == "markdown")
         headings = re.findall(r"^## (.+)$", text, flags=re.MULTILINE)
-        order = [headings.index(part) for part in ("Question", "Predict", "What came", "Exercises")]
+        order = [headings.index(part) for part in ("Question", "Predict", "Results", "Exercises")]
         assert order == sorted(order)
         names = list(cells)
         for exercise in EXERCISES:
@@ -126,7 +126,7 @@ BACKS = "@behaviour\ndef turn_away(me, distance=15.0):\n    return -0.03, -0.03"
         ("03", 2, "distance = [6]", "distance is [6]; expected"),
         ("04", 2, "answer = dict(sight=2000, stop_distance=1, avoid_distance=0)", "Unknown parameter 'sight'"),
         ("05", 1, "leaders = 5", "Your answer is 5; expected a function"),
-        ("07", 1, "wishes = dict(stay=1000)", "Unknown parameter 'stay'"),
+        ("07", 1, "answer = dict(stay=1000)", "Unknown parameter 'stay'"),
     ],
 )
 def test_an_answer_that_cannot_be_or_passes_by_a_gap_is_refused_in_words(number, exercise, answer, says, tmp_path):

@@ -15,7 +15,7 @@ from mesa_swarm.recording import Recording, sealed_stream, verify
 from mesa_swarm.recording.container import CODEC, LENGTH, MAGIC, from_bytes
 from mesa_swarm.recording.resume import resumed, shipped_class_of
 from mesa_swarm.recording.sealed_stream import SealedReader, SealedWriter
-from mesa_swarm.viewing.portrait import scene_of
+from mesa_swarm.viewing.recorded_steps import PicturedSteps
 
 STEPS = 6
 FAR = 10**12
@@ -115,7 +115,7 @@ def test_no_module_is_imported_because_a_recording_names_it(parts, tmp_path, mon
     for read in (SwarmModel.resume, SwarmModel.verify, lambda path: verify(path, Boids)):
         refusal(read, path)
     refusal(shipped_class_of, Recording(path))
-    assert scene_of(Recording(path)).start is None
+    assert PicturedSteps(Recording(path)).start is None
     assert "trap_of_recordings" not in sys.modules
 
 

@@ -12,7 +12,7 @@ from mesa_swarm.recording.layout import Layout
 from mesa_swarm.recording.parts import summary
 from mesa_swarm.recording.recorder import Tape
 from mesa_swarm.recording.sealed_stream import CHANGE
-from mesa_swarm.viewing.scene import worlds_of_recording
+from mesa_swarm.viewing.scene import scene_of_recording
 
 
 def tell_only_what_there_is(tape, model):
@@ -54,8 +54,8 @@ def test_one_that_was_changed_by_hand_is_followed_from_the_next_checkpoint(tmp_p
     with pytest.raises(RecordingError, match="nearest steps to resume from are 5 and 10"):
         SwarmModel.resume(recording.path, step=8)
     assert SwarmModel.resume(recording.path, step=12).run(13).state_hash() == state_hash
-    ((step, world),) = worlds_of_recording(recording)
-    assert (step, len(world["shapes"])) == (0, len(FireFighting(rng=1).obstacles))
+    ((step, scenery),) = scene_of_recording(recording).changes
+    assert (step, len(scenery["shapes"])) == (0, len(FireFighting(rng=1).obstacles))
 
 
 def test_formats_of_the_future_are_refused(tmp_path, monkeypatch):

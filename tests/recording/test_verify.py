@@ -136,7 +136,7 @@ def test_ctrl_c_on_the_command_line_keeps_what_was_recorded(tmp_path, capsys, mo
     monkeypatch.setattr(FireFighting, "step", interrupted)
     path = tmp_path / "run.arrow"
     assert status_of("run", "fire_fighting", "--quiet", "--record", path) == 130
-    assert f"12 steps are kept in {path}" in capsys.readouterr().out
+    assert f"12 steps are recorded in {path}" in capsys.readouterr().out
     assert Recording(path).complete
     assert len(Recording(path)) == 12
 

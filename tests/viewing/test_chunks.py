@@ -5,8 +5,9 @@ from hypothesis.extra.numpy import arrays
 
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.recording import Recording
-from mesa_swarm.viewing.frame import Moment, _coded, moment_of_frame, moment_of_model, packed_chunk
-from mesa_swarm.viewing.scene import COLUMNS, world_of_model, worlds_of_recording
+from mesa_swarm.recording.frames import frame_of
+from mesa_swarm.viewing.packing import PACKED_FROM, _coded, drawn_columns, packed_chunk, packed_rows
+from mesa_swarm.viewing.scene import COLUMNS, scene_of, scene_of_recording
 from unpacking import Reader, unpacked_chunk
 
 WORLD = {
@@ -19,8 +20,8 @@ WORLD = {
 }
 
 
-def check(moments, frames, world):
-    """Assert that frames are the moments to within what the format promises."""
+def check(rows, frames, world):
+    """Assert that frames are the rows to within the limits of the format."""
     width, height = np.subtract(world["bounds"][2:], world["bounds"][:2])
     within = {
         "distance": world["reach"] / 254 / 2,
@@ -30,11 +31,11 @@ def check(moments, frames, world):
         "fires": 0.5 / 255,
     }
     slack = 1 + 1e-4  # float32
-    assert len(moments) == len(frames)
-    for moment, (step, columns) in zip(moments, frames, strict=True):
-        assert step == moment.step
+    assert len(rows) == len(frames)
+    for (wanted_step, wanted), (step, columns) in zip(rows, frames, strict=True):
+        assert step == wanted_step
         for name in columns:
-            given, got = moment.columns[name].astype(float), columns[name].astype(float)
+            given, got = wanted[name].astype(float), columns[name].astype(float)
             assert given.shape == got.shape, name
             if name in ("pose", "loads"):
                 check_poses(given[:, -3:], got[:, -3:], width, height)
@@ -66,18 +67,18 @@ def test_tracks_come_back_as_they_were(table, order):
 
 
 @st.composite
-def moment_lists(draw):
-    """Draw a few moments of a world in which robots may come and go, with values up to their limits."""
+def row_lists(draw):
+    """Draw a few rows of a world in which robots may come and go, with values up to their limits."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     sensors, f, k = (draw(st.integers(0, 3)) for _ in range(3))
-    fires, n, moments = rng.uniform(10, 600, (f, 3)).astype(np.float32), draw(st.integers(0, 4)), []
+    fires, n, rows = rng.uniform(10, 600, (f, 3)).astype(np.float32), draw(st.integers(0, 4)), []
     for step in range(draw(st.integers(1, 8))):
         n = draw(st.integers(0, 4)) if draw(st.integers(0, 3)) == 0 else n
-        moments.append(drawn_moment(rng, step, n, sensors, fires, k))
-    return moments
+        rows.append(drawn_row(rng, step, n, sensors, fires, k))
+    return rows
 
 
-def drawn_moment(rng, step, n, sensors, fires, k):
+def drawn_row(rng, step, n, sensors, fires, k):
     low, high = np.array(WORLD["bounds"]).reshape(2, 2)
 
     def poses(count):
@@ -100,27 +101,27 @@ def drawn_moment(rng, step, n, sensors, fires, k):
         "contacts": np.column_stack([np.arange(met), rng.uniform(-np.pi, np.pi, met)]),
     }
     typed = {name: values.astype(f"<{COLUMNS[name][2]}") for name, values in columns.items()}
-    return Moment(step=step, sensors=sensors, columns=typed)
+    return step, typed
 
 
 @settings(max_examples=60, deadline=None)
-@given(moments=moment_lists())
-def test_chunks_keep_moments_to_the_stated_precision_also_when_robots_come_and_go(moments):
-    check(moments, unpacked_chunk(packed_chunk(moments, WORLD), WORLD), WORLD)
+@given(rows=row_lists())
+def test_chunks_hold_rows_to_the_stated_precision_also_when_robots_come_and_go(rows):
+    check(rows, unpacked_chunk(packed_rows(rows, WORLD), WORLD), WORLD)
 
 
 def test_chunks_of_recordings_keep_their_frames(fires, transport):
     for path in (fires, transport):
         recording = Recording(path)
-        world = worlds_of_recording(recording)[0][1]
-        moments = [moment_of_frame(frame, world) for frame in recording]
-        check(moments, unpacked_chunk(packed_chunk(moments, world), world), world)
+        scene = scene_of_recording(recording)
+        rows = [(frame.step, drawn_columns(frame, scene)) for frame in recording]
+        check(rows, unpacked_chunk(packed_chunk(recording, scene), scene.world()), scene.world())
 
 
 def test_positions_are_right_to_the_promised_fraction_of_the_map_after_any_number_of_steps():
     model = SwarmModel(rng=1)
     model.add_robots(AGENT9, poses=[(33.337, 44.441, 3.1415)])
-    world = world_of_model(model)
-    moment = moment_of_model(model, world)
-    frames = unpacked_chunk(packed_chunk([moment] * 1000, world), world)
-    check([moment] * 1000, frames, world)
+    scene = scene_of(model)
+    frame = frame_of(model, PACKED_FROM)
+    frames = unpacked_chunk(packed_chunk([frame] * 1000, scene), scene.world())
+    check([(frame.step, drawn_columns(frame, scene))] * 1000, frames, scene.world())

@@ -8,15 +8,16 @@ from mesa_swarm.control import Avoid, Explore, Respond, Subsumption
 from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
-from mesa_swarm.viewing.frame import design_of, moment_of_frame, moment_of_model, packed_frame
-from mesa_swarm.viewing.scene import world_at, world_of_model, worlds_of_recording
+from mesa_swarm.recording.frames import frame_of
+from mesa_swarm.viewing.packing import PACKED_FROM, drawn_columns, packed_frame
+from mesa_swarm.viewing.scene import OWN, Scene, scene_of, scene_of_recording
 from unpacking import unpacked_frame
 
 
 def seen(model):
     """Return the columns of a model as a browser gets them."""
-    world = world_of_model(model)
-    step, columns = unpacked_frame(packed_frame(moment_of_model(model, world), world), world)
+    scene = scene_of(model)
+    step, columns = unpacked_frame(packed_frame(frame_of(model, PACKED_FROM), scene), scene.world())
     assert step == model.completed
     return columns
 
@@ -45,14 +46,15 @@ def test_recorded_and_live_frames_show_the_same(tmp_path):
     with model.record(tmp_path / "run.arrow"):
         model.run(80)
     recording = Recording(tmp_path / "run.arrow")
-    world, live = worlds_of_recording(recording)[0][1], seen(model)
-    step, replayed = unpacked_frame(packed_frame(moment_of_frame(recording.at(80), world), world), world)
+    scene, live = scene_of_recording(recording), seen(model)
+    world = scene.world()
+    step, replayed = unpacked_frame(packed_frame(recording.at(80), scene), world)
     assert step == 80
     assert replayed.keys() == live.keys() - {"heard"}
     for name in replayed:
         np.testing.assert_array_equal(replayed[name], live[name], name)
     assert {key: world[key] for key in world if key != "columns"} == {
-        key: value for key, value in world_of_model(model).items() if key != "columns"
+        key: value for key, value in scene_of(model).world().items() if key != "columns"
     }
 
 
@@ -74,9 +76,10 @@ WHAT_HAPPENS = {
 }
 
 
-def told(moment, world):
-    """Return what there is to draw, with designs and loads themselves in the place of their numbers."""
-    columns = {name: values.tolist() for name, values in moment.columns.items()}
+def drawn(frame, scene):
+    """Return all that is drawn of a frame, with designs and loads themselves in the place of their numbers."""
+    world = scene.world(frame.step)
+    columns = {name: values.tolist() for name, values in drawn_columns(frame, scene).items()}
     columns["design"] = [world["designs"][design] for (design,) in columns["design"]]
     columns["loads"] = [(world["loads"][int(load)], pose) for load, *pose in columns["loads"]]
     return {**columns, **{name: world[name] for name in ("shapes", "layers", "leave")}}
@@ -88,23 +91,25 @@ def test_what_comes_and_goes_is_replayed_as_it_was_seen(every, tmp_path):
     with model.record(tmp_path / "run.arrow", exact=True, every=every):
         for step in range(1, 19):
             model.step()
-            world = world_of_model(model)
-            live[step] = told(moment_of_model(model, world), world)
+            live[step] = drawn(frame_of(model, PACKED_FROM), scene_of(model))
             WHAT_HAPPENS.get(step, lambda model: None)(model)
     recording = Recording(tmp_path / "run.arrow")
-    worlds = worlds_of_recording(recording)
+    scene = scene_of_recording(recording)
     assert len(recording) == 18 // every
     for frame in recording:
-        world = world_at(worlds, frame.step)
-        replayed = told(moment_of_frame(frame, world), world)
+        replayed = drawn(frame, scene)
         for name, values in replayed.items():
             assert values == live[frame.step][name], (frame.step, name)
         assert replayed.keys() == live[frame.step].keys() - {"heard"}
-    common = [{name: world[name] for name in world.keys() - {"shapes", "layers", "leave"}} for _, world in worlds]
+    worlds = [scene.world(step) for step, _ in scene.changes]
+    common = [{name: world[name] for name in world.keys() - {"shapes", "layers", "leave"}} for world in worlds]
     assert all(one == common[0] for one in common)
+    later = [{"step": step, **{name: scene.world(step)[name] for name in OWN}} for step, _ in scene.changes[1:]]
+    assert len(later) > 3
+    assert scene.later == later
 
 
-def test_what_only_went_is_not_told_anew(tmp_path):
+def test_no_scenery_is_recorded_for_robots_that_were_only_removed(tmp_path):
     model = FireFighting(n_robots=6, rng=2)
     with model.record(tmp_path / "run.arrow"):
         for _ in range(5):
@@ -154,7 +159,7 @@ def test_the_world_knows_every_robots_design_and_what_was_added_by_hand():
     model.add_obstacle(disc((400, 300), 20, contact=False))
     holed = polygon([(100, 100), (200, 100), (200, 200)], [[(150, 110), (190, 110), (190, 150)]])
     model.add_obstacle(holed)
-    world = world_of_model(model)
+    world = scene_of(model).world()
     assert [len(design["sensors"]) for design in world["designs"]] == [len(AGENT9.sensors), len(AGENT3.sensors)]
     assert seen(model)["design"].ravel().tolist() == [0, 0, 1, 1, 1, 0]
     mark, solid = world["shapes"][-2:]
@@ -162,14 +167,25 @@ def test_the_world_knows_every_robots_design_and_what_was_added_by_hand():
     assert [len(ring) for ring in solid["rings"]] == [3, 3]
 
 
-def test_robots_that_came_later_than_the_world_have_the_first_design():
-    assert design_of(np.array([1, 4, 9]), {"robots": [[4, 5, 1]]}).tolist() == [0, 1, 0]
+def test_robots_that_the_scene_does_not_know_are_drawn_with_the_first_design():
+    model = SwarmModel(map="openspace", rng=1)
+    model.add_robots(AGENT9, 1)
+    scene = scene_of(model)
+    model.add_robots(AGENT3, 2)
+    frame = frame_of(model, PACKED_FROM)
+    assert scene.design_of(frame.robots).tolist() == [0, -1, -1]
+    assert drawn_columns(frame, scene)["design"].ravel().tolist() == [0, 0, 0]
+
+
+def test_unknown_robots_have_a_radius_of_five():
+    scene = Scene(name="", map="", bounds=(0, 0, 1, 1), changes=((0, {"robots": [[4, 5, 0]], "designs": []}),))
+    assert scene.radius_of(np.array([1, 9])).tolist() == [5.0, 5.0]
 
 
 def test_sensors_of_the_world_are_those_of_the_engine():
     model = SwarmModel(rng=1)
     model.add_robots(AGENT9, 1)
-    rows, table = world_of_model(model)["designs"][0]["sensors"], model.swarm.table.proximity[0]
+    rows, table = scene_of(model).world()["designs"][0]["sensors"], model.swarm.table.proximity[0]
     for (mx, my, bearing, half, reach), row in zip(rows, table, strict=True):
         np.testing.assert_allclose(
             [mx, my, np.cos(bearing), np.sin(bearing), reach, half], row[[0, 1, 2, 3, 6, 8]], atol=1e-12

@@ -12,10 +12,11 @@ from PIL import Image
 from mesa_swarm.models.agglomeration import Agglomeration
 from mesa_swarm.recording import Recording
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.viewing import export, pictures
+from mesa_swarm.viewing import pictures
+from mesa_swarm.viewing.export import export
 from mesa_swarm.viewing.films import Screen
 from mesa_swarm.viewing.pictures import CAPTION, MARGIN, Look
-from mesa_swarm.viewing.portrait import Portraits, Rows
+from mesa_swarm.viewing.recorded_steps import PicturedSteps
 
 imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
 SVG = "{http://www.w3.org/2000/svg}"
@@ -25,11 +26,10 @@ def colour(name):
     return np.rint(255 * np.array(to_rgb(name)))
 
 
-def check_robots(pixels, portrait, tolerance):
+def check_robots(pixels, frame, tolerance):
     """Find each robot's yellow front and blue or red back where they were recorded, in a film of the usual size."""
     height = pixels.shape[0]
-    robots = portrait.robots
-    for position, heading, hot in zip(robots["position"], robots["heading"], robots["hot"], strict=True):
+    for position, heading, hot in zip(frame["position"], frame["heading"], frame["hot"], strict=True):
         left = np.array([-np.sin(heading), np.cos(heading)])
         ahead = np.array([np.cos(heading), np.sin(heading)])
         # Beside the line that shows the heading, and away from the rim.
@@ -43,36 +43,36 @@ def test_dollars_in_the_name_of_a_model_do_no_harm_to_a_film(tmp_path):
     model = type("a$\\frac{$b", (SwarmModel,), {})(rng=1)
     with model.record(tmp_path / "run.arrow"):
         model.run(2)
-    portraits = Portraits(Rows(Recording(tmp_path / "run.arrow")))
-    assert Screen(portraits, Look()).show(1).shape[2] == 4
+    drawn = PicturedSteps(Recording(tmp_path / "run.arrow"))
+    assert Screen(drawn, Look()).show(1).shape[2] == 4
 
 
 @pytest.mark.parametrize("step", [0, 40, 300])
 def test_robots_are_in_the_film_where_they_were_recorded(run, step):
-    portraits = Portraits(Rows(run))
-    pixels = Screen(portraits, Look()).show(step)
+    drawn = PicturedSteps(run)
+    pixels = Screen(drawn, Look()).show(step)
     assert pixels.shape == (600 + 2 * MARGIN + CAPTION, 800 + 2 * MARGIN, 4)
-    check_robots(pixels, portraits.at(step), 3)
+    check_robots(pixels, drawn.frame(step), 3)
 
 
 def test_a_frame_does_not_depend_on_the_frames_before(run):
-    portraits = Portraits(Rows(run))
+    drawn = PicturedSteps(run)
     look = Look(size=(300, 200), trails=30)
-    screen = Screen(portraits, look)
+    screen = Screen(drawn, look)
     for step in (3, 200):
         screen.show(step)
-    assert np.array_equal(screen.show(90), Screen(portraits, look).show(90))
+    assert np.array_equal(screen.show(90), Screen(drawn, look).show(90))
 
 
 def test_what_stands_is_shown_while_it_stands(rebuilt):
-    portraits = Portraits(Rows(rebuilt))
-    screen = Screen(portraits, Look(sectors=True))
+    drawn = PicturedSteps(rebuilt)
+    screen = Screen(drawn, Look(sectors=True))
     for step in (1, 5, 6, 10, 11, 15, 7):
         pixels = screen.show(step)
         wanted = pictures.OBSTACLE if 6 <= step <= 10 else "white"
         seen = pixels[pixels.shape[0] - MARGIN - 300, MARGIN + 400, :3]
         assert np.abs(seen - colour(wanted)).max() <= 3, step
-        assert np.array_equal(pixels, Screen(portraits, Look(sectors=True)).show(step))
+        assert np.array_equal(pixels, Screen(drawn, Look(sectors=True)).show(step))
 
 
 def test_what_stands_for_a_while_is_seen_for_a_while_in_an_animated_drawing(rebuilt, tmp_path):
@@ -108,7 +108,7 @@ def test_films_have_an_even_size_whatever_the_map(tmp_path, run):
 
 def test_a_gif_has_the_frames_the_speed_and_the_robots(run, tmp_path):
     (path,) = export(run, tmp_path / "a.gif", every=20, last=200, fps=20)
-    portraits = Portraits(Rows(run))
+    drawn = PicturedSteps(run)
     with Image.open(path) as image:
         assert image.n_frames == 11
         assert image.info["duration"] == 50
@@ -117,7 +117,7 @@ def test_a_gif_has_the_frames_the_speed_and_the_robots(run, tmp_path):
             image.seek(number)
             shown = np.asarray(image.convert("RGB"))
             assert shown[CAPTION + MARGIN + 300, 400 - 60].tolist() == [255, 255, 255]
-            check_robots(shown, portraits.at(20 * number), 12)
+            check_robots(shown, drawn.frame(20 * number), 12)
 
 
 def test_all_frames_of_a_gif_share_one_palette(run, tmp_path):

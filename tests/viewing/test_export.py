@@ -8,7 +8,8 @@ import pytest
 from mesa_swarm.errors import ExportError, ExportWarning, InvalidValueError, RecordingError, UnknownNameError
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
-from mesa_swarm.viewing import export, films
+from mesa_swarm.viewing import films
+from mesa_swarm.viewing.export import export
 from mesa_swarm.viewing.films import Screen
 
 ENDINGS = ("png", "svg", "gif", "mp4", "csv", "parquet")

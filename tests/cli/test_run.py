@@ -1,30 +1,48 @@
-"""What `mesa-swarm run` and `sweep` do with a job file."""
+"""list and run: one model, or the runs of a job."""
 
 from pathlib import Path
 
 import pytest
 
-from mesa_swarm import cli
-from mesa_swarm.gallery import find_model
+from mesa_swarm.gallery import find_model, model_names
 from mesa_swarm.recording import Recording, verify
+
+
+def test_list_names_every_model_with_its_parameters_and_defaults(typed):
+    status, out, _ = typed("list")
+    assert status == 0
+    assert [line for line in out.splitlines() if not line.startswith(" ")] == model_names()
+    assert "strategy=B" in out
+    assert max(map(len, out.splitlines())) <= 100
+
+
+def test_run_prints_the_model_s_results_and_state_hash(typed):
+    status, out, err = typed("run fire_fighting --set strategy=A --set n_robots=4 --steps 50 --rng 3 --quiet")
+    model = find_model("fire_fighting")(strategy="A", n_robots=4, rng=3).run(50)
+    assert (status, err) == (0, "")
+    assert out.splitlines()[-1].split() == ["state", "hash", model.state_hash()]
+    assert ["fires", "out", "0"] in [line.split() for line in out.splitlines()]
+
+
+def test_a_map_may_be_a_file(typed):
+    assert typed("map import openspace_fire mine.toml")[0] == 0
+    line = "run fire_fighting --steps 5 --quiet --set map="
+    own, builtin = typed(f"{line}mine.toml"), typed(f"{line}openspace_fire")
+    assert own == builtin
+    assert own[0] == 0
+
+
+def test_run_shows_a_progress_bar_on_stderr_with_the_finishing_time(typed):
+    _, out, err = typed("run collision_avoidance --steps 40")
+    assert "40/40 steps" in err
+    assert "done at" in err
+    assert "done at" not in out
+
 
 MODEL = 'model = "fire_fighting"\n'
 
 
-@pytest.fixture
-def typed(capsys, monkeypatch, tmp_path):
-    monkeypatch.chdir(tmp_path)
-
-    def type_in(line):
-        with pytest.raises(SystemExit) as left:
-            cli.main(line.split() if isinstance(line, str) else line)
-        output = capsys.readouterr()
-        return left.value.code or 0, output.out, output.err
-
-    return type_in
-
-
-def test_run_does_every_run_of_a_job_and_prints_what_the_model_alone_says(typed):
+def test_run_does_every_run_of_a_job_with_the_results_of_the_model_alone(typed):
     Path("job.toml").write_text(MODEL + 'robots = 3\nsteps = 20\nseeds = [4, 9]\nmeasure = ["fires out"]')
     status, out, err = typed("run job.toml --quiet")
     hashes = [find_model("fire_fighting")(n_robots=3, rng=rng).run(20).state_hash() for rng in (4, 9)]
@@ -34,7 +52,7 @@ def test_run_does_every_run_of_a_job_and_prints_what_the_model_alone_says(typed)
 
 
 @pytest.mark.parametrize("line", ["run fire_fighting --steps 5", "run job.toml"])
-def test_a_recording_is_named_by_seed_and_name_and_other_places_are_refused(typed, line):
+def test_a_recording_is_named_by_seed_and_name_and_other_fields_are_refused(typed, line):
     Path("job.toml").write_text(MODEL + 'robots = 3\nsteps = 5\nname = "fire_fighting"')
     assert typed(f"{line} --quiet --record {{name}}_{{seed}}.arrow")[0] == 0
     assert Path("fire_fighting_1.arrow").exists()
@@ -53,7 +71,7 @@ def test_a_job_that_records_to_an_unknown_place_is_refused(typed):
     assert "did you mean 'name'? known: name, seed" in err
 
 
-def test_a_file_that_is_there_is_replaced_by_what_one_types(typed):
+def test_an_existing_recording_is_replaced_only_with_force(typed):
     Path("a.arrow").write_text("precious")
     status, _, err = typed("run boids --steps 2 --quiet --record a.arrow")
     assert (status, err) == (
@@ -65,7 +83,7 @@ def test_a_file_that_is_there_is_replaced_by_what_one_types(typed):
 RECORDED = MODEL + 'robots = 2\nsteps = 20\nseeds = 2\nrecord = { file = "runs/{seed}.arrow", every = 5 }'
 
 
-def test_run_records_what_the_job_says_under_its_folder_and_says_where(typed, tmp_path):
+def test_run_records_a_job_in_its_folder_and_prints_the_files(typed, tmp_path):
     folder = tmp_path / "jobs"
     folder.mkdir()
     (folder / "job.toml").write_text(RECORDED)
@@ -79,7 +97,7 @@ def test_run_records_what_the_job_says_under_its_folder_and_says_where(typed, tm
     assert sorted(path.name for path in tmp_path.rglob("*") if path.is_file()) == ["1.arrow", "2.arrow", "job.toml"]
 
 
-def test_running_a_queue_again_replaces_no_recording_but_does_the_rest_and_with_force_all(typed):
+def test_a_repeated_queue_replaces_recordings_only_with_force(typed):
     Path("job.toml").write_text(RECORDED)
     Path("runs").mkdir()
     Path("runs/1.arrow").write_text("precious")
@@ -113,7 +131,7 @@ def test_a_run_that_fails_is_one_line_and_the_rest_of_the_queue_is_done(typed, m
     ]
 
 
-def test_ctrl_c_in_a_queue_keeps_what_was_recorded(typed, monkeypatch):
+def test_ctrl_c_in_a_queue_leaves_the_steps_so_far(typed, monkeypatch):
     step = find_model("fire_fighting").step
 
     def interrupted(self):
@@ -125,11 +143,11 @@ def test_ctrl_c_in_a_queue_keeps_what_was_recorded(typed, monkeypatch):
     Path("job.toml").write_text(RECORDED)
     status, out, err = typed("run job.toml --quiet")
     assert (status, err.count("\n")) == (130, 1)
-    assert f"what was recorded so far is kept in {Path('runs/1.arrow')}" in out
+    assert f"the steps so far are recorded in {Path('runs/1.arrow')}" in out
     assert Recording("runs/1.arrow").steps.tolist() == [5, 10]
 
 
-def test_a_sample_is_recorded_only_where_one_asks_for_it(typed, tmp_path):
+def test_a_shipped_job_is_recorded_only_on_request(typed, tmp_path):
     assert typed("run collision_avoidance.toml --quiet")[0] == 0
     assert list(tmp_path.iterdir()) == []
     assert typed(["run", "collision_avoidance.toml", "--quiet", "--record", "runs/{name}_{seed}.arrow"])[0] == 0
@@ -147,54 +165,8 @@ def test_run_shows_for_each_run_how_long_it_takes_and_when_it_will_be_done(typed
     assert "left" not in out
 
 
-def test_run_refuses_what_the_job_says_itself_and_points_to_sweep(typed):
+def test_run_refuses_options_that_the_job_sets_and_refers_to_sweep(typed):
     Path("job.toml").write_text(MODEL + "[grid]\nn_robots = [1, 2]")
     assert "--steps is given beside a job file" in typed("run job.toml --steps 3")[2]
     status, _, err = typed("run job.toml")
-    assert (status, err) == (2, "mesa-swarm: run_1 has 2 points; do them with: mesa-swarm sweep job.toml\n")
-
-
-def test_sweep_writes_a_table_for_each_run_of_the_queue_and_does_nothing_twice(typed, tmp_path):
-    Path("job.toml").write_text(f"[[run]]\n{MODEL}steps = 5\nseeds = 2\n" * 2)
-    first, again = (typed("sweep job.toml --jobs 1 --quiet") for _ in range(2))
-    paths = [Path("results", "job", name, "runs.parquet") for name in ("run_1", "run_2")]
-    assert first == (0, "".join(f"{path}: 2 runs\n" for path in paths), "")
-    assert again == (0, "".join(f"{path}: 2 runs, 2 of them before\n" for path in paths), "")
-    assert all(path.exists() for path in paths)
-
-
-def test_a_dry_run_says_how_much_is_to_do_and_writes_nothing(typed, tmp_path):
-    Path("job.toml").write_text(f"{MODEL}steps = 5\nseeds = 2\n[grid]\nn_robots = [2, 3, 4]")
-    planned = "results/job: 6 runs (3 points x 2 seeds, 5 steps each)"
-    assert typed("sweep job.toml --dry-run") == (0, f"{planned}, 0 done, 6 to do\n", "")
-    assert not Path("results").exists()
-    assert typed("sweep job.toml --jobs 1 --quiet")[0] == 0
-    Path("job.toml").write_text(f"{MODEL}steps = 5\nseeds = 3\n[grid]\nn_robots = [2, 3, 4]")
-    with Path("results/job/ledger.jsonl").open("ab") as ledger:
-        ledger.write(b"torn")
-    before = {path: path.read_bytes() for path in Path("results").rglob("*") if path.is_file()}
-    assert typed("sweep job.toml --dry-run")[1].endswith("9 runs (3 points x 3 seeds, 5 steps each), 6 done, 3 to do\n")
-    assert typed("sweep job.toml --dry-run --record")[1].endswith("0 done, 9 to do\n")
-    assert before == {path: path.read_bytes() for path in Path("results").rglob("*") if path.is_file()}
-
-
-def test_sweep_records_every_run_if_asked_as_the_job_says(typed):
-    Path("job.toml").write_text(RECORDED)
-    assert typed("sweep job.toml --jobs 1 --quiet")[0] == 0
-    assert not Path("results/job/recordings").exists()
-    assert typed("sweep job.toml --jobs 1 --quiet --record") == (0, f"{Path('results/job/runs.parquet')}: 2 runs\n", "")
-    assert [Recording(file).steps.tolist() for file in Path("results/job/recordings").iterdir()] == [
-        [5, 10, 15, 20]
-    ] * 2
-
-
-def test_a_sweep_with_failed_runs_says_why_and_how_to_do_them_again_and_exits_with_1(typed):
-    Path("job.toml").write_text(MODEL + "steps = 3\nseeds = 2\n[grid]\nn_robots = [3, 20000, 30000]")
-    for done in ("", ", 6 of them before"):
-        status, out, err = typed("sweep job.toml --quiet --jobs 1")
-        assert (status, out) == (1, f"results/job/runs.parquet: 6 runs{done}, 4 ended in an error\n")
-        first, second, last = err.splitlines()
-        assert first.startswith("mesa-swarm: results/job/runs.parquet: PlacementError: ")
-        assert second.startswith("mesa-swarm: results/job/runs.parquet: PlacementError: ")
-        assert first != second
-        assert last == "mesa-swarm: what failed is done again with --retry-failed"
+    assert (status, err) == (2, "mesa-swarm: run_1 has 2 points; run them with: mesa-swarm sweep job.toml\n")

@@ -13,12 +13,14 @@ from mesa_swarm.experiments.learning_figures import fire_figure, fire_run, rewar
 from mesa_swarm.experiments.reality_gap import Gap, gap_figure
 from mesa_swarm.gallery import find_model
 from mesa_swarm.learning.reward_lab import reward_profile
+from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.reproduction.drawing import world_picture
 from mesa_swarm.robots.design import AGENT9
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing import pictures
+from mesa_swarm.viewing.final_state import final_state_of
 from mesa_swarm.viewing.pictures import draw_world, legend_of, png, world_figure
-from mesa_swarm.viewing.portrait import portrait_of
+from mesa_swarm.viewing.scene import scene_of
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.map_parts import FireSpot
 from mesa_swarm.world.shapes import disc, polygon, rectangle
@@ -78,7 +80,7 @@ def test_a_load_has_its_own_colour_and_is_drawn_where_it_lies_now():
         assert near(at(*point), colour(pictures.LOAD)), point
     assert at(30, 50) == at(61, 59) == WHITE
     assert near(at(50, 95), colour(pictures.OBSTACLE))
-    assert [entry.get_label() for entry in legend_of(portrait_of(model))] == ["obstacle", "load"]
+    assert [entry.get_label() for entry in legend_of(model)] == ["obstacle", "load"]
 
 
 def test_the_front_half_of_a_robot_has_another_colour_than_its_back():
@@ -128,31 +130,22 @@ def test_sensor_sectors_are_drawn_only_if_asked_and_reach_as_far_as_the_sensors(
     assert near(at(77, 50), WHITE)
 
 
-def test_a_portrait_draws_what_its_model_draws():
+def test_a_frame_draws_what_its_model_draws():
     model = FIRE(rng=1).run(50)
-    first, second = (png(world_figure({"now": portrait_of(model)})) for _ in range(2))
-    assert first == second
-
-
-def test_a_portrait_does_not_change_with_its_model():
-    model = FIRE(rng=1)
-    portrait = portrait_of(model)
-    before = portrait.robots["position"].copy()
-    model.run(20)
-    assert (portrait.robots["position"] == before).all()
-    assert not (model.swarm.position == before).all()
+    before, now = (frame_of(model), scene_of(model)), png(world_figure({"now": model}))
+    model.run(5)
+    assert png(world_figure({"now": before})) == now != png(world_figure({"now": model}))
 
 
 def test_the_legend_names_what_is_there_and_nothing_else():
-    labels = [entry.get_label() for entry in legend_of(portrait_of(FIRE(rng=1)))]
+    labels = [entry.get_label() for entry in legend_of(FIRE(rng=1))]
     assert labels[:2] == ["obstacle", "robot, its front yellow"]
     assert "fire, out" in labels
-    assert legend_of(portrait_of(empty_world())) == []
+    assert legend_of(empty_world()) == []
 
 
 def test_worlds_stand_side_by_side_with_their_titles():
-    portrait = portrait_of(empty_world())
-    figure = world_figure({"one": portrait, "two": portrait})
+    figure = world_figure({"one": empty_world(), "two": empty_world()})
     assert [axes.get_title() for axes in figure.axes] == ["one", "two"]
     left, right = (axes.get_position() for axes in figure.axes)
     assert left.y0 == pytest.approx(right.y0)
@@ -161,7 +154,7 @@ def test_worlds_stand_side_by_side_with_their_titles():
 
 def test_the_history_of_fires_ends_with_the_present():
     model = FIRE(rng=1).run(123)
-    history = portrait_of(model).history
+    history = final_state_of(model).history
     assert history["steps"][-1] == 123
     assert (history["robots"][-1] == np.where(model.fires.out, -1, model.fires.robots)).all()
     assert (history["temperature"][-1] == model.fires.temperature).all()
@@ -169,15 +162,15 @@ def test_the_history_of_fires_ends_with_the_present():
 
 def test_each_strip_shows_the_robots_at_its_fire_and_minus_one_once_it_is_out():
     model = FIRE(rng=1).run(600)
-    portrait = portrait_of(model)
-    figure = fires_figure({"B": portrait, "B again": portrait})
+    final = final_state_of(model)
+    figure = fires_figure({"B": final, "B again": final})
     strips = figure.axes
     assert len(strips) == 14
     assert model.fires.out.any()
     for i, axes in enumerate(strips[:7]):
         shown = {line.get_label(): line.get_ydata() for line in axes.lines}
         burning, out = shown[f"fire {i + 1}"], shown["out"]
-        history = portrait.history["robots"][:, i]
+        history = final.history["robots"][:, i]
         assert np.array_equal(np.where(np.isnan(burning), out, burning)[: len(history)], history)
         assert axes.get_ylabel() == f"fire {i + 1}"
     assert strips[6].get_xlabel() == "step"
@@ -186,8 +179,8 @@ def test_each_strip_shows_the_robots_at_its_fire_and_minus_one_once_it_is_out():
 
 
 def test_the_block_of_the_first_value_is_above_the_second():
-    portrait = portrait_of(FIRE(rng=1).run(30))
-    figure = fires_figure({"A": portrait, "B": portrait})
+    final = final_state_of(FIRE(rng=1).run(30))
+    figure = fires_figure({"A": final, "B": final})
     png(figure)
     tops = [block.bbox.y1 for block in figure.subfigs]
     assert tops[0] > tops[1]
@@ -195,7 +188,7 @@ def test_the_block_of_the_first_value_is_above_the_second():
 
 def test_series_show_the_means_of_windows_over_time():
     model = find_model("collision_avoidance")(rng=1).run(80)
-    figure = series_figure({"first": portrait_of(model)})
+    figure = series_figure({"first": final_state_of(model)})
     (line,) = figure.axes[1].lines
     total = model.datacollector.get_model_vars_dataframe()["total_collisions"].to_numpy()
     assert np.array_equal(line.get_ydata(), total.reshape(40, 2).mean(axis=1))
@@ -210,7 +203,7 @@ def test_window_means_of_a_short_series_are_the_series():
 
 def test_pictures_are_pngs_and_leave_no_state_in_pyplot():
     before = dict(mpl.rcParams)
-    content = png(world_figure({"now": portrait_of(empty_world())}))
+    content = png(world_figure({"now": empty_world()}))
     assert content[:8] == b"\x89PNG\r\n\x1a\n"
     assert mpl.image.imread(io.BytesIO(content)).shape[2] == 4
     assert dict(mpl.rcParams) == before
@@ -262,8 +255,8 @@ def test_dollars_in_names_are_shown_as_they_are_in_all_pictures(name):
         fire_figure({name: [run]}),
         complexity_figure({name: {name: {10: 0.1, 20: 0.2}}}),
         world_picture(empty_world(), name),
-        world_figure({name: portrait_of(empty_world())}),
-        fires_figure({name: portrait_of(find_model("fire_fighting")(rng=1).run(60))}),
-        series_figure({name: portrait_of(find_model("collision_avoidance")(rng=1).run(60))}),
+        world_figure({name: empty_world()}),
+        fires_figure({name: final_state_of(find_model("fire_fighting")(rng=1).run(60))}),
+        series_figure({name: final_state_of(find_model("collision_avoidance")(rng=1).run(60))}),
     ]
     assert all(png(picture)[1:4] == b"PNG" for picture in pictures)

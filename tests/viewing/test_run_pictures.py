@@ -6,13 +6,11 @@ from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.colors import to_rgba
 
 from mesa_swarm import AGENT9, SwarmModel
-from mesa_swarm.cli import picture_commands
-from mesa_swarm.cli.picture_commands import drawn, parsed_steps
 from mesa_swarm.control import PASS, Subsumption, behaviour
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.gallery import find_model
+from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.viewing.pictures import png
-from mesa_swarm.viewing.portrait import portrait_of
 from mesa_swarm.viewing.run_pictures import (
     LAYER_COLOURS,
     MOST_TRACES,
@@ -83,7 +81,7 @@ def test_a_line_leads_from_each_robot_that_sees_others_to_where_it_perceives_the
     (segment,) = lines.get_segments()  # the second looks away from the first, the third sees nobody
     assert segment == pytest.approx(np.array([[100, 100], [125, 100]]))
     assert perceived_lines(three(), perceived=False) == []
-    assert "perceived" not in portrait_of(three()).robots
+    assert "perceived" not in frame_of(three()).columns
 
 
 @pytest.mark.parametrize("steps", [(), (20, 10), (10, 10), (-1,), (2.5,)])
@@ -260,33 +258,3 @@ def test_rows_without_ids_are_counted():
     figure = ethogram_figure(np.arange(1, 5), LAYERS, ["Avoid", "Explore"])
     figure.draw_without_rendering()
     assert {label.get_text() for label in figure.axes[0].get_yticklabels()} - {""} == {"1", "2", "3"}
-
-
-# ---- what is typed
-
-
-@pytest.mark.parametrize(("kind", "panels"), [("stages", 2), ("trace", 1), ("ethogram", 2)])
-def test_each_kind_is_drawn_of_a_model_that_is_run_for_it(kind, panels):
-    model = AVOIDANCE(n_robots=3, rng=1)
-    steps = [10, 25] if kind == "stages" else [25]
-    figure = drawn(model, kind, steps, None, progress=False)
-    assert (len(figure.axes), model.steps) == (panels, 25)
-
-
-def test_each_kind_has_steps_of_its_own_that_can_be_read():
-    assert set(picture_commands.STEPS) == set(picture_commands.KINDS)
-    for kind, text in picture_commands.STEPS.items():
-        assert parsed_steps(text, several=kind == "stages")
-
-
-@pytest.mark.parametrize("text", ["", "1,", "a", "-5", "2.5", "1e3", "10000001", "1 2"])
-@pytest.mark.parametrize("several", [True, False])
-def test_what_is_not_steps_is_refused(text, several):
-    with pytest.raises(InvalidValueError, match=r"steps is '.*'; expected .*, at most 10,000,000"):
-        parsed_steps(text, several)
-
-
-def test_several_steps_are_refused_where_one_is_expected():
-    assert parsed_steps(" 5 , 10", several=True) == [5, 10]
-    with pytest.raises(InvalidValueError, match="expected one number of steps"):
-        parsed_steps("5,10", several=False)

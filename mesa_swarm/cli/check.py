@@ -1,0 +1,174 @@
+"""What holds and what does not: diagnose, bench, reproduce."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mesa_swarm.cli.options import (
+    MOST_STORED,
+    Folder,
+    Jobs,
+    Model,
+    Quiet,
+    Seed,
+    Settings,
+    built_model,
+    print_pairs,
+    resumable,
+)
+from mesa_swarm.errors import InvalidValueError, SwarmError
+from mesa_swarm.files import check_writable, checked_file, write_all, write_whole
+
+if TYPE_CHECKING:
+    from mesa_swarm.analysis.pathology import Pathologies
+    from mesa_swarm.reproduction.laboratory import Laboratory
+    from mesa_swarm.reproduction.registry import Item, Made
+
+MOST_EPISODES = 20
+
+commands = typer.Typer()
+
+
+@commands.command()
+def diagnose(
+    model: Model,
+    *,
+    setting: Settings = None,
+    steps: Annotated[int, typer.Option(min=1, max=MOST_STORED, help="How many at most.")] = 2000,
+    rng: Seed = 1,
+    quiet: Quiet = False,
+) -> None:
+    """Run a model; print where robots made no progress: oscillated, blocked each other, were stuck."""
+    from mesa_swarm.experiments.diagnosis import NEEDED, check_wheels, pathologies_of
+
+    built = built_model(model, setting, rng)
+    check_wheels(built)
+    built.watch(last=None, columns=NEEDED)
+    found = pathologies_of(built.run(steps, progress=not quiet))
+    layers = built.control.layers if built.control else ()
+    names = ", ".join(f"{index} {layer.name}" for index, layer in enumerate(layers))
+    print_pairs({"steps": built.steps, "robots": len(built.swarm), "layers": names, **found.counts()})
+    print("\n".join(["", *described_episodes(found, [robot.unique_id for robot in built.robots])]))
+
+
+def described_episodes(found: "Pathologies", ids: Sequence[int]) -> list[str]:
+    """Return the 20 longest episodes as sentences, the longest first.
+
+    Parameters
+    ----------
+    found : Pathologies
+    ids : sequence of int, length n
+        The unique_id of each row.
+
+    Examples
+    --------
+    >>> from mesa_swarm.analysis.pathology import Episode, Pathologies
+    >>> described_episodes(Pathologies((Episode(kind="stuck", robots=(0,), first_step=10, last_step=49),)), [7])
+    ['Robot 7 drove and did not move, in steps 10 to 49.']
+    """
+    longest = sorted(found, key=lambda episode: -episode.steps)
+    sentences = [episode.describe(ids) for episode in longest[:MOST_EPISODES]] or ["No pathology was found."]
+    more = len(longest) - MOST_EPISODES
+    return [*sentences, f"... and {more} more, none of them longer."] if more > 0 else sentences
+
+
+@commands.command()
+def bench(
+    *,
+    quick: Annotated[bool, typer.Option("--quick", help="A few seconds, and rougher.")] = False,
+    out: Folder = Path("results", "bench"),
+) -> None:
+    """Measure steps, beside targets and other simulators."""
+    folder = check_writable(out)
+    from mesa_swarm.experiments.bench import report
+
+    for line in report(folder, quick):
+        print(line, flush=True)
+
+
+@commands.command()
+def reproduce(
+    *,
+    figure: Annotated[list[str] | None, typer.Option(metavar="NUMBER", help="Such as 8.3; may be repeated.")] = None,
+    every: Annotated[bool, typer.Option("--all", help="All of them, which is the default.")] = False,
+    names: Annotated[bool, typer.Option("--list", help="Only list them.")] = False,
+    out: Folder = Path("results", "reproduction"),
+    quick: Annotated[bool, typer.Option("--quick", help="A trial: few seeds, short runs, other files.")] = False,
+    jobs: Jobs = -1,
+    report: Annotated[Path | None, typer.Option(metavar="FILE.md", help="Write a page of the results.")] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Reproduce the thesis's results, each with a verdict; continue an interrupted call."""
+    if every and figure:
+        raise InvalidValueError("--all and --figure are given at once; leave one out")
+    from mesa_swarm.experiments.pool import checked_jobs
+    from mesa_swarm.reproduction import registry
+    from mesa_swarm.reproduction.laboratory import Laboratory
+
+    if names:
+        for item in registry.items().values():
+            print(f"{item.figure:5} {item.title} (thesis {item.section})")
+        return
+    numbers = {registry.find_item(number).figure for number in figure or ()}
+    chosen = [item for item in registry.items().values() if item.figure in numbers or not numbers]
+    workers, folder = checked_jobs(jobs), check_writable(out)
+    if report is not None:
+        checked_file(report, ".md", "report")
+    made = []
+    with Laboratory(folder, quick=quick, jobs=workers, progress=not quiet) as laboratory, resumable(folder):
+        for one in made_by(laboratory, chosen):
+            made.append(one)
+            picture = _written(one, folder, "_quick" if quick else "")[0]
+            print(f"{one.item.figure:5} {one.result.verdict}: {one.item.title} ({one.seconds:.0f} s)")
+            for check in one.result.checks:
+                print(f"        {check.outcome}: {check.claim}: {check.measured} (the thesis: {check.reported})")
+            print(f"        {picture}", flush=True)
+    if quick:
+        print("Few seeds and short runs: this shows that it works; the verdicts mean nothing.")
+    if report is not None:
+        print(write_whole(report, registry.report(made, quick=quick)))
+
+
+def made_by(laboratory: "Laboratory", chosen: "Sequence[Item]") -> "Iterator[Made]":
+    """Yield results as they are made.
+
+    Raises
+    ------
+    InvalidValueError
+        If the numbers of stored runs do not fit the result.
+    """
+    from mesa_swarm.reproduction.registry import Made
+
+    for item in chosen:
+        started = perf_counter()
+        try:
+            result = item.make(laboratory)
+        except SwarmError:
+            raise
+        except (ArithmeticError, LookupError, TypeError, ValueError) as error:
+            if not laboratory.found:
+                raise
+            raise InvalidValueError(
+                f"figure {item.figure} cannot be made of the runs in {laboratory.path} ({type(error).__name__}); "
+                "remove the file to repeat the runs"
+            ) from error
+        yield Made(item=item, result=result, seconds=perf_counter() - started)
+
+
+def _written(made: "Made", folder: Path, ending: str) -> list[Path]:
+    """Write the pictures and the table of a result, each whole or not at all; the first is its picture.
+
+    The ending of their names is one of its own for quick results, so that these do not replace full ones.
+    """
+    from mesa_swarm.reproduction.drawing import svg
+    from mesa_swarm.viewing.pictures import png
+
+    contents: dict[str, str | bytes] = {}
+    for word, picture in made.result.pictures.items():
+        name = f"figure_{made.item.figure}" + (f"_{word}" if word else "") + ending
+        contents |= {f"{name}.png": png(picture), f"{name}.svg": svg(picture)}
+    contents[f"figure_{made.item.figure}{ending}.csv"] = made.result.csv()
+    return write_all(folder, contents)

@@ -1,0 +1,178 @@
+"""Many runs, resumed where an earlier call stopped: sweep, compare, reality-gap."""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mesa_swarm.cli.options import FAILED, Jobs, Model, Quiet, Settings, StepsOfRuns, known_model, resumable
+from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.files import check_writable, write_whole
+from mesa_swarm.gallery import find_model, model_names
+
+if TYPE_CHECKING:
+    from mesa_swarm.experiments.experiment import Experiment
+    from mesa_swarm.experiments.jobs import Job
+
+commands = typer.Typer()
+
+
+@commands.command()
+def sweep(
+    job: Annotated[str, typer.Argument(metavar="JOB.toml", help="A job file, which may have a grid or a sample.")],
+    *,
+    jobs: Jobs = -1,
+    out: Annotated[Path | None, typer.Option(help="Folder of the results; results/JOB by default.")] = None,
+    record: Annotated[bool, typer.Option("--record", help="Record every run, to recordings/ in that folder.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only count the runs, and those that are done.")] = False,
+    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Repeat runs that ended in an error.")] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Do all runs of a job file; continue an interrupted sweep. Exit status 1 if some runs failed."""
+    from mesa_swarm.experiments.jobs import read_job
+    from mesa_swarm.experiments.pool import checked_jobs
+    from mesa_swarm.experiments.sweep import done_before, run_experiment
+
+    read = read_job(job)
+    folder = out or Path("results", read.name)
+    if dry_run:
+        for experiment, home, options in _parts(read, folder, record):
+            runs, done = len(experiment), done_before(experiment, home, options)
+            points, seeds = len(experiment.points), len(experiment.seeds)
+            size = f"{points:,} points x {seeds:,} seeds, {experiment.steps:,} steps each"
+            print(f"{home}: {runs:,} runs ({size}), {done:,} done, {runs - done:,} to do")
+        return
+    check_writable(folder)
+    workers = checked_jobs(jobs)
+    failures = 0
+    for experiment, home, options in _parts(read, folder, record):
+        made = run_experiment(experiment, home, workers, not quiet, options, retry_failed)
+        before = f", {made.done_before:,} of them before" if made.done_before else ""
+        failed = f", {made.failed:,} ended in an error" if made.failed else ""
+        print(f"{made.path}: {made.runs:,} runs{before}{failed}", flush=True)
+        for error in made.errors:
+            print(f"mesa-swarm: {made.path}: {error}", file=sys.stderr, flush=True)
+        failures += made.failed
+    if failures:
+        print("mesa-swarm: --retry-failed repeats the runs that failed", file=sys.stderr, flush=True)
+        raise typer.Exit(FAILED)
+
+
+def _parts(job: "Job", folder: Path, record: bool) -> "Iterator[tuple[Experiment, Path, dict | None]]":
+    """Yield the experiments of a job, the folder of each, and the options of its recordings if it is recorded."""
+    from mesa_swarm.experiments.sweep import check_recorded
+
+    for experiment in job.experiments if record else ():
+        check_recorded(experiment)
+    for experiment, records in zip(job.experiments, job.records, strict=True):
+        home = folder if len(job.experiments) == 1 else folder / experiment.name
+        yield experiment, home, dict(records.options if records else {}) if record else None
+
+
+@commands.command()
+def compare(
+    model: Model,
+    *,
+    parameter: Annotated[str | None, typer.Option(help="What to vary; the model's choice by default.")] = None,
+    values: Annotated[str | None, typer.Option(metavar="A,B,...", help="Its values.")] = None,
+    seeds: Annotated[int, typer.Option(min=1, max=100_000, help="Runs with each value; the same seeds for all.")] = 30,
+    steps: StepsOfRuns = None,
+    setting: Settings = None,
+    jobs: Jobs = -1,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of tables, pictures and runs; results/compare_MODEL by default.")
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Compare values of a parameter over the same seeds; continue an interrupted comparison."""
+    from mesa_swarm.experiments.compare import LEDGER, run_plan
+    from mesa_swarm.experiments.plan import checked_plan
+    from mesa_swarm.experiments.pool import checked_jobs
+    from mesa_swarm.parameters import parsed_settings
+
+    model_class = find_model(model)
+    folder = check_writable(out or Path("results", f"compare_{model}"))
+    workers = checked_jobs(jobs)
+    plan = checked_plan(
+        model_class,
+        parameter=parameter,
+        values=None if values is None else parsed_values(model_class, parameter, values),
+        seeds=seeds,
+        steps=steps,
+        settings=parsed_settings(model_class, setting or ()),
+    )
+    with resumable(folder / LEDGER):
+        comparison = run_plan(plan, workers, not quiet, folder=folder)
+    paths = comparison.save(folder)
+    if comparison.done_before:
+        print(f"{comparison.done_before:,} of {len(comparison.runs):,} runs were done before, see {folder / LEDGER}")
+    print("\n".join([comparison.table(), "", *map(str, paths), "", comparison.finding()]))
+
+
+def parsed_values(model_class: type, parameter: str | None, values: str) -> list:
+    """Return values separated by commas, as the parameter's type.
+
+    Examples
+    --------
+    >>> parsed_values(find_model("fire_fighting"), "n_robots", "5, 10")
+    [5, 10]
+    """
+    from mesa_swarm.parameters import parsed_settings
+
+    name = parameter or getattr(model_class, "compares", (None,))[0]
+    if name is None:
+        raise InvalidValueError("--values is given without --parameter; give both")
+    return [parsed_settings(model_class, [f"{name}={text.strip()}"])[name] for text in values.split(",")]
+
+
+@commands.command("reality-gap")
+def reality_gap(
+    model: Annotated[
+        str | None, typer.Argument(callback=known_model, metavar="[MODEL]", help="All models by default.")
+    ] = None,
+    *,
+    preset: Annotated[str, typer.Option(help="The imperfections at 1 on the dial: measured or robotarium.")] = (
+        "measured"
+    ),
+    measure: Annotated[
+        str | None, typer.Option(help="The result to score; by default the model's headline, or the first.")
+    ] = None,
+    seeds: Annotated[int, typer.Option(min=1, max=100_000, help="Runs at each place; the same seeds for all.")] = 10,
+    steps: StepsOfRuns = None,
+    setting: Settings = None,
+    jobs: Jobs = -1,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder; results/reality_gap_MODEL by default, for all models results/reality_gap."),
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Turn a dial from ideal to imperfect robots and draw the model's score; continue an interrupted call."""
+    from mesa_swarm.experiments import reality_gap as gaps
+    from mesa_swarm.parameters import parsed_settings
+    from mesa_swarm.viewing.pictures import png
+
+    if model is None and (setting or measure is not None):
+        option = "--set" if setting else "--measure"
+        raise InvalidValueError(f"{option} is given without a model; name the model that it is for")
+    folder = check_writable(out or Path("results", f"reality_gap_{model}" if model else "reality_gap"))
+    found = []
+    for name in (model,) if model else model_names():
+        home = folder if model else folder / name
+        gap = gaps.reality_gap(
+            name,
+            preset=preset,
+            measure=measure,
+            seeds=seeds,
+            steps=steps,
+            settings=parsed_settings(find_model(name), setting or ()),
+            jobs=jobs,
+            progress=not quiet,
+            out=home,
+        )
+        found.append(gap)
+        print("\n".join([gap.table(), "", *map(str, gap.save(home))]))
+    if model is None:
+        print(write_whole(folder / "reality_gap.png", png(gaps.gaps_figure(found))))

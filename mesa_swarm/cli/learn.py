@@ -1,0 +1,129 @@
+"""Robots that learn: reward-lab, learn-bench."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mesa_swarm.cli.options import MOST_STORED, Folder, Jobs, Quiet
+from mesa_swarm.errors import check_choice
+from mesa_swarm.files import check_writable, write_all
+
+if TYPE_CHECKING:
+    from mesa_swarm.learning.reward_lab import Profile
+
+commands = typer.Typer()
+
+
+@commands.command("reward-lab")
+def reward_lab(
+    *,
+    rewards: Annotated[str, typer.Option(metavar="A,B,...", help="Of a, b and c.")] = "a,b,c",
+    actions: Annotated[int, typer.Option(help="How many actions robots choose from: 4 or 8.")] = 4,
+    steps: Annotated[int, typer.Option(min=1, max=MOST_STORED, help="How long 15 robots learn.")] = 20_000,
+    seeds: Annotated[int, typer.Option(min=1, max=1000, help="Runs with each reward; the first is drawn.")] = 1,
+    rng: Annotated[int, typer.Option(min=0, max=2**31 - 1, help="The first seed.")] = 1,
+    out: Folder = Path("results", "reward_lab"),
+    quiet: Quiet = False,
+) -> None:
+    """Draw reward, learned values and choice over the distance ahead; measure where robots dither."""
+    from mesa_swarm.experiments.diagnosis import MEASURES, SCENES, oscillation, trained
+    from mesa_swarm.experiments.learning_figures import reward_figure
+    from mesa_swarm.experiments.tables import aligned, csv_text
+    from mesa_swarm.learning.actions import checked_actions
+    from mesa_swarm.learning.reward_lab import learned_profile, reward_profile
+    from mesa_swarm.learning.rewards import REWARDS
+    from mesa_swarm.progress import progress_bar
+    from mesa_swarm.robots.design import AGENT9
+    from mesa_swarm.viewing.pictures import png
+
+    kinds = list(dict.fromkeys(check_choice("reward", part.strip(), REWARDS) for part in rewards.split(",")))
+    checked_actions(actions)
+    folder = check_writable(out)
+    profiles = {}
+    rows: list[tuple] = [("reward", "actions", "seed", "scene", *MEASURES)]
+    with progress_bar(len(kinds) * seeds, "runs", not quiet) as bar:
+        for kind in kinds:
+            for seed in range(rng, rng + seeds):
+                policy = trained(kind, actions, seed, steps=steps)
+                if seed == rng:
+                    profiles[kind] = reward_profile(kind, actions=actions), learned_profile(policy, AGENT9)
+                for scene in SCENES:
+                    measured = oscillation(policy, scene=scene, rng=seed)
+                    rows.append((kind, actions, seed, scene, *(round(measured[name], 6) for name in MEASURES)))
+                bar.update()
+    print("\n".join(aligned(_summary(kinds, rows))))
+    figure = reward_figure({f"reward {kind}, {actions} actions": pair for kind, pair in profiles.items()})
+    contents: dict[str, str | bytes] = {
+        "reward_lab.png": png(figure),
+        "curves.csv": csv_text(curves(profiles)),
+        "marks.csv": csv_text(marks(profiles)),
+        "oscillations.csv": csv_text(rows),
+    }
+    print("\n".join(map(str, write_all(folder, contents))))
+
+
+def _summary(kinds: list[str], rows: list[tuple]) -> list[list[str]]:
+    """Return the mean measures of each scene and reward."""
+    import numpy as np
+
+    head, *measured = rows
+    table = [["scene", "reward", *head[4:]]]
+    for scene in dict.fromkeys(row[3] for row in measured):
+        for kind in kinds:
+            chosen = np.array([row[4:] for row in measured if (row[0], row[3]) == (kind, scene)], dtype=float)
+            turns, travels, corridor, threshold = chosen.mean(axis=0)
+            shares = [f"{100 * corridor:.1f} %", f"{100 * threshold:.1f} %"]
+            table.append([scene, kind, f"{turns:.1f}", f"{travels:.1f}", *shares])
+    return table
+
+
+def curves(profiles: "dict[str, tuple[Profile, Profile]]") -> list[tuple]:
+    """Return a row for each reward, action and distance: the reward there, the learned value, the probability."""
+    import numpy as np
+
+    rows: list[tuple] = [("reward", "action", "distance", "r", "Q", "P")]
+    for kind, (paid, learned) in profiles.items():
+        for a, name in enumerate(paid.actions):
+            for i, x in enumerate(learned.distance):
+                r = float(paid.values[np.searchsorted(paid.distance, x - 1e-9), a])
+                probability = None if learned.policy is None else learned.policy[i, a]
+                rows.append((kind, name, round(float(x), 6), r, float(learned.values[i, a]), probability))
+    return rows
+
+
+def marks(profiles: "dict[str, tuple[Profile, Profile]]") -> list[tuple]:
+    """Return a row for each mark of the curves."""
+    rows: list[tuple] = [("reward", "curve", "mark", "action", "start", "end", "size")]
+    for kind, pair in profiles.items():
+        for curve, profile in zip(("reward", "learned"), pair, strict=True):
+            rows += [(kind, curve, m.kind, m.action, m.start, m.end, m.size) for m in profile.marks]
+    return rows
+
+
+@commands.command("learn-bench")
+def learn_bench(
+    *,
+    seeds: Annotated[int, typer.Option(min=1, max=1000, help="Trainings of each contestant.")] = 10,
+    steps: Annotated[int, typer.Option(min=1, max=10_000_000, help="Of training, of 15 robots.")] = 33_000,
+    evaluation_steps: Annotated[int, typer.Option(min=1, max=MOST_STORED, help="On each map.")] = 5000,
+    only: Annotated[str | None, typer.Option(metavar="'A;B;...'", help="Contestants; all by default.")] = None,
+    jobs: Jobs = -1,
+    out: Folder = Path("results", "learn_bench"),
+    resume: Annotated[bool, typer.Option("--resume/--afresh", help="Continue an interrupted call.")] = True,
+    quiet: Quiet = False,
+) -> None:
+    """Train all learners, then measure them, frozen and still learning, also on maps they never saw."""
+    from mesa_swarm.experiments import learn_bench as benchmarks
+
+    chosen = tuple(name.strip() for name in only.split(";")) if only else ()
+    benchmark = benchmarks.Benchmark(seeds=seeds, steps=steps, evaluation_steps=evaluation_steps, only=chosen)
+    runs = benchmarks.learn_bench(benchmark, out=out, jobs=jobs, resume=resume, progress=not quiet)
+    table = benchmarks.markdown(benchmark, runs)
+    files: dict[str, str | bytes] = {
+        "learn_bench.md": table,
+        "learn_bench.csv": benchmarks.runs_csv(runs),
+        "learn_bench.json": benchmarks.summary_json(benchmark, runs),
+        **benchmarks.learning_pictures(runs),
+    }
+    print("\n".join([table, *map(str, write_all(out, files))]))

@@ -1,0 +1,99 @@
+"""What several commands share: their options, and how they build a model and print its numbers."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mesa_swarm.errors import check_choice
+from mesa_swarm.gallery import find_model, model_names
+
+if TYPE_CHECKING:
+    from mesa_swarm.swarm_model import SwarmModel
+
+# Typer checks limits before anything slow is imported.
+MOST_STEPS = 100_000_000
+# Steps that are stored take memory.
+MOST_STORED = 1_000_000
+# Exit status when all was done but a recording differs or a run failed.
+FAILED = 1
+
+
+def known_model(name: str | None) -> str | None:
+    """Return the name of a model of the gallery, or None.
+
+    Examples
+    --------
+    >>> known_model("fire_fighting")
+    'fire_fighting'
+    """
+    return name if name is None else check_choice("model", name, model_names())
+
+
+Model = Annotated[
+    str, typer.Argument(callback=known_model, metavar="MODEL", help="One of those that `mesa-swarm list` shows.")
+]
+RecordingFile = Annotated[
+    Path, typer.Argument(metavar="FILE", help="A recording, written by `mesa-swarm run --record`.")
+]
+Settings = Annotated[
+    list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Set a parameter; may be repeated.")
+]
+_SEED = typer.Option("--rng", min=0, max=2**63 - 1, help="Seed, 1 by default; the same seed gives the same run.")
+Seed = Annotated[int, _SEED]
+SeedOrNone = Annotated[int | None, _SEED]
+StepsOfRuns = Annotated[
+    int | None, typer.Option("--steps", min=1, max=MOST_STEPS, help="At most, in each run; the model's own by default.")
+]
+Jobs = Annotated[int, typer.Option(min=-1, max=1024, help="Processes at a time, -1 for one on each core.")]
+Folder = Annotated[Path, typer.Option("--out", help="Folder for tables, pictures and stored runs.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace files that exist.")]
+NoBrowser = Annotated[bool, typer.Option("--no-browser", help="Only serve, and print the address.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="No progress bar.")]
+
+
+def built_model(name: str, settings: Sequence[str] | None, rng: int) -> "SwarmModel":
+    """Build a model of the gallery with settings such as "n_robots=5"."""
+    from mesa_swarm.parameters import parsed_settings
+
+    model_class = find_model(name)
+    return model_class(**parsed_settings(model_class, settings or ()), rng=rng)
+
+
+@contextmanager
+def resumable(place: Path) -> Iterator[None]:
+    """Print after Ctrl-C where finished runs are stored."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        print(f"the runs so far are stored in {place}; the same command continues from there")
+        raise
+
+
+def print_pairs(pairs: dict) -> None:
+    """Print names and values in two columns.
+
+    Examples
+    --------
+    >>> print_pairs({"steps": 10, "out at": None})
+    steps   10
+    out at  -
+    """
+    width = max(map(len, pairs))
+    for name, value in pairs.items():
+        print(f"{name:{width}}  {in_brief(value)}")
+
+
+def in_brief(value: object) -> str:
+    """Return a value as a user would write it.
+
+    Examples
+    --------
+    >>> in_brief(0.1 + 0.2), in_brief(None)
+    ('0.3', '-')
+    """
+    if value is None:
+        return "-"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

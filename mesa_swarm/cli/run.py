@@ -1,0 +1,153 @@
+"""One run, or the runs of a job one after the other: list, run, verify."""
+
+import sys
+from collections.abc import Callable
+from contextlib import nullcontext
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mesa_swarm.cli.options import (
+    FAILED,
+    MOST_STEPS,
+    Force,
+    Quiet,
+    RecordingFile,
+    SeedOrNone,
+    Settings,
+    built_model,
+    in_brief,
+    print_pairs,
+)
+from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice
+from mesa_swarm.gallery import description, find_model, model_names
+
+JOB = ".toml"
+
+commands = typer.Typer()
+
+
+@commands.command("list")
+def list_models() -> None:
+    """List the models, their parameters and the defaults."""
+    from mesa_swarm.parameters import parameters_of
+
+    for name in model_names():
+        model_class = find_model(name)
+        print(f"{name}\n    {description(model_class)}")
+        for parameter in parameters_of(model_class).values():
+            setting = f"{parameter.name}={in_brief(parameter.default)}"
+            print(f"      {setting:28} {parameter.help}".rstrip())
+
+
+@commands.command()
+def run(
+    model: Annotated[str, typer.Argument(metavar="MODEL|JOB.toml", help="One of `mesa-swarm list`, or a job file.")],
+    *,
+    setting: Settings = None,
+    steps: Annotated[int | None, typer.Option(min=1, max=MOST_STEPS, help="At most; 3000 by default.")] = None,
+    rng: SeedOrNone = None,
+    record: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Record every step; {seed} and {name} are filled in.")
+    ] = None,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Run a model, or the runs of a job file; print the results and state hash of each."""
+    if model.lower().endswith(JOB):
+        for name, value in {"--set": setting, "--steps": steps, "--rng": rng}.items():
+            if value is not None:
+                raise InvalidValueError(f"{name} is given beside a job file, which sets it; leave it out")
+        if not run_job(model, record, force, progress=not quiet):
+            raise typer.Exit(FAILED)
+        return
+    check_choice("model", model, model_names())
+    from mesa_swarm.experiments.run_records import filled_in
+
+    seed = 1 if rng is None else rng
+    file = record and Path(filled_in(str(record), model, seed))
+    built = built_model(model, setting, seed)
+    with built.record(file, overwrite=force) if file else nullcontext():
+        try:
+            built.run(3000 if steps is None else steps, progress=not quiet)
+        except KeyboardInterrupt:
+            if file:
+                print(f"{built.completed} steps are recorded in {file}")
+            raise
+    results = built.results() if hasattr(built, "results") else {}
+    print_pairs({"steps": built.steps, **results, "state hash": built.state_hash()})
+
+
+@commands.command()
+def verify(file: RecordingFile, *, quiet: Quiet = False) -> None:
+    """Run a recording again; name the first step and robot that differ (exit status 1), if any.
+
+    A damaged recording counts as different, even if the rows before the damage agree.
+    """
+    from mesa_swarm.recording.recording import Recording
+    from mesa_swarm.recording.resume import shipped_class_of
+    from mesa_swarm.recording.verify import verify as run_again
+
+    recording = Recording(file)
+    if not recording.complete and not recording.damage:
+        print(f"{file} was not closed: {len(recording)} rows are whole, {recording.lost} bytes after them are not")
+    verification = run_again(recording, shipped_class_of(recording), not quiet)
+    print(verification)
+    if not verification.same:
+        raise typer.Exit(FAILED)
+
+
+def run_job(path: str, record: Path | None, force: bool, *, progress: bool) -> bool:
+    """Run a job file, print the results of each run, and return whether all runs succeeded.
+
+    Parameters
+    ----------
+    path : str
+        The job file.
+    record : Path, optional
+        The recordings' name, instead of the job's own.
+    force : bool
+        Whether existing recordings are replaced; otherwise their runs fail.
+    progress : bool
+        Whether each run has a progress bar.
+    """
+    from mesa_swarm.experiments.jobs import read_job, recorded_to
+    from mesa_swarm.experiments.ledger import Outcome
+    from mesa_swarm.experiments.run_records import recorded
+    from mesa_swarm.experiments.runs import attempt, error_in_words
+
+    job = read_job(path) if record is None else recorded_to(read_job(path), record)
+    for experiment in job.experiments:
+        if len(experiment.points) > 1:
+            raise InvalidValueError(
+                f"{experiment.name} has {len(experiment.points)} points; run them with: mesa-swarm sweep {path}"
+            )
+    parts = zip(job.experiments, job.records, strict=True)
+    queue = [(experiment, records, one) for experiment, records in parts for one in experiment.runs()]
+    failed = 0
+    for number, (experiment, records, one) in enumerate(queue):
+        title = f"{experiment.name}, rng {one.rng}"
+        print("\n" * bool(number) + title, flush=True)
+        file: Path | None = None
+        observer: Callable = nullcontext
+        try:
+            if records is not None:
+                file = records.path(experiment.name, one.rng)
+                observer = partial(recorded, path=file, options=records.options, overwrite=force)
+            outcome = attempt(one, observer, progress)
+        except SwarmError as error:
+            outcome = Outcome(error=error_in_words(error))
+        except KeyboardInterrupt:
+            if file is not None:
+                print(f"the steps so far are recorded in {file}")
+            raise
+        if outcome.error is not None:
+            failed += 1
+            print(f"mesa-swarm: {title}: {outcome.error}", file=sys.stderr, flush=True)
+            continue
+        measured = {name: outcome.numbers[name] for name in experiment.measures or outcome.numbers}
+        written = {} if file is None else {"recording": file}
+        print_pairs({"steps": outcome.steps, **measured, "state hash": outcome.state_hash, **written})
+    return not failed

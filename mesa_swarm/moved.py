@@ -1,0 +1,108 @@
+"""Old addresses: modules that were merged or moved are imported from their new place, with a warning."""
+
+import warnings
+from importlib import import_module
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+
+ROOT = "mesa_swarm."
+# New module: the modules of version 0.1.0 that are in it now.
+MOVED = {
+    "analysis.chain_events": "analysis.meetings",
+    "analysis.pathology": "analysis.pathology_finders",
+    "analysis.series": "analysis.collisions",
+    "control.arbiter": "control.subsumption control.vector_sum",
+    "control.behaviour": "control.rule_source",
+    "control.flocking": "control.apparent control.boids control.match_velocity",
+    "control.layer": "control.perception",
+    "control.rule": "control.readings",
+    "environments.registration": "environments.extra",
+    "environments.scores": "environments.observation",
+    "environments.task_world": "environments.commanded",
+    "experiments.diagnosis": "experiments.oscillation",
+    "experiments.figures": "experiments.comparison_figures",
+    "experiments.learning_figures": "experiments.fire_figures experiments.reward_figures",
+    "experiments.tables": "experiments.findings",
+    "learning.fire_learning": "learning.skills",
+    "learning.learner": "learning.keeping learning.memory",
+    "learning.networks": "learning.network_policy",
+    "learning.policy": "learning.told",
+    "learning.q_learning": "learning.q_policy",
+    "learning.reflex_policy": "learning.mirror",
+    "learning.wire_learning": "learning.wire_fitting learning.wire_policy",
+    "recording.changes": "recording.interventions recording.marks",
+    "recording.frames": "recording.events",
+    "robots.design": "robots.table",
+    "robots.drive": "robots.steering",
+    "teaching.checks": "teaching.failures teaching.verdict teaching.wish",
+    "teaching.pictures": "teaching.sizes",
+    "viewing.canvas_widget": "dashboard.canvas_widget dashboard.notebook",
+    "viewing.export": "exports",
+    "viewing.pictures": "experiments.pictures",
+    "viewing.portrait": "experiments.portrait",
+    "viewing.run_pictures": "experiments.run_pictures",
+    "world.bodies": "world.form world.load world.obstacle",
+}
+HOMES = {ROOT + old: ROOT + new for new, olds in MOVED.items() for old in olds.split()}
+# Single names that moved or have another name now.
+NAMES = {
+    "mesa_swarm.environments.observation.Observer": "mesa_swarm.environments.scores.ObservationEncoder",
+    "mesa_swarm.model.SwarmModel": "mesa_swarm.swarm_model.SwarmModel",
+}
+
+
+class MovedFinder:
+    """Finds moved modules; it stands last in ``sys.meta_path``, so that it is asked only for what is not found.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     from mesa_swarm.world.load import Load
+    >>> Load.__module__
+    'mesa_swarm.world.bodies'
+    """
+
+    def find_spec(self, name: str, path: object = None, target: object = None) -> ModuleSpec | None:
+        """Return how a module is made, None if it was not moved."""
+        return ModuleSpec(name, self) if name in HOMES else None  # type: ignore[arg-type]  # a loader by its methods
+
+    def create_module(self, spec: ModuleSpec) -> None:
+        """Leave it to Python to make an empty module."""
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Fill it with the names of its new home."""
+        old = module.__name__
+        _warn(old, HOMES[old], stacklevel=3)
+        names = {name: value for name, value in vars(import_module(HOMES[old])).items() if not name.startswith("__")}
+        moved = {address.rpartition(".")[2]: _imported(NAMES[address]) for address in NAMES if _is_of(old, address)}
+        module.__dict__.update({**names, **moved})
+
+
+def moved_name(module: str, name: str) -> object:
+    """Return a name that was in a module before, from its new home; for the ``__getattr__`` of that module.
+
+    Raises
+    ------
+    AttributeError
+        If there was no such name.
+    """
+    old = f"{module}.{name}"
+    if old not in NAMES:
+        raise AttributeError(f"module {module!r} has no attribute {name!r}")
+    _warn(old, NAMES[old], stacklevel=4)
+    return _imported(NAMES[old])
+
+
+def _is_of(module: str, address: str) -> bool:
+    return address.rpartition(".")[0] == module
+
+
+def _imported(address: str) -> object:
+    module, _, name = address.rpartition(".")
+    return getattr(import_module(module), name)
+
+
+def _warn(old: str, new: str, stacklevel: int) -> None:
+    warnings.warn(f"{old} is deprecated; it is {new} now", DeprecationWarning, stacklevel)

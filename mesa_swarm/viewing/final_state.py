@@ -1,0 +1,66 @@
+"""What figures show of a finished run: its last step, and what was collected on the way."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mesa_swarm.fire.model import FireModel
+from mesa_swarm.recording.frames import Frame, frame_of
+from mesa_swarm.viewing.scene import Scene, scene_of
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class FinalState:
+    """A model after its last step, as plain arrays that travel between processes.
+
+    Parameters
+    ----------
+    frame : Frame
+    scene : Scene
+    history : dict of ndarrays
+        steps (k,), temperature and robots (k, f) of the fires; the last row is the present.
+    series : dict of ndarrays
+        What the DataCollector collected of the model, by name; numbers only.
+    collect_every : int
+        Steps from one row of `series` to the next.
+    """
+
+    frame: Frame
+    scene: Scene
+    history: dict[str, np.ndarray]
+    series: dict[str, np.ndarray]
+    collect_every: int
+
+    @property
+    def world(self) -> tuple[Frame, Scene]:
+        """What `world_figure` draws."""
+        return self.frame, self.scene
+
+
+def final_state_of(model: FireModel) -> FinalState:
+    """Return the state of a model as it is now, with what was collected until then.
+
+    Examples
+    --------
+    >>> from mesa_swarm import SwarmModel
+    >>> final_state_of(SwarmModel(rng=1).run(3)).frame.step
+    3
+    """
+    collected = {name: np.array(values) for name, values in model.datacollector.model_vars.items()}
+    return FinalState(
+        frame=frame_of(model),
+        scene=scene_of(model),
+        history=_history(model),
+        series={name: column for name, column in collected.items() if column.dtype.kind in "biuf" and column.ndim == 1},
+        collect_every=model.collect_every,
+    )
+
+
+def _history(model: FireModel) -> dict[str, np.ndarray]:
+    """Return the fires' history with the present as its last row, which is else missing between two rows."""
+    fires, history = model.fires, model.fires.history
+    tables = {name: getattr(history, name) for name in ("steps", "temperature", "robots")}
+    if len(tables["steps"]) and tables["steps"][-1] < model.steps:
+        now = {"steps": model.steps, "temperature": fires.temperature, "robots": np.where(fires.out, -1, fires.robots)}
+        tables = {name: np.concatenate([table, [now[name]]]) for name, table in tables.items()}
+    return tables

@@ -1,0 +1,137 @@
+"""diagnose, bench and reproduce: what is measured, and printed of it."""
+
+import pytest
+
+from mesa_swarm.analysis.pathology import KINDS, Episode, Pathologies
+from mesa_swarm.cli.check import MOST_EPISODES, described_episodes
+from mesa_swarm.experiments import bench
+from mesa_swarm.gallery import find_model
+from mesa_swarm.reproduction.registry import items
+from mesa_swarm.world.map import Map
+
+
+def test_diagnose_finds_nothing_in_collision_avoidance_by_default(typed):
+    status, out, err = typed("diagnose collision_avoidance --quiet")
+    lines = out.splitlines()
+    assert (status, err) == (0, "")
+    assert lines[0].split() == ["steps", "2000"]
+    assert [line.split()[-1] for line in lines if line.split()[:-1] and line.startswith(KINDS)] == ["0"] * len(KINDS)
+    assert lines[-1] == "No pathology was found."
+
+
+def test_diagnose_finds_robots_that_turn_on_the_spot_in_a_corridor(typed):
+    Map(name="corridor", bounds=(0, 0, 300, 22)).save("corridor.toml")
+    line = "diagnose collision_avoidance --set map=corridor.toml --set design=AGENT3 --set n_robots=2 --steps 500"
+    status, out, err = typed(f"{line} --set turn=stationary")
+    ids = [robot.unique_id for robot in find_model("collision_avoidance")(n_robots=2, map="corridor.toml").robots]
+    assert status == 0
+    assert "500/500 steps" in err
+    assert ["corridor", "flip", "2"] in [word.split() for word in out.splitlines()]
+    sentences = out.splitlines()[-2:]
+    assert sorted(int(sentence.split()[1]) for sentence in sentences) == ids
+    assert all("turned away from what was near on its left and on its right by turns" in s for s in sentences)
+    assert all(s.endswith("to 500 (layer 0).") for s in sentences)
+    assert "layers                         0 Avoid, 1 Explore" in out
+    assert typed(f"{line} --quiet")[1].endswith("No pathology was found.\n")
+
+
+def test_bench_prints_its_report_and_the_paths(typed, tmp_path, monkeypatch):
+    monkeypatch.setattr(bench, "TARGETS", {50: 0.06, 200: 0.15, 10_000: 5.0})
+    monkeypatch.setattr(bench, "step_seconds", lambda step, repetitions, budget: 1e-4)
+    monkeypatch.setattr(bench, "peer_workload", lambda n: find_model("collision_avoidance")(n_robots=3, rng=1))
+    monkeypatch.setattr(bench, "start_times", lambda: [0.1, 0.2, 0.3])
+    status, out, _ = typed("bench --quick")
+    assert status == 0
+    assert "growth exponent from 200 to 10,000 robots: 0 (target" in out
+    assert {path.name for path in (tmp_path / "results" / "bench").iterdir()} == {"step.csv", "complexity.png"}
+
+
+def stuck(first, last, *robots):
+    return Episode(kind="stuck", robots=robots, first_step=first, last_step=last)
+
+
+def test_the_longest_episodes_come_first_with_unique_ids():
+    found = Pathologies((stuck(1, 40, 0), stuck(5, 99, 1), stuck(7, 46, 0)))
+    assert described_episodes(found, [11, 12]) == [
+        "Robot 12 drove and did not move, in steps 5 to 99.",
+        "Robot 11 drove and did not move, in steps 1 to 40.",
+        "Robot 11 drove and did not move, in steps 7 to 46.",
+    ]
+
+
+def test_a_pair_is_named_by_both_ids():
+    pair = Episode(kind="head-on pair", robots=(0, 2), first_step=1, last_step=50, layers=(1,))
+    assert described_episodes(Pathologies((pair,)), [4, 5, 6])[0].startswith("Robots 4 and 6 faced each other")
+
+
+@pytest.mark.parametrize(("there", "lines"), [(MOST_EPISODES, MOST_EPISODES), (MOST_EPISODES + 1, MOST_EPISODES + 1)])
+def test_at_most_twenty_episodes_are_described_and_the_rest_counted(there, lines):
+    sentences = described_episodes(Pathologies(tuple(stuck(k, 50 + 2 * k, 0) for k in range(there))), [9])
+    assert len(sentences) == lines
+    assert sentences[0].endswith(f"in steps {there - 1} to {48 + 2 * there}.")
+    assert (sentences[-1] == "... and 1 more, none of them longer.") == (there > MOST_EPISODES)
+
+
+def test_without_episodes_no_pathology_is_reported():
+    assert described_episodes(Pathologies(()), []) == ["No pathology was found."]
+
+
+def test_reproduce_lists_a_line_for_every_figure(typed, tmp_path):
+    status, out, err = typed("reproduce --list")
+    assert (status, err) == (0, "")
+    assert [line.split()[0] for line in out.splitlines()] == list(items())
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_figure_is_written_as_pictures_and_a_table_and_its_verdict_is_printed(typed, tmp_path):
+    status, out, err = typed("reproduce --figure D.3 --figure 8.2 --quick --quiet --jobs 1")
+    assert (status, err) == (0, "")
+    made = tmp_path / "results" / "reproduction"
+    names = {path.name for path in made.iterdir()}
+    assert {f"figure_{f}_quick.{end}" for f in ("8.2", "D.3") for end in ("png", "svg", "csv")} <= names
+    assert (made / "figure_8.2_quick.png").read_bytes()[1:4] == b"PNG"
+    verdicts = [line.split(":")[0] for line in out.splitlines() if line[:1] in "8D"]
+    assert verdicts == ["8.2   confirmed with limits", "D.3   confirmed"]
+
+
+def test_the_same_figure_gives_the_same_files(typed, tmp_path):
+    for folder in ("a", "b"):
+        typed(f"reproduce --figure D.1 --quick --quiet --out {folder}")
+    for end in ("png", "svg", "csv"):
+        first, second = (tmp_path / folder / f"figure_D.1_quick.{end}" for folder in ("a", "b"))
+        assert first.read_bytes() == second.read_bytes()
+
+
+def test_quick_results_do_not_take_the_place_of_full_ones(typed, tmp_path):
+    typed("reproduce --figure B.1 --quiet --out here")
+    full = {path: path.read_bytes() for path in (tmp_path / "here").glob("figure_*")}
+    typed("reproduce --figure B.1 --quick --quiet --out here")
+    assert full
+    assert {path: path.read_bytes() for path in full} == full
+    assert len(list((tmp_path / "here").glob("figure_*_quick.*"))) == len(full)
+
+
+def test_a_quick_report_warns_that_its_verdicts_mean_nothing(typed, tmp_path):
+    assert typed("reproduce --figure B.1 --quick --quiet --report page.md")[0] == 0
+    page = (tmp_path / "page.md").read_text()
+    assert "these verdicts mean nothing" in page
+    assert "| B.1 | how a fire's temperature grows | **confirmed with limits** |" in page
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("reproduce --figure 8.9", "unknown figure '8.9'; did you mean"),
+        ("reproduce --all --figure 8.2", "--all and --figure are given at once"),
+        ("reproduce --figure 8.2 --report page.html", "expected the name of a .md file"),
+        ("reproduce --figure 8.2 --jobs 0", "jobs is 0"),
+        ("reproduce --figure 8.2 --out /proc/nowhere", "results cannot be written to"),
+        ("reproduce --figure", "requires an argument"),
+    ],
+)
+def test_a_wrong_reproduction_is_refused_in_one_line(typed, line, words, tmp_path):
+    status, out, err = typed(line)
+    assert (status, out) == (2, "")
+    assert words in err
+    assert err.count("\n") == 1
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,100 @@
+"""compare and sweep: many runs, resumed where an earlier call stopped."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from mesa_swarm.recording import Recording
+
+MODEL = 'model = "fire_fighting"\n'
+RECORDED = MODEL + 'robots = 2\nsteps = 20\nseeds = 2\nrecord = { file = "runs/{seed}.arrow", every = 5 }'
+
+
+def test_compare_prints_a_table_paths_and_a_finding_and_writes_the_files(typed, tmp_path):
+    status, out, err = typed("compare fire_fighting --seeds 2 --steps 30 --jobs 1 --quiet")
+    folder = Path("results", "compare_fire_fighting")
+    assert (status, err) == (0, "")
+    assert out.startswith("FireFighting: 2 paired seeds, at most 30 steps each")
+    assert out.splitlines()[-1].startswith("With strategy ")
+    written = {path.name for path in (tmp_path / folder).iterdir()}
+    assert {str(folder / name) for name in written - {"runs.jsonl"}} <= set(out.splitlines())
+    assert len(written) == 8
+    again = typed("compare fire_fighting --seeds 2 --steps 30 --jobs 1 --quiet")[1]
+    assert again == f"4 of 4 runs were done before, see {folder / 'runs.jsonl'}\n{out}"
+
+
+def test_compare_takes_another_parameter_values_settings_and_folder(typed, tmp_path):
+    line = "compare collision_avoidance --parameter n_robots --values 2,3 --set map=sparse --out here/there"
+    status, out, err = typed(f"{line} --seeds 2 --steps 20 --jobs 1")
+    assert status == 0
+    assert "4/4 runs" in err
+    assert "minus 2 [95 %]" in out
+    assert (tmp_path / "here" / "there" / "over_time.png").exists()
+
+
+def test_ctrl_c_stops_a_comparison_on_all_cores_and_leaves_only_its_runs(tmp_path):
+    command = [sys.executable, "-m", "mesa_swarm.cli", "compare", "fire_fighting", "--jobs", "2", "--out", "made"]
+    running = subprocess.Popen(
+        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    seen = ""
+    while "runs" not in seen:  # the bar is there: workers are being started
+        seen += running.stderr.read(1)
+    time.sleep(1)
+    os.killpg(running.pid, signal.SIGINT)  # as a terminal does: to all processes
+    out, err = running.communicate(timeout=120)
+    ledger = Path("made", "runs.jsonl")
+    assert running.returncode == 130
+    assert out == f"the runs so far are stored in {ledger}; the same command continues from there\n"
+    assert "mesa-swarm: interrupted; nothing more was written" in err.splitlines()
+    assert "Traceback" not in err
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == [tmp_path / ledger]
+
+
+def test_sweep_writes_a_table_for_each_run_of_the_queue_and_does_nothing_twice(typed, tmp_path):
+    Path("job.toml").write_text(f"[[run]]\n{MODEL}steps = 5\nseeds = 2\n" * 2)
+    first, again = (typed("sweep job.toml --jobs 1 --quiet") for _ in range(2))
+    paths = [Path("results", "job", name, "runs.parquet") for name in ("run_1", "run_2")]
+    assert first == (0, "".join(f"{path}: 2 runs\n" for path in paths), "")
+    assert again == (0, "".join(f"{path}: 2 runs, 2 of them before\n" for path in paths), "")
+    assert all(path.exists() for path in paths)
+
+
+def test_a_dry_run_counts_the_runs_and_writes_nothing(typed, tmp_path):
+    Path("job.toml").write_text(f"{MODEL}steps = 5\nseeds = 2\n[grid]\nn_robots = [2, 3, 4]")
+    planned = "results/job: 6 runs (3 points x 2 seeds, 5 steps each)"
+    assert typed("sweep job.toml --dry-run") == (0, f"{planned}, 0 done, 6 to do\n", "")
+    assert not Path("results").exists()
+    assert typed("sweep job.toml --jobs 1 --quiet")[0] == 0
+    Path("job.toml").write_text(f"{MODEL}steps = 5\nseeds = 3\n[grid]\nn_robots = [2, 3, 4]")
+    with Path("results/job/ledger.jsonl").open("ab") as ledger:
+        ledger.write(b"torn")
+    before = {path: path.read_bytes() for path in Path("results").rglob("*") if path.is_file()}
+    assert typed("sweep job.toml --dry-run")[1].endswith("9 runs (3 points x 3 seeds, 5 steps each), 6 done, 3 to do\n")
+    assert typed("sweep job.toml --dry-run --record")[1].endswith("0 done, 9 to do\n")
+    assert before == {path: path.read_bytes() for path in Path("results").rglob("*") if path.is_file()}
+
+
+def test_sweep_records_every_run_on_request_with_the_job_s_options(typed):
+    Path("job.toml").write_text(RECORDED)
+    assert typed("sweep job.toml --jobs 1 --quiet")[0] == 0
+    assert not Path("results/job/recordings").exists()
+    assert typed("sweep job.toml --jobs 1 --quiet --record") == (0, f"{Path('results/job/runs.parquet')}: 2 runs\n", "")
+    assert [Recording(file).steps.tolist() for file in Path("results/job/recordings").iterdir()] == [
+        [5, 10, 15, 20]
+    ] * 2
+
+
+def test_a_sweep_prints_why_runs_failed_and_how_to_repeat_them_and_exits_with_1(typed):
+    Path("job.toml").write_text(MODEL + "steps = 3\nseeds = 2\n[grid]\nn_robots = [3, 20000, 30000]")
+    for done in ("", ", 6 of them before"):
+        status, out, err = typed("sweep job.toml --quiet --jobs 1")
+        assert (status, out) == (1, f"results/job/runs.parquet: 6 runs{done}, 4 ended in an error\n")
+        first, second, last = err.splitlines()
+        assert first.startswith("mesa-swarm: results/job/runs.parquet: PlacementError: ")
+        assert second.startswith("mesa-swarm: results/job/runs.parquet: PlacementError: ")
+        assert first != second
+        assert last == "mesa-swarm: --retry-failed repeats the runs that failed"

@@ -1,0 +1,111 @@
+"""Addresses of version 0.1.0: each gives the same object as the new one, and warns once."""
+
+import importlib
+import subprocess
+import sys
+import warnings
+
+import pytest
+
+import mesa_swarm
+from mesa_swarm import SwarmModel
+from mesa_swarm.gallery import shipped_class
+from mesa_swarm.moved import HOMES, NAMES, MovedFinder
+
+# What README, docs and notebooks of version 0.1.0 import, and other public names, from where they were then.
+ADDRESSES = {
+    "control.boids": "Align Cohere Cruise Separate",
+    "control.match_velocity": "MatchVelocity",
+    "control.subsumption": "Subsumption",
+    "control.vector_sum": "VectorSum",
+    "dashboard.canvas_widget": "SwarmCanvas",
+    "dashboard.notebook": "show swarm_canvas",
+    "environments.observation": "Observer",
+    "experiments.comparison_figures": "comparison_figure",
+    "experiments.oscillation": "oscillation trained",
+    "experiments.pictures": "draw_world world_figure png",
+    "experiments.portrait": "Portrait portrait_of",
+    "experiments.reward_figures": "reward_figure",
+    "experiments.run_pictures": "ethogram stages trace",
+    "exports": "export",
+    "learning.network_policy": "NetworkPolicy",
+    "learning.q_policy": "QPolicy",
+    "learning.wire_fitting": "wire_value",
+    "learning.wire_policy": "WirePolicy",
+    "model": "SwarmModel",
+    "recording.events": "Event",
+    "recording.marks": "Mark",
+    "robots.steering": "approach",
+    "teaching.wish": "Wish",
+    "world.load": "Load",
+    "world.obstacle": "Obstacle",
+}
+
+
+def imported(module):
+    """Import a module as if for the first time, and return it with the warnings."""
+    sys.modules.pop(module, None)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        return importlib.import_module(module), caught
+
+
+@pytest.mark.parametrize("old", HOMES)
+def test_a_module_that_moved_is_imported_with_one_warning_that_names_its_home(old):
+    module, caught = imported(old)
+    assert module.__name__ == old
+    assert [(each.category, str(each.message)) for each in caught] == [
+        (DeprecationWarning, f"{old} is deprecated; it is {HOMES[old]} now")
+    ]
+    home = importlib.import_module(HOMES[old])
+    own = [name for name, value in vars(home).items() if getattr(value, "__module__", None) == home.__name__]
+    assert own
+    assert all(getattr(module, name) is getattr(home, name) for name in own)
+
+
+@pytest.mark.parametrize("old", ADDRESSES)
+def test_an_old_address_gives_the_very_object_of_the_new_one(old):
+    for name in ADDRESSES[old].split():
+        script = f"from mesa_swarm.{old} import {name}"
+        sys.modules.pop(HOMES.get(f"mesa_swarm.{old}") and f"mesa_swarm.{old}", None)
+        space = {}
+        with pytest.warns(
+            DeprecationWarning, match=rf"^mesa_swarm\.{old}\b.* is deprecated; it is mesa_swarm\."
+        ) as caught:
+            exec(script, space)
+        assert len(caught) == 1
+        new = NAMES.get(f"mesa_swarm.{old}.{name}", f"{HOMES.get(f'mesa_swarm.{old}')}.{name}")
+        module, _, named = new.rpartition(".")
+        assert space[name] is getattr(importlib.import_module(module), named)
+
+
+def test_the_warning_is_about_the_line_that_imports(tmp_path):
+    program = tmp_path / "program.py"
+    program.write_text(
+        "import mesa_swarm\nfrom mesa_swarm.world.load import Load\nfrom mesa_swarm.model import SwarmModel\n"
+    )
+    done = subprocess.run([sys.executable, program], capture_output=True, text=True, check=True)
+    assert [line.split(": ")[0] for line in done.stderr.splitlines() if "Deprecat" in line] == [
+        f"{program}:2",
+        f"{program}:3",
+    ]
+
+
+def test_names_that_never_were_are_missing_as_ever():
+    with pytest.raises(ModuleNotFoundError):
+        importlib.import_module("mesa_swarm.world.lode")
+    with pytest.raises(ImportError, match="Nothing"):
+        exec("from mesa_swarm.model import Nothing")
+    with pytest.raises(AttributeError, match=r"module 'mesa_swarm\.model' has no attribute 'Nothing'"):
+        _ = importlib.import_module("mesa_swarm.model").Nothing
+    assert not hasattr(mesa_swarm, "nothing")
+
+
+def test_the_finder_is_registered_once_and_last_of_ours():
+    importlib.reload(mesa_swarm)
+    assert sum(isinstance(finder, MovedFinder) for finder in sys.meta_path) == 1
+
+
+def test_recordings_of_before_name_the_class_of_models_by_its_old_module():
+    assert shipped_class("mesa_swarm.model", "SwarmModel") is SwarmModel
+    assert shipped_class("mesa_swarm.model", "EngineModel") is None
