@@ -74,9 +74,9 @@ def test_each_run_is_what_the_model_does_alone(comparison):
 
 
 def test_a_comparison_that_was_interrupted_goes_on_in_its_folder_and_ends_in_the_same_files(comparison, tmp_path):
-    heard = []
+    outcomes = []
     with pytest.raises(KeyboardInterrupt):
-        run_plan(comparison.plan, heard=lambda run: heard.append(run) or stop_after(4, heard), folder=tmp_path)
+        run_plan(comparison.plan, heard=lambda run: outcomes.append(run) or stop_after(4, outcomes), folder=tmp_path)
     went_on = []
     again = run_plan(comparison.plan, heard=went_on.append, folder=tmp_path)
     assert (again.done_before, again.runs) == (4, comparison.runs)
@@ -86,8 +86,8 @@ def test_a_comparison_that_was_interrupted_goes_on_in_its_folder_and_ends_in_the
     assert [path.read_bytes() for path in again.save(tmp_path)] == whole
 
 
-def stop_after(count, heard):
-    if len(heard) == count:
+def stop_after(count, outcomes):
+    if len(outcomes) == count:
         raise KeyboardInterrupt
 
 
@@ -108,12 +108,12 @@ def test_the_outcome_does_not_depend_on_the_number_of_jobs(comparison):
     assert runs_csv(two) == runs_csv(comparison)
 
 
-def test_portraits_are_kept_of_the_first_seed_only(comparison):
+def test_portraits_are_drawn_of_the_first_seed_only(comparison):
     assert [run.portrait is not None for run in comparison.runs] == [True, True, False, False, False, False]
     assert list(comparison.portraits) == ["A", "B"]
 
 
-def test_steps_and_values_are_by_default_what_the_model_says():
+def test_steps_and_values_are_by_default_those_that_the_model_declares():
     plan = checked_plan(FIRE)
     assert (plan.parameter, plan.values, plan.steps, plan.seeds) == ("strategy", ("A", "B"), 15_000, range(1, 31))
     assert checked_plan(AVOID, seeds=1).steps == 3_000
@@ -270,15 +270,15 @@ def test_the_finding_about_fires_counts_runs_and_calls_a_clear_difference_clear(
     assert "\n" not in text
 
 
-def test_the_finding_does_not_claim_what_the_intervals_do_not_bear_out():
+def test_the_finding_claims_only_what_the_intervals_support():
     first = {"all fires out at": [1, 2, None, None] * 2}
     second = {"all fires out at": [1, 2, 3, None] * 2}
-    assert "do not settle which is larger" in finding(made_up({"A": first, "B": second}))
+    assert "inconclusive with these seeds" in finding(made_up({"A": first, "B": second}))
 
 
-def test_few_seeds_are_said_to_be_too_few():
+def test_few_seeds_are_inconclusive():
     few = made_up({"a": {"hits": [1, 2, 3]}, "b": {"hits": [5, 6, 7]}}, AVOID, "turn")
-    assert "3 seeds are too few to tell which is larger" in finding(few)
+    assert "inconclusive with 3 seeds, 6 are required" in finding(few)
     assert "Means and differences of fewer than 6 have no interval." in few.table()
 
 
@@ -322,16 +322,16 @@ def test_the_same_runs_give_the_same_table_and_pictures_byte_for_byte():
     assert png(comparison_figure(first, ["a at"])) == png(comparison_figure(second, ["a at"]))
 
 
-def test_the_finding_says_when_there_is_no_difference():
+def test_the_finding_states_no_difference():
     same = {"all fires out at": [1, 2, 3]}
-    assert "no difference was seen" in finding(made_up({"A": same, "B": same}))
+    assert ": no difference" in finding(made_up({"A": same, "B": same}))
     same = {"collisions": [1, 2, 3]}
-    assert "no difference was seen" in finding(made_up({"a": same, "b": same}, AVOID, "turn"))
+    assert ": no difference" in finding(made_up({"a": same, "b": same}, AVOID, "turn"))
 
 
 def test_the_finding_about_one_seed_claims_nothing():
     one = made_up({"a": {"collisions": [1]}, "b": {"collisions": [5]}}, AVOID, "turn")
-    assert "one seed says nothing about others" in finding(one)
+    assert "inconclusive with one seed" in finding(one)
 
 
 def test_the_finding_about_numbers_uses_the_paired_difference():

@@ -37,9 +37,9 @@ class TestCells:
 
     def test_words_name_where_a_wins(self):
         cells = [fire_fighting.cell_of(PLACE, runs([7, 7, 7]), runs([6, 6, 6]))]
-        told = " ".join(fire_fighting.winners_in_words(cells))
-        assert "A in 1" in told
-        assert "with 5 robots, fires 1 times as large and a rest of 60" in told
+        remarks = " ".join(fire_fighting.winners_in_words(cells))
+        assert "A in 1" in remarks
+        assert "with 5 robots, fires 1 times as large and a rest of 60" in remarks
 
 
 class TestFires:
