@@ -29,7 +29,7 @@ from mesa_swarm.world.map import Map, builtin_maps
 from mesa_swarm.world.random_map import random_map
 
 LEDGER = "ledger.jsonl"
-# A result depends on these and on the engine: whoever changes this code does the runs again.
+# Results depend on these files and on the engine; after a change the runs are repeated.
 SOURCES = ("experiments/contestants.py", "experiments/driving.py", "experiments/evolution.py")
 # Generated maps that no contestant was trained, bred or chosen on: all are compared on GENERATED; UNSEEN, which were
 # not looked at before everything else was fixed, show whether the target is reached.
@@ -414,7 +414,7 @@ def learning_pictures(runs: Sequence[Training]) -> dict[str, bytes]:
 
 
 def speed_figure(lines: Sequence[Line]) -> Figure:
-    """Return collisions over speed ahead, a panel for each group of maps: full markers frozen, hollow still learning."""
+    """Return collisions over speed ahead, a panel for each group of maps: full markers frozen, hollow learning."""
     figure = Figure(figsize=(12.8, 5.6), layout="constrained")
     names = list(dict.fromkeys(line.name for line in lines))
     panels = figure.subplots(1, len(GROUPS), sharex=True, sharey=True)

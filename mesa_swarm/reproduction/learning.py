@@ -53,19 +53,19 @@ def learning_run(rng: int, *, steps: int = STEPS, **settings: Any) -> dict[str, 
         "last third": float(rate[-third:].sum()) / 1000,
         "total": float(rate.sum()) / 1000,
         "with temperature": correlation(central_moving_average(rate, MANY_WINDOW), warmth),
-        "curve": kept(smooth, POINTS if robots > 1 else ONE_POINTS),
-        "sum": kept(np.cumsum(rate) / 1000),
-        "temperature": kept(warmth),
+        "curve": thinned(smooth, POINTS if robots > 1 else ONE_POINTS),
+        "sum": thinned(np.cumsum(rate) / 1000),
+        "temperature": thinned(warmth),
         "speed": float(np.mean(model.datacollector.model_vars["forward_speed"][-round(LAST * steps) :])),
     }
 
 
-def kept(values: np.ndarray, points: int = POINTS) -> list[float]:
+def thinned(values: np.ndarray, points: int = POINTS) -> list[float]:
     """Return values at equal steps, the last one too, with six digits.
 
     Examples
     --------
-    >>> kept(np.arange(660.0))[-1]
+    >>> thinned(np.arange(660.0))[-1]
     659.0
     """
     places = np.linspace(0, len(values) - 1, points).round().astype(int)

@@ -59,10 +59,10 @@ def exploration_run(rng: int, steps: int = 60_000, **settings: Any) -> Numbers:
     solids = [(obstacle.shape.geometry, obstacle.shape.radius) for obstacle in model.obstacles if obstacle.contact]
     radius, start = float(model.swarm.radius[0]), model.swarm.position[0].copy()
     cells = reachable_cells(model.map.bounds, solids, radius, start)
-    kept = model.watch(last=None, columns=("position",))
+    watched = model.watch(last=None, columns=("position",))
     model.run(steps)
     return {
-        "coverage": coverage(kept["position"], cells, model.map.bounds),
+        "coverage": coverage(watched["position"], cells, model.map.bounds),
         "collisions": float(model.total_collisions),
     }
 
@@ -79,7 +79,7 @@ def agglomeration_run(rng: int, **settings: Any) -> Numbers:
     spacing = nearest_neighbour_distances(model.swarm.position).mean()
     numbers: Numbers = {"randomness at 0": float(clark_evans(model.swarm.position, INNER_AREA))}
     for step in (EARLY, LATE):
-        kept = kept_while(model, step)
+        together = together_until(model, step)
         groups = clusters(model.swarm.position, GROUP)
         numbers[f"spacing at {step}"] = float(nearest_neighbour_distances(model.swarm.position).mean() / spacing)
         numbers[f"groups at {step}"] = float(groups.count)
@@ -87,11 +87,11 @@ def agglomeration_run(rng: int, **settings: Any) -> Numbers:
         numbers[f"small groups at {step}"] = float(np.count_nonzero(groups.sizes <= SMALL))
         numbers[f"largest at {step}"] = float(groups.sizes.max(initial=0))
         numbers[f"local convergence at {step}"] = groups.local_convergence
-        numbers[f"kept together at {step}"] = kept
+        numbers[f"kept together at {step}"] = together
     return known(numbers)
 
 
-def kept_while(model: SwarmModel, until: int) -> float:
+def together_until(model: SwarmModel, until: int) -> float:
     """Run a model until a step; return the share of pairs in one group that still were after the last 200 steps."""
     model.run(until - WINDOW - model.steps)
     before = clusters(model.swarm.position, GROUP).label
@@ -110,14 +110,14 @@ def chain_run(rng: int, **settings: Any) -> Numbers:
     True
     """
     model = find_model("chain_formation")(rng=rng, **settings)
-    kept = model.watch(last=None, every=FRAME, columns=("position", "heading"))
-    together = {f"kept together at {step}": kept_while(model, step) for step in (EARLY, LATE)}
+    watched = model.watch(last=None, every=FRAME, columns=("position", "heading"))
+    together = {f"kept together at {step}": together_until(model, step) for step in (EARLY, LATE)}
     history = follow_chains(
-        kept["position"], kept["heading"], kept.steps, link_distance=model.link_distance, patience=3
+        watched["position"], watched["heading"], watched.steps, link_distance=model.link_distance, patience=3
     )
     numbers: Numbers = dict(together)
     for step in (EARLY, LATE):
-        frames = (kept.steps > step - WINDOW) & (kept.steps <= step)
+        frames = (watched.steps > step - WINDOW) & (watched.steps <= step)
         numbers[f"length at {step}"] = mean_or_one(history.mean_length[frames])
         numbers[f"chained at {step}"] = float(history.chained[frames].mean())
     outcomes = history.outcomes()
