@@ -65,12 +65,7 @@ def pathologies_of(model: SwarmModel) -> Pathologies:
 
 
 def check_wheels(model: SwarmModel) -> None:
-    """Refuse a model with robots whose commands are not the speeds of wheels left and right.
-
-    Raises
-    ------
-    InvalidValueError
-    """
+    """Refuse a model with robots whose commands are not the speeds of wheels left and right."""
     for design in model.swarm.designs:
         if not design.turns:
             raise InvalidValueError(

@@ -20,16 +20,7 @@ CELLS = (40, 40)
 
 
 def driven_world(control: Arbiter, design: RobotDesign, robots: int, world: Map | str, rng: int) -> SwarmModel:
-    """Return a model whose robots are driven by a control, without history.
-
-    Parameters
-    ----------
-    control : Arbiter
-    design : RobotDesign
-    robots : int
-    world : Map or str
-    rng : int
-    """
+    """Return a model whose robots are driven by a control, without history."""
     model = SwarmModel(map=world, rng=rng, history_every=0)
     model.datacollector = mesa.DataCollector()
     model.add_robots(design, robots)

@@ -119,10 +119,6 @@ class Trial:
         See `ReflexPolicy`.
     mirrored : bool
         Whether controllers are their own mirror image, see `learning.mirror`: half as many weights to find.
-
-    Raises
-    ------
-    InvalidValueError, UnknownNameError
     """
 
     design: RobotDesign = AGENT9

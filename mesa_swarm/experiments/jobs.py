@@ -250,10 +250,6 @@ def recorded_to(job: Job, file: Path) -> Job:
     file : Path
         ``{seed}`` and ``{name}`` in its name stand for each run's. Its folder may be any.
 
-    Raises
-    ------
-    SwarmError
-
     Examples
     --------
     >>> job = recorded_to(read_job("fire_fighting_1.toml"), Path("/runs/{name}.arrow"))

@@ -58,10 +58,6 @@ class Benchmark:
     only : sequence of str
         Names of contestants; all by default.
 
-    Raises
-    ------
-    InvalidValueError, UnknownNameError
-
     Examples
     --------
     >>> bench = Benchmark(seeds=10)

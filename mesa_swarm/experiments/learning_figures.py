@@ -127,10 +127,6 @@ def fire_run(controller: str, *, rng: int, steps: int = 60_000, **settings: floa
 def fire_figure(runs: Mapping[str, Sequence[FireRun]]) -> Figure:
     """Return a figure of runs by controller: a dot a run with means and 95 % intervals, and how long rounds last.
 
-    Parameters
-    ----------
-    runs : mapping of controller to a sequence of FireRun
-
     Examples
     --------
     >>> run = fire_run("shared", rng=1, steps=20, round_steps=10, n_robots=2)

@@ -116,10 +116,6 @@ class RunRecords:
     options : mapping
         What `mesa_swarm.recording.record` takes: every, columns, exact ...
 
-    Raises
-    ------
-    InvalidValueError, UnknownNameError
-
     Examples
     --------
     >>> RunRecords(folder=Path("/jobs"), file="runs/{seed}.arrow").path("run_1", 7).as_posix()
@@ -170,10 +166,6 @@ def filled_in(file: str, name: str, seed: int) -> str:
 
 def chosen_options(record: object) -> Mapping[str, Any] | None:
     """Return the options of recordings, none of them for True, and None if nothing is to be recorded.
-
-    Raises
-    ------
-    InvalidValueError
 
     Examples
     --------

@@ -37,10 +37,6 @@ class Sample:
     rng : int
         Seed of the sample.
 
-    Raises
-    ------
-    InvalidValueError, UnknownNameError
-
     Examples
     --------
     >>> from mesa_swarm.gallery import find_model
@@ -149,10 +145,6 @@ def grid(model_class: type, values: Mapping[str, Any]) -> list[dict[str, Any]]:
     model_class : type
     values : mapping of str to sequence, array or Series
         Different values of each parameter, at least one.
-
-    Raises
-    ------
-    InvalidValueError, UnknownNameError
 
     Examples
     --------

@@ -100,12 +100,7 @@ def step_times(laboratory: Laboratory, maps: Sequence[str], sensors: Sequence[in
 
 
 def exponents(times: np.ndarray, robots: Sequence[int] = ROBOTS) -> np.ndarray:
-    """Return for every seed the b of t = a n^b, by least squares of the logarithms.
-
-    Parameters
-    ----------
-    times : ndarray, shape (robots, seeds)
-    robots : sequence of int
+    """Return for every seed the b of t = a n^b, by least squares of the logarithms of times (robots, seeds).
 
     Examples
     --------

@@ -129,7 +129,7 @@ def test_settings_reach_the_model():
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
+    ("wrong", "message"),
     [
         ({"seeds": 0}, "seeds is 0"),
         ({"seeds": float("nan")}, "seeds is nan"),
@@ -156,17 +156,17 @@ def test_settings_reach_the_model():
         ({"settings": {"k1": float("inf")}}, "k1 is inf"),
     ],
 )
-def test_a_wrong_comparison_is_refused_in_one_line_before_it_is_run(wrong, said):
-    with pytest.raises(SwarmError, match=said) as caught:
+def test_a_wrong_comparison_is_refused_in_one_line_before_it_is_run(wrong, message):
+    with pytest.raises(SwarmError, match=message) as caught:
         compare(FIRE, **wrong)
     assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    ("model", "said"), [("fire_figting", "did you mean 'fire_fighting'"), (7, "model is 7; expected a class")]
+    ("model", "message"), [("fire_figting", "did you mean 'fire_fighting'"), (7, "model is 7; expected a class")]
 )
-def test_what_is_not_a_model_is_refused_in_one_line(model, said):
-    with pytest.raises(SwarmError, match=said):
+def test_what_is_not_a_model_is_refused_in_one_line(model, message):
+    with pytest.raises(SwarmError, match=message):
         compare(model)
 
 

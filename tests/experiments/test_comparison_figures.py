@@ -1,4 +1,4 @@
-"""The picture of a comparison: what never came is no number, and steps are whole."""
+"""The picture of a comparison: times that did not occur have no number, and steps are whole."""
 
 import numpy as np
 import pytest

@@ -146,13 +146,13 @@ def test_a_file_that_is_not_an_evolution_is_refused_in_one_line(tmp_path, text, 
 def test_a_file_with_other_things_than_fitnesses_is_refused(tmp_path, fitness):
     file = tmp_path / "mine.json"
     evolve(BRIEF, **SMALL, file=file)
-    kept = json.loads(file.read_text())
-    file.write_text(json.dumps({**kept, "fitness": fitness}))
-    with pytest.raises(LearningError, match="no evolution that can be gone on with"):
+    stored = json.loads(file.read_text())
+    file.write_text(json.dumps({**stored, "fitness": fitness}))
+    with pytest.raises(LearningError, match="is not an evolution that can be continued"):
         evolve(BRIEF, **SMALL, file=file)
 
 
-def test_a_fitness_that_is_no_number_ends_it_with_candidate_and_generation(tmp_path):
+def test_a_fitness_that_is_not_a_number_ends_it_with_candidate_and_generation(tmp_path):
     sick = Sphere(worth=math.nan, units=0, steps=5, robots=2)
     with pytest.raises(LearningError, match="the fitness of candidate 0 in generation 0 is nan"):
         evolve(sick, **SMALL)

@@ -75,7 +75,7 @@ def test_a_job_names_model_map_robots_parameters_steps_seeds_recordings_and_meas
     assert all(5 <= point["distance"] <= 20 and point["n_robots"] in range(2, 7) for point in second.points)
 
 
-def test_steps_are_by_default_what_the_model_says(read):
+def test_steps_are_by_default_those_that_the_model_declares(read):
     assert read(MODEL).experiments[0].steps == find_model("fire_fighting").steps_to_compare
 
 
@@ -92,7 +92,7 @@ def test_a_file_of_ones_own_comes_before_the_sample_of_its_name(tmp_path, monkey
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "reason"),
     [
         ('modl = "boids"', "unknown key 'modl'; did you mean 'model'?"),
         ("steps = 3", "model is missing"),
@@ -149,8 +149,8 @@ def test_a_file_of_ones_own_comes_before_the_sample_of_its_name(tmp_path, monkey
         (MODEL + "steps = " + "9" * 5_000, "4300"),
     ],
 )
-def test_a_wrong_job_is_refused_in_one_line_that_names_file_and_place(read, text, said):
-    assert said in refused(read, text)
+def test_a_wrong_job_is_refused_in_one_line_that_names_file_and_place(read, text, reason):
+    assert reason in refused(read, text)
 
 
 def test_a_map_in_the_jobs_folder_is_read_and_kept(read, tmp_path):
@@ -254,7 +254,7 @@ def replaced(text, chance):
 def check_mutated(read, count, first):
     bases = [RICH, *(Path(jobs.__file__).with_name("jobs").joinpath(name).read_text() for name in sample_jobs())]
     fine = 0
-    read(RICH)  # what is imported and compiled only once is no part of the second
+    read(RICH)  # imports and compilation are not part of the second
     for number in range(first, first + count):
         chance = random.Random(number)
         text = mutated(chance.choice(bases), chance)

@@ -160,8 +160,8 @@ def test_on_a_dask_cluster_a_killed_worker_is_noticed_within_5_s_and_the_table_h
     script.write_text(CLUSTER)
     command = [sys.executable, script, tmp_path / "cluster"]
     done = subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=600, check=False)
-    noticed, said = done.stdout.splitlines() or ["", done.stderr]
-    assert said == "12 0 False"
+    noticed, printed = done.stdout.splitlines() or ["", done.stderr]
+    assert printed == "12 0 False"
     seconds, kept = noticed.split()
     assert float(seconds) < 5
     assert 3 <= int(kept) < 12

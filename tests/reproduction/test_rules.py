@@ -32,7 +32,7 @@ class TestCells:
         assert fire_fighting.cell_of(PLACE, first, second).winner == "B"
         assert fire_fighting.cell_of(PLACE, second, first).winner == "A"
 
-    def test_where_chance_is_larger_nobody_wins(self):
+    def test_where_chance_is_larger_neither_wins(self):
         assert fire_fighting.cell_of(PLACE, runs([7, 6, 7]), runs([6, 7, 7])).winner == ""
 
     def test_words_name_where_a_wins(self):
