@@ -39,7 +39,6 @@ MOVED = {
     "viewing.canvas_widget": "dashboard.canvas_widget dashboard.notebook",
     "viewing.export": "exports",
     "viewing.pictures": "experiments.pictures",
-    "viewing.portrait": "experiments.portrait",
     "viewing.run_pictures": "experiments.run_pictures",
     "world.bodies": "world.form world.load world.obstacle",
 }

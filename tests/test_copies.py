@@ -9,7 +9,7 @@ from mesa_swarm import disc
 from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import RemovedRobotError, SwarmError
 from mesa_swarm.models.fire_fighting import FireFighting
-from scenes import ahead, blind, empty
+from support.scenes import ahead, blind, empty
 
 
 @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda model: pickle.loads(pickle.dumps(model))])

@@ -8,7 +8,6 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import pytest
-from support.forks import forked
 
 from mesa_swarm.errors import ExportError, InvalidValueError
 from mesa_swarm.files import (
@@ -21,6 +20,7 @@ from mesa_swarm.files import (
     write_all,
     write_whole,
 )
+from support.forks import forked
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="needs POSIX")
 

@@ -8,13 +8,13 @@ from itertools import permutations
 
 import numpy as np
 import pytest
-from furniture import furnished, noisy
 
 from mesa_swarm import AGENT3, AGENT9, AGENT_FIRE, SwarmModel
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.models.fire_fighting import FireFighting
-from scenes import ahead, empty
+from support.furniture import furnished, noisy
+from support.scenes import ahead, empty
 
 # Everything random at once: places, slip, noise, random turns, fires; walls, discs, two designs.
 PROGRAM = """

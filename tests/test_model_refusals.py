@@ -7,7 +7,7 @@ import pytest
 from mesa_swarm import AGENT3, AGENT9, Map, RobotDesign, SwarmModel, disc, polygon, rectangle
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import InvalidValueError, PlacementError, SwarmError, UnknownNameError
-from scenes import ahead, blind, empty
+from support.scenes import ahead, blind, empty
 
 
 @pytest.mark.parametrize(

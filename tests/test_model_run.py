@@ -8,7 +8,7 @@ import pytest
 from mesa_swarm import ProximitySensor, RobotDesign, SwarmModel, disc, rectangle
 from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import InvalidValueError
-from scenes import ahead, blind, circle, empty
+from support.scenes import ahead, blind, circle, empty
 
 
 def test_run_takes_so_many_steps_and_returns_the_model():

@@ -6,7 +6,7 @@ import pytest
 from mesa_swarm import AGENT3, AGENT9, disc, rectangle
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.models.fire_fighting import FireFighting
-from scenes import empty
+from support.scenes import empty
 
 
 def test_a_robot_shows_its_id_and_pose_and_that_it_was_removed():

@@ -31,6 +31,7 @@ from mesa_swarm.errors import InvalidValueError, SwarmError, UnknownNameError, c
 from mesa_swarm.gallery import description, find_model, model_names
 from mesa_swarm.parameters import Parameter, parameters_of
 from mesa_swarm.viewing.canvas_widget import SwarmCanvas, text_of, use_connection
+from mesa_swarm.viewing.palette import style_sheet
 from mesa_swarm.viewing.play_loop import use_changes
 from mesa_swarm.world.map import builtin_maps
 
@@ -236,7 +237,7 @@ class Places:
         return leave
 
 
-CSS = text_of("dashboard/style.css")
+CSS = style_sheet(".v-application", ".v-application.theme--dark") + text_of("dashboard/style.css")
 WATCH, MODELS = "Watch", "Models"
 CANVAS = {"bar": True, "keys": "page", "toggles": {}}
 # What stands beside the canvas, from top to bottom: components that are given the session.

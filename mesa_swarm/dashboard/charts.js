@@ -1,14 +1,8 @@
 /* Charts beside the canvas. Python says what there is (charts), which are shown (shown), and sends numbers as
    { kind: "curves", charts, looked_at } with a float32 buffer each: steps, means, and where rows were put together
-   the least and the greatest of each. Numbers are acknowledged as soon as they are drawn, and only sent while looked at. */
+   the least and the greatest of each. Numbers are acknowledged as soon as they are drawn, and only sent while looked at.
+   Before this text stands the constant PALETTE, see `script` in viewing/palette.py. */
 
-// Okabe and Ito (2008), changed so far as to be read on paper and on a dark ground; after these the same, dashed.
-const CURVES = {
-  light: ["#0072b2", "#d55e00", "#009e73", "#b3508a", "#8a6d00", "#2b8cc4", "#444444"],
-  dark: ["#56b4e9", "#ff8a4c", "#2fc79a", "#e79ac9", "#e9c43d", "#9fd4f5", "#c9ccd2"],
-};
-// Layers have the colours of the rings around robots (canvas.js); who has none is grey.
-const RINGS = ["#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442", "#0072b2", "#999999"];
 const DASHED = [[], [5, 3], [1.5, 2.5]];
 const MARGIN = { left: 38, right: 8, top: 7, bottom: 17 };
 
@@ -52,10 +46,11 @@ class ChartView {
     this.draw();
   }
 
-  #colours(dark) {
+  /** The colours of curves: of layers as rings around robots have them, the last one is for no layer. */
+  #colours({ layers, no_layer, series }) {
     const { key, names } = this.#news;
-    if (key !== "layers") return CURVES[dark ? "dark" : "light"];
-    return names.map((_, k) => (k === names.length - 1 ? "#8c9097" : RINGS[k % RINGS.length]));
+    if (key !== "layers") return series;
+    return names.map((_, k) => (k === names.length - 1 ? no_layer : layers[k % layers.length]));
   }
 
   #row(part, k) {
@@ -78,16 +73,16 @@ class ChartView {
   draw() {
     const news = this.#news, width = this.#canvas.clientWidth, height = this.#canvas.clientHeight;
     if (!news || !width) return;
-    const dark = themeAround(this.element) === "dark", colours = this.#colours(dark);
+    const palette = PALETTE[themeAround(this.element)], colours = this.#colours(palette);
     const ratio = (devicePixelRatio || 1) * (this.#canvas.currentCSSZoom ?? 1), context = this.#canvas.getContext("2d");
     this.#canvas.width = width * ratio;
     this.#canvas.height = height * ratio;
     context.scale(ratio, ratio);
     context.font = "11px system-ui, sans-serif";
-    const place = this.#axes(context, width, height, dark);
+    const place = this.#axes(context, width, height, palette);
     if (!place) return this.#say(colours, -1);
     news.names.forEach((_, k) => this.#curve(context, place, k, colours));
-    this.#say(colours, this.#marks(context, place, dark));
+    this.#say(colours, this.#marks(context, place, palette));
   }
 
   #range() {
@@ -106,10 +101,10 @@ class ChartView {
     return { x0: Math.min(steps[0], 1) - 1, x1: Math.max(steps[points - 1], 1), y0: low, y1: high };
   }
 
-  #axes(context, width, height, dark) {
+  #axes(context, width, height, palette) {
     const range = this.#range(), { left, right, top, bottom } = MARGIN;
-    context.fillStyle = dark ? "#a7aeba" : "#5a5f68";
-    context.strokeStyle = dark ? "#39414d" : "#e2dfd8";
+    context.fillStyle = palette.soft;
+    context.strokeStyle = palette.line;
     context.lineWidth = 1;
     if (!range) {
       context.fillText("no numbers yet", left, height / 2);
@@ -172,7 +167,7 @@ class ChartView {
   }
 
   /** Draw a line at the step that is looked at, and at the one that is pointed at; return the row that is told. */
-  #marks(context, place, dark) {
+  #marks(context, place, palette) {
     const steps = this.#row("steps", 0), line = (step, colour) => {
       const x = Math.round(place.x(step)) + 0.5;
       context.strokeStyle = colour;
@@ -185,8 +180,8 @@ class ChartView {
     context.lineWidth = 1.5;
     let told = steps.length - 1;
     if (this.#lookedAt !== null) {
-      const x = line(this.#lookedAt, dark ? "#ff6fb5" : "#c2006b"), text = `step ${this.#lookedAt.toLocaleString("en")}`;
-      context.fillStyle = dark ? "#ff6fb5" : "#c2006b";
+      const x = line(this.#lookedAt, palette.selection), text = `step ${this.#lookedAt.toLocaleString("en")}`;
+      context.fillStyle = palette.selection;
       context.textAlign = x > place.width / 2 ? "right" : "left";
       context.fillText(text, x + (x > place.width / 2 ? -4 : 4), MARGIN.top + 9);
       told = this.#nearest(this.#lookedAt);
@@ -195,7 +190,7 @@ class ChartView {
       const inner = place.width - MARGIN.left - MARGIN.right, first = steps[0] - 1;
       const wanted = first + ((this.#pointed - MARGIN.left) / inner) * (steps[steps.length - 1] - first);
       told = this.#nearest(wanted);
-      line(steps[told], dark ? "#8a93a1" : "#8c9097");
+      line(steps[told], palette.faint);
     }
     return told;
   }

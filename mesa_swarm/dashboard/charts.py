@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import anywidget
@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from mesa_swarm.dashboard.series import Chart, Series
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Downloads
+from mesa_swarm.viewing import palette
 from mesa_swarm.viewing.canvas_widget import text_of
 from mesa_swarm.viewing.pictures import literal, png
 from mesa_swarm.viewing.player import PackedFrame
@@ -27,8 +28,6 @@ POINTS_OF_A_PICTURE = 2048
 SHOWN_FIRST = 3
 FIRST = ("at_fires",)
 LATER = ("layers", "collisions", "fire_temperature", "total_collisions")
-# Okabe and Ito (2008), those that are dark enough for paper; after these come the same, dashed.
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#b3508a", "#8a6d00", "#2b8cc4", "#444444")
 DASHES = ("-", "--", ":")
 
 
@@ -43,7 +42,7 @@ class ChartBoard(anywidget.AnyWidget):
         Keys of those that are.
     """
 
-    _esm = text_of("viewing/elements.js", "dashboard/downloads.js", "dashboard/charts.js")
+    _esm = palette.script() + text_of("viewing/elements.js", "dashboard/downloads.js", "dashboard/charts.js")
     charts: traitlets.List[dict[str, Any]] = traitlets.List().tag(sync=True)
     shown: traitlets.List[str] = traitlets.List().tag(sync=True)
 
@@ -223,8 +222,9 @@ def figure_of(series: Series, key: str) -> Figure:
     chart, curves = series.chart(key), series.curves(key, POINTS_OF_A_PICTURE)
     figure = Figure(figsize=(7, 3.6), layout="constrained")
     axes = figure.subplots()
+    colours = colours_of(chart)
     for k, name in enumerate(chart.names):
-        colour, dashes = COLOURS[k % len(COLOURS)], DASHES[k // len(COLOURS) % len(DASHES)]
+        colour, dashes = colours[k % len(colours)], DASHES[k // len(colours) % len(DASHES)]
         axes.plot(curves.steps, curves.mean[k], label=literal(name), linewidth=1.3, color=colour, linestyle=dashes)
         if curves.width > 1 and len(chart.names) <= 3:
             axes.fill_between(curves.steps, curves.low[k], curves.high[k], color=colour, alpha=0.15, linewidth=0)
@@ -233,6 +233,13 @@ def figure_of(series: Series, key: str) -> Figure:
     if len(chart.names) > 1:
         figure.legend(loc="outside right upper", frameon=False, fontsize=9)
     return figure
+
+
+def colours_of(chart: Chart) -> Sequence[str]:
+    """Return the colours of a chart's curves, on paper; those of layers are the layers' own, the last is no layer."""
+    if chart.key != "layers":
+        return palette.LIGHT.series
+    return [*map(palette.layer_colour, range(len(chart.names) - 1)), palette.LIGHT.no_layer]
 
 
 @solara.component

@@ -26,7 +26,8 @@ from mesa_swarm.experiments.figures import window_means
 from mesa_swarm.gallery import model_names
 from mesa_swarm.parameters import Slider
 from mesa_swarm.viewing.canvas_widget import SwarmCanvas, extent_of, use_connection
-from mesa_swarm.viewing.pictures import COOL, HOT, INK, literal
+from mesa_swarm.viewing.palette import LIGHT
+from mesa_swarm.viewing.pictures import literal
 from mesa_swarm.viewing.play_loop import use_changes
 from mesa_swarm.viewing.player import PackedFrame
 from mesa_swarm.viewing.readings import value_text
@@ -39,7 +40,7 @@ LAST = ("total_collisions", "collisions")
 # A line has so many corners at most; each is the mean of the steps between.
 CORNERS = 300
 SIZE, DOTS_PER_INCH = (10.4, 2.05), 150
-STYLES = ((COOL, "-"), (HOT, "--"))
+STYLES = tuple(zip(LIGHT.series, ("-", "--"), strict=False))
 _DRAWING = threading.Lock()
 
 # By name the steps and the numbers, shapes (m,) and (m,).
@@ -111,7 +112,7 @@ def draw(axes: Axes, name: str, series: Sequence[Reports], labels: Sequence[str]
         if name in one:
             middles, means = (window_means(part.astype(float), CORNERS)[1] for part in one[name])
             axes.plot(middles, means, style, color=colour, linewidth=1.8, label=literal(label))
-    axes.set_title(literal(name.replace("_", " ")), fontsize=11, loc="left", color=INK)
+    axes.set_title(literal(name.replace("_", " ")), fontsize=11, loc="left", color=LIGHT.ink)
     axes.set_xlabel("step", fontsize=9, labelpad=1)
     axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     axes.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
@@ -119,7 +120,7 @@ def draw(axes: Axes, name: str, series: Sequence[Reports], labels: Sequence[str]
     counts = all((numbers == np.round(numbers)).all() for numbers in known)
     axes.yaxis.set_major_locator(MaxNLocator(4, integer=counts, min_n_ticks=1))
     axes.tick_params(labelsize=9)
-    axes.grid(axis="y", color="#dddddd", linewidth=0.7)
+    axes.grid(axis="y", color=LIGHT.line, linewidth=0.7)
     axes.spines[["top", "right"]].set_visible(False)
     axes.set_xlim(0, max([1, *(steps[-1] for steps, _ in lines if len(steps))]))
     if all(numbers.min(initial=0.0) >= 0.0 for numbers in known):

@@ -14,12 +14,10 @@ import solara
 
 from mesa_swarm.gallery import description, find_model, model_names
 from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.viewing.palette import DARK, LIGHT, Palette, fire_colour
 from mesa_swarm.world.bodies import Load
 from mesa_swarm.world.shapes import Shape
 
-GROUND, SOLID, LOAD, MARK, ASHES = "#f7f6f2", "#5f6670", "#2e7d5b", "#1d1f23", "#b4b4ae"
-REAR, FRONT, OUTLINE = "#1d4e89", "#bfe5ff", "#0b2545"
-COLD, HOT = np.array([16, 12, 12]), np.array([232, 28, 20])
 HALF_DISC = "M%.5g %.5gA%.5g %.5g 0 0 1 %.5g %.5gZ"
 STROKE = "M%.5g %.5gL%.5g %.5g"
 LINE = 'stroke-width="1" vector-effect="non-scaling-stroke"'
@@ -42,13 +40,13 @@ def drawing(size: tuple[float, float], layers: Iterable[str]) -> str:
     width, height = (f"{length:.5g}" for length in size)
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" role="img" '
-        f'aria-label="the world"><rect width="{width}" height="{height}" fill="{GROUND}"/>'
+        f'aria-label="the world"><rect width="{width}" height="{height}" fill="{LIGHT.ground}"/>'
         f'<g transform="translate(0 {height}) scale(1 -1)">{"".join(layers)}</g></svg>'
     )
 
 
 def draw_shapes(shapes: Iterable[Shape], corner: np.ndarray) -> str:
-    """Return obstacles grey and ground marks black, relative to the map's corner.
+    """Return obstacles and ground marks in their colours, relative to the map's corner.
 
     Examples
     --------
@@ -58,7 +56,7 @@ def draw_shapes(shapes: Iterable[Shape], corner: np.ndarray) -> str:
     """
     solid = "".join(_outline(shape, corner) for shape in shapes if shape.contact)
     marks = "".join(_outline(shape, corner) for shape in shapes if not shape.contact)
-    return _path("mark", marks, f'fill="{MARK}"') + _path("obstacle", solid, f'fill="{SOLID}"')
+    return _path("mark", marks, f'fill="{LIGHT.mark}"') + _path("obstacle", solid, f'fill="{LIGHT.obstacle}"')
 
 
 def draw_loads(shapes: Iterable[Shape], corner: np.ndarray) -> str:
@@ -70,34 +68,27 @@ def draw_loads(shapes: Iterable[Shape], corner: np.ndarray) -> str:
     >>> draw_loads([disc((40, 20), 5)], np.zeros(2)).startswith('<path class="load"')
     True
     """
-    return _path("load", "".join(_outline(shape, corner) for shape in shapes), f'fill="{LOAD}"')
+    return _path("load", "".join(_outline(shape, corner) for shape in shapes), f'fill="{LIGHT.load}"')
 
 
 def draw_fires(position: np.ndarray, radius: np.ndarray, temperature: np.ndarray, out: np.ndarray) -> str:
-    """Return fires as discs from black to red by temperature, grey once they are out.
+    """Return fires as discs in the colour of their temperature; a style sheet may take the dark theme's, ``--dark``.
 
     Examples
     --------
     >>> draw_fires(np.array([[40, 30]]), np.array([8]), np.array([1.0]), np.array([False]))
-    '<circle class="fire" cx="40" cy="30" r="8" fill="#e81c14"/>'
+    '<circle class="fire" cx="40" cy="30" r="8" fill="#e81c14" style="--dark: #ffcf6b"/>'
     """
     rows = zip(position.tolist(), radius.tolist(), temperature.tolist(), out.tolist(), strict=True)
     return "".join(
-        f'<circle class="fire" cx="{x:.5g}" cy="{y:.5g}" r="{r:.5g}" fill="{ASHES if dead else fire_colour(t)}"/>'
+        f'<circle class="fire" cx="{x:.5g}" cy="{y:.5g}" r="{r:.5g}" fill="{_fire_fill(t, dead, LIGHT)}" '
+        f'style="--dark: {_fire_fill(t, dead, DARK)}"/>'
         for (x, y), r, t, dead in rows
     )
 
 
-def fire_colour(temperature: float) -> str:
-    """Return the colour of a fire that burns at this temperature, 0 to 1.
-
-    Examples
-    --------
-    >>> fire_colour(0.0), fire_colour(1.0)
-    ('#100c0c', '#e81c14')
-    """
-    red, green, blue = (int(part) for part in np.rint(COLD + temperature * (HOT - COLD)))
-    return f"#{red:02x}{green:02x}{blue:02x}"
+def _fire_fill(temperature: float, is_out: bool, palette: Palette) -> str:
+    return palette.ashes if is_out else fire_colour(temperature, palette)
 
 
 def draw_robots(position: np.ndarray, heading: np.ndarray, radius: np.ndarray) -> str:
@@ -112,10 +103,10 @@ def draw_robots(position: np.ndarray, heading: np.ndarray, radius: np.ndarray) -
     left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
     radii = np.column_stack([radius, radius])
     halves = [np.hstack([position + side, radii, position - side]) for side in (left, -left)]
-    edge = f'stroke="{OUTLINE}" {LINE}'
+    edge = f'stroke="{LIGHT.robot_outline}" {LINE}'
     return (
-        _path("rear", _outlines(HALF_DISC, halves[0]), f'fill="{REAR}" {edge}')
-        + _path("front", _outlines(HALF_DISC, halves[1]), f'fill="{FRONT}" {edge}')
+        _path("rear", _outlines(HALF_DISC, halves[0]), f'fill="{LIGHT.robot}" {edge}')
+        + _path("front", _outlines(HALF_DISC, halves[1]), f'fill="{LIGHT.robot_front}" {edge}')
         + _path("heading", _outlines(STROKE, np.hstack([position, position + ahead])), f'fill="none" {edge}')
     )
 

@@ -42,7 +42,7 @@ def TroubleCard(title: str, *texts: str, way_out: tuple[str, Callable[[], object
             rv.Html(tag="p", children=[text])
         if way_out:
             label, act = way_out
-            solara.Button(label, act, color="primary")
+            solara.Button(label, act)
 
 
 PIECE = 1_000_000

@@ -7,20 +7,18 @@ import shapely
 
 from mesa_swarm.errors import check_choice
 from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.viewing.palette import LIGHT, fire_steps, rgb
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.shapes import Shape
 
 METADATA: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}
 LONGEST_SIDE = 640
 
-# Red, green and blue, 0 to 255.
-Colour = tuple[int, int, int] | np.ndarray
 Pair = tuple[float, float]
-# As in the project's other pictures: Okabe and Ito's colours.
-GROUND, SOLID, MARK, ASHES = (255, 255, 255), (168, 168, 168), (226, 211, 176), (236, 236, 236)
-COOL, HOT, FRONT, INK = (0, 114, 178), (213, 94, 0), (240, 228, 66), (34, 34, 34)
+GROUND, SOLID, MARK, ASHES = map(rgb, (LIGHT.ground, LIGHT.obstacle, LIGHT.mark, LIGHT.ashes))
+COOL, HOT, FRONT, RIM = map(rgb, (LIGHT.robot, LIGHT.robot_hot, LIGHT.robot_front, LIGHT.robot_outline))
 # Fires go from black to red with their temperature.
-COLDEST, HOTTEST = np.array([0.0, 0.0, 0.0]), np.array([255.0, 59.0, 31.0])
+FIRE = np.array([rgb(colour) for colour in LIGHT.fire])
 
 
 def checked_mode(render_mode: str | None) -> str | None:
@@ -31,7 +29,7 @@ def checked_mode(render_mode: str | None) -> str | None:
 class Camera:
     """Takes pictures of worlds on one map, everything to scale, y up.
 
-    The front half of a robot is yellow, its back blue, or vermilion while it is too hot to fight; a robot that is
+    The front half of a robot is pale, its back blue, or orange while it is too hot to fight; a robot that is
     commanded among others that are not has a dark rim. Fires go from black to red with their temperature and are pale
     once they are out.
 
@@ -62,8 +60,7 @@ class Camera:
             self._ground = self._drawn_ground()
         pixels = self._ground.copy()
         fires, robots = world.fires.columns, world.swarm.columns
-        warm = COLDEST + fires["temperature"][:, None] * (HOTTEST - COLDEST)
-        colours = np.where(fires["out"][:, None], ASHES, warm)
+        colours = np.where(fires["out"][:, None], ASHES, FIRE[fire_steps(fires["temperature"])])
         for centre, radius, colour in zip(fires["position"], fires["radius"], colours, strict=True):
             self._disc(pixels, centre, radius, colour)
         for i in range(len(world.swarm)):
@@ -73,12 +70,12 @@ class Camera:
     def _robot(self, pixels: np.ndarray, robots: dict[str, np.ndarray], i: int, *, rim: bool) -> None:
         centre, radius, heading = robots["position"][i], robots["radius"][i], robots["heading"][i]
         if rim:
-            self._disc(pixels, centre, 1.5 * radius, INK)
+            self._disc(pixels, centre, 1.5 * radius, RIM)
         self._disc(pixels, centre, radius, HOT if robots["hot"][i] else COOL)
         self._disc(pixels, centre, radius, FRONT, ahead=(np.cos(heading), np.sin(heading)))
 
     def _disc(
-        self, pixels: np.ndarray, centre: np.ndarray, radius: float, colour: Colour, ahead: Pair | None = None
+        self, pixels: np.ndarray, centre: np.ndarray, radius: float, colour: np.ndarray, ahead: Pair | None = None
     ) -> None:
         """Blend a disc into the pixels, or the half of it that is ahead; edges are as soft as a pixel is wide."""
         x, y = (np.asarray(centre) - self._map.bounds[:2]) * self._scale
@@ -97,7 +94,7 @@ class Camera:
             self._fill(pixels, shape, SOLID if shape.contact else MARK)
         return pixels
 
-    def _fill(self, pixels: np.ndarray, shape: Shape, colour: Colour) -> None:
+    def _fill(self, pixels: np.ndarray, shape: Shape, colour: np.ndarray) -> None:
         if shape.is_disc:
             self._disc(pixels, shape.position, shape.radius, colour)
             return

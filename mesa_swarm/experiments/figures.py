@@ -14,9 +14,9 @@ from mesa_swarm.experiments.plan import PairedRuns
 from mesa_swarm.experiments.statistics import TIME, Interval, bootstrap_mean, pair_differences, summarised
 from mesa_swarm.files import write_all
 from mesa_swarm.viewing.final_state import FinalState
-from mesa_swarm.viewing.pictures import COOL, HOT, INK, literal, png, world_figure
+from mesa_swarm.viewing.palette import LIGHT
+from mesa_swarm.viewing.pictures import literal, png, world_figure
 
-PAIR = "#8a8a8a"
 # Of a screen in a lecture room: 16 to 9, letters that can be read from the last row.
 WIDE = (12.8, 7.2)
 TITLE, TEXT = 17, 14
@@ -28,7 +28,6 @@ ASIDE = 0.14
 # As parts of the range of all numbers: how far beyond it missing numbers are drawn, half the width of that lane, and
 # where the axis of numbers ends.
 LANE, BROAD, END = 0.3, 0.13, 0.08
-BEYOND = "#efefec"
 
 
 def main_measure(comparison: PairedRuns) -> str:
@@ -76,11 +75,11 @@ def _draw_runs(axes: Axes, comparison: PairedRuns, measure: str) -> None:
             _end_axis(axes, columns)
             columns = np.where(np.isnan(columns), _lane(columns, 1), columns)
     faint = min(0.8, 8 / columns.shape[1] + 0.12)
-    axes.plot(places, columns, "o-", color=PAIR, linewidth=0.8, markersize=5, alpha=faint)
+    axes.plot(places, columns, "o-", color=LIGHT.faint, linewidth=0.8, markersize=5, alpha=faint)
     nearest = float(np.diff(np.sort(places)).min())
     for i, (place, value) in enumerate(zip(places, plan.values, strict=True)):
         aside = ASIDE * nearest * (1 if i else -1)  # the first to the left, where no lines are
-        _draw_interval(axes, place + aside, summarised(comparison.column(value, measure)).mean, COOL)
+        _draw_interval(axes, place + aside, summarised(comparison.column(value, measure)).mean, LIGHT.series[0])
     axes.set_xlim(places.min() - 0.3 * nearest, places.max() + 0.3 * nearest)
     axes.set_title(literal(_wrapped(measure)), fontsize=TEXT)
     _label_values(axes, comparison, measure, places, plan.values)
@@ -96,12 +95,12 @@ def _draw_differences(axes: Axes, comparison: PairedRuns, measure: str) -> None:
     axes.yaxis.set_major_locator(MaxNLocator(6, integer=measure.endswith(TIME), min_n_ticks=1))
     _name_lanes(axes, pairs, first)
     below, above = (_lane(np.concatenate([[0.0], *pairs.values()]), side) for side in (-1, 1))
-    axes.axhline(0, color=INK, linewidth=1.2)
+    axes.axhline(0, color=LIGHT.ink, linewidth=1.2)
     for place, (value, differences) in zip(everywhere[1:], pairs.items(), strict=True):
         heights = np.clip(differences, below, above)
-        axes.plot(place + spread_out(len(heights), reach), heights, "o", color=PAIR, markersize=6, alpha=0.7)
+        axes.plot(place + spread_out(len(heights), reach), heights, "o", color=LIGHT.faint, markersize=6, alpha=0.7)
         mean = bootstrap_mean(pair_differences(base, comparison.column(value, measure)))
-        _draw_interval(axes, place + 1.5 * reach, mean, HOT if mean.excludes_zero else COOL)
+        _draw_interval(axes, place + 1.5 * reach, mean, LIGHT.series[1] if mean.excludes_zero else LIGHT.series[0])
     axes.set_xlim(everywhere[1:].min() - 2 * reach, everywhere[1:].max() + 2.5 * reach)
     axes.set_title(literal(f"minus {comparison.plan.parameter} {first}, on the same seed"), fontsize=TEXT)
     _label_values(axes, comparison, measure, everywhere[1:], others, paired=True)
@@ -145,8 +144,8 @@ def _lane(numbers: np.ndarray, side: int) -> float:
 def _name_lane(axes: Axes, numbers: np.ndarray, side: int, text: str) -> None:
     """Draw and label the place of missing numbers."""
     lane, half = _lane(numbers, side), BROAD * _reach(numbers)[2]
-    axes.axhspan(lane - half, lane + half, color=BEYOND, linewidth=0, zorder=0)
-    axes.axhline(lane, color=INK, linewidth=0.8, linestyle=":")
+    axes.axhspan(lane - half, lane + half, color=LIGHT.band, linewidth=0, zorder=0)
+    axes.axhline(lane, color=LIGHT.ink, linewidth=0.8, linestyle=":")
     above = ("axes fraction", "data")
     axes.annotate(literal(text), (0.5, lane), (0, 6), above, "offset points", ha="center", fontsize=TEXT - 2)
 
@@ -200,7 +199,9 @@ def _draw_interval(axes: Axes, place: float, interval: Interval, colour: str) ->
         return
     if not np.isnan(interval.low):
         axes.plot([place, place], [interval.low, interval.high], color=colour, linewidth=4, solid_capstyle="butt")
-    axes.plot(place, interval.estimate, "o", color=colour, markersize=11, markerfacecolor="white", markeredgewidth=3)
+    axes.plot(
+        place, interval.estimate, "o", color=colour, markersize=11, markerfacecolor=LIGHT.field, markeredgewidth=3
+    )
 
 
 def _label_values(
@@ -236,8 +237,7 @@ def _wrapped(text: str) -> str:
     return text if at < 0 else f"{text[:at]}\n{text[at + 1 :]}"
 
 
-COLOURS = (COOL, "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
-OUT_COLOUR = "#9a9a9a"
+COLOURS = LIGHT.series
 MOST_PICTURED = 6
 
 
@@ -325,11 +325,11 @@ def _draw_strip(axes: Axes, i: int, steps: np.ndarray, robots: np.ndarray) -> No
     colour = COLOURS[i % len(COLOURS)]
     burning = np.where(robots >= 0, robots, np.nan)
     out = np.where(robots < 0, robots, np.nan)
-    axes.axhline(0, color=INK, linewidth=0.3)
+    axes.axhline(0, color=LIGHT.ink, linewidth=0.3)
     axes.fill_between(steps, burning, step="post", color=colour, alpha=0.35, linewidth=0)
     axes.step(steps, burning, where="post", color=colour, linewidth=1.0, label=f"fire {i + 1}")
-    axes.step(steps, out, where="post", color=OUT_COLOUR, linewidth=2.5, label="out", solid_capstyle="butt")
-    axes.set_ylabel(f"fire {i + 1}", rotation=0, ha="right", va="center", fontsize=9, color=colour)
+    axes.step(steps, out, where="post", color=LIGHT.faint, linewidth=2.5, label="out", solid_capstyle="butt")
+    axes.set_ylabel(f"fire {i + 1}", rotation=0, ha="right", va="center", fontsize=9)
     axes.tick_params(labelsize=7, length=2)
     axes.spines[["top", "right"]].set_visible(False)
 

@@ -24,7 +24,8 @@ from mesa_swarm.experiments.runs import Run, call, completed
 from mesa_swarm.experiments.statistics import Interval, bootstrap_interquartile_mean
 from mesa_swarm.experiments.tables import csv_text
 from mesa_swarm.files import check_writable
-from mesa_swarm.viewing.pictures import INK, literal, png
+from mesa_swarm.viewing.palette import LIGHT
+from mesa_swarm.viewing.pictures import literal, png
 from mesa_swarm.world.map import Map, builtin_maps
 from mesa_swarm.world.random_map import random_map
 
@@ -415,9 +416,9 @@ def speed_figure(lines: Sequence[Line]) -> Figure:
     names = list(dict.fromkeys(line.name for line in lines))
     panels = figure.subplots(1, len(GROUPS), sharex=True, sharey=True)
     for group, axes in zip(GROUPS, panels, strict=True):
-        axes.fill_between([FAST, 1.0], 0, FEW, color="#009e73", alpha=0.1, linewidth=0)
-        axes.axvline(FAST, color=INK, linewidth=0.5, linestyle=":")
-        axes.axhline(FEW, color=INK, linewidth=0.5, linestyle=":")
+        axes.fill_between([FAST, 1.0], 0, FEW, color=LIGHT.good, alpha=0.1, linewidth=0)
+        axes.axvline(FAST, color=LIGHT.ink, linewidth=0.5, linestyle=":")
+        axes.axhline(FEW, color=LIGHT.ink, linewidth=0.5, linestyle=":")
         for line in (each for each in lines if each.group == group):
             _mark(axes, line, names.index(line.name))
         axes.set_yscale("symlog", linthresh=LINEAR)
@@ -440,7 +441,7 @@ def _mark(axes: Axes, line: Line, number: int) -> None:
         yerr=np.maximum(reach, 0.0),
         fmt=MARKS[number % len(MARKS)],
         color=colour,
-        markerfacecolor=colour if frozen else "white",
+        markerfacecolor=colour if frozen else LIGHT.field,
         markersize=8,
         clip_on=False,  # those without collisions stand on the axis
         linewidth=1.0,

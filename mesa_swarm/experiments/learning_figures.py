@@ -17,10 +17,10 @@ from mesa_swarm.gallery import find_model
 from mesa_swarm.learning.actions import temperature_at
 from mesa_swarm.learning.networks import fit
 from mesa_swarm.learning.reward_lab import Profile
-from mesa_swarm.viewing.pictures import INK, literal
+from mesa_swarm.viewing.palette import LIGHT
+from mesa_swarm.viewing.pictures import literal
 
 STYLES = ("--", "-.", ":", "-")
-LEAP, DOUBT = "#d55e00", "#e2d3b0"
 ROWS = ("reward", "learned value Q", "probability of choice")
 
 
@@ -53,7 +53,7 @@ def reward_figure(profiles: Mapping[str, tuple[Profile, Profile]], critical: flo
         column[0].set_title(literal(title), fontsize=11)
         column[-1].set_xlabel("distance ahead (share of the range)", fontsize=9)
         for axes in column:
-            axes.axvline(critical, color=INK, linewidth=0.8, linestyle=":")
+            axes.axvline(critical, color=LIGHT.ink, linewidth=0.8, linestyle=":")
     for axes, name in zip(grid[:, 0], ROWS, strict=True):
         axes.set_ylabel(name, fontsize=9)
     widest = max(grid[1], key=lambda axes: len(axes.get_legend_handles_labels()[1]))
@@ -65,13 +65,13 @@ def reward_figure(profiles: Mapping[str, tuple[Profile, Profile]], critical: flo
 def _draw(axes: Axes, profile: Profile, curves: np.ndarray) -> None:
     for mark in profile.marks:
         if mark.kind == "undecided":
-            axes.axvspan(mark.start, mark.end, color=DOUBT, alpha=0.5, linewidth=0)
+            axes.axvspan(mark.start, mark.end, color=LIGHT.warn_paper, linewidth=0)
         elif mark.kind in ("leap", "switch"):
-            axes.axvline(mark.start, color=LEAP, linewidth=0.8)
+            axes.axvline(mark.start, color=LIGHT.bad, linewidth=0.8)
         else:
             level = curves[np.searchsorted(profile.distance, 0.5 * (mark.start + mark.end))]
             height = level[profile.actions.index(mark.action)]
-            axes.plot([mark.start, mark.end], [height, height], color="#c8c8c8", linewidth=5, solid_capstyle="butt")
+            axes.plot([mark.start, mark.end], [height, height], color=LIGHT.edge, linewidth=5, solid_capstyle="butt")
     for a, name in enumerate(profile.actions):
         colour, style = COLOURS[a % len(COLOURS)], STYLES[a % len(STYLES)]
         axes.plot(profile.distance, _broken(profile, curves[:, a], name), style, color=colour, lw=1.4, label=name)
@@ -157,8 +157,8 @@ def _draw_dots(axes: Axes, place: int, values: list[float | None], colour: str) 
     axes.plot(beside, known, "o", markersize=3, color=colour, alpha=0.6)
     if len(known) > 1:
         mean = mean_interval(known)
-        axes.plot([place - 0.32, place + 0.32], [mean.estimate] * 2, color=INK, linewidth=1.6)
-        axes.plot([place] * 2, [max(mean.low, 0.0), min(mean.high, 1.0)], color=INK, linewidth=1.0)
+        axes.plot([place - 0.32, place + 0.32], [mean.estimate] * 2, color=LIGHT.ink, linewidth=1.6)
+        axes.plot([place] * 2, [max(mean.low, 0.0), min(mean.high, 1.0)], color=LIGHT.ink, linewidth=1.0)
 
 
 def _draw_rounds(axes: Axes, runs: Mapping[str, Sequence[FireRun]]) -> None:
@@ -289,11 +289,11 @@ def _draw_frequency(axes: Axes, title: str, run: LearningRun, colour: str) -> No
     frequency = central_moving_average(run.collisions / run.n_robots, WINDOWS[run.n_robots > 1])
     axes.plot(step, frequency, color=colour, linewidth=1.2)
     axes.set_title(title, fontsize=10)
-    axes.set_ylabel("collisions a robot and step", fontsize=9, color=colour)
+    axes.set_ylabel("collisions a robot and step", fontsize=9)
     axes.set_ylim(bottom=0)
     heat = axes.twinx()
-    heat.plot(step, run.temperature, color="#555555", linestyle=":", linewidth=1.2)
-    heat.set_ylabel("T", fontsize=9, color="#555555")
+    heat.plot(step, run.temperature, color=LIGHT.soft, linestyle=":", linewidth=1.2)
+    heat.set_ylabel("T", fontsize=9, color=LIGHT.soft)
     heat.set_ylim(0, None)
     for each in (axes, heat):
         each.tick_params(labelsize=8)
@@ -332,15 +332,15 @@ def regression_figure(
     order = errors.argsort()
     figure = Figure(figsize=(9.0, 3.6), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(2, 1))
-    left.plot(x, y, "o", markersize=3.5, color="#555555", label="noisy points")
-    left.plot(fine, truth(fine), ":", color="#000000", linewidth=1.2, label="without noise")
+    left.plot(x, y, "o", markersize=3.5, color=LIGHT.soft, label="noisy points")
+    left.plot(fine, truth(fine), ":", color=LIGHT.ink, linewidth=1.2, label="without noise")
     for which, name, style, colour in ((order[0], "best", "-", COLOURS[0]), (order[-1], "worst", "--", COLOURS[1])):
         label = f"{name} of {networks} networks"
         left.plot(fine, outputs[:, which], style, color=colour, linewidth=1.5, label=label)
     left.set(xlabel="x", ylabel="y")
     left.legend(fontsize=8, frameon=False)
     right.plot(np.arange(1, networks + 1), errors[order], "o", markersize=4, color=COLOURS[0])
-    right.axhline(NOISE, color="#555555", linestyle=":", linewidth=1.0)
+    right.axhline(NOISE, color=LIGHT.soft, linestyle=":", linewidth=1.0)
     right.annotate("noise", (1, NOISE), textcoords="offset points", xytext=(0, 3), fontsize=8)
     right.set(xlabel="network, from the best to the worst", ylabel="error (root mean square)")
     right.set_ylim(bottom=0)

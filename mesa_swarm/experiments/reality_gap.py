@@ -27,6 +27,7 @@ from mesa_swarm.files import check_writable
 from mesa_swarm.gallery import find_model
 from mesa_swarm.robots.imperfections import PRESETS, Imperfections
 from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.viewing.palette import LIGHT
 from mesa_swarm.viewing.pictures import literal, png
 
 DIAL = (0.0, 0.25, 0.5, 0.75, 1.0)
@@ -234,7 +235,7 @@ def gaps_figure(gaps: Sequence[Gap]) -> Figure:
 def draw_gap(axes: Axes, gap: Gap) -> None:
     """Draw the standard picture."""
     scores = np.array([gap.scores[place] for place in gap.dial], float)
-    axes.plot(gap.dial, scores, color="#8a8a8a", linewidth=0.7, alpha=0.5)
+    axes.plot(gap.dial, scores, color=LIGHT.faint, linewidth=0.7, alpha=0.5)
     means = [gap.mean(place) for place in gap.dial]
     reach = np.nan_to_num([[m.estimate - m.low for m in means], [m.high - m.estimate for m in means]])
     axes.errorbar(gap.dial, [m.estimate for m in means], reach, fmt="o-", color=COLOURS[0], linewidth=2, capsize=4)

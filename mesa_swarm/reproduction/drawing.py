@@ -15,6 +15,7 @@ from mesa_swarm.experiments.figures import COLOURS
 from mesa_swarm.experiments.statistics import mean_interval
 from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.viewing.palette import LIGHT
 from mesa_swarm.viewing.pictures import draw_world, legend_of, literal
 from mesa_swarm.viewing.scene import scene_of
 
@@ -38,6 +39,7 @@ def plain_axes(
     grid = list(figure.subplots(1, panels, squeeze=False, sharey=share_y).ravel())
     for axes in grid:
         axes.set(xlabel=x)
+        axes.set_prop_cycle(color=LIGHT.series)
         axes.spines[["top", "right"]].set_visible(False)
         axes.grid(alpha=0.25)
     grid[0].set(ylabel=y)

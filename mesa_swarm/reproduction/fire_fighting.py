@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import TwoSlopeNorm
+from matplotlib.colors import ListedColormap, TwoSlopeNorm
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
@@ -22,6 +22,7 @@ from mesa_swarm.reproduction.laboratory import Laboratory
 from mesa_swarm.reproduction.registry import Item
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.final_state import final_state_of
+from mesa_swarm.viewing.palette import LIGHT
 from mesa_swarm.world.map import Map
 
 MOST_STEPS = 15_000
@@ -210,7 +211,9 @@ def draw_panel(axes: Axes, cells: Sequence[Cell]) -> AxesImage:
     robots, rests = sorted({cell.robots for cell in cells}), sorted({cell.rest for cell in cells})
     place = {(cell.rest, cell.robots): cell for cell in cells}
     table = [[place[rest, n].more.estimate for n in robots] for rest in rests]
-    shown = axes.imshow(table, cmap="PuOr", norm=TwoSlopeNorm(0.0, -3.0, 3.0), aspect="auto", origin="lower")
+    shown = axes.imshow(
+        table, cmap=ListedColormap(LIGHT.diverging), norm=TwoSlopeNorm(0.0, -3.0, 3.0), aspect="auto", origin="lower"
+    )
     for y, rest in enumerate(rests):
         for x, n in enumerate(robots):
             cell = place[rest, n]

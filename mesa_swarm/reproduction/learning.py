@@ -325,7 +325,6 @@ def frequency_figure(rows: list[dict], robots: int, beta: float, last: int) -> F
     warmth = axes.twinx()
     warmth.plot(np.linspace(0, last, POINTS), rows[0]["temperature"], color=COLOURS[1], linewidth=1.6)
     warmth.set(ylabel="T", ylim=(0, 1.05))
-    warmth.yaxis.label.set_color(COLOURS[1])
     axes.set_ylim(0, max(3.0 * float(curves.mean(axis=0).max()), 1.0))
     axes.set_title(
         f"beta {beta:g}, {robots} robots, {len(rows)} runs: blue collisions and their mean, orange T", fontsize=10

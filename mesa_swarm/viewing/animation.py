@@ -8,13 +8,12 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 import shapely
-from matplotlib.colors import to_hex
 
 from mesa_swarm.errors import ExportError, InvalidValueError
 from mesa_swarm.files import write_whole
 from mesa_swarm.progress import Progress, progress_bar
 from mesa_swarm.recording.frames import Frame
-from mesa_swarm.viewing import pictures
+from mesa_swarm.viewing.palette import LIGHT, fire_colour
 from mesa_swarm.viewing.pictures import USUAL
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
 from mesa_swarm.world.shapes import Shape
@@ -131,7 +130,6 @@ def tracks(moments: Iterable[tuple[np.ndarray, np.ndarray]]) -> Iterator[Track]:
         yield Track(number=number, values=values[latest], present=present)
 
 
-SHADE, FAINT = "#555555", "#888888"
 # The caption is so high, as a share of the map's longer side.
 CAPTION = 0.045
 
@@ -200,15 +198,16 @@ class Animation:
         parts = [
             f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{box}" {look}>',
             f"<title>{escape(self._title())}</title>",
-            f'<rect x="{-edge:.6g}" y="{-edge:.6g}" width="100%" height="100%" fill="#ffffff"/>',
+            f'<rect x="{-edge:.6g}" y="{-edge:.6g}" width="100%" height="100%" fill="{LIGHT.field}"/>',
             f"<defs>{''.join(self._bodies())}</defs>",
+            f'{frame} fill="{LIGHT.ground}"/>',
             f'<clipPath id="world">{frame}/></clipPath><g clip-path="url(#world)"><g transform="{turned}">',
             *self._standing(),
             *self._loads(),
             *self._fires(),
             *self._robots(),
             "</g></g>",
-            f'{frame} fill="none" stroke="{FAINT}" stroke-width="{width / USUAL:.3g}"/>',
+            f'{frame} fill="none" stroke="{LIGHT.border}" stroke-width="{width / USUAL:.3g}"/>',
             *self._caption(caption),
             "</svg>",
         ]
@@ -224,7 +223,7 @@ class Animation:
         shown = [self._drawn.scene.obstacles(frame.step) for frame in self._frames]
         for standing in {id(obstacles): obstacles for obstacles in shown}.values():
             when = self._clock.jumping("visibility", ["visible" if one is standing else "hidden" for one in shown])
-            for label, colour, contact in (("marks", pictures.MARK, False), ("obstacles", pictures.OBSTACLE, True)):
+            for label, colour, contact in (("marks", LIGHT.mark, False), ("obstacles", LIGHT.obstacle, True)):
                 shapes = [shape for shape in standing if shape.contact is contact]
                 if shapes:
                     outlines = "".join(self._outline(shape) for shape in shapes)
@@ -245,22 +244,21 @@ class Animation:
         for track in self._tracks_of("loads", "load", ("x", "y", "heading")):
             if track.number in forms:
                 shape = self._outline(forms[track.number].shape_at((0.0, 0.0, 0.0)))
-                yield self._body(track, f'class="load" fill="{pictures.LOAD}"', "", f'<path d="{shape}"/>')
+                yield self._body(track, f'class="load" fill="{LIGHT.load}"', "", f'<path d="{shape}"/>')
 
     def _fires(self) -> Iterator[str]:
         names = ("x", "y", "radius", "temperature", "out")
         for place, track in enumerate(self._tracks_of("fires", "fire", names), start=1):
             x, y, radius = track.values[0, :3]
             heat, out = np.clip(track.values[:, 3], 0, 1), track.values[:, 4] > 0
-            colours = [
-                pictures.OUT if dead else to_hex(pictures.TEMPERATURE(t)) for t, dead in zip(heat, out, strict=True)
-            ]
-            inks = [SHADE if dead else "#ffffff" for dead in out]
+            colours = [LIGHT.ashes if dead else fire_colour(t) for t, dead in zip(heat, out, strict=True)]
+            inks = [LIGHT.on_ashes if dead else LIGHT.on_fire for dead in out]
+            rims = [LIGHT.border if dead else LIGHT.fire_rim for dead in out]
             at, r, size = self._numbers(x, y), self._numbers(radius), min(0.9 * radius, self._size[0] / 36)
             yield (
                 f'<g class="fire" transform="translate({at}) scale(1 -1)">{self._shown(track)}'
-                f'<circle r="{r}" fill="{colours[0]}" stroke="{SHADE}" stroke-width="{radius / 20:.3g}">'
-                f"{self._clock.jumping('fill', colours)}</circle>"
+                f'<circle r="{r}" fill="{colours[0]}" stroke="{rims[0]}" stroke-width="{radius / 20:.3g}">'
+                f"{self._clock.jumping('fill', colours)}{self._clock.jumping('stroke', rims)}</circle>"
                 f'<text font-size="{size:.3g}" text-anchor="middle" dy=".35em" fill="{inks[0]}">'
                 f"{self._clock.jumping('fill', inks)}{place}</text></g>"
             )
@@ -271,7 +269,7 @@ class Animation:
         ]
         radii = self._radii()
         for track in tracks(zip((frame.robots for frame in self._frames), rows, strict=True)):
-            colours = [pictures.HOT if is_hot else pictures.COOL for is_hot in track.values[:, 3]]
+            colours = [LIGHT.robot_hot if is_hot else LIGHT.robot for is_hot in track.values[:, 3]]
             body = f'<use href="#body{radii.index(self._radius_of(track.number))}"/>'
             look = f'class="robot" data-robot="{track.number}" fill="{colours[0]}"'
             yield self._body(track, look, self._clock.jumping("fill", colours), body)
@@ -305,15 +303,15 @@ class Animation:
             edge, line = f"{r / 14:.3g}", f"{r / 8:.3g}"
             front = f"M0 {-0.92 * r:.5g}A{0.92 * r:.5g} {0.92 * r:.5g} 0 0 1 0 {0.92 * r:.5g}Z"
             yield (
-                f'<g id="body{place}"><circle r="{r:.5g}" stroke="{SHADE}" stroke-width="{edge}"/>'
-                f'<path d="{front}" fill="{pictures.FRONT}"/>'
-                f'<path d="M0 0H{r:.5g}" stroke="{pictures.INK}" stroke-width="{line}"/></g>'
+                f'<g id="body{place}"><circle r="{r:.5g}" stroke="{LIGHT.robot_outline}" stroke-width="{edge}"/>'
+                f'<path d="{front}" fill="{LIGHT.robot_front}"/>'
+                f'<path d="M0 0H{r:.5g}" stroke="{LIGHT.robot_outline}" stroke-width="{line}"/></g>'
             )
 
     def _caption(self, height: float) -> Iterator[str]:
         """Yield the name and the step, which is a strip of numbers that jumps up by one after the other."""
         width, size = self._size[0], 0.55 * height
-        look = f'font-size="{size:.4g}" fill="{pictures.INK}"'
+        look = f'font-size="{size:.4g}" fill="{LIGHT.ink}"'
         yield f'<text x="{size / 2:.4g}" y="{0.7 * height:.4g}" {look}>{escape(self._drawn.scene.name)}</text>'
         jumps = [f"0 {-height * place:.6g}" for place in range(len(self._frames))]
         # Clipped by a group: a drawing within the drawing would have a clock of its own, which nobody can set.

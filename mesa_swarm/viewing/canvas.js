@@ -1,4 +1,5 @@
-/* A swarm drawn to scale on a 2D canvas. One module, no dependencies, no build step.
+/* A swarm drawn to scale on a 2D canvas. One module, no dependencies, no build step; before it stands the
+   constant PALETTE, the colours by theme: `script` in viewing/palette.py.
 
      const stage = new Stage(canvas, world, { theme: "light", onSelect: (id) => ... });
      stage.show(frame);                   // draws; frames in the order of time leave trails
@@ -44,25 +45,6 @@ export const TOGGLES = [
   { name: "labels", label: "Fire numbers, robots at fires", on: true },
 ];
 
-// Colours that people with any colour vision tell apart (Okabe and Ito 2008).
-export const LAYER_COLOURS = ["#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442", "#0072b2", "#999999"];
-
-const THEMES = {
-  light: {
-    outside: "#e9e7e1", ground: "#faf9f6", edge: "#8c9097", solid: "#646b75", mark: "#26282d", load: "#2e7d5b",
-    ashes: "#b9b8b1", cold: [16, 12, 12], hot: [232, 28, 20], flame: "#8a1710", onFire: "#ffffff", onAshes: "#3a3a38",
-    rear: "#1d4e89", front: "#bfe5ff", outline: "#0b2545", blind: "rgba(29,78,137,.075)", seeing: "rgba(240,150,40,.42)",
-    perceived: "#77777a", trail: "rgba(29,78,137,.30)", contact: "#c2185b", heat: "rgba(225,50,20,.38)",
-    message: "#7b3fb3", chosen: "#c2006b", travel: "#0b2545", text: "#55585e",
-  },
-  dark: {
-    outside: "#101216", ground: "#1c2027", edge: "#5a626e", solid: "#7d8794", mark: "#c4cad3", load: "#48a97f",
-    ashes: "#8a8a84", cold: [8, 5, 5], hot: [240, 52, 38], flame: "#ff8a5c", onFire: "#ffffff", onAshes: "#111111",
-    rear: "#3b82d6", front: "#e8f4ff", outline: "#060c16", blind: "rgba(110,175,255,.085)",
-    seeing: "rgba(255,180,70,.42)", perceived: "#b4b4b8", trail: "rgba(120,180,255,.34)", contact: "#ff5c9a",
-    heat: "rgba(255,80,40,.42)", message: "#c9a0ff", chosen: "#ff6fb5", travel: "#e8f4ff", text: "#a9afb9",
-  },
-};
 const TAU = 2 * Math.PI;
 const ROBOT = 1;
 // More robots in sight than this are drawn without sectors and the like, and plainer.
@@ -165,7 +147,7 @@ export class Stage {
   get toggles() { return { ...this.#toggles }; }
   get theme() { return this.#theme; }
   set theme(name) {
-    this.#theme = name in THEMES ? name : "light";
+    this.#theme = name in PALETTE ? name : "light";
     this.#still = null;
     this.#sheets.scale = 0;
     this.draw();
@@ -219,7 +201,7 @@ export class Stage {
 
   /** Return the layers and the colours of their rings. */
   legend() {
-    return this.#world.layers.map((name, index) => ({ name, colour: layerColour(index) }));
+    return this.#world.layers.map((name, index) => ({ name, colour: this.#layerColour(index) }));
   }
 
   /** Return where on the canvas a point of the map is, in CSS pixels. */
@@ -278,7 +260,12 @@ export class Stage {
     if (on.labels) this.#drawLabels(frame);
   }
 
-  get #colours() { return THEMES[this.#theme]; }
+  get #colours() { return PALETTE[this.#theme]; }
+  #layerColour(index) {
+    const { layers, no_layer } = this.#colours;
+    return index < 0 ? no_layer : layers[index % layers.length];
+  }
+
   get #pixel() { return 1 / this.#view.scale; }
 
   #prepare() {
@@ -331,10 +318,10 @@ export class Stage {
     context.fillStyle = colours.ground;
     context.fillRect(x0, y0, x1 - x0, y1 - y0);
     for (const wanted of [true, false]) {
-      context.fillStyle = wanted ? colours.mark : colours.solid;
+      context.fillStyle = wanted ? colours.mark : colours.obstacle;
       for (const { path, mark } of this.#shapes) if (Boolean(mark) === wanted) context.fill(path, "evenodd");
     }
-    context.strokeStyle = colours.edge;
+    context.strokeStyle = colours.border;
     context.lineWidth = 1.5 * this.#pixel;
     context.strokeRect(x0, y0, x1 - x0, y1 - y0);
     this.#drawScale(context);
@@ -350,7 +337,7 @@ export class Stage {
     context.globalAlpha = 0.85;
     context.fillRect(x - 7, y - 22, Math.max(pixels, context.measureText(text).width) + 14, 30);
     context.globalAlpha = 1;
-    context.strokeStyle = context.fillStyle = this.#colours.text;
+    context.strokeStyle = context.fillStyle = this.#colours.label;
     context.lineWidth = 1.5;
     context.beginPath();
     context.moveTo(x, y - 4);
@@ -382,12 +369,10 @@ export class Stage {
       const [x, y, r, temperature, , out] = fires.subarray(6 * i, 6 * i + 6);
       context.beginPath();
       context.arc(x, y, r, 0, TAU);
-      context.fillStyle = out ? colours.ashes : mixed(colours.cold, colours.hot, temperature);
+      context.fillStyle = out ? colours.ashes : fireColour(colours, temperature);
       context.fill();
-      if (!out) {
-        context.strokeStyle = colours.flame;
-        context.stroke();
-      }
+      context.strokeStyle = out ? colours.border : colours.fire_rim;
+      context.stroke();
     }
   }
 
@@ -401,7 +386,7 @@ export class Stage {
     context.lineWidth = 3;
     context.lineJoin = "round";
     context.strokeStyle = colours.ground;
-    context.fillStyle = colours.text;
+    context.fillStyle = colours.label;
     for (let i = 0; i < counts.fires; i++) {
       const [x, y, r] = fires.subarray(6 * i, 6 * i + 3), [across, down] = this.toCanvas(x, y);
       const radius = r * this.#view.scale, text = `fire ${i + 1}`;
@@ -445,7 +430,7 @@ export class Stage {
   #drawSectors(frame, rows) {
     const context = this.#context, width = frame.counts.sensors, { distance, pose } = frame;
     const all = rows.length * width <= MOST_BLIND;
-    const blind = new Batch(context, this.#colours.blind), seeing = new Batch(context, this.#colours.seeing);
+    const blind = new Batch(context, this.#colours.sector), seeing = new Batch(context, this.#colours.seeing);
     for (const i of rows) {
       const x = pose[3 * i], y = pose[3 * i + 1], heading = pose[3 * i + 2];
       const cos = Math.cos(heading), sin = Math.sin(heading), sensors = this.#design(frame, i).rows;
@@ -526,11 +511,11 @@ export class Stage {
       edge.moveTo(x, y);
       edge.lineTo(x + cos, y + sin);
     }
-    context.fillStyle = colours.rear;
+    context.fillStyle = colours.robot;
     context.fill(rear);
-    context.fillStyle = colours.front;
+    context.fillStyle = colours.robot_front;
     context.fill(front);
-    context.strokeStyle = colours.outline;
+    context.strokeStyle = colours.robot_outline;
     context.lineWidth = 1.1 * this.#pixel;
     context.stroke(edge);
     this.#drawRings(context, bodies);
@@ -545,7 +530,7 @@ export class Stage {
       disc(rings.get(layer), x, y, this.#ringRadius(radius));
     }
     for (const [layer, path] of rings) {
-      context.strokeStyle = layerColour(layer);
+      context.strokeStyle = this.#layerColour(layer);
       context.stroke(path);
     }
   }
@@ -596,12 +581,12 @@ export class Stage {
     }
     const small = this.#designs[0].radius * this.#view.scale < 3.5;
     for (const [layer, members] of groups) {
-      context.fillStyle = layer < 0 ? this.#colours.rear : layerColour(layer);
+      context.fillStyle = coloured ? this.#layerColour(layer) : this.#colours.robot;
       if (small) this.#fillSquares(frame, members);
       else this.#fillDiscs(frame, members);
     }
     if (small) return;
-    context.strokeStyle = this.#colours.outline;
+    context.strokeStyle = this.#colours.robot_outline;
     context.lineWidth = 1.2 * this.#pixel;
     context.beginPath();
     for (const i of rows) {
@@ -657,7 +642,7 @@ export class Stage {
     const row = this.#chosen === null ? -1 : frame.ids.indexOf(this.#chosen);
     if (row < 0) return;
     const context = this.#context, r = this.#design(frame, row).radius;
-    context.strokeStyle = this.#colours.chosen;
+    context.strokeStyle = this.#colours.selection;
     context.lineWidth = 2.5 * this.#pixel;
     context.beginPath();
     disc(context, frame.pose[3 * row], frame.pose[3 * row + 1], 1.7 * r + 4 * this.#pixel);
@@ -673,7 +658,7 @@ export class Stage {
       const [x, y, r, , robots, out] = fires.subarray(6 * i, 6 * i + 6), size = Math.min(r * this.#view.scale, 22);
       if (size < 7) continue;
       context.font = `600 ${out ? 0.85 * size : size}px system-ui, sans-serif`;
-      context.fillStyle = out ? this.#colours.onAshes : this.#colours.onFire;
+      context.fillStyle = out ? this.#colours.on_ashes : this.#colours.on_fire;
       context.fillText(out ? "out" : String(robots), ...this.toCanvas(x, y));
     }
   }
@@ -774,10 +759,6 @@ export function perceived(frame, row, sensors) {
 
 function sensorRow([mx, my, bearing, half, range]) {
   return { mx, my, bearing, half, range };
-}
-
-function layerColour(index) {
-  return LAYER_COLOURS[index % LAYER_COLOURS.length];
 }
 
 /** Return what to leave free before and after, nothing if less than half of the whole would remain. */
@@ -885,9 +866,9 @@ function pathOf({ disc: round, rings = [] }) {
   return path;
 }
 
-function mixed(cold, hot, share) {
-  const t = Math.min(Math.max(share, 0), 1);
-  return `rgb(${cold.map((from, k) => Math.round(from + t * (hot[k] - from))).join(" ")})`;
+/** Return the colour of a fire; rounded as by `fire_steps` in palette.py. */
+function fireColour({ fire }, temperature) {
+  return fire[Math.floor(Math.min(Math.max(temperature, 0), 1) * (fire.length - 1) + 0.5)];
 }
 
 function roundLength(length) {

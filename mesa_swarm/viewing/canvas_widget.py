@@ -14,6 +14,7 @@ from reacton.core import Element
 from mesa_swarm.errors import check_count, check_number
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.model import Observer
+from mesa_swarm.viewing import palette
 from mesa_swarm.viewing.pictures import png, world_figure
 from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES
 from mesa_swarm.viewing.player import PackedFrame, Past, Played, Player
@@ -41,14 +42,14 @@ SPEEDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 250.0, 500.0, 1000.
 
 
 def script() -> str:
-    """Return the widget's one module: the canvas, and what stands around it.
+    """Return the widget's one module: the colours, the canvas, and what stands around it.
 
     Examples
     --------
     >>> "export default" in script()
     True
     """
-    return text_of("viewing/canvas.js", "viewing/elements.js", "viewing/widget.js")
+    return palette.script() + text_of("viewing/canvas.js", "viewing/elements.js", "viewing/widget.js")
 
 
 class SwarmCanvas(anywidget.AnyWidget):
@@ -83,7 +84,7 @@ class SwarmCanvas(anywidget.AnyWidget):
     """
 
     _esm = script()
-    _css = text_of("viewing/widget.css")
+    _css = palette.style_sheet(".swarm-player", '.swarm-player[data-theme="dark"]') + text_of("viewing/widget.css")
     options = traitlets.Dict({"bar": True, "keys": "", "toggles": {}}).tag(sync=True)
     selected = traitlets.Int(None, allow_none=True).tag(sync=True)
 

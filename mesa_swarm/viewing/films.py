@@ -10,7 +10,6 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from PIL import GifImagePlugin, Image, ImageChops
 
@@ -18,10 +17,9 @@ from mesa_swarm.errors import ExportError, InvalidValueError
 from mesa_swarm.files import draft_of
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.frames import NO_ROWS, Frame
-from mesa_swarm.viewing import pictures
+from mesa_swarm.viewing.palette import LIGHT, rgb
 from mesa_swarm.viewing.pictures import (
     CAPTION,
-    INK,
     MARGIN,
     Look,
     draw_frame,
@@ -34,7 +32,6 @@ from mesa_swarm.viewing.recorded_steps import PicturedSteps
 from mesa_swarm.viewing.scene import Scene
 
 DOTS_PER_INCH = 100
-PAPER, EDGE = "#ffffff", "#888888"
 
 
 class Screen:
@@ -55,7 +52,9 @@ class Screen:
         self.size = look.size or film_size(drawn.scene.bounds)
         self._drawn, self._look = drawn, look
         width, height = self.size
-        figure = Figure(figsize=(width / DOTS_PER_INCH, height / DOTS_PER_INCH), dpi=DOTS_PER_INCH, facecolor=PAPER)
+        figure = Figure(
+            figsize=(width / DOTS_PER_INCH, height / DOTS_PER_INCH), dpi=DOTS_PER_INCH, facecolor=LIGHT.field
+        )
         self._canvas = FigureCanvasAgg(figure)
         self._axes = self._world(figure)
         self._name, self._count, self._step = self._captions(figure)
@@ -86,7 +85,7 @@ class Screen:
         axes = figure.add_axes((MARGIN / width, MARGIN / height, inner[0] / width, inner[1] / height))
         axes.set(xticks=[], yticks=[], xlabel="", ylabel="")
         for spine in axes.spines.values():
-            spine.set(color=EDGE, linewidth=0.8)
+            spine.set(color=LIGHT.border, linewidth=0.8)
         return axes
 
     def _stand(self, scene: Scene, step: int) -> None:
@@ -107,7 +106,7 @@ class Screen:
         places = {"left": 2 * MARGIN / self.size[0], "center": 0.5, "right": 1 - 2 * MARGIN / self.size[0]}
         size = max(6, min(10.5, self.size[0] / 50))
         return [
-            figure.text(x, y, "", ha=side, va="center", size=size, color=INK, animated=True)
+            figure.text(x, y, "", ha=side, va="center", size=size, color=LIGHT.ink, animated=True)
             for side, x in places.items()
         ]
 
@@ -130,7 +129,7 @@ def film_frames(screen: Screen, steps: Sequence[int], progress: bool) -> Iterato
 
 END = b";"
 KEEP = 1
-# Colours that touch paper or ink get so many steps in between, for smooth edges.
+# Colours that touch the ground or an outline get so many steps in between, for smooth edges.
 BETWEEN = (0.25, 0.5, 0.75)
 
 
@@ -187,23 +186,23 @@ def palette() -> Image.Image:
     >>> palette().mode
     'P'
     """
-    flat = [pictures.COOL, pictures.HOT, pictures.FRONT, pictures.OBSTACLE, pictures.LOAD, pictures.MARK]
-    flat += [pictures.SECTOR, EDGE, "#555555"]
-    paper, ink, front = (np.array(to_rgb(colour)) for colour in (PAPER, pictures.INK, pictures.FRONT))
-    exact = [to_rgb(colour) for colour in (*flat, PAPER, pictures.INK, pictures.OUT)]
-    heat = [colour[:3] for colour in pictures.TEMPERATURE(np.linspace(0, 1, 48))]
+    flat = [LIGHT.robot, LIGHT.robot_hot, LIGHT.robot_front, LIGHT.obstacle, LIGHT.load, LIGHT.mark]
+    flat += [LIGHT.sector, LIGHT.border, LIGHT.robot_outline, LIGHT.fire_rim]
+    ground, outline, front = rgb(LIGHT.ground), rgb(LIGHT.robot_outline), rgb(LIGHT.robot_front)
+    exact = [rgb(colour) for colour in (*flat, LIGHT.ground, LIGHT.field, LIGHT.ink, LIGHT.ashes)]
+    heat = [rgb(colour) for colour in LIGHT.fire]
     # Pillow takes the colour nearest to a small cube of them: greys near the paper would take its place.
-    greys = [(grey, grey, grey) for grey in np.linspace(0, 0.88, 40)]
-    mixed = [_mixed(colour, ground) for colour in flat for ground in (paper, ink)]
-    mixed += [_mixed(back, front) for back in (pictures.COOL, pictures.HOT)]
-    table = np.rint(255 * np.concatenate([exact, heat, greys, *mixed])).astype(np.uint8)[:256]
+    greys = [(grey, grey, grey) for grey in np.linspace(0, 224, 40)]
+    mixed = [_mixed(colour, other) for colour in flat for other in (ground, outline)]
+    mixed += [_mixed(back, front) for back in (LIGHT.robot, LIGHT.robot_hot)]
+    table = np.rint(np.concatenate([exact, heat, greys, *mixed])).astype(np.uint8)[:256]
     image = Image.new("P", (1, 1))
     image.putpalette(np.resize(table, (256, 3)).tobytes())
     return image
 
 
 def _mixed(colour: str, ground: np.ndarray) -> np.ndarray:
-    return np.array([share * np.array(to_rgb(colour)) + (1 - share) * ground for share in BETWEEN])
+    return np.array([share * rgb(colour) + (1 - share) * ground for share in BETWEEN])
 
 
 # yuv420p is the one that every player shows; faststart lets browsers begin before all is loaded.

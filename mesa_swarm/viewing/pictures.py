@@ -13,7 +13,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import EllipseCollection, LineCollection, PatchCollection, PathCollection
-from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.colors import to_rgba_array
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Wedge
@@ -26,6 +26,7 @@ from mesa_swarm.fire.model import FireModel
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.frames import NO_ROWS, Frame, frame_of
 from mesa_swarm.robots.sensors import ProximitySensor, mount_of
+from mesa_swarm.viewing.palette import LIGHT, fire_colour
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
 from mesa_swarm.viewing.scene import Scene, scene_of
 from mesa_swarm.world.map_parts import Bounds
@@ -105,7 +106,6 @@ def parsed_size(text: str) -> tuple[int, int]:
     return int(parts[0]), int(parts[1])
 
 
-TRAIL = "#0072b2"
 # So many points a trail at most: films draw them in every frame.
 MOST_POINTS = 60
 
@@ -142,15 +142,9 @@ def trails_of(drawn: PicturedSteps, step: int, length: int) -> list[np.ndarray]:
 def draw_trails(axes: Axes, drawn: PicturedSteps, step: int, length: int) -> None:
     """Draw trails as thin lines below the robots."""
     lines = trails_of(drawn, step, length)
-    axes.add_collection(LineCollection(lines, colors=TRAIL, linewidths=0.8, alpha=0.45, zorder=4.5, label="trails"))
+    axes.add_collection(LineCollection(lines, colors=LIGHT.trail, linewidths=0.8, zorder=4.5, label="trails"))
 
 
-# Okabe and Ito's colours, which people with any colour vision can tell apart.
-COOL, HOT, FRONT = "#0072b2", "#d55e00", "#f0e442"
-OBSTACLE, LOAD, MARK, OUT, SECTOR, INK = "#a8a8a8", "#009e73", "#e2d3b0", "#ececec", "#56b4e9", "#222222"
-PERCEIVED = "#6e6e6e"
-# Black to red; its lightness rises all the way, so that it can be read without seeing red.
-TEMPERATURE = LinearSegmentedColormap.from_list("temperature", ["#000000", "#7f0000", "#ff3b1f"])
 DOTS_PER_INCH = 200
 
 
@@ -158,7 +152,7 @@ def draw_world(shown: Shown, axes: Axes, sectors: bool = False) -> None:
     """Draw a world, everything to scale, y up.
 
     Fires go from black to red with their temperature and are pale once they are out; the front half of a
-    robot is yellow, its back blue, or vermilion while it is too hot to fight.
+    robot is pale, its back blue, or orange while it is too hot to fight.
 
     Parameters
     ----------
@@ -190,13 +184,13 @@ def draw_scene(axes: Axes, scene: Scene, step: int) -> None:
     """Draw the ground, obstacles and marks of a step, which a film shows behind all its frames."""
     _draw_ground(axes, scene.bounds)
     obstacles = scene.obstacles(step)
-    _draw_shapes(axes, [s for s in obstacles if not s.contact], MARK, 1, "marks")
-    _draw_shapes(axes, [s for s in obstacles if s.contact], OBSTACLE, 2, "obstacles")
+    _draw_shapes(axes, [s for s in obstacles if not s.contact], LIGHT.mark, 1, "marks")
+    _draw_shapes(axes, [s for s in obstacles if s.contact], LIGHT.obstacle, 2, "obstacles")
 
 
 def draw_frame(axes: Axes, frame: Frame, scene: Scene, sectors: bool = False) -> None:
     """Draw loads, fires and robots."""
-    _draw_shapes(axes, scene.loads(frame), LOAD, 2, "loads")
+    _draw_shapes(axes, scene.loads(frame), LIGHT.load, 2, "loads")
     _draw_fires(axes, frame)
     if sectors:
         _draw_sectors(axes, frame, scene)
@@ -207,7 +201,7 @@ def draw_frame(axes: Axes, frame: Frame, scene: Scene, sectors: bool = False) ->
 
 def _draw_ground(axes: Axes, bounds: Bounds) -> None:
     x_min, y_min, x_max, y_max = bounds
-    axes.set(xlim=(x_min, x_max), ylim=(y_min, y_max), aspect="equal", facecolor="white")
+    axes.set(xlim=(x_min, x_max), ylim=(y_min, y_max), aspect="equal", facecolor=LIGHT.ground)
     axes.set(xlabel="x (map units)", ylabel="y (map units)")
 
 
@@ -230,19 +224,22 @@ def _draw_fires(axes: Axes, frame: Frame) -> None:
     fires = frame.columns.get("fires", NO_ROWS["fires"])
     out, position = fires["out"], np.column_stack([fires["x"], fires["y"]]).astype(float)
     # Single precision may have rounded a temperature to just above 1.
-    temperature = np.clip(fires["temperature"].astype(float), 0.0, 1.0)
-    colours = np.where(out[:, None], matplotlib.colors.to_rgba(OUT), TEMPERATURE(temperature))
-    _discs(axes, position, fires["radius"].astype(float), colours, 3, label="fires")
+    burning = map(fire_colour, np.clip(fires["temperature"].astype(float), 0.0, 1.0))
+    colours = to_rgba_array([LIGHT.ashes if dead else warm for dead, warm in zip(out, burning, strict=True)])
+    rims = np.where(out, LIGHT.border, LIGHT.fire_rim)
+    _discs(axes, position, fires["radius"].astype(float), colours, rims, 3, label="fires")
     for i, (x, y) in enumerate(position):
-        colour = "#555555" if out[i] else "white"
+        colour = LIGHT.on_ashes if out[i] else LIGHT.on_fire
         axes.text(x, y, str(i + 1), color=colour, size=7, ha="center", va="center", zorder=4, clip_on=True)
 
 
-def _discs(axes: Axes, centres: np.ndarray, radii: np.ndarray, colours: ArrayLike, height: int, **more: Any) -> None:
+def _discs(
+    axes: Axes, centres: np.ndarray, radii: np.ndarray, colours: ArrayLike, edge: ArrayLike, height: int, **more: Any
+) -> None:
     """Draw discs to scale; the collection's sizes are in the units of the axes."""
     sizes = 2 * np.asarray(radii)
     discs = EllipseCollection(sizes, sizes, np.zeros(len(sizes)), units="xy", offsets=centres, **more)
-    discs.set(offset_transform=axes.transData, facecolor=colours, edgecolor="#555555", linewidth=0.6, zorder=height)
+    discs.set(offset_transform=axes.transData, facecolor=colours, edgecolor=edge, linewidth=0.6, zorder=height)
     axes.add_collection(discs)
 
 
@@ -250,13 +247,15 @@ def _draw_robots(axes: Axes, frame: Frame, radius: np.ndarray) -> None:
     position, heading = frame["position"].astype(float), frame["heading"].astype(float)
     if not len(position):
         return
-    backs = np.where(frame["hot"], HOT, COOL)
-    _discs(axes, position, radius, backs, 5, label="robots")
+    backs = np.where(frame["hot"], LIGHT.robot_hot, LIGHT.robot)
+    _discs(axes, position, radius, backs, LIGHT.robot_outline, 5, label="robots")
     ahead = radius[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
     fronts = _half_discs(position, 0.92 * ahead)
-    axes.add_collection(PathCollection(fronts, facecolors=FRONT, linewidths=0, zorder=6, label="fronts"))
+    axes.add_collection(PathCollection(fronts, facecolors=LIGHT.robot_front, linewidths=0, zorder=6, label="fronts"))
     tips = position + ahead
-    lines = LineCollection(list(np.stack([position, tips], axis=1)), colors=INK, linewidths=0.7, zorder=7)
+    lines = LineCollection(
+        list(np.stack([position, tips], axis=1)), colors=LIGHT.robot_outline, linewidths=0.7, zorder=7
+    )
     axes.add_collection(lines)
 
 
@@ -274,7 +273,9 @@ def _draw_perceived(axes: Axes, frame: Frame) -> None:
     """Draw a grey line from each robot to where it perceives the centroid of those that it sees."""
     lines = np.stack([frame["position"], frame["perceived"]], axis=1)
     lines = lines[np.isfinite(lines).all(axis=(1, 2))]
-    axes.add_collection(LineCollection(list(lines), colors=PERCEIVED, linewidths=0.9, zorder=4.6, label="perceived"))
+    axes.add_collection(
+        LineCollection(list(lines), colors=LIGHT.perceived, linewidths=0.9, zorder=4.6, label="perceived")
+    )
 
 
 def _draw_sectors(axes: Axes, frame: Frame, scene: Scene) -> None:
@@ -285,7 +286,7 @@ def _draw_sectors(axes: Axes, frame: Frame, scene: Scene) -> None:
         for (position, heading), design in zip(poses, designs, strict=True)
         for sensor in design.proximity
     ]
-    axes.add_collection(PatchCollection(wedges, facecolors=SECTOR, alpha=0.12, linewidths=0, zorder=4, label="sectors"))
+    axes.add_collection(PatchCollection(wedges, facecolors=LIGHT.sector, linewidths=0, zorder=4, label="sectors"))
 
 
 def _sector(sensor: ProximitySensor, position: np.ndarray, heading: float, radius: float) -> Wedge:
@@ -307,18 +308,18 @@ def legend_of(shown: Shown) -> list[Artist]:
     """
     frame, scene = frame_and_scene(shown)
     solid = [shape.contact for shape in scene.obstacles(frame.step)]
-    shapes = [("obstacle", OBSTACLE, any(solid)), ("load", LOAD, bool(scene.loads(frame)))]
-    shapes += [("ground mark", MARK, not all(solid))]
+    shapes = [("obstacle", LIGHT.obstacle, any(solid)), ("load", LIGHT.load, bool(scene.loads(frame)))]
+    shapes += [("ground mark", LIGHT.mark, not all(solid))]
     entries: list[Artist] = [Patch(color=colour, label=label) for label, colour, seen in shapes if seen]
     if len(frame.robots):
-        entries.append(_robot_entry("robot, its front yellow", COOL))
+        entries.append(_robot_entry("robot, its front pale", LIGHT.robot))
     if np.isfinite(frame.columns.get("perceived", np.nan)).any():
-        entries.append(Line2D([], [], color=PERCEIVED, label="to the centroid that it perceives"))
+        entries.append(Line2D([], [], color=LIGHT.perceived, label="to the centroid that it perceives"))
     if frame["hot"].any():
-        entries.append(_robot_entry("robot too hot to fight", HOT))
+        entries.append(_robot_entry("robot too hot to fight", LIGHT.robot_hot))
     if len(frame.columns.get("fires", ())):
-        entries += [Patch(color=TEMPERATURE(t), label=f"fire, T = {t:g}") for t in (0.0, 0.5, 1.0)]
-        entries.append(Patch(facecolor=OUT, edgecolor="#555555", label="fire, out"))
+        entries += [Patch(color=fire_colour(t), label=f"fire, T = {t:g}") for t in (0.0, 0.5, 1.0)]
+        entries.append(Patch(facecolor=LIGHT.ashes, edgecolor=LIGHT.border, label="fire, out"))
     return entries
 
 
@@ -328,9 +329,9 @@ def _robot_entry(label: str, colour: str) -> Line2D:
         "linestyle": "",
         "fillstyle": "left",
         "markersize": 8,
-        "markeredgecolor": "#555555",
+        "markeredgecolor": LIGHT.robot_outline,
     }
-    return Line2D([], [], color=colour, markerfacecoloralt=FRONT, label=label, **style)
+    return Line2D([], [], color=colour, markerfacecoloralt=LIGHT.robot_front, label=label, **style)
 
 
 def world_figure(shown: Mapping[str, Shown], sectors: bool = False) -> Figure:

@@ -363,6 +363,8 @@ class Player {
     this.theme = document.documentElement.dataset.theme = theme;
     this.stage.theme = theme;
     find("theme").setAttribute("aria-pressed", String(theme === "dark"));
+    const rings = find("layers").querySelectorAll("i");
+    this.stage.legend().forEach(({ colour }, index) => (rings[index].style.borderColor = colour));
   }
 
   /** Say how far it is, at once or now and then. */

@@ -10,6 +10,7 @@ from threading import Lock
 from mesa_swarm.errors import InvalidValueError, shortened
 from mesa_swarm.recording.frames import Frame, events_of
 from mesa_swarm.recording.recording import Recording
+from mesa_swarm.viewing import palette
 from mesa_swarm.viewing.headers import policy, source_of
 from mesa_swarm.viewing.packing import packed_chunk
 from mesa_swarm.viewing.scene import Scene, scene_of_recording
@@ -175,7 +176,7 @@ def page_of(about: dict, chunks: list[bytes]) -> str:
     for place, chunk in enumerate(chunks):
         data.append(f'<script type="text/plain" id="chunk-{place}">{b64encode(chunk).decode()}</script>')
     page = asset("replay.html")
-    parts = {"policy": policy(sources(), in_page=True), "style": asset("player.css"), "script": script()}
+    parts = {"policy": policy(sources(), in_page=True), "style": style(), "script": script()}
     # Data last: what a recording holds is never searched for the names of the other parts.
     for name, text in {**parts, "data": "\n".join(data)}.items():
         page = page.replace(f"{{{{{name}}}}}", text, 1)
@@ -190,7 +191,18 @@ def script() -> str:
     >>> IMPORT in script()
     False
     """
-    return "\n" + asset("canvas.js") + asset("player.js").replace(IMPORT, "")
+    return "\n" + palette.script() + asset("canvas.js") + asset("player.js").replace(IMPORT, "")
+
+
+def style() -> str:
+    """Return how the page looks, with the colours of its two themes.
+
+    Examples
+    --------
+    >>> style().startswith(":root {")
+    True
+    """
+    return palette.style_sheet(":root", ':root[data-theme="dark"]') + asset("player.css")
 
 
 def sources() -> dict[str, str]:

@@ -16,14 +16,11 @@ from mesa_swarm.fire.model import FireModel
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.robots.snapshots import check_kept
+from mesa_swarm.viewing.palette import LIGHT, layer_colour
 from mesa_swarm.viewing.pictures import Shown, literal, world_figure
 from mesa_swarm.viewing.scene import scene_of
 
-# Okabe and Ito's colours for layers, in order; white for no layer.
-LAYER_COLOURS = ("#d55e00", "#0072b2", "#009e73", "#e69f00", "#cc79a7", "#56b4e9", "#f0e442", "#000000")
-NO_LAYER = "#ffffff"
 MOST_TRACES = 8
-FAINT = "#7a7a7a"
 
 
 def stages(
@@ -91,7 +88,7 @@ def trace(model: FireModel, steps: int = 10_000, *, robots: int = 1, every: int 
     places = _places(model, first + steps, check_count("every", every, minimum=1), progress)
     figure = world_figure({f"{type(model).__name__}, {model.steps - first:,} steps": model})
     for row in range(min(count, len(model.swarm))):
-        _draw_trace(figure.axes[0], places[:, row], LAYER_COLOURS[(row + 1) % len(LAYER_COLOURS)])
+        _draw_trace(figure.axes[0], places[:, row], LIGHT.series[row % len(LIGHT.series)])
     return figure
 
 
@@ -163,7 +160,7 @@ def ethogram_figure(
         What each robot is called, its unique_id in `ethogram`; by default 1, 2, ...
     """
     n = layer.shape[1]
-    colours = [NO_LAYER, *(LAYER_COLOURS[k % len(LAYER_COLOURS)] for k in range(len(names)))]
+    colours = [layer_colour(k) for k in range(-1, len(names))]
     figure = Figure(figsize=(9.0, 2.6 + min(0.13 * n, 5.0)), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(max(1.0, min(0.13 * n, 5.0)), 1.2))
     edges = 2 * steps[0] - steps[1] if len(steps) > 1 else steps[0] - 1, steps[-1]
@@ -185,7 +182,7 @@ def ethogram_figure(
     below.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
     shown = [Patch(color=colour, label=literal(name)) for colour, name in zip(colours[1:], names, strict=True)]
     if (layer < 0).any():
-        shown.append(Patch(facecolor=NO_LAYER, edgecolor=FAINT, label="no layer: it stands"))
+        shown.append(Patch(color=LIGHT.no_layer, label="no layer: it stands"))
     figure.legend(handles=shown, loc="outside upper center", ncols=min(len(shown), 5), fontsize=9, frameon=False)
     return figure
 

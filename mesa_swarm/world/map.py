@@ -214,17 +214,18 @@ def _standing(entry: Entry, height: float) -> Shape | FireSpot:
     return FireSpot(centre, radius) if entry.kind == "fire" else disc(centre, radius)
 
 
-GROUND = "#f7f6f2"
-SOLID = "#5f6670"
-MARK = "#1d1f23"
-EMBERS = "#f0a03c"
-FLAME = "#d8431f"
+# As in viewing/palette.py, which stands on a higher floor; a test compares them.
+GROUND = "#faf9f6"
+SOLID = "#646b75"
+MARK = "#9c8858"
+FLAME = "#e81c14"
+RIM = "#8a1710"
 
 
 def svg_text(name: str, bounds: Bounds, obstacles: Iterable[Shape], fires: Iterable[FireSpot]) -> str:
     """Return the drawing of a map.
 
-    Marks on the ground are black, obstacles grey, fires red, the paler the cooler.
+    Marks on the ground are brown, obstacles grey, fires red, the paler the cooler.
 
     Examples
     --------
@@ -269,7 +270,7 @@ def _shape_text(shape: Shape) -> str:
 def _fire_text(fire: FireSpot) -> str:
     heat = f'data-temperature="{number_text(fire.temperature)}"'
     opacity = f"{0.35 + 0.65 * fire.temperature:.2f}"
-    paint = f'fill="{FLAME}" fill-opacity="{opacity}" stroke="{EMBERS}" stroke-width="3"'
+    paint = f'fill="{FLAME}" fill-opacity="{opacity}" stroke="{RIM}" stroke-width="3"'
     return f'<circle class="fire"{_round_text(fire.position, fire.radius)} {heat} {paint}/>'
 
 

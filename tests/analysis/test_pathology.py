@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from tracks import CENTROID, CORRIDOR, HEAD_ON, STUCK, THRESHOLD, flipping, only, still
 
 from mesa_swarm.analysis.pathology import Episode, Pathologies, find_pathologies
 from mesa_swarm.errors import InvalidValueError, UnknownNameError
+from support.tracks import CENTROID, CORRIDOR, HEAD_ON, STUCK, THRESHOLD, flipping, only, still
 
 
 def test_as_many_flips_as_asked_for_are_an_episode_and_one_fewer_are_none():

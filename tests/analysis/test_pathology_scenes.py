@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tracks import CENTROID, CORRIDOR, HEAD_ON, KEPT, STUCK, THRESHOLD, only, recorded
 
 from mesa_swarm import AGENT3, AGENT9, disc
 from mesa_swarm.analysis.pathology import find_pathologies
 from mesa_swarm.control import Avoid, Explore, Subsumption, behaviour
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
-from scenes import ahead, blind, circle, corridor, empty
+from support.scenes import ahead, blind, circle, corridor, empty
+from support.tracks import CENTROID, CORRIDOR, HEAD_ON, KEPT, STUCK, THRESHOLD, only, recorded
 
 
 @behaviour

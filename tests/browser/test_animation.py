@@ -1,15 +1,11 @@
 """Animated drawings in a real browser: robots are where they were, when they were there."""
 
-from pathlib import Path
-
 import pytest
 
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
 from mesa_swarm.viewing.export import export
 
-CHROMIUM = Path("/usr/bin/chromium")
-FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--disable-background-networking", "--disable-sync"]
 SEEK = """seconds => {
   const drawing = document.documentElement;
   drawing.pauseAnimations();
@@ -21,29 +17,21 @@ POSES = """() => [...document.querySelectorAll('.robot')].map(robot => {
   return [e, f, Math.atan2(b, a)];
 })"""
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(not CHROMIUM.exists(), reason=f"there is no {CHROMIUM} (Debian: apt install chromium)"),
-]
-sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is missing (pip install playwright)")
+pytestmark = pytest.mark.slow
 
 
-def test_a_browser_shows_robots_where_they_were_recorded(tmp_path):
+def test_a_browser_shows_robots_where_they_were_recorded(tmp_path, chromium):
     model = FireFighting(n_robots=8, rng=2)
     with model.record(tmp_path / "run.arrow"):
         model.run(120)
     recording = Recording(tmp_path / "run.arrow")
     (path,) = export(recording, tmp_path / "run.svg", animate=True, every=2, first=2, fps=10)
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        page = browser.new_page()
-        page.goto(path.as_uri())
-        for place in (0, 1, 30, 58):
-            page.evaluate(SEEK, place / 10)
-            frame = recording.at(2 + 2 * place)
-            for (x, y, heading), at, wanted in zip(
-                page.evaluate(POSES), frame["position"], frame["heading"], strict=True
-            ):
-                assert (x, y) == pytest.approx(tuple(at), abs=0.06)
-                assert abs((heading - wanted + 3.14159) % 6.28318 - 3.14159) < 0.02
-        browser.close()
+    page = chromium.new_page()
+    page.goto(path.as_uri())
+    for place in (0, 1, 30, 58):
+        page.evaluate(SEEK, place / 10)
+        frame = recording.at(2 + 2 * place)
+        for (x, y, heading), at, wanted in zip(page.evaluate(POSES), frame["position"], frame["heading"], strict=True):
+            assert (x, y) == pytest.approx(tuple(at), abs=0.06)
+            assert abs((heading - wanted + 3.14159) % 6.28318 - 3.14159) < 0.02
+    page.close()

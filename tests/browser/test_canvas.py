@@ -9,10 +9,11 @@ import pytest
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording.frames import frame_of
+from mesa_swarm.viewing import palette
 from mesa_swarm.viewing.packing import PACKED_FROM, packed_frame
 from mesa_swarm.viewing.scene import scene_of
 
-SCRIPT = (files("mesa_swarm.viewing") / "canvas.js").read_text(encoding="utf-8")
+SCRIPT = palette.script() + (files("mesa_swarm.viewing") / "canvas.js").read_text(encoding="utf-8")
 WIDTH, HEIGHT, LEFT = 900, 675, 150
 EVERYWHERE = 1e6
 DRAW = """async ({ script, world, frame, before, turned, scale }) => {
@@ -30,7 +31,9 @@ DRAW = """async ({ script, world, frame, before, turned, scale }) => {
     chosen[name] = all[name].constructor.from(rows.flatMap((i) => [...all[name].subarray(width * i, width * (i + 1))]));
   }
   stage.show(chosen);
-  return { robots: rows.length, pixels: [...canvas.getContext("2d").getImageData(0, 0, 150, 675).data] };
+  const pixels = canvas.getContext("2d").getImageData(0, 0, 150, 675).data, parts = [];
+  for (let i = 0; i < pixels.length; i += 8192) parts.push(String.fromCharCode(...pixels.subarray(i, i + 8192)));
+  return { robots: rows.length, pixels: btoa(parts.join("")) };
 }"""
 
 # What is written on the canvas and where, and where on it each place of the map is.
@@ -54,9 +57,10 @@ def drawn(chromium):
     page = chromium.new_page(viewport={"width": WIDTH, "height": HEIGHT})
 
     def draw(before: float, turned: float = 0.0, scale: float = 1.0) -> tuple[int, np.ndarray]:
-        told = {"script": SCRIPT, "world": world, "frame": frame, "before": before, "turned": turned, "scale": scale}
-        found = page.evaluate(DRAW, told)
-        return found["robots"], np.array(found["pixels"]).reshape(HEIGHT, LEFT, 4)[..., :3]
+        inputs = {"script": SCRIPT, "world": world, "frame": frame, "before": before, "turned": turned, "scale": scale}
+        found = page.evaluate(DRAW, inputs)
+        pixels = np.frombuffer(base64.b64decode(found["pixels"]), np.uint8).astype(int)
+        return found["robots"], pixels.reshape(HEIGHT, LEFT, 4)[..., :3]
 
     yield draw
     page.close()
@@ -83,8 +87,8 @@ def test_every_fire_has_the_number_that_charts_give_it_written_below_it(chromium
     world, frame = scene.world(), base64.b64encode(packed_frame(frame_of(model, PACKED_FROM), scene)).decode()
     page = chromium.new_page(viewport={"width": WIDTH, "height": HEIGHT})
     page.set_content("<style>canvas { position: fixed; width: 900px; height: 675px }</style>")
-    told = {"script": SCRIPT, "world": world, "frame": frame, "places": model.fires.position.tolist()}
-    written, places = page.evaluate(WRITE, told)
+    inputs = {"script": SCRIPT, "world": world, "frame": frame, "places": model.fires.position.tolist()}
+    written, places = page.evaluate(WRITE, inputs)
     page.close()
     found = {text: place for text, *place in written if text.startswith("fire ")}
     assert list(found) == [f"fire {number}" for number in range(1, len(model.fires) + 1)]

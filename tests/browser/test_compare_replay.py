@@ -1,9 +1,9 @@
 """Two worlds side by side, runs over many seeds, and recordings, in a real browser."""
 
 import pytest
-from visits import wait_until
 
 from mesa_swarm.models.fire_fighting import FireFighting
+from support.waiting import wait_until
 
 SIDES = ".swarm-worlds .swarm-player"
 # Of every map: its height, and what stands upon it.

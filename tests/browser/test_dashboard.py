@@ -4,9 +4,9 @@ import time
 from pathlib import Path
 
 import pytest
-from visits import wait_until
 
 from mesa_swarm.gallery import model_names
+from support.waiting import wait_until
 
 NAMELESS = """[...document.querySelectorAll("button, input, select, summary, canvas")]
     .filter((one) => !one.hidden && !one.getAttribute("aria-label") && !one.textContent.trim() && !one.labels?.length)

@@ -5,12 +5,13 @@ import subprocess
 import sys
 
 import pytest
-from support.names import HOSTILE_NAMES, IMAGE
-from visits import HOST, LAUNCH, answers, free_port, wait_until
 
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
 from mesa_swarm.viewing.replay_page import replay_page
+from support.names import HOSTILE_NAMES, IMAGE
+from support.visits import HOST, LAUNCH, answers, free_port
+from support.waiting import wait_until
 
 HALL = b'<svg width="800" height="600"><circle cx="400" cy="300" r="80"/></svg>'
 HARMED = "window.harmed === undefined && !document.querySelector('img[src=x], b img, svg[onload]')"

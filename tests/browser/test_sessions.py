@@ -9,9 +9,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from visits import HOST, LAUNCH, Visit, answers, free_port, wait_until
 
 from mesa_swarm.dashboard.session import Session
+from support.visits import HOST, LAUNCH, Visit, answers, free_port
+from support.waiting import wait_until
 
 pytestmark = pytest.mark.slow
 

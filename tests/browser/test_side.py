@@ -4,9 +4,9 @@ import base64
 
 import pytest
 from PIL import Image
-from visits import wait_until
 
 from mesa_swarm.recording import Recording
+from support.waiting import wait_until
 
 LISTEN = """(() => {
     const send = WebSocket.prototype.send;

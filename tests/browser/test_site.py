@@ -13,7 +13,8 @@ from urllib.parse import unquote, urlsplit
 
 import nbformat
 import pytest
-from visits import HOST
+
+from support.visits import HOST
 
 pytest.importorskip("mkdocs_jupyter", reason="the site needs the extra docs (pip install -e '.[docs]')")
 pytestmark = pytest.mark.slow
@@ -25,7 +26,12 @@ TEXT = [
     "A dollar: $v_L + 1$, then\n`$v_R$`, and a block: $$a < b$$",
     "[next](second.ipynb) and [home](../index.md#top)",
 ]
-SHOWS = "from mesa_swarm import SwarmModel\nprint('5 $ and 6 $')\nSwarmModel(rng=1).show()"
+SHOWS = """import matplotlib.pyplot as plt
+from mesa_swarm import SwarmModel
+print('5 $ and 6 $')
+plt.plot([1, 2])
+plt.show()
+SwarmModel(rng=1).show()"""
 
 
 class Page(HTMLParser):
@@ -87,7 +93,9 @@ def written(folder: Path, texts: list[str], code: str) -> Path:
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
-    """Return the folder of our site; its notebooks are not executed."""
+    """Return the folder of our site, whose notebooks are not executed: the one that `.ci/run` has built, if any."""
+    if "MESA_SWARM_SITE" in os.environ:
+        return Path(os.environ["MESA_SWARM_SITE"])
     return built(tmp_path_factory.mktemp("site"), ROOT / "mkdocs.yml", execute=False)
 
 
@@ -146,9 +154,9 @@ def test_no_page_asks_anybody_else_for_anything(site, asked):
 
 
 class TestAPageMadeOfANotebook:
-    def test_a_widget_is_shown_as_a_picture_and_asks_for_no_script(self, small, asked):
+    def test_a_figure_and_a_widget_are_shown_as_pictures_and_ask_for_no_script(self, small, asked):
         text = (small / "notebooks" / "first" / "index.html").read_text()
-        assert len(re.findall(r"<img [^>]*data:image/png;base64,", text)) == 1
+        assert len(re.findall(r"<img [^>]*data:image/png;base64,", text)) == 2
         assert "widget-view" not in text
         assert "widget-state" not in text
         answers = asked(small, ["notebooks/first/"])

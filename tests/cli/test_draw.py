@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import pytest
-from support.chunks import recorded_in_full_chunks
 
 from mesa_swarm import SwarmModel
 from mesa_swarm.cli import draw
@@ -13,6 +12,7 @@ from mesa_swarm.gallery import find_model
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.world.map import Map, builtin_maps
+from support.chunks import recorded_in_full_chunks
 
 
 @pytest.fixture(scope="session")

@@ -8,7 +8,7 @@ import pytest
 from mesa_swarm import AGENT3, AGENT9, SwarmModel, disc, rectangle
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import InvalidValueError, UnknownNameError
-from scenes import corridor, empty, nine
+from support.scenes import corridor, empty, nine
 
 
 def decision(obstacles, tendency="left", **options):

@@ -1,7 +1,6 @@
 """Rules of one's own: compiled where they can be, plain with a warning where not, copied with their model."""
 
 import copy
-import inspect
 import math
 import pickle
 import subprocess
@@ -10,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rules import SEEN, facing_a_disc, slowly, step_with, timid, wander
 
 from mesa_swarm import AGENT9
 from mesa_swarm.control import PASS, Explore, Subsumption, behaviour
 from mesa_swarm.errors import BehaviourError, InvalidValueError, UncompiledBehaviourWarning, UnknownNameError
-from scenes import ahead, empty
+from support.rules import SEEN, facing_a_disc, slowly, step_with, timid, wander
+from support.scenes import ahead, empty
 
 
 @behaviour
@@ -96,7 +95,7 @@ def test_a_model_with_rules_goes_on_in_another_process(tmp_path):
     stored = tmp_path / "model.pickle"
     stored.write_bytes(pickle.dumps(model.run(2)))
     code = "import pickle, sys; print(pickle.load(open(sys.argv[1], 'rb')).run(3).state_hash())"
-    places = [str(Path(inspect.getfile(empty)).parent), str(Path(__file__).parents[2])]
+    places = [str(Path(__file__).parents[1]), str(Path(__file__).parents[2])]
     command = [sys.executable, "-c", f"import sys; sys.path[:0] = {places}; {code}", str(stored)]
     said = subprocess.run(command, capture_output=True, text=True, check=True)
     assert said.stdout.strip() == model.run(3).state_hash()

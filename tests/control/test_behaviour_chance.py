@@ -4,12 +4,12 @@ import random
 
 import numpy as np
 import pytest
-from rules import facing_a_disc, timid, wander
 
 from mesa_swarm import AGENT9
 from mesa_swarm.control import Explore, Subsumption, behaviour
 from mesa_swarm.errors import BehaviourError
-from scenes import empty
+from support.rules import facing_a_disc, timid, wander
+from support.scenes import empty
 
 
 def wander_of(rule, *above, below=(), seed=1, steps=5):

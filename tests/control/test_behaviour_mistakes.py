@@ -3,11 +3,11 @@
 import math
 
 import pytest
-from rules import SEEN, facing_a_disc, step_with
 
 from mesa_swarm import AGENT9, RobotDesign
 from mesa_swarm.control import PASS, Explore, Subsumption, behaviour
 from mesa_swarm.errors import BehaviourError
+from support.rules import SEEN, facing_a_disc, step_with
 
 
 @behaviour

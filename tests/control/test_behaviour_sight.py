@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from rules import facing_a_disc, slowly, step_with
 
 from mesa_swarm import AGENT3, AGENT9, ProximitySensor, RobotDesign
 from mesa_swarm.control import PASS, Subsumption, behaviour
 from mesa_swarm.errors import BehaviourError
-from scenes import empty
+from support.rules import facing_a_disc, slowly, step_with
+from support.scenes import empty
 
 
 @pytest.mark.filterwarnings("ignore::mesa_swarm.errors.UncompiledBehaviourWarning")

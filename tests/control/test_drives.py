@@ -25,7 +25,7 @@ from mesa_swarm.environments.task_world import Commanded
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.fire.strategy import FightFire
 from mesa_swarm.robots.design import RobotDesign
-from scenes import ahead, empty
+from support.scenes import ahead, empty
 
 FOR_WHEELS = (Avoid, Explore, Follow, Gather, HeadOn, MatchVelocity, Perimeter, Push, Respond, FightFire)
 FOR_ROLLERS = (Align, Cohere, Cruise, Separate)

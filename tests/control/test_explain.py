@@ -5,28 +5,28 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
-from told import AHEAD, first, told, watched
 
 from mesa_swarm import AGENT3, AGENT9, disc
 from mesa_swarm.control import PASS, Avoid, Explore, Subsumption, VectorSum, behaviour
 from mesa_swarm.errors import BehaviourError, InvalidValueError, RemovedRobotError
 from mesa_swarm.gallery import find_model, model_names
 from mesa_swarm.robots.reasons import Moment, Reason
-from scenes import ahead, blind, empty
+from support.explanations import AHEAD, explanation, first, watched
+from support.scenes import ahead, blind, empty
 
 # ---- rules of one's own, and no layer
 
 
 def test_a_rule_of_ones_own_is_explained_by_its_readings():
     model = watched(ahead, design=AGENT3, obstacles=[AHEAD])
-    why = told(model.run(1))
+    why = explanation(model.run(1))
     assert (why.layer, why.sensors) == ("ahead", (0,))
     assert why.reason == "front sensor 10.0 (an obstacle)"
 
 
 def test_a_rule_whose_robot_sees_nothing_says_so():
-    assert told(watched(ahead, design=AGENT3).run(1)).reason == "its sensors see nothing"
-    assert told(watched(ahead, design=blind()).run(1)).reason == "its sensors see nothing"
+    assert explanation(watched(ahead, design=AGENT3).run(1)).reason == "its sensors see nothing"
+    assert explanation(watched(ahead, design=blind()).run(1)).reason == "its sensors see nothing"
 
 
 def test_a_layer_of_ones_own_may_say_its_reason():
@@ -35,7 +35,7 @@ def test_a_layer_of_ones_own_may_say_its_reason():
             assert isinstance(moment, Moment)
             return Reason("it likes to be heard")
 
-    why = told(watched(Loud(name="Loud")).run(1))
+    why = explanation(watched(Loud(name="Loud")).run(1))
     assert (why.layer, why.reason) == ("Loud", "it likes to be heard")
 
 
@@ -45,7 +45,7 @@ def test_where_no_layer_was_active_it_says_so():
         return PASS if me.max_speed >= 0 else (0.0, 0.0)
 
     model = watched(silent)
-    why = told(model.run(1))
+    why = explanation(model.run(1))
     assert (why.layer, why.reason, why.sensors) == ("", "", ())
     assert str(why) == f"step 1: robot {first(model).unique_id} stays; no layer was active"
 
@@ -101,7 +101,7 @@ def test_in_every_model_every_robot_can_be_explained_in_every_step(name):
 def test_a_step_in_the_past_is_explained_by_what_was_known_then():
     model = watched(Avoid(distance=15), Explore(), design=AGENT3, obstacles=[disc((230, 150), 5)])
     model.run(40)
-    layers = [told(model, step).layer for step in range(1, 41)]
+    layers = [explanation(model, step).layer for step in range(1, 41)]
     assert layers[:5] == ["Explore"] * 5
     assert "Avoid" in layers
 
@@ -136,13 +136,13 @@ def test_to_whoever_watches_and_lost_what_was_kept_it_is_said_why(change):
     words = r"no step is kept to explain: .* robots came or went .* run the model on"
     with pytest.raises(InvalidValueError, match=words):
         model.explain(first(model))
-    assert told(model.run(1)).step == model.steps
+    assert explanation(model.run(1)).step == model.steps
 
 
 def test_an_explanation_is_plain_values_whatever_kind_of_number_the_step_is():
     model = watched(Explore()).run(20)
     for step in (None, 20, 20.0, np.int64(20)):
-        why = told(model, step)
+        why = explanation(model, step)
         assert str(why).startswith("step 20: ")
         assert json.loads(json.dumps(asdict(why)))["step"] == 20
 
@@ -191,15 +191,15 @@ def test_the_robots_that_stay_are_not_mistaken_for_those_that_went():
     first(model).remove()
     with pytest.raises(InvalidValueError, match="no step is kept"):
         model.explain(first(model))
-    assert told(model.run(1)).layer == "Explore"
+    assert explanation(model.run(1)).layer == "Explore"
 
 
 def test_another_control_is_not_asked_about_steps_of_the_former():
     model = watched(Avoid(), Explore()).run(2)
     model.control = Subsumption(Explore(name="Other"))
     with pytest.raises(InvalidValueError, match="no step is kept"):
-        told(model)
-    assert told(model.run(1)).layer == "Other"
+        explanation(model)
+    assert explanation(model.run(1)).layer == "Other"
 
 
 def test_without_control_there_is_nothing_to_explain():
@@ -215,6 +215,6 @@ def test_under_a_sum_the_largest_share_is_told_and_not_that_nothing_else_drives(
     model.add_robots(AGENT9, poses=[(380, 150, 0.0)])
     model.control = VectorSum(Avoid(distance=40), Explore(), weights=(1, 2))
     model.watch()
-    why = told(model.run(1))
+    why = explanation(model.run(1))
     assert why.layer == "Explore"
     assert why.reason == "its share of the sum of all active layers is the largest"

@@ -5,7 +5,6 @@ import re
 
 import numpy as np
 import pytest
-from told import AHEAD, FIRE, GLIDER, OBSTACLE, ROBOT, ROUND, first, told, watched
 
 from mesa_swarm import AGENT3, AGENT_FIRE, Radio, SwarmModel, all_round, disc
 from mesa_swarm.control import (
@@ -27,6 +26,7 @@ from mesa_swarm.control import (
 )
 from mesa_swarm.fire import FightFire
 from mesa_swarm.models.fire_fighting import FireFighting
+from support.explanations import AHEAD, FIRE, GLIDER, OBSTACLE, ROBOT, ROUND, explanation, first, watched
 
 BESIDE = {side: disc((200 + 18 * math.cos(0.9), 150 + side * 18 * math.sin(0.9)), 3) for side in (1, -1)}
 
@@ -42,65 +42,65 @@ class TestAvoid:
     )
     def test_names_the_sensor_its_reading_and_the_distance(self, obstacles, does, name, index):
         model = watched(Avoid(distance=15), design=AGENT3, obstacles=obstacles)
-        why = told(model.run(1))
+        why = explanation(model.run(1))
         reading = model.watched["distance"][0, 0, index]
         assert (why.layer, why.does, why.sensors) == ("Avoid", does, (index,))
         assert why.reason == f"{name} sensor {reading:.1f} (an obstacle) < 15"
 
     def test_of_several_tells_the_one_that_decided_and_marks_all(self):
-        why = told(watched(Avoid(), design=AGENT3, obstacles=[AHEAD, *BESIDE.values()]).run(1))
+        why = explanation(watched(Avoid(), design=AGENT3, obstacles=[AHEAD, *BESIDE.values()]).run(1))
         assert why.sensors == (0, 1, 2)
         assert why.reason.startswith("right sensor")
 
     def test_leaves_out_what_it_does_not_fear(self):
         model = watched(Avoid(loads="never", fires="never"), design=AGENT3, obstacles=[BESIDE[1]])
         model.add_load(disc((220, 150), 5), resistance=100)
-        assert told(model.run(1)).sensors == (1,)
+        assert explanation(model.run(1)).sensors == (1,)
         model = watched(Avoid(fires="never"), design=AGENT3, obstacles=[BESIDE[1]])
         model.add_fire((222, 150), radius=4)
-        assert told(model.run(1)).sensors == (1,)
+        assert explanation(model.run(1)).sensors == (1,)
 
     def test_tells_a_load_and_a_fire_from_an_obstacle(self):
         model = watched(Avoid(), design=AGENT3)
         model.add_load(disc((220, 150), 5), resistance=100)
-        assert "(a load)" in told(model.run(1)).reason
+        assert "(a load)" in explanation(model.run(1)).reason
         model = watched(Avoid(), design=AGENT3)
         model.add_fire((220, 150), radius=5)
-        assert "(a fire)" in told(model.run(1)).reason
+        assert "(a fire)" in explanation(model.run(1)).reason
 
     def test_when_hot_speaks_of_the_heat_that_it_knew(self):
         model = watched(Avoid(fires="when hot", distance=20), Explore(), design=AGENT_FIRE)
         model.add_fire((222, 150), radius=12)
         first(model).temperature = 200
         model.swarm.columns["hot"][0] = True
-        told_of = set()
+        named = set()
         for _ in range(400):
-            told_of.add(told(model.run(1)).layer)
-        assert told_of == {"Avoid", "Explore"}
+            named.add(explanation(model.run(1)).layer)
+        assert named == {"Avoid", "Explore"}
 
 
 class TestExplore:
     def test_says_that_nothing_else_wants_to_drive(self):
-        why = told(watched(Explore(speed=0.5)).run(1))
+        why = explanation(watched(Explore(speed=0.5)).run(1))
         assert (why.layer, why.does, why.reason, why.sensors) == (
             "Explore", "goes ahead at 0.5", "nothing else wants to drive", (),
         )  # fmt: skip
 
     def test_says_when_it_turns_by_chance(self):
         model = watched(Explore(turn_interval=5))
-        told_of = set()
+        named = set()
         for _ in range(40):
-            why = told(model.run(1))
+            why = explanation(model.run(1))
             turns = model.swarm.command[0, 0] != model.swarm.command[0, 1]
             assert (why.reason == "a random turn is due") == turns
             assert why.does.endswith("on the spot") == turns
-            told_of.add(bool(turns))
-        assert told_of == {True, False}
+            named.add(bool(turns))
+        assert named == {True, False}
 
     def test_without_random_turns_never_speaks_of_one_though_other_layers_turn_the_sum(self):
         model = watched(Explore(), design=AGENT3, obstacles=[AHEAD])
         model.control = VectorSum(Avoid(distance=15), Explore(), weights=(0.1, 1))
-        why = told(model.run(1))
+        why = explanation(model.run(1))
         assert (why.layer, why.does) == ("Explore", "turns left while moving")
         assert "random" not in why.reason
 
@@ -109,16 +109,16 @@ class TestFollow:
     @pytest.mark.parametrize(("x", "sign", "does"), [(240, ">", "goes ahead at 1"), (220, "<=", "goes ahead at 0.7")])
     def test_names_the_nearest_ahead_and_compares_the_gap(self, x, sign, does):
         model = watched(Follow(gap=15), poses=[(200, 150, 0.0), (x, 150, 0.0), (160, 150, 0.0)])
-        why = told(model.run(1))
+        why = explanation(model.run(1))
         assert (why.sensors, why.does) == ((0,), does)
         assert why.reason == f"nearest robot ahead: front sensor {x - 210:.1f} {sign} gap 15"
 
     def test_without_a_gap_tells_none(self):
-        why = told(watched(Follow(gap=None), poses=[(200, 150, 0.0), (240, 150, 0.0)]).run(1))
+        why = explanation(watched(Follow(gap=None), poses=[(200, 150, 0.0), (240, 150, 0.0)]).run(1))
         assert why.reason == "nearest robot ahead: front sensor 30.0"
 
     def test_turns_to_one_at_the_side(self):
-        why = told(
+        why = explanation(
             watched(Follow(), poses=[(200, 150, 0.0), (200 + 30 * math.cos(1), 150 + 30 * math.sin(1), 0.0)]).run(1)
         )
         assert why.does == "turns left on the spot"
@@ -127,12 +127,12 @@ class TestFollow:
 
 class TestGather:
     def test_tells_where_the_centroid_is(self):
-        why = told(watched(Gather(), poses=[(200, 150, 0.0), (200, 190, 0.0)]).run(1))
+        why = explanation(watched(Gather(), poses=[(200, 150, 0.0), (200, 190, 0.0)]).run(1))
         assert (why.layer, why.does, why.sensors) == ("Gather", "turns left on the spot", (5,))
         assert why.reason == "the centroid of the robots it sees is 35.0 away at +90 degrees"
 
     def test_says_stays_when_it_is_near(self):
-        why = told(watched(Gather(stop_distance=40), poses=[(200, 150, 0.0), (225, 150, 0.0)]).run(1))
+        why = explanation(watched(Gather(stop_distance=40), poses=[(200, 150, 0.0), (225, 150, 0.0)]).run(1))
         assert why.does == "stays"
 
 
@@ -141,7 +141,7 @@ def test_head_on_names_whom_it_meets_or_says_that_it_met_one():
     model = watched(HeadOn(distance=40), Explore(), poses=poses)
     reasons = []
     for _ in range(120):
-        why = told(model.run(1))
+        why = explanation(model.run(1))
         if why.layer == "HeadOn":
             assert all(model.watched["kind"][-1, 0, list(why.sensors)] == ROBOT)
             reasons.append(why.reason)
@@ -151,7 +151,7 @@ def test_head_on_names_whom_it_meets_or_says_that_it_met_one():
 
 def test_match_velocity_tells_how_many_sensors_see_robots():
     model = watched(MatchVelocity(), Explore(), poses=[(100, 150, 0.0), (130, 150, 0.0)])
-    why = told(model.run(30))
+    why = explanation(model.run(30))
     seeing = np.flatnonzero(model.watched["kind"][-1, 0] == ROBOT)
     assert why.layer == "MatchVelocity"
     assert sorted(why.sensors) == seeing.tolist()
@@ -162,7 +162,9 @@ def test_match_velocity_tells_how_many_sensors_see_robots():
     ("x", "where"), [(300, "outside"), (246, "on"), (251, "at the edge of"), (239, "at the edge of"), (225, "inside")]
 )
 def test_perimeter_tells_the_side_of_the_ring(x, where):
-    why = told(watched(Perimeter(ring=40, tolerance=4), design=ROUND, poses=[(200, 150, 0.0), (x, 150, 0.0)]).run(1))
+    why = explanation(
+        watched(Perimeter(ring=40, tolerance=4), design=ROUND, poses=[(200, 150, 0.0), (x, 150, 0.0)]).run(1)
+    )
     assert why.reason.endswith(f"away: {where} the ring of 40")
 
 
@@ -171,12 +173,12 @@ class TestPush:
         radio = Radio(range=2000, state=False, occlusion=True, beacons=beacons)
         model = watched(Push(**options), design=ROUND, poses=[(x, 150, 0.0)], communication=radio)
         model.add_load(disc((200, 150), 25), resistance=100)
-        return told(model.run(1))
+        return explanation(model.run(1))
 
     def test_says_without_a_radio_what_is_true_without_one(self):
         model = watched(Push(), design=ROUND, poses=[(100, 150, 0.0)])
         model.add_load(disc((200, 150), 25), resistance=100)
-        assert told(model.run(1)).reason.endswith("no goal is to be heard here, so it pushes")
+        assert explanation(model.run(1)).reason.endswith("no goal is to be heard here, so it pushes")
 
     def test_pushes_where_the_goal_is_hidden(self):
         why = self.model(100, [(380, 150)])
@@ -199,7 +201,7 @@ def test_respond_tells_where_the_call_came_from(to, what):
         communication=Radio(range=300, state=to == "state", goal=to == "goal"),
     )  # fmt: skip
     model.add_fire((100, 150), radius=30)
-    why = told(model.run(4))
+    why = explanation(model.run(4))
     x, y = model.watched["heard_from" if to == "state" else "heard_goal"][-1, 0]
     away, degrees = math.hypot(x, y), math.degrees(math.atan2(y, x))
     assert why.reason == f"it heard of {what} {away:.0f} away at {degrees:+.0f} degrees"
@@ -221,7 +223,7 @@ class TestFightFire:
         }
         heard = set()
         for _ in range(600):
-            why = told(model.run(1))
+            why = explanation(model.run(1))
             (words,) = [words for words in does if words in why.reason] if why.layer == "FightFire" else [None]
             heard.add(words)
             assert words is None or why.does.startswith(does[words]), why
@@ -232,7 +234,7 @@ class TestFightFire:
     def test_names_the_nearest_sensor_that_sees_the_fire(self):
         model = watched(FightFire(), design=AGENT_FIRE, poses=[(180, 150, math.pi)])
         model.add_fire((100, 150), radius=30)
-        why = told(model.run(1))
+        why = explanation(model.run(1))
         assert why.reason == "it goes to a fire (front sensor 45.0 (a fire))"
         assert why.sensors == (0,)
 
@@ -243,26 +245,26 @@ class TestBoids:
     @pytest.mark.parametrize(("what", "things"), [("robots", {ROBOT}), ("others", {OBSTACLE}), ("everything", {0, 1})])
     def test_separate_names_only_what_it_keeps_away_from(self, what, things):
         model = watched(Separate(what=what), design=GLIDER, poses=self.POSES, obstacles=[disc((183, 150), 5)])
-        why = told(model.run(1))
+        why = explanation(model.run(1))
         assert set(model.watched["kind"][-1, 0, list(why.sensors)].tolist()) == things
         assert (model.watched["distance"][-1, 0, list(why.sensors)] < 15).all()
         assert why.reason.startswith("near: ")
         assert ("(a robot)" in why.reason, "(an obstacle)" in why.reason) == (ROBOT in things, OBSTACLE in things)
 
     def test_cohere_tells_how_far_the_centroid_is(self):
-        why = told(watched(Cohere(), design=GLIDER, poses=[(200, 150, 0.0), (240, 150, 0.0)]).run(1))
+        why = explanation(watched(Cohere(), design=GLIDER, poses=[(200, 150, 0.0), (240, 150, 0.0)]).run(1))
         assert re.fullmatch(r"the centroid of the robots it sees is 3\d\.\d away", why.reason)
         assert re.fullmatch(r"moves at 0\.\d+ towards [+-]0 degrees", why.does)
 
     def test_align_tells_how_many_sensors_see_robots(self):
         model = watched(Align(), Cruise(), design=GLIDER, poses=[(100, 150, 0.0), (130, 150, 0.0)])
-        assert told(model.run(1)).layer == "Cruise"
-        why = told(model.run(9))
+        assert explanation(model.run(1)).layer == "Cruise"
+        why = explanation(model.run(9))
         assert why.layer == "Align"
         assert why.reason == f"it moves as the robots that {len(why.sensors)} of its sensors see"
 
     def test_cruise_needs_nothing(self):
-        why = told(watched(Cruise(speed=0.5), design=GLIDER).run(1))
+        why = explanation(watched(Cruise(speed=0.5), design=GLIDER).run(1))
         assert (why.does, why.reason) == ("moves at 0.5 towards +0 degrees", "it goes on as before")
 
 
@@ -273,7 +275,7 @@ def test_push_names_the_sensor_that_decides_also_among_equals(heading_degrees):
     model.add_robots(all_round(12, range=150), poses=[(240, 300, math.radians(heading_degrees))])
     model.control = Subsumption(Push(side="anywhere"))
     model.watch()
-    why = told(model.run(1))
+    why = explanation(model.run(1))
     bearing = model.swarm.table.bearing[0, why.sensors[0]]
     turns = 0 if abs(bearing) <= math.radians(20) else math.copysign(1, bearing)
     assert why.does.split()[1] == {0: "ahead", 1: "left", -1: "right"}[turns]

@@ -7,7 +7,7 @@ import pytest
 from mesa_swarm import AGENT9, disc
 from mesa_swarm.control import Explore, Follow, Gather, Subsumption
 from mesa_swarm.errors import InvalidValueError
-from scenes import empty
+from support.scenes import empty
 
 
 def decision(layer, other, *, obstacle=None):

@@ -8,7 +8,7 @@ import pytest
 from mesa_swarm import AGENT9
 from mesa_swarm.control import Avoid, Explore, Follow, HeadOn, Subsumption
 from mesa_swarm.errors import InvalidValueError
-from scenes import empty
+from support.scenes import empty
 
 CHAIN = Avoid(distance=6), Follow(), Explore(speed=0.7)
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from mesa_swarm import AGENT3, AGENT6, AGENT9, SwarmModel
 from mesa_swarm.control.layer import Senses, centroids, nearest_ahead
 from mesa_swarm.world.statics import ROBOT
-from scenes import empty
+from support.scenes import empty
 
 
 def sensed(seed: int, n: int = 30) -> Senses:

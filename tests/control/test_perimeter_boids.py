@@ -7,7 +7,7 @@ import pytest
 from mesa_swarm import HolonomicDrive, ProximitySensor, RobotDesign, disc
 from mesa_swarm.control import Cohere, Explore, Perimeter, Separate, Subsumption
 from mesa_swarm.errors import InvalidValueError, UnknownNameError
-from scenes import ahead, empty
+from support.scenes import ahead, empty
 
 EYES = tuple(ProximitySensor(bearing_degrees=10.0 * k, field_of_view_degrees=10, range=150) for k in range(36))
 

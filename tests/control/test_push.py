@@ -11,7 +11,7 @@ from mesa_swarm import ProximitySensor, Radio, RobotDesign, all_round, disc
 from mesa_swarm.control import Explore, Push, Subsumption
 from mesa_swarm.control.push import MOST_CORRECTION, way_round
 from mesa_swarm.errors import InvalidValueError, UnknownNameError
-from scenes import empty
+from support.scenes import empty
 
 EYES = all_round(36, range=150)
 LOAD, GOAL = (200.0, 150.0), (380.0, 150.0)

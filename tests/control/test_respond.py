@@ -9,7 +9,7 @@ from mesa_swarm import AGENT_FIRE, Radio
 from mesa_swarm.control import PASS, Avoid, Respond, Subsumption, behaviour
 from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.fire import FightFire
-from scenes import blind, circle, empty
+from support.scenes import blind, circle, empty
 
 
 @behaviour

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from mesa_swarm import AGENT3, HolonomicDrive, RobotDesign
 from mesa_swarm.control import PASS, Avoid, Explore, Subsumption, VectorSum, behaviour
 from mesa_swarm.errors import BehaviourError, InvalidValueError
-from scenes import empty
+from support.scenes import empty
 
 
 @behaviour

@@ -10,7 +10,7 @@ from mesa_swarm.control import Align, Cruise, Explore, MatchVelocity, Subsumptio
 from mesa_swarm.control.flocking import drive_arcs, track
 from mesa_swarm.physics.motion import advance
 from mesa_swarm.robots.drive import wheels_to_motion
-from scenes import empty
+from support.scenes import empty
 
 EYES = RobotDesign(
     sensors=tuple(ProximitySensor(bearing_degrees=10.0 * k, field_of_view_degrees=10, range=100) for k in range(36))

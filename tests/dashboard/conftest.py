@@ -1,7 +1,8 @@
 """Every test of the dashboard ends with its threads."""
 
 import pytest
-from waiting import threads, wait_until
+
+from support.waiting import threads, wait_until
 
 
 @pytest.fixture(autouse=True)

@@ -5,14 +5,14 @@ import io
 import numpy as np
 import pandas as pd
 import pytest
-from support.clock import Clock
-from waiting import threads, wait_until
 
 from mesa_swarm.dashboard.charts import MOST_POINTS, ChartBoard, Charting, csv_of, figure_of, news_of
 from mesa_swarm.dashboard.series import Series
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Downloads, pieces_of
 from mesa_swarm.models.fire_fighting import FireFighting
+from support.clock import Clock
+from support.waiting import threads, wait_until
 
 
 @pytest.fixture

@@ -12,8 +12,8 @@ from mesa_swarm.dashboard.gallery_view import (
     draw_robots,
     draw_shapes,
     drawing,
-    fire_colour,
 )
+from mesa_swarm.viewing.palette import fire_colour
 from mesa_swarm.world.shapes import disc, polygon, rectangle
 
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]\d+)?")

@@ -5,7 +5,6 @@ import io
 import numpy as np
 import pandas as pd
 import pytest
-from waiting import wait_until
 
 from mesa_swarm.dashboard import exporting as module
 from mesa_swarm.dashboard.export_view import ExportDesk, Exporter
@@ -14,6 +13,7 @@ from mesa_swarm.dashboard.session import Session
 from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
+from support.waiting import wait_until
 
 PNG = b"\x89PNG"
 

@@ -247,10 +247,10 @@ def test_only_installed_files_are_handed_out_as_assets():
         "/",
         "no.js",
         "../dashboard",
-        "../test_cli.py",
+        "../test_model.py",
         "./../../README.md",
         "x" * 5000,
-        "..\\test_cli.py",
+        "..\\test_model.py",
     ):
         answer = ask(f"/_solara/cdn/{name}", token="")
         assert (answer[0]["status"], is_in(answer)) == (404, False)

@@ -6,7 +6,6 @@ from xml.dom import minidom
 
 import numpy as np
 import pytest
-from support.names import HOSTILE_NAMES
 
 from mesa_swarm import Map
 from mesa_swarm.dashboard import RECORDINGS_VARIABLE
@@ -20,6 +19,7 @@ from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.export import export
 from mesa_swarm.viewing.pictures import png, world_figure
 from mesa_swarm.viewing.replay_page import replay_page
+from support.names import HOSTILE_NAMES
 
 SVG = b'<svg width="80" height="60"><circle cx="40" cy="20" r="5"/></svg>'
 # What puts markup into a page: only pictures of buttons, which are ours.

@@ -1,12 +1,11 @@
 """Two worlds, one clock: they step together, one looks at both at the same step, and what breaks is said."""
 
-from waiting import threads, wait_until
-
 from mesa_swarm.dashboard.pair import Pair
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES
 from mesa_swarm.viewing.player import KeptPast, PackedFrame
+from support.waiting import threads, wait_until
 
 
 class Breaks(CollisionAvoidance):

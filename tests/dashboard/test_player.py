@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from support.clock import Clock
-from waiting import threads, wait_until
 
 from mesa_swarm import disc
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES, BREATH, LONGEST_DEBT, PlayLoop
 from mesa_swarm.viewing.player import KeptPast, PackedFrame, Player
+from support.clock import Clock
+from support.waiting import threads, wait_until
 
 
 class Spectator:

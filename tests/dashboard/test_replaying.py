@@ -8,10 +8,6 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from disks import small_disk
-from support.clock import Clock
-from support.forging import changed, put_together, taken_apart
-from waiting import threads, wait_until
 
 from mesa_swarm.dashboard import RECORDINGS_VARIABLE
 from mesa_swarm.dashboard.controls import ControlPanel
@@ -26,6 +22,10 @@ from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.robots.design import AGENT9
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES, BREATH
+from support.clock import Clock
+from support.disks import small_disk
+from support.forging import changed, put_together, taken_apart
+from support.waiting import threads, wait_until
 
 STEPS = 120
 

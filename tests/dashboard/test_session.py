@@ -3,7 +3,6 @@
 import threading
 
 import pytest
-from waiting import threads, wait_until
 
 from mesa_swarm.dashboard import session as module
 from mesa_swarm.dashboard.app import address_from, query_of
@@ -11,6 +10,7 @@ from mesa_swarm.dashboard.comparing import Comparing
 from mesa_swarm.dashboard.session import READER, USUAL_SPEED, Session
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES
+from support.waiting import threads, wait_until
 
 MODULE = "mesa_swarm.dashboard.session"
 

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, Map, SwarmModel, disc, polygon, rectangle
-from mesa_swarm.environments.camera import ASHES, COOL, FRONT, GROUND, HOT, INK, MARK, SOLID, Camera
+from mesa_swarm.environments.camera import Camera
+from mesa_swarm.viewing.palette import LIGHT, fire_colour, rgb
 from mesa_swarm.world.map import FireSpot
 
 RING = polygon([(10, 10), (90, 10), (90, 50), (10, 50)], [[(40, 20), (60, 20), (60, 40), (40, 40)]])
@@ -29,50 +30,50 @@ def pictured(poses=(), **more) -> np.ndarray:
     return Camera(HALL, longest_side=400).picture(world)
 
 
-def colour(picture: np.ndarray, x: float, y: float) -> tuple[int, ...]:
-    return tuple(map(int, picture[int((100 - y) * 2), int((x + 100) * 2)]))
+def colour(picture: np.ndarray, x: float, y: float) -> str:
+    return "#" + bytes(picture[int((100 - y) * 2), int((x + 100) * 2)]).hex()
 
 
 def test_everything_is_to_scale_with_y_up():
     picture = pictured()
     assert picture.shape == (200, 400, 3)
     assert picture.dtype == np.uint8
-    assert colour(picture, 20, 30) == SOLID
-    assert colour(picture, 50, 30) == GROUND  # the hole
-    assert colour(picture, -70, 80) == MARK
-    assert colour(picture, -20, 80) == colour(picture, -20, 89) == SOLID
-    assert colour(picture, -20, 92) == GROUND
+    assert colour(picture, 20, 30) == LIGHT.obstacle
+    assert colour(picture, 50, 30) == LIGHT.ground  # the hole
+    assert colour(picture, -70, 80) == LIGHT.mark
+    assert colour(picture, -20, 80) == colour(picture, -20, 89) == LIGHT.obstacle
+    assert colour(picture, -20, 92) == LIGHT.ground
 
 
 def test_areas_are_right_to_a_hundredth():
-    grey = (pictured() == SOLID).all(axis=2).sum() / 4
+    grey = (pictured() == rgb(LIGHT.obstacle)).all(axis=2).sum() / 4
     assert grey == pytest.approx(80 * 40 - 20 * 20 + np.pi * 100, rel=0.01)
 
 
 def test_a_robot_shows_where_it_looks_and_whether_it_is_hot():
     picture = pictured([(-50, 30, np.pi / 2), (-80, 30, 0.0)], hot=[False, True])
-    assert colour(picture, -50, 33) == colour(picture, -77, 30) == FRONT
-    assert colour(picture, -50, 27) == COOL
-    assert colour(picture, -83, 30) == HOT
+    assert colour(picture, -50, 33) == colour(picture, -77, 30) == LIGHT.robot_front
+    assert colour(picture, -50, 27) == LIGHT.robot
+    assert colour(picture, -83, 30) == LIGHT.robot_hot
 
 
 def test_a_commanded_robot_among_others_has_a_rim():
     picture = pictured([(-50, 30, 0.0), (-80, 30, 0.0)])
-    assert colour(picture, -50, 36.5) == INK
-    assert colour(picture, -80, 36.5) == GROUND
-    assert colour(pictured([(-50, 30, 0.0)]), -50, 36.5) == GROUND
+    assert colour(picture, -50, 36.5) == LIGHT.robot_outline
+    assert colour(picture, -80, 36.5) == LIGHT.ground
+    assert colour(pictured([(-50, 30, 0.0)]), -50, 36.5) == LIGHT.ground
 
 
 def test_a_fire_goes_from_black_to_red_and_is_pale_once_it_is_out():
-    assert colour(pictured(temperature=1.0), 50, 80) == (255, 59, 31)
-    assert colour(pictured(temperature=0.5), 50, 80) == (128, 30, 16)
-    assert colour(pictured(temperature=0.0, out=True), 50, 80) == ASHES
+    assert colour(pictured(temperature=1.0), 50, 80) == fire_colour(1.0)
+    assert colour(pictured(temperature=0.5), 50, 80) == fire_colour(0.5)
+    assert colour(pictured(temperature=0.0, out=True), 50, 80) == LIGHT.ashes
 
 
 def test_what_reaches_over_the_edge_is_cut_off():
     picture = pictured([(-98, 2, 0.0), (98, 98, 0.0)])
-    assert colour(picture, -100, 1) == COOL
-    assert colour(picture, 99.4, 98) == FRONT
+    assert colour(picture, -100, 1) == LIGHT.robot
+    assert colour(picture, 99.4, 98) == LIGHT.robot_front
 
 
 def test_pictures_do_not_share_their_pixels():

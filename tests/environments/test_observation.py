@@ -9,7 +9,7 @@ from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.environments.tasks import ExtinguishFires, FindFires
 from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.world.statics import FIRE, OBSTACLE, ROBOT
-from scenes import empty
+from support.scenes import empty
 
 EYE = RobotDesign(name="EYE", sensors=(ProximitySensor(range=40), RadiationSensor(range=60), LineSensor()))
 

@@ -9,7 +9,7 @@ from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.experiments.diagnosis import NEEDED, pathologies_of
 from mesa_swarm.gallery import find_model
-from scenes import ahead, blind, corridor, empty
+from support.scenes import ahead, blind, corridor, empty
 
 
 def in_corridor(turn, **options):

@@ -1,7 +1,6 @@
 """Full disks and read-only folders: one clear line, nothing lost, and one goes on when there is room."""
 
 import pytest
-from disks import read_only, small_disk
 
 from mesa_swarm import cli
 from mesa_swarm.errors import RecordingError, SwarmError
@@ -9,6 +8,7 @@ from mesa_swarm.experiments.sweep import sweep
 from mesa_swarm.files import write_all
 from mesa_swarm.gallery import find_model
 from mesa_swarm.recording import Recording
+from support.disks import read_only, small_disk
 
 FIRE = find_model("fire_fighting")
 

@@ -4,7 +4,6 @@ import string
 from pathlib import Path
 
 import pytest
-from support.pace import work_within
 
 from mesa_swarm.errors import InvalidValueError, JobError
 from mesa_swarm.experiments import jobs
@@ -12,6 +11,7 @@ from mesa_swarm.experiments.jobs import read_job, sample_jobs
 from mesa_swarm.experiments.run_records import RunRecords
 from mesa_swarm.gallery import find_model
 from mesa_swarm.world.map import Map
+from support.pace import work_within
 
 RICH = """
 [[run]]

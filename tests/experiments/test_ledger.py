@@ -10,10 +10,10 @@ from zlib import crc32
 
 import numpy as np
 import pytest
-from support.forks import forked
 
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments.ledger import Ledger, Outcome
+from support.forks import forked
 
 
 def ended(steps):

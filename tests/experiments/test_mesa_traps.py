@@ -11,10 +11,11 @@ from pathlib import Path
 
 import mesa
 import pytest
-from failing_models import Dying, Raising
-from trap_models import Counted
 
 from mesa_swarm.experiments.sweep import sweep
+from support.failing_models import Dying, Raising
+from support.trap_models import Counted
+from support.waiting import wait_until
 
 ROOT = Path(__file__).parent.parent.parent
 PAGE = (ROOT / "docs" / "mesa.md").read_text()
@@ -111,7 +112,7 @@ def test_batch_run_keeps_every_row_of_every_run_in_memory_and_sweep_none(tmp_pat
         odd = {"odd": list(range(runs))}
         return sweep(Counted, odd, seeds=1, steps=20, out=tmp_path / str(runs), jobs=1)
 
-    few, many = 20, 320
+    few, many = 20, 120
     grown = {}
     for work in (batch, swept):
         work(2)
@@ -133,7 +134,7 @@ def test_batch_run_ends_with_the_first_error_and_sweep_goes_on(tmp_path):
 
 HANG = """
 import mesa
-from failing_models import Dying
+from support.failing_models import Dying
 if __name__ == "__main__":
     mesa.batch_run(Dying, number_processes=2, max_steps=1, display_progress=False, **{WANTED})
 """
@@ -152,9 +153,10 @@ def test_batch_run_waits_for_ever_if_a_worker_dies_and_sweep_does_not(tmp_path):
         start_new_session=True,
     )
     try:
+        wait_until(lambda: diary.exists() and len(diary.read_text().splitlines()) >= 3)  # all were begun
         with pytest.raises(subprocess.TimeoutExpired):
-            child.communicate(timeout=120)
-        assert {line.split()[0] for line in diary.read_text().splitlines()} == {"1", "2", "3"}  # all were begun
+            child.communicate(timeout=20)
+        assert {line.split()[0] for line in diary.read_text().splitlines()} == {"1", "2", "3"}
     finally:
         os.killpg(child.pid, 9)
         child.communicate()

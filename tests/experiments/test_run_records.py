@@ -1,17 +1,19 @@
 """Recordings of sweeps: complete or not there, none lost, none twice."""
 
 import os
+from importlib import import_module
 from pathlib import Path
 
 import pytest
-from failing_models import Counting, Dying, DyingOnce, Raising
 
 from mesa_swarm.errors import RecordingError, SwarmError
+from mesa_swarm.experiments.pool import WorkerDiedError
 from mesa_swarm.experiments.run_records import Archive
 from mesa_swarm.experiments.sweep import sweep
 from mesa_swarm.files import draft_name, lock
 from mesa_swarm.gallery import find_model
 from mesa_swarm.recording import Recording, verify
+from support.failing_models import Counting, Dying, DyingOnce, Raising, seeds_run
 
 FIRE = find_model("fire_fighting")
 
@@ -61,18 +63,19 @@ def test_a_run_that_fails_is_recorded_as_far_as_it_went_and_not_tried_again(tmp_
 
 
 @pytest.mark.skipif(os.name == "nt", reason="there is no SIGKILL")
-def test_a_run_whose_worker_is_killed_is_recorded_whole_when_it_is_tried_again(tmp_path):
+def test_a_run_whose_worker_is_killed_is_tried_again_and_recorded_whole_and_no_run_is_lost(tmp_path):
     settings = {"diary": str(tmp_path / "diary")}
     made = sweep(DyingOnce, seeds=4, steps=3, settings=settings, out=tmp_path, jobs=2, record={})
+    assert (made.failed, made.frame()["seed"].tolist()) == (0, [1, 2, 3, 4])
     assert [len(recording) for recording in recordings_of(made)] == [3, 3, 3, 3]
     assert [path.suffix for path in (tmp_path / "recordings").iterdir()] == [".arrow"] * 4
 
 
-def test_a_recording_that_cannot_be_written_stops_the_sweep_and_is_no_fault_of_the_run(tmp_path):
+@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_a_recording_that_cannot_be_written_stops_the_sweep_and_is_no_fault_of_the_run(tmp_path, jobs):
     (tmp_path / "recordings").write_text("in the way")
-    for jobs in (1, 2):
-        with pytest.raises(RecordingError, match="recordings"):
-            sweep(FIRE, seeds=2, steps=5, out=tmp_path, jobs=jobs, record={})
+    with pytest.raises(RecordingError, match="recordings"):
+        sweep(FIRE, seeds=2, steps=5, out=tmp_path, jobs=jobs, record={})
     assert (tmp_path / "ledger.jsonl").read_text() == ""
     (tmp_path / "recordings").unlink()
     assert sweep(FIRE, seeds=2, steps=5, out=tmp_path, jobs=1, record={}).done_before == 0
@@ -102,11 +105,34 @@ def test_a_draft_that_a_kill_left_is_replaced(tmp_path):
     assert len(Recording(file)) == 5
 
 
+def test_a_run_whose_worker_dies_in_each_of_three_tries_is_given_up_and_the_rest_goes_on(tmp_path, monkeypatch):
+    tried = []
+
+    def on_all(workers, work, tasks):
+        for (task,) in tasks:
+            tried.append(task.rng)
+            if task.rng == 2:
+                raise WorkerDiedError
+            yield work(task)
+
+    monkeypatch.setattr(import_module("mesa_swarm.experiments.sweep"), "on_all", on_all)
+    settings = {"diary": str(tmp_path / "diary")}
+    made = sweep(Counting, seeds=3, steps=1, settings=settings, out=tmp_path, jobs=2, record={})
+    table = made.frame()
+    assert table["error"].dropna().to_dict() == {1: "WorkerDiedError: the process died in each of 3 tries"}
+    assert table["recording"].isna().tolist() == [False, True, False]
+    assert sorted(tried) == [1, 2, 2, 2, 3]
+
+
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="there is no SIGKILL")
-def test_a_run_that_always_kills_its_worker_leaves_no_draft(tmp_path):
+def test_a_run_that_always_kills_its_worker_is_given_up_leaves_no_draft_and_the_rest_goes_on(tmp_path):
     settings = {"diary": str(tmp_path / "diary")}
     made = sweep(Dying, seeds=3, steps=1, settings=settings, out=tmp_path, jobs=2, record={})
-    assert (made.failed, made.frame()["recording"].isna().tolist()) == (1, [False, True, False])
+    table = made.frame()
+    assert table["error"].dropna().to_dict() == {1: "WorkerDiedError: the process died in each of 3 tries"}
+    assert seeds_run(tmp_path / "diary")[2] == 3
+    assert (made.failed, table["recording"].isna().tolist()) == (1, [False, True, False])
     assert [path.suffix for path in (tmp_path / "recordings").iterdir()] == [".arrow"] * 2
 
 

@@ -5,7 +5,6 @@ from collections import Counter
 import numpy as np
 import pandas as pd
 import pytest
-from support.pace import work_within
 
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.experiments.experiment import checked_experiment
@@ -13,6 +12,7 @@ from mesa_swarm.experiments.plan import checked_seeds
 from mesa_swarm.experiments.sampling import Points, Sample, grid
 from mesa_swarm.gallery import find_model
 from mesa_swarm.swarm_model import SwarmModel
+from support.pace import work_within
 
 FIRE = find_model("fire_fighting")
 GRID = {"strategy": ["A", "B"], "n_robots": [2, 3]}

@@ -4,12 +4,9 @@ import importlib.util
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
-from failing_models import Counting, Raising, seeds_run
-from machine import slowness
 from pyarrow import parquet
 
 from mesa_swarm.errors import InvalidValueError, SwarmError
@@ -22,6 +19,9 @@ from mesa_swarm.experiments.sampling import Sample
 from mesa_swarm.experiments.sweep import sweep
 from mesa_swarm.gallery import find_model
 from mesa_swarm.swarm_model import SwarmModel
+from support.failing_models import Counting, Raising, seeds_run
+from support.machine import slowness
+from support.pace import processor_seconds
 
 FIRE = find_model("fire_fighting")
 GRID = {"strategy": ["A", "B"], "n_robots": [2, 3]}
@@ -143,19 +143,16 @@ def test_a_class_without_a_file_is_known_by_the_code_of_its_methods():
 
 def test_the_fingerprint_of_a_source_is_the_same_in_every_process():
     code = "from mesa_swarm.experiments.fingerprints import source_hash; from mesa_swarm.gallery import find_model\n"
-    code += "print(source_hash(find_model('fire_fighting')))"
-    message = {
-        subprocess.run(
-            [sys.executable, "-c", code],
-            env={**os.environ, "PYTHONHASHSEED": seed},
-            capture_output=True,
-            text=True,
-            check=True,
-            cwd=Path(__file__).parent.parent.parent,
-        ).stdout.strip()
-        for seed in ("1", "2")
-    }
-    assert message == {source_hash(FIRE)}
+    code += "print(hash('a'), source_hash(find_model('fire_fighting')))"
+    # This process's own seed may be any number, so that it is not this one.
+    surroundings = {**os.environ, "PYTHONHASHSEED": "1" if os.environ.get("PYTHONHASHSEED") != "1" else "2"}
+    place = Path(__file__).parents[2]
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=surroundings, capture_output=True, text=True, check=True, cwd=place
+    )
+    hashed, fingerprint = done.stdout.split()
+    assert int(hashed) != hash("a")
+    assert fingerprint == source_hash(FIRE)
 
 
 # ---- what goes wrong
@@ -181,23 +178,16 @@ def test_an_error_is_kept_until_it_is_to_be_tried_again(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_a_sweep_adds_less_than_20_ms_to_a_run_and_more_on_a_busy_or_slow_machine(tmp_path, jobs):
+def test_a_sweep_adds_less_than_20_ms_of_processor_time_to_a_run(tmp_path, jobs):
     sweep(FIRE, seeds=4, steps=30, out=tmp_path / "warm", jobs=jobs)  # starts workers, loads kernels
-
-    def seconds(work):
-        start = time.perf_counter()
-        work()
-        return time.perf_counter() - start
-
-    runs = 100
-    rounds = []
-    for i in range(3):  # the machine may be busy: of three rounds the best counts
-        bare = seconds(lambda: [FIRE(rng=rng).run(30).results() for rng in range(1, runs + 1)])
-        swept = seconds(lambda i=i: sweep(FIRE, seeds=runs, steps=30, out=tmp_path / str(i), jobs=jobs))
-        rounds.append((swept - bare) / runs)
+    runs, rounds = 100, []
+    for i in range(3):  # caches may be shared with others: of three rounds the best counts
+        swept = processor_seconds(lambda i=i: sweep(FIRE, seeds=runs, steps=30, out=tmp_path / str(i), jobs=jobs))
+        # Runs in workers are none of this process's time.
+        bare = processor_seconds(lambda: [FIRE(rng=rng).run(30).results() for rng in range(1, runs + 1)])
+        rounds.append((swept - (bare if jobs == 1 else 0.0)) / runs)
     print(f"{jobs} jobs: {[f'{1000 * extra:.2f}' for extra in rounds]} ms a run")
-    busy = 2 if os.getloadavg()[0] > os.cpu_count() else 1  # each run waits for the disk, and so do others
-    assert min(rounds) < 0.020 * busy * slowness()
+    assert min(rounds) < 0.020 * slowness()
 
 
 def test_record_may_be_true_or_false(tmp_path):

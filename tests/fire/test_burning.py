@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mesa_swarm import SwarmModel
 from mesa_swarm.fire import FireConstants, design_constants, robots_needed
 from mesa_swarm.fire.burning import is_hot, next_temperature
-from scenes import blind, empty
+from support.scenes import blind, empty
 
 CONSTANTS = FireConstants(k1=0.001, k2=0.02, k3=0.1, k4=0.5, leave=20.0, join=5.0)
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import shapely
 from shapely.geometry import Point
-from support.pace import work_within
 
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.geometry.room import Crowded, outside, part_around, room_for_disc, room_to_try
+from support.pace import work_within
 
 TWO = shapely.union_all([shapely.box(0, 0, 1, 1), shapely.box(5, 0, 7, 1)])
 

@@ -14,8 +14,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from disks import read_only, small_disk
-from support.hostile import attack
 
 from mesa_swarm import cli
 from mesa_swarm.dashboard.exporting import Exporting
@@ -28,6 +26,8 @@ from mesa_swarm.recording import Recording
 from mesa_swarm.robots.design import AGENT3
 from mesa_swarm.viewing.pictures import png, world_figure
 from mesa_swarm.world.map import Map
+from support.disks import read_only, small_disk
+from support.hostile import attack
 
 pytestmark = pytest.mark.slow
 

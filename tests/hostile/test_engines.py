@@ -5,6 +5,7 @@ of a radius: such worlds are counted on a row of their own, and at most a small 
 """
 
 import pytest
+
 from support.wide_worlds import FAMILIES, judged
 
 pytestmark = pytest.mark.slow

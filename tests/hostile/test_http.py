@@ -5,12 +5,18 @@ import socket
 import struct
 import subprocess
 import sys
-import time
 from contextlib import ExitStack
 from urllib.parse import quote, urlencode
 
 import numpy as np
 import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+from mesa_swarm.dashboard.app import COUNTS, Address, address_from
+from mesa_swarm.errors import SwarmError
+from mesa_swarm.gallery import find_model, model_names
+from mesa_swarm.models.fire_fighting import FireFighting
+from mesa_swarm.parameters import parameters_of
 from support.clients import (
     HOST,
     QUICK,
@@ -25,14 +31,8 @@ from support.clients import (
     threads_of,
 )
 from support.hostile import attack
-from visits import LAUNCH, answers, free_port, wait_until
-from websockets.exceptions import ConnectionClosed, InvalidStatus
-
-from mesa_swarm.dashboard.app import COUNTS, Address, address_from
-from mesa_swarm.errors import SwarmError
-from mesa_swarm.gallery import find_model, model_names
-from mesa_swarm.models.fire_fighting import FireFighting
-from mesa_swarm.parameters import parameters_of
+from support.visits import LAUNCH, answers, free_port
+from support.waiting import comes_true, wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -381,13 +381,14 @@ def test_many_sessions_at_once_end_with_their_threads(dashboard, tally, amount, 
                 area.check(f"session {number}", False, repr(error))
         each = (memory(process) - before) / most
         area.check("after it", served.is_well(), "no answer meanwhile")
-    deadline = time.monotonic() + 60
-    while threads_of(process) > threads + 2 and time.monotonic() < deadline:
-        time.sleep(3)
+
+    def ended():
         # Idle threads of the server's pool end ten seconds later, when another connection comes.
         with opened(served.port, "model=boids"):
             pass
-    area.check("threads", threads_of(process) <= threads + 2, f"{threads_of(process)} threads, {threads} before")
+        return threads_of(process) <= threads + 2
+
+    area.check("threads", comes_true(ended, 60.0, every=3.0), f"{threads_of(process)} threads, {threads} before")
     with capsys.disabled():
         print(f"\n{most} sessions: {each:.1f} MB each, at most {peak_memory(process):.0f} MB in all")
 

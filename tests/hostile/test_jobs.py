@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.hostile import attack
 
 from mesa_swarm.errors import JobError
 from mesa_swarm.experiments.jobs import read_job
+from support.hostile import attack
 
 pytestmark = pytest.mark.slow
 GOOD = """name = "first"

@@ -5,12 +5,12 @@ import tracemalloc
 from contextlib import ExitStack
 
 import pytest
-from support.hostile import _status
 
 from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.models.flocking import Flocking
 from mesa_swarm.models.q_learning import QLearning
+from support.hostile import _status
 
 pytestmark = pytest.mark.slow
 MODELS = [FireFighting, QLearning, CooperativeTransport, Flocking]

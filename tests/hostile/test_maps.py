@@ -7,11 +7,11 @@ import re
 
 import numpy as np
 import pytest
-from support.hostile import attack
 
 from mesa_swarm import AGENT3, SwarmModel
 from mesa_swarm.errors import MapError, SwarmError
 from mesa_swarm.world.map import Map, builtin_maps
+from support.hostile import attack
 
 pytestmark = pytest.mark.slow
 

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.hostile import attack
 
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.control import Subsumption
@@ -19,6 +18,7 @@ from mesa_swarm.learning.policy import SensorLayout
 from mesa_swarm.learning.q_learning import QPolicy
 from mesa_swarm.learning.reflex_policy import ReflexPolicy, genome_length
 from mesa_swarm.learning.wire_learning import WirePolicy
+from support.hostile import attack
 
 pytestmark = pytest.mark.slow
 

@@ -5,8 +5,6 @@ import warnings
 
 import numpy as np
 import pytest
-from support import forging
-from support.hostile import attack
 
 from mesa_swarm import SwarmModel
 from mesa_swarm.dashboard.projector import Projector
@@ -22,6 +20,8 @@ from mesa_swarm.viewing.packing import packed_frame
 from mesa_swarm.viewing.replay_page import Reel, replay_page
 from mesa_swarm.viewing.replay_server import ReplayServer
 from mesa_swarm.viewing.scene import scene_of_recording
+from support import forging
+from support.hostile import attack
 
 pytestmark = pytest.mark.slow
 

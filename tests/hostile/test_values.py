@@ -10,7 +10,6 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from support.hostile import attack
 
 import mesa_swarm.control
 from mesa_swarm import AGENT9, AGENT_FIRE, Radio, RobotDesign, SwarmModel, disc, polygon, rectangle
@@ -28,6 +27,7 @@ from mesa_swarm.robots.design import all_round
 from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive
 from mesa_swarm.robots.imperfections import MEASURED, Imperfection, Imperfections
 from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSensor, bump_sensor, laser_sensor
+from support.hostile import attack
 
 pytestmark = pytest.mark.slow
 

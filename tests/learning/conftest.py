@@ -1,7 +1,8 @@
 """What tests of learners share."""
 
 import pytest
-from taught import learned, trained
+
+from support.q_learners import learned, trained
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from taught import driven, learned, trained
 
 from mesa_swarm import AGENT3, AGENT9, SwarmModel
 from mesa_swarm.control import Avoid, Subsumption
@@ -17,6 +16,7 @@ from mesa_swarm.learning import (
     WireFittedQ,
 )
 from mesa_swarm.learning.actions import ACTIONS
+from support.q_learners import driven, learned, trained
 
 
 def test_a_policy_is_what_the_robots_learned_and_does_not_change_with_them():

@@ -7,7 +7,6 @@ import zipfile
 
 import numpy as np
 import pytest
-from taught import driven, learned, trained
 
 from mesa_swarm.errors import InvalidValueError, LearningError, SwarmError
 from mesa_swarm.learning import (
@@ -17,6 +16,7 @@ from mesa_swarm.learning import (
     policy_files,
     save_policy,
 )
+from support.q_learners import driven, learned, trained
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from mesa_swarm import all_round
 from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.models.cooperative_transport import GOAL, NEAR, START, CooperativeTransport
-from scenes import ahead
+from support.scenes import ahead
 
 SEEDS = range(20)
 

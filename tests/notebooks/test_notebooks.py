@@ -16,7 +16,7 @@ NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 NAMES = [path.stem for path in NOTEBOOKS]
 EXERCISES = ("exercise-1", "exercise-2")
 # Run by default; the others are in .ci/run.
-ALWAYS = {"01_a_first_robot", "04_agglomeration"}
+ALWAYS = {"01_a_first_robot"}
 SLOWLY = [pytest.param(path, id=path.stem, marks=() if path.stem in ALWAYS else pytest.mark.slow) for path in NOTEBOOKS]
 
 

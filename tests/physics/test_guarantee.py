@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mesa_swarm import Map, SwarmModel, disc, polygon, rectangle
 from mesa_swarm.control import Subsumption
-from scenes import PROMISED, ahead, blind, circle, corridor, empty, wedge, worst_overlap
+from support.scenes import PROMISED, ahead, blind, circle, corridor, empty, wedge, worst_overlap
 
 L_SHAPE = [(150, 100), (250, 100), (250, 200), (220, 200), (220, 130), (150, 130)]
 

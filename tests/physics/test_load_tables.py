@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from pushing import BOX, ENGINES, abreast, world
 
 from mesa_swarm import AGENT9, ProximitySensor, RobotDesign, disc, rectangle
 from mesa_swarm.control import Subsumption
 from mesa_swarm.world.statics import LOAD, Statics
-from scenes import blind, circle, empty
+from support.pushing import BOX, ENGINES, abreast, world
+from support.scenes import blind, circle, empty
 
 
 def test_tables_that_follow_a_load_are_those_that_are_made_anew():

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from pushing import BOX, ENGINES, abreast, world
 
 from mesa_swarm import RobotDesign, disc
 from mesa_swarm.control import Subsumption
-from scenes import PROMISED, ahead, blind, empty, worst_overlap
+from support.pushing import BOX, ENGINES, abreast, world
+from support.scenes import PROMISED, ahead, blind, empty, worst_overlap
 
 # ---- how many it takes
 

@@ -3,13 +3,13 @@
 import math
 
 import pytest
-from pushing import BOX, ENGINES, abreast, world
 
 from mesa_swarm import RobotDesign, disc, rectangle
 from mesa_swarm.control import Subsumption
 from mesa_swarm.physics import loads as physics
 from mesa_swarm.world.statics import LOAD
-from scenes import PROMISED, ahead, blind, empty, worst_load_overlap, worst_overlap
+from support.pushing import BOX, ENGINES, abreast, world
+from support.scenes import PROMISED, ahead, blind, empty, worst_load_overlap, worst_overlap
 
 # ---- walls, corners, other loads
 

@@ -5,12 +5,12 @@ import math
 
 import numpy as np
 import pytest
-from talking import Saying, heard, listener
 
 from mesa_swarm import Radio, SwarmModel, disc, polygon, rectangle
 from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import InvalidValueError
-from scenes import blind, circle, empty
+from support.messages import Broadcasting, heard, listener
+from support.scenes import blind, circle, empty
 
 
 def two(*shapes, ends=((100, 100), (200, 100)), **options):
@@ -49,7 +49,7 @@ def test_a_robot_hears_neither_itself_nor_those_that_have_nothing_to_say():
 def test_what_is_decided_is_heard_one_step_later():
     model = empty(communication=Radio())
     model.add_robots(blind(), poses=[(100, 100, 0.0), (150, 100, 0.0)])
-    model.control = Subsumption(Saying([4, -1]))
+    model.control = Subsumption(Broadcasting([4, -1]))
     assert model.run(1).swarm.heard_task.tolist() == [-1, -1]
     assert model.run(1).swarm.heard_task.tolist() == [-1, 4]
 
@@ -57,7 +57,7 @@ def test_what_is_decided_is_heard_one_step_later():
 def test_a_goal_stays_where_it_is_though_its_sender_turns_and_moves_after_having_said_it():
     target = np.array([180.0, 140.0])
 
-    class Pointing(Saying):
+    class Pointing(Broadcasting):
         def decide(self, senses, command, layer, index):
             x, y = target - self.swarm.position[0]
             cosine, sine = math.cos(self.swarm.heading[0]), math.sin(self.swarm.heading[0])

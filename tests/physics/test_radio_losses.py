@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from talking import heard
 
 from mesa_swarm import AGENT9, Radio, SwarmModel
 from mesa_swarm.control import Explore, Subsumption
+from support.messages import heard
 
 
 def counts(probability, steps=300, n=10):

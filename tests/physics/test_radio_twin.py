@@ -6,12 +6,12 @@ import numpy as np
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from talking import HEARD, Saying
 
 from mesa_swarm import Radio, rectangle
 from mesa_swarm.control import Subsumption
-from scenes import blind, empty
-from worlds import random_world
+from support.messages import HEARD, Broadcasting
+from support.random_worlds import random_world
+from support.scenes import blind, empty
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -84,7 +84,7 @@ def test_random_worlds_are_heard_as_a_twin_that_tries_all_pairs_hears_them(seed)
     )
     n = len(model.swarm)
     goals = np.where(rng.random((n, 1)) < 0.5, rng.uniform(-40, 40, (n, 2)), np.nan)
-    model.control = Subsumption(Saying(rng.integers(-1, 3, n), goals))
+    model.control = Subsumption(Broadcasting(rng.integers(-1, 3, n), goals))
     model.step()
     ahead = copy.deepcopy(model.streams)["communication"]
     expected = twin(model, int(ahead.integers(2**64, dtype=np.uint64)))
@@ -105,7 +105,7 @@ def test_robots_created_in_another_order_hear_the_same(seed):
         model = empty(communication=Radio(occlusion=True))
         model.add_obstacle(rectangle((180, 50), (200, 200)))
         model.add_robots(blind(radius=0.01), poses=poses[rows])
-        model.control = Subsumption(Saying(tasks[rows], goals[rows]))
+        model.control = Subsumption(Broadcasting(tasks[rows], goals[rows]))
         models.append(model.run(2).swarm)
     for name in HEARD:
         np.testing.assert_allclose(getattr(models[0], name)[order], getattr(models[1], name), rtol=0, atol=1e-9)

@@ -1,7 +1,7 @@
 import pytest
-from support.chunks import recorded_in_full_chunks
 
 from mesa_swarm.models.fire_fighting import FireFighting
+from support.chunks import recorded_in_full_chunks
 
 
 @pytest.fixture(scope="session")

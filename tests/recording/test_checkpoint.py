@@ -6,7 +6,6 @@ from dataclasses import replace
 import mesa
 import numpy as np
 import pytest
-from support.pace import work_within
 
 from mesa_swarm import AGENT3, AGENT9, Radio, SwarmModel, disc, polygon, rectangle
 from mesa_swarm.control import Align, Avoid, Cohere, Cruise, Explore, Separate, Subsumption, VectorSum, behaviour
@@ -21,6 +20,7 @@ from mesa_swarm.recording.collected import MOST_STEPS, set_clock
 from mesa_swarm.recording.container import from_bytes, to_bytes
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive
+from support.pace import work_within
 
 
 def stored(model):

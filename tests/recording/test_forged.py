@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pyarrow as pa
 import pytest
-from support.forging import changed, put_together, taken_apart
 
 from mesa_swarm import SwarmModel
 from mesa_swarm.errors import InvalidValueError, RecordingError
@@ -16,6 +15,7 @@ from mesa_swarm.recording.container import CODEC, LENGTH, MAGIC, from_bytes
 from mesa_swarm.recording.resume import resumed, shipped_class_of
 from mesa_swarm.recording.sealed_stream import SealedReader, SealedWriter
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
+from support.forging import changed, put_together, taken_apart
 
 STEPS = 6
 FAR = 10**12

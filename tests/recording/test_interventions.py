@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from other_code import other_code
 
 from mesa_swarm import AGENT3, AGENT9, Radio, SwarmModel, disc
 from mesa_swarm.cli import main
@@ -13,6 +12,7 @@ from mesa_swarm.models.learning_fires import LearningFires
 from mesa_swarm.recording import Recording, verify
 from mesa_swarm.recording.changes import Mark
 from mesa_swarm.robots.imperfections import ROBOTARIUM
+from support.other_code import other_code
 
 HAND, LAST = 12, 20
 

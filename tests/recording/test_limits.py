@@ -4,7 +4,6 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from support.forging import put_together, taken_apart
 
 from mesa_swarm import AGENT3, SwarmModel
 from mesa_swarm.errors import InvalidValueError, RecordingError
@@ -14,6 +13,7 @@ from mesa_swarm.recording.checkpoint import checkpoint_of, restore
 from mesa_swarm.recording.container import Checkpoint, Packed, from_bytes, to_bytes
 from mesa_swarm.recording.schema import longest_gap
 from mesa_swarm.recording.verify import states_to
+from support.forging import put_together, taken_apart
 
 
 class Collecting(SwarmModel):

@@ -5,14 +5,14 @@ import signal
 import threading
 
 import pytest
-from disks import small_disk
-from support.forks import forked
 
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.files import is_locked
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
 from mesa_swarm.recording.sealed_stream import SealedWriter
+from support.disks import small_disk
+from support.forks import forked
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="needs POSIX")
 

@@ -1,5 +1,4 @@
 import pytest
-from other_code import other_code
 
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.control import Avoid, Explore, Subsumption
@@ -7,6 +6,7 @@ from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameErro
 from mesa_swarm.gallery import find_model, model_names
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording, resume
+from support.other_code import other_code
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,6 @@ import random
 
 import pyarrow as pa
 import pytest
-from other_code import other_code
 
 from mesa_swarm import AGENT9, SwarmModel, disc
 from mesa_swarm.control import Avoid, Explore, Subsumption
@@ -10,6 +9,7 @@ from mesa_swarm.errors import InvalidValueError, RecordingError
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording, verify
 from mesa_swarm.recording.sealed_stream import SealedReader
+from support.other_code import other_code
 
 
 @pytest.fixture(scope="module")

@@ -1,5 +1,4 @@
 import pytest
-from other_code import other_code
 
 from mesa_swarm import SwarmModel, disc
 from mesa_swarm.cli import main
@@ -14,6 +13,7 @@ from mesa_swarm.recording.sealed_stream import SealedReader
 from mesa_swarm.robots.design import AGENT9
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.world.map import Map
+from support.other_code import other_code
 
 
 class Own(SwarmModel):

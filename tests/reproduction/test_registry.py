@@ -34,12 +34,18 @@ def test_an_unknown_figure_is_refused_with_the_nearest():
         find_item("8.9")
 
 
+@pytest.fixture(scope="module")
+def laboratory(tmp_path_factory):
+    """What several figures are made of is run once."""
+    with Laboratory(tmp_path_factory.mktemp("figures"), quick=True) as made:
+        yield made
+
+
 @pytest.mark.parametrize(
     "figure", [pytest.param(f, marks=() if f in FAST else pytest.mark.slow) for f in FIGURES], ids=FIGURES
 )
-def test_a_figure_is_made_quickly(figure, tmp_path):
-    with Laboratory(tmp_path, quick=True) as laboratory:
-        result = find_item(figure).make(laboratory)
+def test_a_figure_is_made_quickly(figure, laboratory):
+    result = find_item(figure).make(laboratory)
     assert result.verdict in VERDICTS
     assert any(check.main for check in result.checks)
     assert "" in result.pictures
@@ -47,9 +53,8 @@ def test_a_figure_is_made_quickly(figure, tmp_path):
 
 
 @pytest.mark.parametrize("figure", FAST)
-def test_what_chance_has_no_part_in_does_not_fail_in_the_main(figure, tmp_path):
-    with Laboratory(tmp_path, quick=True) as laboratory:
-        assert find_item(figure).make(laboratory).verdict != "not confirmed"
+def test_what_chance_has_no_part_in_does_not_fail_in_the_main(figure, laboratory):
+    assert find_item(figure).make(laboratory).verdict != "not confirmed"
 
 
 def test_the_page_has_every_figure_once_with_its_verdict_and_was_made_with_all_seeds():

@@ -22,7 +22,7 @@ from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.robots.drive import DifferentialDrive
 from mesa_swarm.robots.sensors import mount_of
-from scenes import ahead, blind, empty
+from support.scenes import ahead, blind, empty
 
 PRESETS = [
     (AGENT3, "AGENT3", {0, 40, -40}, 40),

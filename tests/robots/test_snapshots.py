@@ -2,7 +2,6 @@
 
 import copy
 import pickle
-import time
 
 import numpy as np
 import pytest
@@ -12,7 +11,8 @@ from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.robots.snapshots import DECISIONS
-from scenes import ahead, blind, empty
+from support.pace import processor_seconds
+from support.scenes import ahead, blind, empty
 
 
 def some(n=4, **options):
@@ -108,12 +108,7 @@ def test_watching_costs_less_than_the_step():
         if watches:
             model.watch(last=100)
         model.run(20)
-        rounds = []
-        for _ in range(5):
-            start = time.process_time()
-            model.run(100)
-            rounds.append(time.process_time() - start)
-        return min(rounds)
+        return min(processor_seconds(lambda: model.run(100)) for _ in range(5))
 
     assert seconds(True) < 2 * seconds(False) + 0.01
 

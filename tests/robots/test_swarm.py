@@ -12,7 +12,7 @@ from mesa_swarm.control import Explore, Subsumption
 from mesa_swarm.errors import InvalidValueError, RemovedRobotError, SwarmError, UnknownNameError
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.swarm import COLUMNS
-from scenes import ahead, blind, empty
+from support.scenes import ahead, blind, empty
 
 DESIGNS = [AGENT3, AGENT9, blind(), AGENT_FIRE, RobotDesign(radius=3, sensors=(LineSensor(), LineSensor()))]
 MESA_S = {"rng", "random", "scenario"}

@@ -1,8 +1,7 @@
 """A clock for what is played: nothing but waiting takes time, so that pace is exact on any machine."""
 
-from waiting import threads, wait_until
-
 from mesa_swarm.viewing.play_loop import PlayLoop
+from support.waiting import threads, wait_until
 
 
 class Clock:

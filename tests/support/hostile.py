@@ -11,7 +11,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from machine import slowness
+from support.machine import slowness
+from support.waiting import Deadline
 
 MEGABYTE = 1 << 20
 # An input that sleeps uses no CPU: it counts as hung after so many times its CPU limit.
@@ -132,7 +133,7 @@ def _in_child(work: Callable, inputs: list, refusals: Any, cpu: float, memory: i
     why = ""
     try:
         for name, _ in inputs:
-            message = _message(read, time.monotonic() + PATIENCE * cpu + 10)
+            message = _message(read, Deadline(PATIENCE * cpu + 10))
             if not isinstance(message, tuple):
                 why = message
                 break
@@ -207,19 +208,19 @@ def _send(write: int, message: tuple) -> None:
     os.write(write, struct.pack("I", len(content)) + content)
 
 
-def _message(read: int, until: float) -> Any:
+def _message(read: int, deadline: Deadline) -> Any:
     """Return the child's next message, "gone" if it died, "hang" if none comes in time."""
-    head = _bytes(read, 4, until)
+    head = _bytes(read, 4, deadline)
     if not isinstance(head, bytes):
         return head
-    content = _bytes(read, struct.unpack("I", head)[0], until)
+    content = _bytes(read, struct.unpack("I", head)[0], deadline)
     return pickle.loads(content) if isinstance(content, bytes) else content
 
 
-def _bytes(read: int, number: int, until: float) -> bytes | str:
+def _bytes(read: int, number: int, deadline: Deadline) -> bytes | str:
     content = b""
     while len(content) < number:
-        if not select.select([read], [], [], max(0.0, until - time.monotonic()))[0]:
+        if not select.select([read], [], [], deadline.left)[0]:
             return "hang"
         part = os.read(read, number - len(content))
         if not part:

@@ -11,9 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
+from support.waiting import comes_true, wait_until
+
 MARK = "MESA_SWARM_TEST"
-# Workers look twice a second; a machine that is busy may hold them up.
-PATIENCE = 30.0
+# After a kill, s: workers look twice a second, and the machine may be busy.
+LONGEST = 15.0
 COMMAND = "import sys; from mesa_swarm.cli import main; main(sys.argv[1:])"
 
 
@@ -64,21 +66,19 @@ class Victim:
                 found.append(int(folder.name))
         return found
 
-    def kill(self, group: bool = False) -> float:
-        """Kill it, or all of its group, and return after how many seconds nothing of it is there; inf if it stays."""
+    def kill(self, group: bool = False) -> list[int]:
+        """Kill it, or all of its group, and return what it has started and is still there after a while."""
         if group:
             os.killpg(self.process.pid, signal.SIGKILL)
         else:
             self.process.kill()
         self.process.wait()
-        begun = time.monotonic()
-        while left := self.alive():
-            if time.monotonic() - begun > PATIENCE:
-                for number in left:
-                    os.kill(number, signal.SIGKILL)
-                return float("inf")
-            time.sleep(0.02)
-        return time.monotonic() - begun
+        if comes_true(lambda: not self.alive(), LONGEST, every=0.02):
+            return []
+        left = self.alive()
+        for number in left:
+            os.kill(number, signal.SIGKILL)
+        return left
 
     def finish(self, seconds: float = 600) -> None:
         """Wait until it is done, which it must be without an error."""
@@ -87,10 +87,10 @@ class Victim:
 
 def killed(
     begun: Callable[[int], Victim], made: Callable[[], int], kills: int, chance: np.random.Generator, latest: float
-) -> Iterator[float]:
+) -> Iterator[list[int]]:
     """Begin, and kill soon after one more result is on the disk; again and again, then let it finish.
 
-    Yields after each kill the seconds until nothing of the process was left. Ends early if the work is done.
+    Yields after each kill the processes that it left behind. Ends early if the work is done.
 
     Parameters
     ----------
@@ -105,8 +105,7 @@ def killed(
     """
     for number in range(kills):
         victim, before = begun(2), made()
-        while made() <= before and not victim.ended:
-            time.sleep(0.005)
+        wait_until(lambda before=before, victim=victim: made() > before or victim.ended, 600.0)
         time.sleep(chance.uniform(0, latest))
         if victim.ended:
             victim.finish()

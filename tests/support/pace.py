@@ -2,10 +2,10 @@
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from machine import slowness
+from support.machine import slowness
 
 
 def in_time(amount):
@@ -16,6 +16,13 @@ def in_time(amount):
 def is_out_of_time():
     """Whether slow tests that have not begun are left out, as `.ci/run` asks for on a machine slower than usual."""
     return time.time() > float(os.environ.get("MESA_SWARM_SLOW_UNTIL", "inf"))
+
+
+def processor_seconds(work: Callable[[], object]) -> float:
+    """Return how much processor time this process takes for some work."""
+    begun = time.process_time()
+    work()
+    return time.process_time() - begun
 
 
 @contextmanager

@@ -20,8 +20,8 @@ from mesa_swarm import (
     polygon,
 )
 from mesa_swarm.errors import InvalidValueError, PlacementError
-from scenes import PROMISED, worst_load_overlap, worst_overlap
-from worlds import World, differences, load_state, state
+from support.random_worlds import World, differences, load_state, state
+from support.scenes import PROMISED, worst_load_overlap, worst_overlap
 
 # Both engines do the same sums in another order: in radii, what a step of 200 pieces makes of rounding where nothing
 # is unstable (most worlds stay below 1e-11).

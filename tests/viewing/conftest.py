@@ -1,12 +1,12 @@
 from dataclasses import replace
 
 import pytest
-from support.chunks import recorded_in_full_chunks
 
 from mesa_swarm import AGENT9, SwarmModel, disc
 from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
+from support.chunks import recorded_in_full_chunks
 
 
 def recorded(model, path, steps, **more):

@@ -8,7 +8,7 @@ from mesa_swarm.recording import Recording
 from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.viewing.packing import PACKED_FROM, _coded, drawn_columns, packed_chunk, packed_rows
 from mesa_swarm.viewing.scene import COLUMNS, scene_of, scene_of_recording
-from unpacking import Reader, unpacked_chunk
+from support.unpacking import Reader, unpacked_chunk
 
 WORLD = {
     "bounds": [-50.0, 10.0, 750.0, 610.0],

@@ -12,9 +12,9 @@ from PIL import Image
 from mesa_swarm.models.agglomeration import Agglomeration
 from mesa_swarm.recording import Recording
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.viewing import pictures
 from mesa_swarm.viewing.export import export
 from mesa_swarm.viewing.films import Screen
+from mesa_swarm.viewing.palette import LIGHT, fire_colour
 from mesa_swarm.viewing.pictures import CAPTION, MARGIN, Look
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
 
@@ -27,13 +27,13 @@ def colour(name):
 
 
 def check_robots(pixels, frame, tolerance):
-    """Find each robot's yellow front and blue or red back where they were recorded, in a film of the usual size."""
+    """Find each robot's pale front and blue or orange back where they were recorded, in a film of the usual size."""
     height = pixels.shape[0]
     for position, heading, hot in zip(frame["position"], frame["heading"], frame["hot"], strict=True):
         left = np.array([-np.sin(heading), np.cos(heading)])
         ahead = np.array([np.cos(heading), np.sin(heading)])
         # Beside the line that shows the heading, and away from the rim.
-        for along, wanted in ((1.7, pictures.FRONT), (-2.0, pictures.HOT if hot else pictures.COOL)):
+        for along, wanted in ((1.7, LIGHT.robot_front), (-2.0, LIGHT.robot_hot if hot else LIGHT.robot)):
             x, y = position + along * ahead + 2.2 * left
             seen = pixels[int(height - MARGIN - y), int(MARGIN + x)].astype(float)
             assert np.abs(seen[:3] - colour(wanted)).max() <= tolerance, (position, along)
@@ -69,7 +69,7 @@ def test_what_stands_is_shown_while_it_stands(rebuilt):
     screen = Screen(drawn, Look(sectors=True))
     for step in (1, 5, 6, 10, 11, 15, 7):
         pixels = screen.show(step)
-        wanted = pictures.OBSTACLE if 6 <= step <= 10 else "white"
+        wanted = LIGHT.obstacle if 6 <= step <= 10 else LIGHT.ground
         seen = pixels[pixels.shape[0] - MARGIN - 300, MARGIN + 400, :3]
         assert np.abs(seen - colour(wanted)).max() <= 3, step
         assert np.array_equal(pixels, Screen(drawn, Look(sectors=True)).show(step))
@@ -116,7 +116,7 @@ def test_a_gif_has_the_frames_the_speed_and_the_robots(run, tmp_path):
         for number in range(11):
             image.seek(number)
             shown = np.asarray(image.convert("RGB"))
-            assert shown[CAPTION + MARGIN + 300, 400 - 60].tolist() == [255, 255, 255]
+            assert shown[CAPTION + MARGIN + 300, 400 - 60].tolist() == colour(LIGHT.ground).tolist()
             check_robots(shown, drawn.frame(20 * number), 12)
 
 
@@ -180,7 +180,7 @@ def test_robots_in_an_animated_drawing_never_spin_round_the_long_way(run, tmp_pa
 
 def fill_at(node, share):
     """Return a colour that jumps, at this share of the whole time."""
-    animation = node.find(f"{SVG}animate")
+    animation = node.find(f"{SVG}animate[@attributeName='fill']")
     if animation is None:
         return node.get("fill")
     times = [float(time) for time in animation.get("keyTimes").split(";")]
@@ -195,8 +195,8 @@ def test_fires_change_their_colour_when_their_temperature_did(run, tmp_path):
         for row, node in enumerate(fires):
             shown = 255 * np.array(to_rgb(fill_at(node.find(f"{SVG}circle"), place / 150)))
             fire = (run.at(2 * place) if place else run.at(1))["fires"][row]
-            wanted = to_rgb(pictures.OUT) if fire["out"] else pictures.TEMPERATURE(float(fire["temperature"]))
-            assert np.abs(shown - 255 * np.array(wanted[:3])).max() <= (1 if place else 3)
+            wanted = LIGHT.ashes if fire["out"] else fire_colour(float(fire["temperature"]))
+            assert np.abs(shown - colour(wanted)).max() <= (1 if place else 4)
 
 
 def test_loads_move_in_an_animated_drawing(pushed, tmp_path):

@@ -4,7 +4,6 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
 from mesa_swarm.experiments.bench import AREA_PER_ROBOT, complexity_figure, exponent, peer_workload, step_table, verdict
@@ -17,8 +16,8 @@ from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.reproduction.drawing import world_picture
 from mesa_swarm.robots.design import AGENT9
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.viewing import pictures
 from mesa_swarm.viewing.final_state import final_state_of
+from mesa_swarm.viewing.palette import LIGHT, fire_colour, rgb
 from mesa_swarm.viewing.pictures import draw_world, legend_of, png, world_figure
 from mesa_swarm.viewing.scene import scene_of
 from mesa_swarm.world.map import Map
@@ -26,7 +25,7 @@ from mesa_swarm.world.map_parts import FireSpot
 from mesa_swarm.world.shapes import disc, polygon, rectangle
 
 FIRE = find_model("fire_fighting")
-WHITE = (255, 255, 255)
+GROUND = tuple(rgb(LIGHT.ground).tolist())
 
 
 def empty_world(obstacles=(), fires=(), side=100):
@@ -38,7 +37,8 @@ def pixels(model, sectors=False, side=100):
     figure = Figure(figsize=(5, 5), dpi=100)
     axes = figure.add_axes((0, 0, 1, 1))
     draw_world(model, axes, sectors)
-    axes.set_axis_off()
+    axes.set(xticks=[], yticks=[])
+    axes.spines[:].set_visible(False)
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     image = np.asarray(canvas.buffer_rgba())[..., :3]
@@ -50,7 +50,7 @@ def pixels(model, sectors=False, side=100):
 
 
 def colour(name):
-    return tuple(round(255 * part) for part in to_rgba(name)[:3])
+    return tuple(rgb(name).tolist())
 
 
 def near(seen, wanted):
@@ -61,14 +61,14 @@ def test_obstacles_are_where_they_stand_and_holes_stay_open():
     ring = polygon([(60, 60), (90, 60), (90, 90), (60, 90)], [[(70, 70), (80, 70), (80, 80), (70, 80)]])
     at = pixels(empty_world([disc((25, 25), 10), rectangle((50, 5), (70, 15)), ring]))
     for point in [(25, 25), (25, 33), (33, 25), (52, 7), (68, 13), (65, 65), (85, 75)]:
-        assert near(at(*point), colour(pictures.OBSTACLE)), point
+        assert near(at(*point), colour(LIGHT.obstacle)), point
     for point in [(25, 37), (37, 25), (48, 10), (75, 75), (95, 95)]:
-        assert near(at(*point), WHITE), point
+        assert near(at(*point), GROUND), point
 
 
 def test_ground_marks_do_not_look_like_obstacles():
     at = pixels(empty_world([rectangle((10, 10), (40, 40), contact=False)]))
-    assert near(at(25, 25), colour(pictures.MARK))
+    assert near(at(25, 25), colour(LIGHT.mark))
 
 
 def test_a_load_has_its_own_colour_and_is_drawn_where_it_lies_now():
@@ -77,9 +77,9 @@ def test_a_load_has_its_own_colour_and_is_drawn_where_it_lies_now():
     load.lay((70.0, 50.0, np.pi / 4))
     at = pixels(model)
     for point in [(70, 50), (70, 62), (58, 50)]:
-        assert near(at(*point), colour(pictures.LOAD)), point
-    assert at(30, 50) == at(61, 59) == WHITE
-    assert near(at(50, 95), colour(pictures.OBSTACLE))
+        assert near(at(*point), colour(LIGHT.load)), point
+    assert at(30, 50) == at(61, 59) == GROUND
+    assert near(at(50, 95), colour(LIGHT.obstacle))
     assert [entry.get_label() for entry in legend_of(model)] == ["obstacle", "load"]
 
 
@@ -87,47 +87,47 @@ def test_the_front_half_of_a_robot_has_another_colour_than_its_back():
     model = empty_world()
     model.add_robots(AGENT9, poses=[(50, 50, np.pi / 2)])
     at = pixels(model)
-    assert near(at(48, 53), colour(pictures.FRONT))
-    assert near(at(52, 53), colour(pictures.FRONT))
-    assert near(at(48, 47), colour(pictures.COOL))
-    assert near(at(50, 56), WHITE)
-    assert near(at(44, 50), WHITE)
+    assert near(at(48, 53), colour(LIGHT.robot_front))
+    assert near(at(52, 53), colour(LIGHT.robot_front))
+    assert near(at(48, 47), colour(LIGHT.robot))
+    assert near(at(50, 56), GROUND)
+    assert near(at(44, 50), GROUND)
 
 
 def test_robots_that_are_too_hot_have_another_back():
     model = empty_world()
     model.add_robots(AGENT9, poses=[(50, 50, 0.0)])
     model.swarm.columns["hot"][:] = True
-    assert near(pixels(model)(47, 50), colour(pictures.HOT))
+    assert near(pixels(model)(47, 50), colour(LIGHT.robot_hot))
 
 
 @pytest.mark.parametrize("temperature", [0.01, 0.5, 1.0])
 def test_fires_are_coloured_by_their_temperature_and_to_scale(temperature):
     at = pixels(empty_world(fires=[FireSpot((50, 50), 20, temperature)]))
-    wanted = tuple(round(255 * part) for part in pictures.TEMPERATURE(temperature)[:3])
+    wanted = colour(fire_colour(temperature))
     assert near(at(50, 65), wanted)
     assert near(at(64, 50), wanted)
-    assert near(at(50, 72), WHITE)
+    assert near(at(50, 72), GROUND)
 
 
 def test_the_hotter_the_fire_the_lighter_its_colour_so_that_nobody_needs_to_see_red():
-    red, green, blue = pictures.TEMPERATURE(np.linspace(0, 1, 50))[:, :3].T
+    red, green, blue = np.transpose([colour(fire_colour(t)) for t in np.linspace(0, 1, 50)])
     assert (np.diff(0.2126 * red + 0.7152 * green + 0.0722 * blue) > 0).all()
 
 
 def test_fires_that_are_out_are_pale():
     model = empty_world(fires=[FireSpot((50, 50), 20)])
     model.fires.columns["out"][:] = True
-    assert near(pixels(model)(50, 65), colour(pictures.OUT))
+    assert near(pixels(model)(50, 65), colour(LIGHT.ashes))
 
 
 def test_sensor_sectors_are_drawn_only_if_asked_and_reach_as_far_as_the_sensors():
     model = empty_world()
     model.add_robots(AGENT9.with_proximity(range=20), poses=[(50, 50, 0.0)])
-    assert near(pixels(model)(73, 50), WHITE)
+    assert near(pixels(model)(73, 50), GROUND)
     at = pixels(model, sectors=True)
-    assert not near(at(73, 50), WHITE)
-    assert near(at(77, 50), WHITE)
+    assert not near(at(73, 50), GROUND)
+    assert near(at(77, 50), GROUND)
 
 
 def test_a_frame_draws_what_its_model_draws():
@@ -139,7 +139,7 @@ def test_a_frame_draws_what_its_model_draws():
 
 def test_the_legend_names_what_is_there_and_nothing_else():
     labels = [entry.get_label() for entry in legend_of(FIRE(rng=1))]
-    assert labels[:2] == ["obstacle", "robot, its front yellow"]
+    assert labels[:2] == ["obstacle", "robot, its front pale"]
     assert "fire, out" in labels
     assert legend_of(empty_world()) == []
 

@@ -10,7 +10,7 @@ from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording, recorder
 from mesa_swarm.recording import provenance as written
 from mesa_swarm.viewing.replay_page import Reel
-from unpacking import unpacked_chunk
+from support.unpacking import unpacked_chunk
 
 
 def steps_of(reel):

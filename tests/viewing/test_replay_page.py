@@ -9,7 +9,7 @@ from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
 from mesa_swarm.viewing.replay_page import page_of, replay_page
-from unpacking import unpacked_chunk
+from support.unpacking import unpacked_chunk
 
 MOST = 2_000_000
 

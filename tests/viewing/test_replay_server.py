@@ -6,7 +6,7 @@ import pytest
 from mesa_swarm.recording import Recording
 from mesa_swarm.viewing.replay_page import Reel
 from mesa_swarm.viewing.replay_server import ReplayServer
-from unpacking import unpacked_chunk
+from support.unpacking import unpacked_chunk
 
 
 @pytest.fixture(scope="module")

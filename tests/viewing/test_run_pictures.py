@@ -10,11 +10,10 @@ from mesa_swarm.control import PASS, Subsumption, behaviour
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.gallery import find_model
 from mesa_swarm.recording.frames import frame_of
+from mesa_swarm.viewing.palette import LIGHT
 from mesa_swarm.viewing.pictures import png
 from mesa_swarm.viewing.run_pictures import (
-    LAYER_COLOURS,
     MOST_TRACES,
-    NO_LAYER,
     ethogram,
     ethogram_figure,
     stages,
@@ -160,7 +159,7 @@ def image_of(figure):
 def test_every_robot_and_step_has_the_colour_of_its_layer():
     colours, extent = image_of(ethogram_figure(np.arange(1, 5), LAYERS, ["Avoid", "Explore"]))
     assert extent == [0, 4, 3.5, 0.5]
-    names = [NO_LAYER, *LAYER_COLOURS]
+    names = [LIGHT.no_layer, *LIGHT.layers]
     for step, row in enumerate(LAYERS):
         for robot, layer in enumerate(row):
             assert tuple(colours[robot, step]) == to_rgba(names[layer + 1])
@@ -169,7 +168,7 @@ def test_every_robot_and_step_has_the_colour_of_its_layer():
 def test_the_shares_of_robots_are_stacked_below():
     figure = ethogram_figure(np.arange(1, 5), LAYERS, ["Avoid", "Explore"])
     stacks = figure.axes[1].collections
-    assert [tuple(stack.get_facecolor()[0]) for stack in stacks] == [to_rgba(c) for c in LAYER_COLOURS[:2]]
+    assert [tuple(stack.get_facecolor()[0]) for stack in stacks] == [to_rgba(c) for c in LIGHT.layers[:2]]
     # Between two steps the larger of both is found.
     for step, shares in {0: (1 / 3, 2 / 3), 1: (2 / 3, 2 / 3), 2: (2 / 3, 1), 3: (1 / 3, 1), 4: (0, 1)}.items():
         tops = [max(y for x, y in stack.get_paths()[0].vertices if x == step) for stack in stacks]

@@ -20,7 +20,7 @@ from mesa_swarm.fire.fires import Fire
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.world.arena import Arena
 from mesa_swarm.world.bodies import Obstacle
-from scenes import ahead, blind, empty
+from support.scenes import ahead, blind, empty
 
 SQUARE = [[0, 100], [0, 100]]
 

@@ -11,7 +11,7 @@ from mesa_swarm import AGENT9, disc, rectangle
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import InvalidValueError, RemovedRobotError
 from mesa_swarm.world.bodies import Load
-from scenes import ahead, blind, empty
+from support.scenes import ahead, blind, empty
 
 BOX = rectangle((200, 100), (240, 200))
 

@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 from hypothesis import given, reject, settings
 from hypothesis import strategies as st
-from support.pace import work_within
 
 from mesa_swarm.errors import InvalidValueError, MapError
 from mesa_swarm.world import map as map_module
 from mesa_swarm.world.map import FireSpot, Map, builtin_maps
 from mesa_swarm.world.map_toml import parsed_toml
 from mesa_swarm.world.shapes import disc, polygon, rectangle
+from support.pace import work_within
 
 HEAD = "name = 'hall'\nwidth = 80\nheight = 60\n"
 FILES = Path(map_module.__file__).parent / "maps"

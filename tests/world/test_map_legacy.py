@@ -3,11 +3,11 @@
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.pace import work_within
 
 from mesa_swarm.errors import MapError
 from mesa_swarm.world.map import FireSpot, Map, read_legacy
 from mesa_swarm.world.shapes import disc, rectangle
+from support.pace import work_within
 
 ORIGINAL = """[
     Obstacle("rec", [[0, 0], [20, 600]]),

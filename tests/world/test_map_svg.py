@@ -10,7 +10,6 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.pace import work_within
 
 from mesa_swarm.errors import MapError
 from mesa_swarm.world import map_svg
@@ -18,6 +17,7 @@ from mesa_swarm.world.map import FireSpot, Map
 from mesa_swarm.world.map_parts import stopping_when
 from mesa_swarm.world.map_svg import TOLERANCE_OF_SIDE
 from mesa_swarm.world.shapes import disc, polygon, rectangle
+from support.pace import work_within
 
 TOLERANCE = 800 * TOLERANCE_OF_SIDE
 ROOT = '<svg xmlns="http://www.w3.org/2000/svg" width="800" height="600">\n{}\n</svg>'

@@ -9,14 +9,14 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import Point
-from support.pace import work_within
 
 from mesa_swarm import AGENT9, Map, SwarmModel, disc, polygon, rectangle
 from mesa_swarm.errors import PlacementError
 from mesa_swarm.geometry.room import Crowded
 from mesa_swarm.world.placement import free_places, free_space, place_apart
 from mesa_swarm.world.statics import CELLS_PER_ITEM, MOST_LISTED, Statics
-from scenes import blind, empty
+from support.pace import work_within
+from support.scenes import blind, empty
 
 NOBODY = np.empty((0, 2)), np.empty(0)
 NO_FIRES = np.empty((0, 3))

@@ -9,7 +9,7 @@ from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.world.placement import free_space
 from mesa_swarm.world.random_map import random_map
-from scenes import PROMISED, ahead, worst_overlap
+from support.scenes import PROMISED, ahead, worst_overlap
 
 
 def test_a_number_always_gives_the_same_map_and_another_number_another():

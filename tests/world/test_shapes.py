@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.pace import work_within
 
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.world.shapes import MOST_VERTICES, disc, polygon, rectangle
+from support.pace import work_within
 
 WRONG_NUMBERS = [math.nan, math.inf, -math.inf, 2e9, 10**400, "1", None, True, [1]]
 coordinates = st.floats(-1e9, 1e9)

@@ -2,7 +2,7 @@
 
 from mesa_swarm import AGENT9, AGENT_FIRE, disc, rectangle
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from scenes import empty
+from support.scenes import empty
 
 
 def furnished(order, seed=3):

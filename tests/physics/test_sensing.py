@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from lookers import FIRE, NOTHING, OBSTACLE, ROBOT, carrying, looker, seen
 
 from mesa_swarm import AGENT9, ProximitySensor, RadiationSensor, bump_sensor, disc, laser_sensor, polygon, rectangle
 from mesa_swarm.control import Subsumption
-from scenes import ahead, blind, empty
+from support.scenes import ahead, blind, empty
+from support.sensing_robots import FIRE, NOTHING, OBSTACLE, ROBOT, carrying, looker, seen
 
 # ---- proximity
 

@@ -8,10 +8,10 @@ import pytest
 import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from support.pace import in_time
 
 from mesa_swarm import LineSensor
-from worlds import DESIGNS, crowd, differences, outcome, random_world
+from support.pace import in_time
+from support.random_worlds import DESIGNS, crowd, differences, outcome, random_world
 
 EXACT = 1e-9
 NUDGE, JUMP = 1e-10, 1e-6
@@ -130,7 +130,7 @@ def test_the_order_in_which_robots_were_created_is_nothing(seed):
     check_order(world, np.random.default_rng(seed).permutation(len(world.poses)))
 
 
-@settings(max_examples=80)
+@few
 @given(seeds)
 def test_the_order_in_which_robots_were_created_is_nothing_in_a_jam(seed):
     check_order(settled(crowd(seed, n=12, size=62.0)), np.arange(12)[::-1])

@@ -8,6 +8,9 @@ from pathlib import Path
 
 from mesa_swarm.swarm_model import SwarmModel
 
+# Work that should not be waited for takes so long, s.
+LONG = 60.0
+
 
 class Counting(SwarmModel):
     """Its result is its seed; each run leaves a line in a file."""
@@ -20,7 +23,7 @@ class Counting(SwarmModel):
         """Write one line."""
         super().step()
         with open(self.diary, "a") as file:
-            file.write(f"{self.seed} {time.time()}\n")
+            file.write(f"{self.seed} was run\n")
 
     def results(self) -> dict[str, float]:
         """Return the seed."""
@@ -63,6 +66,9 @@ class Dying(Counting):
             os.kill(os.getpid(), signal.SIGKILL)
 
 
-def die() -> None:
-    """Kill the process that runs this."""
-    os.kill(os.getpid(), signal.SIGKILL)
+def die_beside(diary: Path, dies: bool) -> None:
+    """Kill the process that runs this, or work for long and leave a line."""
+    if dies:
+        os.kill(os.getpid(), signal.SIGKILL)
+    time.sleep(LONG)
+    diary.write_text("done")

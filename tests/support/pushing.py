@@ -2,7 +2,7 @@
 
 from mesa_swarm import rectangle
 from mesa_swarm.control import Subsumption
-from scenes import ahead, blind, empty
+from support.scenes import ahead, blind, empty
 
 ENGINES = ("compiled", "shapely")
 BOX = rectangle((200, 100), (240, 200))

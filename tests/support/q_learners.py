@@ -1,4 +1,4 @@
-"""Robots that have learned a little, and robots that drive by it."""
+"""Robots that have learned a little by Q-learning, and robots that drive by their policy."""
 
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.control import Subsumption

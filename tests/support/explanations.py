@@ -1,10 +1,10 @@
-"""Watched models, and what they tell of their first robot."""
+"""Watched models, and explanations of what their first robot does."""
 
 import re
 
 from mesa_swarm import AGENT9, HolonomicDrive, ProximitySensor, RobotDesign, disc
 from mesa_swarm.control import Subsumption
-from scenes import empty
+from support.scenes import empty
 
 EYES = tuple(ProximitySensor(bearing_degrees=10.0 * k, field_of_view_degrees=10, range=150) for k in range(36))
 ROUND, GLIDER = RobotDesign(sensors=EYES), RobotDesign(sensors=EYES, drive=HolonomicDrive())
@@ -27,7 +27,7 @@ def first(model):
     return next(iter(model.robots))
 
 
-def told(model, step=None):
+def explanation(model, step=None):
     """Return the explanation of the first robot, asserting that it is a sentence of one line."""
     why = model.explain(first(model), step)
     assert re.fullmatch(r"step [\d,]+: robot \d+ [^\n]+", str(why))

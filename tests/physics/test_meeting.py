@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from driving import at_wall
 
 from mesa_swarm import disc, rectangle
 from mesa_swarm.control import Subsumption
-from scenes import blind, circle, empty
+from support.driving import at_wall
+from support.scenes import blind, circle, empty
 
 # ---- faces turn who grazes them
 

@@ -2,7 +2,7 @@
 
 Random worlds are compared where they are generic: where the oracle's own outcome does not jump when every robot
 is moved by 1e-10. A world that is not (a sector's edge that grazes a vertex, two bodies equally near, a jam that
-is chaotic) is one of very small measure, and is passed over: the tests see to it that few are.
+is chaotic) is one of very small measure, and is passed over where they differ: the tests see to it that few are.
 """
 
 import math
@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from support.pace import in_time
 
 from mesa_swarm import (
     AGENT3,
@@ -27,7 +26,8 @@ from mesa_swarm import (
 )
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.physics import shapely_engine
-from worlds import DESIGNS, ODD, Commanded, crowd, differences, outcome, random_world, state
+from support.pace import in_time
+from support.random_worlds import DESIGNS, ODD, Commanded, crowd, differences, outcome, random_world, state
 
 ENGINES = ("compiled", "shapely")
 EXACT = 1e-9
@@ -58,10 +58,10 @@ def is_generic(world, oracle):
 
 
 def check_agreement(world):
-    """Assert that both engines make the same of a generic world."""
+    """Assert that both engines make the same of a world, unless it is not generic."""
     ours, oracle = (outcome(world.model(engine)) for engine in ENGINES)
-    assume(is_generic(world, oracle))
     found = differences(ours, oracle)
+    assume(max(found.values()) <= EXACT or is_generic(world, oracle))
     assert found == pytest.approx(dict.fromkeys(found, 0.0), abs=EXACT)
 
 
@@ -79,19 +79,19 @@ def check_run(models, steps):
         assert max(differences(state(ours), state(oracle)).values()) < CLOSE
 
 
-@settings(max_examples=50)
+@settings(max_examples=25)
 @given(seeds)
 def test_both_engines_read_and_do_the_same_in_random_worlds(seed):
     check_agreement(random_world(seed))
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(seeds)
 def test_both_engines_read_and_do_the_same_in_random_worlds_of_robots_with_wheels_and_without(seed):
     check_agreement(random_world(seed, designs=MIXED))
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_both_engines_do_the_same_for_thirty_steps_of_a_crowd_with_wheels_and_without(seed):
     models = [mixed(crowd(seed, n=16, size=110.0)).model(engine) for engine in ENGINES]
     check_run(models, 30)
@@ -125,7 +125,7 @@ def test_both_engines_do_the_same_in_many_jams(seed, n):
     check_agreement(crowd(seed, n=n, size=60.0))
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_both_engines_do_the_same_for_thirty_steps_of_a_crowd_that_avoids(seed):
     models = [crowd(seed, n=20, size=110.0).model(engine) for engine in ENGINES]
     for model in models:
@@ -188,7 +188,7 @@ def test_a_side_sensor_of_a_robot_that_slides_along_a_wall_reads_zero_wherever_i
 @pytest.mark.parametrize("heading", [0.0, math.pi / 2, math.pi, -math.pi / 2])
 def test_a_front_sensor_of_a_robot_that_stands_against_a_wall_reads_zero(engine, heading):
     room = Map(name="room", bounds=(0.1, 0.1, 99.7, 99.7))
-    for offset in np.linspace(0, 1, 11):
+    for offset in np.linspace(0, 1, 11 if engine == "compiled" else 4):
         model = SwarmModel(map=room, engine=engine, rng=1)
         (robot,) = model.add_robots(AGENT3, poses=[(50.3 + offset, 49.6 + offset, heading)])
         model.control = Subsumption(Explore())

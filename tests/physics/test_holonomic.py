@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from driving import alone, pose_of
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -13,7 +12,8 @@ from mesa_swarm.control import Subsumption, VectorSum
 from mesa_swarm.physics.motion import sinc
 from mesa_swarm.robots.drive import DifferentialDrive
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections
-from scenes import blind, circle, empty
+from support.driving import alone, pose_of
+from support.scenes import blind, circle, empty
 
 GLIDER = RobotDesign(name="glider", drive=HolonomicDrive())
 

@@ -2,10 +2,11 @@
 
 import json
 import socket
-import time
 import urllib.error
 import urllib.request
 from pathlib import Path
+
+from support.waiting import PATIENCE
 
 HOST = "127.0.0.1"
 CHROMIUM = Path("/usr/bin/chromium")
@@ -19,15 +20,6 @@ FLAGS = [
     "--disable-sync",
 ]
 LAUNCH = "import sys; from mesa_swarm.dashboard import launch; launch(port=int(sys.argv[1]), open_browser=False)"
-# Kernels that are not in the cache take so long.
-PATIENCE = 120.0
-
-
-def wait_until(condition, seconds: float = PATIENCE) -> None:
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "waited in vain"
-        time.sleep(0.05)
 
 
 def free_port() -> int:

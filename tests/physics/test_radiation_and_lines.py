@@ -3,11 +3,11 @@
 import math
 
 import pytest
-from lookers import carrying, looker
 
 from mesa_swarm import LineSensor, RadiationSensor, disc, polygon, rectangle
 from mesa_swarm.control import Subsumption
-from scenes import ahead, empty
+from support.scenes import ahead, empty
+from support.sensing_robots import carrying, looker
 
 # ---- radiation
 

@@ -1,7 +1,7 @@
-"""Robots that look: one that carries these sensors, and what it reads."""
+"""A robot that carries given sensors, and what it reads."""
 
 from mesa_swarm import RobotDesign
-from scenes import empty
+from support.scenes import empty
 
 OBSTACLE, ROBOT, FIRE, NOTHING = 0, 1, 2, -1
 

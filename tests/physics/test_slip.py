@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from driving import alone, at_wall, pose_of
 
 from mesa_swarm.control import Subsumption
-from scenes import blind, circle, empty
+from support.driving import alone, at_wall, pose_of
+from support.scenes import blind, circle, empty
 
 # ---- slip of wheels by chance
 

@@ -3,8 +3,9 @@
 import time
 
 import pytest
-from machine import Watch, slowness
-from visits import HOST, Visit
+
+from support.machine import Watch, slowness
+from support.visits import HOST, Visit
 
 pytestmark = pytest.mark.slow
 

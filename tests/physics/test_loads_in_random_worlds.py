@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from support.pace import in_time
 
-from worlds import differences, hauled, load_state, outcome, random_world, state, with_loads
+from support.pace import in_time
+from support.random_worlds import differences, hauled, load_state, outcome, random_world, state, with_loads
 
 EXACT = 1e-9
 # Many steps of a crowd multiply rounding.
@@ -39,28 +39,35 @@ def check_same(here, there):
     assert found == pytest.approx(dict.fromkeys(found, 0.0), abs=CLOSE)
 
 
-@few
+def check_engines(world):
+    """Assert that both engines move everything alike, unless the slow one's own outcome jumps."""
+    oracle, ours = run(world, "shapely"), run(world)
+    if max(differences(oracle, ours).values()) > CLOSE:
+        generic(world, "shapely")
+    check_same(oracle, ours)
+
+
+@settings(max_examples=6)
 @given(seeds)
 def test_both_engines_move_loads_alike(seed):
-    world = hauled(seed)
-    check_same(generic(world, "shapely"), run(world))
+    check_engines(hauled(seed))
 
 
 @pytest.mark.slow
 @settings(max_examples=in_time(150))
 @given(seeds)
 def test_both_engines_move_loads_alike_in_hundreds_of_worlds(seed):
-    world = hauled(seed)
-    check_same(generic(world, "shapely"), run(world))
+    check_engines(hauled(seed))
 
 
 @few
 @given(seeds)
 def test_both_engines_read_and_do_the_same_in_random_worlds_with_loads(seed):
     world = with_loads(random_world(seed), seed, 8)
-    oracle, nudged = (outcome(each.model("shapely")) for each in (world, world.nudged(NUDGE)))
-    assume(max(differences(oracle, nudged).values()) < JUMP)
+    oracle = outcome(world.model("shapely"))
     found = differences(outcome(world.model()), oracle)
+    if max(found.values()) > EXACT:
+        assume(max(differences(oracle, outcome(world.nudged(NUDGE).model("shapely"))).values()) < JUMP)
     assert found == pytest.approx(dict.fromkeys(found, 0.0), abs=EXACT)
 
 

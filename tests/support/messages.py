@@ -1,17 +1,17 @@
-"""Robots that say something to each other, and what they hear."""
+"""Robots that broadcast to each other, and what they hear."""
 
 import numpy as np
 
 from mesa_swarm.control import Subsumption
-from scenes import blind, empty
+from support.scenes import blind, empty
 
 HEARD = ("heard_layer", "heard_task", "heard_from", "heard_goal")
 
 
-class Saying:
-    """A layer that stands still and says, for each robot in order of creation, this task and this goal."""
+class Broadcasting:
+    """A layer that stands still and broadcasts, for each robot in order of creation, this task and this goal."""
 
-    name = "Saying"
+    name = "Broadcasting"
 
     def __init__(self, tasks, goals=()):
         self.tasks, self.goals = np.array(tasks), np.reshape(np.array(goals, float), (-1, 2))
@@ -27,14 +27,14 @@ class Saying:
 
 
 def heard(poses, radio, tasks, goals=(), *, shapes=(), fires=(), **options):
-    """Return a model whose robots have said this, and heard it of each other."""
+    """Return a model whose robots have broadcast this, and heard it from each other."""
     model = empty(communication=radio, **options)
     for shape in shapes:
         model.add_obstacle(shape)
     for place in fires:
         model.add_fire(place, radius=10)
     model.add_robots(blind(), poses=poses)
-    model.control = Subsumption(Saying(tasks, goals))
+    model.control = Subsumption(Broadcasting(tasks, goals))
     return model.run(2)
 
 

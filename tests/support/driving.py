@@ -1,7 +1,7 @@
 """Robots that drive at constant speeds, in the open or at a wall."""
 
 from mesa_swarm.control import Subsumption
-from scenes import blind, circle, empty
+from support.scenes import blind, circle, empty
 
 
 def alone(left, right, steps=1, pose=(200, 150, 0.0), design=None, **options):

@@ -2,7 +2,7 @@
 
 from mesa_swarm import AGENT9, disc
 from mesa_swarm.control import PASS, Subsumption, behaviour
-from scenes import empty
+from support.scenes import empty
 
 SEEN = []
 

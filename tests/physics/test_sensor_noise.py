@@ -5,11 +5,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from lookers import OBSTACLE, carrying
 
 from mesa_swarm import AGENT9, LineSensor, ProximitySensor, RadiationSensor, RobotDesign, disc, rectangle
 from mesa_swarm.control import Explore, Subsumption
-from scenes import ahead, empty
+from support.scenes import ahead, empty
+from support.sensing_robots import OBSTACLE, carrying
 
 
 def noisy_world(n=400, probability=0.5, magnitude=0.2, distance=25.0, **more):

@@ -1,0 +1,313 @@
+"""The colours of everything that is drawn, one set for a light and one for a dark background.
+
+Pictures, films, charts and pages take their colours from here: Python by name, style sheets as custom properties
+(`style_sheet`), scripts as the object ``PALETTE`` (`script`). ``tests/viewing/test_palette.py`` computes contrasts
+(WCAG 2.2: text 4.5:1, graphics 3:1) and how much layers and series differ with protanopia, deuteranopia and tritanopia.
+"""
+
+import json
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+# Colours of fires from temperature 0 to 1, both included.
+FIRE_STEPS = 65
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Palette:
+    """The colours for one background, as #rrggbb, or #rrggbbaa where what lies below shines through.
+
+    Parameters
+    ----------
+    page, paper, field, hover : str
+        What text stands on: the page, panels on it, where one types, what the pointer is on.
+    line, edge, shadow : str
+        Lines between parts and in charts; the outline of buttons; what menus cast.
+    ink, soft : str
+        Text, and text of less weight.
+    accent, on_accent, focus : str
+        What is chosen, the text on it, and the outline of what has the focus.
+    good, warn, bad, warn_paper, bad_paper : str
+        States, and the paper of notes about them.
+    outside, ground, border, label : str
+        Around the map, the map, its frame, and text on it.
+    obstacle, mark, load : str
+        Bodies, marks on the ground, and bodies that are pushed.
+    fire : tuple of str
+        By temperature, evenly spaced between 0 and 1; lightness rises all the way.
+    fire_rim, on_fire, ashes, on_ashes : str
+        The outline of a fire, text on it; a fire that is out, and text on that.
+    robot, robot_front, robot_outline, robot_hot : str
+        The rear half, the front half that marks the heading, the outline, and the rear half while it is too hot.
+    sector, seeing, perceived : str
+        What a sensor covers, what it reads, and the line to the perceived centroid.
+    trail, contact, heat, message, selection, travel : str
+        Where a robot was, a collision, how warm it is, what it heard, the robot that is looked at, where it goes.
+    layers : tuple of str
+        Rings, rows and lines of layers, in the order of the layers; after the last the first comes again.
+    no_layer : str
+        The same where no layer drives.
+    series : tuple of str
+        Lines of charts in order; after the last the first comes again, dashed.
+    faint, band : str
+        Single points behind a mean; an area behind everything.
+    diverging : tuple of str
+        A map of colours with zero in its middle.
+    """
+
+    page: str
+    paper: str
+    field: str
+    hover: str
+    line: str
+    edge: str
+    shadow: str
+    ink: str
+    soft: str
+    accent: str
+    on_accent: str
+    focus: str
+    good: str
+    warn: str
+    bad: str
+    warn_paper: str
+    bad_paper: str
+    outside: str
+    ground: str
+    border: str
+    label: str
+    obstacle: str
+    mark: str
+    load: str
+    fire: tuple[str, ...]
+    fire_rim: str
+    on_fire: str
+    ashes: str
+    on_ashes: str
+    robot: str
+    robot_front: str
+    robot_outline: str
+    robot_hot: str
+    sector: str
+    seeing: str
+    perceived: str
+    trail: str
+    contact: str
+    heat: str
+    message: str
+    selection: str
+    travel: str
+    layers: tuple[str, ...]
+    no_layer: str
+    series: tuple[str, ...]
+    faint: str
+    band: str
+    diverging: tuple[str, ...]
+
+
+def rgb(colour: str) -> np.ndarray:
+    """Return red, green and blue of a colour, integers from 0 to 255.
+
+    Examples
+    --------
+    >>> rgb("#ff8000").tolist()
+    [255, 128, 0]
+    """
+    return np.array([int(colour[place : place + 2], 16) for place in (1, 3, 5)])
+
+
+def ramp(*stops: str, steps: int = FIRE_STEPS) -> tuple[str, ...]:
+    """Return colours that go evenly from stop to stop.
+
+    Examples
+    --------
+    >>> ramp("#000000", "#204060", steps=3)
+    ('#000000', '#102030', '#204060')
+    """
+    table = np.array([rgb(stop) for stop in stops], float)
+    places = np.linspace(0, len(stops) - 1, steps)
+    parts = np.column_stack([np.interp(places, np.arange(len(stops)), column) for column in table.T])
+    return tuple(f"#{red:02x}{green:02x}{blue:02x}" for red, green, blue in np.rint(parts).astype(int).tolist())
+
+
+def _blue_first(layers: tuple[str, ...]) -> tuple[str, ...]:
+    return (layers[1], layers[0], *layers[2:])
+
+
+LIGHT_LAYERS = ("#d4702c", "#5284e2", "#049e74", "#ad4176", "#806300", "#2c7a90", "#7b1c30", "#311c93")
+DARK_LAYERS = ("#fd894c", "#42a1ff", "#0ac895", "#f5a3d0", "#f4d444", "#83e6ff", "#d8565b", "#a28bbe")
+
+LIGHT = Palette(
+    page="#f4f2ed",
+    paper="#fbfaf7",
+    field="#ffffff",
+    hover="#eceae4",
+    line="#dcd9d1",
+    edge="#b9b6ad",
+    shadow="#0000002e",
+    ink="#1d1f23",
+    soft="#5a5f68",
+    accent="#14538f",
+    on_accent="#ffffff",
+    focus="#b85c00",
+    good="#00735a",
+    warn="#8a4b00",
+    bad="#b3161b",
+    warn_paper="#fff3d6",
+    bad_paper="#fdeeee",
+    outside="#e9e7e1",
+    ground="#faf9f6",
+    border="#83888f",
+    label="#55585e",
+    obstacle="#646b75",
+    mark="#9c8858",
+    load="#1f7a55",
+    fire=ramp("#100c0c", "#7f0f0c", "#e81c14"),
+    fire_rim="#8a1710",
+    on_fire="#ffffff",
+    ashes="#cfcec8",
+    on_ashes="#3a3a38",
+    robot="#1d4e89",
+    robot_front="#bfe5ff",
+    robot_outline="#0b2545",
+    robot_hot="#d55e00",
+    sector="#1d4e8917",
+    seeing="#f096286b",
+    perceived="#6e6e72",
+    trail="#1d4e8966",
+    contact="#c2185b",
+    heat="#e1321461",
+    message="#7b3fb3",
+    selection="#c2006b",
+    travel="#0b2545",
+    layers=LIGHT_LAYERS,
+    no_layer="#858b94",
+    series=_blue_first(LIGHT_LAYERS),
+    faint="#8a8a8a",
+    band="#efefec",
+    diverging=ramp("#f1a340", "#f7f7f7", "#998ec3", steps=33),
+)
+DARK = Palette(
+    page="#14171c",
+    paper="#1a1e25",
+    field="#232932",
+    hover="#2c333d",
+    line="#333a45",
+    edge="#505a68",
+    shadow="#00000080",
+    ink="#e8eaee",
+    soft="#a7aeba",
+    accent="#6cb2f5",
+    on_accent="#0b1320",
+    focus="#ffae42",
+    good="#4fcfa7",
+    warn="#ffc06b",
+    bad="#ff8f8b",
+    warn_paper="#3d3214",
+    bad_paper="#3a2024",
+    outside="#101216",
+    ground="#1c2027",
+    border="#6f7883",
+    label="#a9afb9",
+    obstacle="#7d8794",
+    mark="#c2b69a",
+    load="#1f9c6e",
+    fire=ramp("#d05038", "#f28a3c", "#ffcf6b"),
+    fire_rim="#ffb38a",
+    on_fire="#120a06",
+    ashes="#4a4d52",
+    on_ashes="#dcdcd8",
+    robot="#3b82d6",
+    robot_front="#e8f4ff",
+    robot_outline="#060c16",
+    robot_hot="#ff7a45",
+    sector="#6eafff1a",
+    seeing="#ffb4466b",
+    perceived="#b4b4b8",
+    trail="#78b4ff66",
+    contact="#ff5c9a",
+    heat="#ff50286b",
+    message="#c9a0ff",
+    selection="#ff6fb5",
+    travel="#e8f4ff",
+    layers=DARK_LAYERS,
+    no_layer="#90959e",
+    series=_blue_first(DARK_LAYERS),
+    faint="#8c9097",
+    band="#262c35",
+    diverging=ramp("#8a5200", "#2b2f36", "#5c4f94", steps=33),
+)
+PALETTES = {"light": LIGHT, "dark": DARK}
+
+
+def layer_colour(index: int, palette: Palette = LIGHT) -> str:
+    """Return the colour of a layer by its index, below 0 for no layer.
+
+    Examples
+    --------
+    >>> layer_colour(8) == layer_colour(0), layer_colour(-1) == LIGHT.no_layer
+    (True, True)
+    """
+    return palette.no_layer if index < 0 else palette.layers[index % len(palette.layers)]
+
+
+def fire_colour(temperature: float, palette: Palette = LIGHT) -> str:
+    """Return the colour of a fire that burns at this temperature, 0 to 1.
+
+    Examples
+    --------
+    >>> fire_colour(0.0), fire_colour(1.0)
+    ('#100c0c', '#e81c14')
+    """
+    return palette.fire[int(fire_steps(temperature))]
+
+
+def fire_steps(temperature: ArrayLike) -> np.ndarray:
+    """Return the index in `Palette.fire` of each temperature; ``canvas.js`` rounds in the same way.
+
+    Examples
+    --------
+    >>> fire_steps([0.0, 0.5, 2.0]).tolist()
+    [0, 32, 64]
+    """
+    return np.floor(np.clip(temperature, 0.0, 1.0) * (FIRE_STEPS - 1) + 0.5).astype(int)
+
+
+def style_sheet(light: str, dark: str) -> str:
+    """Return CSS rules that give elements every single colour as a custom property, such as ``--swarm-robot-front``.
+
+    Parameters
+    ----------
+    light, dark : str
+        Selectors of the elements in which the light and the dark colours hold.
+
+    Examples
+    --------
+    >>> style_sheet(":root", ".dark").splitlines()[0][:26]
+    ':root { --swarm-page: #f4f'
+    """
+    rules = ((light, LIGHT), (dark, DARK))
+    return "".join(f"{selector} {{ {_properties(palette)} }}\n" for selector, palette in rules)
+
+
+def _properties(palette: Palette) -> str:
+    single = {name: value for name, value in _colours(palette).items() if isinstance(value, str)}
+    return " ".join(f"--swarm-{name.replace('_', '-')}: {value};" for name, value in single.items())
+
+
+def script() -> str:
+    """Return the constant ``PALETTE`` for scripts: by theme ("light", "dark") and the names of `Palette`.
+
+    Examples
+    --------
+    >>> script()[:35]
+    'const PALETTE = {"light":{"page":"#'
+    """
+    found = {name: _colours(palette) for name, palette in PALETTES.items()}
+    return f"const PALETTE = {json.dumps(found, separators=(',', ':'))};\n"
+
+
+def _colours(palette: Palette) -> dict[str, str | tuple[str, ...]]:
+    return {field.name: getattr(palette, field.name) for field in fields(palette)}
