@@ -12,14 +12,15 @@ import pytest
 
 import mesa_swarm
 from mesa_swarm.errors import SwarmError
-from mesa_swarm.experiments.compare import Comparison, compare, run_plan
+from mesa_swarm.experiments.compare import compare, run_plan
 from mesa_swarm.experiments.figures import comparison_figure
-from mesa_swarm.experiments.plan import PairedOutcome, Plan, checked_plan
+from mesa_swarm.experiments.plan import checked_plan
 from mesa_swarm.experiments.tables import WIDEST, finding, fitting, runs_csv, summary_csv, summary_rows
 from mesa_swarm.files import check_writable, write_whole
 from mesa_swarm.gallery import class_name, description, find_model, model_names
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.pictures import png
+from support.comparisons import comparison_of, plan_of
 
 FIRE = find_model("fire_fighting")
 AVOID = find_model("collision_avoidance")
@@ -31,34 +32,7 @@ def comparison():
 
 
 def made_up(columns, model_class=FIRE, parameter="strategy"):
-    """A comparison of results that are given by value and measure."""
-    values = tuple(columns)
-    seeds = range(1, 1 + len(next(iter(columns[values[0]].values()))))
-    runs = [
-        PairedOutcome(
-            steps=100,
-            state_hash="hash",
-            results={name: column[rng - 1] for name, column in columns[value].items()},
-            value=value,
-            rng=rng,
-        )
-        for rng in seeds
-        for value in values
-    ]
-    return Comparison(plan_of(model_class, parameter, values, seeds, 100), tuple(runs))
-
-
-def plan_of(model_class, parameter, values, seeds, steps):
-    points = [{parameter: value} for value in values]
-    return Plan(
-        model_class=model_class,
-        settings={},
-        points=points,
-        seeds=seeds,
-        steps=steps,
-        parameter=parameter,
-        values=values,
-    )
+    return comparison_of(columns, model_class, parameter)
 
 
 def test_every_value_meets_the_same_seeds(comparison):
