@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -67,7 +68,7 @@ def _draw_runs(axes: Axes, comparison: PairedRuns, measure: str) -> None:
     """Draw every run, those of one seed joined, and the mean under each value."""
     plan = comparison.plan
     places = places_of(plan.values)
-    columns = np.array([_numbers(comparison.column(value, measure)) for value in plan.values])
+    columns = np.array([comparison.column(value, measure) for value in plan.values], float)
     if measure.endswith(TIME):
         axes.yaxis.set_major_locator(MaxNLocator("auto", integer=True, min_n_ticks=1))
         if np.isnan(columns).any():
@@ -81,7 +82,7 @@ def _draw_runs(axes: Axes, comparison: PairedRuns, measure: str) -> None:
         aside = ASIDE * nearest * (1 if i else -1)  # the first to the left, where no lines are
         _draw_interval(axes, place + aside, summarised(comparison.column(value, measure)).mean, LIGHT.series[0])
     axes.set_xlim(places.min() - 0.3 * nearest, places.max() + 0.3 * nearest)
-    axes.set_title(literal(_wrapped(measure)), fontsize=TEXT)
+    axes.set_title(literal(fill(measure, 45, break_long_words=False)), fontsize=TEXT)
     _label_values(axes, comparison, measure, places, plan.values)
 
 
@@ -223,18 +224,6 @@ def _count(comparison: PairedRuns, measure: str, value: Any, paired: bool) -> st
     first = comparison.column(comparison.plan.values[0], measure)
     n = len(pair_differences(first, column)) if paired else sum(number is not None for number in column)
     return f"\n{n} of {len(column)} {'pairs' if paired else 'runs'}" if n < len(column) else ""
-
-
-def _numbers(column: Sequence[float | None]) -> list[float]:
-    return [np.nan if number is None else number for number in column]
-
-
-def _wrapped(text: str) -> str:
-    """Break a long name after a word, so that it stays above its panel."""
-    if len(text) <= 45:
-        return text
-    at = text.rfind(" ", 0, 45)
-    return text if at < 0 else f"{text[:at]}\n{text[at + 1 :]}"
 
 
 COLOURS = LIGHT.series

@@ -21,7 +21,7 @@ from mesa_swarm.experiments.fingerprints import engine_hash, fingerprint
 from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.runs import Run, call, completed
-from mesa_swarm.experiments.statistics import Interval, bootstrap_interquartile_mean
+from mesa_swarm.experiments.statistics import Interval, bootstrap_interquartile_mean, known
 from mesa_swarm.experiments.tables import csv_text
 from mesa_swarm.files import check_writable
 from mesa_swarm.viewing.palette import LIGHT
@@ -383,17 +383,13 @@ def summary_json(benchmark: Benchmark, runs: Sequence[Training]) -> str:
         {
             **{name: getattr(line, name) for name in ("name", "group", "mode", "worst", "ahead", "coverage")},
             "collisions": line.collisions.estimate,
-            "collisions_low": _finite(line.collisions.low),
-            "collisions_high": _finite(line.collisions.high),
+            "collisions_low": known(line.collisions.low),
+            "collisions_high": known(line.collisions.high),
         }
         for line in lines_of(runs)
     ]
     settings = {name: getattr(benchmark, name) for name in ("seeds", "steps", "evaluation_steps")}
     return json.dumps({**settings, "lines": lines}, indent=1, allow_nan=False) + "\n"
-
-
-def _finite(number: float) -> float | None:
-    return None if math.isnan(number) else number
 
 
 MARKS = "osD^vP*Xhp"

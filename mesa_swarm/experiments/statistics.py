@@ -91,6 +91,11 @@ def share_interval(happened: float, runs: int, confidence: float = CONFIDENCE) -
     return Interval(share, low if happened else 0.0, high if happened < runs else 1.0)
 
 
+def known(number: float | None) -> float | None:
+    """Return a number, or None for NaN, for which JSON and CSV have no word."""
+    return None if number is None or math.isnan(number) else number
+
+
 def paired_difference(first: Sequence[float | None], second: Sequence[float | None]) -> tuple[Interval, int]:
     """Return the mean of second - first with Student's t interval, and the number of pairs.
 

@@ -14,6 +14,7 @@ from mesa_swarm.experiments.statistics import (
     Interval,
     Summary,
     bootstrap_mean,
+    known,
     pair_differences,
     summarised,
     superiority,
@@ -220,12 +221,7 @@ def _numbers(row: Row) -> list:
 
 
 def _triple(interval: Interval | None) -> tuple:
-    limits = (None,) * 3 if interval is None else (interval.estimate, interval.low, interval.high)
-    return tuple(map(_blank, limits))
-
-
-def _blank(number: float | None) -> float | None:
-    return None if number is None or math.isnan(number) else number
+    return (None,) * 3 if interval is None else tuple(map(known, (interval.estimate, interval.low, interval.high)))
 
 
 def csv_text(lines: Iterable[Sequence]) -> str:
