@@ -289,12 +289,7 @@ def check_result(name: str, number: object) -> float:
 
 
 def check_results(model_class: type, model: SwarmModel) -> None:
-    """Refuse a model without results, or with a result that is not a number.
-
-    Raises
-    ------
-    InvalidValueError
-    """
+    """Refuse a model without results, or with a result that is not a number."""
     results = getattr(model, "results", None)
     if results is None:
         raise InvalidValueError(f"{model_class.__name__} has no method results(), which returns what is compared")
