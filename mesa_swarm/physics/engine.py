@@ -8,7 +8,6 @@ from mesa_swarm.geometry.grid import Grid, sort_into_cells
 from mesa_swarm.physics.contact import MARGIN, travel
 from mesa_swarm.physics.loads import carry
 from mesa_swarm.physics.motion import achieved_motion, keep_free_wheels, slip_of
-from mesa_swarm.physics.scene import Scene
 from mesa_swarm.physics.sensing import (
     err,
     sense_inside,
@@ -17,6 +16,7 @@ from mesa_swarm.physics.sensing import (
     sense_radiation,
 )
 from mesa_swarm.physics.settle import settle
+from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.design import PERIOD
 from mesa_swarm.robots.drive import Drive, slipped_wheels
 from mesa_swarm.robots.swarm import Swarm
@@ -28,13 +28,13 @@ CELLS_PER_ROBOT = 4
 class Engine(Protocol):
     """What computes sensing and contact: `CompiledEngine` or the Shapely twin."""
 
-    def sense(self, swarm: Swarm, scene: Scene, step: int, draws: np.ndarray | None) -> None:
+    def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
         """Write all readings; `draws` (n, s), uniform in [0, 1), decide the sensors' errors."""
 
-    def move(self, swarm: Swarm, scene: Scene, turn_angle: float, draws: np.ndarray | None) -> None:
+    def move(self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, draws: np.ndarray | None) -> None:
         """Move all robots by their commands and resolve contacts; `draws` (n, 2) decide the wheels' slip."""
 
-    def settle(self, swarm: Swarm, scene: Scene) -> None:
+    def settle(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Find room for robots that were put where there is none."""
 
 
@@ -43,33 +43,33 @@ class CompiledEngine:
 
     def __init__(self) -> None:
         self._version = -1
-        self._scene: Scene | None = None
+        self._surroundings: Surroundings | None = None
 
-    def sense(self, swarm: Swarm, scene: Scene, step: int, draws: np.ndarray | None) -> None:
+    def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
         """Write the columns distance, kind, radiation and line."""
-        self._prepare(swarm, scene)
+        self._prepare(swarm, surroundings)
         columns, table = swarm.columns, swarm.table
         position, heading, design = columns["position"], columns["heading"], columns["design"]
         if columns["distance"].shape[1]:
             old = (columns["distance"].copy(), columns["kind"].copy()) if table.slow else None
-            self._sense_proximity(swarm, scene, step, draws)
+            self._sense_proximity(swarm, surroundings, step, draws)
             if old:
                 hold_readings(swarm, step, *old)
         if columns["radiation"].shape[1]:
-            fires, temperature = scene.fires, scene.temperature
+            fires, temperature = surroundings.fires, surroundings.temperature
             sense_radiation(position, heading, design, table.radiation, fires, temperature, columns["radiation"])
         if columns["line"].shape[1]:
-            marks = scene.marks
+            marks = surroundings.marks
             sense_line(position, heading, design, table.line, marks.edges, marks.rings, marks.discs, columns["line"])
 
-    def move(self, swarm: Swarm, scene: Scene, turn_angle: float, draws: np.ndarray | None) -> None:
+    def move(self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, draws: np.ndarray | None) -> None:
         """Write position, heading, slip and the contact columns."""
-        self._prepare(swarm, scene)
+        self._prepare(swarm, surroundings)
         columns = swarm.columns
         wheels = self._roll(swarm, draws)
         before, heading_before = columns["position"].copy(), columns["heading"].copy()
-        if scene.loads:
-            collided = carry(scene, columns, self._motion, lambda: self._travel(columns, turn_angle))
+        if surroundings.loads:
+            collided = carry(surroundings, columns, self._motion, lambda: self._travel(columns, turn_angle))
         else:
             collided = self._travel(columns, turn_angle)
         if collided:
@@ -98,9 +98,9 @@ class CompiledEngine:
             self._extra_turn,
         )
 
-    def settle(self, swarm: Swarm, scene: Scene) -> None:
+    def settle(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Move robots that overlap anything to free room nearby."""
-        self._prepare(swarm, scene)
+        self._prepare(swarm, surroundings)
         columns = swarm.columns
         settle(
             columns["position"],
@@ -108,11 +108,11 @@ class CompiledEngine:
             columns["number"],
             self._cells,
             self._statics,
-            scene.statics.rings,
+            surroundings.statics.rings,
         )
 
-    def _sense_proximity(self, swarm: Swarm, scene: Scene, step: int, draws: np.ndarray | None) -> None:
-        columns, table, statics = swarm.columns, swarm.table, scene.statics
+    def _sense_proximity(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
+        columns, table, statics = swarm.columns, swarm.table, surroundings.statics
         position, heading, design = columns["position"], columns["heading"], columns["design"]
         distance, kind = columns["distance"], columns["kind"]
         sort_into_cells(position, self._cells, self._start, self._order, self._cell_of)
@@ -178,21 +178,21 @@ class CompiledEngine:
         keep_free_wheels(wheels, columns["collided"], achieved)
         return achieved
 
-    def _prepare(self, swarm: Swarm, scene: Scene) -> None:
+    def _prepare(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Make the grids and the scratch arrays anew when robots, designs or obstacles have changed."""
-        if self._version == swarm.version and self._scene is scene:
+        if self._version == swarm.version and self._surroundings is surroundings:
             return
         n = len(swarm)
         radius = swarm.radius
         self._largest_radius = float(radius.max(initial=0.0))
         margin = MARGIN * float(radius.min(initial=self._largest_radius))
         cell = max(2 * self._largest_radius + margin, 1e-9)
-        grid = Grid.over(scene.bounds, cell, FEWEST_CELLS + CELLS_PER_ROBOT * n)
-        self._cells, self._static_cells = grid.numbers, scene.statics.grid.numbers
+        grid = Grid.over(surroundings.bounds, cell, FEWEST_CELLS + CELLS_PER_ROBOT * n)
+        self._cells, self._static_cells = grid.numbers, surroundings.statics.grid.numbers
         self._start = np.zeros(grid.cells + 1, np.int64)
         self._order, self._cell_of = np.zeros(n, np.int64), np.zeros(n, np.int64)
         self._motion, self._extra_turn = np.zeros((n, 3)), np.zeros(n)
-        statics = scene.statics
+        statics = surroundings.statics
         self._statics = (
             statics.edges,
             statics.discs,
@@ -204,7 +204,7 @@ class CompiledEngine:
             statics.touched_items,
         )
         self._drives = _drives_by_rows(swarm)
-        self._version, self._scene = swarm.version, scene
+        self._version, self._surroundings = swarm.version, surroundings
 
 
 def hold_readings(swarm: Swarm, step: int, old_distance: np.ndarray, old_kind: np.ndarray) -> None:

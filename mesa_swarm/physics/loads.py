@@ -26,7 +26,7 @@ import shapely
 
 from mesa_swarm.physics.contact import SLOP
 from mesa_swarm.physics.motion import LONGEST_PIECE, sinc
-from mesa_swarm.physics.scene import Room, Scene, Stop
+from mesa_swarm.physics.surroundings import Room, Stop, Surroundings
 from mesa_swarm.world.bodies import Load, Pose
 
 # A joint push that exceeds the resistance by less than this share is equal to it but for rounding; a robot whose
@@ -43,7 +43,7 @@ HAIR = 1e-4
 Result = TypeVar("Result")
 
 
-class Push(NamedTuple):
+class RobotPush(NamedTuple):
     """One robot's push: unit vector into the load, lever arm about the centre, force in 0..1, and way."""
 
     x: float
@@ -61,12 +61,12 @@ class Wrench(NamedTuple):
     torque: float
 
 
-def carry(scene: Scene, columns: dict, motion: np.ndarray, travel: Callable[[], Result]) -> Result:
+def carry(surroundings: Surroundings, columns: dict, motion: np.ndarray, travel: Callable[[], Result]) -> Result:
     """Move the loads that are pushed hard enough, then all robots, and return what `travel` returns.
 
     Parameters
     ----------
-    scene : Scene
+    surroundings : Surroundings
     columns : dict
         Of the swarm; position and heading are written, by `travel`.
     motion : ndarray, shape (n, 3)
@@ -74,36 +74,36 @@ def carry(scene: Scene, columns: dict, motion: np.ndarray, travel: Callable[[], 
     travel : function
         Moves all robots through the step, around the loads as they then lie; may be called again.
     """
-    room = scene.room
+    room = surroundings.room
     if room is None:  # there are no loads
         return travel()
     position, heading = columns["position"].copy(), columns["heading"].copy()
-    before = push_all(scene, room, columns, motion)
+    before = push_all(surroundings, room, columns, motion)
     while True:
         result = travel()
-        stuck = [k for k in before if is_overlapped(scene.loads[k], columns)]
+        stuck = [k for k in before if is_overlapped(surroundings.loads[k], columns)]
         if not stuck:
             return result
         columns["position"][:], columns["heading"][:] = position, heading
-        take_back(scene, room, before, stuck)
+        take_back(surroundings, room, before, stuck)
 
 
-def push_all(scene: Scene, room: Room, columns: dict, motion: np.ndarray) -> dict[int, Pose]:
+def push_all(surroundings: Surroundings, room: Room, columns: dict, motion: np.ndarray) -> dict[int, Pose]:
     """Move every load that is pushed hard enough; return where those that moved were."""
     longest = LONGEST_PIECE * float(columns["radius"].min(initial=math.inf))
     before = {}
-    for k, load in enumerate(scene.loads):
+    for k, load in enumerate(surroundings.loads):
         pushes, old = pushes_on(load, columns, motion), load.pose
         load.pushers = len(pushes)
         move_load(load, pushes, min(longest, load.form.thickness), room)
         load.moved = load.pose != old
         if load.moved:
             before[k] = old
-            scene.follow(k)
+            surroundings.follow(k)
     return before
 
 
-def pushes_on(load: Load, columns: dict, motion: np.ndarray) -> list[Push]:
+def pushes_on(load: Load, columns: dict, motion: np.ndarray) -> list[RobotPush]:
     """Return the pushes of the robots that touch a load, or would in this step, and drive into it."""
     position, radius = columns["position"], columns["radius"]
     x, y, _ = load.pose
@@ -121,7 +121,7 @@ def pushes_on(load: Load, columns: dict, motion: np.ndarray) -> list[Push]:
     return pushes
 
 
-def _push_of(line: list[float], radius: float, load: Load, motion: list[float], heading: float) -> Push | None:
+def _push_of(line: list[float], radius: float, load: Load, motion: list[float], heading: float) -> RobotPush | None:
     """Return the push of one robot, its force still a speed, or None; the line is from the load to its centre."""
     px, py, qx, qy = line
     length = math.hypot(px - qx, py - qy)
@@ -133,10 +133,10 @@ def _push_of(line: list[float], radius: float, load: Load, motion: list[float], 
     speed = chord * ((cosine * motion[0] - sine * motion[1]) * nx + (sine * motion[0] + cosine * motion[1]) * ny)
     way = speed - max(length - load.form.radius - radius, 0.0)
     arm = (px - load.pose[0]) * ny - (py - load.pose[1]) * nx
-    return Push(nx, ny, arm, speed, way) if way > 0.0 else None
+    return RobotPush(nx, ny, arm, speed, way) if way > 0.0 else None
 
 
-def move_load(load: Load, pushes: list[Push], longest: float, room: Room) -> None:
+def move_load(load: Load, pushes: list[RobotPush], longest: float, room: Room) -> None:
     """Move a load as far as it is pushed and has room, first straight, then along what it meets.
 
     Parameters
@@ -156,7 +156,7 @@ def move_load(load: Load, pushes: list[Push], longest: float, room: Room) -> Non
         stops = room.stops_of(load, 2.0 * longest / 2**HALVINGS)
 
 
-def wrench_of(pushes: list[Push]) -> Wrench:
+def wrench_of(pushes: list[RobotPush]) -> Wrench:
     """Return the joint push; exactly summed, so that the order of robots is nothing."""
     return Wrench(
         math.fsum(p.force * p.x for p in pushes),
@@ -165,14 +165,14 @@ def wrench_of(pushes: list[Push]) -> Wrench:
     )
 
 
-def twist_of(wrench: Wrench, pushes: list[Push], load: Load, longest: float) -> Pose | None:
+def twist_of(wrench: Wrench, pushes: list[RobotPush], load: Load, longest: float) -> Pose | None:
     """Return how a load moves in this step, as (x, y, turn), or None if it stays.
 
     Examples
     --------
     >>> from mesa_swarm import SwarmModel, disc
     >>> load = SwarmModel(rng=1).add_load(disc((100, 100), 30), resistance=1.5)
-    >>> pushes = 2 * [Push(1.0, 0.0, 0.0, 1.0, 0.8)]
+    >>> pushes = 2 * [RobotPush(1.0, 0.0, 0.0, 1.0, 0.8)]
     >>> twist_of(wrench_of(pushes), pushes, load, 2.5)
     (0.8, 0.0, 0.0)
     >>> twist_of(wrench_of(pushes[:1]), pushes[:1], load, 2.5) is None
@@ -236,11 +236,11 @@ def is_overlapped(load: Load, columns: dict) -> bool:
     return bool((gaps < (1.0 - 2.0 * SLOP) * radius[near]).any())
 
 
-def take_back(scene: Scene, room: Room, before: dict[int, Pose], stuck: list[int]) -> None:
+def take_back(surroundings: Surroundings, room: Room, before: dict[int, Pose], stuck: list[int]) -> None:
     """Lay loads back where they were, and those that then overlap them; drop them from `before`."""
     while stuck:
         for k in stuck:
-            scene.loads[k].lay(before.pop(k))
-            scene.loads[k].moved = False
-            scene.follow(k)
-        stuck = [k for k in before if not room.has_room_for(scene.loads[k], scene.loads[k].pose)]
+            surroundings.loads[k].lay(before.pop(k))
+            surroundings.loads[k].moved = False
+            surroundings.follow(k)
+        stuck = [k for k in before if not room.has_room_for(surroundings.loads[k], surroundings.loads[k].pose)]

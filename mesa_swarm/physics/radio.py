@@ -7,8 +7,8 @@ import numpy as np
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.grid import Grid, cell_index, sort_into_cells
 from mesa_swarm.geometry.overlap import nearest_on_segment, segments_meet
-from mesa_swarm.physics.scene import Scene
 from mesa_swarm.physics.sensing import into_frame
+from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.swarm import Swarm
 
@@ -29,21 +29,21 @@ class Channel:
         self.radio = radio
         self._beacons = np.array(radio.beacons, dtype=float).reshape(-1, 2)
         self._version = -1
-        self._scene: Scene | None = None
+        self._surroundings: Surroundings | None = None
 
-    def exchange(self, swarm: Swarm, scene: Scene, word: np.uint64) -> None:
+    def exchange(self, swarm: Swarm, surroundings: Surroundings, word: np.uint64) -> None:
         """Write the columns heard_layer, heard_task, heard_from and heard_goal.
 
         Parameters
         ----------
         swarm : Swarm
-        scene : Scene
+        surroundings : Surroundings
         word : uint64
             Random bits of this step, which decide what is lost.
         """
         if not len(swarm):
             return
-        self._prepare(swarm, scene)
+        self._prepare(swarm, surroundings)
         columns, radio = swarm.columns, self.radio
         position, heading, number = columns["position"], columns["heading"], columns["number"]
         limits = float(radio.range), float(radio.loss_probability), word, radio.occlusion
@@ -55,13 +55,13 @@ class Channel:
             told, heard_goal = columns["sent_goal"], columns["heard_goal"]
             hear_goals(position, heading, number, told, self._beacons, limits, self._grid, self._obstacles, heard_goal)
 
-    def _prepare(self, swarm: Swarm, scene: Scene) -> None:
+    def _prepare(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Make the grid anew when robots or obstacles have changed."""
-        if self._version == swarm.version and self._scene is scene:
+        if self._version == swarm.version and self._surroundings is surroundings:
             return
         most = FEWEST_CELLS + CELLS_PER_ROBOT * len(swarm)
-        self._grid = Grid.over(scene.bounds, max(self.radio.range, 1e-9), most).numbers
-        statics = scene.statics
+        self._grid = Grid.over(surroundings.bounds, max(self.radio.range, 1e-9), most).numbers
+        statics = surroundings.statics
         self._obstacles = (
             statics.edges,
             statics.discs[: statics.first_fire],
@@ -69,7 +69,7 @@ class Channel:
             statics.touched_start,
             statics.touched_items,
         )
-        self._version, self._scene = swarm.version, scene
+        self._version, self._surroundings = swarm.version, surroundings
 
 
 @compiled

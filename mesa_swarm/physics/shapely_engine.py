@@ -27,10 +27,10 @@ from mesa_swarm.physics.contact import (
 )
 from mesa_swarm.physics.loads import carry
 from mesa_swarm.physics.motion import achieved_motion, advance, count_pieces, slip_of
-from mesa_swarm.physics.scene import Scene
 from mesa_swarm.physics.sensing import err
 from mesa_swarm.physics.settle import RING, SWEEPS
 from mesa_swarm.physics.shapely_sensing import Solids, sense_line, sense_proximity, sense_radiation
+from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.design import PERIOD
 from mesa_swarm.robots.drive import Drive, slipped_wheels
 from mesa_swarm.robots.swarm import Swarm
@@ -51,7 +51,7 @@ class Touch:
     index: int
 
 
-class Contacts:
+class Touches:
     """The deepest touch of every robot in this step, in the swarm's columns, and of a face in this piece."""
 
     def __init__(self, columns: dict[str, np.ndarray]) -> None:
@@ -83,7 +83,7 @@ def travel(columns: dict[str, np.ndarray], motion: np.ndarray, turn_angle: float
     solids : Solids
     """
     position, heading, radius = columns["position"], columns["heading"], columns["radius"]
-    contacts, extra_turn = Contacts(columns), np.zeros(len(heading))
+    contacts, extra_turn = Touches(columns), np.zeros(len(heading))
     pieces = count_pieces(motion, radius)
     for _ in range(pieces):
         before = position.copy()
@@ -100,7 +100,7 @@ def separate(
     position: np.ndarray,
     radius: np.ndarray,
     solids: Solids,
-    contacts: Contacts,
+    contacts: Touches,
     most_sweeps: int,
 ) -> bool:
     """Push until nothing overlaps, at most `most_sweeps` times, and return whether nothing does."""
@@ -129,7 +129,7 @@ def overlapping_pairs(position: np.ndarray, radius: np.ndarray) -> np.ndarray:
     return np.array(sorted(zip(i[deep], j[deep], strict=True)), np.int64).reshape(-1, 2)
 
 
-def push_pairs(position: np.ndarray, radius: np.ndarray, pairs: np.ndarray, contacts: Contacts) -> np.ndarray:
+def push_pairs(position: np.ndarray, radius: np.ndarray, pairs: np.ndarray, contacts: Touches) -> np.ndarray:
     """Push all robots that overlap others at once, half of each overlap (A.7); return who was moved."""
     push = np.zeros_like(position)
     for i, j in pairs:
@@ -151,13 +151,13 @@ def touch_of_robots(i: int, j: int, position: np.ndarray, radius: np.ndarray, nu
     return Touch(radius[i] + radius[j] - distance, normal, False, ROBOT, j)
 
 
-def note_both(i: int, j: int, touch: Touch, contacts: Contacts) -> None:
+def note_both(i: int, j: int, touch: Touch, contacts: Touches) -> None:
     """Note a touch of robot i by robot j, for both."""
     contacts.note(i, touch)
     contacts.note(j, replace(touch, normal=-touch.normal, index=i))
 
 
-def leave_statics(i: int, position: np.ndarray, radius: float, solids: Solids, contacts: Contacts) -> bool:
+def leave_statics(i: int, position: np.ndarray, radius: float, solids: Solids, contacts: Touches) -> bool:
     """Move robot i out of what stands still, deepest overlap first, and return whether it is out."""
     for _ in range(MOST_PUSHES):
         touch = deepest_static(position[i], radius, solids)
@@ -222,7 +222,7 @@ def put_back(
     before: np.ndarray,
     radius: np.ndarray,
     solids: Solids,
-    contacts: Contacts,
+    contacts: Touches,
 ) -> None:
     """Return to their last free place the robots that overlap, and those who then overlap them.
 
@@ -259,7 +259,7 @@ def settle(columns: dict[str, np.ndarray], bounds: tuple[float, ...], solids: So
     for i in range(len(radius)):
         if not is_free(position[i : i + 1], radius[i], solids)[0]:
             find_room(i, position, radius, bounds, solids, apart=False)
-    contacts = Contacts({name: column.copy() for name, column in columns.items()})
+    contacts = Touches({name: column.copy() for name, column in columns.items()})
     if not separate(position, radius, solids, contacts, SWEEPS):
         leave_each_other(position, radius, bounds, solids)
 
@@ -353,23 +353,23 @@ class ShapelyEngine:
     """
 
     def __init__(self) -> None:
-        self._scene: Scene | None = None
+        self._surroundings: Surroundings | None = None
         self._solids: Solids | None = None
 
-    def sense(self, swarm: Swarm, scene: Scene, step: int, draws: np.ndarray | None) -> None:
+    def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
         """Write the columns distance, kind, radiation and line."""
         columns, table = swarm.columns, swarm.table
         distance, kind = columns["distance"], columns["kind"]
         held = distance.copy(), kind.copy()
-        sense_proximity(swarm, scene, self._solids_of(swarm, scene), distance, kind)
+        sense_proximity(swarm, surroundings, self._solids_of(swarm, surroundings), distance, kind)
         if draws is not None:
             err(distance, columns["design"], table.proximity, table.noise, draws, step, columns["error"])
         waits = step % np.maximum(table.noise[swarm.design, :, PERIOD], 1) != 0
         distance[waits], kind[waits] = held[0][waits], held[1][waits]
-        sense_radiation(swarm, scene, columns["radiation"])
-        sense_line(swarm, scene, columns["line"])
+        sense_radiation(swarm, surroundings, columns["radiation"])
+        sense_line(swarm, surroundings, columns["line"])
 
-    def move(self, swarm: Swarm, scene: Scene, turn_angle: float, draws: np.ndarray | None) -> None:
+    def move(self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, draws: np.ndarray | None) -> None:
         """Write position, heading, slip and the contact columns."""
         columns = swarm.columns
         before, heading_before = swarm.position.copy(), swarm.heading.copy()
@@ -377,24 +377,24 @@ class ShapelyEngine:
         motion = motion_of(swarm, wheels)
 
         def go() -> np.ndarray:
-            return travel(columns, motion, turn_angle, self._solids_of(swarm, scene))
+            return travel(columns, motion, turn_angle, self._solids_of(swarm, surroundings))
 
-        extra_turn = carry(scene, columns, motion, go)
+        extra_turn = carry(surroundings, columns, motion, go)
         position, collided = columns["position"], columns["collided"]
         achieved_motion(before, position, heading_before, extra_turn, collided, motion)
         wheels = np.where(collided[:, None], wheels_of(swarm, motion), wheels)
         slip_of(columns["command"], wheels, columns["slip"])
 
-    def settle(self, swarm: Swarm, scene: Scene) -> None:
+    def settle(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Move robots that overlap anything to free room nearby."""
-        settle(swarm.columns, scene.bounds, self._solids_of(swarm, scene))
+        settle(swarm.columns, surroundings.bounds, self._solids_of(swarm, surroundings))
 
-    def _solids_of(self, swarm: Swarm, scene: Scene) -> Solids:
-        """Return the scene's solids, collected anew when it has changed, and always where loads may have moved."""
-        if self._solids is None or self._scene is not scene or scene.loads:
+    def _solids_of(self, swarm: Swarm, surroundings: Surroundings) -> Solids:
+        """Return all solids, collected anew when the surroundings are others, and always where loads may have moved."""
+        if self._solids is None or self._surroundings is not surroundings or surroundings.loads:
             largest = max((design.radius for design in swarm.designs), default=0.0)
             margin = 1.0 + 2.0 * (largest + swarm.table.reach.max(initial=0.0))
-            self._scene, self._solids = scene, Solids.of(scene, margin)
+            self._surroundings, self._solids = surroundings, Solids.of(surroundings, margin)
         return self._solids
 
 

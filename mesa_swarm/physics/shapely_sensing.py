@@ -14,7 +14,7 @@ import shapely
 from shapely import LineString, MultiLineString, Point, Polygon, STRtree
 from shapely.geometry.base import BaseGeometry
 
-from mesa_swarm.physics.scene import Scene
+from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RANGE, RAYS
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.shapes import Shape
@@ -54,14 +54,14 @@ class Solids:
     disc_body: np.ndarray
 
     @classmethod
-    def of(cls, scene: Scene, margin: float) -> "Solids":
+    def of(cls, surroundings: Surroundings, margin: float) -> "Solids":
         """Collect what is solid; `margin` is how far beyond the border anything is looked for."""
-        solid = [(i, shape) for i, shape in enumerate(scene.shapes) if shape.contact]
+        solid = [(i, shape) for i, shape in enumerate(surroundings.shapes) if shape.contact]
         polygons = [(i, shape.geometry) for i, shape in solid if not shape.is_disc]
-        polygons.insert(0, (BORDER, outside(scene.bounds, margin)))
+        polygons.insert(0, (BORDER, outside(surroundings.bounds, margin)))
         discs = [(i, shape.geometry, shape.radius) for i, shape in solid if shape.is_disc]
         geometries = np.array([geometry for _, geometry in polygons])
-        fires, bodies = scene.fires, dict.fromkeys(scene.rows, LOAD)
+        fires, bodies = surroundings.fires, dict.fromkeys(surroundings.rows, LOAD)
         return cls(
             polygons=geometries,
             polygon_owner=np.array([i for i, _ in polygons]),
@@ -118,9 +118,11 @@ class View(NamedTuple):
     range: float
 
 
-def sense_proximity(swarm: Swarm, scene: Scene, solids: Solids, distance: np.ndarray, kind: np.ndarray) -> None:
+def sense_proximity(
+    swarm: Swarm, surroundings: Surroundings, solids: Solids, distance: np.ndarray, kind: np.ndarray
+) -> None:
     """Write what all proximity sensors read, without error; -1 where nothing is seen."""
-    kinds = solids.disc_kinds(scene.temperature > 0)
+    kinds = solids.disc_kinds(surroundings.temperature > 0)
     centres = np.concatenate([solids.centres, shapely.points(swarm.position)])
     radii = np.concatenate([solids.radii, swarm.radius])
     kinds = np.concatenate([kinds, np.full(len(swarm), ROBOT)])
@@ -133,10 +135,10 @@ def sense_proximity(swarm: Swarm, scene: Scene, solids: Solids, distance: np.nda
             distance[i, s], kind[i, s] = nearest(view, solids, *discs)
 
 
-def sense_radiation(swarm: Swarm, scene: Scene, radiation: np.ndarray) -> None:
+def sense_radiation(swarm: Swarm, surroundings: Surroundings, radiation: np.ndarray) -> None:
     """Write the highest temperature among the burning fires in each radiation sensor's sector."""
-    burning = scene.temperature > 0
-    fires, temperature = scene.fires[burning], scene.temperature[burning]
+    burning = surroundings.temperature > 0
+    fires, temperature = surroundings.fires[burning], surroundings.temperature[burning]
     radiation[:] = 0.0
     for i, design in enumerate(swarm.design):
         for s in range(len(swarm.designs[design].radiation)):
@@ -145,9 +147,9 @@ def sense_radiation(swarm: Swarm, scene: Scene, radiation: np.ndarray) -> None:
             radiation[i, s] = temperature[seen].max(initial=0.0)
 
 
-def sense_line(swarm: Swarm, scene: Scene, line: np.ndarray) -> None:
+def sense_line(swarm: Swarm, surroundings: Surroundings, line: np.ndarray) -> None:
     """Write whether each line sensor is over a mark on the ground."""
-    marks = marked_ground(scene.shapes)
+    marks = marked_ground(surroundings.shapes)
     line[:] = False
     for i, design in enumerate(swarm.design):
         for s in range(len(swarm.designs[design].line)):

@@ -36,7 +36,7 @@ if hasattr(Agent, "_ids"):
     Agent._ids = ModelCounters(Agent._ids)
 
 
-class Bodies(Protocol):
+class Positioned(Protocol):
     """Agents whose positions live in a column of their own: a swarm, or fires."""
 
     agents: list[Any]
@@ -97,10 +97,10 @@ class Arena(ContinuousSpace):
         self, dimensions: Sequence[Point], torus: bool = False, random: Random | None = None, n_agents: int = 100
     ) -> None:
         super().__init__(dimensions, torus=torus, random=random, n_agents=max(n_agents, SMALLEST_STORE))
-        self._bodies: list[Bodies] = []
+        self._bodies: list[Positioned] = []
         self._rows: list[list[int]] | None = None
 
-    def attach(self, bodies: Bodies) -> None:
+    def attach(self, bodies: Positioned) -> None:
         """Take the positions of these agents from their own column from now on."""
         self._bodies.append(bodies)
 

@@ -117,7 +117,7 @@ STEP = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Scene:
+class Surroundings:
     """The world without its robots.
 
     Parameters
@@ -165,7 +165,7 @@ class Scene:
         sight: float,
         touch: float,
         loads: Sequence[tuple[int, Load]] = (),
-    ) -> "Scene":
+    ) -> "Surroundings":
         """Collect what stands still; `sight` and `touch` as `Statics.of` takes them, loads with their indices."""
         rows, bodies = tuple(row for row, _ in loads), tuple(load for _, load in loads)
         slack, solid = SLACK * touch, list(shapes)
@@ -188,7 +188,7 @@ class Scene:
 
     @property
     def is_worn(self) -> bool:
-        """Whether a load has moved so far that the scene has to be made anew before the next step."""
+        """Whether a load has moved so far that the tables have to be made anew before the next step."""
         moved = zip(self.loads, self.listed, strict=True)
         return any(load.farthest_from(pose) > self.slack for load, pose in moved)
 
