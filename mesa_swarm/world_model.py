@@ -9,7 +9,7 @@ import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number, shortened
 from mesa_swarm.geometry.overlap import wrapped
-from mesa_swarm.physics.scene import Scene
+from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.design import DesignTable, RobotDesign
 from mesa_swarm.robots.robot import SIDES, Robot, remove_together
 from mesa_swarm.robots.swarm import Swarm
@@ -57,7 +57,7 @@ class World(mesa.Model):
         self.space.attach(self.swarm)
         self._obstacles: list[Obstacle] = []
         self._loads: list[Load] = []
-        self._scene: Scene | None = None
+        self._scene: Surroundings | None = None
         self._scene_table: DesignTable | None = None
         for shape in self.map.obstacles:
             self.add_obstacle(shape)
@@ -231,7 +231,7 @@ class World(mesa.Model):
         self._scene = None
         self.swarm.disturbed = True
 
-    def _current_scene(self) -> Scene:
+    def _current_scene(self) -> Surroundings:
         table = self.swarm.table
         if self._scene is None or self._scene_table is not table or (self._loads and self._scene.is_worn):
             shapes = [obstacle.shape for obstacle in self._obstacles]
@@ -239,7 +239,9 @@ class World(mesa.Model):
             sight = float(table.reach.max(initial=0.0))
             touch = max((design.radius for design in table.designs), default=1.0)
             loads = [(row, body) for row, body in enumerate(self._obstacles) if isinstance(body, Load)]
-            self._scene = Scene.of(self.map.bounds, shapes, discs, temperature, sight=sight, touch=touch, loads=loads)
+            self._scene = Surroundings.of(
+                self.map.bounds, shapes, discs, temperature, sight=sight, touch=touch, loads=loads
+            )
             self._scene_table = table
         return self._scene
 

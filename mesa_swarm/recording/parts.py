@@ -423,7 +423,7 @@ def _lay_load(load: Load, told: dict, bounds: tuple[float, float, float, float])
     x_min, y_min, x_max, y_max = bounds
     if not (x_min <= x <= x_max and y_min <= y <= y_max and abs(heading) <= np.pi):
         raise RecordingError(f"load {load.unique_id} lies outside the map")
-    load.lay((x, y, heading))
+    load.move_to((x, y, heading))
     load.moved, load.pushers = bool(told["moved"]), _id(told["pushers"])
 
 

@@ -152,7 +152,7 @@ def take_over(new: FireModel, old: FireModel, fresh: FireModel) -> None:
     set_clock(new, old.steps)
     new.obstacles_changed()
     for load, moved in zip(new.loads, old.loads, strict=True):
-        load.lay(moved.pose)
+        load.move_to(moved.pose)
         load.moved, load.pushers = moved.moved, moved.pushers
     _take_columns(new, old)
     _take_fires(new, old)

@@ -168,7 +168,7 @@ def test_what_was_set_to_what_it_was_is_told_too(tmp_path):
 def test_a_load_that_is_laid_elsewhere_is_noticed():
     model = CooperativeTransport(n_robots=3, load="box", rng=2)
     mark = Mark(model.run(2))
-    model.loads[0].lay((400.0, 200.0, 0.5))
+    model.loads[0].move_to((400.0, 200.0, 0.5))
     assert mark.changes(model) == ["pose or resistance of loads"]
 
 

@@ -74,7 +74,7 @@ def test_ground_marks_do_not_look_like_obstacles():
 def test_a_load_has_its_own_colour_and_is_drawn_where_it_lies_now():
     model = empty_world([rectangle((0, 90), (100, 100))])
     load = model.add_load(rectangle((20, 40), (40, 60)), resistance=1)
-    load.lay((70.0, 50.0, np.pi / 4))
+    load.move_to((70.0, 50.0, np.pi / 4))
     at = pixels(model)
     for point in [(70, 50), (70, 62), (58, 50)]:
         assert near(at(*point), colour(LIGHT.load)), point

@@ -157,9 +157,9 @@ def test_the_state_hash_tells_where_loads_are_and_which_way_they_point():
     before = model.state_hash()
     x, y, heading = load.pose
     for pose in ((x + 1e-9, y, heading), (x, y, heading + 1e-9)):
-        load.lay(pose)
+        load.move_to(pose)
         assert model.state_hash() != before
-    load.lay((x, y, heading))
+    load.move_to((x, y, heading))
     assert model.state_hash() == before
 
 
