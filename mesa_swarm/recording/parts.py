@@ -5,7 +5,6 @@ from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
-import shapely
 from mesa.agent import Agent
 from shapely import Point, Polygon
 
@@ -27,7 +26,7 @@ from mesa_swarm.control import (
     Subsumption,
     VectorSum,
 )
-from mesa_swarm.errors import RecordingError, SwarmError, shortened
+from mesa_swarm.errors import RecordingError, SwarmError, check_flag, shortened
 from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.fires import Fire
 from mesa_swarm.fire.model import FireModel
@@ -39,7 +38,7 @@ from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSensor
 from mesa_swarm.world.bodies import Form, Load, Obstacle
-from mesa_swarm.world.shapes import Shape, disc, polygon
+from mesa_swarm.world.shapes import Shape, outline_to_json, shape_from_json
 
 LAYERS = (Align, Avoid, Cohere, Cruise, Explore, Follow, Gather, HeadOn, MatchVelocity, Perimeter, Push, Respond,
           Separate, FightFire)  # fmt: skip
@@ -103,53 +102,56 @@ def part_from_json(value: object) -> Any:
     return _made(name, PARTS[name], arguments)
 
 
-def shape_to_json(shape: Shape) -> dict:
-    """Return a shape as JSON, its coordinates exactly.
+def stored_shape(shape: Shape) -> dict:
+    """Return a shape as stored states have it: `stored_outline`, and whether bodies bump into it.
 
     Examples
     --------
-    >>> shape_to_json(disc((10, 20), 5))
+    >>> from mesa_swarm import disc
+    >>> stored_shape(disc((10, 20), 5))
     {'centre': [10.0, 20.0], 'radius': 5.0, 'contact': True}
     """
-    return {**outline_to_json(shape.geometry, shape.radius), "contact": shape.contact}
+    return {**stored_outline(shape.geometry, shape.radius), "contact": shape.contact}
 
 
-def outline_to_json(geometry: Point | Polygon, radius: float) -> dict:
-    """Return a centre and radius, or the rings of a polygon."""
-    if isinstance(geometry, Point):
-        return {"centre": [geometry.x, geometry.y], "radius": float(radius)}
-    return {"rings": [shapely.get_coordinates(ring).tolist() for ring in (geometry.exterior, *geometry.interiors)]}
+def stored_outline(geometry: Point | Polygon, radius: float) -> dict:
+    """Return the centre and radius of a disc, or the closed rings of a polygon."""
+    outline = outline_to_json(geometry, radius)
+    if "disc" in outline:
+        *centre, radius = outline["disc"]
+        return {"centre": centre, "radius": float(radius)}
+    return {"rings": [[*ring, ring[0]] for ring in outline["rings"]]}
 
 
-def shape_from_json(value: object) -> Shape:
-    """Return the shape that `shape_to_json` wrote.
+def restored_shape(value: Any) -> Shape:
+    """Return the shape that `stored_shape` wrote.
 
     Raises
     ------
     RecordingError
-        If it is none.
+        If it cannot be made.
 
     Examples
     --------
-    >>> shape_from_json({"centre": [10, 20], "radius": 5, "contact": False}).contact
+    >>> restored_shape({"centre": [10, 20], "radius": 5, "contact": False}).contact
     False
     """
-    given = _checked_shape(value)
-    contact = given.get("contact", True)
-    if "rings" in given:
-        outline, *holes = [np.array(ring, dtype=float) for ring in given["rings"]] or [np.empty((0, 2))]
-        return _made("polygon", polygon, {"outline": outline, "holes": holes, "contact": contact})
-    return _made("disc", disc, {"centre": given["centre"], "radius": given["radius"], "contact": contact})
+
+    def make() -> Shape:
+        outline = {"rings": value["rings"]} if "rings" in value else {"disc": [*value["centre"], value["radius"]]}
+        return shape_from_json({**outline, "mark": not check_flag("contact", value.get("contact", True))})
+
+    return _made("shape", make, {})
 
 
-def outline_from_json(value: Any) -> tuple[Point | Polygon, float]:
-    """Return the geometry and radius that `outline_to_json` wrote, every bit of it, also of what is about the origin.
+def restored_outline(value: Any) -> tuple[Point | Polygon, float]:
+    """Return the geometry and radius that `stored_outline` wrote, every bit of it, also of what is about the origin.
 
     Raises
     ------
     RecordingError
     """
-    shape = shape_from_json(value)
+    shape = restored_shape(value)
     if shape.is_disc:
         return Point(*value["centre"]), shape.radius
     outline, *holes = value["rings"]
@@ -212,16 +214,6 @@ def _layer_to_json(layer: object) -> object:
         return {OWN_CODE: " ".join([type(layer).__name__, str(getattr(layer, "name", "")), *values])}
 
 
-def _checked_shape(value: object) -> dict:
-    if isinstance(value, dict) and isinstance(value.get("contact", True), bool):
-        rings = value.get("rings")
-        if isinstance(rings, list) and all(isinstance(ring, list) for ring in rings):
-            return value
-        if {"centre", "radius"} <= value.keys():
-            return value
-    raise RecordingError(f"{shortened(value)} is no shape")
-
-
 def _only_item(value: object) -> tuple[object, object]:
     if not isinstance(value, dict) or len(value) != 1:
         raise RecordingError(f"{shortened(value)} is no part; expected a class and its fields")
@@ -232,7 +224,7 @@ def _only_item(value: object) -> tuple[object, object]:
 def _made(name: str, maker: Callable, arguments: dict) -> Any:
     try:
         return maker(**arguments)
-    except (SwarmError, TypeError, ValueError, AttributeError, OverflowError) as error:
+    except (SwarmError, TypeError, ValueError, AttributeError, LookupError, OverflowError) as error:
         words = " ".join(str(error).split())
         raise RecordingError(f"{name} of the recording cannot be made: {words[:200]}") from None
 
@@ -329,9 +321,9 @@ def _obstacle_to_json(obstacle: Obstacle) -> dict:
     if isinstance(obstacle, Load):
         lies = {"pose": list(obstacle.pose), "resistance": float(obstacle.resistance)}
         felt = {"moved": bool(obstacle.moved), "pushers": int(obstacle.pushers)}
-        outline = outline_to_json(obstacle.form.outline, obstacle.form.radius)
+        outline = stored_outline(obstacle.form.outline, obstacle.form.radius)
         return {"id": obstacle.unique_id, "load": outline, **lies, **felt}
-    return {"id": obstacle.unique_id, "shape": shape_to_json(obstacle.shape)}
+    return {"id": obstacle.unique_id, "shape": stored_shape(obstacle.shape)}
 
 
 def _check_ids(told: dict, obstacles: dict) -> None:
@@ -380,9 +372,9 @@ def _robot_maker(model: FireModel, design: RobotDesign) -> Callable:
 def _obstacle_maker(model: FireModel, body: dict) -> Callable:
     def make() -> None:
         if "load" not in body:
-            model._obstacles.append(Obstacle(model.space, model, shape_from_json(body["shape"])))
+            model._obstacles.append(Obstacle(model.space, model, restored_shape(body["shape"])))
             return
-        outline, radius = outline_from_json(body["load"])
+        outline, radius = restored_outline(body["load"])
         form = Form.about_origin(outline, radius)
         load = Load(model.space, model, form.shape_at((0.0, 0.0, 0.0)), body["resistance"])
         load.form = form

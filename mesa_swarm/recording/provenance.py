@@ -10,7 +10,6 @@ from importlib.metadata import version
 from typing import Any, cast
 
 import numpy as np
-from shapely import Point, Polygon
 
 from mesa_swarm.errors import InvalidValueError, RecordingError, SwarmError, shortened
 from mesa_swarm.fire.constants import FireConstants
@@ -21,7 +20,7 @@ from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.sensors import mount_of
 from mesa_swarm.world.bodies import Load
 from mesa_swarm.world.map import Map
-from mesa_swarm.world.shapes import Shape
+from mesa_swarm.world.shapes import outline_to_json, shape_to_json
 
 
 def scenery_of(model: FireModel) -> dict:
@@ -54,8 +53,10 @@ def scenery_of(model: FireModel) -> dict:
     return {
         "designs": [_written_design(design) for design in model.swarm.designs],
         "robots": _runs([robot.unique_id for robot in model.swarm.agents], model.swarm.design.tolist()),
-        "shapes": [written_shape(shape) for shape in still],
-        "loads": [{"id": load.unique_id, **_written_form(load)} for load in model.loads],
+        "shapes": [shape_to_json(shape) for shape in still],
+        "loads": [
+            {"id": load.unique_id, **outline_to_json(load.form.outline, load.form.radius)} for load in model.loads
+        ],
         "layers": [layer.name for layer in layers],
         "leave": model.fire_constants.leave,
         "join": model.fire_constants.join,
@@ -106,30 +107,6 @@ def joined(sceneries: Sequence[tuple[int, dict]]) -> tuple[tuple[int, dict], ...
         loads |= {load["id"]: load for load in scenery["loads"]}
     same = {"designs": designs, "robots": robots, "loads": list(loads.values())}
     return tuple((step, {**scenery, **same}) for step, scenery in sceneries)
-
-
-def written_shape(shape: Shape) -> dict:
-    """Return a disc as x, y and radius, a polygon as its rings.
-
-    Examples
-    --------
-    >>> from mesa_swarm.world.shapes import disc
-    >>> written_shape(disc((1, 2), 3, contact=False))
-    {'disc': [1.0, 2.0, 3.0], 'mark': True}
-    """
-    return {**_written_geometry(shape.geometry, shape.radius), **({} if shape.contact else {"mark": True})}
-
-
-def _written_form(load: Load) -> dict:
-    return _written_geometry(load.form.outline, load.form.radius)
-
-
-def _written_geometry(geometry: Point | Polygon, radius: float) -> dict:
-    """Return a Shapely point with its radius, or a polygon, as JSON has it."""
-    if geometry.geom_type == "Point":
-        return {"disc": [geometry.x, geometry.y, radius]}
-    rings = (geometry.exterior, *geometry.interiors)
-    return {"rings": [np.asarray(ring.coords)[:-1].tolist() for ring in rings]}
 
 
 def _written_design(design: RobotDesign) -> dict:

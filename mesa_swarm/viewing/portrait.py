@@ -23,7 +23,7 @@ from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.sensors import ProximitySensor
 from mesa_swarm.world.bodies import Form, Load
 from mesa_swarm.world.map_parts import Bounds
-from mesa_swarm.world.shapes import Shape, disc, polygon
+from mesa_swarm.world.shapes import Shape, shape_from_json
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -264,7 +264,7 @@ def _told(recording: Recording, sceneries: Sequence[tuple[int, dict]], join: flo
     try:
         settings = tuple(_settings(sceneries, join))
         _, told = sceneries[0]  # robots and loads are the same in all
-        forms = {one["id"]: Form.of(_shape(one)) for one in told["loads"]}
+        forms = {one["id"]: Form.of(shape_from_json(one)) for one in told["loads"]}
         designs = tuple(_design(one) for one in told["designs"])
         robots = Bodies(told["robots"], [design.radius for design in designs])
     except SwarmError as error:
@@ -277,18 +277,9 @@ def _settings(sceneries: Sequence[tuple[int, dict]], join: float) -> Iterator[Se
     obstacles: tuple[Shape, ...] = ()
     for step, told in sceneries:
         if told["shapes"] != shapes:
-            shapes, obstacles = told["shapes"], tuple(_shape(one) for one in told["shapes"])
+            shapes, obstacles = told["shapes"], tuple(shape_from_json(one) for one in told["shapes"])
         leave = float(told["leave"])
         yield Setting(step=step, obstacles=obstacles, leave=leave, join=float(told.get("join", min(join, leave))))
-
-
-def _shape(told: dict) -> Shape:
-    contact = not told.get("mark", False)
-    if "disc" in told:
-        x, y, radius = told["disc"]
-        return disc((x, y), radius, contact=contact)
-    shell, *holes = told["rings"]
-    return polygon(shell, holes, contact=contact)
 
 
 def _design(told: dict) -> RobotDesign:

@@ -6,9 +6,10 @@ from operator import itemgetter
 
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.fire.model import FireModel
-from mesa_swarm.recording.provenance import map_of, scenery_of, written_shape
+from mesa_swarm.recording.provenance import map_of, scenery_of
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.world.map import Map
+from mesa_swarm.world.shapes import shape_to_json
 
 # name: (table, values a row, type). Wider types first: in a packed frame each array is then aligned.
 COLUMNS: dict[str, tuple[str, int | str, str]] = {
@@ -129,7 +130,7 @@ def _usual_scenery(recording: Recording, chart: Map) -> dict:
     return {
         "designs": [USUAL_DESIGN],
         "robots": [],
-        "shapes": [written_shape(shape) for shape in chart.obstacles],
+        "shapes": [shape_to_json(shape) for shape in chart.obstacles],
         "loads": [{"id": load, "disc": [0.0, 0.0, USUAL_RADIUS]} for load in loads],
         "layers": [],
         "leave": recording.provenance["parameters"].get("leave", USUAL_LEAVE),

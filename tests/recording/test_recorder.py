@@ -205,14 +205,14 @@ def test_ctrl_c_while_a_chunk_is_written_neither_loses_nor_doubles_a_row(tmp_pat
 def test_ctrl_c_closes_the_recording_of_a_run(tmp_path, monkeypatch):
     model = small()
     recorder = model.record(tmp_path / "run.arrow")
-    burn = model._burn
+    process = model._process
 
     def interrupted():
         if model.steps == 8:
             raise KeyboardInterrupt
-        burn()
+        process()
 
-    monkeypatch.setattr(model, "_burn", interrupted)
+    monkeypatch.setattr(model, "_process", interrupted)
     with pytest.raises(KeyboardInterrupt):
         model.run(20)
     assert recorder.closed
