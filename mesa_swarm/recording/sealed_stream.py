@@ -217,7 +217,7 @@ class SealedWriter:
     def _remaining(self) -> str:
         """Return what remains under the name when no more can be written."""
         if not self.is_in_place:
-            return "the older file is unchanged"
+            return "the older file is untouched"
         return f"its {self.sealed.rows} rows so far remain" if self.sealed.rows else "no row was written"
 
     def _take_name(self) -> None:
@@ -257,7 +257,7 @@ def _opened(path: Path, overwrite: bool) -> tuple[FileIO, Path | None]:
         file = open(place if overwrite else path, "xb", buffering=0)  # noqa: SIM115 - closed by close
     except FileExistsError:
         raise RecordingError(
-            f"{shown_path(path)} exists already; choose another name, or use overwrite=True (--force)"
+            f"{shown_path(path)} exists already; choose another name, or replace it with overwrite=True (--force)"
         ) from None
     except OSError as error:
         raise unwritable(path, error, RecordingError, "choose another place") from None

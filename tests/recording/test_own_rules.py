@@ -1,4 +1,4 @@
-"""Rules of one's own that are set by hand while a run is recorded: no recording holds code."""
+"""Rules of one's own that are set by hand while a run is recorded: recordings contain no code."""
 
 import numpy as np
 import pytest
@@ -32,21 +32,21 @@ def ruled(tmp_path_factory):
     return Recording(path), recorder
 
 
-def test_a_control_with_a_rule_of_ones_own_is_told_and_no_state_stored_that_nobody_could_restore(ruled):
+def test_a_control_with_a_rule_of_ones_own_is_an_intervention_without_a_state_that_could_not_be_restored(ruled):
     recording, recorder = ruled
-    (told,) = recording.interventions
-    assert (told.step, told.what[0], told.checkpoint) == (HAND, "control", None)
-    assert "code of one's own in it (Behaviour timid distance=20.0), which no recording holds" in told.why_not
+    (intervention,) = recording.interventions
+    assert (intervention.step, intervention.what[0], intervention.checkpoint) == (HAND, "control", None)
+    assert "a rule of one's own (Behaviour timid distance=20.0), which cannot be recorded" in intervention.why_not
     assert recording.checkpoints == (0, 5, 10)
-    assert recorder.why_no_checkpoint == told.why_not
+    assert recorder.why_no_checkpoint == intervention.why_not
 
 
 @pytest.mark.parametrize("step", [HAND + 1, LAST])
-def test_resuming_after_a_rule_of_ones_own_was_set_says_what_happened_and_what_to_do(ruled, step):
-    with pytest.raises(RecordingError, match="after step 12 somebody changed control") as refusal:
+def test_resuming_after_a_rule_of_ones_own_was_set_names_the_cause_and_the_cure(ruled, step):
+    with pytest.raises(RecordingError, match="after step 12, changed by hand: control") as refusal:
         FireFighting.resume(ruled[0].path, step=step)
     words = str(refusal.value)
-    assert "set it again by hand after resuming from before, or record a model whose class has the rule" in words
+    assert "resume from an earlier step and set it again, or record a model whose class has the rule" in words
     assert words.endswith("the nearest steps to resume from are 12")
 
 

@@ -87,7 +87,7 @@ def test_robots_obstacles_and_fires_may_come_and_go(tmp_path):
     assert len(recording[4]["fires"]) - len(recording[5]["fires"]) == 1
     assert recording[-1].robots.tolist() == [robot.unique_id for robot in model.robots]
     assert len(recording.to_pandas()) == 20 + 15 + 30
-    with pytest.raises(InvalidValueError, match="came or went"):
+    with pytest.raises(InvalidValueError, match="added or removed"):
         recording["position"]
 
 
@@ -155,7 +155,7 @@ class FullDisk:
         return self._file.write(part)
 
 
-def test_on_a_full_disk_what_was_written_is_kept_and_the_model_may_go_on(tmp_path):
+def test_on_a_full_disk_what_was_written_remains_and_the_model_may_go_on(tmp_path):
     model = small()
     recorder = model.record(tmp_path / "run.arrow")
     model.run(20)
@@ -164,7 +164,7 @@ def test_on_a_full_disk_what_was_written_is_kept_and_the_model_may_go_on(tmp_pat
     writer._file = FullDisk(writer._file, 300)
     for _ in range(20):
         model.step()
-    with pytest.raises(RecordingError, match=r"No space left on device; its 20 rows so far are kept"):
+    with pytest.raises(RecordingError, match=r"No space left on device; its 20 rows so far remain"):
         recorder.flush()
     assert recorder.closed
     assert len(Recording(tmp_path / "run.arrow")) == 20
@@ -220,7 +220,7 @@ def test_ctrl_c_closes_the_recording_of_a_run(tmp_path, monkeypatch):
     assert Recording(tmp_path / "run.arrow").steps.tolist() == list(range(1, 8))
 
 
-def test_a_recording_that_nobody_closes_is_closed_when_the_program_ends(tmp_path):
+def test_a_recording_that_is_not_closed_is_closed_when_the_program_ends(tmp_path):
     program = (
         "import sys; from mesa_swarm.models.fire_fighting import FireFighting; "
         "model = FireFighting(rng=1); model.record(sys.argv[1]); model.run(7)"
@@ -248,17 +248,17 @@ def test_two_recordings_of_one_model_do_not_disturb_each_other(tmp_path):
     assert len(Recording(tmp_path / "b.arrow")) == 5
 
 
-def test_a_parameter_that_cannot_be_told_is_refused_in_words_before_a_file_is_made(tmp_path):
+def test_a_parameter_that_cannot_be_recorded_is_refused_before_a_file_is_made(tmp_path):
     for given in ({"model_reporters": {"n": lambda model: 1}}, {"rng": np.random.default_rng(1)}):
         model = SwarmModel(**given)
-        with pytest.raises(RecordingError, match="which a recording cannot tell"):
+        with pytest.raises(RecordingError, match="which cannot be recorded"):
             model.record(tmp_path / "run.arrow")
         assert not (tmp_path / "run.arrow").exists()
         model.record(tmp_path / "run.arrow", rerun=False).close()
         (tmp_path / "run.arrow").unlink()
 
 
-def test_the_file_says_where_it_comes_from(tmp_path):
+def test_the_file_contains_its_provenance(tmp_path):
     model = FireFighting(n_robots=3, rng=7)
     record(model, tmp_path / "run.arrow").close()
     facts = Recording(tmp_path / "run.arrow").provenance
@@ -271,7 +271,7 @@ def test_the_file_says_where_it_comes_from(tmp_path):
     assert facts["start"] == {"step": 0, "state_hash": model.state_hash()}
 
 
-def test_parts_that_are_parameters_are_told(tmp_path):
+def test_parts_that_are_parameters_are_recorded(tmp_path):
     constants = FireConstants(0.001, 0.02, 0.08, 0.25, 250, 150)
     small(fire_constants=constants).record(tmp_path / "run.arrow").close()
     facts = Recording(tmp_path / "run.arrow").provenance
