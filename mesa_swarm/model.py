@@ -1,10 +1,11 @@
 """EngineModel: the world, its step, written once, its observers and its fingerprint."""
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import wraps
 from hashlib import blake2b
-from typing import Any, Self, SupportsIndex
+from typing import Any, Protocol, Self, SupportsIndex, runtime_checkable
 
 import mesa
 import numpy as np
@@ -34,29 +35,148 @@ from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.snapshots import DECISIONS, Snapshots, check_kept
 from mesa_swarm.streams import Seed
+from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.map import Map
 from mesa_swarm.world_model import World
 
 ENGINES: dict[str, type[Engine]] = {"compiled": CompiledEngine, "shapely": ShapelyEngine}
-
-
-# Indices that depend on the order in which things were created say nothing of the state.
+# Indices that depend on the order in which things were created are not part of the state.
 NOT_HASHED = frozenset({"number", "design", "contact_index"})
+# Methods of a list that change it.
+MUTATORS = (
+    *("append", "extend", "insert", "remove", "pop", "clear", "sort", "reverse"),
+    *("__setitem__", "__delitem__", "__iadd__", "__imul__"),
+)
+
+
+@runtime_checkable
+class Observer(Protocol):
+    """What a model calls around each step and each run; add one with ``model.observers.append(observer)``.
+
+    Derive from it and override what is needed: every method does nothing by default, but `break_off` closes.
+    An object of another class serves as well, with any of these methods.
+
+    ===============  =========================================================================================
+    method           called
+    ===============  =========================================================================================
+    `before_step`    before anything of a step; Mesa has counted the step already
+    `after_step`     at the end of the model's own step, to which a derived class may add more
+    `between_steps`  when nothing of the step is left to do; a difference found at the next `before_step` was
+                     made by hand
+    `after_failure`  after a step that raised an error
+    `after_run`      when `run` has taken its steps without an error
+    `break_off`      when an error or Ctrl-C ends `run`
+    ===============  =========================================================================================
+
+    Examples
+    --------
+    >>> from mesa_swarm import SwarmModel
+    >>> class Printer(Observer):
+    ...     def after_step(self, model, step):
+    ...         print(step, model.collisions)
+    >>> model = SwarmModel(rng=1)
+    >>> model.observers.append(Printer())
+    >>> model.run(2).steps
+    1 0
+    2 0
+    2
+    """
+
+    # Each body ends with a return: a type checker takes methods of a Protocol without one for abstract.
+
+    def before_step(self, model: Any) -> None:
+        """Notice that a step begins."""
+        return
+
+    def after_step(self, model: Any, step: int) -> None:
+        """Notice a step, counted from 1."""
+        return
+
+    def between_steps(self, model: Any) -> None:
+        """Notice that a step is over."""
+        return
+
+    def after_failure(self, model: Any) -> None:
+        """Notice that a step failed."""
+        return
+
+    def after_run(self, model: Any, steps: int) -> None:
+        """Notice that a run of this many steps is over."""
+        return
+
+    def break_off(self) -> None:
+        """Notice that a run failed."""
+        self.close()
+
+    def close(self) -> None:
+        """Release files and the like."""
+        return
+
+
+HOOKS = tuple(name for name in vars(Observer) if not name.startswith("_"))
+
+
+class _Adapted(Observer):
+    """An observer of a class of the user's, with every method: where it has none, that of `Observer`."""
+
+    def __init__(self, observer: object) -> None:
+        methods = {name: asked(observer, name) for name in HOOKS}
+        methods = {name: method for name, method in methods.items() if callable(method)}
+        if not methods:
+            raise InvalidValueError(
+                f"observer is {shortened(observer)}; expected an object with after_step(model, step), see Observer"
+            )
+        self.__dict__.update(methods)
 
 
 class Observers(list):
-    """What a model calls after each step, `observer.after_step(model, step)`; copies of a model have none.
+    """The observers of a model, in the order in which they are called; a copy of a model has none.
 
-    That is at the end of SwarmModel's step, to which a class may add more of its own. An observer that has
-    `between_steps(model)` is called once more when all is done, and one that has `before_step(model)` before anything
-    of the next step is: what is other then was changed by hand. Mesa has counted that step already. One that has
-    `after_run(model, steps)` is called when `run` has taken so many steps without an error.
+    The list holds the objects that were added. What is called is `complete`, their counterparts with all methods
+    of `Observer`, made when the list changes: a method that an object gets later is not found.
 
-    What observes one run writes it to one place: two runs there would be a muddle.
+    An observer that writes a file belongs to one model: a copy that also wrote there would damage it.
+
+    Raises
+    ------
+    InvalidValueError
+        If something is added that has no method of `Observer`.
     """
+
+    complete: tuple[Observer, ...] = ()
+
+    def __init__(self, *observers: Any) -> None:
+        super().__init__(*observers)
+        self.complete = _completed(self)
 
     def __reduce_ex__(self, protocol: SupportsIndex) -> tuple:
         return Observers, ()
+
+
+def _completed(observers: list) -> tuple[Observer, ...]:
+    return tuple(each if isinstance(each, Observer) else _Adapted(each) for each in observers)
+
+
+def _completing(name: str) -> Callable:
+    """Return a method of a list that updates `complete` as well, and changes nothing if an object is refused."""
+    change = getattr(list, name)
+
+    @wraps(change)
+    def method(self: Observers, *given: Any, **named: Any) -> Any:
+        before = self[:]
+        result = change(self, *given, **named)
+        try:
+            self.complete = _completed(self)
+        except InvalidValueError:
+            list.__setitem__(self, slice(None), before)
+            raise
+        return result
+
+    return method
+
+
+for _name in MUTATORS:
+    setattr(Observers, _name, _completing(_name))
 
 
 class EngineModel(World):
@@ -79,7 +199,7 @@ class EngineModel(World):
         rng: Seed = None,
         engine: str = "compiled",
         turn_angle_degrees: float = 60.0,
-        collect_every: int = 1,
+        collect_every: int | Trigger = 1,
         communication: Radio | None = None,
         model_reporters: dict | None = None,
         agent_reporters: dict | None = None,
@@ -87,7 +207,7 @@ class EngineModel(World):
         self._turn_angle = np.radians(check_number("turn_angle_degrees", turn_angle_degrees, minimum=0, maximum=90))
         self._engine: Engine = ENGINES[check_choice("engine", engine, ENGINES)]()
         super().__init__(map=map, rng=rng)
-        self.observers = Observers()
+        self.observers = ()
         self._user_step: Callable[..., None] = self._whole_step  # what Mesa calls in its own wrapping of a step
         self.communication = communication
         self.collect_every = collect_every
@@ -107,6 +227,15 @@ class EngineModel(World):
         )
 
     @property
+    def observers(self) -> Observers:
+        """What is called around each step and each run, see `Observer`: a list to append to and remove from."""
+        return self.__dict__["observers"]
+
+    @observers.setter
+    def observers(self, observers: Iterable[Any]) -> None:
+        self.__dict__["observers"] = Observers(observers)
+
+    @property
     def collect_every(self) -> int:
         """Steps between two rows of `datacollector`, 0 for no rows at all; may be changed between steps.
 
@@ -120,11 +249,11 @@ class EngineModel(World):
         >>> len(model.datacollector.get_model_vars_dataframe())
         4
         """
-        return self._collect_every
+        return self._collect_every.every
 
     @collect_every.setter
-    def collect_every(self, steps: int) -> None:
-        self._collect_every = check_count("collect_every", steps)
+    def collect_every(self, every: int | Trigger) -> None:
+        self._collect_every = Trigger.of(every, "collect_every")
 
     @property
     def communication(self) -> Radio | None:
@@ -309,11 +438,11 @@ class EngineModel(World):
     def _collect(self) -> None:
         self.collisions = int(np.count_nonzero(self.swarm.columns["collided"]))
         self.total_collisions += self.collisions
-        if self._snapshots is not None and self._completed % self._snapshots.every == 0:
+        if self._snapshots is not None and self._snapshots.trigger.is_due(self._completed):
             self._snapshots.append(self._completed)
-        if self._collect_every and self._completed % self._collect_every == 0:
+        if self._collect_every.is_due(self._completed):
             self.datacollector.collect(self)
-        for observer in list(self.observers):
+        for observer in self.observers.complete:
             observer.after_step(self, self._completed)
 
     def _check_driven(self, design: RobotDesign) -> None:
@@ -327,25 +456,21 @@ class EngineModel(World):
         return self._completed
 
     def _whole_step(self, *given: Any, **named: Any) -> None:
-        """Take the step that the class says, of which this class's own is a part; tell observers before and after.
+        """Take the step of the model's own class, of which the step of this class is a part, and call observers.
 
-        Of a step that fails they are told as well: what it has left is all that will come of it.
+        They are called after a step that failed as well: what it has changed stays.
         """
         try:
-            self._tell("before_step")
+            for observer in self.observers.complete:
+                observer.before_step(self)
             type(self).step(self, *given, **named)
-            self._tell("between_steps")
+            for observer in self.observers.complete:
+                observer.between_steps(self)
         except BaseException:
             self._schedule_again()
-            self._tell("after_failure")
+            for observer in self.observers.complete:
+                observer.after_failure(self)
             raise
-
-    def _tell(self, what: str) -> None:
-        """Call what some observers have, and others have not."""
-        for observer in list(self.observers):
-            told = getattr(observer, what, None)
-            if told is not None:
-                told(self)
 
     def _schedule_again(self) -> None:
         """Let Mesa 3.5 take a step after one that failed, as Mesa 3.3 does: its schedule ends with an error."""
@@ -359,7 +484,9 @@ class EngineModel(World):
         """The deepest contact of every robot that collided in the last step."""
         return Contacts.of(self.swarm, self._obstacles, self._hot_agents())
 
-    def watch(self, last: int | None = 100, *, every: int = 1, columns: tuple[str, ...] = DECISIONS) -> Snapshots:
+    def watch(
+        self, last: int | None = 100, *, every: int | Trigger = 1, columns: tuple[str, ...] = DECISIONS
+    ) -> Snapshots:
         """Keep what robots knew and did from now on, and return where it is kept.
 
         Watching anew forgets what was kept; `last=None` keeps everything, which takes memory without end.
@@ -458,17 +585,16 @@ class EngineModel(World):
 
     @contextmanager
     def _observed_run(self) -> Iterator[None]:
-        """Tell observers when a run is over; close them if an error or Ctrl-C ends it: what was recorded is kept."""
+        """Call observers when a run is over; an error or Ctrl-C closes them, so that what they recorded is stored."""
         begin = self.completed
         try:
             yield
         except BaseException:
-            for observer in list(self.observers):
-                getattr(observer, "break_off", observer.close)()
+            for observer in self.observers.complete:
+                observer.break_off()
             raise
-        for observer in list(self.observers):
-            if hasattr(observer, "after_run"):
-                observer.after_run(self, self.completed - begin)
+        for observer in self.observers.complete:
+            observer.after_run(self, self.completed - begin)
 
     # ---- small parts
 

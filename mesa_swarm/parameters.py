@@ -15,6 +15,7 @@ from mesa_swarm.errors import (
     shortened,
     unknown_name,
 )
+from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.map import READABLE, Map
 
 LARGEST_WHOLE = 10**9
@@ -138,6 +139,7 @@ def parameters_of(model: Callable) -> dict[str, Parameter]:
             continue
         hint = hints.get(name, type(parameter.default))
         kind, extras = getattr(hint, "__origin__", hint), getattr(hint, "__metadata__", ())
+        kind = int if kind == int | Trigger else kind  # what is typed is a number of steps
         control = next((extra for extra in extras if isinstance(extra, (Slider, Choice))), None)
         parameters[name] = Parameter(name, parameter.default, kind, control)
     return parameters

@@ -4,7 +4,7 @@ from functools import partial
 
 from mesa import Model
 
-from mesa_swarm.errors import check_count
+from mesa_swarm.trigger import Trigger
 
 
 class Held:
@@ -31,15 +31,15 @@ class Held:
     3
     """
 
-    def __init__(self, name: str, every: int = 10) -> None:
+    def __init__(self, name: str, every: int | Trigger = 10) -> None:
         self.name = name
-        self.every = check_count("every", every, minimum=1)
+        self.trigger = Trigger.of(every, minimum=1)
         self._due = -1
         self._value: object = None
 
     def __call__(self, model: Model) -> object:
         """Return the value that was measured last, measured now if it is due."""
-        due = model.steps - model.steps % self.every
+        due = self.trigger.last_due(model.steps)
         if due != self._due:
             self._due, self._value = due, getattr(model, self.name)
         return self._value
@@ -53,7 +53,7 @@ class Held:
         self._due, self._value = state["due"], state["value"]
 
 
-def held(*names: str, every: int = 10) -> dict[str, partial]:
+def held(*names: str, every: int | Trigger = 10) -> dict[str, partial]:
     """Return reporters of these properties by name, for `model_reporters`.
 
     Examples

@@ -14,6 +14,7 @@ from mesa_swarm.robots.design import DesignTable, RobotDesign
 from mesa_swarm.robots.robot import SIDES, Robot, remove_together
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.streams import Seed, Streams
+from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.arena import Agents, Arena, as_numbers
 from mesa_swarm.world.bodies import Form, Load, Obstacle, checked_resistance
 from mesa_swarm.world.map import Map
@@ -39,9 +40,10 @@ class World(mesa.Model):
     """
 
     def __new__(cls, *given: Any, **named: Any) -> Self:
-        """Take note of what the outermost constructor was given: a recording tells it, so that it can be run again."""
+        """Store the arguments of the outermost constructor, with which a recorded model is made again."""
         world = super().__new__(cls)
-        world.given = given, named  # before any constructor of a subclass has changed them
+        # Before any constructor of a subclass has changed them; triggers as recordings have them.
+        world.given = tuple(map(_plain, given)), {name: _plain(value) for name, value in named.items()}
         return world
 
     def __init__(self, *, map: str | os.PathLike | Map, rng: Seed) -> None:
@@ -320,6 +322,10 @@ class World(mesa.Model):
 def _check_shape(name: str, shape: Shape) -> None:
     if not isinstance(shape, Shape):
         raise InvalidValueError(f"{name} is {shortened(shape)}; expected disc(...), rectangle(...) or polygon(...)")
+
+
+def _plain(value: object) -> object:
+    return value.every if isinstance(value, Trigger) else value
 
 
 def _checked_seed(rng: Seed) -> Seed:

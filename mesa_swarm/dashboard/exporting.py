@@ -16,6 +16,7 @@ from typing import Any, cast
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.errors import ExportError, InvalidValueError, RecordingError, SwarmError, check_choice, check_count
 from mesa_swarm.experiments.pool import ending_with_us
+from mesa_swarm.model import Observer
 from mesa_swarm.recording.recorder import Recorder, record
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.pictures import png, svg, world_figure
@@ -28,7 +29,7 @@ MOST_BYTES = 300_000_000
 LOOK_EVERY = 50
 
 
-class Tape:
+class Tape(Observer):
     """Records a model from now on, one recording at a time.
 
     Parameters

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mesa_swarm.errors import UnknownNameError, unknown_name
+from mesa_swarm.model import Observer
 from mesa_swarm.swarm_model import SwarmModel
 
 # Kept of a run, or of two that are compared, 16 MB; of a longer one every second step is dropped, and again.
@@ -58,7 +59,7 @@ class Curves:
     width: int
 
 
-class Series:
+class Series(Observer):
     """Numbers of a model after every step: its reporters, robots at fires, which layers drive.
 
     Call `follow` with a model before its first step. When there is no more room, every second row is dropped:
@@ -125,9 +126,6 @@ class Series:
                 self._steps[self._count] = step
                 measure(model, self._table[self._count])
                 self._count += 1
-
-    def close(self) -> None:
-        """Leave it as it is: what was measured stays when a run is broken off."""
 
     def charts(self) -> list[Chart]:
         """Return what can be shown."""

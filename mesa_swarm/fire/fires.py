@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mesa_swarm.errors import InvalidValueError, RemovedRobotError, check_number
+from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.arena import Arena, ArenaAgent, Model
 from mesa_swarm.world.shapes import Coordinates
 
@@ -54,7 +55,7 @@ class Fires:
     out_step: NDArray[np.int64]
     robots: NDArray[np.int64]
 
-    def __init__(self, history_every: int = 1) -> None:
+    def __init__(self, history_every: int | Trigger = 1) -> None:
         self.agents: list[Fire] = []
         self.columns: dict[str, np.ndarray] = {
             name: np.zeros((0, *shape), dtype) for name, (shape, dtype) in COLUMNS.items()
@@ -200,13 +201,22 @@ class History:
         Steps between two rows; 0 keeps nothing.
     """
 
-    def __init__(self, every: int) -> None:
-        self.every = every
+    def __init__(self, every: int | Trigger) -> None:
+        self.trigger = Trigger.of(every, "history_every")
         self._steps: list[int] = []
         self._rows: list[np.ndarray] = []
         # The column of each fire that is there now: columns stay when fires are removed.
         self._places: list[int] = []
         self._fires = 0
+
+    @property
+    def every(self) -> int:
+        """Steps between two rows; 0 for no rows at all; may be changed between steps."""
+        return self.trigger.every
+
+    @every.setter
+    def every(self, every: int | Trigger) -> None:
+        self.trigger = Trigger.of(every, "history_every")
 
     def add_fire(self) -> None:
         """Make room for one more fire: a column of its own."""

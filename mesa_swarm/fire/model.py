@@ -6,13 +6,14 @@ from collections.abc import Iterator, Sequence
 import mesa
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
+from mesa_swarm.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.fire.burning import burn
 from mesa_swarm.fire.constants import FireConstants, design_constants
 from mesa_swarm.fire.fires import Fire, Fires
 from mesa_swarm.model import EngineModel
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.streams import Seed
+from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.map import RADIUS_OF_UNIT_AREA, Map
 from mesa_swarm.world.shapes import disc
 from mesa_swarm.world.statics import FIRE
@@ -36,14 +37,14 @@ class FireModel(EngineModel):
         turn_angle_degrees: float = 60.0,
         fire_constants: FireConstants | None = None,
         extinguish_range: float = 10.0,
-        history_every: int = 1,
-        collect_every: int = 1,
+        history_every: int | Trigger = 1,
+        collect_every: int | Trigger = 1,
         communication: Radio | None = None,
         model_reporters: dict | None = None,
         agent_reporters: dict | None = None,
     ) -> None:
         self.extinguish_range = check_number("extinguish_range", extinguish_range, minimum=0, maximum=1e9)
-        self.fires = Fires(check_count("history_every", history_every))
+        self.fires = Fires(history_every)
         self._burns = False
         super().__init__(
             map=map,
@@ -149,7 +150,7 @@ class FireModel(EngineModel):
 
     def _collect(self) -> None:
         history = self.fires.history
-        if self._burns and history.every and self._completed % history.every == 0:
+        if self._burns and history.trigger.is_due(self._completed):
             fires = self.fires
             history.append(self.steps, fires.temperature, fires.robots, fires.out)
         super()._collect()

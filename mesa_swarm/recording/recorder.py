@@ -17,6 +17,7 @@ import pyarrow as pa
 from mesa_swarm.errors import RecordingError, check_count, shortened
 from mesa_swarm.files import shown_path
 from mesa_swarm.fire.model import FireModel
+from mesa_swarm.model import Observer
 from mesa_swarm.recording.changes import ChangeDetector, intervention_to_json
 from mesa_swarm.recording.checkpoint import checkpoint_of
 from mesa_swarm.recording.collected import Path as SeriesPath
@@ -167,7 +168,7 @@ def _is_readable(batch: pa.RecordBatch) -> bool:
     return True
 
 
-class Recorder:
+class Recorder(Observer):
     """Writes the model to a file after its steps; made by `record`, and closed by `close`, at exit, or as a context.
 
     Parameters

@@ -7,6 +7,7 @@ import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, UnknownNameError, check_count, shortened, unknown_name
 from mesa_swarm.robots.swarm import Swarm
+from mesa_swarm.trigger import Trigger
 
 # What explaining a decision needs, and what happened next.
 DECISIONS = (
@@ -63,7 +64,7 @@ class Snapshots:
     """
 
     def __init__(
-        self, swarm: Swarm, *, last: int | None = None, every: int = 1, columns: tuple[str, ...] = DECISIONS
+        self, swarm: Swarm, *, last: int | None = None, every: int | Trigger = 1, columns: tuple[str, ...] = DECISIONS
     ) -> None:
         self._swarm = swarm
         if isinstance(columns, str) or not all(isinstance(name, str) for name in columns):
@@ -72,7 +73,7 @@ class Snapshots:
         for name in self.columns:
             if name not in swarm.columns:
                 raise UnknownNameError(unknown_name("column", name, swarm.columns))
-        self.every = check_count("every", every, minimum=1)
+        self.trigger = Trigger.of(every, minimum=1)
         self._kept: deque = deque(maxlen=None if last is None else check_count("last", last, minimum=1))
         self._numbers = swarm.number
         self._version = swarm.version
@@ -81,6 +82,11 @@ class Snapshots:
     def __len__(self) -> int:
         """How many steps are kept."""
         return len(self._rows)
+
+    @property
+    def every(self) -> int:
+        """Steps from one to the next."""
+        return self.trigger.every
 
     def note(self) -> None:
         """Take note of the heat that robots decided on, before burning overwrites it."""

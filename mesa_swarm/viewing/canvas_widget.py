@@ -13,6 +13,7 @@ from reacton.core import Element
 
 from mesa_swarm.errors import check_count, check_number
 from mesa_swarm.fire.model import FireModel
+from mesa_swarm.model import Observer
 from mesa_swarm.viewing.pictures import png, world_figure
 from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES
 from mesa_swarm.viewing.player import Past, Picture, Played, Player
@@ -296,7 +297,7 @@ def rate_text(rate: float) -> str:
 EVERY = 0.05
 
 
-class Watcher:
+class Watcher(Observer):
     """Shows steps that a program takes, not those of the player itself.
 
     While a cell is executed the browser cannot say what it has drawn: the last step is shown when it can.
@@ -319,9 +320,6 @@ class Watcher:
         is_behind = player.model is not None and player.model.completed != player.past.last_step
         if is_behind and player.past.is_present and not player.playing:
             player.rest()
-
-    def close(self) -> None:
-        """Leave it as it is: there is nothing to close."""
 
 
 def show(model: FireModel, *, speed: float = 60.0, height: int = 560) -> SwarmCanvas:
