@@ -47,8 +47,7 @@ class RecordingError(SwarmError, RuntimeError):
     """
 
     def __init__(self, message: str = "") -> None:
-        line = " ".join(message.splitlines())
-        super().__init__(line if len(line) <= LONGEST else f"{line[: LONGEST // 2 - 5]} ... {line[-LONGEST // 2 :]}")
+        super().__init__(_cut(" ".join(message.splitlines())))
 
 
 class ExportError(SwarmError, RuntimeError):
@@ -77,6 +76,29 @@ class ExportWarning(UserWarning):
 
 class FireConstantsWarning(UserWarning):
     """Wished-for fire properties that contradict each other or make the task trivial or impossible."""
+
+
+def in_words(error: BaseException) -> str:
+    r"""Return one printable line of at most 300 characters about any error: ours as they are, others by name.
+
+    Examples
+    --------
+    >>> in_words(InvalidValueError("steps is -1")), in_words(ZeroDivisionError("nothing left\nto share"))
+    ('steps is -1', 'ZeroDivisionError: nothing left to share')
+    """
+    try:
+        text = " ".join(str(error).split())
+    except Exception:  # of a class of the user's
+        text = ""
+    if not text or not isinstance(error, SwarmError):
+        text = f"{type(error).__name__}: {text}".removesuffix(": ")
+    # A file's name may hold what ends a text or turns its direction.
+    return _cut("".join(letter if letter.isprintable() else "\ufffd" for letter in text))
+
+
+def _cut(line: str) -> str:
+    """Return a line without its middle if it is too long: an error begins with what it is and ends with the cure."""
+    return line if len(line) <= LONGEST else f"{line[: LONGEST // 2 - 5]} ... {line[-LONGEST // 2 :]}"
 
 
 def check_number(

@@ -7,7 +7,16 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, SwarmModel
-from mesa_swarm.errors import InvalidValueError, SwarmError, check_count, check_flag, check_number, shortened
+from mesa_swarm.errors import (
+    LONGEST,
+    InvalidValueError,
+    SwarmError,
+    check_count,
+    check_flag,
+    check_number,
+    in_words,
+    shortened,
+)
 from mesa_swarm.parameters import Choice, Parameter
 
 
@@ -40,6 +49,31 @@ def test_numbers_of_numpy_and_paths_are_shown_as_plain_ones():
     assert shortened(np.array([1e5, 3.0])) == "[100000.0, 3.0]"
     assert shortened([Path("a.toml")]) == "['a.toml']"
     assert len(shortened(np.zeros(10**7))) <= 80
+
+
+def test_an_error_of_ours_is_shown_as_it_is_and_any_other_by_name_on_one_line():
+    assert in_words(InvalidValueError("n is 0;\nexpected 1")) == "n is 0; expected 1"
+    assert in_words(KeyError("map")) == "KeyError: 'map'"
+    assert in_words(ValueError("first\r\nsecond\u2028third")) == "ValueError: first second third"
+    assert in_words(ValueError()) == "ValueError"
+    assert in_words(SwarmError()) == "SwarmError"
+
+
+def test_an_error_in_words_is_printable_and_at_most_300_characters_with_its_beginning_and_its_end():
+    assert in_words(OSError("a\x1b[31m\u202eb.png")) == "OSError: a\ufffd[31m\ufffdb.png"
+    long = in_words(ValueError(f"begins {'x' * 1000} ends"))
+    assert len(long) == LONGEST == 300
+    assert long.startswith("ValueError: begins x")
+    assert " ... " in long
+    assert long.endswith("x ends")
+
+
+def test_an_error_that_cannot_be_written_as_text_is_named():
+    class UnreadableError(Exception):
+        def __str__(self):
+            raise ZeroDivisionError
+
+    assert in_words(UnreadableError()) == "UnreadableError"
 
 
 def test_errors_about_places_show_plain_numbers():

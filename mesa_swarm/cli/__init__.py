@@ -13,7 +13,7 @@ from typing import Annotated, TextIO
 import typer
 
 from mesa_swarm.cli.study import MOST_KEPT, MOST_STEPS, Quiet, Settings, study, work
-from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice
+from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, in_words
 from mesa_swarm.gallery import model_names
 
 INTERRUPTED = 130
@@ -86,12 +86,12 @@ def _in_words(error: Exception) -> str:
     if hasattr(error, "format_message"):  # what was typed is not a command
         return f"{error.format_message()} (mesa-swarm --help says what is possible)"
     if isinstance(error, SwarmError):
-        return str(error).replace("overwrite=True (--force)", "--force")  # what one types, not what one calls
+        return in_words(error).replace("overwrite=True (--force)", "--force")  # what one types, not what one calls
     if isinstance(error, OSError):
         # What we write has a name, what we print has none.
         unnamed = "standard output or a temporary file" if error.errno in DISK_FULL else None
         return ": ".join(str(part) for part in (error.filename or unnamed, error.strerror or error) if part)
-    return f"{type(error).__name__}: {error} (with --debug, mesa-swarm shows where)"
+    return f"{in_words(error)} (with --debug, mesa-swarm shows where)"
 
 
 def _show_warning(

@@ -17,7 +17,7 @@ from joblib import cpu_count
 
 from mesa_swarm.dashboard.pair import NAMES, Pair
 from mesa_swarm.dashboard.session import LARGEST_SEED, Session, checked_wish
-from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, check_count
+from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, check_count, in_words
 from mesa_swarm.experiments.compare import Comparison, run_plan
 from mesa_swarm.experiments.figures import comparison_figure, main_measure
 from mesa_swarm.experiments.plan import DEFAULT_STEPS, Plan, checked_plan
@@ -27,7 +27,6 @@ from mesa_swarm.gallery import find_model, model_names
 from mesa_swarm.parameters import Choice, Parameter, Slider, parameters_of
 from mesa_swarm.viewing.pictures import png
 from mesa_swarm.viewing.play_loop import Listeners
-from mesa_swarm.viewing.readings import in_words
 
 # So many comparisons are under way at the same time, of all who use this server.
 MOST_AT_ONCE = 2

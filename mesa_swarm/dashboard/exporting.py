@@ -14,14 +14,21 @@ from tempfile import TemporaryDirectory
 from typing import Any, cast
 
 from mesa_swarm.dashboard.session import Session
-from mesa_swarm.errors import ExportError, InvalidValueError, RecordingError, SwarmError, check_choice, check_count
+from mesa_swarm.errors import (
+    ExportError,
+    InvalidValueError,
+    RecordingError,
+    SwarmError,
+    check_choice,
+    check_count,
+    in_words,
+)
 from mesa_swarm.experiments.pool import ending_with_us
 from mesa_swarm.model import Observer
 from mesa_swarm.recording.recorder import Recorder, record
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.pictures import png, svg, world_figure
 from mesa_swarm.viewing.portrait import portrait_of
-from mesa_swarm.viewing.readings import in_words
 
 # Of one recording, bytes.
 MOST_BYTES = 300_000_000

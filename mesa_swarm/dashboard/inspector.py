@@ -9,10 +9,9 @@ import traitlets
 
 from mesa_swarm.dashboard.inspection import inspect, move, neighbour_of, robot_of
 from mesa_swarm.dashboard.session import Session
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.errors import InvalidValueError, in_words
 from mesa_swarm.viewing.canvas_widget import text_of
 from mesa_swarm.viewing.player import Picture
-from mesa_swarm.viewing.readings import in_words
 
 # While it is played, the inspector is brought up to date so often, s.
 EVERY = 0.2

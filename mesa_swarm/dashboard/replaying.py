@@ -11,7 +11,7 @@ from typing import Any, cast
 from mesa_swarm.dashboard import RECORDINGS_VARIABLE
 from mesa_swarm.dashboard.projector import Projector
 from mesa_swarm.dashboard.session import LARGEST_SEED, MOST_ROBOTS, Session
-from mesa_swarm.errors import InvalidValueError, RecordingError, SwarmError, check_choice, check_count
+from mesa_swarm.errors import InvalidValueError, RecordingError, SwarmError, check_choice, check_count, in_words
 from mesa_swarm.files import unwritable
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.gallery import class_name, find_model, model_names
@@ -23,7 +23,6 @@ from mesa_swarm.recording.resume import resumed
 from mesa_swarm.recording.verify import Watch
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.play_loop import Listeners
-from mesa_swarm.viewing.readings import in_words
 from mesa_swarm.world.map import Map, builtin_maps
 
 # So many letters of a name are kept: no file system is asked for more bytes than it can take.

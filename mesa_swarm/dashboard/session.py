@@ -10,14 +10,13 @@ from typing import Any, Protocol, TypeVar, cast
 
 from mesa_swarm.dashboard.inspection import watch_closely
 from mesa_swarm.dashboard.series import Series
-from mesa_swarm.errors import InvalidValueError, check_count
+from mesa_swarm.errors import InvalidValueError, check_count, in_words
 from mesa_swarm.fire import FireConstants
 from mesa_swarm.gallery import find_model
 from mesa_swarm.parameters import Choice, Parameter, parameters_of
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES, Listeners
 from mesa_swarm.viewing.player import Player
-from mesa_swarm.viewing.readings import in_words
 from mesa_swarm.world.map import Map, builtin_maps
 from mesa_swarm.world.map_parts import stopping_when
 

@@ -9,11 +9,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from mesa_swarm.errors import in_words
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.recording.recorder import Recorder
 from mesa_swarm.viewing.frame import moment_of_model, packed_frame
 from mesa_swarm.viewing.play_loop import Listeners, PlayLoop
-from mesa_swarm.viewing.readings import in_words, readings_of
+from mesa_swarm.viewing.readings import readings_of
 from mesa_swarm.viewing.scene import world_of_model
 
 MOST_BYTES = 48_000_000

@@ -1,11 +1,8 @@
-"""What is said of a model beside its picture, and of what went wrong in it."""
+"""Numbers that are shown beside the picture of a model."""
 
 from typing import Any
 
-from mesa_swarm.errors import SwarmError
 from mesa_swarm.fire.model import FireModel
-
-LONGEST_ERROR = 300
 
 
 def readings_of(model: FireModel) -> tuple[tuple[str, str], ...]:
@@ -26,20 +23,6 @@ def readings_of(model: FireModel) -> tuple[tuple[str, str], ...]:
         ("Robots at fires", f"{fighting} of {len(model.swarm):,}"),
         ("Collisions", collisions),
     )
-
-
-def in_words(problem: Exception) -> str:
-    r"""Return one line that says what went wrong: ours as they are, others by name.
-
-    Examples
-    --------
-    >>> in_words(ZeroDivisionError("nothing left\nto share"))
-    'ZeroDivisionError: nothing left'
-    """
-    line = (str(problem).splitlines() or [""])[0]
-    line = line if isinstance(problem, SwarmError) else f"{type(problem).__name__}: {line}"
-    # A file's name may hold what ends a text or turns its direction.
-    return "".join(letter if letter.isprintable() else "\ufffd" for letter in line[:LONGEST_ERROR])
 
 
 def value_text(value: Any) -> str:

@@ -182,7 +182,7 @@ def test_an_error_in_a_step_is_said_and_the_model_left_alone():
     player.loop.speed = AS_FAST_AS_IT_GOES
     player.play()
     wait_until(lambda: told and told[-1])
-    assert player.error == "ZeroDivisionError: nothing left"
+    assert player.error == "ZeroDivisionError: nothing left to share"
     wait_until(lambda: not threads("play"))
     player.step()
     player.play()
