@@ -74,14 +74,14 @@ def intervention_from_json(step: int, content: bytes, checkpoint: int | None) ->
     return Intervention(step=step, what=tuple(fields["what"]), why_not=why_not, checkpoint=checkpoint)
 
 
-def in_words(interventions: Sequence[Intervention]) -> str:
+def as_remark(interventions: Sequence[Intervention]) -> str:
     """Return what a verdict adds about interventions, an empty text if there were none.
 
     Examples
     --------
-    >>> in_words([Intervention(step=20, what=("control",)), Intervention(step=30, what=("running",))])
+    >>> as_remark([Intervention(step=20, what=("control",)), Intervention(step=30, what=("running",))])
     '; changed by hand: control after step 20, running after step 30 (continued from the stored states)'
-    >>> in_words([])
+    >>> as_remark([])
     ''
     """
     if not interventions:

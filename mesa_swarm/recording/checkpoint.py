@@ -7,7 +7,7 @@ import numpy as np
 from mesa.agent import Agent
 
 from mesa_swarm.control.arbiter import MOST_LAYERS
-from mesa_swarm.errors import RecordingError, SwarmError, shortened
+from mesa_swarm.errors import RecordingError, SwarmError, in_words, shortened
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.recording.collected import (
     Path,
@@ -27,10 +27,9 @@ from mesa_swarm.recording.parts import (
     part_to_json,
     restore_objects,
 )
-from mesa_swarm.recording.provenance import reason_of
 from mesa_swarm.robots.design import LARGEST_RADIUS
 
-# Attributes that are stored separately, follow from what is stored, or only say how the model is being viewed.
+# Attributes that are stored separately, follow from what is stored, or only describe how the model is viewed.
 # First Mesa's, then ours.
 HANDLED = frozenset(
     (
@@ -192,7 +191,7 @@ def restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpoi
         state_hash = model.state_hash()
     except (SwarmError, ArithmeticError, AttributeError, LookupError, MemoryError, RecursionError, TypeError,
             ValueError) as error:  # fmt: skip
-        raise RecordingError(f"{where} cannot be restored: {reason_of(error)}") from None
+        raise RecordingError(f"{where} cannot be restored: {in_words(error)}") from None
     if state_hash != checkpoint.state_hash or model.completed != checkpoint.step:
         raise RecordingError(f"{where} does not match its state hash: another version of mesa_swarm wrote it")
     return model

@@ -27,12 +27,11 @@ from mesa_swarm.control import (
     Subsumption,
     VectorSum,
 )
-from mesa_swarm.errors import RecordingError, SwarmError, check_flag, shortened
+from mesa_swarm.errors import RecordingError, SwarmError, check_flag, in_words, shortened
 from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.fires import Fire
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.fire.strategy import FightFire
-from mesa_swarm.recording.provenance import reason_of
 from mesa_swarm.robots.design import DesignTable, RobotDesign
 from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections
@@ -48,7 +47,7 @@ SENSORS = (ProximitySensor, RadiationSensor, LineSensor)
 IMPERFECT = (Imperfection, Imperfections)
 DRIVES = (DifferentialDrive, HolonomicDrive)
 PARTS = {part.__name__: part for part in (RobotDesign, *SENSORS, *DRIVES, FireConstants, Radio, *IMPERFECT, *LAYERS)}
-OWN_CODE = "code of one's own"
+OWN_CODE = "code of one's own"  # a key of stored states
 ARBITERS = {"Subsumption": Subsumption, "VectorSum": VectorSum}
 PLAIN = (bool, int, float, str, type(None))
 MOST_OBJECTS = 10_000_000
@@ -162,7 +161,7 @@ def restored_outline(value: Any) -> tuple[Point | Polygon, float]:
 
 
 def control_to_json(control: Arbiter | None) -> object:
-    """Return the layers and weights of an arbiter; of rules of one's own only their names.
+    """Return the layers and weights of an arbiter; of custom rules only their names.
 
     Examples
     --------
@@ -191,14 +190,14 @@ def control_from_json(value: object) -> Any:
         raise RecordingError(f"unknown arbiter {shortened(name)} in recording")
     own = own_code(value)
     if own:
-        raise RecordingError(f"the control has a rule of one's own ({shortened(own[0])}), which cannot be recorded")
+        raise RecordingError(f"the control has a custom rule ({shortened(own[0])}), which cannot be recorded")
     layers = [part_from_json(layer) for layer in given["layers"]]
     more = {} if given.get("weights") is None else {"weights": given["weights"]}
     return _made(name, lambda: ARBITERS[name](*layers, **more), {})
 
 
 def own_code(control: Any) -> list[str]:
-    """Return the names of the rules of one's own in what `control_to_json` returned.
+    """Return the names of the custom rules in what `control_to_json` returned.
 
     Examples
     --------
@@ -228,7 +227,7 @@ def _made(name: str, maker: Callable, arguments: dict) -> Any:
     try:
         return maker(**arguments)
     except (SwarmError, TypeError, ValueError, AttributeError, LookupError, OverflowError) as error:
-        raise RecordingError(f"{name} of the recording cannot be made: {reason_of(error)}") from None
+        raise RecordingError(f"{name} of the recording cannot be made: {in_words(error)}") from None
 
 
 def objects_to_json(model: FireModel) -> dict:
@@ -349,7 +348,7 @@ def _remove_others(model: FireModel, ids: set[int]) -> None:
 
 
 def _designs(model: FireModel, stored: list) -> list[RobotDesign]:
-    """Return the designs; those that the model has already unchanged, since a drive may be of one's own."""
+    """Return the designs; those that the model has already unchanged, since a drive may be custom."""
     present = [(part_to_json(design), design) for design in model.swarm.designs]
     parts = [next((d for fields, d in present if fields == one), None) or part_from_json(one) for one in stored]
     if not all(isinstance(part, RobotDesign) for part in parts):

@@ -11,7 +11,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, RecordingError, SwarmError, shortened
+from mesa_swarm.errors import InvalidValueError, RecordingError, SwarmError, in_words, shortened
 from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.recording.schema import checked_provenance, read_json
@@ -30,7 +30,6 @@ MOVED = {("mesa_swarm.model", "SwarmModel"): "mesa_swarm.swarm_model"}
 PACKAGES = ("mesa-swarm", "mesa", "numpy", "numba", "shapely", "pyarrow")
 # Objects that parameters may be, besides plain values: written as {name: fields}.
 PARTS = {"FireConstants": FireConstants, "Radio": Radio}
-LONGEST_REASON = 200
 CURE = "record a subclass of SwarmModel that makes it in its constructor from numbers and names, or use rerun=False"
 
 
@@ -219,20 +218,8 @@ def rebuilt(provenance: dict, model_class: type, **changes: object) -> FireModel
         if changes and isinstance(error, SwarmError):  # about the user's own arguments
             raise
         raise RecordingError(
-            f"{model_class.__name__} cannot be made from the recording's parameters: {reason_of(error)}"
+            f"{model_class.__name__} cannot be made from the recording's parameters: {in_words(error)}"
         ) from error
-
-
-def reason_of(error: Exception) -> str:
-    """Return the message of an error on one line, after its class unless mesa_swarm raised it.
-
-    Examples
-    --------
-    >>> reason_of(ZeroDivisionError("division by zero"))
-    'ZeroDivisionError: division by zero'
-    """
-    message = f"{' '.join(str(error).split()):.{LONGEST_REASON}}"
-    return message if isinstance(error, SwarmError) else f"{type(error).__name__}: {message}"
 
 
 def map_of(provenance: dict) -> Map:
@@ -311,7 +298,7 @@ def _read(value: object) -> object:
             try:
                 return PARTS[title](**fields)
             except (TypeError, ValueError) as error:
-                raise InvalidValueError(f"{title} of the recording cannot be made: {reason_of(error)}") from None
+                raise InvalidValueError(f"{title} of the recording cannot be made: {in_words(error)}") from None
     return value
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import pyarrow as pa
 
-from mesa_swarm.errors import RecordingError, check_count, shortened
+from mesa_swarm.errors import RecordingError, shortened
 from mesa_swarm.files import shown_path
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.model import Observer
@@ -35,6 +35,7 @@ from mesa_swarm.recording.schema import (
     longest_gap,
 )
 from mesa_swarm.recording.sealed_stream import CHANGE, CHECKPOINT, INTERVENTION, Sealed, SealedWriter
+from mesa_swarm.trigger import Trigger
 
 HASH_EVERY = 100
 # Limits of a chunk. Larger ones make finding a frame slow, smaller ones make the file large.
@@ -175,8 +176,8 @@ class Recorder(Observer):
     ----------
     model : FireModel
     path : Path
-    every : int
-        Steps from one row to the next.
+    trigger : Trigger
+        When a row is due.
     layout : Layout
     writer : SealedWriter
     checkpoint_every : int
@@ -185,20 +186,23 @@ class Recorder(Observer):
     Attributes
     ----------
     path : Path
+    every : int
+        Steps from one row to the next.
     """
 
     def __init__(
         self,
         model: FireModel,
         path: Path,
-        every: int,
+        trigger: Trigger,
         layout: Layout,
         writer: SealedWriter,
         checkpoint_every: int = 0,
     ) -> None:
         self.path = path
-        self.every = every
-        self._buffer = RowBuffer(layout, writer, model, every)
+        self.every = trigger.every
+        self._trigger = trigger
+        self._buffer = RowBuffer(layout, writer, model, self.every)
         self._checkpoints = _Checkpoints(self._buffer, checkpoint_every, model)
         try:
             if checkpoint_every:
@@ -241,7 +245,7 @@ class Recorder(Observer):
 
     def after_step(self, model: FireModel, step: int) -> None:
         """Note that a row is due; called by the model before a derived class may do more in this step."""
-        if not step % self.every and not self.closed:
+        if self._trigger.is_due(step) and not self.closed:
             self._unwritten = model
 
     def after_failure(self, model: FireModel) -> None:
@@ -363,12 +367,12 @@ class _Checkpoints:
         return content
 
     def _check_control(self, model: FireModel) -> None:
-        """Refuse a control with rules of one's own that it did not have when the recording began."""
+        """Refuse a control with custom rules that it did not have when the recording began."""
         now = control_to_json(model.control)
         own = own_code(now)
         if own and now != self._control:
             raise RecordingError(
-                f"its control has a rule of one's own ({own[0]}), which cannot be recorded: resume from an earlier "
+                f"its control has a custom rule ({own[0]}), which cannot be recorded: resume from an earlier "
                 "step and set it again, or record a model whose class has the rule"
             )
 
@@ -392,12 +396,12 @@ def record(
     model: FireModel,
     path: str | os.PathLike[str],
     *,
-    every: int = 1,
+    every: int | Trigger = 1,
     columns: Sequence[str] | None = None,
     exact: bool = False,
     overwrite: bool = False,
     rerun: bool = True,
-    checkpoint_every: int = CHECKPOINT_EVERY,
+    checkpoint_every: int | Trigger = CHECKPOINT_EVERY,
 ) -> Recorder:
     """Write the model after each of the next steps to a file, from which `Recording` reads.
 
@@ -463,22 +467,22 @@ def record(
     20
     """
     target = _checked_path(path)
-    every = check_count("every", every, minimum=1, maximum=MOST_EVERY)
-    checkpoint_every = check_count("checkpoint_every", checkpoint_every)
+    trigger = Trigger.of(every, minimum=1, maximum=MOST_EVERY)
+    most_steps = Trigger.of(checkpoint_every, "checkpoint_every").every
     layout = Layout(model, DEFAULT if columns is None else columns, exact)
     facts = provenance_of(model, rerun)
     facts |= {
-        "every": every,
+        "every": trigger.every,
         "exact": bool(exact),
         "hash_every": HASH_EVERY,
-        "checkpoint_every": checkpoint_every,
-        "why_no_checkpoint": _why_not(model) if checkpoint_every else NO_CHECKPOINTS,
+        "checkpoint_every": most_steps,
+        "why_no_checkpoint": _why_not(model) if most_steps else NO_CHECKPOINTS,
         "start": {"step": model.completed, "state_hash": model.state_hash()},
     }
     schema = layout.schema.with_metadata(as_metadata(facts))
     _check_readable(schema)
     writer = SealedWriter(target, schema, overwrite)
-    return Recorder(model, target, every, layout, writer, checkpoint_every)
+    return Recorder(model, target, trigger, layout, writer, most_steps)
 
 
 def _check_readable(schema: pa.Schema) -> None:

@@ -7,17 +7,17 @@ from itertools import islice
 
 import numpy as np
 
-from mesa_swarm.errors import RecordingError, SwarmError
+from mesa_swarm.errors import RecordingError, SwarmError, in_words
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.progress import progress_bar
-from mesa_swarm.recording.changes import Intervention, in_words
+from mesa_swarm.recording.changes import Intervention, as_remark
 from mesa_swarm.recording.checkpoint import restore
 from mesa_swarm.recording.collected import check_collected, size_of_collected, without_rest
 from mesa_swarm.recording.container import Checkpoint
 from mesa_swarm.recording.frames import Frame, Rows
 from mesa_swarm.recording.layout import TABLES, Chunk, Layout
 from mesa_swarm.recording.parts import summary
-from mesa_swarm.recording.provenance import LONGEST_REASON, reason_of, rebuilt
+from mesa_swarm.recording.provenance import rebuilt
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.schema import MOST_UNSEEN
 
@@ -26,6 +26,8 @@ Watch = Callable[[FireModel], None]
 # In recordings of this format readings are those before the step, except in rows with a state hash.
 LATE_READINGS = 1
 MOST_NAMED = 3
+# Characters of the description of an intervention in an error.
+LONGEST_DESCRIPTION = 120
 
 
 class Rerun:
@@ -107,8 +109,8 @@ class Rerun:
     def _take(self, intervention: Intervention) -> None:
         """Continue from the state that was stored after an intervention."""
         if intervention.checkpoint is None:
-            why = f"{intervention.why_not:.{LONGEST_REASON}}"
-            raise RecordingError(f"{intervention!s:.{LONGEST_REASON}}; the state then was not stored ({why})")
+            why = f"{intervention.why_not:.{2 * LONGEST_DESCRIPTION}}"
+            raise RecordingError(f"{intervention!s:.{LONGEST_DESCRIPTION}}; the state then was not stored ({why})")
         self._states = states_to(self.recording, intervention.checkpoint, self._states)
         self.model = restored(self.recording, type(self.model), self._states)
         self.taken += (self._ahead.pop(0),)
@@ -134,7 +136,7 @@ def run_on(model: FireModel, step: int, watch: Watch) -> None:
         try:
             model.step()
         except Exception as error:  # anything that a model may raise with a forged state
-            raise RecordingError(f"step {before + 1} cannot be run again: {reason_of(error)}") from error
+            raise RecordingError(f"step {before + 1} cannot be run again: {in_words(error)}") from error
         if model.completed <= before:
             raise RecordingError(f"step {before + 1} cannot be run again: {type(model).__name__} took no step")
         watch(model)
@@ -243,7 +245,7 @@ class Verification:
     interventions: tuple[Intervention, ...] = ()
 
     def __str__(self) -> str:
-        return self.text + in_words(self.interventions)
+        return self.text + as_remark(self.interventions)
 
 
 def verify(recording: Recording | str | os.PathLike[str], model_class: type, progress: bool = False) -> Verification:

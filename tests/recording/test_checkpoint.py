@@ -116,7 +116,7 @@ def test_a_load_that_is_under_way_goes_on_bit_by_bit():
 
 
 class Counting:
-    """A layer of one's own that has a plain value and draws random numbers."""
+    """A custom layer that has a plain value and draws random numbers."""
 
     name = "Counting"
 
@@ -213,11 +213,11 @@ def test_what_cannot_be_stored_is_named():
         checkpoint_of(model)
 
 
-def test_a_control_that_is_code_of_ones_own_and_was_set_by_hand_is_refused():
+def test_a_control_with_a_custom_rule_that_was_set_by_hand_is_refused():
     model = SwarmModel(rng=1)
     model.add_robots(AGENT9, 2)
     model.control = Subsumption(timid)
-    with pytest.raises(RecordingError, match=r"checkpoint of step 3 cannot be restored: .*rule of one's own"):
+    with pytest.raises(RecordingError, match=r"checkpoint of step 3 cannot be restored: .*custom rule"):
         restore(SwarmModel(rng=1), checkpoint_of(model.run(3)))
 
 

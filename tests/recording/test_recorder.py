@@ -139,7 +139,7 @@ def test_a_folder_that_is_read_only_is_refused_in_words(tmp_path):
 
 
 class FullDisk:
-    """A file on a disk that is full after so many bytes."""
+    """A file on a disk with room for a number of bytes."""
 
     def __init__(self, file, room):
         self._file, self._room = file, room
@@ -187,7 +187,7 @@ def test_ctrl_c_while_a_chunk_is_written_neither_loses_nor_doubles_a_row(tmp_pat
                 raise KeyboardInterrupt
             value = whole[name](self, *given)
             if name == "_put" and moment == 5:
-                raise KeyboardInterrupt  # after the bytes, before anybody knows
+                raise KeyboardInterrupt  # after the bytes, before the counts
             return value
 
         return call

@@ -114,7 +114,7 @@ def test_a_new_recording_without_rows_does_not_stay_on_a_full_disk(tmp_path, roo
 
 
 def _fill(disk, room):
-    """Leave so many bytes on a disk."""
+    """Fill a disk except for a number of bytes."""
     with (disk / "ballast").open("wb", buffering=0) as ballast:
         try:
             while True:

@@ -17,7 +17,7 @@ from mesa_swarm.world.map import Map
 
 
 class Own(SwarmModel):
-    """A model of one's own, whose constructor takes what only Python knows."""
+    """A custom model, whose constructor takes a function."""
 
     def __init__(self, *, map, n=3, constants=None, radio=None, rng=None):
         super().__init__(map=map, rng=rng, fire_constants=constants, communication=radio)
