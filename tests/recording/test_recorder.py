@@ -15,6 +15,7 @@ from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording, record
 from mesa_swarm.recording.sealed_stream import SealedWriter
+from mesa_swarm.trigger import Trigger
 
 
 def small(**given):
@@ -57,10 +58,12 @@ def test_loads_are_recorded_as_they_lie(tmp_path):
     assert Recording(tmp_path / "run.arrow")[-1]["loads"].tolist() == [(load.unique_id, *load.pose)]
 
 
-def test_only_every_so_manieth_step_is_recorded(tmp_path):
+@pytest.mark.parametrize("every", [4, Trigger(every=4)])
+def test_only_multiples_of_every_are_recorded(tmp_path, every):
     model = small().run(3)
-    with model.record(tmp_path / "run.arrow", every=4):
+    with record(model, tmp_path / "run.arrow", every=every, checkpoint_every=every) as recorder:
         model.run(20)
+    assert (recorder.every, recorder.checkpoints) == (4, (3, 7, 11, 15, 19, 23))
     assert Recording(tmp_path / "run.arrow").steps.tolist() == [4, 8, 12, 16, 20]
 
 
@@ -160,7 +163,7 @@ def test_on_a_full_disk_what_was_written_remains_and_the_model_may_go_on(tmp_pat
     recorder = model.record(tmp_path / "run.arrow")
     model.run(20)
     recorder.flush()
-    writer = recorder._tape.writer
+    writer = recorder._buffer.writer
     writer._file = FullDisk(writer._file, 300)
     for _ in range(20):
         model.step()

@@ -188,7 +188,7 @@ def test_a_child_that_lets_go_of_a_recording_leaves_it_locked_for_who_records_it
     child = os.fork()
     if not child:
         try:
-            recorder._tape.writer._let_go()
+            recorder._buffer.writer._release()
         finally:
             os._exit(0)
     os.waitpid(child, 0)
