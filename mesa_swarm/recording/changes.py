@@ -126,10 +126,6 @@ class ChangeDetector:
     other columns that were written directly; attributes of agents. What a failed step has left behind is reported like
     a change by hand.
 
-    Parameters
-    ----------
-    model : FireModel
-
     Examples
     --------
     >>> from mesa_swarm import AGENT9, SwarmModel

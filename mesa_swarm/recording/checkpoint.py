@@ -120,7 +120,6 @@ def checkpoint_of(model: FireModel, since: dict[Path, int] | None = None, *, ste
 
     Parameters
     ----------
-    model : FireModel
     since : dict, optional
         Lengths of the collected series at the last checkpoint (`lengths_of`): only values added since then are stored.
         By default all.
@@ -176,7 +175,6 @@ def restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpoi
     ----------
     model : FireModel
         Of the class that was stored.
-    checkpoint : Checkpoint
     earlier : sequence of Checkpoint
         Those before it in the same recording, on whose collected data it builds.
 

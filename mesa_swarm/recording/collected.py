@@ -99,8 +99,6 @@ def collected_to_json(model: FireModel, packed: Packed, since: dict[Path, int]) 
 
     Parameters
     ----------
-    model : FireModel
-    packed : Packed
     since : dict
         From `lengths_of`; empty for all values. A series that is shorter now was started again.
     """
@@ -131,12 +129,7 @@ def size_of_collected(checkpoint: Checkpoint) -> int:
 
 
 def check_collected(size: int, file: int) -> None:
-    """Refuse states with more collected data than a file of this size permits.
-
-    Raises
-    ------
-    RecordingError
-    """
+    """Refuse states with more collected data than a file of this size permits."""
     most = max(MOST_COLLECTED, MOST_PACKED * file)
     if size > most:
         raise RecordingError(

@@ -38,10 +38,6 @@ class Packed:
     Numbers, texts, None, arrays, and lists, tuples, sets, deques and dicts of these are restored with their types and
     bits.
 
-    Parameters
-    ----------
-    arrays : list of ndarray, optional
-
     Examples
     --------
     >>> packed = Packed()
@@ -148,8 +144,6 @@ class Checkpoint:
     step : int
     state_hash : str
         Compared with that of the restored model.
-    facts : dict
-    arrays : list of ndarray
     """
 
     step: int

@@ -30,7 +30,6 @@ class Layout:
 
     Parameters
     ----------
-    model : FireModel
     columns : sequence of str
         Names of the swarm's columns, and of "fires", "contacts", "loads".
     exact : bool
@@ -83,8 +82,6 @@ class Chunk:
 
     Parameters
     ----------
-    layout : Layout
-    model : FireModel
     capacity : int
         Rows.
 

@@ -147,12 +147,7 @@ def restored_shape(value: Any) -> Shape:
 
 
 def restored_outline(value: Any) -> tuple[Point | Polygon, float]:
-    """Return the geometry and radius that `stored_outline` wrote, every bit of it, also of what is about the origin.
-
-    Raises
-    ------
-    RecordingError
-    """
+    """Return the geometry and radius that `stored_outline` wrote, every bit of it, also of what is about the origin."""
     shape = restored_shape(value)
     if shape.is_disc:
         return Point(*value["centre"]), shape.radius

@@ -153,7 +153,6 @@ def provenance_of(model: FireModel, rerun: bool) -> dict:
 
     Parameters
     ----------
-    model : FireModel
     rerun : bool
         Whether it must be sufficient to run the model again.
 
@@ -252,12 +251,7 @@ def as_metadata(facts: dict) -> dict[str, str]:
 
 
 def from_metadata(metadata: dict[bytes, bytes] | None, source: object) -> dict:
-    """Return what `as_metadata` wrote, checked.
-
-    Raises
-    ------
-    RecordingError
-    """
+    """Return what `as_metadata` wrote, checked."""
     facts, name = {}, ""
     try:
         for key, text in (metadata or {}).items():

@@ -40,6 +40,8 @@ FIRST_COLUMNS = {"step": pa.int64(), "state_hash": pa.string(), "robot": pa.list
 # Columns that are never NaN or infinite, with their largest value; absent messages are NaN.
 FINITE = {name: LARGEST for name in ("position", "heading", "command", *TABLES)} | {"temperature": sys.float_info.max}
 SHOWN = 60
+# Raises an error if a value at a place of a JSON text does not have the form.
+Check = Callable[[Any, str], None]
 
 
 def checked_provenance(facts: dict, source: object) -> dict:
@@ -127,12 +129,7 @@ def read_json(text: bytes) -> Any:
 
 
 def check_columns(schema: pa.Schema, source: object) -> None:
-    """Refuse columns that are not of the types in which mesa_swarm records.
-
-    Raises
-    ------
-    RecordingError
-    """
+    """Refuse columns that are not of the types in which mesa_swarm records."""
     names = schema.names
     first = {field.name: field.type for field in list(schema)[: len(FIRST_COLUMNS)]}
     if first != FIRST_COLUMNS or len(set(names)) < len(names):
@@ -150,17 +147,12 @@ def checked_rows(batch: pa.RecordBatch, first: int, every: int, source: object) 
 
     Parameters
     ----------
-    batch : RecordBatch
     first : int
         The step of the first row.
     every : int
         Steps from one row to the next.
     source : object
         Named first in errors.
-
-    Raises
-    ------
-    RecordingError
     """
     try:
         batch.validate()
@@ -175,12 +167,7 @@ def checked_rows(batch: pa.RecordBatch, first: int, every: int, source: object) 
 
 
 def check_values(batch: pa.RecordBatch, first: int, source: object) -> None:
-    """Refuse rows from this step on with out-of-range values; the writer checks them too.
-
-    Raises
-    ------
-    RecordingError
-    """
+    """Refuse rows from this step on with out-of-range values; the writer checks them too."""
     for name in FINITE.keys() & set(batch.schema.names):
         if not _all_finite(batch.column(name).values, FINITE[name]):
             raise RecordingError(f"{_shown(source)} has out-of-range values of {name} from step {first} on")
@@ -206,7 +193,6 @@ def misplaced(pieces: Sequence[Piece], start: int, every: int) -> Piece | None:
         In the order of the file, including those without rows.
     start : int
         The step at which the recording began.
-    every : int
 
     Examples
     --------
@@ -329,17 +315,15 @@ class _FaultError(ValueError):
 
 
 def _check(value: Any, form: Any, where: str) -> None:
-    """Refuse a value without a form: a type, `_Items`, `_Each`, `_Exactly`, a predicate, or a set of these."""
-    if isinstance(form, frozenset):
-        if not any(_fits(value, one, where) for one in form):
-            raise _unexpected(where, value)
-    elif isinstance(form, type):
+    """Refuse a value that has not the form: a type, a set of alternative forms, or a function that raises."""
+    if isinstance(form, type):
         if type(value) is not form:
             raise _unexpected(where, value)
-    elif isinstance(form, _Items | _Each | _Exactly):
-        form.check(value, where)
-    elif not form(value):
-        raise _unexpected(where, value)
+    elif isinstance(form, frozenset):
+        if not any(_fits(value, one, where) for one in form):
+            raise _unexpected(where, value)
+    else:
+        form(value, where)
 
 
 def _fits(value: Any, form: Any, where: str) -> bool:
@@ -358,67 +342,59 @@ def _is_flat(value: Any) -> bool:
     return not isinstance(value, (dict, list))
 
 
-class _Items:
-    """The form of a JSON object, by key; a key with a trailing underscore is optional."""
+def _items(**forms: Any) -> Check:
+    """Return the form of a JSON object by key; a key with a trailing underscore is optional."""
+    named = [(name.removesuffix("_"), form, name.endswith("_")) for name, form in forms.items()]
 
-    def __init__(self, **forms: Any) -> None:
-        self.forms = {name.removesuffix("_"): (form, name.endswith("_")) for name, form in forms.items()}
-
-    def check(self, value: Any, where: str) -> None:
+    def check(value: Any, where: str) -> None:
         if not isinstance(value, dict):
             raise _unexpected(where, value)
-        for name, (form, optional) in self.forms.items():
+        for name, form, optional in named:
             place = f"{where}.{name}" if where else name
             if name in value:
                 _check(value[name], form, place)
             elif not optional:
                 raise _FaultError(place, "is missing")
 
+    return check
 
-class _Each:
-    """The form of a JSON list, or of an object, whose values have one form."""
 
-    def __init__(self, kind: type[list] | type[dict], form: Any, most: int = MOST_LISTS) -> None:
-        self.kind, self.form, self.most = kind, form, most
+def _each(kind: type[list] | type[dict], form: Any, *, least: int = 0, most: int = MOST_LISTS) -> Check:
+    """Return the form of a JSON list, or of an object, whose values have one form."""
 
-    def check(self, value: Any, where: str) -> None:
-        if type(value) is not self.kind or len(value) > self.most:
+    def check(value: Any, where: str) -> None:
+        if type(value) is not kind or not least <= len(value) <= most:
             raise _unexpected(where, value)
         for one in value.values() if isinstance(value, dict) else value:
-            _check(one, self.form, where)
-
-
-class _Exactly:
-    """The form of a JSON list with one form for each of its items."""
-
-    def __init__(self, *forms: Any) -> None:
-        self.forms = forms
-
-    def check(self, value: Any, where: str) -> None:
-        if type(value) is not list or len(value) != len(self.forms):
-            raise _unexpected(where, value)
-        for one, form in zip(value, self.forms, strict=True):
             _check(one, form, where)
 
-
-def _whole(most: int, least: int = 0) -> Callable[[Any], bool]:
-    return lambda value: type(value) is int and least <= value <= most
+    return check
 
 
-def _number(value: Any) -> bool:
-    return type(value) in (int, float) and -LARGEST <= value <= LARGEST
+def _exactly(*forms: Any) -> Check:
+    """Return the form of a JSON list with one form for each of its items."""
+
+    def check(value: Any, where: str) -> None:
+        if type(value) is not list or len(value) != len(forms):
+            raise _unexpected(where, value)
+        for one, form in zip(value, forms, strict=True):
+            _check(one, form, where)
+
+    return check
 
 
-def _positive(value: Any) -> bool:
-    return _number(value) and value > 0
+def _number(least: float, most: float = LARGEST, kinds: tuple[type, ...] = (int, float)) -> Check:
+    """Return the form of a number within inclusive limits."""
+
+    def check(value: Any, where: str) -> None:
+        if type(value) not in kinds or not least <= value <= most:
+            raise _unexpected(where, value)
+
+    return check
 
 
-def _not_negative(value: Any) -> bool:
-    return _number(value) and value >= 0
-
-
-def _seed(value: Any) -> bool:
-    return type(value) is int and 0 <= value < 1 << 4096
+def _whole(most: int, least: int = 0) -> Check:
+    return _number(least, most, (int,))
 
 
 def _check_depth(value: Any) -> None:
@@ -441,50 +417,47 @@ def _shown(source: object) -> str:
 
 REALS = (pa.float32(), pa.float64())
 TABLE_TYPES = {name: [_table_type(name, real) for real in REALS] for name in TABLES}
-STEP = _whole(MOST_STEPS)
-POINT = _Exactly(_number, _number)
-RINGS = _Each(list, _Each(list, POINT))
-SHAPE = frozenset(
-    {
-        _Items(disc=_Exactly(_number, _number, _positive), mark_=bool),
-        _Items(rings=lambda rings: bool(rings) and _fits(rings, RINGS, ""), mark_=bool),
-    }
-)
-DESIGN = _Items(
+NUMBER, NOT_NEGATIVE, POSITIVE = _number(-LARGEST), _number(0), _number(math.ulp(0.0))
+STEP, ID = _whole(MOST_STEPS), _whole(MOST_IDS)
+RINGS = _each(list, _each(list, _exactly(NUMBER, NUMBER)), least=1)
+
+
+def _shape(**more: Any) -> frozenset:
+    disc = _items(disc=_exactly(NUMBER, NUMBER, POSITIVE), mark_=bool, **more)
+    return frozenset({disc, _items(rings=RINGS, mark_=bool, **more)})
+
+
+DESIGN = _items(
     name=str,
-    radius=_positive,
-    max_speed=_not_negative,
+    radius=POSITIVE,
+    max_speed=NOT_NEGATIVE,
     holonomic=bool,
-    sensors=_Each(list, _Exactly(_number, _number, _number, _not_negative, _positive), most=WIDEST),
+    sensors=_each(list, _exactly(NUMBER, NUMBER, NUMBER, NOT_NEGATIVE, POSITIVE), most=WIDEST),
 )
-SCENERY = _Items(
-    designs=_Each(list, DESIGN),
-    robots=_Each(list, _Exactly(_whole(MOST_IDS), _whole(MOST_IDS), _whole(MOST_IDS))),
-    shapes=_Each(list, SHAPE),
-    loads=_Each(list, lambda load: _fits(load, SHAPE, "") and _fits(load.get("id"), _whole(MOST_IDS), "")),
-    layers=_Each(list, str),
-    leave=_number,
-    join_=_number,
+SCENERY = _items(
+    designs=_each(list, DESIGN),
+    robots=_each(list, _exactly(ID, ID, ID)),
+    shapes=_each(list, _shape()),
+    loads=_each(list, _shape(id=ID)),
+    layers=_each(list, str),
+    leave=NUMBER,
+    join_=NUMBER,
 )
-POPULATION = _Exactly(*[_Exactly(_whole(MOST_IDS), _whole(MOST_IDS))] * 3)
+POPULATION = _exactly(*[_exactly(ID, ID)] * 3)
 CONTENTS = {
-    CHANGE: frozenset({POPULATION, _Items(there=POPULATION, scenery_=dict)}),  # in format 1 the population alone
-    INTERVENTION: _Items(what=_Each(list, str), why_not=str),
+    CHANGE: frozenset({POPULATION, _items(there=POPULATION, scenery_=dict)}),  # in format 1 the population alone
+    INTERVENTION: _items(what=_each(list, str), why_not=str),
 }
-SEED = frozenset(
-    {
-        _seed,
-        _Items(entropy=frozenset({_seed, _Each(list, _seed)}), spawn_key=_Each(list, _seed)),
-    }
-)
-PROVENANCE = _Items(
-    model=_Items(module=str, name=str),
+ENTROPY = _whole((1 << 4096) - 1)
+SEED = frozenset({ENTROPY, _items(entropy=frozenset({ENTROPY, _each(list, ENTROPY)}), spawn_key=_each(list, ENTROPY))})
+PROVENANCE = _items(
+    model=_items(module=str, name=str),
     parameters=dict,
     takes_map=bool,
     map=str,
-    scenery_=lambda scenery: scenery is None or isinstance(scenery, dict),
+    scenery_=frozenset({dict, type(None)}),
     seed=SEED,
-    versions=_Each(dict, str),
+    versions=_each(dict, str),
     platform=str,
     rerun=bool,
     every=_whole(MOST_EVERY, 1),
@@ -492,5 +465,5 @@ PROVENANCE = _Items(
     hash_every_=_whole(MOST_STEPS, 1),
     checkpoint_every_=STEP,
     why_no_checkpoint_=str,
-    start=_Items(step=STEP, state_hash=str),
+    start=_items(step=STEP, state_hash=str),
 )

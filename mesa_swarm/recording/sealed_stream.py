@@ -85,8 +85,6 @@ class SealedWriter:
 
     Parameters
     ----------
-    path : Path
-    schema : pyarrow.Schema
     overwrite : bool
         Whether an existing file is replaced.
 
@@ -146,24 +144,14 @@ class SealedWriter:
         self._append(self._message(self._empty, {name: words}), 0, step)
 
     def sync(self) -> None:
-        """Synchronise the file to disk, so that it survives a power cut.
-
-        Raises
-        ------
-        RecordingError
-        """
+        """Synchronise the file to disk, so that it survives a power cut."""
         try:
             os.fsync(self._file.fileno())
         except OSError as error:
             raise unwritable(self.path, error, RecordingError, "its last rows may be lost") from None
 
     def close(self) -> None:
-        """End the stream; a second time does nothing.
-
-        Raises
-        ------
-        RecordingError
-        """
+        """End the stream; a second time does nothing."""
         if self.closed:
             return
         try:
@@ -298,10 +286,6 @@ def _stream_of(
 
 class SealedReader:
     """Finds the sealed pieces of a stream without decoding them; each is checked when it is read.
-
-    Parameters
-    ----------
-    path : Path
 
     Attributes
     ----------
