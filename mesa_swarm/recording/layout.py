@@ -20,9 +20,9 @@ TABLES = {
     "contacts": ("robot", "kind", "other", "normal_x", "normal_y", "depth"),
     "loads": ("load", "x", "y", "heading"),
 }
-# The first fields of a row.
-OF_ROWS = ("step", "state_hash", "robot")
 WHOLE = frozenset({"fire", "robots", "robot", "kind", "other", "load"})
+# The first fields of a row.
+FIRST_COLUMNS = {"step": pa.int64(), "state_hash": pa.string(), "robot": pa.list_(pa.int32())}
 
 
 class Layout:
@@ -62,19 +62,20 @@ class Layout:
         return np.dtype(np.int32) if dtype == np.int64 else dtype
 
     def _schema(self, model: FireModel, widths: dict[str, tuple]) -> pa.Schema:
-        fields = [("step", pa.int64()), ("state_hash", pa.string()), ("robot", pa.list_(pa.int32()))]
+        fields = list(FIRST_COLUMNS.items())
         for name in self.columns:
             value = _arrow_type(name, self.stored_type(model.swarm.columns[name].dtype))
             for width in reversed(widths[name]):
                 value = pa.list_(value, width)
             fields.append((name, pa.list_(value)))
-        return pa.schema([*fields, *((name, pa.list_(self._struct(name))) for name in self.tables)])
+        real = pa.from_numpy_dtype(self.real)
+        return pa.schema([*fields, *((name, pa.list_(table_type(name, real))) for name in self.tables)])
 
-    def _struct(self, table: str) -> pa.DataType:
-        return pa.struct([(field, pa.from_numpy_dtype(self._field_type(field))) for field in TABLES[table]])
 
-    def _field_type(self, field: str) -> np.dtype:
-        return np.dtype(np.bool_ if field == "out" else np.int32 if field in WHOLE else self.real)
+def table_type(table: str, real: pa.DataType) -> pa.DataType:
+    """Return the Arrow type of a row of a table."""
+    others = dict.fromkeys(WHOLE, pa.int32()) | {"out": pa.bool_()}
+    return pa.struct([(field, others.get(field, real)) for field in TABLES[table]])
 
 
 class Chunk:
@@ -237,6 +238,6 @@ def _checked_names(columns: Sequence[str], known: Sequence[str]) -> tuple[str, .
     for name in columns:
         if name not in known:
             raise UnknownNameError(unknown_name("column", name, known))
-        if name in OF_ROWS:
+        if name in FIRST_COLUMNS:
             raise InvalidValueError(f"column {name} has the name of a field of every row; give it another one")
     return tuple(dict.fromkeys(columns))

@@ -32,6 +32,7 @@ from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.fires import Fire
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.fire.strategy import FightFire
+from mesa_swarm.recording.container import ATOMS
 from mesa_swarm.robots.design import DesignTable, RobotDesign
 from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections
@@ -49,7 +50,6 @@ DRIVES = (DifferentialDrive, HolonomicDrive)
 PARTS = {part.__name__: part for part in (RobotDesign, *SENSORS, *DRIVES, FireConstants, Radio, *IMPERFECT, *LAYERS)}
 OWN_CODE = "code of one's own"  # a key of stored states
 ARBITERS = {"Subsumption": Subsumption, "VectorSum": VectorSum}
-PLAIN = (bool, int, float, str, type(None))
 MOST_OBJECTS = 10_000_000
 
 
@@ -68,7 +68,7 @@ def part_to_json(part: Any) -> object:
     """
     if isinstance(part, np.generic):
         part = part.item()
-    if type(part) in PLAIN:
+    if type(part) in ATOMS:
         return part
     if type(part) in (tuple, list):
         return [part_to_json(item) for item in part]
@@ -93,7 +93,7 @@ def part_from_json(value: object) -> Any:
     >>> part_from_json(part_to_json(AGENT_FIRE)) == AGENT_FIRE
     True
     """
-    if type(value) in PLAIN:
+    if type(value) in ATOMS:
         return value
     if isinstance(value, list):
         return tuple(part_from_json(item) for item in value)

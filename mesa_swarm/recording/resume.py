@@ -11,6 +11,7 @@ from mesa_swarm.fire.model import FireModel
 from mesa_swarm.gallery import shipped_class
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.collected import reporters_of, set_clock
+from mesa_swarm.recording.container import ATOMS
 from mesa_swarm.recording.provenance import rebuilt
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.verify import Rerun, Watch, last_same, restored, run_to, started_again, states_to
@@ -18,7 +19,7 @@ from mesa_swarm.recording.verify import Rerun, Watch, last_same, restored, run_t
 # Columns that follow from parameters; all others are the state of the run.
 OF_PARAMETERS = frozenset({"number", "design", "radius", "max_speed"})
 # Attributes that a run may change, in any model: plain values.
-PLAIN = (bool, int, float, str, np.ndarray, np.generic, type(None))
+PLAIN = (*ATOMS, np.ndarray, np.generic)
 # Attributes that belong to the new model.
 OWN = frozenset({"_senses_version", "given"})
 

@@ -16,7 +16,7 @@ import pyarrow as pa
 
 from mesa_swarm.errors import RecordingError, shortened
 from mesa_swarm.recording.frames import Rows
-from mesa_swarm.recording.layout import TABLES, WHOLE
+from mesa_swarm.recording.layout import FIRST_COLUMNS, TABLES, table_type
 from mesa_swarm.recording.sealed_stream import CHANGE, INTERVENTION, Piece
 from mesa_swarm.robots.swarm import COLUMNS
 
@@ -36,7 +36,6 @@ LARGEST = 1e12
 MOST_ROWS = 100_000
 # Values of one robot in one column.
 WIDEST = 100_000
-FIRST_COLUMNS = {"step": pa.int64(), "state_hash": pa.string(), "robot": pa.list_(pa.int32())}
 # Columns that are never NaN or infinite, with their largest value; absent messages are NaN.
 FINITE = {name: LARGEST for name in ("position", "heading", "command", *TABLES)} | {"temperature": sys.float_info.max}
 SHOWN = 60
@@ -272,8 +271,9 @@ def _all_finite(values: pa.Array, largest: float) -> bool:
 
 @lru_cache(maxsize=256)  # most recordings that are opened have the same columns
 def _is_known(name: str, kind: pa.DataType) -> bool:
-    known = _is_table if name in TABLES else _is_column
-    return pa.types.is_list(kind) and known(name, kind.value_type)
+    if not pa.types.is_list(kind):
+        return False
+    return kind.value_type in TABLE_TYPES[name] if name in TABLES else _is_column(name, kind.value_type)
 
 
 def _is_column(name: str, kind: pa.DataType) -> bool:
@@ -292,15 +292,6 @@ def _is_column(name: str, kind: pa.DataType) -> bool:
                                              zip(shape, widths, strict=True))  # fmt: skip
     is_kind = {"f": _is_real, "i": pa.types.is_signed_integer, "b": pa.types.is_boolean}[np.dtype(dtype).kind]
     return fits and is_kind(kind)
-
-
-def _is_table(name: str, kind: pa.DataType) -> bool:
-    return kind in TABLE_TYPES[name]
-
-
-def _table_type(table: str, real: pa.DataType) -> pa.DataType:
-    whole = dict.fromkeys(WHOLE, pa.int32()) | {"out": pa.bool_()}
-    return pa.struct([(field, whole.get(field, real)) for field in TABLES[table]])
 
 
 def _is_real(kind: pa.DataType) -> bool:
@@ -416,7 +407,7 @@ def _shown(source: object) -> str:
 
 
 REALS = (pa.float32(), pa.float64())
-TABLE_TYPES = {name: [_table_type(name, real) for real in REALS] for name in TABLES}
+TABLE_TYPES = {name: [table_type(name, real) for real in REALS] for name in TABLES}
 NUMBER, NOT_NEGATIVE, POSITIVE = _number(-LARGEST), _number(0), _number(math.ulp(0.0))
 STEP, ID = _whole(MOST_STEPS), _whole(MOST_IDS)
 RINGS = _each(list, _each(list, _exactly(NUMBER, NUMBER)), least=1)

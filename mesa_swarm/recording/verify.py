@@ -335,20 +335,15 @@ def last_same(rerun: Rerun, step: int) -> int:
 
 def _all_compared(rerun: Rerun, rows: int) -> Verification:
     for row, frame in enumerate(islice(rerun.recording, rows)):
-        difference = _compared(rerun, row, frame)
+        try:
+            difference = _difference(row, frame, rerun.frame(frame))
+        except RecordingError as error:
+            text = f"step {frame.step} is the first that cannot be compared: {error}"
+            difference = Verification(same=False, rows=row, step=frame.step, text=text)
         if difference is not None:
             return difference
     last = f" to step {rerun.recording[rows - 1].step}" if rows else ""
     return Verification(same=True, rows=rows, text=f"all {rows} rows{last} are the same")
-
-
-def _compared(rerun: Rerun, row: int, frame: Frame) -> Verification | None:
-    """Return the difference between a frame and the model at its step, None if there is none."""
-    try:
-        return _difference(row, frame, rerun.frame(frame))
-    except RecordingError as error:
-        text = f"step {frame.step} is the first that cannot be compared: {error}"
-        return Verification(same=False, rows=row, step=frame.step, text=text)
 
 
 def _difference(row: int, frame: Frame, again: Frame) -> Verification | None:
