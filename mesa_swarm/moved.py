@@ -46,6 +46,7 @@ HOMES = {ROOT + old: ROOT + new for new, olds in MOVED.items() for old in olds.s
 # Single names that moved or have another name now.
 NAMES = {
     "mesa_swarm.environments.observation.Observer": "mesa_swarm.environments.scores.ObservationEncoder",
+    "mesa_swarm.recording.marks.Mark": "mesa_swarm.recording.changes.ChangeDetector",
     "mesa_swarm.model.SwarmModel": "mesa_swarm.swarm_model.SwarmModel",
 }
 

@@ -1,6 +1,7 @@
 """Obstacles and loads: bodies with a shape, as Mesa agents, and the form of loads at any pose."""
 
 import math
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -261,6 +262,11 @@ class Load(Obstacle):
         self.pose: Pose = (x, y, float(wrapped(heading)))
         self.shape = self.form.shape_at(self.pose)
         self.space._agent_positions[self.space._agent_to_index[self]] = x, y
+
+    def lay(self, pose: Pose) -> None:
+        """Move it to (x, y, heading); deprecated, see `move_to`."""
+        warnings.warn("Load.lay is called move_to now", DeprecationWarning, stacklevel=2)
+        self.move_to(pose)
 
     def rest(self) -> None:
         """Forget the last step."""

@@ -161,6 +161,45 @@ def polygon(
     return Shape(shapely.normalize(geometry), contact=bool(contact))
 
 
+def shape_to_json(shape: Shape) -> dict:
+    """Return a disc as x, y and radius, a polygon as its rings, from which `shape_from_json` makes the same again.
+
+    Examples
+    --------
+    >>> shape_to_json(disc((1, 2), 3, contact=False))
+    {'disc': [1.0, 2.0, 3.0], 'mark': True}
+    """
+    return {**outline_to_json(shape.geometry, shape.radius), **({} if shape.contact else {"mark": True})}
+
+
+def outline_to_json(geometry: Point | Polygon, radius: float) -> dict:
+    """Return the same of a bare geometry: a Point with its radius, or a Polygon."""
+    if isinstance(geometry, Point):
+        return {"disc": [geometry.x, geometry.y, radius]}
+    return {"rings": [shapely.get_coordinates(ring)[:-1].tolist() for ring in (geometry.exterior, *geometry.interiors)]}
+
+
+def shape_from_json(value: dict) -> Shape:
+    """Return the shape that `shape_to_json` wrote.
+
+    Raises
+    ------
+    InvalidValueError, TypeError, ValueError, LookupError
+        If there is no such shape: the JSON is not checked before.
+
+    Examples
+    --------
+    >>> shape_from_json({"rings": [[[0, 0], [10, 0], [0, 10]]]}).kind
+    'polygon'
+    """
+    contact = not value.get("mark", False)
+    if "disc" in value:
+        x, y, radius = value["disc"]
+        return disc((x, y), radius, contact=contact)
+    outline, *holes = [np.array(ring, dtype=float) for ring in value["rings"]]
+    return polygon(outline, holes, contact=contact)
+
+
 def checked_rings(outline: Iterable[Coordinates], holes: Iterable[Iterable[Coordinates]] = ()) -> list[np.ndarray]:
     """Return the outline of a polygon and its holes as (n, 2) arrays of 3 to 200,000 finite points, not yet a polygon.
 

@@ -43,7 +43,7 @@ def test_a_recording_on_a_disk_that_fills_up_keeps_its_rows_and_the_model_may_go
     disk, _ = full
     model = FIRE(n_robots=2, rng=1)
     model.record(disk / "run.arrow")
-    with pytest.raises(RecordingError, match=r"No space left on device; its [0-9]+ rows so far are kept"):
+    with pytest.raises(RecordingError, match=r"No space left on device; its [0-9]+ rows so far remain"):
         model.run(5_000)
     recording = Recording(disk / "run.arrow")
     assert recording.steps.tolist() == list(range(1, len(recording) + 1))

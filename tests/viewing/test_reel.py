@@ -57,7 +57,7 @@ def test_of_a_damaged_recording_the_part_before_the_damage_plays(fires, tmp_path
     reel = Reel(Recording(damaged))
     assert steps_of(reel) == list(range(1, 257))
     (note,) = reel.about["notes"]
-    assert note.startswith("The recording is damaged after step 256: 256 rows are whole to there")
+    assert note.startswith("The recording is damaged after step 256: 256 rows are whole, the rest is not read")
     assert 0 < max(event["step"] for event in reel.events) <= 256
 
 
