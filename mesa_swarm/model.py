@@ -443,7 +443,7 @@ class EngineModel(World):
             self._snapshots.append(self._completed)
         if self._collect_every.is_due(self._completed):
             self.datacollector.collect(self)
-        for observer in self.observers.complete:
+        for observer in self.__dict__["observers"].complete:  # without the cost of the property
             observer.after_step(self, self._completed)
 
     def _check_driven(self, design: RobotDesign) -> None:
@@ -461,7 +461,7 @@ class EngineModel(World):
 
         They are called after a step that failed as well: what it has changed stays.
         """
-        observers = self.observers
+        observers = self.__dict__["observers"]  # without the cost of the property
         try:
             for observer in observers.complete:
                 observer.before_step(self)
