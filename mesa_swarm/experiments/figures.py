@@ -237,7 +237,7 @@ def comparison_pictures(comparison: PairedRuns) -> dict[str, bytes]:
         f"{plan.model_class.__name__}, {plan.parameter} {value}, seed {plan.seeds[0]}": portrait
         for value, portrait in list(comparison.portraits.items())[:MOST_PICTURED]
     }
-    worlds = {f"{title}, step {portrait.frame.step:,}": portrait.world for title, portrait in portraits.items()}
+    worlds = {f"{title}, step {portrait.frame.step:,}": portrait for title, portrait in portraits.items()}
     pictures = {"comparison.png": comparison_figure(comparison, [main_measure(comparison)])}
     if len(comparison.measures) > 1:
         pictures["comparison_all.png"] = comparison_figure(comparison, comparison.measures)

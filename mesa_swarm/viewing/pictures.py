@@ -26,6 +26,7 @@ from mesa_swarm.fire.model import FireModel
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.frames import NO_ROWS, Frame, frame_of
 from mesa_swarm.robots.sensors import ProximitySensor, mount_of
+from mesa_swarm.viewing.final_state import FinalState
 from mesa_swarm.viewing.palette import LIGHT, fire_colour
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
 from mesa_swarm.viewing.scene import Scene, scene_of
@@ -37,8 +38,8 @@ SMALLEST, LARGEST = 64, 4096
 USUAL = 800
 # Above the world of a film stands its name and step; around it is a margin.
 CAPTION, MARGIN = 32, 4
-# What can be drawn: a model as it is now, or a frame and the scene behind it.
-Shown = FireModel | tuple[Frame, Scene]
+# What can be drawn: a model as it is now, a stored final state, or a frame and the scene behind it.
+Shown = FireModel | FinalState | tuple[Frame, Scene]
 # Most points of a trail: films draw them in every frame.
 MOST_POINTS = 60
 DOTS_PER_INCH = 200
@@ -144,7 +145,7 @@ def draw_world(shown: Shown, axes: Axes, sectors: bool = False) -> None:
 
     Parameters
     ----------
-    shown : SwarmModel, or (Frame, Scene)
+    shown : SwarmModel, FinalState, or (Frame, Scene)
         A model is drawn as it is now.
     axes : matplotlib Axes
     sectors : bool
@@ -164,8 +165,10 @@ def draw_world(shown: Shown, axes: Axes, sectors: bool = False) -> None:
 
 
 def frame_and_scene(shown: Shown) -> tuple[Frame, Scene]:
-    """Return the frame and the scene of a model as it is now; a pair of them as it is."""
-    return shown if isinstance(shown, tuple) else (frame_of(shown), scene_of(shown))
+    """Return the frame and the scene of what is shown; a model's are those of now."""
+    if isinstance(shown, tuple):
+        return shown
+    return (shown.frame, shown.scene) if isinstance(shown, FinalState) else (frame_of(shown), scene_of(shown))
 
 
 def draw_scene(axes: Axes, scene: Scene, step: int) -> None:
@@ -327,7 +330,7 @@ def world_figure(shown: Mapping[str, Shown], sectors: bool = False) -> Figure:
 
     Parameters
     ----------
-    shown : mapping of str to SwarmModel, or to (Frame, Scene)
+    shown : mapping of str to SwarmModel, FinalState, or (Frame, Scene)
         Models are drawn as they are now.
     sectors : bool
         Whether to show where the robots' proximity sensors look.

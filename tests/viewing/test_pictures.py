@@ -132,9 +132,10 @@ def test_sensor_sectors_are_drawn_only_if_asked_and_reach_as_far_as_the_sensors(
 
 def test_a_frame_draws_what_its_model_draws():
     model = FIRE(rng=1).run(50)
-    before, now = (frame_of(model), scene_of(model)), png(world_figure({"now": model}))
+    before, state, now = (frame_of(model), scene_of(model)), final_state_of(model), png(world_figure({"now": model}))
     model.run(5)
-    assert png(world_figure({"now": before})) == now != png(world_figure({"now": model}))
+    assert png(world_figure({"now": before})) == png(world_figure({"now": state})) == now
+    assert png(world_figure({"now": model})) != now
 
 
 def test_the_legend_names_what_is_there_and_nothing_else():
