@@ -51,7 +51,7 @@ NAMES = {
 
 
 class MovedFinder:
-    """Finds moved modules; it stands last in ``sys.meta_path``, so that it is asked only for what is not found.
+    """Finds moved modules; it stands last in ``sys.meta_path``, so that it is called only for what is not found.
 
     Examples
     --------

@@ -88,11 +88,11 @@ class Charting:
         if self.board.shown != shown:
             self.board.shown = shown
 
-    def push(self, number: int, picture: PackedFrame) -> None:
+    def push(self, number: int, frame: PackedFrame) -> None:
         """Show the numbers up to now, if it is time; mark the step that is looked at if that is an earlier one."""
         session = self.session
         with self._lock:
-            self._looked_at = None if session.past.is_present else picture.step
+            self._looked_at = None if session.past.is_present else frame.step
             self._waits = True
             if not session.playing or self.clock() - self._sent >= EVERY:
                 self._send_if_free()

@@ -69,7 +69,7 @@ class ExportDesk:
             self.exporter.kinds = kinds
         self._show()
 
-    def push(self, number: int, picture: PackedFrame) -> None:
+    def push(self, number: int, frame: PackedFrame) -> None:
         """Show how much was recorded, if it is time."""
         if not self.session.playing or time.monotonic() - self._told >= EVERY:
             self._show()

@@ -54,7 +54,7 @@ class Inspecting:
         inspector.on_msg(self._hear)
         session.add_viewer(self)
 
-    def push(self, number: int, picture: PackedFrame) -> None:
+    def push(self, number: int, frame: PackedFrame) -> None:
         """Show what is known in the step that is shown, if it is time."""
         if not self.session.playing or time.monotonic() - self._shown >= EVERY:
             self.refresh()

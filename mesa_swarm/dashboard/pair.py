@@ -43,7 +43,7 @@ class Side(Player):
 
     def advance(self) -> bool:
         """Take one step unless the model is done or broken; return whether there is more to come."""
-        with self.minding():
+        with self.capture_errors():
             return not self.finished and self._advance()
         return False
 
@@ -160,13 +160,13 @@ class Pair(Played):
         """Go on by one step, or by one picture that is kept; return whether there is more."""
         if self.is_present:
             return any([side.advance() for side in self.sides])  # a list: both, whatever the first says
-        later = [side.kept.step_after() for side in self.sides if not side.past.is_present]
+        later = [side.recent.step_after() for side in self.sides if not side.past.is_present]
         self._look_at(min(later))
         return True
 
     def _look_at(self, step: int) -> None:
         for side in self.sides:
-            side.kept.look_at(step)
+            side.recent.look_at(step)
 
     def _shown(self) -> PackedFrame | None:
         """Return a picture of no world, with the step that both are looked at, and their fingerprints."""

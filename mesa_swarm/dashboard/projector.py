@@ -153,7 +153,7 @@ class Projector(Player):
     def look_at(self, step: int) -> None:
         """Pause, and look at the first row that is not of an earlier step."""
         self.loop.pause()
-        with self.minding():
+        with self.capture_errors():
             self._waited = 0
             self.rows.look_at(step)
         self.rest()
@@ -167,7 +167,7 @@ class Projector(Player):
         return not self.error and not self.finished
 
     def _play_step(self, stop: threading.Event) -> bool:
-        with self.minding():
+        with self.capture_errors():
             return not stop.is_set() and self._advance()
         self.rest()  # it broke, which has stopped the thread already
         return False
@@ -183,12 +183,12 @@ class Projector(Player):
             self.rows.look(self.rows.index + 1)
         return True
 
-    def _keep(self, fingerprint: bool = False) -> None:
+    def _store(self, fingerprint: bool = False) -> None:
         """Keep nothing: all is in the file."""
 
     def _shown(self) -> PackedFrame | None:
         """Return the picture that is looked at, None if it cannot be read, which is then said."""
-        with self.minding():
+        with self.capture_errors():
             return None if self.error else self.past.shown
         return None  # what went wrong is in `error`
 

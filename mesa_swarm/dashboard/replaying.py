@@ -214,7 +214,7 @@ class Replaying:
             return False
         self._drop()
         self._coming = Incoming(name)
-        self.changed.tell()
+        self.changed.notify()
         return True
 
     def take(self, piece: bytes) -> bool:
@@ -251,7 +251,7 @@ class Replaying:
             self.fault = ""
         except Exception as problem:  # what is wrong with a wish is said
             self.fault = in_words(problem)
-        self.changed.tell()
+        self.changed.notify()
 
     def branch(self) -> None:
         """Have the session go on from the step that is looked at, with the parameters wished for."""
@@ -302,7 +302,7 @@ class Replaying:
                 return False
             for name, value in said.items():
                 setattr(self, name, value)
-        self.changed.tell()
+        self.changed.notify()
         return True
 
     def _origin(self) -> tuple[dict[str, Any], int]:
@@ -335,7 +335,7 @@ class Replaying:
         self.events, self.notes = None, _notes_of(projector)
         rows = _Rows(path, len(projector.past), self._stop)
         threading.Thread(target=self._find_events, args=(rows,), name="events", daemon=True).start()
-        self.changed.tell()
+        self.changed.notify()
         return True
 
     def _find_events(self, rows: "_Rows") -> None:
@@ -350,7 +350,7 @@ class Replaying:
 
     def _say(self, fault: str) -> None:
         self.fault = fault
-        self.changed.tell()
+        self.changed.notify()
 
     def _drop(self) -> None:
         """Take no more of what is on its way."""

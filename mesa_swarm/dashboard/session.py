@@ -198,13 +198,13 @@ class Session(Player):
     def reset(self, steps: int = 0) -> None:
         """Stop, and build a new model as wished; the old one stays where that cannot be."""
         self.loop.pause()
-        with self.minding():
+        with self.capture_errors():
             self._forget_goal()
             self.error = self.note = ""
             self._build()
             self._catch_up(steps)
             if self.model is not None:
-                self._keep_window(self.model)
+                self._limit_collected(self.model)
         if self.goal:
             self.hand_over()
             self.loop.speed = AS_FAST_AS_IT_GOES
@@ -252,14 +252,14 @@ class Session(Player):
             except Exception as problem:  # what is wrong with a wish is said beside it
                 self.faults[name] = in_words(problem)
         self.show()
-        self.changed.tell()
+        self.changed.notify()
 
     def wish_all(self, values: Mapping[str, Any]) -> None:
         """Wish for several parameters at once."""
         with self.lock:
             self._take(values)
         self.show()
-        self.changed.tell()
+        self.changed.notify()
 
     def wish_defaults(self) -> None:
         """Wish for the model's defaults."""
@@ -273,7 +273,7 @@ class Session(Player):
                 self.faults.pop("seed", None)
             except InvalidValueError as problem:
                 self.faults["seed"] = str(problem)
-        self.changed.tell()
+        self.changed.notify()
 
     def upload(self, name: str, content: bytes) -> None:
         """Read a map from a file that the user hands over, in a thread without the lock, and build the model on it.
@@ -303,7 +303,7 @@ class Session(Player):
         if chart is not None:
             self.reset()
         else:
-            self.changed.tell()
+            self.changed.notify()
 
     def _take_map(self, chart: Map | None, fault: str) -> None:
         self.faults.pop("map", None)
@@ -341,9 +341,9 @@ class Session(Player):
             self._enter(name, given, seed)
             self.model, self.built, self.straight = model, {**self.wishes, "seed": seed}, False
             self.series.follow(model)
-            self._keep_window(model)
+            self._limit_collected(model)
         self.rest()
-        self.adopted.tell()
+        self.adopted.notify()
 
     def companion(self, kind: Callable[["Session"], Kind]) -> Kind:
         """Return the one companion of this kind, made when it is first asked for, and closed with the session."""

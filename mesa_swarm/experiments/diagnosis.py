@@ -13,7 +13,7 @@ from mesa_swarm.experiments.pool import checked_jobs, in_order
 from mesa_swarm.gallery import find_model
 from mesa_swarm.learning import PolicyLayer, QPolicy
 from mesa_swarm.robots.design import AGENT9
-from mesa_swarm.robots.snapshots import Snapshots, check_kept
+from mesa_swarm.robots.snapshots import Snapshots, check_watched
 from mesa_swarm.swarm_model import SwarmModel
 
 NEEDED = ("position", "heading", "command", "layer", "distance", "kind")
@@ -46,7 +46,7 @@ def pathologies_of(model: SwarmModel) -> Pathologies:
     >>> len(pathologies_of(model.run(100)))
     0
     """
-    swarm, watched = model.swarm, check_kept(model.watched, NEEDED, "diagnose", "watch(last=None)")
+    swarm, watched = model.swarm, check_watched(model.watched, NEEDED, "diagnose", "watch(last=None)")
     if watched.every != 1:
         raise InvalidValueError(f"every {watched.every}th step is watched; expected all steps: watch with every=1")
     check_wheels(model)

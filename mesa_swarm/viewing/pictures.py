@@ -39,11 +39,14 @@ USUAL = 800
 CAPTION, MARGIN = 32, 4
 # What can be drawn: a model as it is now, or a frame and the scene behind it.
 Shown = FireModel | tuple[Frame, Scene]
+# Most points of a trail: films draw them in every frame.
+MOST_POINTS = 60
+DOTS_PER_INCH = 200
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Look:
-    """How it is drawn.
+    """Options of a drawing.
 
     Parameters
     ----------
@@ -93,7 +96,7 @@ def _even(length: float) -> int:
 
 
 def parsed_size(text: str) -> tuple[int, int]:
-    """Return what was typed such as 800x600 as (width, height).
+    """Return a text such as 800x600 as (width, height).
 
     Examples
     --------
@@ -106,20 +109,8 @@ def parsed_size(text: str) -> tuple[int, int]:
     return int(parts[0]), int(parts[1])
 
 
-# So many points a trail at most: films draw them in every frame.
-MOST_POINTS = 60
-
-
 def trails_of(drawn: PicturedSteps, step: int, length: int) -> list[np.ndarray]:
-    """Return the places of each robot from `length` steps before until a step, oldest first.
-
-    Parameters
-    ----------
-    drawn : PicturedSteps
-    step : int
-        One of those that were recorded.
-    length : int
-        Steps, at least 1.
+    """Return the positions of each robot during the last `length` steps up to a step, oldest first.
 
     Returns
     -------
@@ -143,9 +134,6 @@ def draw_trails(axes: Axes, drawn: PicturedSteps, step: int, length: int) -> Non
     """Draw trails as thin lines below the robots."""
     lines = trails_of(drawn, step, length)
     axes.add_collection(LineCollection(lines, colors=LIGHT.trail, linewidths=0.8, zorder=4.5, label="trails"))
-
-
-DOTS_PER_INCH = 200
 
 
 def draw_world(shown: Shown, axes: Axes, sectors: bool = False) -> None:
@@ -375,7 +363,7 @@ def world_figure(shown: Mapping[str, Shown], sectors: bool = False) -> Figure:
 
 
 def literal(text: str) -> str:
-    """Return a text that Matplotlib shows as it is: between dollars it would read mathematics, and fail at most names.
+    """Return a text that Matplotlib shows as it is: between dollars it would parse mathematics.
 
     Examples
     --------
@@ -400,7 +388,7 @@ def png(figure: Figure) -> bytes:
 
 
 def still_paths(path: Path, steps: Sequence[int], sheet: bool) -> dict[Path, list[int]]:
-    """Return which steps each file shows: one file is named as it was asked for, several by their steps too.
+    """Return which steps each file shows: a single file has the given name, several have their steps added.
 
     Examples
     --------
@@ -413,17 +401,7 @@ def still_paths(path: Path, steps: Sequence[int], sheet: bool) -> dict[Path, lis
 
 
 def export_stills(drawn: PicturedSteps, files: dict[Path, list[int]], look: Look, progress: bool) -> None:
-    """Draw the pictures, each of which is written whole.
-
-    Parameters
-    ----------
-    drawn : PicturedSteps
-    files : dict
-        Steps by path, see `still_paths`; an ending .svg gives vectors, any other a PNG.
-    look : Look
-    progress : bool
-        Whether to show a bar.
-    """
+    """Draw the pictures, each of which is written whole."""
     with progress_bar(len(files), "pictures", progress) as bar:
         for path, steps in files.items():
             figure = still_figure(drawn, steps, look)

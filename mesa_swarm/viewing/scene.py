@@ -187,10 +187,6 @@ class Scene:
 def scene_of(model: FireModel) -> Scene:
     """Return the scene of a model; make it anew when robots, obstacles or loads were added or removed.
 
-    Parameters
-    ----------
-    model : SwarmModel
-
     Examples
     --------
     >>> from mesa_swarm import SwarmModel

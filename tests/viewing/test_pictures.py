@@ -110,7 +110,7 @@ def test_fires_are_coloured_by_their_temperature_and_to_scale(temperature):
     assert near(at(50, 72), GROUND)
 
 
-def test_the_hotter_the_fire_the_lighter_its_colour_so_that_nobody_needs_to_see_red():
+def test_the_hotter_the_fire_the_lighter_its_colour_for_any_colour_vision():
     red, green, blue = np.transpose([colour(fire_colour(t)) for t in np.linspace(0, 1, 50)])
     assert (np.diff(0.2126 * red + 0.7152 * green + 0.0722 * blue) > 0).all()
 
@@ -209,7 +209,7 @@ def test_pictures_are_pngs_and_leave_no_state_in_pyplot():
     assert dict(mpl.rcParams) == before
 
 
-def test_the_peer_workload_is_what_the_issue_says():
+def test_the_peer_workload_has_the_agreed_density():
     model = peer_workload(100)
     width, height = np.diff(model.space.dimensions, axis=1).ravel()
     body = np.pi * 5.0**2

@@ -85,9 +85,7 @@ def test_a_load_that_overlaps_an_obstacle_a_load_or_a_fire_is_refused_and_so_is_
     model = empty()
     model.add_load(BOX, resistance=1)
     for add in (model.add_obstacle, lambda s: model.add_load(s, resistance=1)):
-        with pytest.raises(
-            InvalidValueError, match=r"overlaps .*load at \[220\.0, 150\.0\]; put it where there is room"
-        ):
+        with pytest.raises(InvalidValueError, match=r"overlaps .*load at \[220\.0, 150\.0\]; expected free space"):
             add(shape)
     with pytest.raises(InvalidValueError, match="fire overlaps a load"):
         model.add_fire((245, 150), radius=6)

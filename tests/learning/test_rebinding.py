@@ -197,7 +197,7 @@ def test_so_does_worth():
 
 def test_so_do_the_wheels_of_commanded_robots():
     layer = Commanded(2)
-    with pytest.raises(LearningError, match=r"this Commanded is in no model: .* model\.control\.layers\[0\]"):
+    with pytest.raises(LearningError, match=r"this Commanded is in no model.* model\.control\.layers\[0\]"):
         _ = layer.wheels
     model = learning(QLearning, 0)
     model.control = Subsumption(layer)
