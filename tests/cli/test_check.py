@@ -42,7 +42,7 @@ def test_bench_prints_its_report_and_the_paths(typed, tmp_path, monkeypatch):
     monkeypatch.setattr(bench, "start_times", lambda: [0.1, 0.2, 0.3])
     status, out, _ = typed("bench --quick")
     assert status == 0
-    assert "growth exponent from 200 to 10,000 robots: 0 (target" in out
+    assert "growth exponent from 200 to 10,000 robots: 0 (required" in out
     assert {path.name for path in (tmp_path / "results" / "bench").iterdir()} == {"step.csv", "complexity.png"}
 
 
