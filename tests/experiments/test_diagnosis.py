@@ -73,7 +73,7 @@ def test_where_nothing_was_kept_it_says_what_to_do():
     for model, words in (
         (unwatched, r"no steps are stored to diagnose; call model\.watch\(last=None\)"),
         (unstepped, "no step is stored to diagnose"),
-        (layers, "not kept: position, heading, command, distance, kind; add them"),
+        (layers, "not stored: position, heading, command, distance, kind; add them"),
     ):
         with pytest.raises(InvalidValueError, match=words):
             pathologies_of(model)

@@ -236,7 +236,7 @@ def test_where_nothing_was_kept_it_says_what_to_do():
     for model, words in (
         (unwatched, r"no steps are stored to draw; call model\.watch\(last=None\)"),
         (unstepped, "no step is stored to draw"),
-        (headings.run(2), "not kept: layer; add them"),
+        (headings.run(2), "not stored: layer; add them"),
         (undriven.run(2), r"there is no control to draw; set model\.control"),
     ):
         with pytest.raises(InvalidValueError, match=words):
