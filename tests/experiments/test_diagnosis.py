@@ -72,7 +72,7 @@ def test_where_no_step_is_watched_the_error_has_the_cure():
     for model, words in (
         (unwatched, r"no steps are stored to diagnose; call model\.watch\(last=None\)"),
         (unstepped, "no step is stored to diagnose"),
-        (layers, "not kept: position, heading, command, distance, kind; add them"),
+        (layers, "not stored: position, heading, command, distance, kind; add them"),
     ):
         with pytest.raises(InvalidValueError, match=words):
             pathologies_of(model)

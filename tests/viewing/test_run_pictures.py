@@ -233,7 +233,7 @@ def test_without_snapshots_the_cure_is_named():
     for model, words in (
         (unwatched, r"no steps are stored to draw; call model\.watch\(last=None\)"),
         (unstepped, "no step is stored to draw"),
-        (headings.run(2), "not kept: layer; add them"),
+        (headings.run(2), "not stored: layer; add them"),
         (undriven.run(2), r"model\.control is None"),
     ):
         with pytest.raises(InvalidValueError, match=words):
