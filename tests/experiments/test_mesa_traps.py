@@ -112,7 +112,7 @@ def test_batch_run_keeps_every_row_of_every_run_in_memory_and_sweep_none(tmp_pat
         odd = {"odd": list(range(runs))}
         return sweep(Counted, odd, seeds=1, steps=20, out=tmp_path / str(runs), jobs=1)
 
-    few, many = 20, 120
+    few, many = 20, 320
     grown = {}
     for work in (batch, swept):
         work(2)
