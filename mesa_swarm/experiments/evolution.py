@@ -54,7 +54,7 @@ class Diary:
         """Write all that was told, whole or not at all."""
         if self.file is None:
             return
-        text = json.dumps({"format": FORMAT, "settings": self.settings, "fitness": search.told})
+        text = json.dumps({"format": FORMAT, "settings": self.settings, "fitness": search.history})
         write_whole(self.file, text, LearningError)
 
     def retell(self, search: Evolution, most: int) -> None:
@@ -268,7 +268,7 @@ def evolve(
             diary.write(search)
             bar.update()
     policy = last.best(search, streams["final"], workers, trial.robots * trial.steps)
-    return Evolved(policy, np.array(search.told))
+    return Evolved(policy, np.array(search.history))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -352,9 +352,7 @@ def check_settings(
         return Verdict(False, NO_ANSWER, hint)
     known = [name for name in parameters_of(model) if not only or name in only]
     if not isinstance(settings, Mapping):
-        return Verdict(
-            False, mismatch("your answer", settings, f"settings by name, such as dict({known[0]}=...)"), hint
-        )
+        return _refused(settings, f"settings by name, such as dict({known[0]}=...)", hint)
     for name in settings:
         if name not in known:
             return Verdict(False, unknown_name("parameter", name, known), hint)
