@@ -48,7 +48,7 @@ def check_array(name: str, value: object, axes: Axes, *, finite: bool = True) ->
 
 
 def check_points(name: str, value: object, axes: Axes = ("n", 2)) -> np.ndarray:
-    """Return `value` as an array of points (x, y), none of them absurdly far out.
+    """Return `value` as an array of points (x, y) within the largest coordinates.
 
     Examples
     --------
@@ -107,7 +107,7 @@ def check_steps(steps: object) -> np.ndarray:
 
 
 def check_bounds(value: object) -> Bounds:
-    """Return the bounds of a world as four floats, or say why they enclose nothing.
+    """Return the bounds of a world as four floats, if they enclose an area.
 
     Examples
     --------

@@ -383,7 +383,7 @@ def test_only_meetings_of_the_same_history_have_an_outcome():
     x = columns(6, 0, 40)
     x[2:, 1] = 10
     history = followed(x)
-    with pytest.raises(InvalidValueError, match="no meeting of this history"):
+    with pytest.raises(InvalidValueError, match="not a meeting of this history"):
         history.outcome(history.events[0])
     with pytest.raises(UnknownNameError, match="did you mean 'merge'"):
         history.of("merg")
