@@ -51,7 +51,7 @@ class ChainHistory:
 
     @property
     def mean_length(self) -> np.ndarray:
-        """Mean number of robots in a chain in each frame (k,), NaN where there is no chain."""
+        """Mean number of robots in a chain in each frame (k,), NaN without chains."""
         robots, count = np.count_nonzero(self.chain >= 0, axis=1), self.count
         return np.where(count > 0, robots / np.maximum(count, 1), np.nan)
 
@@ -207,15 +207,15 @@ def follow_chains(
 
 
 def settled(leader: np.ndarray, patience: int) -> np.ndarray:
-    """Return who follows whom for good, without what comes and goes within `patience` frames.
+    """Return lasting links, without changes within `patience` frames.
 
-    If nobody has two followers in any frame, nobody has among the links so settled: while the new one is seen
+    If no robot has two followers in any frame, none has among the lasting links: while the new one is seen
     `patience` times in a row, the old one is not.
 
     Parameters
     ----------
     leader : int64 ndarray, shape (k, n)
-        As seen in each frame, -1 for nobody.
+        As found in each frame, -1 for none.
     patience : int
         At least 1.
 
@@ -224,7 +224,7 @@ def settled(leader: np.ndarray, patience: int) -> np.ndarray:
     >>> settled(np.array([[-1], [0], [0], [-1], [0], [-1], [-1]]), 2).ravel()
     array([-1,  0,  0,  0,  0, -1, -1])
     """
-    kept = np.full_like(leader, -1)
+    lasting = np.full_like(leader, -1)
     held, missing, row = (np.full(leader.shape[1], fill) for fill in (-1, 0, 0))
     for frame, now in enumerate(leader):
         row = np.where(now == leader[frame - 1], row + 1, 1) if frame else row + 1
@@ -233,10 +233,10 @@ def settled(leader: np.ndarray, patience: int) -> np.ndarray:
         come = (now >= 0) & (now != held) & (row >= patience)
         held = np.where(come, now, np.where(gone, -1, held))
         missing[come] = 0
-        kept[frame] = held
+        lasting[frame] = held
         since = slice(max(frame + 1 - patience, 0), frame + 1)
-        kept[since, gone | come] = held[gone | come]
-    return kept
+        lasting[since, gone | come] = held[gone | come]
+    return lasting
 
 
 def _followed(leader: np.ndarray, position: np.ndarray, steps: np.ndarray, window: int) -> tuple:

@@ -46,12 +46,12 @@ class Chains:
 
     @property
     def mean_length(self) -> float:
-        """Mean number of robots in a chain, NaN where there is no chain."""
+        """Mean number of robots in a chain, NaN without chains."""
         return float(self.lengths.mean()) if self.count else math.nan
 
     @property
     def longest(self) -> int:
-        """Robots in the longest chain, 0 where there is none."""
+        """Robots in the longest chain, 0 without chains."""
         return int(self.lengths.max(initial=0))
 
     @property

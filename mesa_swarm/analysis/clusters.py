@@ -45,7 +45,7 @@ class Clusters:
 
     @property
     def largest_fraction(self) -> float:
-        """Share of all robots that are in the largest group, in [0, 1]; 0 where there is no group."""
+        """Share of all robots that are in the largest group, in [0, 1]; 0 without groups."""
         return int(self.sizes[0]) / len(self.label) if self.count else 0.0
 
     @property
@@ -53,18 +53,18 @@ class Clusters:
         """Share of the grouped robots that are not in the largest group, in [0, 1).
 
         0 where one group holds all grouped robots, (c - 1) / c for c groups of one size: towards 1 the more
-        groups a swarm has settled into instead of one. 0 too where there is no group: read it beside `alone`.
+        groups a swarm has settled into instead of one. 0 too without groups: read it beside `alone`.
         """
         return 1.0 - int(self.sizes[0]) / self.grouped if self.count else 0.0
 
     @property
     def mean_size(self) -> float:
-        """Mean number of robots in a group; 0 where there is no group."""
+        """Mean number of robots in a group; 0 without groups."""
         return self.grouped / self.count if self.count else 0.0
 
     @property
     def alone(self) -> float:
-        """Share of all robots that are in no group, in [0, 1]; 0 where there is no robot."""
+        """Share of all robots that are in no group, in [0, 1]; 0 without robots."""
         return 1.0 - self.grouped / len(self.label) if len(self.label) else 0.0
 
 

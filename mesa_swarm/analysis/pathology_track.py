@@ -102,7 +102,7 @@ class Track:
 
 
 def last_before(sign: np.ndarray) -> np.ndarray:
-    """Return for each step (k, n) the last one before it in which the sign was not 0, -1 if there is none.
+    """Return for each step (k, n) the last one before it in which the sign was not 0, or -1.
 
     Examples
     --------

@@ -74,7 +74,7 @@ def clark_evans(position: np.ndarray, area: float) -> float:
     """Return the mean distance to the nearest neighbour, relative to that of points at random.
 
     ``R = mean(d_i) / (0.5 / sqrt(n / area))`` (Clark & Evans 1954, Ecology 35). 0: all in one place; below 1:
-    clumped; 1: random; above 1: spread out, at most 2.149 (a triangular lattice). There is no correction for
+    clumped; 1: random; above 1: spread out, at most 2.149 (a triangular lattice). It is not corrected for
     the border, beyond which there are no neighbours: of few robots, random ones come out slightly above 1.
 
     Parameters
@@ -119,7 +119,7 @@ def dispersion(position: np.ndarray) -> float:
     Returns
     -------
     float
-        Map units, at least 0; NaN where there is no robot.
+        Map units, at least 0; NaN without robots.
 
     Raises
     ------
