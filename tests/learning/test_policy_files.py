@@ -26,8 +26,8 @@ def file(policy, tmp_path):
 
 def same_policy(one, other):
     weights = zip(one.networks.weights, other.networks.weights, strict=True)
-    told = [(policy.sensors, policy.steps, policy.settings()) for policy in (one, other)]
-    return all((a == b).all() for a, b in weights) and told[0] == told[1]
+    fields = [(policy.sensors, policy.steps, policy.settings()) for policy in (one, other)]
+    return all((a == b).all() for a, b in weights) and fields[0] == fields[1]
 
 
 def test_a_file_gives_back_all_of_it(policy, file):
@@ -45,14 +45,14 @@ def test_learning_goes_on_where_a_saved_policy_left_off(policy, file):
 
 
 def test_numpys_numbers_among_the_figures_are_kept_as_numbers(tmp_path):
-    told = {
+    figures = {
         "seen": np.int64(3),
         "share": np.float32(0.5),
         "good": np.True_,
         "long": np.longdouble(2),
         "name": np.str_("Ada"),
     }
-    policy = learned(trained(steps=2), **told)
+    policy = learned(trained(steps=2), **figures)
     kept = load_policy(save_policy(policy, tmp_path / "a.npz")).training
     assert {"seen": 3, "share": 0.5, "good": True, "long": 2.0}.items() <= kept.items()
 
