@@ -164,7 +164,12 @@ def test_a_policy_tells_where_it_comes_from_and_what_it_started_from(learner, tm
     model = learning(learner, 0, start=load_policy(save_policy(first, tmp_path / "first.npz")))
     model.control = Subsumption(Avoid(distance=3), model.run(6).control.layers[0])
     again = load_policy(save_policy(model.control.layers[1].policy(), tmp_path / "again.npz"))
-    provenance = {"learner": learner.__name__, "mesa_swarm": version("mesa-swarm"), "design": "AGENT9", "map": "original"}
+    provenance = {
+        "learner": learner.__name__,
+        "mesa_swarm": version("mesa-swarm"),
+        "design": "AGENT9",
+        "map": "original",
+    }
     assert {**provenance, "model_steps": 9, "collisions": 0.5, "lessons": 32}.items() <= first.training.items()
     assert "started_from" not in first.training
     assert {**provenance, "model_steps": 6, "lessons": 20}.items() <= again.training.items()
