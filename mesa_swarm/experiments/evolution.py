@@ -53,7 +53,7 @@ class Diary:
     def write(self, search: Evolution) -> None:
         """Write the fitness of all generations, whole or not at all."""
         if self.file is not None:
-            text = json.dumps({"format": FORMAT, "settings": self.settings, "fitness": search.told})
+            text = json.dumps({"format": FORMAT, "settings": self.settings, "fitness": search.history})
             write_whole(self.file, text, LearningError)
 
     def replay(self, search: Evolution, most: int) -> None:
@@ -280,7 +280,7 @@ def evolve(
         generations=search.generations,
         worth=float(worth[best]),
     )
-    return Evolved(policy, np.array(search.told))
+    return Evolved(policy, np.array(search.history))
 
 
 def checked_trial(name: str, trial: object) -> Trial:

@@ -171,7 +171,7 @@ def _refused(answer: object, expected: str, hint: str) -> Verdict:
 
 
 def verdict_on(
-    wishes: Sequence[Wish], numbers: Sequence[Sequence[float | None]], seeds: Sequence[int], hint: str
+    criteria: Sequence[Wish], numbers: Sequence[Sequence[float | None]], seeds: Sequence[int], hint: str
 ) -> Verdict:
     """Return the verdict on measured numbers, a row a criterion.
 
@@ -181,16 +181,16 @@ def verdict_on(
     Not yet.
       turns: at most 3 required; got 2, 5 with seeds 1 and 2; 1 of 2 seeds pass
     """
-    rows = list(zip(wishes, numbers, strict=True))
-    passed = all(sum(not wish.is_met(number) for number in row) <= wish.misses for wish, row in rows)
-    return Verdict(passed, "\n".join(_line(wish, row, seeds) for wish, row in rows), hint)
+    rows = list(zip(criteria, numbers, strict=True))
+    passed = all(sum(not criterion.is_met(number) for number in row) <= criterion.misses for criterion, row in rows)
+    return Verdict(passed, "\n".join(_line(criterion, row, seeds) for criterion, row in rows), hint)
 
 
-def _line(wish: Wish, row: Sequence[float | None], seeds: Sequence[int]) -> str:
-    met, runs = sum(map(wish.is_met, row)), len(row)
+def _line(criterion: Wish, row: Sequence[float | None], seeds: Sequence[int]) -> str:
+    met, runs = sum(map(criterion.is_met, row)), len(row)
     measured = ", ".join(map(shown, row))
-    enough = f" ({runs - wish.misses} required)" if wish.misses else ""
-    return f"  {wish} required; got {measured} with {seeds_in_words(seeds)}; {met} of {runs} seeds pass{enough}"
+    enough = f" ({runs - criterion.misses} required)" if criterion.misses else ""
+    return f"  {criterion} required; got {measured} with {seeds_in_words(seeds)}; {met} of {runs} seeds pass{enough}"
 
 
 def shown(number: float | None) -> str:
@@ -227,7 +227,7 @@ NO_ANSWER = "there is no answer yet; put yours where the dots are"
 
 
 def check_model(
-    make: Callable[[int], Any], *wishes: Wish, steps: int = 0, seeds: Sequence[int] = SEEDS, hint: str = ""
+    make: Callable[[int], Any], *criteria: Wish, steps: int = 0, seeds: Sequence[int] = SEEDS, hint: str = ""
 ) -> Verdict:
     """Run what a function makes with several seeds, and check the results.
 
@@ -235,7 +235,7 @@ def check_model(
     ----------
     make : callable
         Takes a seed; returns a SwarmModel, which is then run, or a mapping of numbers by name.
-    *wishes : Wish
+    *criteria : Wish
         The criteria.
     steps : int
         That each model is run.
@@ -254,24 +254,24 @@ def check_model(
     if not callable(make):
         return _refused(make, "a function that takes a seed", hint)
     try:
-        rows = [_numbers(make, wishes, steps, seed) for seed in seeds]
+        rows = [_numbers(make, criteria, steps, seed) for seed in seeds]
     except Exception as error:  # every error of a learner becomes a sentence
         return Verdict(False, in_words(error), hint)
-    return verdict_on(wishes, list(zip(*rows, strict=True)), seeds, hint)
+    return verdict_on(criteria, list(zip(*rows, strict=True)), seeds, hint)
 
 
-def _numbers(make: Callable[[int], Any], wishes: Sequence[Wish], steps: int, seed: int) -> list[float | None]:
+def _numbers(make: Callable[[int], Any], criteria: Sequence[Wish], steps: int, seed: int) -> list[float | None]:
     outcome = make(seed)
     if is_missing(outcome):
         raise ValueError(f"it returned {outcome}; return what you made")
     if not isinstance(outcome, Mapping):
         outcome.run(steps)
-    return [wish.number_of(outcome) for wish in wishes]
+    return [criterion.number_of(outcome) for criterion in criteria]
 
 
 def check_rule(
     rule: Any,
-    *wishes: Wish,
+    *criteria: Wish,
     world: Callable[[int], Any],
     above: Sequence = (),
     below: Sequence = (Explore(),),
@@ -284,7 +284,7 @@ def check_rule(
     Parameters
     ----------
     rule : function of me, or layer
-    *wishes : Wish
+    *criteria : Wish
     world : callable
         Takes a seed; returns a model with robots and no control.
     above, below : sequences of layers
@@ -311,7 +311,7 @@ def check_rule(
         model.control = Subsumption(*above, _layer(rule), *below)
         return model
 
-    return check_model(make, *wishes, steps=steps, seeds=seeds, hint=hint)
+    return check_model(make, *criteria, steps=steps, seeds=seeds, hint=hint)
 
 
 def _layer(rule: Any) -> Any:
@@ -322,7 +322,7 @@ def _layer(rule: Any) -> Any:
 def check_settings(
     model: Callable[..., Any],
     settings: Mapping[str, Any],
-    *wishes: Wish,
+    *criteria: Wish,
     only: Sequence[str] = (),
     steps: int = 1_000,
     seeds: Sequence[int] = SEEDS,
@@ -336,7 +336,7 @@ def check_settings(
         Of the gallery, one of your own, or a function that makes one; with keyword-only parameters and `rng`.
     settings : mapping
         Its parameters by name.
-    *wishes : Wish
+    *criteria : Wish
     only : sequence of str
         The parameters that may be set; any of them by default.
     steps, seeds, hint
@@ -356,7 +356,7 @@ def check_settings(
     for name in settings:
         if name not in known:
             return Verdict(False, unknown_name("parameter", name, known), hint)
-    return check_model(lambda rng: model(**settings, rng=rng), *wishes, steps=steps, seeds=seeds, hint=hint)
+    return check_model(lambda rng: model(**settings, rng=rng), *criteria, steps=steps, seeds=seeds, hint=hint)
 
 
 def check_estimate(

@@ -29,7 +29,7 @@ def test_diagnose_finds_robots_that_turn_on_the_spot_in_a_corridor(typed):
     assert ["corridor", "flip", "2"] in [word.split() for word in out.splitlines()]
     sentences = out.splitlines()[-2:]
     assert sorted(int(sentence.split()[1]) for sentence in sentences) == ids
-    assert all("turned away from what was near on its left and on its right by turns" in s for s in sentences)
+    assert all("turned alternately away from things near on its left and right" in s for s in sentences)
     assert all(s.endswith("to 500 (layer 0).") for s in sentences)
     assert "layers                         0 Avoid, 1 Explore" in out
     assert typed(f"{line} --quiet")[1].endswith("No pathology was found.\n")
@@ -53,9 +53,9 @@ def stuck(first, last, *robots):
 def test_the_longest_episodes_come_first_with_unique_ids():
     found = Pathologies((stuck(1, 40, 0), stuck(5, 99, 1), stuck(7, 46, 0)))
     assert described_episodes(found, [11, 12]) == [
-        "Robot 12 drove and did not move, in steps 5 to 99.",
-        "Robot 11 drove and did not move, in steps 1 to 40.",
-        "Robot 11 drove and did not move, in steps 7 to 46.",
+        "Robot 12 was commanded forwards but did not move, in steps 5 to 99.",
+        "Robot 11 was commanded forwards but did not move, in steps 1 to 40.",
+        "Robot 11 was commanded forwards but did not move, in steps 7 to 46.",
     ]
 
 
