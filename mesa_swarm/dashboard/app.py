@@ -21,11 +21,11 @@ from mesa_swarm.dashboard import FIRST, MODEL_VARIABLE
 from mesa_swarm.dashboard.charts import Charts
 from mesa_swarm.dashboard.compare_view import Compare
 from mesa_swarm.dashboard.controls import ControlPanel, Panel
-from mesa_swarm.dashboard.export_view import ExportView
+from mesa_swarm.dashboard.exporting import ExportView
 from mesa_swarm.dashboard.gallery_view import Gallery, title
 from mesa_swarm.dashboard.inspector import InspectorView
 from mesa_swarm.dashboard.replay_view import Replay
-from mesa_swarm.dashboard.session import LARGEST_SEED, Session, checked_wish
+from mesa_swarm.dashboard.session import LARGEST_SEED, Session, checked_setting
 from mesa_swarm.dashboard.widgets import TroubleCard
 from mesa_swarm.errors import InvalidValueError, SwarmError, UnknownNameError, check_choice, check_count, unknown_name
 from mesa_swarm.gallery import description, find_model, model_names
@@ -49,7 +49,7 @@ class Address:
     Parameters
     ----------
     model : str
-    wishes : dict
+    settings : dict
         Parameters that are not the model's defaults.
     seed, steps : int
     faults : tuple of str
@@ -57,7 +57,7 @@ class Address:
     """
 
     model: str
-    wishes: dict[str, Any] = field(default_factory=dict)
+    settings: dict[str, Any] = field(default_factory=dict)
     seed: int = 1
     steps: int = 0
     faults: tuple[str, ...] = ()
@@ -76,7 +76,7 @@ def address_from(query: str | None, first: str) -> Address:
     Examples
     --------
     >>> address_from("model=fire_fighting&strategy=A&seed=7", "boids")
-    Address(model='fire_fighting', wishes={'strategy': 'A'}, seed=7, steps=0, faults=())
+    Address(model='fire_fighting', settings={'strategy': 'A'}, seed=7, steps=0, faults=())
     >>> address_from("model=fire_fighting&strategie=A&seed=7", "boids").faults[0][:67]
     "unknown parameter of fire_fighting 'strategie'; did you mean 'strat"
     """
@@ -93,7 +93,7 @@ def address_from(query: str | None, first: str) -> Address:
         except SwarmError as error:
             faults.append(str(error))
     seed, steps = values.pop("seed", 1), values.pop("step", 0)
-    return Address(model=name, wishes=values, seed=seed, steps=steps, faults=_first_few(faults))
+    return Address(model=name, settings=values, seed=seed, steps=steps, faults=_first_few(faults))
 
 
 def _value(model: str, known: dict[str, Parameter], word: str, text: str) -> Any:
@@ -103,7 +103,7 @@ def _value(model: str, known: dict[str, Parameter], word: str, text: str) -> Any
     if word not in known:
         raise UnknownNameError(unknown_name(f"parameter of {model}", word, known))
     # A link never names a file: whoever sends one would have this machine read it.
-    return check_choice("map", text, builtin_maps()) if word == "map" else checked_wish(known[word], text)
+    return check_choice("map", text, builtin_maps()) if word == "map" else checked_setting(known[word], text)
 
 
 def _first_few(faults: list[str]) -> tuple[str, ...]:
@@ -131,7 +131,7 @@ def query_of(session: Session) -> str:
     """
     words = {"model": session.name}
     for name, parameter in session.parameters.items():
-        value = session.wishes[name]
+        value = session.settings[name]
         if value != parameter.default and value not in session.uploads:
             words[name] = repr(value) if isinstance(value, float) else str(value)
     words["seed"] = str(session.seed)
@@ -290,7 +290,7 @@ def Room() -> None:
     """Show what the address asks for."""
     search = solara.use_router().search
     asked = solara.use_memo(lambda: address_from(search, os.environ.get(MODEL_VARIABLE, FIRST)), [])
-    session = solara.use_memo(lambda: Session(asked.model, asked.wishes, asked.seed, asked.steps), [])
+    session = solara.use_memo(lambda: Session(asked.model, asked.settings, asked.seed, asked.steps), [])
     tab, choose_tab = solara.use_state(WATCH)
     solara.use_effect(lambda: session.close, [])
     solara.use_effect(lambda: session.adopted.add(lambda: choose_tab(WATCH)), [])

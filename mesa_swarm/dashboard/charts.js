@@ -80,9 +80,9 @@ class ChartView {
     context.scale(ratio, ratio);
     context.font = "11px system-ui, sans-serif";
     const place = this.#axes(context, width, height, palette);
-    if (!place) return this.#say(colours, -1);
+    if (!place) return this.#showValues(colours, -1);
     news.names.forEach((_, k) => this.#curve(context, place, k, colours));
-    this.#say(colours, this.#marks(context, place, palette));
+    this.#showValues(colours, this.#marks(context, place, palette));
   }
 
   #range() {
@@ -178,21 +178,21 @@ class ChartView {
       return x;
     };
     context.lineWidth = 1.5;
-    let told = steps.length - 1;
+    let row = steps.length - 1;
     if (this.#lookedAt !== null) {
       const x = line(this.#lookedAt, palette.selection), text = `step ${this.#lookedAt.toLocaleString("en")}`;
       context.fillStyle = palette.selection;
       context.textAlign = x > place.width / 2 ? "right" : "left";
       context.fillText(text, x + (x > place.width / 2 ? -4 : 4), MARGIN.top + 9);
-      told = this.#nearest(this.#lookedAt);
+      row = this.#nearest(this.#lookedAt);
     }
     if (this.#pointed !== null) {
       const inner = place.width - MARGIN.left - MARGIN.right, first = steps[0] - 1;
       const wanted = first + ((this.#pointed - MARGIN.left) / inner) * (steps[steps.length - 1] - first);
-      told = this.#nearest(wanted);
-      line(steps[told], palette.faint);
+      row = this.#nearest(wanted);
+      line(steps[row], palette.faint);
     }
-    return told;
+    return row;
   }
 
   #nearest(step) {
@@ -201,7 +201,7 @@ class ChartView {
   }
 
   /** Tell the numbers of one row beside the names. */
-  #say(colours, row) {
+  #showValues(colours, row) {
     const { names, points } = this.#news;
     if (this.#fresh) {
       this.#values.replaceChildren(...names.map((name) => make("li", {}, make("i"), make("span", {}, name), make("b"))));
@@ -300,7 +300,7 @@ class BoardView {
       const bytes = buffers[k], data = new Uint8Array(bytes.buffer ?? bytes, bytes.byteOffset ?? 0, bytes.byteLength).slice();
       this.#views.get(news.key)?.take(news, new Float32Array(data.buffer), message.looked_at);
     });
-    this.#root.dataset.told = Number(this.#root.dataset.told ?? 0) + 1;
+    this.#root.dataset.drawn = Number(this.#root.dataset.drawn ?? 0) + 1;
     this.#send({ do: "drawn" });
   }
 }

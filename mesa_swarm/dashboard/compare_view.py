@@ -208,12 +208,12 @@ class ComparePanel:
             case "choose" if name == "parameter":
                 comparing.choose_parameter(str(value))
             case "choose" if name in NAMES:
-                comparing.wish(name, str(value))
+                comparing.set_value(name, str(value))
                 comparing.reset()
             case "text" if name in NAMES:
-                comparing.wish(name, str(value))
+                comparing.set_value(name, str(value))
             case "place" if name in NAMES:
-                comparing.wish(name, value_at(int(value), comparing.choices[comparing.parameter]))
+                comparing.set_value(name, value_at(int(value), comparing.choices[comparing.parameter]))
             case "place" if name == "seeds":
                 comparing.set_count("seeds", int(value))
             case "text" if name in ("seed", "seeds", "steps"):
@@ -457,7 +457,7 @@ def Result(comparing: Comparing) -> None:
 def Found(report: Report) -> None:
     """Show a report."""
     with solara.Div(classes=["swarm-found"]):
-        with solara.Div(classes=["swarm-said"]):
+        with solara.Div(classes=["swarm-results"]):
             rv.Html(tag="p", class_="swarm-finding", attributes={"role": "status"}, children=[report.finding])
             solara.HTML(classes=["swarm-scroll"], unsafe_innerHTML=table_html(report.title, report.table))
             rv.Html(tag="p", class_="swarm-hint", children=[" ".join(report.notes)])

@@ -16,7 +16,7 @@ from typing import IO, Any, cast
 from joblib import cpu_count
 
 from mesa_swarm.dashboard.pair import NAMES, Pair
-from mesa_swarm.dashboard.session import LARGEST_SEED, Session, checked_wish
+from mesa_swarm.dashboard.session import LARGEST_SEED, Session, checked_setting
 from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, check_count, in_words
 from mesa_swarm.experiments.compare import Comparison, run_plan
 from mesa_swarm.experiments.experiment import DEFAULT_STEPS
@@ -319,19 +319,19 @@ class Comparing:
         return {one.name: one for one in known if one.name == "map" or isinstance(one.control, (Choice, Slider))}
 
     @property
-    def settings(self) -> dict[str, Any]:
+    def shared_settings(self) -> dict[str, Any]:
         """All parameters that are not the model's defaults, but for the one that is compared."""
         session = self.session
         if session.name != self.name:
             return {}
-        wished = {name: value for name, value in session.wishes.items() if value != self.parameters[name].default}
-        wished.pop(self.parameter, None)
-        return {name: self._meant(name, value) for name, value in wished.items()}
+        requested = {name: value for name, value in session.settings.items() if value != self.parameters[name].default}
+        requested.pop(self.parameter, None)
+        return {name: self._meant(name, value) for name, value in requested.items()}
 
     @property
     def waiting(self) -> frozenset[str]:
-        """Of "A", "B" and "seed" those that will be as wished only after a reset."""
-        return frozenset(name for name, value in self._wished().items() if self.built.get(name) != value)
+        """Of "A", "B" and "seed" those that will be as requested only after a reset."""
+        return frozenset(name for name, value in self._requested().items() if self.built.get(name) != value)
 
     def choose_model(self, name: str) -> None:
         """Compare another model, in what it says of itself that is worth comparing."""
@@ -348,7 +348,7 @@ class Comparing:
         self.faults = {}
         self.reset()
 
-    def wish(self, side: str, value: Any) -> None:
+    def set_value(self, side: str, value: Any) -> None:
         """Wish for a value in world A or B, from the next reset on."""
         try:
             self.values[NAMES.index(side)] = self._checked(value)
@@ -368,8 +368,8 @@ class Comparing:
         self.pair.changed.tell()
 
     def reset(self) -> None:
-        """Stop, and build both worlds as wished."""
-        self.built, models = self._wished(), (None, None)
+        """Stop, and build both worlds as requested."""
+        self.built, models = self._requested(), (None, None)
         self.faults.pop("worlds", None)
         try:
             models = self._models()
@@ -387,7 +387,7 @@ class Comparing:
         """
         values = [self._meant(self.parameter, value) for value in self.values]
         return checked_plan(
-            self.model_class, self.parameter, values, self.seeds, steps=self.steps, settings=self.settings
+            self.model_class, self.parameter, values, self.seeds, steps=self.steps, settings=self.shared_settings
         )
 
     def start(self) -> None:
@@ -405,12 +405,12 @@ class Comparing:
         self.runs.close()
         self.pair.close()
 
-    def _wished(self) -> dict[str, Any]:
+    def _requested(self) -> dict[str, Any]:
         first, second = self.values
         return {"A": first, "B": second, "seed": self.seed}
 
     def _models(self) -> tuple:
-        settings = self.settings
+        settings = self.shared_settings
         return tuple(
             self.model_class(**settings, **{self.parameter: self._meant(self.parameter, value)}, rng=self.seed)
             for value in self.values
@@ -424,7 +424,7 @@ class Comparing:
         parameter = self.choices[self.parameter]
         if parameter.name == "map":
             return check_choice("map", value, self.session.map_names())
-        return checked_wish(parameter, value)
+        return checked_setting(parameter, value)
 
 
 def two_values(model_class: type, parameter: Parameter, maps: list[str]) -> list:

@@ -17,7 +17,7 @@ from mesa_swarm.viewing.canvas_widget import text_of
 from mesa_swarm.viewing.readings import value_text
 
 # name: (label, help, least, step, most)
-WISHES = {
+REQUIREMENTS = {
     "growth_time": ("growth time", "steps in which a fire that is left alone grows from T = 0 to 1", 100, 50, 10_000),
     "robots": ("robots needed", "so many put out a fire of the largest size ...", 0.5, 0.5, 20),
     "extinguish_time": ("extinguish time", "... in so many steps", 50, 50, 10_000),
@@ -45,7 +45,7 @@ _SILENCE = threading.Lock()
 
 
 class Designer:
-    """Wishes of what fires and robots are like, made into the constants of a session's model.
+    """The constants of a session's model, designed from required properties of fires and robots.
 
     Parameters
     ----------
@@ -54,14 +54,14 @@ class Designer:
     Examples
     --------
     >>> designer = Designer(Session("fire_fighting"))
-    >>> designer.wish("growth_time", 1000)
-    >>> round(designer.session.wishes["k1"], 6)
+    >>> designer.require("growth_time", 1000)
+    >>> round(designer.session.settings["k1"], 6)
     0.000693
     """
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self.wishes = dict(USUAL)
+        self.requirements = dict(USUAL)
         self._constants: FireConstants | None = None
         self._warned: tuple[str, ...] = ()
         self._fault = ""
@@ -71,9 +71,9 @@ class Designer:
         """Whether the model has the constants."""
         return set(CONSTANTS) <= self.session.parameters.keys()
 
-    def wish(self, name: str, value: float) -> None:
-        """Wish for a property, and set the constants that give it."""
-        self.wishes[name] = float(value)
+    def require(self, name: str, value: float) -> None:
+        """Require a property, and set the constants that give it."""
+        self.requirements[name] = float(value)
         try:
             self._constants, self._warned = self._designed()
             self._fault = ""
@@ -81,7 +81,7 @@ class Designer:
             self._fault = str(error)
             self.session.changed.tell()
         else:
-            self.session.wish_all({key: getattr(self._constants, key) for key in CONSTANTS})
+            self.session.set_parameters({key: getattr(self._constants, key) for key in CONSTANTS})
 
     def notes(self) -> list[tuple[str, str]]:
         """Return what there is to say of the constants, each "warning", "remark" or "fault" with its text."""
@@ -90,12 +90,12 @@ class Designer:
         if self._fault:
             return [("fault", self._fault)]
         constants, warned = (self._constants, self._warned) if self._constants else self._designed()
-        if any(self.session.wishes[key] != getattr(constants, key) for key in CONSTANTS):
-            return [("remark", "k1 to k4, leave or join were set by hand; a wish sets all of them anew")]
+        if any(self.session.settings[key] != getattr(constants, key) for key in CONSTANTS):
+            return [("remark", "k1 to k4, leave or join were set by hand; any of these sliders sets all of them again")]
         return [("warning" if remark in warned else "remark", remark) for remark in constants.remarks]
 
     def fields(self) -> list[dict[str, Any]]:
-        """Return the sliders of the wishes."""
+        """Return the sliders of the requirements."""
         return [
             {
                 "name": name,
@@ -103,39 +103,41 @@ class Designer:
                 "help": text,
                 "kind": "slider",
                 "live": True,
-                "wish": True,
+                "designed": True,
                 "low": 0,
                 "high": _places(name),
             }
-            for name, (label, text, *_) in WISHES.items()
+            for name, (label, text, *_) in REQUIREMENTS.items()
         ]
 
     def place(self, name: str, place: int) -> None:
-        """Wish for the value at a slider's place."""
-        _, _, least, step, _ = WISHES[name]
-        self.wish(name, round(least + place * step, 6))
+        """Require the value at a position of a slider."""
+        _, _, least, step, _ = REQUIREMENTS[name]
+        self.require(name, round(least + place * step, 6))
 
     def values(self) -> dict[str, dict[str, Any]]:
         """Return how the sliders are set."""
-        return {name: self._value(name, value) for name, value in self.wishes.items()}
+        return {name: self._value(name, value) for name, value in self.requirements.items()}
 
     @staticmethod
     def _value(name: str, value: float) -> dict[str, Any]:
-        _, _, least, step, _ = WISHES[name]
+        _, _, least, step, _ = REQUIREMENTS[name]
         return {"text": f"{value:g}", "place": round((value - least) / step), "fault": "", "waits": False}
 
     def _designed(self) -> tuple[FireConstants, tuple[str, ...]]:
         model = self.session.model
         largest = float(model.fires.area.max()) if model is not None and len(model.fires) else 16.0
-        start = float(self.session.wishes.get("initial_temperature", 1.0))
+        start = float(self.session.settings.get("initial_temperature", 1.0))
         with _SILENCE, warnings.catch_warnings(record=True) as heard:
             warnings.simplefilter("always", FireConstantsWarning)
-            constants = design_constants(**self.wishes, initial_temperature=start, area=largest, largest_area=largest)
+            constants = design_constants(
+                **self.requirements, initial_temperature=start, area=largest, largest_area=largest
+            )
         return constants, tuple(str(warning.message) for warning in heard)
 
 
 def _places(name: str) -> int:
-    _, _, least, step, most = WISHES[name]
+    _, _, least, step, most = REQUIREMENTS[name]
     return round((most - least) / step)
 
 
@@ -162,7 +164,6 @@ class ControlPanel(anywidget.AnyWidget):
     """
 
     _esm = text_of("viewing/elements.js", "dashboard/panel.js")
-    _css = text_of("dashboard/panel.css")
     bare = traitlets.Bool(False).tag(sync=True)
     groups: traitlets.List[dict[str, Any]] = traitlets.List().tag(sync=True)
     values = traitlets.Dict().tag(sync=True)
@@ -204,18 +205,18 @@ class Panel:
         value: Any = message.get("value")
         match message.get("do"):
             case "place" if name in session.parameters:
-                session.wish(name, value_at(int(value), session.parameters[name]))
-            case "place" if name in self.designer.wishes:
+                session.set_parameter(name, value_at(int(value), session.parameters[name]))
+            case "place" if name in self.designer.requirements:
                 self.designer.place(name, int(value))
             case "text" if name == "seed":
                 session.set_seed(str(value))
             case "text" | "choose" if name in session.parameters:
-                session.wish(name, str(value))
+                session.set_parameter(name, str(value))
             case "random":
                 session.set_seed(secrets.randbelow(LARGEST_RANDOM_SEED))
                 session.reset()
             case "defaults":
-                session.wish_defaults()
+                session.set_defaults()
             case "reset":
                 session.reset()
             case "upload" if buffers and "map" in session.parameters:
@@ -342,7 +343,7 @@ def values_of(session: Session) -> dict[str, dict[str, Any]]:
     """Return how each control is set, whether it waits for a reset, and what is wrong with it."""
     values: dict[str, dict[str, Any]] = {"seed": {"text": str(session.seed)}}
     for name, parameter in session.parameters.items():
-        value = session.wishes[name]
+        value = session.settings[name]
         values[name] = {"text": value_text(value)}
         if isinstance(parameter.control, Slider):
             values[name]["place"] = place_of(value, parameter)

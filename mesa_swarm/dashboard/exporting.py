@@ -13,7 +13,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, cast
 
+import anywidget
+import solara
+import traitlets
+
 from mesa_swarm.dashboard.session import Session
+from mesa_swarm.dashboard.widgets import Downloads
 from mesa_swarm.errors import (
     ExportError,
     InvalidValueError,
@@ -27,15 +32,40 @@ from mesa_swarm.experiments.pool import ending_with_us
 from mesa_swarm.model import Observer
 from mesa_swarm.recording.recorder import Recorder, record
 from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.viewing.canvas_widget import text_of
 from mesa_swarm.viewing.pictures import Shown, frame_and_scene, png, svg, world_figure
+from mesa_swarm.viewing.player import PackedFrame
 
 # Of one recording, bytes.
 MOST_BYTES = 300_000_000
 # Steps from one look at the file's size to the next.
 LOOK_EVERY = 50
+# What can be made, and what it is called; those with a dot are tables.
+KINDS = {
+    "png": "Picture (PNG)",
+    "svg": "Picture (SVG)",
+    "gif": "Animation (GIF)",
+    "mp4": "Film (MP4)",
+    "html": "Page that replays it (HTML)",
+    "arrow": "Recording (.arrow)",
+    "robots.csv": "Table of robots (CSV)",
+    "robots.parquet": "Table of robots (Parquet)",
+    "fires.csv": "Table of fires (CSV)",
+    "fires.parquet": "Table of fires (Parquet)",
+}
+PICTURES = ("png", "svg")
+SOURCES = ("run", "recording")
+MOST_ROWS = 5_000_000
+LARGEST_DOWNLOAD = 500_000_000
+# A run that is made again lets others work after so many seconds of its own.
+TURN = 0.02
+PERCENT = re.compile(r"(\d+) %")
+COMMAND = "import sys; from mesa_swarm.cli import main; sys.exit(main())"
+# Shortest time between updates of the progress and the recorded steps, s.
+EVERY = 0.25
 
 
-class Tape(Observer):
+class RecordingSwitch(Observer):
     """Records a model from now on, one recording at a time.
 
     Parameters
@@ -57,10 +87,10 @@ class Tape(Observer):
     --------
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     tape, model = Tape(Path(folder)), SwarmModel(rng=1)
-    ...     tape.start(model)
-    ...     tape.stop() if model.run(5) else None
-    ...     tape.words
+    ...     switch, model = RecordingSwitch(Path(folder)), SwarmModel(rng=1)
+    ...     switch.start(model)
+    ...     switch.stop() if model.run(5) else None
+    ...     switch.words
     'steps 1 to 5'
     """
 
@@ -149,29 +179,6 @@ class Tape(Observer):
         self.ended = f"{why}; it ended at step {self.last:,}"
 
 
-# What can be made, and what it is called; those with a dot are tables.
-KINDS = {
-    "png": "Picture (PNG)",
-    "svg": "Picture (SVG)",
-    "gif": "Animation (GIF)",
-    "mp4": "Film (MP4)",
-    "html": "Page that replays it (HTML)",
-    "arrow": "Recording (.arrow)",
-    "robots.csv": "Table of robots (CSV)",
-    "robots.parquet": "Table of robots (Parquet)",
-    "fires.csv": "Table of fires (CSV)",
-    "fires.parquet": "Table of fires (Parquet)",
-}
-PICTURES = ("png", "svg")
-SOURCES = ("run", "tape")
-MOST_ROWS = 5_000_000
-LARGEST_DOWNLOAD = 500_000_000
-# A run that is made again lets others work after so many seconds of its own.
-TURN = 0.02
-PERCENT = re.compile(r"(\d+) %")
-COMMAND = "import sys; from mesa_swarm.cli import main; sys.exit(main())"
-
-
 class CancelledError(SwarmError):
     """The user wants it no longer."""
 
@@ -185,7 +192,7 @@ class Wanted:
     kind : str
         One of `KINDS`.
     source : str
-        "run": the run so far, made again; "tape": what was recorded.
+        "run": the run so far, made again; "recording": what was recorded.
     every : int
         Steps from one row of a table to the next, at least 1.
     sectors : bool
@@ -239,7 +246,7 @@ class Exporting:
 
     Attributes
     ----------
-    tape : Tape
+    switch : RecordingSwitch
     doing : str
         What is being done now, empty if nothing is.
     progress : float or None
@@ -255,7 +262,7 @@ class Exporting:
         self._undelivered: tuple[str, bytes | Path] | None = None
         self._folder = TemporaryDirectory(prefix="mesa_swarm_")
         self.folder = Path(self._folder.name)
-        self.tape = Tape(self.folder)
+        self.switch = RecordingSwitch(self.folder)
         self.doing, self.message, self.fault = "", "", ""
         self.progress: float | None = None
         self._thread: threading.Thread | None = None
@@ -288,18 +295,18 @@ class Exporting:
             try:
                 self.fault = ""
                 if not on:
-                    self.tape.stop()
+                    self.switch.stop()
                 elif session.model is not None:
-                    self.tape.start(session.model)
+                    self.switch.start(session.model)
             except (SwarmError, OSError) as problem:
                 self.fault = in_words(problem)
         self._tell()
 
-    def check_tape(self) -> None:
+    def check_recording(self) -> None:
         """End the recording if its model is played no more."""
         with self.session.lock:
-            if self.tape.running and self.tape.model is not self.session.model:
-                self.tape.stop()
+            if self.switch.running and self.switch.model is not self.session.model:
+                self.switch.stop()
 
     def start(self, **wanted: Any) -> None:
         """Begin to make a file, unless one is being made."""
@@ -323,7 +330,7 @@ class Exporting:
         """Break off, stop recording and delete all files."""
         self.cancel()
         with self.session.lock:
-            self.tape.stop()
+            self.switch.stop()
         if self._thread is not None and self._thread is not threading.current_thread():
             self._thread.join(5)
         self._folder.cleanup()
@@ -354,7 +361,7 @@ class Exporting:
             self._hand_over(name, png(figure) if wanted.kind == "png" else svg(figure))
             return name
         source = self.folder / "made.arrow"
-        rows = self._from_tape(source) if wanted.source == "tape" else self._run_again(source)
+        rows = self._from_recording(source) if wanted.source == "recording" else self._run_again(source)
         made = source if wanted.kind == "arrow" else self.folder / f"made.{wanted.ending}"
         if made is not source:
             self._check_table(wanted, rows)
@@ -378,13 +385,13 @@ class Exporting:
             _check_straight(session, "draw an earlier step")
         return step, self._taken(session.remade(), step)
 
-    def _from_tape(self, path: Path) -> int:
-        """Copy the tape; return how many steps are on it."""
+    def _from_recording(self, path: Path) -> int:
+        """Copy the switch; return how many steps are on it."""
         with self.session.lock:
-            if not self.tape.words:
+            if not self.switch.words:
                 raise ExportError("nothing was recorded; switch Record on, and play")
-            self.tape.copy(path)
-            return self.tape.last - self.tape.first + 1
+            self.switch.copy(path)
+            return self.switch.last - self.switch.first + 1
 
     def _run_again(self, path: Path) -> int:
         """Make the run so far again while it is recorded; return how many steps that is."""
@@ -471,3 +478,123 @@ def _check_straight(session: Session, purpose: str) -> None:
         raise InvalidValueError(
             f"the run was changed on the way, so one cannot {purpose}; switch Record on before changing it"
         )
+
+
+class Exporter(anywidget.AnyWidget):
+    """Lists, a button and a bar in the browser.
+
+    Attributes
+    ----------
+    kinds : list of [str, str, bool]
+        What Python can make: key, label, and whether it is of the whole run.
+    told : dict
+        How things are.
+    """
+
+    _esm = text_of("viewing/elements.js", "dashboard/downloads.js", "dashboard/exporter.js")
+    kinds: traitlets.List[list[str | bool]] = traitlets.List().tag(sync=True)
+    status = traitlets.Dict().tag(sync=True)
+
+
+class ExportDesk:
+    """Lets an exporter show what a session's `Exporting` does, and start it.
+
+    Parameters
+    ----------
+    exporter : Exporter
+    session : Session
+    """
+
+    ready = False  # files are no reason to make a picture
+
+    def __init__(self, exporter: Exporter, session: Session) -> None:
+        self.exporter, self.session = exporter, session
+        self._downloads = Downloads(exporter)
+        self._lock = threading.Lock()
+        self._shown = 0.0
+        self._doing = ""
+        self.exporting = session.companion(Exporting)
+        self.exporting.connect(self._downloads.send, self.report)
+        self._leave = session.changed.add(self.refresh)
+        exporter.on_msg(self._hear)
+        self.refresh()
+        session.add_viewer(self)
+
+    def refresh(self) -> None:
+        """Show how things are; a recording of another model has ended."""
+        self.exporting.check_recording()
+        model = self.session.model
+        burns = model is not None and len(model.fires) > 0
+        made = {key: label for key, label in KINDS.items() if burns or "fires" not in key}
+        kinds: list[list[str | bool]] = [[key, label, key not in PICTURES] for key, label in made.items()]
+        if self.exporter.kinds != kinds:
+            self.exporter.kinds = kinds
+        self._show()
+
+    def push(self, number: int, picture: PackedFrame) -> None:
+        """Show how much was recorded, if it is time."""
+        if not self.session.playing or time.monotonic() - self._shown >= EVERY:
+            self._show()
+
+    def report(self) -> None:
+        """Show what is being made, now and then while that goes on."""
+        if self.exporting.doing != self._doing or time.monotonic() - self._shown >= EVERY:
+            self._show()
+
+    def act(self, message: dict) -> None:
+        """Do what the browser asks for."""
+        match message.get("do"):
+            case "record":
+                self.exporting.record(bool(message.get("value")))
+                self._show()
+            case "export":
+                self.exporting.start(**message["value"])
+                self._show()
+            case "cancel":
+                self.exporting.cancel()
+            case _:
+                self._downloads.hear(message)
+
+    def close(self) -> None:
+        """Part them; what is recorded or made goes on."""
+        self._leave()
+        self.session.remove_viewer(self)
+        self.exporter.on_msg(self._hear, remove=True)
+        self.exporting.disconnect()
+        self._downloads.close()
+
+    def _hear(self, _: object, message: dict, __: list) -> None:
+        self.act(message)
+
+    def _show(self) -> None:
+        with self._lock:
+            self._shown, self._doing = time.monotonic(), self.exporting.doing
+            status = status_of(self.exporting)
+            if status != self.exporter.status:
+                self.exporter.status = status
+
+
+def status_of(exporting: Exporting) -> dict[str, Any]:
+    """Return how things are, as the browser wants it."""
+    session, switch = exporting.session, exporting.switch
+    model = session.model
+    steps = model.completed if model is not None else 0
+    return {
+        "name": session.name,
+        "steps": steps if session.straight else 0,
+        "straight": session.straight,
+        "recording": switch.running,
+        "recorded": switch.words,
+        "ended": switch.ended,
+        "doing": exporting.doing,
+        "progress": exporting.progress,
+        "message": exporting.message,
+        "fault": exporting.fault,
+    }
+
+
+@solara.component
+def ExportView(session: Session) -> None:
+    """Show what can be made of the run."""
+    exporter = Exporter.element()
+    solara.use_effect(lambda: ExportDesk(solara.get_widget(exporter), session).close, [])

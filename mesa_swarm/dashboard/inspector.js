@@ -1,4 +1,4 @@
-/* One robot closely. Python tells all (told); the user moves it, or goes to another one. The robot's own frame is drawn
+/* One robot closely. Python tells all (inspected); the user moves it, or goes to another one. The robot's own frame is drawn
    with its heading up. */
 
 const KINDS = ["obstacle", "robot", "fire", "load"];
@@ -25,11 +25,11 @@ function sector({ mount, bearing, half }, reach) {
   return points.map(([x, y]) => `${x.toFixed(2)},${y.toFixed(2)}`).join(" ");
 }
 
-function diagram(told) {
-  const { sensors, radius } = told, few = sensors.length <= 12;
+function diagram(inspected) {
+  const { sensors, radius } = inspected, few = sensors.length <= 12;
   const reach = Math.max(1.6 * radius, ...sensors.map((one) => Math.hypot(...one.mount) + one.range));
   const size = reach * 1.1, text = (TEXT * 2 * size) / WIDTH;
-  const picture = drawn("svg", { viewBox: `${-size} ${-size} ${2 * size} ${2 * size}`, role: "img", "aria-label": `Sensors of robot ${told.id}, heading up` });
+  const picture = drawn("svg", { viewBox: `${-size} ${-size} ${2 * size} ${2 * size}`, role: "img", "aria-label": `Sensors of robot ${inspected.id}, heading up` });
   const labels = [];
   for (const one of sensors) {
     const seen = one.kind >= 0, state = `${seen ? ` sees-${KINDS[one.kind]}` : ""}${one.triggered ? " triggered" : ""}`;
@@ -58,11 +58,11 @@ class InspectorView {
     this.#model = model;
     root.classList.add("swarm-inspector");
     this.#build(root);
-    for (const [name, act] of [["told", () => this.#tell()], ["editable", () => this.#edit()], ["fault", () => this.#fault()]]) {
+    for (const [name, act] of [["inspected", () => this.#show()], ["editable", () => this.#edit()], ["fault", () => this.#fault()]]) {
       model.on(`change:${name}`, act);
       this.#leave.push(() => model.off(`change:${name}`, act));
     }
-    this.#tell();
+    this.#show();
     this.#edit();
     this.#fault();
   }
@@ -92,27 +92,27 @@ class InspectorView {
     parts.move = make("button", { type: "submit" }, "Move");
     parts.pose.append(parts.move);
     parts.pose.addEventListener("submit", (event) => (event.preventDefault(), this.#move()));
-    parts.pose.addEventListener("focusout", () => setTimeout(() => this.#tell()));
+    parts.pose.addEventListener("focusout", () => setTimeout(() => this.#show()));
     parts.fault = make("p", { class: "swarm-fault", role: "alert", hidden: true });
     parts.beside = make("div", { class: "swarm-known" }, parts.why);
     parts.all = make("div", {}, parts.when, make("div", { class: "swarm-closely" }, parts.picture, parts.beside), parts.facts, parts.worth, parts.pose);
     root.append(make("div", { class: "swarm-head" }, parts.title, steps), parts.hint, parts.all, parts.fault);
   }
 
-  #tell() {
-    const told = this.#model.get("told"), parts = this.#parts, some = told.id !== undefined;
+  #show() {
+    const inspected = this.#model.get("inspected"), parts = this.#parts, some = inspected.id !== undefined;
     parts.hint.hidden = some;
     parts.all.hidden = parts.none.hidden = !some;
-    parts.title.textContent = some ? `Robot ${told.id}` : "Robot";
+    parts.title.textContent = some ? `Robot ${inspected.id}` : "Robot";
     if (!some) return;
-    parts.when.textContent = told.known ? (told.layer || told.does ? `What it read and did in ${told.when}` : `What it reads ${told.when}`) : told.when;
-    for (const name of ["picture", "beside", "facts", "worth", "pose"]) parts[name].hidden = !told.known;
-    if (!told.known) return;
-    parts.picture.replaceChildren(diagram(told));
-    parts.why.replaceChildren(...(told.does ? [make("b", {}, told.layer || "No layer"), make("span", {}, ` ${told.does}${told.reason ? `: ${told.reason}` : ""}`)] : []));
-    parts.facts.replaceChildren(...told.facts.flatMap(([name, value]) => [make("dt", {}, name), make("dd", {}, value)]));
-    this.#worth(told.worth);
-    if (!parts.pose.contains(document.activeElement)) for (const [name, field] of Object.entries(this.#fields)) field.value = told.pose[name];
+    parts.when.textContent = inspected.known ? (inspected.layer || inspected.does ? `What it read and did in ${inspected.when}` : `What it reads ${inspected.when}`) : inspected.when;
+    for (const name of ["picture", "beside", "facts", "worth", "pose"]) parts[name].hidden = !inspected.known;
+    if (!inspected.known) return;
+    parts.picture.replaceChildren(diagram(inspected));
+    parts.why.replaceChildren(...(inspected.does ? [make("b", {}, inspected.layer || "No layer"), make("span", {}, ` ${inspected.does}${inspected.reason ? `: ${inspected.reason}` : ""}`)] : []));
+    parts.facts.replaceChildren(...inspected.facts.flatMap(([name, value]) => [make("dt", {}, name), make("dd", {}, value)]));
+    this.#worth(inspected.worth);
+    if (!parts.pose.contains(document.activeElement)) for (const [name, field] of Object.entries(this.#fields)) field.value = inspected.pose[name];
   }
 
   /** Show what actions are worth, the best one first to be seen: bars from the least to the greatest. */

@@ -1,20 +1,32 @@
-"""The inspector: one robot closely, with its readings on its own sensor diagram."""
+"""The inspector: readings, layer, reason, messages and learned values of one robot, and moving it by hand."""
 
+import math
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import anywidget
+import numpy as np
+import shapely
 import solara
 import traitlets
 
-from mesa_swarm.dashboard.inspection import inspect, move, neighbour_of, robot_of
-from mesa_swarm.dashboard.session import Session
-from mesa_swarm.errors import InvalidValueError, in_words
+from mesa_swarm.control.explain import moment_of
+from mesa_swarm.dashboard.session import WATCHED, Session
+from mesa_swarm.errors import InvalidValueError, check_number, in_words
+from mesa_swarm.robots.design import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RANGE
+from mesa_swarm.robots.reasons import Moment
+from mesa_swarm.robots.robot import Robot
+from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.canvas_widget import text_of
 from mesa_swarm.viewing.player import PackedFrame
 
-# While it is played, the inspector is brought up to date so often, s.
+# Shortest time between updates of the inspector while the model is played, s.
 EVERY = 0.2
+# What a field of the page hands over.
+Typed = float | str | None
+# Overlaps below this are rounding.
+TOUCHING = 1e-9
 
 
 class Inspector(anywidget.AnyWidget):
@@ -22,7 +34,7 @@ class Inspector(anywidget.AnyWidget):
 
     Attributes
     ----------
-    told : dict
+    inspected : dict
         What `inspection.inspect` says of the robot; empty if none is selected.
     editable : bool
         Whether the robot may be moved now.
@@ -31,7 +43,7 @@ class Inspector(anywidget.AnyWidget):
     """
 
     _esm = text_of("viewing/elements.js", "dashboard/inspector.js")
-    told = traitlets.Dict().tag(sync=True)
+    inspected = traitlets.Dict().tag(sync=True)
     editable = traitlets.Bool(False).tag(sync=True)
     fault = traitlets.Unicode("").tag(sync=True)
 
@@ -68,10 +80,10 @@ class Inspecting:
         """Show what is known now."""
         self._shown = time.monotonic()
         with self.session.lock:
-            told = self._known()
-            editable = bool(told) and self._may_move()
+            inspected = self._known()
+            editable = bool(inspected) and self._may_move()
         with self.inspector.hold_sync():
-            self.inspector.told, self.inspector.editable = told, editable
+            self.inspector.inspected, self.inspector.editable = inspected, editable
             if not editable:
                 self.inspector.fault = ""
 
@@ -143,3 +155,227 @@ def InspectorView(session: Session) -> None:
     """Show the robot that is selected."""
     inspector = Inspector.element()
     solara.use_effect(lambda: Inspecting(solara.get_widget(inspector), session).close, [])
+
+
+def robot_of(model: SwarmModel, number: int | None) -> Robot | None:
+    """Return the robot with this id, None if there is none."""
+    return next((robot for robot in model.swarm.agents if robot.unique_id == number), None)
+
+
+def neighbour_of(model: SwarmModel, number: int | None, by: int) -> int | None:
+    """Return the id of the robot that comes so many rows after this one, round and round; None without robots.
+
+    Examples
+    --------
+    >>> from mesa_swarm.models.fire_fighting import FireFighting
+    >>> model = FireFighting(n_robots=3, rng=1)
+    >>> ids = [robot.unique_id for robot in model.robots]
+    >>> neighbour_of(model, ids[2], 1) == neighbour_of(model, None, 1) == ids[0]
+    True
+    """
+    robots = model.swarm.agents
+    if not robots:
+        return None
+    robot = robot_of(model, number)
+    row = (0 if by > 0 else -1) if robot is None else robot.row + by
+    return robots[row % len(robots)].unique_id
+
+
+def inspect(model: SwarmModel, robot: Robot, step: int) -> dict[str, Any]:
+    """Return what is known of a robot in a step, in words and numbers, as the inspector shows it.
+
+    Parameters
+    ----------
+    model : SwarmModel
+    robot : Robot
+    step : int
+        The last one, or an earlier one; of one that is no longer kept, only that is said.
+
+    Examples
+    --------
+    >>> from mesa_swarm.models.fire_fighting import FireFighting
+    >>> model = FireFighting(rng=1)
+    >>> watch_closely(model)
+    >>> robot = model.run(3).robots[0]
+    >>> inspect(model, robot, 3)["when"]
+    'step 3'
+    >>> inspect(model, robot, 0)["when"]
+    'step 0 is no longer kept; readings are known of steps 1 to 3'
+    """
+    watched = model.watched
+    kept = watched.steps.tolist() if watched is not None else []
+    present = step == model.completed
+    if watched is not None and step in kept:
+        columns, when = watched.at(step), f"step {step:,}"
+    elif present and not kept:
+        columns, when = model.swarm.columns, "before the first step"
+    else:
+        told = f"; readings are known of steps {kept[0]:,} to {kept[-1]:,}" if kept else ""
+        return {"id": robot.unique_id, "when": f"step {step:,} is no longer kept{told}", "known": False}
+    if set(WATCHED) - set(columns):
+        return {"id": robot.unique_id, "when": "the model keeps too little to look into", "known": False}
+    moment, _ = moment_of(model.swarm, columns, robot.row)
+    decided = step in kept and model.control is not None
+    reason = model.explain(robot, step) if decided else None
+    return {
+        "id": robot.unique_id,
+        "when": when,
+        "known": True,
+        "radius": robot.radius,
+        "sensors": sensors_of(moment, reason.sensors if reason else ()),
+        "does": reason.does if reason else "",
+        "layer": reason.layer if reason else "",
+        "reason": reason.reason if reason else "",
+        "facts": facts_of(model, robot, moment),
+        "worth": worth_of(model, robot) if present and decided else [],
+        "pose": pose_of(robot.position, robot.heading) if present else pose_of(*_was_at(columns, robot.row)),
+        "present": present,
+    }
+
+
+def sensors_of(moment: Moment, triggered: Sequence[int]) -> list[dict[str, Any]]:
+    """Return where each proximity sensor looks in the robot's frame, what it reads, and whether it drove the robot."""
+    return [
+        {
+            "mount": [float(row[MOUNT_X]), float(row[MOUNT_Y])],
+            "bearing": math.atan2(row[AXIS_Y], row[AXIS_X]),
+            "half": float(row[HALF]),
+            "range": float(row[RANGE]),
+            "distance": float(moment.distance[s]),
+            "kind": int(moment.kind[s]),
+            "words": moment.reading(s),
+            "triggered": s in triggered,
+        }
+        for s, row in enumerate(moment.sensors)
+    ]
+
+
+def facts_of(model: SwarmModel, robot: Robot, moment: Moment) -> list[tuple[str, str]]:
+    """Return what else the robot knows, each with its name."""
+    columns, facts = moment.columns, []
+    if len(model.fires):
+        state = " (too hot to fight)" if columns["hot"] else ""
+        facts.append(("Heat", f"{columns['temperature']:.1f}, {columns['heat']:+.2f} a step{state}"))
+        fire = int(columns["fire"])
+        facts.append(("Fights", f"fire {fire + 1}" if fire >= 0 else "no fire"))
+    radiation, line = columns["radiation"], columns["line"]
+    if len(robot.design.radiation):
+        readings = radiation[: len(robot.design.radiation)]
+        facts.append(("Radiation", " ".join(f"{reading:.2f}" for reading in readings)))
+    if len(robot.design.line):
+        over = ["mark" if on else "ground" for on in line[: len(robot.design.line)]]
+        facts.append(("Line sensors", ", ".join(over)))
+    if model.communication is not None:
+        facts += messages_of(model, columns)
+    facts.append(("Ran into something", "yes" if columns["collided"] else "no"))
+    return facts
+
+
+def messages_of(model: SwarmModel, columns: dict[str, Any]) -> list[tuple[str, str]]:
+    """Return what the robot heard."""
+    told = []
+    if columns["heard_task"] >= 0:
+        layer = int(columns["heard_layer"])
+        name = model.control.layers[layer].name if layer >= 0 and model.control is not None else "no layer"
+        told.append(("Hears", f"a robot {where(columns['heard_from'])}: {name}, task {int(columns['heard_task'])}"))
+    if np.isfinite(columns["heard_goal"]).all():
+        told.append(("Hears", f"of a goal {where(columns['heard_goal'])}"))
+    return told or [("Hears", "nothing")]
+
+
+def where(place: np.ndarray) -> str:
+    """Return a place in a robot's frame in words.
+
+    Examples
+    --------
+    >>> where(np.array([30.0, 30.0]))
+    '42 away at +45 degrees'
+    """
+    x, y = map(float, place)
+    return f"{math.hypot(x, y):.0f} away at {math.degrees(math.atan2(y, x)):+.0f} degrees"
+
+
+def worth_of(model: SwarmModel, robot: Robot) -> list[tuple[str, float]]:
+    """Return what each action is worth to a robot that learns, an empty list for others."""
+    layers = model.control.layers if model.control is not None else ()
+    learners = [layer for layer in layers if hasattr(layer, "worth")]
+    return learners[0].worth(robot.row) if learners else []
+
+
+def pose_of(position: np.ndarray, heading: float) -> dict[str, float]:
+    """Return a pose in map units and degrees, rounded as one types it."""
+    degrees = round(math.degrees(heading), 1)
+    return {"x": round(float(position[0]), 2), "y": round(float(position[1]), 2), "heading": degrees + 0.0}
+
+
+def move(model: SwarmModel, robot: Robot, x: Typed, y: Typed, heading_degrees: Typed) -> None:
+    """Put a robot elsewhere, between two steps.
+
+    Parameters
+    ----------
+    model : SwarmModel
+    robot : Robot
+    x, y : float
+        Map units, or what was typed of them.
+    heading_degrees : float
+        -360 to 360, or what was typed of it.
+
+    Raises
+    ------
+    InvalidValueError
+        If it would not be on the map, or would overlap an obstacle, a load, a fire or a robot.
+
+    Examples
+    --------
+    >>> from mesa_swarm import AGENT9
+    >>> model = SwarmModel(rng=1)
+    >>> one, other = model.add_robots(AGENT9, poses=[(100, 100, 0), (200, 100, 0)])
+    >>> move(model, one, 205, 100, 0)  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    mesa_swarm.errors.InvalidValueError: at (205, 100) it would overlap robot ... by 5; choose a place farther away
+    >>> move(model, one, 150, 100, 90)
+    >>> robot_of(model, one.unique_id).position
+    array([150., 100.])
+    """
+    place = np.array([_number("x", x), _number("y", y)])
+    heading = _number("heading", heading_degrees)
+    check_number("heading", heading, minimum=-360, maximum=360)
+    depth, what = deepest(model, robot, place)
+    if depth > TOUCHING:
+        raise InvalidValueError(
+            f"at ({place[0]:g}, {place[1]:g}) it would overlap {what} by {depth:.3g}; choose a place farther away"
+        )
+    robot.position = place
+    robot.heading = math.radians(heading)
+
+
+def deepest(model: SwarmModel, robot: Robot, place: np.ndarray) -> tuple[float, str]:
+    """Return how deep a robot would be in what it would overlap most, and what that is."""
+    x_min, y_min, x_max, y_max = model.map.bounds
+    border = robot.radius - min(place[0] - x_min, place[1] - y_min, x_max - place[0], y_max - place[1])
+    found = [(border, "the border of the map")]
+    point = shapely.Point(*place)
+    for obstacle in model.obstacle_list:
+        if obstacle.contact:
+            gap = shapely.distance(point, obstacle.shape.geometry) - obstacle.shape.radius
+            found.append((robot.radius - gap, "a load" if obstacle in model.loads else "an obstacle"))
+    for number, (x, y, radius) in enumerate(model.fires.discs, start=1):
+        found.append((robot.radius + radius - math.dist(place, (x, y)), f"fire {number}"))
+    gaps = np.hypot(*(model.swarm.position - place).T) - model.swarm.radius
+    gaps[robot.row] = np.inf
+    nearest = int(np.argmin(gaps))
+    found.append((robot.radius - gaps[nearest], f"robot {model.swarm.agents[nearest].unique_id}"))
+    return max(found, key=lambda one: one[0])
+
+
+def _was_at(columns: dict[str, np.ndarray], row: int) -> tuple[np.ndarray, float]:
+    return columns["position"][row], columns["heading"][row]
+
+
+def _number(name: str, value: Typed) -> float:
+    try:
+        number = float(value)  # type: ignore[arg-type]  # None is answered below, like any other than a number
+        return check_number(name, number, minimum=-1e9, maximum=1e9)
+    except (TypeError, ValueError) as error:
+        known = isinstance(error, InvalidValueError)
+        raise InvalidValueError(str(error) if known else f"{name} is {value!r:.40}; expected a number") from None

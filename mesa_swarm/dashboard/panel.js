@@ -10,7 +10,7 @@ class PanelView {
     this.#model = model;
     this.#root = root;
     root.classList.add("swarm-panel");
-    for (const [name, act] of [["groups", () => this.#build()], ["values", () => this.#fill()], ["notes", () => this.#say()]]) {
+    for (const [name, act] of [["groups", () => this.#build()], ["values", () => this.#fill()], ["notes", () => this.#showNotes()]]) {
       model.on(`change:${name}`, act);
       this.#leave.push(() => model.off(`change:${name}`, act));
     }
@@ -41,7 +41,7 @@ class PanelView {
     const end = make("div", { class: "swarm-end" }, defaults);
     this.#root.replaceChildren(...(this.#model.get("bare") ? groups : [this.#run(), ...groups, end]));
     this.#fill();
-    this.#say();
+    this.#showNotes();
   }
 
   #run() {
@@ -57,9 +57,9 @@ class PanelView {
     if (field.kind === "choice") return this.#choice(field);
     if (field.kind === "text") return this.#typed(field);
     const id = `swarm-${field.name}`;
-    const say = () => this.#send({ do: "place", name: field.name, value: Number(slider.value) });
-    const slider = make("input", { type: "range", min: field.low, max: field.high, step: 1, "aria-label": field.label, id, input: say });
-    const text = field.wish ? make("output", { class: "swarm-value", for: id }) : this.#text(field.name, field.label);
+    const send = () => this.#send({ do: "place", name: field.name, value: Number(slider.value) });
+    const slider = make("input", { type: "range", min: field.low, max: field.high, step: 1, "aria-label": field.label, id, input: send });
+    const text = field.designed ? make("output", { class: "swarm-value", for: id }) : this.#text(field.name, field.label);
     return this.#frame(field, make("div", { class: "swarm-row" }, slider, text), text, slider);
   }
 
@@ -77,9 +77,9 @@ class PanelView {
   }
 
   #choice(field) {
-    const say = () => this.#send({ do: "choose", name: field.name, value: list.value });
+    const send = () => this.#send({ do: "choose", name: field.name, value: list.value });
     const options = field.options.map((name) => make("option", { value: name }, name));
-    const list = make("select", { "aria-label": field.label, change: say }, ...options);
+    const list = make("select", { "aria-label": field.label, change: send }, ...options);
     const row = make("div", { class: "swarm-row" }, list);
     if (field.upload) row.append(...this.#upload());
     return this.#frame(field, row, list);
@@ -137,7 +137,7 @@ class PanelView {
     frame.classList.toggle("swarm-wrong", Boolean(text));
   }
 
-  #say() {
+  #showNotes() {
     this.#notes?.replaceChildren(...this.#model.get("notes").map(([kind, text]) => make("li", { class: `swarm-${kind}` }, text)));
   }
 }

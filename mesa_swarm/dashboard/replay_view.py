@@ -8,8 +8,7 @@ from reacton import ipyvuetify as rv
 
 from mesa_swarm.dashboard.controls import ControlPanel, field_of, label_of, place_of, value_at
 from mesa_swarm.dashboard.gallery_view import title
-from mesa_swarm.dashboard.projector import Projector
-from mesa_swarm.dashboard.replaying import ENDING, MOST_EVENTS, Replaying
+from mesa_swarm.dashboard.replaying import ENDING, MOST_EVENTS, Replaying, ReplayPlayer
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Button, FilePicker, Item, TroubleCard, Upload
 from mesa_swarm.gallery import find_model
@@ -39,7 +38,7 @@ class BranchPanel:
 
     def __init__(self, widget: ControlPanel, replaying: Replaying) -> None:
         self.widget, self.replaying = widget, replaying
-        self.projector = replaying.projector
+        self.player = replaying.player
         self.known = parameters_of(find_model(replaying.model_name))
         self._leave = replaying.changed.add(self.refresh)
         self._hear = lambda _, message, __: self.act(message)
@@ -54,13 +53,13 @@ class BranchPanel:
     @property
     def is_current(self) -> bool:
         """Whether the recording is still open for which it was made."""
-        return self.projector is not None and self.projector is self.replaying.projector
+        return self.player is not None and self.player is self.replaying.player
 
     def refresh(self) -> None:
         """Show how everything is set, unless another recording was opened, which gets a panel of its own."""
-        wished = self.replaying.parameters | self.replaying.changes
+        requested = self.replaying.parameters | self.replaying.changes
         if self.is_current:  # asked last: another thread may open one
-            self.widget.values = {name: self._shown(name, value) for name, value in wished.items()}
+            self.widget.values = {name: self._shown(name, value) for name, value in requested.items()}
 
     def act(self, message: dict) -> None:
         """Do what the user asks for."""
@@ -68,7 +67,7 @@ class BranchPanel:
         value: Any = message.get("value")
         if self.is_current and name in self.known:
             is_place = message.get("do") == "place"
-            self.replaying.wish(name, value_at(int(value), self.known[name]) if is_place else str(value))
+            self.replaying.set_parameter(name, value_at(int(value), self.known[name]) if is_place else str(value))
 
     def close(self) -> None:
         """Part them."""
@@ -87,22 +86,22 @@ def Replay(session: Session) -> None:
     """Show the recordings on the left, the open one in the middle, and on the right its events and ways out of it."""
     replaying = solara.use_memo(lambda: session.companion(Replaying), [])
     use_changes(replaying.changed)
-    projector = replaying.projector
-    with solara.Div(classes=["swarm-watch", "swarm-beside"] if projector else ["swarm-watch"]):
+    player = replaying.player
+    with solara.Div(classes=["swarm-watch", "swarm-beside"] if player else ["swarm-watch"]):
         with solara.Div(classes=["swarm-set"]):
             Recordings(replaying)
         with solara.Div(classes=["swarm-middle"]):
             for text in replaying.notes:
                 rv.Html(tag="p", class_="swarm-hint", children=[text])
-            if projector:
-                Trouble(projector)
-                Screen(projector).key(f"screen {id(projector)}")
+            if player:
+                Trouble(player)
+                Screen(player).key(f"screen {id(player)}")
             else:
                 rv.Html(tag="p", class_="swarm-hint", children=[NOTHING_OPEN])
-        if projector:
+        if player:
             with solara.Div(classes=["swarm-side"]):
-                Events(replaying, projector).key(f"events {id(projector)}")
-                Branch(replaying).key(f"branch {id(projector)}")
+                Events(replaying, player).key(f"events {id(player)}")
+                Branch(replaying).key(f"branch {id(player)}")
 
 
 @solara.component
@@ -121,8 +120,8 @@ def Recordings(replaying: Replaying) -> None:
     with solara.Div(classes=["swarm-list"]):
         for name in names:
             Item(name, partial(replaying.open_listed, name), chosen=name == replaying.name).key(name)
-    if replaying.projector:
-        About(replaying, replaying.projector.past)
+    if replaying.player:
+        About(replaying, replaying.player.past)
 
 
 @solara.component
@@ -145,18 +144,18 @@ def About(replaying: Replaying, past: Past) -> None:
 
 
 @solara.component
-def Screen(projector: Projector) -> None:
+def Screen(player: ReplayPlayer) -> None:
     """Show the canvas with its buttons."""
-    use_connection(SwarmCanvas.element(options=CANVAS), projector, projector.rewind)
+    use_connection(SwarmCanvas.element(options=CANVAS), player, player.rewind)
 
 
 @solara.component
-def Trouble(projector: Projector) -> None:
+def Trouble(player: ReplayPlayer) -> None:
     """Show on a card what cannot be read."""
-    use_changes(projector.changed)
-    if projector.error:
-        way_out = "To the first step", projector.rewind
-        TroubleCard("The recording cannot be shown here", projector.error, way_out=way_out)
+    use_changes(player.changed)
+    if player.error:
+        way_out = "To the first step", player.rewind
+        TroubleCard("The recording cannot be shown here", player.error, way_out=way_out)
 
 
 @solara.component
@@ -187,7 +186,7 @@ def _changed(replaying: Replaying) -> str:
 
 
 @solara.component
-def Events(replaying: Replaying, projector: Projector) -> None:
+def Events(replaying: Replaying, player: ReplayPlayer) -> None:
     """Show what happened, to jump to."""
     use_changes(replaying.changed)
     solara.HTML(tag="h2", unsafe_innerHTML="Events")
@@ -200,4 +199,4 @@ def Events(replaying: Replaying, projector: Projector) -> None:
         rv.Html(tag="p", class_="swarm-hint", children=[f"The first {MOST_EVENTS} of {len(events):,}."])
     with solara.Div(classes=["swarm-list", "swarm-events"]):
         for place, event in enumerate(events[:MOST_EVENTS]):
-            Item(f"{event.step:,}", partial(projector.look_at, event.step), event.text).key(f"{place}")
+            Item(f"{event.step:,}", partial(player.look_at, event.step), event.text).key(f"{place}")

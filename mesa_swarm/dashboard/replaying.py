@@ -2,17 +2,16 @@
 
 import os
 import threading
+from bisect import bisect_left
 from collections.abc import Iterator
-from pathlib import Path, PureWindowsPath
-from tempfile import TemporaryDirectory
+from pathlib import Path
 from time import monotonic
 from typing import Any, cast
 
 from mesa_swarm.dashboard import RECORDINGS_VARIABLE
-from mesa_swarm.dashboard.projector import Projector
 from mesa_swarm.dashboard.session import LARGEST_SEED, MOST_ROBOTS, Session
+from mesa_swarm.dashboard.widgets import Incoming
 from mesa_swarm.errors import InvalidValueError, RecordingError, SwarmError, check_choice, check_count, in_words
-from mesa_swarm.files import unwritable
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.gallery import class_name, find_model, model_names
 from mesa_swarm.parameters import parameters_of
@@ -22,82 +21,11 @@ from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.resume import resumed
 from mesa_swarm.recording.verify import Watch
 from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.viewing.packing import packed_frame
 from mesa_swarm.viewing.play_loop import Listeners
+from mesa_swarm.viewing.player import PackedFrame, Past, Player
+from mesa_swarm.viewing.scene import Scene, scene_of_recording
 from mesa_swarm.world.map import Map, builtin_maps
-
-# So many letters of a name are kept: no file system is asked for more bytes than it can take.
-LONGEST_NAME = 60
-
-
-class Incoming:
-    """A file that somebody hands over, piece by piece.
-
-    Parameters
-    ----------
-    name : str
-        What its owner calls it.
-
-    Attributes
-    ----------
-    path : Path
-        Where it is; it is called there nearly as its owner calls it, for errors name the file that they found.
-
-    Examples
-    --------
-    >>> incoming = Incoming("run.arrow")
-    >>> incoming.take(b"abc")
-    3
-    >>> incoming.end()
-    >>> incoming.path.name, incoming.path.read_bytes()
-    ('run.arrow', b'abc')
-    >>> incoming.discard()
-    >>> incoming.path.exists()
-    False
-    """
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-        self._folder = TemporaryDirectory(prefix="mesa_swarm_", ignore_cleanup_errors=True)
-        self.path = Path(self._folder.name, harmless(name))
-        self._file = self.path.open("wb", buffering=0)  # else a full disk would be noticed at the end
-
-    def take(self, piece: bytes) -> int:
-        """Take the next piece; return how many bytes have come.
-
-        Raises
-        ------
-        InvalidValueError
-            If the disk does not take it.
-        """
-        left = memoryview(piece)
-        try:
-            while left:
-                left = left[self._file.write(left) :]
-        except OSError as error:
-            raise unwritable(Path(self.name), error, cure="the server's disk is full or broken") from None
-        return self._file.tell()
-
-    def end(self) -> None:
-        """Take note that all has come."""
-        self._file.close()
-
-    def discard(self) -> None:
-        """Delete the file, and its folder."""
-        self.end()
-        self._folder.cleanup()
-
-
-def harmless(name: str) -> str:
-    """Return a name under which a file can be kept, whatever its owner calls it.
-
-    Examples
-    --------
-    >>> harmless("my run.arrow"), harmless("../../etc/passwd"), harmless("..")
-    ('my run.arrow', 'passwd', 'file')
-    """
-    letters = [letter if letter.isalnum() or letter in " ._-()" else "_" for letter in PureWindowsPath(name).name]
-    return "".join(letters)[-LONGEST_NAME:].strip(" .") or "file"
-
 
 ENDING = ".arrow"
 LARGEST_UPLOAD = 200_000_000
@@ -107,6 +35,204 @@ MOST_EVENTS = 500
 
 # Seconds from one message about what is being done to the next.
 SHOWN_EVERY = 0.5
+
+
+class RecordedPast(Past):
+    """The rows of a recording: all are there, and none is in memory but the one looked at.
+
+    Parameters
+    ----------
+    recording : Recording
+    rows : int
+        So many can be read.
+    """
+
+    def __init__(self, recording: Recording, rows: int) -> None:
+        super().__init__()
+        self._recording: Recording | None = recording
+        self._rows = range(rows)
+        self._scene = scene_of_recording(recording)
+        self._last: tuple[int, PackedFrame] | None = None
+        self._ends = tuple(recording[row].step if rows else 0 for row in (0, rows - 1))
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    @property
+    def recording(self) -> Recording:
+        """What it shows.
+
+        Raises
+        ------
+        RecordingError
+            If it was let go of.
+        """
+        if self._recording is None:
+            raise RecordingError("the recording was closed; open it again")
+        return self._recording
+
+    @property
+    def first_step(self) -> int:
+        """The step of the first row, 0 if there is none."""
+        return self._ends[0]
+
+    @property
+    def last_step(self) -> int:
+        """The step of the last row, 0 if there is none."""
+        return self._ends[1]
+
+    @property
+    def shown(self) -> PackedFrame | None:
+        """The picture of the row that is looked at, None if there are no rows."""
+        if not self._rows:
+            return None
+        if self._last is None or self._last[0] != self.index:
+            frame = self.recording[self.index]
+            self._last = self.index, packed_with_readings(frame, self._scene)
+        return self._last[1]
+
+    def step_of(self, row: int) -> int:
+        """Return the step of a row."""
+        return self.recording[row].step
+
+    def look_at(self, step: int) -> None:
+        """Look at the first row that is not of an earlier step."""
+        self.look(bisect_left(self._rows, step, key=self.step_of))
+
+    def clear(self) -> None:
+        """Let go of the recording."""
+        self._recording, self._rows, self._last, self.index = None, range(0), None, 0
+
+
+class ReplayPlayer(Player):
+    """Plays a recording: what a `Player` does to a model, to rows.
+
+    Its speed counts the steps that were taken, also where not every step was recorded.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Attributes
+    ----------
+    provenance : dict
+        What the recording says of its run, also once it is closed.
+
+    Raises
+    ------
+    RecordingError
+        If it is no recording, or has nothing to show.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from mesa_swarm import SwarmModel
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     model = SwarmModel(rng=1)
+    ...     with model.record(f"{folder}/run.arrow"):
+    ...         end = model.run(3)
+    ...     player = ReplayPlayer(f"{folder}/run.arrow")
+    ...     player.step()
+    ...     player.past.shown.step
+    2
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        recording = Recording(path)
+        rows = recording.intact
+        if not rows:
+            raise RecordingError(f"{recording.path.name} holds no step that can be shown; choose another file")
+        super().__init__()
+        self.provenance = recording.provenance
+        self.past = self.rows = RecordedPast(recording, rows)
+        self._waited = 0
+        self.rest()
+
+    @property
+    def recording(self) -> Recording:
+        """What is played."""
+        return self.rows.recording
+
+    @property
+    def finished(self) -> bool:
+        """Whether the last row is looked at."""
+        return self.past.is_present
+
+    @property
+    def step_shown(self) -> int:
+        """The step that is looked at."""
+        with self.lock:
+            return self.rows.step_of(self.rows.index) if len(self.rows) else 0
+
+    def step(self) -> None:
+        """Pause, and look at the next row."""
+        self.look(self.past.index + 1)
+
+    def look(self, index: int) -> None:
+        """Pause, and look at one of the rows, for as long as any other when it is played on."""
+        self.loop.pause()
+        with self.lock:
+            self._waited = 0
+        super().look(index)
+
+    def look_at(self, step: int) -> None:
+        """Pause, and look at the first row that is not of an earlier step."""
+        self.loop.pause()
+        with self.minding():
+            self._waited = 0
+            self.rows.look_at(step)
+        self.rest()
+
+    def rewind(self) -> None:
+        """Pause, and look at the first row, whatever went wrong before."""
+        self.error = ""
+        self.look(0)
+
+    def _can_go_on(self) -> bool:
+        return not self.error and not self.finished
+
+    def _play_step(self, stop: threading.Event) -> bool:
+        with self.minding():
+            return not stop.is_set() and self._advance()
+        self.rest()  # it broke, which has stopped the thread already
+        return False
+
+    def _advance(self) -> bool:
+        """Wait for one more step, and look at the next row when it is due; return whether there is more."""
+        if self.past.is_present:
+            return False
+        here, following = (self.rows.step_of(row) for row in (self.rows.index, self.rows.index + 1))
+        self._waited += 1
+        if self._waited >= following - here:
+            self._waited = 0
+            self.rows.look(self.rows.index + 1)
+        return True
+
+    def _keep(self, fingerprint: bool = False) -> None:
+        """Keep nothing: all is in the file."""
+
+    def _shown(self) -> PackedFrame | None:
+        """Return the picture that is looked at, None if it cannot be read, which is then said."""
+        with self.minding():
+            return None if self.error else self.past.shown
+        return None  # what went wrong is in `error`
+
+
+def packed_with_readings(frame: Frame, scene: Scene) -> PackedFrame:
+    """Return what is shown of a recorded frame."""
+    world = scene.world(frame.step)
+    return PackedFrame(frame.step, packed_frame(frame, scene), world, readings_of_frame(frame), frame.state_hash or "")
+
+
+def readings_of_frame(frame: Frame) -> tuple[tuple[str, str], ...]:
+    """Return the numbers that are shown above the picture, each with its name; what was not recorded has none."""
+    readings = [("Robots", f"{len(frame.robots):,}")]
+    if len(frame.columns.get("fires", ())):
+        fires = frame["fires"]
+        readings.append(("Fires burning", f"{int((~fires['out']).sum())} of {len(fires)}"))
+    if "contacts" in frame.columns:
+        readings.append(("Contacts", f"{len(frame['contacts']):,}"))
+    return tuple(readings)
 
 
 class StoppedError(Exception):
@@ -123,7 +249,7 @@ class Replaying:
 
     Attributes
     ----------
-    projector : Projector or None
+    player : ReplayPlayer or None
         Plays the open recording.
     events : list of Event or None
         None while they are looked for.
@@ -138,7 +264,7 @@ class Replaying:
     Examples
     --------
     >>> replaying = Replaying(Session("boids"))
-    >>> replaying.projector is None, replaying.fault
+    >>> replaying.player is None, replaying.fault
     (True, '')
     >>> replaying.close()
     """
@@ -146,7 +272,7 @@ class Replaying:
     def __init__(self, session: Session) -> None:
         self.session = session
         self.changed = Listeners()
-        self.projector: Projector | None = None
+        self.player: ReplayPlayer | None = None
         self.events: list[Event] | None = []
         self.changes: dict[str, Any] = {}
         self.notes: list[str] = []
@@ -181,8 +307,8 @@ class Replaying:
     @property
     def provenance(self) -> dict[str, Any]:
         """What the open recording says of its run, nothing if none is open."""
-        projector = self.projector  # once: another thread may open another recording
-        return projector.provenance if projector else {}
+        player = self.player  # once: another thread may open another recording
+        return player.provenance if player else {}
 
     @property
     def model_name(self) -> str:
@@ -240,7 +366,7 @@ class Replaying:
             if not self._open(coming.path, coming.name, coming):
                 coming.discard()
 
-    def wish(self, name: str, value: Any) -> None:
+    def set_parameter(self, name: str, value: Any) -> None:
         """Wish for another value of a parameter, from the branching on."""
         try:
             parameter = parameters_of(find_model(self.model_name))[check_choice("parameter", name, self.parameters)]
@@ -254,11 +380,11 @@ class Replaying:
         self.changed.tell()
 
     def branch(self) -> None:
-        """Have the session go on from the step that is looked at, with the parameters wished for."""
-        if self.projector is None or self.busy:
+        """Have the session go on from the step that is looked at, with the parameters requested for."""
+        if self.player is None or self.busy:
             return
-        self.projector.pause()
-        step, changes, path = self.projector.step_shown, dict(self.changes), self._path
+        self.player.pause()
+        step, changes, path = self.player.step_shown, dict(self.changes), self._path
         stop = self._stop
         if self._say_of(stop, _going_on=f"going on from step {step:,} ...", fault=""):
             threading.Thread(target=self._branch, args=(path, step, changes, stop), name="branch", daemon=True).start()
@@ -271,7 +397,7 @@ class Replaying:
 
     def _branch(self, path: Path, step: int, changes: dict[str, Any], stop: threading.Event) -> None:
         try:
-            (wishes, seed), name = self._origin(), self.model_name
+            (settings, seed), name = self._origin(), self.model_name
             model = cast(SwarmModel, resumed(Recording(path), SwarmModel, step, changes, self._watch(step, stop)))
         except StoppedError:
             return
@@ -279,7 +405,7 @@ class Replaying:
             self._say_of(stop, _going_on="", fault=in_words(problem).replace(str(path), self.name))
             return
         if self._say_of(stop, _going_on="", fault=""):
-            self.session.adopt(model, name, wishes | changes, seed)
+            self.session.adopt(model, name, settings | changes, seed)
 
     def _watch(self, step: int, stop: threading.Event) -> Watch:
         """Return what shows how far running again is, and ends it once the recording was closed."""
@@ -312,28 +438,28 @@ class Replaying:
             raise RecordingError(
                 f"{recorded['model']['name']} is no model of this page; go on in Python with its class's resume"
             )
-        wishes = self.parameters
-        if "n_robots" in wishes:
-            check_count("n_robots", wishes["n_robots"], maximum=MOST_ROBOTS)
+        settings = self.parameters
+        if "n_robots" in settings:
+            check_count("n_robots", settings["n_robots"], maximum=MOST_ROBOTS)
         if "map" in parameters_of(find_model(self.model_name)):
-            wishes["map"] = _chart_of(recorded)
+            settings["map"] = _chart_of(recorded)
         seed = recorded["seed"]
         if not isinstance(seed, int) or not 0 <= seed <= LARGEST_SEED:
             raise InvalidValueError(f"seed is {seed!r:.60}; expected a whole number, so that the page can reset it")
-        return wishes, seed
+        return settings, seed
 
     def _open(self, path: Path, name: str, own: Incoming | None = None) -> bool:
         """Open another recording in place of the open one, which stays if that cannot be; return whether it could."""
         try:
-            projector = Projector(path)
+            player = ReplayPlayer(path)
         except Exception as problem:  # whatever is in a user's file
             self._say(in_words(problem).replace(str(path), name))
             return False
-        projector.set_speed(self.session.own_speed)
-        self._leave(projector)
+        player.set_speed(self.session.own_speed)
+        self._leave(player)
         self._path, self.name, self._own = path, name, own
-        self.events, self.notes = None, _notes_of(projector)
-        rows = _Rows(path, len(projector.past), self._stop)
+        self.events, self.notes = None, _notes_of(player)
+        rows = _Rows(path, len(player.past), self._stop)
         threading.Thread(target=self._find_events, args=(rows,), name="events", daemon=True).start()
         self.changed.tell()
         return True
@@ -358,12 +484,12 @@ class Replaying:
         if coming is not None:
             coming.discard()
 
-    def _leave(self, projector: Projector | None = None) -> None:
+    def _leave(self, player: ReplayPlayer | None = None) -> None:
         """Let go of the open recording, for another one or none; a file that was handed over is deleted."""
         with self._saying:
             self._stop.set()
             self._stop = threading.Event()
-            left, self.projector = self.projector, projector
+            left, self.player = self.player, player
             self.events, self.changes, self.notes = [], {}, []
             self.name = self.fault = self._going_on = ""
         if left is not None:
@@ -392,9 +518,9 @@ def recordings_place() -> Path | None:
     return Path(told) if told else None
 
 
-def _notes_of(projector: Projector) -> list[str]:
-    recording, last = projector.recording, projector.past.last_step
-    if len(projector.past) < len(recording):
+def _notes_of(player: ReplayPlayer) -> list[str]:
+    recording, last = player.recording, player.past.last_step
+    if len(player.past) < len(recording):
         return [f"The recording is damaged after step {last}; what follows is left out."]
     if recording.damage:
         return [f"The recording {recording.damage}."]

@@ -8,12 +8,12 @@ from concurrent.futures import CancelledError
 from dataclasses import fields, replace
 from typing import Any, Protocol, TypeVar, cast
 
-from mesa_swarm.dashboard.inspection import watch_closely
 from mesa_swarm.dashboard.series import Series
 from mesa_swarm.errors import InvalidValueError, check_count, in_words
 from mesa_swarm.fire import FireConstants
 from mesa_swarm.gallery import find_model
 from mesa_swarm.parameters import Choice, Parameter, parameters_of
+from mesa_swarm.robots.snapshots import DECISIONS
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES, Listeners
 from mesa_swarm.viewing.player import Player
@@ -23,10 +23,14 @@ from mesa_swarm.world.map_parts import stopping_when
 MOST_ROBOTS = 10_000
 LARGEST_UPLOAD = 1_000_000
 LARGEST_SEED = 2**53 - 1
+# Columns of the last steps that stay in memory for the inspector, and how much of them.
+WATCHED = (*DECISIONS, "heard_layer", "heard_task", "radiation", "line")
+MOST_WATCHED_BYTES = 20_000_000
+MOST_WATCHED_STEPS = 1000
 
 
-def checked_wish(parameter: Parameter, value: Any) -> Any:
-    """Return what somebody wishes for, as the parameter's type.
+def checked_setting(parameter: Parameter, value: Any) -> Any:
+    """Return what somebody settings for, as the parameter's type.
 
     Raises
     ------
@@ -35,7 +39,7 @@ def checked_wish(parameter: Parameter, value: Any) -> Any:
 
     Examples
     --------
-    >>> checked_wish(Parameter("n_robots", 10, int, None), "12")
+    >>> checked_setting(Parameter("n_robots", 10, int, None), "12")
     12
     """
     value = parameter.checked(parameter.parse(value) if isinstance(value, str) else value)
@@ -111,7 +115,7 @@ class Session(Player):
     ----------
     name : str
         Of a model of the gallery.
-    wishes : mapping, optional
+    settings : mapping, optional
         Parameters that are not the model's defaults.
     seed : int
         Of everything random, 0 to 2**53 - 1.
@@ -125,7 +129,7 @@ class Session(Player):
     name : str
     model_class : type
     parameters : dict of Parameter
-    wishes : dict
+    settings : dict
         Values of all parameters, for the next model; those in `LIVE` also of the present one.
     seed : int
     faults : dict of str
@@ -137,7 +141,7 @@ class Session(Player):
     goal : int
         The step up to which it plays by itself, 0 for none.
     own_speed : float
-        Steps a second that the user wished for, also while it plays as fast as it goes up to its goal.
+        Steps a second that the user requested for, also while it plays as fast as it goes up to its goal.
     built : dict
         What the present model was built from, and was given since.
     series : Series
@@ -145,7 +149,7 @@ class Session(Player):
     chosen_charts : dict of list of str
         Keys of the charts that the user wants to see, by model.
     straight : bool
-        Whether nothing was changed on the way: the same wishes give the same run.
+        Whether nothing was changed on the way: the same settings give the same run.
     adopted : Listeners
         Told when it goes on with a model that was built elsewhere.
 
@@ -160,7 +164,7 @@ class Session(Player):
     def __init__(
         self,
         name: str,
-        wishes: Mapping[str, Any] | None = None,
+        settings: Mapping[str, Any] | None = None,
         seed: int = 1,
         steps: int = 0,
         find: Callable[[str], type[SwarmModel]] = find_model,
@@ -179,20 +183,20 @@ class Session(Player):
         self.note, self.unbuilt, self.seed, self.goal = "", False, seed, 0
         super().__init__()
         self.set_speed(USUAL_SPEED)
-        self._enter(name, dict(wishes or {}), seed)
+        self._enter(name, dict(settings or {}), seed)
         self.reset(steps)
 
     @property
     def waiting(self) -> frozenset[str]:
-        """The parameters that will be as wished only after a reset; "seed" among them."""
-        wished = {**self.wishes, "seed": self.seed}
-        return frozenset(name for name, value in wished.items() if self.built.get(name) != value)
+        """The parameters that will be as requested only after a reset; "seed" among them."""
+        requested = {**self.settings, "seed": self.seed}
+        return frozenset(name for name, value in requested.items() if self.built.get(name) != value)
 
-    def choose(self, name: str, wishes: Mapping[str, Any] | None = None) -> None:
-        """Go on with another model, with its defaults but for these wishes."""
+    def choose(self, name: str, settings: Mapping[str, Any] | None = None) -> None:
+        """Go on with another model, with its defaults but for these settings."""
         self.loop.pause()
         with self.lock:
-            self._enter(name, dict(wishes or {}), self.seed)
+            self._enter(name, dict(settings or {}), self.seed)
         self.reset()
 
     def reset(self, steps: int = 0) -> None:
@@ -235,7 +239,7 @@ class Session(Player):
         with self.lock:
             last = dict(self.built)
             self.seed = last.pop("seed", self.seed)
-            self.wishes = last or self._defaults()
+            self.settings = last or self._defaults()
             self.faults = {}
         self.reset()
 
@@ -244,7 +248,7 @@ class Session(Player):
         with self.lock:
             return self._made(self.built)
 
-    def wish(self, name: str, value: Any) -> None:
+    def set_parameter(self, name: str, value: Any) -> None:
         """Wish for a parameter, as its type, and give it to the present model where that can take it."""
         with self.lock:
             try:
@@ -254,16 +258,16 @@ class Session(Player):
         self.show()
         self.changed.tell()
 
-    def wish_all(self, values: Mapping[str, Any]) -> None:
+    def set_parameters(self, values: Mapping[str, Any]) -> None:
         """Wish for several parameters at once."""
         with self.lock:
             self._take(values)
         self.show()
         self.changed.tell()
 
-    def wish_defaults(self) -> None:
+    def set_defaults(self) -> None:
         """Wish for the model's defaults."""
-        self.wish_all(self._defaults())
+        self.set_parameters(self._defaults())
 
     def set_seed(self, text: str | int) -> None:
         """Take another seed for the next model."""
@@ -311,15 +315,15 @@ class Session(Player):
             self.faults["map"] = fault
             return
         known = f"{chart.name} (yours)" if chart.name in builtin_maps() else chart.name
-        self.uploads[known], self.wishes["map"] = chart, known
+        self.uploads[known], self.settings["map"] = chart, known
 
     def map_names(self) -> list[str]:
-        """Return the maps that may be wished for: the model's own first, then the others, then uploaded ones."""
+        """Return the maps that may be requested for: the model's own first, then the others, then uploaded ones."""
         parameter = self.parameters.get("map")
         own = parameter.control.options if parameter and isinstance(parameter.control, Choice) else ()
         return list(dict.fromkeys([*own, *builtin_maps(), *self.uploads]))
 
-    def adopt(self, model: SwarmModel, name: str, wishes: Mapping[str, Any], seed: int) -> None:
+    def adopt(self, model: SwarmModel, name: str, settings: Mapping[str, Any], seed: int) -> None:
         """Stop, and go on with a model that was built elsewhere and has taken steps.
 
         Parameters
@@ -327,19 +331,19 @@ class Session(Player):
         model : SwarmModel
         name : str
             Under which its class is found.
-        wishes : mapping
+        settings : mapping
             The parameters from which a reset builds it anew; a Map is kept as if it had been uploaded.
         seed : int
         """
         self.loop.pause()
         with self.lock:
-            given = dict(wishes)
+            given = dict(settings)
             if isinstance(given.get("map"), Map):
                 chart = given["map"]
                 given["map"] = f"{chart.name} (recorded)"
                 self.uploads[given["map"]] = chart
             self._enter(name, given, seed)
-            self.model, self.built, self.straight = model, {**self.wishes, "seed": seed}, False
+            self.model, self.built, self.straight = model, {**self.settings, "seed": seed}, False
             self.series.follow(model)
             self._keep_window(model)
         self.rest()
@@ -363,12 +367,12 @@ class Session(Player):
         self.adopted.clear()
         self.uploads.clear()
 
-    def _enter(self, name: str, wishes: dict[str, Any], seed: int) -> None:
+    def _enter(self, name: str, settings: dict[str, Any], seed: int) -> None:
         self._reading.set()
         self.model_class = self._find(name)
         self.name, self.seed = name, seed
         self.parameters = parameters_of(self.model_class)
-        self.wishes = self._defaults() | wishes
+        self.settings = self._defaults() | settings
         self.faults, self.built = {}, {}
         self.model, self.error, self.straight = None, "", True
         self.note, self.unbuilt = "", False
@@ -379,13 +383,13 @@ class Session(Player):
         return {name: parameter.default for name, parameter in self.parameters.items()}
 
     def _build(self) -> None:
-        """Go on with a new model as wished."""
+        """Go on with a new model as requested."""
         self.unbuilt = True
-        model = self._made({**self.wishes, "seed": self.seed})
+        model = self._made({**self.settings, "seed": self.seed})
         self.past.clear()
         self.series.follow(model)
         watch_closely(model)
-        self.model, self.built, self.straight = model, {**self.wishes, "seed": self.seed}, True
+        self.model, self.built, self.straight = model, {**self.settings, "seed": self.seed}, True
         self.unbuilt = False
 
     def _catch_up(self, steps: int) -> None:
@@ -424,30 +428,30 @@ class Session(Player):
     def _checked(self, name: str, value: Any) -> Any:
         if name == "map" and value in self.map_names():
             return value
-        return checked_wish(self.parameters[name], value)
+        return checked_setting(self.parameters[name], value)
 
     def _take(self, values: Mapping[str, Any]) -> None:
         """Wish for these values, unless one of them is refused: then all stays as it was."""
-        before = self.wishes
-        self.wishes = before | {name: self._checked(name, value) for name, value in values.items()}
+        before = self.settings
+        self.settings = before | {name: self._checked(name, value) for name, value in values.items()}
         try:
             self._give()
         except Exception:
-            self.wishes = before
+            self.settings = before
             raise
         for name in values:
             self.faults.pop(name, None)
 
     def _give(self) -> None:
-        """Give the present model the wishes that it can take."""
+        """Give the present model the settings that it can take."""
         if self.model is None:
             return
-        wished = {name: self.wishes[name] for name in LIVE & self.wishes.keys()}
-        if any(self.built.get(name) != value for name, value in wished.items()):
-            self.model.fire_constants = replace(self.model.fire_constants, **wished, remarks=())
-            self.built |= wished
+        requested = {name: self.settings[name] for name in LIVE & self.settings.keys()}
+        if any(self.built.get(name) != value for name, value in requested.items()):
+            self.model.fire_constants = replace(self.model.fire_constants, **requested, remarks=())
+            self.built |= requested
             self.straight = self.model.completed == 0 and self.straight
-            self.faults = {name: fault for name, fault in self.faults.items() if name not in wished}
+            self.faults = {name: fault for name, fault in self.faults.items() if name not in requested}
             self.look_now()
 
 
@@ -460,3 +464,18 @@ def ended_early(step: int, goal: int) -> str:
     'the run ended at step 1,596, before step 3,000'
     """
     return f"the run ended at step {step:,}, before step {goal:,}"
+
+
+def watch_closely(model: SwarmModel) -> None:
+    """Have a model keep what robots knew and did in its last steps, unless it keeps what it wants itself.
+
+    Examples
+    --------
+    >>> model = SwarmModel(rng=1)
+    >>> watch_closely(model)
+    >>> len(model.run(5).watched)
+    5
+    """
+    if model.watched is None:
+        a_step = sum(model.swarm.columns[name].nbytes for name in WATCHED)
+        model.watch(last=max(2, min(MOST_WATCHED_STEPS, MOST_WATCHED_BYTES // max(a_step, 1))), columns=WATCHED)

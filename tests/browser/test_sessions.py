@@ -88,7 +88,7 @@ class Twin:
         if name == "seed":
             self.session.set_seed(text)
         else:
-            self.session.wish(name, text)
+            self.session.set_parameter(name, text)
 
     def agree(self) -> None:
         """Wait until the page shows what the session shows."""

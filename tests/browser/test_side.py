@@ -27,7 +27,7 @@ CUT_OFF = """(() => {
     if (panel.scrollLeft || panel.scrollTop) cut.push("scrolled");
     return cut;
 })()"""
-DRAWN = "document.querySelector('.swarm-charts').dataset.told"
+DRAWN = "document.querySelector('.swarm-charts').dataset.drawn"
 
 
 def downloaded(visitor, label: str, path):
@@ -126,7 +126,7 @@ def test_a_run_is_recorded_and_exported(visitor, tmp_path):
     page.get_by_label("What to make").select_option("arrow")
     source = page.get_by_label("Of which steps")
     assert Recording(downloaded(visitor, "Export", tmp_path)).steps.tolist() == [1, 2, 3]
-    source.select_option("tape")
+    source.select_option("recording")
     assert Recording(downloaded(visitor, "Export", tmp_path)).steps.tolist() == [3]
     visitor.press("Models")
     visitor.press("Watch")

@@ -1,4 +1,4 @@
-"""What is compared: defaults, wishes, faults; and the runs over many seeds, in processes that end when told to."""
+"""What is compared: defaults, settings, faults; and the runs over many seeds, in processes that end when told to."""
 
 import io
 import os
@@ -68,9 +68,9 @@ def test_a_slider_is_compared_at_its_default_and_at_its_farther_end(comparing):
 
 def test_a_wish_waits_for_a_reset_and_what_is_impossible_is_said(comparing):
     comparing.choose_parameter("n_robots")
-    comparing.wish("B", "20")
+    comparing.set_value("B", "20")
     assert comparing.waiting == {"B"}
-    comparing.wish("A", "20000")
+    comparing.set_value("A", "20000")
     assert "at most 10000" in comparing.faults["A"]
     comparing.set_count("seed", "many")
     assert comparing.faults["seed"] == "seed is 'many'; expected a whole number"
@@ -81,7 +81,7 @@ def test_a_wish_waits_for_a_reset_and_what_is_impossible_is_said(comparing):
 
 def test_worlds_that_cannot_be_built_are_said_and_can_be_left_again(comparing):
     comparing.choose_parameter("map")
-    comparing.wish("A", "sparse")
+    comparing.set_value("A", "sparse")
     comparing.reset()
     assert "map sparse has no fires" in comparing.faults["worlds"]
     comparing.start()
@@ -92,11 +92,11 @@ def test_worlds_that_cannot_be_built_are_said_and_can_be_left_again(comparing):
 
 
 def test_other_parameters_are_those_of_the_session_for_the_same_model_only(comparing):
-    assert comparing.settings == {"n_robots": 4}
+    assert comparing.shared_settings == {"n_robots": 4}
     comparing.choose_parameter("n_robots")
-    assert comparing.settings == {}
+    assert comparing.shared_settings == {}
     comparing.choose_model("boids")
-    assert comparing.settings == {}
+    assert comparing.shared_settings == {}
 
 
 def test_the_panel_does_what_it_is_told(comparing):

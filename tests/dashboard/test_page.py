@@ -47,11 +47,11 @@ def press(context) -> str:
 def test_settings_that_cannot_be_built_are_told_from_a_model_that_stopped(session, drawn, monkeypatch):
     page = drawn(app.Trouble(session, ()))
     assert texts(page, "h2") == []
-    session.wish("n_robots", 9999)
+    session.set_parameter("n_robots", 9999)
     session.reset()
     assert texts(page, "h2") == ["These settings cannot be built"]
     assert press(page) == "Back to the last settings"
-    assert (texts(page, "h2"), session.wishes["n_robots"], session.error) == ([], 4, "")
+    assert (texts(page, "h2"), session.settings["n_robots"], session.error) == ([], 4, "")
     monkeypatch.setattr(FireFighting, "step", lambda model: 1 / 0)
     session.step()
     assert texts(page, "h2") == ["The model stopped"]
@@ -80,6 +80,6 @@ def test_the_address_bar_holds_a_run_that_was_built_elsewhere(session, drawn):
     page = drawn(app.Header(session, app.WATCH, lambda name: None))
     bar = page.find(PageBar).widget
     assert bar.query == "model=fire_fighting&n_robots=4&seed=3"
-    wishes = session.wishes | {"strategy": "A", "n_robots": 10}
-    session.adopt(FireFighting(strategy="A", rng=5).run(2), "fire_fighting", wishes, 5)
+    settings = session.settings | {"strategy": "A", "n_robots": 10}
+    session.adopt(FireFighting(strategy="A", rng=5).run(2), "fire_fighting", settings, 5)
     assert bar.query == "model=fire_fighting&strategy=A&seed=5"

@@ -5,10 +5,9 @@ import pytest
 
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.dashboard.inspection import MOST_STEPS
 from mesa_swarm.dashboard.pair import Pair
 from mesa_swarm.dashboard.series import MOST_NUMBERS, Series, charts_of, grouped
-from mesa_swarm.dashboard.session import Session
+from mesa_swarm.dashboard.session import MOST_WATCHED_STEPS, Session
 from mesa_swarm.errors import UnknownNameError
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
@@ -141,7 +140,7 @@ def test_a_run_on_the_page_keeps_a_window_of_all_that_grows_with_the_steps(monke
     assert len(model.fires.history.steps) == len(model.fires.history.temperature) == 33  # of every tenth step
     assert len(session.past) < 40
     assert len(session.series) <= 1000 // session.series.rows("collisions")[1].shape[1]
-    assert len(model.watched) <= MOST_STEPS
+    assert len(model.watched) <= MOST_WATCHED_STEPS
     assert model.state_hash() == alone.state_hash()
     session.close()
 
