@@ -1,4 +1,4 @@
-"""The panel: sliders, lists, fields, and the designer of fire constants."""
+"""The panel of controls: sliders, lists, fields, and the designer of fire constants."""
 
 import math
 import secrets
@@ -19,8 +19,8 @@ from mesa_swarm.viewing.readings import value_text
 # name: (label, help, least, step, most)
 REQUIREMENTS = {
     "growth_time": ("growth time", "steps in which a fire that is left alone grows from T = 0 to 1", 100, 50, 10_000),
-    "robots": ("robots needed", "so many put out a fire of the largest size ...", 0.5, 0.5, 20),
-    "extinguish_time": ("extinguish time", "... in so many steps", 50, 50, 10_000),
+    "robots": ("robots needed", "to put out a fire of the largest size in the extinguish time", 0.5, 0.5, 20),
+    "extinguish_time": ("extinguish time", "steps in which these robots put it out", 50, 50, 10_000),
     "balance_temperature": (
         "balance temperature",
         "of the largest fire: heating and cooling balance",
@@ -40,7 +40,7 @@ USUAL = {
     "rest_time": 60.0,
 }
 CONSTANTS = ("k1", "k2", "k3", "k4", "leave", "join")
-# What silences a warning is the whole process's: one at a time.
+# Warning filters belong to the whole process, so one thread at a time changes them.
 _SILENCE = threading.Lock()
 
 
@@ -84,7 +84,7 @@ class Designer:
             self.session.set_parameters({key: getattr(self._constants, key) for key in CONSTANTS})
 
     def notes(self) -> list[tuple[str, str]]:
-        """Return what there is to say of the constants, each "warning", "remark" or "fault" with its text."""
+        """Return remarks on the constants, each "warning", "remark" or "fault" with its text."""
         if not self.fits:
             return []
         if self._fault:
@@ -116,7 +116,7 @@ class Designer:
         self.require(name, round(least + place * step, 6))
 
     def values(self) -> dict[str, dict[str, Any]]:
-        """Return how the sliders are set."""
+        """Return the values of the sliders."""
         return {name: self._value(name, value) for name, value in self.requirements.items()}
 
     @staticmethod
@@ -141,7 +141,7 @@ def _places(name: str) -> int:
     return round((most - least) / step)
 
 
-# Groups, each with the beginnings or words of names that belong to it; a name goes to the first that fits.
+# Groups of parameters; the others belong to "Behaviour".
 GROUPS = {
     "Robots": ("n_robots", "design", "max_speed", "cruise_speed", "speed", "sight", "sensors"),
     "World": ("map", "load", "resistance", "initial_temperature", "history_every"),
@@ -155,12 +155,12 @@ LARGEST_RANDOM_SEED = 999_999
 
 
 class ControlPanel(anywidget.AnyWidget):
-    """Sliders, lists and fields in the browser, which tell what the user does to them.
+    """Sliders, lists and fields in the browser, which send what the user sets.
 
     Parameters
     ----------
     bare : bool
-        Whether there is neither a seed nor a button for defaults.
+        Whether the seed and the button for defaults are left out.
     """
 
     _esm = text_of("viewing/elements.js", "dashboard/panel.js")
@@ -171,7 +171,7 @@ class ControlPanel(anywidget.AnyWidget):
 
 
 class Panel:
-    """Lets a control panel show and change a session.
+    """Connects a control panel and a session.
 
     Parameters
     ----------
@@ -189,7 +189,7 @@ class Panel:
         self.refresh()
 
     def refresh(self) -> None:
-        """Show how everything is set."""
+        """Show all values."""
         session = self.session
         shown = session.name, tuple(session.map_names())
         if shown != self._shown:
@@ -200,7 +200,7 @@ class Panel:
         self.widget.notes = [list(note) for note in self.designer.notes()]
 
     def act(self, message: dict, buffers: list) -> None:
-        """Do what the user asks for."""
+        """Carry out a message from the browser."""
         session, name = self.session, message.get("name", "")
         value: Any = message.get("value")
         match message.get("do"):
@@ -223,13 +223,13 @@ class Panel:
                 session.upload(str(name), bytes(buffers[0]))
 
     def close(self) -> None:
-        """Part them."""
+        """Disconnect."""
         self._leave()
         self.widget.on_msg(self._hear, remove=True)
 
 
 def groups_of(session: Session) -> list[dict[str, Any]]:
-    """Return all controls in groups, as the panel wants them.
+    """Return all controls in groups, in the format of the panel.
 
     Examples
     --------
@@ -260,7 +260,7 @@ def group_of(name: str) -> str:
 
 
 def field_of(parameter: Parameter, session: Session) -> dict[str, Any] | None:
-    """Return one control, None for what the page cannot set."""
+    """Return one control, None for a parameter that the page cannot set."""
     about: dict[str, Any] = {"name": parameter.name, "label": label_of(parameter.name), "help": parameter.help}
     about["live"] = parameter.name in LIVE
     if parameter.name == "map":
@@ -274,7 +274,7 @@ def field_of(parameter: Parameter, session: Session) -> dict[str, Any] | None:
 
 
 def label_of(name: str) -> str:
-    """Return a parameter's name as people write it.
+    """Return a parameter's name as a label.
 
     Examples
     --------
@@ -298,10 +298,10 @@ def slider_of(parameter: Parameter) -> Slider:
 
 
 def places_of(parameter: Parameter) -> tuple[int, int]:
-    """Return the places of the ends of a slider, counted in its steps from the default.
+    """Return the positions of the ends of a slider, counted in its steps from the default.
 
-    Browsers move a slider to the nearest step: counted from anywhere else, that would change a default such as
-    k1 = ln 2 / 2000 without being asked.
+    Browsers move a slider to the nearest step: counted from another origin, this would change a default such as
+    k1 = ln 2 / 2000.
 
     Examples
     --------
@@ -314,7 +314,7 @@ def places_of(parameter: Parameter) -> tuple[int, int]:
 
 
 def value_at(place: int, parameter: Parameter) -> float:
-    """Return the value at a slider's place, within its range.
+    """Return the value at a slider's position, within its range.
 
     Examples
     --------
@@ -328,7 +328,7 @@ def value_at(place: int, parameter: Parameter) -> float:
 
 
 def place_of(value: float, parameter: Parameter) -> int:
-    """Return the place of a slider that is nearest to a value.
+    """Return the position of a slider that is nearest to a value.
 
     Examples
     --------
@@ -340,7 +340,7 @@ def place_of(value: float, parameter: Parameter) -> int:
 
 
 def values_of(session: Session) -> dict[str, dict[str, Any]]:
-    """Return how each control is set, whether it waits for a reset, and what is wrong with it."""
+    """Return the value of each control, whether it waits for a reset, and its fault."""
     values: dict[str, dict[str, Any]] = {"seed": {"text": str(session.seed)}}
     for name, parameter in session.parameters.items():
         value = session.settings[name]

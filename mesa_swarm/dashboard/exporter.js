@@ -1,24 +1,24 @@
-/* Export from the page. Python says what can be made (kinds) and how things are (status); the user asks for a file, which
-   comes piece by piece (downloads.js), or switches recording on. What is on screen never leaves the browser. */
+/* Export from the page. Python sends the kinds of files (kinds) and the state (status); the user requests a file, which
+   arrives in pieces (downloads.js), or switches recording on. A picture of the screen is made in the browser. */
 
 const SCREEN = ["screen", "Picture as on screen (PNG)", false];
 
 class ExportForm {
-  #model; #root; #parts = {}; #downloads; #leave = []; #asked = false;
+  #model; #root; #parts = {}; #downloads; #leave = []; #requested = false;
 
   constructor(model, root) {
     this.#model = model;
     this.#root = root;
-    this.#downloads = new Downloads(model);
+    this.#downloads = new ReceivedFiles(model);
     root.classList.add("swarm-export");
     this.#build(root);
     for (const [name, act] of [["kinds", () => this.#list()], ["status", () => this.#show()]]) {
       model.on(`change:${name}`, act);
       this.#leave.push(() => model.off(`change:${name}`, act));
     }
-    const hear = (message, buffers) => this.#downloads.hear(message, buffers);
-    model.on("msg:custom", hear);
-    this.#leave.push(() => model.off("msg:custom", hear));
+    const receive = (message, buffers) => this.#downloads.receive(message, buffers);
+    model.on("msg:custom", receive);
+    this.#leave.push(() => model.off("msg:custom", receive));
     this.#list();
     this.#show();
   }
@@ -31,8 +31,8 @@ class ExportForm {
     const parts = this.#parts, send = (message) => this.#model.send(message);
     parts.record = make("button", { type: "button", "aria-pressed": "false", click: () => send({ do: "record", value: parts.record.getAttribute("aria-pressed") !== "true" }) }, make("i"), make("span", {}, "Record"));
     parts.recorded = make("p", { class: "swarm-hint" });
-    parts.kind = make("select", { "aria-label": "What to make", change: () => this.#show() });
-    parts.source = make("select", { "aria-label": "Of which steps" });
+    parts.kind = make("select", { "aria-label": "Kind of file", change: () => this.#show() });
+    parts.source = make("select", { "aria-label": "Source of steps" });
     parts.every = make("select", { "aria-label": "Steps in the table" }, ...[1, 10, 100].map((every) => make("option", { value: every }, every === 1 ? "every step" : `every ${every} steps`)));
     parts.sectors = make("input", { type: "checkbox" });
     parts.trails = make("input", { type: "checkbox" });
@@ -68,7 +68,7 @@ class ExportForm {
     const [kind, , whole] = this.#kinds.find(([key]) => key === parts.kind.value) ?? ["", "", false];
     parts.record.setAttribute("aria-pressed", status.recording);
     parts.record.lastChild.textContent = status.recording ? "Stop recording" : "Record";
-    parts.record.title = status.recording ? "Record no more; what was recorded stays" : "Record from the next step on; what was recorded before is replaced";
+    parts.record.title = status.recording ? "Stop recording; the recorded steps stay" : "Record from the next step on; replaces the recording before";
     parts.recorded.hidden = !(status.recorded || status.ended);
     parts.recorded.textContent = status.ended || (status.recorded && `Recorded: ${status.recorded}`);
     this.#sources(status, whole);
@@ -85,8 +85,8 @@ class ExportForm {
     parts.message.hidden = !status.message;
     parts.fault.textContent = status.fault;
     parts.fault.hidden = !status.fault;
-    if (this.#asked && !busy && (status.fault || status.message)) {
-      this.#asked = false;
+    if (this.#requested && !busy && (status.fault || status.message)) {
+      this.#requested = false;
       parts[status.fault ? "fault" : "message"].scrollIntoView({ block: "nearest" });
     }
   }
@@ -95,7 +95,7 @@ class ExportForm {
     const list = this.#parts.source, chosen = list.value, options = [];
     if (status.steps) options.push(["run", `the run so far: steps 1 to ${status.steps.toLocaleString("en")}`]);
     if (status.recorded) options.push(["recording", `recorded: ${status.recorded}`]);
-    if (!options.length) options.push(["", status.straight ? "no steps yet" : "changed on the way: record it"]);
+    if (!options.length) options.push(["", status.straight ? "no steps yet" : "changed while running: record it"]);
     const text = JSON.stringify(options);
     if (list.dataset.options !== text && document.activeElement !== list) {
       list.dataset.options = text;
@@ -109,7 +109,7 @@ class ExportForm {
     const { kind, source, every, sectors, trails } = this.#parts;
     if (kind.value === SCREEN[0]) return this.#saveScreen();
     const value = { kind: kind.value, source: source.value || "run", every: Number(every.value), sectors: sectors.checked, trails: trails.checked };
-    this.#asked = true;
+    this.#requested = true;
     return this.#model.send({ do: "export", value });
   }
 

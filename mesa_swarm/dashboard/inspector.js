@@ -1,5 +1,5 @@
-/* One robot closely. Python tells all (inspected); the user moves it, or goes to another one. The robot's own frame is drawn
-   with its heading up. */
+/* One robot in detail. Python sends its description (inspected); the user moves it, or selects another one. The robot's
+   own frame is drawn with its heading up. */
 
 const KINDS = ["obstacle", "robot", "fire", "load"];
 const SVG = "http://www.w3.org/2000/svg";
@@ -13,14 +13,14 @@ function drawn(tag, attributes, ...children) {
 
 /** Ahead is up, left is left. */
 const place = (x, y) => [-y, -x];
-// As in style.css: how wide the diagram is, and the least text that is read with ease, px.
+// Width of the diagram, as in style.css, and smallest legible text, px.
 const WIDTH = 150, TEXT = 11;
 
 function sector({ mount, bearing, half }, reach) {
   const points = [place(...mount)];
   for (let k = 0; k <= 12; k++) {
-    const angle = bearing - half + (k / 12) * 2 * half;
-    points.push(place(mount[0] + reach * Math.cos(angle), mount[1] + reach * Math.sin(angle)));
+    const direction = bearing - half + (k / 12) * 2 * half;
+    points.push(place(mount[0] + reach * Math.cos(direction), mount[1] + reach * Math.sin(direction)));
   }
   return points.map(([x, y]) => `${x.toFixed(2)},${y.toFixed(2)}`).join(" ");
 }
@@ -74,11 +74,11 @@ class InspectorView {
   #build(root) {
     const parts = this.#parts, act = (name) => () => this.#model.send({ do: name });
     parts.title = make("h2", {}, "Robot");
-    parts.none = make("button", { type: "button", title: "Look at no robot closely", "aria-label": "Deselect", click: () => this.#model.send({ do: "select", value: null }) }, "\u2715");
+    parts.none = make("button", { type: "button", title: "Close the inspector", "aria-label": "Deselect", click: () => this.#model.send({ do: "select", value: null }) }, "\u2715");
     const steps = make("div", { class: "swarm-pick" },
       make("button", { type: "button", title: "Previous robot", "aria-label": "Previous robot", click: act("previous") }, "\u2039"),
       make("button", { type: "button", title: "Next robot", "aria-label": "Next robot", click: act("next") }, "\u203A"), parts.none);
-    parts.hint = make("p", { class: "swarm-hint" }, "Click on a robot to see what it reads and why it does what it does.");
+    parts.hint = make("p", { class: "swarm-hint" }, "Click on a robot to see its readings and the reason for its action.");
     parts.when = make("p", { class: "swarm-hint" });
     parts.picture = make("div", { class: "swarm-diagram" });
     parts.why = make("p", { class: "swarm-why" });
@@ -105,7 +105,7 @@ class InspectorView {
     parts.all.hidden = parts.none.hidden = !some;
     parts.title.textContent = some ? `Robot ${inspected.id}` : "Robot";
     if (!some) return;
-    parts.when.textContent = inspected.known ? (inspected.layer || inspected.does ? `What it read and did in ${inspected.when}` : `What it reads ${inspected.when}`) : inspected.when;
+    parts.when.textContent = inspected.known ? (inspected.layer || inspected.does ? `Readings and action in ${inspected.when}` : `Readings ${inspected.when}`) : inspected.when;
     for (const name of ["picture", "beside", "facts", "worth", "pose"]) parts[name].hidden = !inspected.known;
     if (!inspected.known) return;
     parts.picture.replaceChildren(diagram(inspected));
@@ -115,7 +115,7 @@ class InspectorView {
     if (!parts.pose.contains(document.activeElement)) for (const [name, field] of Object.entries(this.#fields)) field.value = inspected.pose[name];
   }
 
-  /** Show what actions are worth, the best one first to be seen: bars from the least to the greatest. */
+  /** Show the values of actions as bars from the least to the greatest, the best one highlighted. */
   #worth(rows) {
     const table = this.#parts.worth, values = rows.map(([, value]) => value);
     table.hidden = !rows.length;
@@ -124,14 +124,14 @@ class InspectorView {
       const bar = make("i", { style: `margin-left:${(100 * (Math.min(value, 0) - low)) / (high - low)}%;width:${(100 * Math.abs(value)) / (high - low)}%` });
       return make("tr", { class: value === best ? "swarm-best" : "" }, make("th", { scope: "row" }, name), make("td", {}, value.toFixed(3)), make("td", {}, bar));
     });
-    table.replaceChildren(make("caption", {}, "What each action is worth, Q"), ...lines);
+    table.replaceChildren(make("caption", {}, "Value of each action, Q"), ...lines);
   }
 
   #edit() {
     const editable = this.#model.get("editable");
     for (const field of Object.values(this.#fields)) field.readOnly = !editable;
     this.#parts.move.disabled = !editable;
-    this.#parts.move.title = editable ? "Put the robot there" : "Pause first, and look at the present";
+    this.#parts.move.title = editable ? "Move the robot there" : "Pause, and go to the present step first";
   }
 
   #fault() {

@@ -23,19 +23,19 @@ from mesa_swarm.viewing.player import PackedFrame
 
 # Shortest time between updates of the inspector while the model is played, s.
 EVERY = 0.2
-# What a field of the page hands over.
+# Types of values from a field of the page.
 Typed = float | str | None
 # Overlaps below this are rounding.
 TOUCHING = 1e-9
 
 
 class Inspector(anywidget.AnyWidget):
-    """One robot's readings, layer, reason and pose, drawn in the browser.
+    """One robot's readings, layer, reason and pose in the browser.
 
     Attributes
     ----------
     inspected : dict
-        What `inspection.inspect` says of the robot; empty if none is selected.
+        Description of the robot by `inspect`; empty if none is selected.
     editable : bool
         Whether the robot may be moved now.
     fault : str
@@ -49,7 +49,7 @@ class Inspector(anywidget.AnyWidget):
 
 
 class Inspecting:
-    """Lets an inspector show the robot that is selected in a session.
+    """Connects an inspector and the selected robot of a session.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class Inspecting:
     session : Session
     """
 
-    ready = False  # looking closely is no reason to make a picture
+    ready = False  # the inspector needs no picture
 
     def __init__(self, inspector: Inspector, session: Session) -> None:
         self.inspector, self.session = inspector, session
@@ -67,7 +67,7 @@ class Inspecting:
         session.add_viewer(self)
 
     def push(self, number: int, picture: PackedFrame) -> None:
-        """Show what is known in the step that is shown, if it is time."""
+        """Show the robot at the displayed step, if an update is due."""
         if not self.session.playing or time.monotonic() - self._shown >= EVERY:
             self.refresh()
 
@@ -77,7 +77,7 @@ class Inspecting:
         self.refresh()
 
     def refresh(self) -> None:
-        """Show what is known now."""
+        """Show the selected robot."""
         self._shown = time.monotonic()
         with self.session.lock:
             inspected = self._known()
@@ -88,7 +88,7 @@ class Inspecting:
                 self.inspector.fault = ""
 
     def act(self, message: dict) -> None:
-        """Do what the browser asks for."""
+        """Carry out a message from the browser."""
         session, value = self.session, message.get("value")
         match message.get("do"):
             case "next" | "previous" if session.model is not None:
@@ -100,7 +100,7 @@ class Inspecting:
                 self._move(message["value"])
 
     def close(self) -> None:
-        """Part them."""
+        """Disconnect."""
         for leave in self._leaves:
             leave()
         self.session.remove_viewer(self)
@@ -110,7 +110,7 @@ class Inspecting:
         self.act(message)
 
     def _known(self) -> dict[str, Any]:
-        """Return what is known of the robot in the step that is looked at, nothing if none is selected."""
+        """Return the selected robot at the displayed step, empty if none is selected."""
         model, shown = self.session.model, self.session.past.shown
         if model is None or shown is None:
             return {}
@@ -125,25 +125,25 @@ class Inspecting:
         session = self.session
         if number is not None and (session.model is None or robot_of(session.model, number) is None):
             ids = [robot.unique_id for robot in session.model.swarm.agents] if session.model else []
-            there = f"expected one from {ids[0]} to {ids[-1]}" if ids else "there are none"
-            self.inspector.fault = f"there is no robot {number}; {there}"
+            expected = f"expected one from {ids[0]} to {ids[-1]}" if ids else "the model has no robots"
+            self.inspector.fault = f"unknown robot {number}; {expected}"
             return
         session.select(number)
 
     def _move(self, pose: dict[str, float | str | None]) -> None:
-        """Move the robot, or say why that cannot be; from then on the run is not the one that its link tells of."""
+        """Move the robot, or show why not; the link no longer reproduces the run."""
         session = self.session
         try:
             with session.lock:
                 if not self._may_move():
-                    raise InvalidValueError("a robot is moved while the run is paused in the present; pause first")
+                    raise InvalidValueError("a robot can be moved only at the present step of a paused run; pause")
                 model = session.model
                 robot = None if model is None else robot_of(model, session.selected)
                 if model is None or robot is None:
-                    raise InvalidValueError(f"there is no robot {session.selected}; select one")
+                    raise InvalidValueError(f"unknown robot {session.selected}; select one")
                 move(model, robot, pose.get("x"), pose.get("y"), pose.get("heading"))
                 session.straight = False
-        except Exception as problem:  # whatever was typed is answered beside it
+        except Exception as problem:  # shown beside the fields
             self.inspector.fault = in_words(problem)
             return
         self.inspector.fault = ""
@@ -163,7 +163,7 @@ def robot_of(model: SwarmModel, number: int | None) -> Robot | None:
 
 
 def neighbour_of(model: SwarmModel, number: int | None, by: int) -> int | None:
-    """Return the id of the robot that comes so many rows after this one, round and round; None without robots.
+    """Return the id of the robot `by` rows after this one, cyclically; None without robots.
 
     Examples
     --------
@@ -182,14 +182,14 @@ def neighbour_of(model: SwarmModel, number: int | None, by: int) -> int | None:
 
 
 def inspect(model: SwarmModel, robot: Robot, step: int) -> dict[str, Any]:
-    """Return what is known of a robot in a step, in words and numbers, as the inspector shows it.
+    """Return the description of a robot at a step, in words and numbers.
 
     Parameters
     ----------
     model : SwarmModel
     robot : Robot
     step : int
-        The last one, or an earlier one; of one that is no longer kept, only that is said.
+        The last one, or an earlier one; of one no longer stored there is only a message.
 
     Examples
     --------
@@ -200,7 +200,7 @@ def inspect(model: SwarmModel, robot: Robot, step: int) -> dict[str, Any]:
     >>> inspect(model, robot, 3)["when"]
     'step 3'
     >>> inspect(model, robot, 0)["when"]
-    'step 0 is no longer kept; readings are known of steps 1 to 3'
+    'step 0 is no longer stored; readings are available for steps 1 to 3'
     """
     watched = model.watched
     kept = watched.steps.tolist() if watched is not None else []
@@ -210,10 +210,10 @@ def inspect(model: SwarmModel, robot: Robot, step: int) -> dict[str, Any]:
     elif present and not kept:
         columns, when = model.swarm.columns, "before the first step"
     else:
-        told = f"; readings are known of steps {kept[0]:,} to {kept[-1]:,}" if kept else ""
-        return {"id": robot.unique_id, "when": f"step {step:,} is no longer kept{told}", "known": False}
+        available = f"; readings are available for steps {kept[0]:,} to {kept[-1]:,}" if kept else ""
+        return {"id": robot.unique_id, "when": f"step {step:,} is no longer stored{available}", "known": False}
     if set(WATCHED) - set(columns):
-        return {"id": robot.unique_id, "when": "the model keeps too little to look into", "known": False}
+        return {"id": robot.unique_id, "when": "the model stores too few columns for the inspector", "known": False}
     moment, _ = moment_of(model.swarm, columns, robot.row)
     decided = step in kept and model.control is not None
     reason = model.explain(robot, step) if decided else None
@@ -234,7 +234,7 @@ def inspect(model: SwarmModel, robot: Robot, step: int) -> dict[str, Any]:
 
 
 def sensors_of(moment: Moment, triggered: Sequence[int]) -> list[dict[str, Any]]:
-    """Return where each proximity sensor looks in the robot's frame, what it reads, and whether it drove the robot."""
+    """Return sector (in the robot's frame), reading and triggering state of each proximity sensor."""
     return [
         {
             "mount": [float(row[MOUNT_X]), float(row[MOUNT_Y])],
@@ -251,7 +251,7 @@ def sensors_of(moment: Moment, triggered: Sequence[int]) -> list[dict[str, Any]]
 
 
 def facts_of(model: SwarmModel, robot: Robot, moment: Moment) -> list[tuple[str, str]]:
-    """Return what else the robot knows, each with its name."""
+    """Return the other readings and states of a robot, each with its name."""
     columns, facts = moment.columns, []
     if len(model.fires):
         state = " (too hot to fight)" if columns["hot"] else ""
@@ -267,20 +267,20 @@ def facts_of(model: SwarmModel, robot: Robot, moment: Moment) -> list[tuple[str,
         facts.append(("Line sensors", ", ".join(over)))
     if model.communication is not None:
         facts += messages_of(model, columns)
-    facts.append(("Ran into something", "yes" if columns["collided"] else "no"))
+    facts.append(("Collided", "yes" if columns["collided"] else "no"))
     return facts
 
 
 def messages_of(model: SwarmModel, columns: dict[str, Any]) -> list[tuple[str, str]]:
-    """Return what the robot heard."""
-    told = []
+    """Return the messages that a robot received."""
+    messages = []
     if columns["heard_task"] >= 0:
         layer = int(columns["heard_layer"])
         name = model.control.layers[layer].name if layer >= 0 and model.control is not None else "no layer"
-        told.append(("Hears", f"a robot {where(columns['heard_from'])}: {name}, task {int(columns['heard_task'])}"))
+        messages.append(("Hears", f"a robot {where(columns['heard_from'])}: {name}, task {int(columns['heard_task'])}"))
     if np.isfinite(columns["heard_goal"]).all():
-        told.append(("Hears", f"of a goal {where(columns['heard_goal'])}"))
-    return told or [("Hears", "nothing")]
+        messages.append(("Hears", f"a goal {where(columns['heard_goal'])}"))
+    return messages or [("Hears", "nothing")]
 
 
 def where(place: np.ndarray) -> str:
@@ -296,34 +296,34 @@ def where(place: np.ndarray) -> str:
 
 
 def worth_of(model: SwarmModel, robot: Robot) -> list[tuple[str, float]]:
-    """Return what each action is worth to a robot that learns, an empty list for others."""
+    """Return the value of each action to a robot that learns, an empty list for others."""
     layers = model.control.layers if model.control is not None else ()
     learners = [layer for layer in layers if hasattr(layer, "worth")]
     return learners[0].worth(robot.row) if learners else []
 
 
 def pose_of(position: np.ndarray, heading: float) -> dict[str, float]:
-    """Return a pose in map units and degrees, rounded as one types it."""
+    """Return a pose in map units and degrees, rounded."""
     degrees = round(math.degrees(heading), 1)
     return {"x": round(float(position[0]), 2), "y": round(float(position[1]), 2), "heading": degrees + 0.0}
 
 
 def move(model: SwarmModel, robot: Robot, x: Typed, y: Typed, heading_degrees: Typed) -> None:
-    """Put a robot elsewhere, between two steps.
+    """Move a robot between two steps.
 
     Parameters
     ----------
     model : SwarmModel
     robot : Robot
     x, y : float
-        Map units, or what was typed of them.
+        Map units, or the typed text.
     heading_degrees : float
-        -360 to 360, or what was typed of it.
+        -360 to 360, or the typed text.
 
     Raises
     ------
     InvalidValueError
-        If it would not be on the map, or would overlap an obstacle, a load, a fire or a robot.
+        If the robot would be outside the map, or would overlap an obstacle, a load, a fire or a robot.
 
     Examples
     --------
@@ -350,7 +350,7 @@ def move(model: SwarmModel, robot: Robot, x: Typed, y: Typed, heading_degrees: T
 
 
 def deepest(model: SwarmModel, robot: Robot, place: np.ndarray) -> tuple[float, str]:
-    """Return how deep a robot would be in what it would overlap most, and what that is."""
+    """Return the largest overlap of a robot at a position, and with what."""
     x_min, y_min, x_max, y_max = model.map.bounds
     border = robot.radius - min(place[0] - x_min, place[1] - y_min, x_max - place[0], y_max - place[1])
     found = [(border, "the border of the map")]
@@ -374,7 +374,7 @@ def _was_at(columns: dict[str, np.ndarray], row: int) -> tuple[np.ndarray, float
 
 def _number(name: str, value: Typed) -> float:
     try:
-        number = float(value)  # type: ignore[arg-type]  # None is answered below, like any other than a number
+        number = float(value)  # type: ignore[arg-type]  # refused below, like any other non-number
         return check_number(name, number, minimum=-1e9, maximum=1e9)
     except (TypeError, ValueError) as error:
         known = isinstance(error, InvalidValueError)

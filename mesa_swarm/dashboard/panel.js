@@ -1,5 +1,5 @@
-/* The controls beside the canvas. Python says what there is (groups), how it is set (values) and what follows from it
-   (notes); what the user does is sent back, and shown only when Python has taken it. */
+/* The controls beside the canvas. Python sends the controls (groups), their values (values) and remarks
+   (notes); changes by the user are sent back, and shown when Python has accepted them. */
 
 const LARGEST_UPLOAD = 1_000_000;
 
@@ -47,7 +47,7 @@ class PanelView {
   #run() {
     const seed = this.#text("seed", "seed");
     const random = make("button", { type: "button", click: () => this.#send({ do: "random" }) }, "Random");
-    random.title = "Take a random seed, and reset";
+    random.title = "Choose a random seed, and reset";
     const row = make("div", { class: "swarm-row" }, seed, random);
     const field = this.#frame({ name: "seed", label: "seed", help: "the same seed gives the same run", live: false }, row, seed);
     return make("div", { class: "swarm-run" }, field);
@@ -86,13 +86,13 @@ class PanelView {
   }
 
   #upload() {
-    const file = make("input", { type: "file", accept: ".svg,.toml", hidden: true, "aria-label": "Map file", change: () => this.#hand(file) });
+    const file = make("input", { type: "file", accept: ".svg,.toml", hidden: true, "aria-label": "Map file", change: () => this.#sendFile(file) });
     const button = make("button", { type: "button", click: () => file.click() }, "Upload");
     button.title = "A map as SVG or TOML";
     return [file, button];
   }
 
-  async #hand(file) {
+  async #sendFile(file) {
     const [one] = file.files;
     file.value = "";
     if (!one) return;
@@ -126,7 +126,7 @@ class PanelView {
     }
   }
 
-  /** Whether somebody is at this field: what is typed, or was found wrong, is not replaced under their fingers. */
+  /** Whether the user is typing in this field, or has typed a refused value there: it is then not replaced. */
   #isTypedIn(text, fault) {
     return document.activeElement === text && (fault !== "" || text.dataset.typing === "yes");
   }

@@ -1,4 +1,4 @@
-"""A recording in the page: played, scrubbed, left for another run from any of its steps."""
+"""The Replay tab: recordings, the open one, its events, and branching off it."""
 
 from functools import partial
 from typing import Any
@@ -21,14 +21,14 @@ from mesa_swarm.viewing.readings import value_text
 CANVAS = {"bar": True, "keys": "page", "toggles": {}}
 NOTHING_LISTED = "Recordings of a folder are listed here when the dashboard is started with --recordings FOLDER."
 BRANCHING = (
-    "Go on from this step on the Watch page, bit by bit as it went, or with other parameters. "
-    "Reset there starts over from step 0 with the same parameters and seed."
+    "Continue from this step on the Watch page, with identical results or with other parameters. "
+    "Reset there starts again from step 0 with the same parameters and seed."
 )
-NOTHING_OPEN = "Open a recording: one that `mesa-swarm run MODEL --record FILE.arrow` or `model.record(...)` has made."
+NOTHING_OPEN = "Open a recording made by `mesa-swarm run MODEL --record FILE.arrow` or `model.record(...)`."
 
 
 class BranchPanel:
-    """Lets a control panel show and change the parameters with which a run branches off the open recording.
+    """Connects a control panel and the parameters of a run that branches off the open recording.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class BranchPanel:
         self._leave = replaying.changed.add(self.refresh)
         self._hear = lambda _, message, __: self.act(message)
         widget.on_msg(self._hear)
-        # With more or fewer robots nothing could go on from where it was.
+        # The number of robots cannot change at the branch.
         fields = [field_of(self.known[name], replaying.session) for name in replaying.parameters if name != "n_robots"]
         widget.groups = [
             {"title": "With other parameters", "fields": [field | {"live": True} for field in fields if field]}
@@ -52,17 +52,17 @@ class BranchPanel:
 
     @property
     def is_current(self) -> bool:
-        """Whether the recording is still open for which it was made."""
+        """Whether the recording of this panel is still open."""
         return self.player is not None and self.player is self.replaying.player
 
     def refresh(self) -> None:
-        """Show how everything is set, unless another recording was opened, which gets a panel of its own."""
+        """Show all values, unless another recording was opened, which gets its own panel."""
         requested = self.replaying.parameters | self.replaying.changes
-        if self.is_current:  # asked last: another thread may open one
+        if self.is_current:  # checked last: another thread may open one
             self.widget.values = {name: self._shown(name, value) for name, value in requested.items()}
 
     def act(self, message: dict) -> None:
-        """Do what the user asks for."""
+        """Carry out a message from the browser."""
         name = message.get("name", "")
         value: Any = message.get("value")
         if self.is_current and name in self.known:
@@ -70,7 +70,7 @@ class BranchPanel:
             self.replaying.set_parameter(name, value_at(int(value), self.known[name]) if is_place else str(value))
 
     def close(self) -> None:
-        """Part them."""
+        """Disconnect."""
         self._leave()
         self.widget.on_msg(self._hear, remove=True)
 
@@ -83,7 +83,7 @@ class BranchPanel:
 
 @solara.component
 def Replay(session: Session) -> None:
-    """Show the recordings on the left, the open one in the middle, and on the right its events and ways out of it."""
+    """Show the recordings on the left, the open one in the middle, its events and branching on the right."""
     replaying = solara.use_memo(lambda: session.companion(Replaying), [])
     use_changes(replaying.changed)
     player = replaying.player
@@ -106,7 +106,7 @@ def Replay(session: Session) -> None:
 
 @solara.component
 def Recordings(replaying: Replaying) -> None:
-    """Show what can be opened, and what is open."""
+    """Show the listed recordings, the upload, and facts of the open recording."""
     use_changes(replaying.changed)
     solara.HTML(tag="h2", unsafe_innerHTML="Recordings")
     picker = FilePicker.element(label="Upload a recording", accept=ENDING)
@@ -126,7 +126,7 @@ def Recordings(replaying: Replaying) -> None:
 
 @solara.component
 def About(replaying: Replaying, past: Past) -> None:
-    """Show what the open recording is of."""
+    """Show facts of the open recording."""
     recorded = replaying.provenance
     facts = {
         "file": replaying.name,
@@ -136,7 +136,7 @@ def About(replaying: Replaying, past: Past) -> None:
         "version": recorded["versions"].get("mesa-swarm", ""),
         **{name: value_text(value) for name, value in recorded["parameters"].items()},
     }
-    solara.HTML(tag="h2", unsafe_innerHTML="What it is of")
+    solara.HTML(tag="h2", unsafe_innerHTML="About this recording")
     with rv.Html(tag="dl", class_="swarm-facts"):
         for name, value in facts.items():
             rv.Html(tag="dt", children=[label_of(name)])
@@ -151,31 +151,35 @@ def Screen(player: ReplayPlayer) -> None:
 
 @solara.component
 def Trouble(player: ReplayPlayer) -> None:
-    """Show on a card what cannot be read."""
+    """Show a read error on a card."""
     use_changes(player.changed)
     if player.error:
-        way_out = "To the first step", player.rewind
-        TroubleCard("The recording cannot be shown here", player.error, way_out=way_out)
+        way_out = "Go to the first step", player.rewind
+        TroubleCard("This step cannot be read", player.error, way_out=way_out)
 
 
 @solara.component
 def Branch(replaying: Replaying) -> None:
-    """Show the way from the step that is looked at to a run that goes on."""
+    """Show the button that continues from the displayed step."""
     use_changes(replaying.changed)
     solara.HTML(tag="h2", unsafe_innerHTML="Branch from here")
     if replaying.model_name:
         rv.Html(tag="p", class_="swarm-hint", children=[BRANCHING])
-        label = f"Go on live with {_changed(replaying)}" if replaying.changes else "Go on live"
+        label = f"Continue live with {_changed(replaying)}" if replaying.changes else "Continue live"
         Button(label, replaying.branch, "swarm-do", enabled=not replaying.busy)
         Changes(replaying)
     else:
         name = replaying.provenance["model"]["name"]
-        rv.Html(tag="p", class_="swarm-hint", children=[f"{name} is no model of this page: it can be looked at only."])
+        rv.Html(
+            tag="p",
+            class_="swarm-hint",
+            children=[f"{name} is not a model of this page; replay only."],
+        )
 
 
 @solara.component
 def Changes(replaying: Replaying) -> None:
-    """Show the panel of what is other after branching."""
+    """Show the panel of parameters after branching."""
     panel = ControlPanel.element(bare=True)
     solara.use_effect(lambda: BranchPanel(solara.get_widget(panel), replaying).close, [])
 
@@ -187,12 +191,12 @@ def _changed(replaying: Replaying) -> str:
 
 @solara.component
 def Events(replaying: Replaying, player: ReplayPlayer) -> None:
-    """Show what happened, to jump to."""
+    """Show the events as buttons that go to their steps."""
     use_changes(replaying.changed)
     solara.HTML(tag="h2", unsafe_innerHTML="Events")
     events = replaying.events
     if not events:
-        text = "Looking through the recording ..." if events is None else "Nothing that is counted as an event."
+        text = "Searching the recording ..." if events is None else "The recording has no events."
         rv.Html(tag="p", class_="swarm-hint", children=[text])
         return
     if len(events) > MOST_EVENTS:

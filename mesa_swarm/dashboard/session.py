@@ -30,12 +30,12 @@ MOST_WATCHED_STEPS = 1000
 
 
 def checked_setting(parameter: Parameter, value: Any) -> Any:
-    """Return what somebody settings for, as the parameter's type.
+    """Return a requested setting, as the parameter's type.
 
     Raises
     ------
     InvalidValueError, UnknownNameError
-        If it is no such value, or more robots than a page can take.
+        If the value is not permitted, or exceeds the number of robots on a page.
 
     Examples
     --------
@@ -47,7 +47,7 @@ def checked_setting(parameter: Parameter, value: Any) -> Any:
 
 
 def map_from(name: str, content: bytes) -> Map:
-    """Return the map in a file that was handed over.
+    """Return the map in an uploaded file.
 
     Raises
     ------
@@ -68,16 +68,16 @@ def map_from(name: str, content: bytes) -> Map:
             return Map.from_toml(content.decode(), name)
         except UnicodeDecodeError:
             raise InvalidValueError(f"{name:.60} is not UTF-8 text; expected a map as TOML") from None
-    raise InvalidValueError(f"{name!r:.60} is no map; expected a file that ends in .svg or .toml")
+    raise InvalidValueError(f"{name!r:.60} is not a map; expected a file that ends in .svg or .toml")
 
 
 def seed_from(text: str | int) -> int:
-    """Return the seed that somebody typed.
+    """Return a typed seed.
 
     Raises
     ------
     InvalidValueError
-        If it is none.
+        If the text is not a seed.
 
     Examples
     --------
@@ -87,22 +87,22 @@ def seed_from(text: str | int) -> int:
     try:
         return check_count("seed", int(text), maximum=LARGEST_SEED)
     except ValueError:
-        raise InvalidValueError(f"seed is {text!r:.60}; expected a whole number from 0 on") from None
+        raise InvalidValueError(f"seed is {text!r:.60}; expected a whole number of at least 0") from None
 
 
 # Parameters that a running model takes at once.
 LIVE = frozenset(field.name for field in fields(FireConstants)) - {"remarks"}
 USUAL_SPEED = 60.0
-# Seconds for the steps before anything is shown; what is left of them is played, and can be paused.
+# Longest time for steps before anything is shown, s; the remaining ones are played, and can be paused.
 LONGEST_WAIT = 2.0
 READER = "map"
 
 
 class Companion(Protocol):
-    """What a part of the page keeps for a session, also while another part is looked at."""
+    """State of one tab of the page, which stays while another tab is shown."""
 
     def close(self) -> None:
-        """Stop, and let go of everything."""
+        """Stop, and release everything."""
 
 
 Kind = TypeVar("Kind", bound=Companion)
@@ -120,7 +120,7 @@ class Session(Player):
     seed : int
         Of everything random, 0 to 2**53 - 1.
     steps : int
-        Taken before anything is shown, as many as `LONGEST_WAIT` permits; the others are played then.
+        Taken before anything is shown, for at most `LONGEST_WAIT`; the others are then played.
     find : function
         Returns the class of a model by its name.
 
@@ -130,28 +130,28 @@ class Session(Player):
     model_class : type
     parameters : dict of Parameter
     settings : dict
-        Values of all parameters, for the next model; those in `LIVE` also of the present one.
+        Requested values of all parameters, for the next model; those in `LIVE` also for the present one.
     seed : int
     faults : dict of str
-        What is wrong with a wish, by parameter, or with "seed" or an "upload".
+        Why a setting was refused, by parameter or "seed".
     unbuilt : bool
-        Whether `error` says why there is no model as wished, not what went wrong in one.
+        Whether `error` is about building the model, not about running it.
     note : str
-        That fewer steps were taken than asked for; empty if all were, or `error` says why not.
+        Why fewer steps were taken than requested; empty if all were, or if `error` has the reason.
     goal : int
-        The step up to which it plays by itself, 0 for none.
+        The step up to which it plays automatically, 0 for none.
     own_speed : float
         Steps a second that the user requested for, also while it plays as fast as it goes up to its goal.
     built : dict
-        What the present model was built from, and was given since.
+        Settings of the present model.
     series : Series
-        What was measured of the present model.
+        Measurements of the present model.
     chosen_charts : dict of list of str
-        Keys of the charts that the user wants to see, by model.
+        Keys of the charts that the user chose, by model.
     straight : bool
-        Whether nothing was changed on the way: the same settings give the same run.
+        Whether nothing was changed during the run, so that the same settings reproduce it.
     adopted : Listeners
-        Told when it goes on with a model that was built elsewhere.
+        Notified when the session continues with a model built elsewhere.
 
     Examples
     --------
@@ -171,7 +171,7 @@ class Session(Player):
     ) -> None:
         self._find = find
         self.uploads: dict[str, Map] = {}
-        # Set once the map that is being read is waited for no longer.
+        # Set when the map that is being read is not needed any more.
         self._reading = threading.Event()
         self._one_reader = threading.Lock()
         self.series = Series()
@@ -193,14 +193,14 @@ class Session(Player):
         return frozenset(name for name, value in requested.items() if self.built.get(name) != value)
 
     def choose(self, name: str, settings: Mapping[str, Any] | None = None) -> None:
-        """Go on with another model, with its defaults but for these settings."""
+        """Continue with another model, with its defaults except for these settings."""
         self.loop.pause()
         with self.lock:
             self._enter(name, dict(settings or {}), self.seed)
         self.reset()
 
     def reset(self, steps: int = 0) -> None:
-        """Stop, and build a new model as wished; the old one stays where that cannot be."""
+        """Stop, and build a new model from the settings; the old one stays if that fails."""
         self.loop.pause()
         with self.minding():
             self._forget_goal()
@@ -217,25 +217,25 @@ class Session(Player):
             self.rest()
 
     def rest(self) -> None:
-        """Show how things are at rest; what is paused goes no further towards its goal."""
+        """Show the state at rest; pausing cancels the goal."""
         if self.goal and not self.playing and self.model is not None:
             done, goal = self.model.completed, self.goal
             self._forget_goal()
             if done >= goal or self.error:
                 self.note = ""
             elif self.model.running:
-                self.note = f"step {done:,} of {goal:,}: it was paused on its way; play on from here"
+                self.note = f"step {done:,} of {goal:,}: paused early; press Play to continue"
             else:
                 self.note = ended_early(done, goal)
         super().rest()
 
     def set_speed(self, speed: float) -> None:
-        """Play at so many steps a second from now on."""
+        """Set the number of steps a second."""
         self.own_speed = speed
         super().set_speed(speed)
 
     def go_back(self) -> None:
-        """Start over as the present model was built, or from the defaults if there is none."""
+        """Start again with the settings of the present model, or with the defaults if there is no model."""
         with self.lock:
             last = dict(self.built)
             self.seed = last.pop("seed", self.seed)
@@ -244,33 +244,33 @@ class Session(Player):
         self.reset()
 
     def remade(self) -> SwarmModel:
-        """Return a model as the present one was at its start; if the run is `straight`, it takes the same steps."""
+        """Return the present model as built; if the run is `straight`, it takes the same steps."""
         with self.lock:
             return self._made(self.built)
 
     def set_parameter(self, name: str, value: Any) -> None:
-        """Wish for a parameter, as its type, and give it to the present model where that can take it."""
+        """Request a value of a parameter, and apply it to the present model if it is in `LIVE`."""
         with self.lock:
             try:
                 self._take({name: value})
-            except Exception as problem:  # what is wrong with a wish is said beside it
+            except Exception as problem:  # shown beside the control
                 self.faults[name] = in_words(problem)
         self.show()
         self.changed.tell()
 
     def set_parameters(self, values: Mapping[str, Any]) -> None:
-        """Wish for several parameters at once."""
+        """Request values of several parameters at once."""
         with self.lock:
             self._take(values)
         self.show()
         self.changed.tell()
 
     def set_defaults(self) -> None:
-        """Wish for the model's defaults."""
+        """Request the model's defaults."""
         self.set_parameters(self._defaults())
 
     def set_seed(self, text: str | int) -> None:
-        """Take another seed for the next model."""
+        """Set the seed of the next model."""
         with self.lock:
             try:
                 self.seed = seed_from(text)
@@ -280,9 +280,9 @@ class Session(Player):
         self.changed.tell()
 
     def upload(self, name: str, content: bytes) -> None:
-        """Read a map from a file that the user hands over, in a thread without the lock, and build the model on it.
+        """Read a map from an uploaded file, in a thread without the lock, and build the model on it.
 
-        Another upload, another model and the end of the session cancel it: what it reads is then dropped.
+        Another upload, another model and the end of the session cancel it.
         """
         with self.lock:
             self._reading.set()
@@ -290,21 +290,21 @@ class Session(Player):
         threading.Thread(target=self._read_map, args=(name, content, cancelled), name=READER, daemon=True).start()
 
     def _read_map(self, name: str, content: bytes, cancelled: threading.Event) -> None:
-        chart, fault = None, ""
+        new_map, fault = None, ""
         try:
-            # One at a time: a user who uploads again and again waits for none of them, and neither do others.
+            # One at a time; another upload cancels the one before.
             with self._one_reader, stopping_when(cancelled.is_set):
                 if not cancelled.is_set():
-                    chart = map_from(name, content)
+                    new_map = map_from(name, content)
         except CancelledError:
             return
-        except Exception as problem:  # whatever is in a user's file
+        except Exception as problem:  # a user's file may contain anything
             fault = in_words(problem)
         with self.lock:
             if cancelled.is_set():
                 return
-            self._take_map(chart, fault)
-        if chart is not None:
+            self._take_map(new_map, fault)
+        if new_map is not None:
             self.reset()
         else:
             self.changed.tell()
@@ -324,7 +324,7 @@ class Session(Player):
         return list(dict.fromkeys([*own, *builtin_maps(), *self.uploads]))
 
     def adopt(self, model: SwarmModel, name: str, settings: Mapping[str, Any], seed: int) -> None:
-        """Stop, and go on with a model that was built elsewhere and has taken steps.
+        """Stop, and continue with a model that was built elsewhere and has taken steps.
 
         Parameters
         ----------
@@ -332,7 +332,7 @@ class Session(Player):
         name : str
             Under which its class is found.
         settings : mapping
-            The parameters from which a reset builds it anew; a Map is kept as if it had been uploaded.
+            The parameters from which a reset builds it again; a Map counts as uploaded.
         seed : int
         """
         self.loop.pause()
@@ -350,14 +350,14 @@ class Session(Player):
         self.adopted.tell()
 
     def companion(self, kind: Callable[["Session"], Kind]) -> Kind:
-        """Return the one companion of this kind, made when it is first asked for, and closed with the session."""
+        """Return the one companion of this kind, made at the first call, and closed with the session."""
         with self.lock:
             if kind not in self._companions:
                 self._companions[kind] = kind(self)
             return cast(Kind, self._companions[kind])  # the one that was made by this kind
 
     def close(self) -> None:
-        """Stop for good, and let go of everything."""
+        """Stop, and release everything."""
         self._reading.set()
         super().close()
         for companion in self._companions.values():
@@ -393,7 +393,7 @@ class Session(Player):
         self.unbuilt = False
 
     def _catch_up(self, steps: int) -> None:
-        """Take steps, as many as there is time for; if those were not all, the last of them is the goal."""
+        """Take as many of the steps as there is time for; with steps left over, the last one becomes the goal."""
         if self.model is None:
             return
         end = math.inf
@@ -403,7 +403,7 @@ class Session(Player):
             end = min(end, time.monotonic() + LONGEST_WAIT)
             if time.monotonic() > end and self.model.completed < steps:
                 self.goal = steps
-                self.note = f"step {steps:,} takes a while: the run is played up to there, and Pause ends that"
+                self.note = f"step {steps:,} takes a while: the run is played up to it; press Pause to stop"
                 return
         if self.model.completed < steps:
             self.note = ended_early(self.model.completed, steps)
@@ -419,7 +419,7 @@ class Session(Player):
         return goes_on and not reached
 
     def _made(self, given: Mapping[str, Any]) -> SwarmModel:
-        """Return a model of these parameters, of which "seed" is one."""
+        """Return a model of these parameters and "seed"."""
         named = {name: value for name, value in given.items() if name != "seed"}
         if named.get("map") in self.uploads:
             named["map"] = self.uploads[named["map"]]
@@ -431,7 +431,7 @@ class Session(Player):
         return checked_setting(self.parameters[name], value)
 
     def _take(self, values: Mapping[str, Any]) -> None:
-        """Wish for these values, unless one of them is refused: then all stays as it was."""
+        """Request these values, all or none."""
         before = self.settings
         self.settings = before | {name: self._checked(name, value) for name, value in values.items()}
         try:
@@ -443,7 +443,7 @@ class Session(Player):
             self.faults.pop(name, None)
 
     def _give(self) -> None:
-        """Give the present model the settings that it can take."""
+        """Apply the settings in `LIVE` to the present model."""
         if self.model is None:
             return
         requested = {name: self.settings[name] for name in LIVE & self.settings.keys()}
@@ -456,7 +456,7 @@ class Session(Player):
 
 
 def ended_early(step: int, goal: int) -> str:
-    """Return in words that a run was over before the step that was asked for.
+    """Return the message for a run that ended before the requested step.
 
     Examples
     --------
@@ -467,7 +467,7 @@ def ended_early(step: int, goal: int) -> str:
 
 
 def watch_closely(model: SwarmModel) -> None:
-    """Have a model keep what robots knew and did in its last steps, unless it keeps what it wants itself.
+    """Store what robots perceived and did in the last steps of a model, unless it is watched already.
 
     Examples
     --------

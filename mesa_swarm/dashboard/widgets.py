@@ -13,7 +13,7 @@ from reacton import ipyvuetify as rv
 
 from mesa_swarm.files import unwritable
 
-# So many letters of a name are kept: no file system is asked for more bytes than it can take.
+# Most letters of the stored name, within the limits of file systems.
 LONGEST_NAME = 60
 
 
@@ -21,7 +21,7 @@ LONGEST_NAME = 60
 def Button(
     label: str, act: Callable[[], object], class_: str = "", pressed: bool | None = None, enabled: bool = True
 ) -> None:
-    """Show a button; of those that are pressed or not, whether this one is."""
+    """Show a button; of a toggle, whether it is pressed."""
     about = {"type": "button"} | ({} if enabled else {"disabled": True})
     if pressed is not None:
         about["aria-pressed"] = "true" if pressed else "false"
@@ -40,7 +40,7 @@ def Item(name: str, act: Callable[[], object], more: str = "", chosen: bool = Fa
 
 @solara.component
 def TroubleCard(title: str, *texts: str, way_out: tuple[str, Callable[[], object]] | None = None) -> None:
-    """Show what went wrong, and a button that leads out of it."""
+    """Show an error, and a button that resolves it."""
     with rv.Html(tag="section", class_="swarm-trouble", attributes={"role": "alert"}):
         if title:
             rv.Html(tag="h2", children=[title])
@@ -62,17 +62,17 @@ TYPES = {
 }
 
 
-# Each with whether it is the last one.
+# Each piece with whether it is the last one.
 Pieces = Generator[tuple[bytes, bool], None, None]
 
 
 class Downloads:
-    """Sends files; the next piece of one goes when the browser asks for it.
+    """Sends files in pieces, each when the browser requests it.
 
     Parameters
     ----------
     widget : AnyWidget
-        Whose module has `Downloads` of downloads.js.
+        Whose module has `ReceivedFiles` of downloads.js.
 
     Examples
     --------
@@ -87,7 +87,7 @@ class Downloads:
         self._number = 0
 
     def send(self, name: str, content: bytes | Path) -> None:
-        """Hand over a file under a name."""
+        """Send a file under a name."""
         with self._lock:
             self._number += 1
             number = self._number
@@ -95,7 +95,7 @@ class Downloads:
         self.hear({"do": "more", "value": number})
 
     def hear(self, message: dict) -> bool:
-        """Send the next piece, if that is what is asked for; return whether it was."""
+        """Send the next piece, if the message requests it; return whether it does."""
         if message.get("do") != "more":
             return False
         with self._lock:
@@ -112,7 +112,7 @@ class Downloads:
         return True
 
     def close(self) -> None:
-        """Let go of what was not asked for."""
+        """Release the pieces that were not requested."""
         with self._lock:
             for _, pieces in self._open.values():
                 pieces.close()
@@ -136,16 +136,16 @@ def pieces_of(content: bytes | Path, size: int) -> Pieces:
 
 
 class Receiver(Protocol):
-    """Whoever takes a file: piece by piece, and may refuse."""
+    """Receives a file in pieces, and may refuse it."""
 
     def begin_upload(self, name: str, size: int) -> bool:
-        """Return whether a file may come."""
+        """Return whether a file is accepted."""
 
     def take(self, piece: bytes) -> bool:
-        """Take a piece; return whether more may come."""
+        """Take a piece; return whether more are accepted."""
 
     def end_upload(self) -> None:
-        """Take note that all has come."""
+        """Note that all pieces have arrived."""
 
 
 class FilePicker(anywidget.AnyWidget):
@@ -155,7 +155,7 @@ class FilePicker(anywidget.AnyWidget):
     ----------
     label : str
     accept : str
-        Endings of names, as HTML has them.
+        Endings of names, in the format of HTML.
     """
 
     _esm = """
@@ -171,16 +171,16 @@ class FilePicker(anywidget.AnyWidget):
           from += part.byteLength;
           model.send({ do: "piece", last: from >= chosen.size }, undefined, [part]);
         };
-        const hear = (message) => chosen && (message.go ? next() : (chosen = null));
+        const receive = (message) => chosen && (message.go ? next() : (chosen = null));
         button.addEventListener("click", () => file.click());
         file.addEventListener("change", () => {
           [chosen, from] = [file.files[0], 0];
           if (chosen) model.send({ do: "begin", name: chosen.name, size: chosen.size });
           file.value = "";
         });
-        model.on("msg:custom", hear);
+        model.on("msg:custom", receive);
         el.append(file, button);
-        return () => model.off("msg:custom", hear);
+        return () => model.off("msg:custom", receive);
       },
     };
     """
@@ -190,7 +190,7 @@ class FilePicker(anywidget.AnyWidget):
 
 
 class Upload:
-    """Lets a button hand its files to a receiver.
+    """Passes the files of a button to a receiver.
 
     Parameters
     ----------
@@ -204,7 +204,7 @@ class Upload:
         picker.on_msg(self._hear)
 
     def act(self, message: dict, buffers: list) -> None:
-        """Do what the browser asks for."""
+        """Carry out a message from the browser."""
         match message.get("do"):
             case "begin":
                 goes_on = self.receiver.begin_upload(str(message.get("name", "")), int(message.get("size", 0)))
@@ -216,22 +216,22 @@ class Upload:
                     self.receiver.end_upload()
 
     def close(self) -> None:
-        """Part them."""
+        """Disconnect."""
         self.picker.on_msg(self._hear, remove=True)
 
 
 class Incoming:
-    """A file that somebody hands over, piece by piece.
+    """An uploaded file that arrives in pieces.
 
     Parameters
     ----------
     name : str
-        What its owner calls it.
+        Its name on the user's machine.
 
     Attributes
     ----------
     path : Path
-        Where it is; it is called there nearly as its owner calls it, for errors name the file that they found.
+        Its place here, under nearly the same name, since errors quote it.
 
     Examples
     --------
@@ -250,15 +250,15 @@ class Incoming:
         self.name = name
         self._folder = TemporaryDirectory(prefix="mesa_swarm_", ignore_cleanup_errors=True)
         self.path = Path(self._folder.name, harmless(name))
-        self._file = self.path.open("wb", buffering=0)  # else a full disk would be noticed at the end
+        self._file = self.path.open("wb", buffering=0)  # otherwise a full disk would be noticed only at the end
 
     def take(self, piece: bytes) -> int:
-        """Take the next piece; return how many bytes have come.
+        """Take the next piece; return the number of bytes so far.
 
         Raises
         ------
         InvalidValueError
-            If the disk does not take it.
+            If it cannot be written.
         """
         left = memoryview(piece)
         try:
@@ -269,7 +269,7 @@ class Incoming:
         return self._file.tell()
 
     def end(self) -> None:
-        """Take note that all has come."""
+        """Note that all pieces have arrived."""
         self._file.close()
 
     def discard(self) -> None:
@@ -279,7 +279,7 @@ class Incoming:
 
 
 def harmless(name: str) -> str:
-    """Return a name under which a file can be kept, whatever its owner calls it.
+    """Return a name that is safe in any file system.
 
     Examples
     --------

@@ -164,10 +164,10 @@ def test_who_listens_to_others_asks_for_a_token(chromium):
         page = chromium.new_page()
         assert page.goto(address).status == 403
         opened = page.evaluate(
-            """address => new Promise((tell) => {
+            """address => new Promise((resolve) => {
               const connection = new WebSocket(address);
-              connection.onopen = () => tell(true);
-              connection.onclose = () => tell(false);
+              connection.onopen = () => resolve(true);
+              connection.onclose = () => resolve(false);
             })""",
             address.replace("http", "ws") + "_solara/api/watchdog/x",
         )

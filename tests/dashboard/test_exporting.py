@@ -1,4 +1,4 @@
-"""Export from the page: the run made again or taken from the switch, in the background, within limits."""
+"""Export from the page: the run repeated or its recording, in the background, within limits."""
 
 import io
 
@@ -45,9 +45,9 @@ def recording_of(content: bytes, folder) -> Recording:
     return Recording(path)
 
 
-def test_the_run_so_far_is_recorded_though_nobody_switched_that_on(desk, tmp_path):
+def test_the_run_so_far_is_exported_without_the_switch(desk, tmp_path):
     make(desk, kind="arrow")
-    assert (desk.fault, desk.message) == ("", "fire_fighting.arrow is made.")
+    assert (desk.fault, desk.message) == ("", "fire_fighting.arrow is ready.")
     recording = recording_of(desk.made["fire_fighting.arrow"], tmp_path)
     model = FireFighting(rng=1).run(30)
     assert len(recording) == 30
@@ -71,7 +71,7 @@ def test_a_table_is_made_by_a_process_of_its_own(desk):
     assert len(table) == 21
 
 
-def test_a_run_that_was_changed_is_exported_from_the_tape_only(desk, tmp_path):
+def test_a_run_that_was_changed_is_exported_from_its_recording_only(desk, tmp_path):
     session = desk.session
     desk.record(True)
     session.step()
@@ -80,7 +80,7 @@ def test_a_run_that_was_changed_is_exported_from_the_tape_only(desk, tmp_path):
         session.straight = False
     session.step()
     make(desk, kind="arrow")
-    assert "changed on the way" in desk.fault
+    assert "changed while running" in desk.fault
     make(desk, kind="arrow", source="recording")
     assert desk.fault == ""
     assert recording_of(desk.made["fire_fighting.arrow"], tmp_path).steps.tolist() == [31, 32]
@@ -99,7 +99,7 @@ def test_what_was_recorded_stays_after_a_reset_and_the_switch_is_off(desk, tmp_p
     assert len(recording_of(desk.made["fire_fighting.arrow"], tmp_path)) == 1
 
 
-def test_a_recording_ends_at_its_limit_and_says_so(tmp_path):
+def test_a_recording_ends_at_its_limit_with_a_message(tmp_path):
     switch, model = RecordingSwitch(tmp_path, most_bytes=20_000), FireFighting(rng=1)
     switch.start(model)
     while switch.running:
@@ -183,7 +183,7 @@ def test_it_is_cancelled_and_the_next_one_is_made(desk, monkeypatch):
     wait_until(lambda: desk.progress)
     assert 0 < desk.progress <= 1
     desk.start(kind="png")
-    assert "being made already" in desk.fault
+    assert "an export is in progress" in desk.fault
     desk.cancel()
     wait_until(lambda: not desk.doing)
     assert (desk.message, desk.made) == ("Cancelled.", {})
@@ -208,7 +208,7 @@ def test_a_process_is_cancelled(desk):
         ("MOST_BYTES", 10, {"kind": "arrow"}, "the run takes more than 0 MB"),
     ],
 )
-def test_limits_are_told_by_a_message(desk, monkeypatch, limit, value, wanted, fault):
+def test_limits_are_reported_in_a_message(desk, monkeypatch, limit, value, wanted, fault):
     monkeypatch.setattr(module, "TURN", -1.0 if limit == "MOST_BYTES" else 1.0)
     monkeypatch.setattr(module.time, "sleep", lambda _: None)
     monkeypatch.setattr(module, limit, value)
@@ -221,15 +221,15 @@ def test_limits_are_told_by_a_message(desk, monkeypatch, limit, value, wanted, f
 def test_before_the_first_step_there_is_nothing_to_export_but_a_picture(desk):
     desk.session.reset()
     make(desk, kind="html")
-    assert "nothing has happened yet" in desk.fault
+    assert "the run has no steps yet" in desk.fault
     make(desk, kind="html", source="recording")
-    assert "nothing was recorded" in desk.fault
+    assert "no steps are recorded" in desk.fault
     make(desk, kind="png")
     assert desk.made["fire_fighting_0.png"].startswith(PNG)
 
 
 @pytest.mark.slow
-def test_what_the_command_complains_of_is_said(desk, monkeypatch):
+def test_an_error_of_the_command_is_shown(desk, monkeypatch):
     monkeypatch.setattr(Wanted, "options", lambda self: ["--table", "robbots"])
     make(desk, kind="robots.csv")
     assert "unknown recorded table 'robbots'" in desk.fault
@@ -257,7 +257,7 @@ def test_what_was_made_while_another_page_was_shown_is_handed_over_when_one_come
     assert desk.switch.words == "steps 31 to 31"
 
 
-def test_wrong_wishes_are_refused():
+def test_wrong_requests_are_refused():
     with pytest.raises(UnknownNameError):
         Wanted(kind="exe")
     with pytest.raises(UnknownNameError):
@@ -267,7 +267,7 @@ def test_wrong_wishes_are_refused():
     assert Wanted(kind="mp4", trails=True, sectors=True).options() == ["--sectors", "--trails", "60"]
 
 
-def test_the_page_is_told_how_things_are():
+def test_the_page_receives_the_status():
     session, exporter = Session("boids"), Exporter()
     sent = []
     exporter.send = lambda content, buffers=(): sent.append(content)

@@ -1,4 +1,4 @@
-"""The inspector: what it says of a robot is what the robot knew, and robots are moved only where there is room."""
+"""The inspector: it shows what a robot knew, and robots are moved only where there is room."""
 
 import math
 
@@ -30,19 +30,19 @@ def inspecting():
     session.close()
 
 
-def test_nothing_is_said_before_a_robot_is_selected(inspecting):
+def test_nothing_is_shown_before_a_robot_is_selected(inspecting):
     inspecting.session.select(None)
     assert inspecting.inspector.inspected == {}
     assert not inspecting.inspector.editable
 
 
-def test_before_the_first_step_readings_are_told_and_no_reason(inspecting):
+def test_before_the_first_step_there_are_readings_and_no_reason(inspecting):
     inspected = inspecting.inspector.inspected
     assert (inspected["when"], inspected["reason"], inspected["known"]) == ("before the first step", "", True)
     assert len(inspected["sensors"]) == len(inspecting.session.model.robots[0].design.proximity)
 
 
-def test_it_tells_what_explain_says(inspecting):
+def test_it_shows_the_explanation(inspecting):
     session = inspecting.session
     for _ in range(20):
         session.step()
@@ -52,7 +52,7 @@ def test_it_tells_what_explain_says(inspecting):
         assert [k for k, one in enumerate(inspected["sensors"]) if one["triggered"]] == sorted(why.sensors)
 
 
-def test_of_an_earlier_step_the_readings_of_that_step_are_told(inspecting):
+def test_of_an_earlier_step_the_readings_of_that_step_are_shown(inspecting):
     session, seen = inspecting.session, {}
     for step in range(1, 6):
         session.step()
@@ -67,11 +67,11 @@ def test_of_an_earlier_step_the_readings_of_that_step_are_told(inspecting):
     assert not inspecting.inspector.editable
 
 
-def test_of_a_step_that_is_no_longer_kept_only_that_is_said():
+def test_of_a_step_that_is_no_longer_stored_there_is_only_a_message():
     model = CollisionAvoidance(rng=1)
     model.watch(last=5, columns=WATCHED)
     inspected = inspect(model.run(20), model.robots[0], 3)
-    assert inspected["when"] == "step 3 is no longer kept; readings are known of steps 16 to 20"
+    assert inspected["when"] == "step 3 is no longer stored; readings are available for steps 16 to 20"
     assert not inspected["known"]
 
 
@@ -88,7 +88,7 @@ def test_watching_does_not_change_a_run():
     assert watched.state_hash() == alone.state_hash()
 
 
-def test_messages_are_told():
+def test_messages_are_shown():
     model = FireFighting(communication="goal", communication_range=1000.0, rng=2)
     watch_closely(model)
     while not np.isfinite(model.swarm.heard_goal).any():
@@ -115,7 +115,7 @@ def test_values_of_actions_are_those_of_the_policy_that_was_learned(shared):
         assert [value for _, value in worth] == pytest.approx(expected)
 
 
-def test_wires_are_told_with_what_they_are_worth():
+def test_wires_are_shown_with_their_values():
     model = SwarmModel(map="original", rng=1)
     model.add_robots(AGENT9, 2)
     layer = WireFittedQ()
@@ -131,7 +131,7 @@ def test_wires_are_told_with_what_they_are_worth():
         assert worth[0][0] == f"wheels {actions[row, 0, 0]:+.2f} {actions[row, 0, 1]:+.2f}"
 
 
-def test_a_robot_is_moved_and_the_link_no_longer_tells_of_the_step(inspecting):
+def test_a_moved_robot_ends_the_link_to_the_step(inspecting):
     session = inspecting.session
     session.step()
     assert "step=1" in query_of(session)
@@ -161,7 +161,7 @@ def test_a_robot_is_moved_and_the_link_no_longer_tells_of_the_step(inspecting):
         ({"x": "300", "y": "420", "heading": "1e30"}, "heading is"),
     ],
 )
-def test_a_place_that_cannot_be_is_said_in_one_line_and_nothing_moves(inspecting, pose, fault):
+def test_an_impossible_place_is_reported_in_one_line_and_nothing_moves(inspecting, pose, fault):
     before = inspecting.session.model.state_hash()
     inspecting.act({"do": "move", "value": pose})
     assert fault in inspecting.inspector.fault
@@ -219,13 +219,13 @@ def test_one_goes_from_robot_to_robot_and_the_canvas_follows(inspecting):
     canvas.selected = ids[3]
     assert inspecting.inspector.inspected["id"] == ids[3]
     inspecting.act({"do": "select", "value": 99_999})
-    assert "there is no robot 99999" in inspecting.inspector.fault
+    assert "unknown robot 99999" in inspecting.inspector.fault
     inspecting.act({"do": "select", "value": None})
     assert canvas.selected is None
     connection.close()
 
 
-def test_a_robot_that_is_gone_is_told_no_more(inspecting):
+def test_a_removed_robot_is_not_shown(inspecting):
     session = inspecting.session
     session.model.remove_robots([session.model.robots[0]])
     session.step()

@@ -44,7 +44,7 @@ def press(context) -> str:
     return label
 
 
-def test_settings_that_cannot_be_built_are_told_from_a_model_that_stopped(session, drawn, monkeypatch):
+def test_settings_that_cannot_be_built_are_distinguished_from_a_model_that_stopped(session, drawn, monkeypatch):
     page = drawn(app.Trouble(session, ()))
     assert texts(page, "h2") == []
     session.set_parameter("n_robots", 9999)
@@ -68,11 +68,11 @@ def test_a_link_that_cannot_be_built_leads_to_the_defaults(drawn):
     session.close()
 
 
-def test_all_that_is_wrong_with_a_link_is_told_until_one_goes_on(session, drawn):
+def test_all_faults_of_a_link_are_shown_until_the_user_continues(session, drawn):
     session.note = "step 3 of 20,000"
     page = drawn(app.Trouble(session, ("unknown foo", "unknown bar")))
     assert texts(page, "p") == ["unknown foo", "unknown bar", "step 3 of 20,000"]
-    assert press(page) == "Go on without it"
+    assert press(page) == "Continue"
     assert texts(page, "p") == []
 
 

@@ -139,7 +139,7 @@ def test_a_row_that_one_jumps_to_is_shown_as_long_as_any_other(folder):
     player.close()
 
 
-def test_a_row_that_cannot_be_read_is_said_and_the_first_one_is_found_again(folder, monkeypatch):
+def test_an_unreadable_row_is_reported(folder, monkeypatch):
     player = ReplayPlayer(folder / "fires.arrow")
     real = type(player.recording).__getitem__
 
@@ -163,7 +163,7 @@ def test_recordings_of_the_folder_are_listed_and_nothing_else_is_opened(replayin
     for name in ("../fires.arrow", str(folder / "fires.arrow"), "missing.arrow", ""):
         replaying.open_listed(name)
         assert replaying.player is None
-        assert "there is no recording" in replaying.fault
+        assert "not found" in replaying.fault
 
 
 def test_without_a_folder_nothing_is_listed(monkeypatch):
@@ -180,7 +180,7 @@ def test_a_single_recording_is_opened_at_once(folder, monkeypatch):
     replaying.close()
 
 
-def test_what_is_no_recording_is_said_in_one_line(replaying):
+def test_a_file_that_is_not_a_recording_is_refused_in_one_line(replaying):
     replaying.open_listed("text.arrow")
     assert replaying.player is None
     assert replaying.fault.startswith("text.arrow is not a recording")
@@ -261,24 +261,24 @@ def test_what_is_too_large_is_refused_before_and_while_it_comes(replaying, monke
 
 
 def test_the_button_asks_for_the_next_piece_until_all_has_come(replaying, folder, monkeypatch):
-    said = []
+    sent = []
     picker = FilePicker()
-    monkeypatch.setattr(picker, "send", said.append)
+    monkeypatch.setattr(picker, "send", sent.append)
     upload, content = Upload(picker, replaying), (folder / "fires.arrow").read_bytes()
     upload.act({"do": "begin", "name": "mine.arrow", "size": len(content)}, [])
     upload.act({"do": "piece", "last": False}, [memoryview(content)[:5000]])
     upload.act({"do": "piece", "last": True}, [memoryview(content)[5000:]])
-    assert [message["go"] for message in said] == [True, True, False]
+    assert [message["go"] for message in sent] == [True, True, False]
     assert replaying.player.step_shown == 1
     upload.close()
 
 
 def test_the_session_goes_on_from_a_step_as_the_recorded_run_did(replaying):
-    session, told = replaying.session, []
-    session.adopted.add(lambda: told.append(session.name))
+    session, changes = replaying.session, []
+    session.adopted.add(lambda: changes.append(session.name))
     opened(replaying).look_at(60)
     replaying.branch()
-    wait_until(lambda: told)
+    wait_until(lambda: changes)
     assert (session.name, session.model.completed, session.seed, session.settings["strategy"]) == (
         "fire_fighting",
         60,
@@ -316,7 +316,7 @@ def test_a_branch_may_have_other_parameters(replaying):
 
 
 @pytest.mark.parametrize("names", [("fires.arrow", "boids.arrow"), ("boids.arrow", "fires.arrow")])
-def test_the_panel_of_a_recording_has_nothing_to_say_of_the_next_one(replaying, names):
+def test_the_panel_of_a_recording_does_not_affect_the_next_one(replaying, names):
     first, second = names
     opened(replaying, first)
     panel = BranchPanel(ControlPanel(), replaying)
@@ -351,7 +351,7 @@ def test_a_model_that_is_not_of_the_gallery_can_be_looked_at_only(replaying):
     assert (replaying.model_name, replaying.parameters) == ("", {})
     replaying.branch()
     wait_until(lambda: not replaying.busy)
-    assert "SwarmModel is no model of this page" in replaying.fault
+    assert "SwarmModel is not a model of this page" in replaying.fault
 
 
 @pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="open files are read from /proc, which is missing")
@@ -366,13 +366,13 @@ def test_closing_ends_a_branch_that_is_being_run_again_and_shows_how_far_it_is(r
     monkeypatch.setattr("mesa_swarm.dashboard.replaying.SHOWN_EVERY", 0.0)
     replaying.branch()
     wait_until(lambda: "is run again" in replaying.busy)
-    assert replaying.busy.startswith("going on from step 400: step ")
+    assert replaying.busy.startswith("continuing from step 400: repeating step ")
     replaying.close()
     wait_until(lambda: "branch" not in [thread.name for thread in threading.enumerate()])
 
 
 class AskedMeanwhile(threading.Event):
-    """While it is asked for the given time, another thread does something, for which it waits a little."""
+    """While the given time is requested, another thread does something, for which it waits a little."""
 
     def __init__(self, time, do):
         super().__init__()
@@ -388,7 +388,7 @@ class AskedMeanwhile(threading.Event):
 
 
 @pytest.mark.parametrize("time", [1, 2])
-def test_a_recording_that_is_closed_while_a_branch_tells_how_far_it_is_has_nothing_to_say(replaying, monkeypatch, time):
+def test_a_recording_that_is_closed_during_a_branch_shows_no_progress(replaying, monkeypatch, time):
     opened(replaying)
     monkeypatch.setattr("mesa_swarm.dashboard.replaying.SHOWN_EVERY", -1.0)
     closing = replaying._stop = AskedMeanwhile(time, replaying._leave)
@@ -398,7 +398,7 @@ def test_a_recording_that_is_closed_while_a_branch_tells_how_far_it_is_has_nothi
     assert replaying.busy == ""
 
 
-def test_a_recording_that_is_closed_while_a_branch_tells_what_is_wrong_has_no_fault(replaying):
+def test_a_recording_that_is_closed_while_a_branch_fails_has_no_fault(replaying):
     opened(replaying, "own.arrow")
     closing = replaying._stop = AskedMeanwhile(1, replaying._leave)
     replaying._branch(replaying._path, 1, {}, closing)

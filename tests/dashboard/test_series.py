@@ -60,7 +60,7 @@ def test_long_runs_are_thinned_to_exact_numbers_of_every_so_many_steps():
     assert rows[:, 0].tolist() == collected[steps - 1].tolist()
 
 
-def test_groups_tell_mean_least_and_greatest_of_all_rows():
+def test_groups_have_mean_least_and_greatest_of_all_rows():
     rng = np.random.default_rng(1)
     rows = rng.normal(size=(1000, 3))
     curves = grouped(np.arange(1, 1001), rows, 8)
@@ -90,7 +90,7 @@ def test_a_fire_that_is_added_is_a_curve_of_which_nothing_is_known_before():
     assert np.isfinite(rows[:5, :7]).all()
 
 
-def test_layers_of_the_same_name_are_told_apart():
+def test_layers_of_the_same_name_are_distinguished():
     model = SwarmModel(rng=1)
     model.add_robots(AGENT9, 2)
     model.control = Subsumption(Avoid(), Avoid(distance=30), Explore())
@@ -105,7 +105,7 @@ def test_what_is_no_number_is_not_known():
     assert series.rows("yes")[1].tolist() == [[1.0], [1.0]]
 
 
-def test_an_unknown_chart_is_said_in_one_line():
+def test_an_unknown_chart_is_refused_in_one_line():
     with pytest.raises(UnknownNameError, match="did you mean 'collisions'"):
         followed(SwarmModel(rng=1)).rows("colisions")
 

@@ -110,7 +110,7 @@ class BreaksEarly(FireFighting):
         (BreaksEarly, "", "ZeroDivisionError: nothing left"),
     ],
 )
-def test_a_run_that_ends_or_breaks_on_its_way_to_the_step_of_a_link_is_not_said_to_be_paused(
+def test_a_run_that_ends_or_breaks_on_its_way_to_the_step_of_a_link_is_not_reported_as_paused(
     model, note, error, wait, monkeypatch
 ):
     monkeypatch.setattr(f"{MODULE}.LONGEST_WAIT", wait)
@@ -168,7 +168,7 @@ def test_a_link_cannot_ask_for_what_the_page_would_refuse(robots):
     assert asked.faults[0].startswith("n_robots is ")
 
 
-def test_a_link_full_of_nonsense_is_told_of_in_few_lines():
+def test_a_link_full_of_nonsense_is_reported_in_few_lines():
     asked = address_from("model=boids&" + "&".join(f"word{i}=1" for i in range(50)), "fire_fighting")
     assert (asked.model, len(asked.faults), asked.faults[-1]) == ("boids", 6, "and 45 more")
 
