@@ -1,4 +1,4 @@
-"""The documentation's site as MkDocs builds it: links lead somewhere, equations are drawn, and no external requests are made."""
+"""The documentation's site as MkDocs builds it: links lead somewhere, equations are drawn, no external requests."""
 
 import functools
 import http.server

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from mesa_swarm.dashboard.charts import MOST_POINTS, ChartBoard, Charting, csv_of, figure_of, curves_message
+from mesa_swarm.dashboard.charts import MOST_POINTS, ChartBoard, Charting, csv_of, curves_message, figure_of
 from mesa_swarm.dashboard.series import Series
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Downloads, pieces_of
