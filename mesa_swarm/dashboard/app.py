@@ -25,9 +25,9 @@ from mesa_swarm.dashboard.exporting import ExportView
 from mesa_swarm.dashboard.gallery_view import Gallery, title
 from mesa_swarm.dashboard.inspector import InspectorView
 from mesa_swarm.dashboard.replay_view import Replay
-from mesa_swarm.dashboard.session import LARGEST_SEED, Session, checked_setting
+from mesa_swarm.dashboard.session import LARGEST_SEED, Session, checked_setting, whole_number
 from mesa_swarm.dashboard.widgets import TroubleCard
-from mesa_swarm.errors import InvalidValueError, SwarmError, UnknownNameError, check_choice, check_count, unknown_name
+from mesa_swarm.errors import SwarmError, UnknownNameError, check_choice, unknown_name
 from mesa_swarm.gallery import description, find_model, model_names
 from mesa_swarm.parameters import Parameter, parameters_of
 from mesa_swarm.viewing.canvas_widget import SwarmCanvas, text_of, use_connection
@@ -99,7 +99,7 @@ def address_from(query: str | None, first: str) -> Address:
 def _value(model: str, known: dict[str, Parameter], word: str, text: str) -> Any:
     """Return the value of one setting in a link."""
     if word in COUNTS:
-        return _count(word, text, COUNTS[word])
+        return whole_number(word, text, maximum=COUNTS[word])
     if word not in known:
         raise UnknownNameError(unknown_name(f"parameter of {model}", word, known))
     # A link never names a file: opening a link from others must not make this machine read one.
@@ -109,14 +109,6 @@ def _value(model: str, known: dict[str, Parameter], word: str, text: str) -> Any
 def _first_few(faults: list[str]) -> tuple[str, ...]:
     more = len(faults) - MOST_FAULTS
     return (*faults[:MOST_FAULTS], f"and {more} more") if more > 0 else tuple(faults)
-
-
-def _count(name: str, text: str, most: int) -> int:
-    try:
-        return check_count(name, int(text), maximum=most)
-    except ValueError as error:
-        known = isinstance(error, InvalidValueError)
-        raise InvalidValueError(str(error) if known else f"{name} is {text!r:.60}; expected a whole number") from None
 
 
 def query_of(session: Session) -> str:
@@ -196,10 +188,6 @@ MOST_PAGES = 40
 
 class Places:
     """A limited number of places, to be taken and given back.
-
-    Parameters
-    ----------
-    most : int
 
     Examples
     --------

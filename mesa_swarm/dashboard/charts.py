@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from mesa_swarm.dashboard.series import Chart, Series
 from mesa_swarm.dashboard.session import Session
-from mesa_swarm.dashboard.widgets import Downloads
+from mesa_swarm.dashboard.widgets import Downloads, Link
 from mesa_swarm.viewing import palette
 from mesa_swarm.viewing.canvas_widget import text_of
 from mesa_swarm.viewing.pictures import literal, png
@@ -47,7 +47,7 @@ class ChartBoard(anywidget.AnyWidget):
     shown: traitlets.List[str] = traitlets.List().tag(sync=True)
 
 
-class Charting:
+class Charting(Link):
     """Connects a chart board and a session's measurements.
 
     Numbers are sent while the page is visible and has drawn the last ones, at most every `EVERY` seconds while the
@@ -71,8 +71,7 @@ class Charting:
         self._looks = self._waits = False
         self._busy = 0.0
         self._sent = 0.0
-        self._leave = session.changed.add(self.refresh)
-        board.on_msg(self._hear)
+        self.connect(board, session.changed.add(self.refresh))
         self.refresh()
         session.add_viewer(self)
 
@@ -97,7 +96,7 @@ class Charting:
             if not session.playing or self.clock() - self._sent >= EVERY:
                 self._send_if_free()
 
-    def act(self, message: dict) -> None:
+    def act(self, message: dict, buffers: Sequence = ()) -> None:
         """Carry out a message from the browser."""
         value: Any = message.get("value")
         match message.get("do"):
@@ -116,13 +115,9 @@ class Charting:
 
     def close(self) -> None:
         """Disconnect."""
-        self._leave()
+        super().close()
         self.session.remove_viewer(self)
-        self.board.on_msg(self._hear, remove=True)
         self._downloads.close()
-
-    def _hear(self, _: object, message: dict, __: list) -> None:
-        self.act(message)
 
     def _choose(self, keys: list[str]) -> None:
         self.session.chosen_charts[self.session.name] = keys

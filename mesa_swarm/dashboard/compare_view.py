@@ -18,10 +18,18 @@ from matplotlib.ticker import MaxNLocator, StrMethodFormatter
 from reacton import ipyvuetify as rv
 
 from mesa_swarm.dashboard.comparing import FEWEST_SEEDS, Comparing, Report
-from mesa_swarm.dashboard.controls import LARGEST_RANDOM_SEED, ControlPanel, field_of, label_of, place_of, value_at
+from mesa_swarm.dashboard.controls import (
+    LARGEST_RANDOM_SEED,
+    ControlPanel,
+    field_of,
+    label_of,
+    value_at,
+    value_of,
+    with_faults,
+)
 from mesa_swarm.dashboard.pair import NAMES, Pair, Side
 from mesa_swarm.dashboard.session import Session
-from mesa_swarm.dashboard.widgets import Button, TroubleCard
+from mesa_swarm.dashboard.widgets import Button, Link, TroubleCard
 from mesa_swarm.experiments.figures import window_means
 from mesa_swarm.gallery import model_names
 from mesa_swarm.parameters import Slider
@@ -170,21 +178,13 @@ class CurveThread:
 MOST_SLID = 100
 
 
-class ComparePanel:
-    """Connects a control panel and a comparison.
-
-    Parameters
-    ----------
-    widget : ControlPanel
-    comparing : Comparing
-    """
+class ComparePanel(Link):
+    """Connects a control panel and a comparison."""
 
     def __init__(self, widget: ControlPanel, comparing: Comparing) -> None:
         self.widget, self.comparing = widget, comparing
-        self._leave = comparing.pair.changed.add(self.refresh)
         self._shown: tuple = ()
-        self._hear = lambda _, message, __: self.act(message)
-        widget.on_msg(self._hear)
+        self.connect(widget, comparing.pair.changed.add(self.refresh))
         self.refresh()
 
     def refresh(self) -> None:
@@ -198,7 +198,7 @@ class ComparePanel:
         if values != self.widget.values:
             self.widget.values = values
 
-    def act(self, message: dict) -> None:
+    def act(self, message: dict, buffers: Sequence = ()) -> None:
         """Carry out a message from the browser."""
         comparing, name = self.comparing, message.get("name", "")
         value: Any = message.get("value")
@@ -223,11 +223,6 @@ class ComparePanel:
                 comparing.reset()
             case "defaults":
                 comparing.choose_model(comparing.name)
-
-    def close(self) -> None:
-        """Disconnect."""
-        self._leave()
-        self.widget.on_msg(self._hear, remove=True)
 
 
 def groups_of(comparing: Comparing) -> list[dict[str, Any]]:
@@ -279,14 +274,8 @@ def values_of(comparing: Comparing) -> dict[str, dict[str, Any]]:
     values: dict[str, dict[str, Any]] = {name: {"text": str(text)} for name, text in texts.items()}
     values["seeds"]["place"] = min(comparing.seeds, MOST_SLID)
     parameter = comparing.choices[comparing.parameter]
-    for name, value in zip(NAMES, comparing.values, strict=True):
-        values[name] = {"text": value_text(value)}
-        if isinstance(parameter.control, Slider):
-            values[name]["place"] = place_of(value, parameter)
-    for name, entry in values.items():
-        entry["waits"] = name in comparing.waiting
-        entry["fault"] = comparing.faults.get(name, "")
-    return values
+    values |= {name: value_of(value, parameter) for name, value in zip(NAMES, comparing.values, strict=True)}
+    return with_faults(values, comparing)
 
 
 OVER_TIME, OVER_SEEDS = "Over time", "Over many seeds"

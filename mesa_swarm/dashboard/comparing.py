@@ -16,8 +16,8 @@ from typing import IO, Any, cast
 from joblib import cpu_count
 
 from mesa_swarm.dashboard.pair import NAMES, Pair
-from mesa_swarm.dashboard.session import LARGEST_SEED, Session, checked_setting
-from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, check_count, in_words
+from mesa_swarm.dashboard.session import LARGEST_SEED, Session, checked_setting, whole_number
+from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, in_words
 from mesa_swarm.experiments.compare import Comparison, run_plan
 from mesa_swarm.experiments.experiment import DEFAULT_STEPS
 from mesa_swarm.experiments.figures import comparison_figure, main_measure
@@ -361,7 +361,7 @@ class Comparing:
         """Set the "seed" of the two worlds, the number of "seeds", or the "steps" of each run."""
         low, high = {"seed": (0, LARGEST_SEED), "seeds": (FEWEST_SEEDS, MOST_SEEDS), "steps": (1, MOST_STEPS)}[name]
         try:
-            setattr(self, name, check_count(name, _whole(name, text), minimum=low, maximum=high))
+            setattr(self, name, whole_number(name, text, low, high))
             self.faults.pop(name, None)
         except InvalidValueError as problem:
             self.faults[name] = str(problem)
@@ -447,10 +447,3 @@ def two_values(model_class: type, parameter: Parameter, maps: list[str]) -> list
         return [default, parameter.kind(ends[0])]
     options = list(control.options) if isinstance(control, Choice) and parameter.name != "map" else maps
     return (options * 2)[:2]
-
-
-def _whole(name: str, text: str | int) -> int:
-    try:
-        return int(text)
-    except ValueError:
-        raise InvalidValueError(f"{name} is {text!r:.60}; expected a whole number") from None

@@ -4,12 +4,14 @@ import math
 import secrets
 import threading
 import warnings
+from collections.abc import Sequence
 from typing import Any
 
 import anywidget
 import traitlets
 
 from mesa_swarm.dashboard.session import LIVE, Session
+from mesa_swarm.dashboard.widgets import Link
 from mesa_swarm.errors import FireConstantsWarning, InvalidValueError, SwarmError
 from mesa_swarm.fire import FireConstants, design_constants
 from mesa_swarm.parameters import Choice, Parameter, Slider
@@ -46,10 +48,6 @@ _SILENCE = threading.Lock()
 
 class Designer:
     """The constants of a session's model, designed from required properties of fires and robots.
-
-    Parameters
-    ----------
-    session : Session
 
     Examples
     --------
@@ -170,22 +168,14 @@ class ControlPanel(anywidget.AnyWidget):
     notes: traitlets.List[list[str]] = traitlets.List().tag(sync=True)
 
 
-class Panel:
-    """Connects a control panel and a session.
-
-    Parameters
-    ----------
-    widget : ControlPanel
-    session : Session
-    """
+class Panel(Link):
+    """Connects a control panel and a session."""
 
     def __init__(self, widget: ControlPanel, session: Session) -> None:
         self.widget, self.session = widget, session
         self.designer = Designer(session)
-        self._leave = session.changed.add(self.refresh)
         self._shown: tuple = ()
-        self._hear = lambda _, message, buffers: self.act(message, buffers)
-        widget.on_msg(self._hear)
+        self.connect(widget, session.changed.add(self.refresh))
         self.refresh()
 
     def refresh(self) -> None:
@@ -199,7 +189,7 @@ class Panel:
         self.widget.values = values
         self.widget.notes = [list(note) for note in self.designer.notes()]
 
-    def act(self, message: dict, buffers: list) -> None:
+    def act(self, message: dict, buffers: Sequence = ()) -> None:
         """Carry out a message from the browser."""
         session, name = self.session, message.get("name", "")
         value: Any = message.get("value")
@@ -221,11 +211,6 @@ class Panel:
                 session.reset()
             case "upload" if buffers and "map" in session.parameters:
                 session.upload(str(name), bytes(buffers[0]))
-
-    def close(self) -> None:
-        """Disconnect."""
-        self._leave()
-        self.widget.on_msg(self._hear, remove=True)
 
 
 def groups_of(session: Session) -> list[dict[str, Any]]:
@@ -341,13 +326,17 @@ def place_of(value: float, parameter: Parameter) -> int:
 
 def values_of(session: Session) -> dict[str, dict[str, Any]]:
     """Return the value of each control, whether it waits for a reset, and its fault."""
-    values: dict[str, dict[str, Any]] = {"seed": {"text": str(session.seed)}}
-    for name, parameter in session.parameters.items():
-        value = session.settings[name]
-        values[name] = {"text": value_text(value)}
-        if isinstance(parameter.control, Slider):
-            values[name]["place"] = place_of(value, parameter)
-    for name, entry in values.items():
-        entry["waits"] = name in session.waiting
-        entry["fault"] = session.faults.get(name, "")
-    return values
+    values = {name: value_of(session.settings[name], parameter) for name, parameter in session.parameters.items()}
+    return with_faults({"seed": {"text": str(session.seed)}} | values, session)
+
+
+def value_of(value: Any, parameter: Parameter) -> dict[str, Any]:
+    """Return the value of a control: its text, and the position of its slider if it has one."""
+    place = {"place": place_of(value, parameter)} if isinstance(parameter.control, Slider) else {}
+    return {"text": value_text(value), "waits": False, "fault": ""} | place
+
+
+def with_faults(values: dict[str, dict[str, Any]], source: Any) -> dict[str, dict[str, Any]]:
+    """Return values of controls with the `waiting` and `faults` of a session or a comparison."""
+    marks = {name: {"waits": name in source.waiting, "fault": source.faults.get(name, "")} for name in values}
+    return {name: value | marks[name] for name, value in values.items()}

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from io import BufferedReader
 from pathlib import Path
@@ -18,7 +18,7 @@ import solara
 import traitlets
 
 from mesa_swarm.dashboard.session import Session
-from mesa_swarm.dashboard.widgets import Downloads
+from mesa_swarm.dashboard.widgets import Downloads, Link
 from mesa_swarm.errors import (
     ExportError,
     InvalidValueError,
@@ -239,10 +239,6 @@ class Wanted:
 
 class Exporting:
     """Exports a session's run in the background, one file at a time.
-
-    Parameters
-    ----------
-    session : Session
 
     Attributes
     ----------
@@ -496,14 +492,8 @@ class Exporter(anywidget.AnyWidget):
     status = traitlets.Dict().tag(sync=True)
 
 
-class ExportDesk:
-    """Connects an exporter and a session's `Exporting`.
-
-    Parameters
-    ----------
-    exporter : Exporter
-    session : Session
-    """
+class ExportDesk(Link):
+    """Connects an exporter and a session's `Exporting`."""
 
     ready = False  # files need no picture
 
@@ -515,8 +505,7 @@ class ExportDesk:
         self._doing = ""
         self.exporting = session.companion(Exporting)
         self.exporting.connect(self._downloads.send, self.report)
-        self._leave = session.changed.add(self.refresh)
-        exporter.on_msg(self._hear)
+        self.connect(exporter, session.changed.add(self.refresh))
         self.refresh()
         session.add_viewer(self)
 
@@ -541,7 +530,7 @@ class ExportDesk:
         if self.exporting.doing != self._doing or time.monotonic() - self._shown >= EVERY:
             self._show()
 
-    def act(self, message: dict) -> None:
+    def act(self, message: dict, buffers: Sequence = ()) -> None:
         """Carry out a message from the browser."""
         match message.get("do"):
             case "record":
@@ -557,14 +546,10 @@ class ExportDesk:
 
     def close(self) -> None:
         """Disconnect; recording and export continue."""
-        self._leave()
+        super().close()
         self.session.remove_viewer(self)
-        self.exporter.on_msg(self._hear, remove=True)
         self.exporting.disconnect()
         self._downloads.close()
-
-    def _hear(self, _: object, message: dict, __: list) -> None:
-        self.act(message)
 
     def _show(self) -> None:
         with self._lock:

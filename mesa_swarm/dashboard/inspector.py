@@ -13,6 +13,7 @@ import traitlets
 
 from mesa_swarm.control.explain import moment_of
 from mesa_swarm.dashboard.session import WATCHED, Session
+from mesa_swarm.dashboard.widgets import Link
 from mesa_swarm.errors import InvalidValueError, check_number, in_words
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RANGE
 from mesa_swarm.robots.reasons import Moment
@@ -48,22 +49,15 @@ class Inspector(anywidget.AnyWidget):
     fault = traitlets.Unicode("").tag(sync=True)
 
 
-class Inspecting:
-    """Connects an inspector and the selected robot of a session.
-
-    Parameters
-    ----------
-    inspector : Inspector
-    session : Session
-    """
+class Inspecting(Link):
+    """Connects an inspector and the selected robot of a session."""
 
     ready = False  # the inspector needs no picture
 
     def __init__(self, inspector: Inspector, session: Session) -> None:
         self.inspector, self.session = inspector, session
         self._shown = 0.0
-        self._leaves = [session.selection.add(self.select), session.changed.add(self.refresh)]
-        inspector.on_msg(self._hear)
+        self.connect(inspector, session.selection.add(self.select), session.changed.add(self.refresh))
         session.add_viewer(self)
 
     def push(self, number: int, picture: PackedFrame) -> None:
@@ -87,7 +81,7 @@ class Inspecting:
             if not editable:
                 self.inspector.fault = ""
 
-    def act(self, message: dict) -> None:
+    def act(self, message: dict, buffers: Sequence = ()) -> None:
         """Carry out a message from the browser."""
         session, value = self.session, message.get("value")
         match message.get("do"):
@@ -101,13 +95,8 @@ class Inspecting:
 
     def close(self) -> None:
         """Disconnect."""
-        for leave in self._leaves:
-            leave()
+        super().close()
         self.session.remove_viewer(self)
-        self.inspector.on_msg(self._hear, remove=True)
-
-    def _hear(self, _: object, message: dict, __: list) -> None:
-        self.act(message)
 
     def _known(self) -> dict[str, Any]:
         """Return the selected robot at the displayed step, empty if none is selected."""
@@ -136,7 +125,7 @@ class Inspecting:
         try:
             with session.lock:
                 if not self._may_move():
-                    raise InvalidValueError("a robot can be moved only at the present step of a paused run; pause")
+                    raise InvalidValueError("a robot is moved only at the present step of a paused run; pause first")
                 model = session.model
                 robot = None if model is None else robot_of(model, session.selected)
                 if model is None or robot is None:

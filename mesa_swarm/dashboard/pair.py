@@ -13,11 +13,6 @@ NAMES = ("A", "B")
 class Side(Player):
     """One of two players that share a clock and a lock.
 
-    Parameters
-    ----------
-    loop : PlayLoop
-    lock : RLock
-
     Attributes
     ----------
     series : Series

@@ -1,18 +1,19 @@
 """The Replay tab: recordings, the open one, its events, and branching off it."""
 
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
 import solara
 from reacton import ipyvuetify as rv
 
-from mesa_swarm.dashboard.controls import ControlPanel, field_of, label_of, place_of, value_at
+from mesa_swarm.dashboard.controls import ControlPanel, field_of, label_of, value_at, value_of
 from mesa_swarm.dashboard.gallery_view import title
 from mesa_swarm.dashboard.replaying import ENDING, MOST_EVENTS, Replaying, ReplayPlayer
 from mesa_swarm.dashboard.session import Session
-from mesa_swarm.dashboard.widgets import Button, FilePicker, Item, TroubleCard, Upload
+from mesa_swarm.dashboard.widgets import Button, FilePicker, Item, Link, TroubleCard, Upload
 from mesa_swarm.gallery import find_model
-from mesa_swarm.parameters import Slider, parameters_of
+from mesa_swarm.parameters import parameters_of
 from mesa_swarm.viewing.canvas_widget import SwarmCanvas, use_connection
 from mesa_swarm.viewing.play_loop import use_changes
 from mesa_swarm.viewing.player import Past
@@ -27,22 +28,14 @@ BRANCHING = (
 NOTHING_OPEN = "Open a recording made by `mesa-swarm run MODEL --record FILE.arrow` or `model.record(...)`."
 
 
-class BranchPanel:
-    """Connects a control panel and the parameters of a run that branches off the open recording.
-
-    Parameters
-    ----------
-    widget : ControlPanel
-    replaying : Replaying
-    """
+class BranchPanel(Link):
+    """Connects a control panel and the parameters of a run that branches off the open recording."""
 
     def __init__(self, widget: ControlPanel, replaying: Replaying) -> None:
         self.widget, self.replaying = widget, replaying
         self.player = replaying.player
         self.known = parameters_of(find_model(replaying.model_name))
-        self._leave = replaying.changed.add(self.refresh)
-        self._hear = lambda _, message, __: self.act(message)
-        widget.on_msg(self._hear)
+        self.connect(widget, replaying.changed.add(self.refresh))
         # The number of robots cannot change at the branch.
         fields = [field_of(self.known[name], replaying.session) for name in replaying.parameters if name != "n_robots"]
         widget.groups = [
@@ -59,26 +52,15 @@ class BranchPanel:
         """Show all values, unless another recording was opened, which gets its own panel."""
         requested = self.replaying.parameters | self.replaying.changes
         if self.is_current:  # checked last: another thread may open one
-            self.widget.values = {name: self._shown(name, value) for name, value in requested.items()}
+            self.widget.values = {name: value_of(value, self.known[name]) for name, value in requested.items()}
 
-    def act(self, message: dict) -> None:
+    def act(self, message: dict, buffers: Sequence = ()) -> None:
         """Carry out a message from the browser."""
         name = message.get("name", "")
         value: Any = message.get("value")
         if self.is_current and name in self.known:
             is_place = message.get("do") == "place"
             self.replaying.set_parameter(name, value_at(int(value), self.known[name]) if is_place else str(value))
-
-    def close(self) -> None:
-        """Disconnect."""
-        self._leave()
-        self.widget.on_msg(self._hear, remove=True)
-
-    def _shown(self, name: str, value: Any) -> dict[str, Any]:
-        shown: dict[str, Any] = {"text": value_text(value), "waits": False, "fault": ""}
-        if isinstance(self.known[name].control, Slider):
-            shown["place"] = place_of(value, self.known[name])
-        return shown
 
 
 @solara.component

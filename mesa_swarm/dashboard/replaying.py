@@ -109,10 +109,6 @@ class ReplayPlayer(Player):
 
     Its speed is in steps of the run, also where not every step was recorded.
 
-    Parameters
-    ----------
-    path : str or Path
-
     Attributes
     ----------
     provenance : dict

@@ -65,10 +65,6 @@ class Series(Observer):
     Call `follow` with a model before its first step. When the memory is full, every second row is dropped:
     the remaining rows are exact, of the steps that are multiples of `every`.
 
-    Parameters
-    ----------
-    most_numbers : int
-
     Attributes
     ----------
     every : int

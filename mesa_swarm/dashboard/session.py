@@ -71,23 +71,24 @@ def map_from(name: str, content: bytes) -> Map:
     raise InvalidValueError(f"{name!r:.60} is not a map; expected a file that ends in .svg or .toml")
 
 
-def seed_from(text: str | int) -> int:
-    """Return a typed seed.
+def whole_number(name: str, text: str | int, minimum: int = 0, maximum: int = LARGEST_SEED) -> int:
+    """Return a typed whole number.
 
     Raises
     ------
     InvalidValueError
-        If the text is not a seed.
+        If the text is not a whole number from minimum to maximum.
 
     Examples
     --------
-    >>> seed_from("7")
+    >>> whole_number("seed", "7")
     7
     """
     try:
-        return check_count("seed", int(text), maximum=LARGEST_SEED)
+        number = int(text)
     except ValueError:
-        raise InvalidValueError(f"seed is {text!r:.60}; expected a whole number of at least 0") from None
+        raise InvalidValueError(f"{name} is {text!r:.60}; expected a whole number of at least {minimum}") from None
+    return check_count(name, number, minimum=minimum, maximum=maximum)
 
 
 # Parameters that a running model takes at once.
@@ -273,7 +274,7 @@ class Session(Player):
         """Set the seed of the next model."""
         with self.lock:
             try:
-                self.seed = seed_from(text)
+                self.seed = whole_number("seed", text)
                 self.faults.pop("seed", None)
             except InvalidValueError as problem:
                 self.faults["seed"] = str(problem)

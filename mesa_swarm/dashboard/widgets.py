@@ -1,7 +1,7 @@
 """Buttons, downloads and uploads of the page."""
 
 import threading
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from pathlib import Path, PureWindowsPath
 from tempfile import TemporaryDirectory
 from typing import Protocol
@@ -49,6 +49,27 @@ def TroubleCard(title: str, *texts: str, way_out: tuple[str, Callable[[], object
         if way_out:
             label, act = way_out
             solara.Button(label, act)
+
+
+class Link:
+    """Passes the messages of a widget to `act`, from `connect` to `close`."""
+
+    def connect(self, widget: anywidget.AnyWidget, *leave: Callable[[], None]) -> None:
+        """Listen to a widget; what `leave` does is done at the end."""
+        self._widget, self._leave = widget, leave
+        widget.on_msg(self._receive)
+
+    def act(self, message: dict, buffers: Sequence = ()) -> None:
+        """Carry out a message from the browser."""
+
+    def close(self) -> None:
+        """Disconnect."""
+        for leave in self._leave:
+            leave()
+        self._widget.on_msg(self._receive, remove=True)
+
+    def _receive(self, _: object, message: dict, buffers: Sequence) -> None:
+        self.act(message, buffers)
 
 
 PIECE = 1_000_000
@@ -189,21 +210,14 @@ class FilePicker(anywidget.AnyWidget):
     piece = traitlets.Int(PIECE).tag(sync=True)
 
 
-class Upload:
-    """Passes the files of a button to a receiver.
-
-    Parameters
-    ----------
-    picker : FilePicker
-    receiver : Receiver
-    """
+class Upload(Link):
+    """Passes the files of a button to a receiver."""
 
     def __init__(self, picker: FilePicker, receiver: Receiver) -> None:
         self.picker, self.receiver = picker, receiver
-        self._hear = lambda _, message, buffers: self.act(message, buffers)
-        picker.on_msg(self._hear)
+        self.connect(picker)
 
-    def act(self, message: dict, buffers: list) -> None:
+    def act(self, message: dict, buffers: Sequence = ()) -> None:
         """Carry out a message from the browser."""
         match message.get("do"):
             case "begin":
@@ -214,10 +228,6 @@ class Upload:
                 self.picker.send({"go": goes_on})
                 if message.get("last"):
                     self.receiver.end_upload()
-
-    def close(self) -> None:
-        """Disconnect."""
-        self.picker.on_msg(self._hear, remove=True)
 
 
 class Incoming:

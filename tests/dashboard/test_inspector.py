@@ -96,7 +96,7 @@ def test_messages_are_shown():
     robot = model.robots[int(np.flatnonzero(np.isfinite(model.swarm.heard_goal[:, 0]))[0])]
     facts = dict(inspect(model, robot, model.steps)["facts"])
     x, y = robot.swarm.heard_goal[robot.row]
-    assert facts["Hears"] == f"of a goal {math.hypot(x, y):.0f} away at {math.degrees(math.atan2(y, x)):+.0f} degrees"
+    assert facts["Hears"] == f"a goal {math.hypot(x, y):.0f} away at {math.degrees(math.atan2(y, x)):+.0f} degrees"
     assert facts["Heat"].startswith(f"{robot.temperature:.1f}")
 
 

@@ -365,7 +365,7 @@ def test_closing_ends_a_branch_that_is_being_run_again_and_shows_how_far_it_is(r
     monkeypatch.setattr(Boids, "step", lambda model: (time.sleep(0.05), original(model)))
     monkeypatch.setattr("mesa_swarm.dashboard.replaying.SHOWN_EVERY", 0.0)
     replaying.branch()
-    wait_until(lambda: "is run again" in replaying.busy)
+    wait_until(lambda: "repeating step" in replaying.busy)
     assert replaying.busy.startswith("continuing from step 400: repeating step ")
     replaying.close()
     wait_until(lambda: "branch" not in [thread.name for thread in threading.enumerate()])
