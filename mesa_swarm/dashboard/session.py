@@ -87,7 +87,7 @@ def whole_number(name: str, text: str | int, minimum: int = 0, maximum: int = LA
     try:
         number = int(text)
     except ValueError:
-        raise InvalidValueError(f"{name} is {text!r:.60}; expected a whole number of at least {minimum}") from None
+        raise InvalidValueError(f"{name} is {text!r:.60}; expected a whole number at least {minimum}") from None
     return check_count(name, number, minimum=minimum, maximum=maximum)
 
 

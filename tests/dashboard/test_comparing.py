@@ -73,7 +73,7 @@ def test_a_setting_waits_for_a_reset_and_an_impossible_one_is_refused(comparing)
     comparing.set_value("A", "20000")
     assert "at most 10000" in comparing.faults["A"]
     comparing.set_count("seed", "many")
-    assert comparing.faults["seed"] == "seed is 'many'; expected a whole number"
+    assert comparing.faults["seed"] == "seed is 'many'; expected a whole number at least 0"
     comparing.reset()
     assert comparing.waiting == frozenset()
     assert [len(side.model.swarm) for side in comparing.pair.sides] == [10, 20]

@@ -205,7 +205,7 @@ def test_a_process_is_cancelled(desk):
     [
         ("MOST_ROWS", 299, {"kind": "robots.csv"}, "the table would have 300 rows; expected at most 299"),
         ("LARGEST_DOWNLOAD", 10, {"kind": "arrow"}, "expected at most 500 MB"),
-        ("MOST_BYTES", 10, {"kind": "arrow"}, "the run takes more than 0 MB"),
+        ("MOST_BYTES", 10, {"kind": "arrow"}, "the run needs more than 0 MB"),
     ],
 )
 def test_limits_are_reported_in_a_message(desk, monkeypatch, limit, value, wanted, fault):
