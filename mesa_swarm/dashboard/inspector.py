@@ -182,6 +182,7 @@ def inspect(model: SwarmModel, robot: Robot, step: int) -> dict[str, Any]:
 
     Examples
     --------
+    >>> from mesa_swarm.dashboard.session import watch_closely
     >>> from mesa_swarm.models.fire_fighting import FireFighting
     >>> model = FireFighting(rng=1)
     >>> watch_closely(model)
@@ -192,19 +193,19 @@ def inspect(model: SwarmModel, robot: Robot, step: int) -> dict[str, Any]:
     'step 0 is no longer stored; readings are available for steps 1 to 3'
     """
     watched = model.watched
-    kept = watched.steps.tolist() if watched is not None else []
+    stored = watched.steps.tolist() if watched is not None else []
     present = step == model.completed
-    if watched is not None and step in kept:
+    if watched is not None and step in stored:
         columns, when = watched.at(step), f"step {step:,}"
-    elif present and not kept:
+    elif present and not stored:
         columns, when = model.swarm.columns, "before the first step"
     else:
-        available = f"; readings are available for steps {kept[0]:,} to {kept[-1]:,}" if kept else ""
+        available = f"; readings are available for steps {stored[0]:,} to {stored[-1]:,}" if stored else ""
         return {"id": robot.unique_id, "when": f"step {step:,} is no longer stored{available}", "known": False}
     if set(WATCHED) - set(columns):
         return {"id": robot.unique_id, "when": "the model stores too few columns for the inspector", "known": False}
     moment, _ = moment_of(model.swarm, columns, robot.row)
-    decided = step in kept and model.control is not None
+    decided = step in stored and model.control is not None
     reason = model.explain(robot, step) if decided else None
     return {
         "id": robot.unique_id,

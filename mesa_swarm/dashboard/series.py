@@ -185,9 +185,9 @@ class Series(Observer):
             self._table = np.concatenate([self._table, more])
             return
         self.every *= 2
-        kept = np.flatnonzero(self._steps[: self._count] % self.every == 0)
-        self._steps[: len(kept)], self._table[: len(kept)] = self._steps[kept], self._table[kept]
-        self._count = len(kept)
+        left = np.flatnonzero(self._steps[: self._count] % self.every == 0)
+        self._steps[: len(left)], self._table[: len(left)] = self._steps[left], self._table[left]
+        self._count = len(left)
 
 
 def grouped(steps: np.ndarray, rows: np.ndarray, width: int) -> Curves:
