@@ -1,4 +1,4 @@
-"""A page in the browser on which one plays a model: `launch` serves it, `dashboard/app.py` is it."""
+"""The page in the browser that plays models: `launch` serves what `dashboard/app.py` shows."""
 
 import os
 import secrets
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from mesa_swarm.dashboard.gate import Gate
 
-# What the page shows first if nobody says otherwise.
+# The model shown first by default.
 FIRST = "fire_fighting"
 HOST = "127.0.0.1"
 HERE = (HOST, "localhost", "::1")
@@ -28,7 +28,7 @@ MODEL_VARIABLE = "MESA_SWARM_MODEL"
 RECORDINGS_VARIABLE = "MESA_SWARM_RECORDINGS"
 TOKEN_VARIABLE = "MESA_SWARM_TOKEN"
 APP = "mesa_swarm.dashboard.app"
-# Files are handed over in pieces of 1 MB.
+# Files are sent in pieces of 1 MB.
 LARGEST_MESSAGE = 4_000_000
 
 
@@ -50,10 +50,10 @@ def launch(
     open_browser : bool
         Whether to open the page in the user's browser.
     host : str
-        The address to listen on. On any but this machine's own, 127.0.0.1, the page asks for a token, which is
+        The address to listen on. Other than 127.0.0.1, this machine's own, the page asks for a token, which is
         printed; set the environment variable MESA_SWARM_TOKEN to choose it.
     recordings : str or Path, optional
-        A recording, or a folder of them, that all who come in may replay.
+        A recording, or a folder of them, that all users of the page may replay.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def launch(
     os.environ[MODEL_VARIABLE] = model_name
     if recordings is not None:
         os.environ[RECORDINGS_VARIABLE] = str(_checked_place(recordings))
-    # It says so of every plain http page that is not called localhost.
+    # This warning concerns every plain http page that is not called localhost.
     warnings.filterwarnings("ignore", message="Cookies with samesite=none", category=UserWarning)
     token = "" if host in HERE else os.environ.get(TOKEN_VARIABLE) or secrets.token_urlsafe(24)
     application = guarded(token)
@@ -97,12 +97,12 @@ def _open_when_served(server: "uvicorn.Server", address: str) -> None:
 
 
 def guarded(token: str) -> "Gate":
-    """Return Solara's server with the gate before it.
+    """Return Solara's server behind the gate.
 
     Parameters
     ----------
     token : str
-        What must be known, empty for nothing.
+        The token required of requests, empty for none.
     """
     os.environ["SOLARA_APP"] = APP  # which the server reads when it is imported
     from solara.server import settings  # noqa: PLC0415 - heavy, and optional
@@ -110,7 +110,7 @@ def guarded(token: str) -> "Gate":
 
     from mesa_swarm.dashboard.gate import Gate  # noqa: PLC0415 - beside what it guards
 
-    # Otherwise the first request would decide under which path all pages are.
+    # Otherwise the first request would set the path of all pages.
     settings.main.root_path = settings.main.root_path or ""
     return Gate(app, token, settings.assets.proxy_cache_dir)
 
@@ -118,12 +118,12 @@ def guarded(token: str) -> "Gate":
 def _checked_place(recordings: str | os.PathLike[str]) -> Path:
     place = Path(recordings).absolute()
     if not place.exists():
-        raise SwarmError(f"there is no {recordings}; give a recording or a folder of recordings")
+        raise SwarmError(f"{recordings} does not exist; expected a recording or a folder of recordings")
     return place
 
 
 def _check_port(host: str, port: int) -> None:
-    """Refuse an address or a port on which one cannot listen."""
+    """Refuse an address or a port that cannot be listened on."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     with socket.socket(family) as listener:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

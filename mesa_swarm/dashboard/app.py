@@ -1,6 +1,6 @@
 """The page: its address bar, theme, links, and places for sessions.
 
-Every browser session builds its own `Session`, and closes it when the page is closed; nothing is shared between them.
+Every browser session builds its own `Session`, and closes it with the page; sessions share nothing.
 """
 
 import os
@@ -21,13 +21,13 @@ from mesa_swarm.dashboard import FIRST, MODEL_VARIABLE
 from mesa_swarm.dashboard.charts import Charts
 from mesa_swarm.dashboard.compare_view import Compare
 from mesa_swarm.dashboard.controls import ControlPanel, Panel
-from mesa_swarm.dashboard.export_view import ExportView
+from mesa_swarm.dashboard.exporting import ExportView
 from mesa_swarm.dashboard.gallery_view import Gallery, title
 from mesa_swarm.dashboard.inspector import InspectorView
 from mesa_swarm.dashboard.replay_view import Replay
-from mesa_swarm.dashboard.session import LARGEST_SEED, Session, checked_wish
+from mesa_swarm.dashboard.session import LARGEST_SEED, Session, checked_setting, whole_number
 from mesa_swarm.dashboard.widgets import TroubleCard
-from mesa_swarm.errors import InvalidValueError, SwarmError, UnknownNameError, check_choice, check_count, unknown_name
+from mesa_swarm.errors import SwarmError, UnknownNameError, check_choice, unknown_name
 from mesa_swarm.gallery import description, find_model, model_names
 from mesa_swarm.parameters import Parameter, parameters_of
 from mesa_swarm.viewing.canvas_widget import SwarmCanvas, text_of, use_connection
@@ -36,7 +36,7 @@ from mesa_swarm.viewing.play_loop import use_changes
 from mesa_swarm.world.map import builtin_maps
 
 LONGEST = 4000
-# A link that took longer than some seconds to open would be taken for a broken one.
+# More steps would take longer than a user waits for a link to open.
 MOST_STEPS = 20_000
 COUNTS = {"seed": LARGEST_SEED, "step": MOST_STEPS}
 MOST_FAULTS = 5
@@ -44,39 +44,39 @@ MOST_FAULTS = 5
 
 @dataclass(frozen=True, kw_only=True)
 class Address:
-    """What a link asks for.
+    """The settings in a link.
 
     Parameters
     ----------
     model : str
-    wishes : dict
+    settings : dict
         Parameters that are not the model's defaults.
     seed, steps : int
     faults : tuple of str
-        Why it does not ask for all that the link says, empty if it does.
+        Why parts of the link were ignored, empty if none was.
     """
 
     model: str
-    wishes: dict[str, Any] = field(default_factory=dict)
+    settings: dict[str, Any] = field(default_factory=dict)
     seed: int = 1
     steps: int = 0
     faults: tuple[str, ...] = ()
 
 
 def address_from(query: str | None, first: str) -> Address:
-    """Return what a link's query asks for; each word that is wrong is told of, and left out.
+    """Return the settings in a link's query; each invalid one is reported, and left out.
 
     Parameters
     ----------
     query : str or None
-        What follows the question mark.
+        The text after the question mark.
     first : str
-        The model if it names none.
+        The model if the query names none.
 
     Examples
     --------
     >>> address_from("model=fire_fighting&strategy=A&seed=7", "boids")
-    Address(model='fire_fighting', wishes={'strategy': 'A'}, seed=7, steps=0, faults=())
+    Address(model='fire_fighting', settings={'strategy': 'A'}, seed=7, steps=0, faults=())
     >>> address_from("model=fire_fighting&strategie=A&seed=7", "boids").faults[0][:67]
     "unknown parameter of fire_fighting 'strategie'; did you mean 'strat"
     """
@@ -84,7 +84,7 @@ def address_from(query: str | None, first: str) -> Address:
     words.pop("token", None)
     try:
         name = check_choice("model", words.pop("model", first), model_names())
-    except SwarmError as error:  # of a model that nobody knows the other words mean nothing
+    except SwarmError as error:  # the settings of an unknown model cannot be checked
         return Address(model=first, faults=(str(error),))
     known, values, faults = parameters_of(find_model(name)), {}, []
     for word, text in words.items():
@@ -93,17 +93,17 @@ def address_from(query: str | None, first: str) -> Address:
         except SwarmError as error:
             faults.append(str(error))
     seed, steps = values.pop("seed", 1), values.pop("step", 0)
-    return Address(model=name, wishes=values, seed=seed, steps=steps, faults=_first_few(faults))
+    return Address(model=name, settings=values, seed=seed, steps=steps, faults=_first_few(faults))
 
 
 def _value(model: str, known: dict[str, Parameter], word: str, text: str) -> Any:
-    """Return what one word of a link asks for."""
+    """Return the value of one setting in a link."""
     if word in COUNTS:
-        return _count(word, text, COUNTS[word])
+        return whole_number(word, text, maximum=COUNTS[word])
     if word not in known:
         raise UnknownNameError(unknown_name(f"parameter of {model}", word, known))
-    # A link never names a file: whoever sends one would have this machine read it.
-    return check_choice("map", text, builtin_maps()) if word == "map" else checked_wish(known[word], text)
+    # A link never names a file: opening a link from others must not make this machine read one.
+    return check_choice("map", text, builtin_maps()) if word == "map" else checked_setting(known[word], text)
 
 
 def _first_few(faults: list[str]) -> tuple[str, ...]:
@@ -111,18 +111,10 @@ def _first_few(faults: list[str]) -> tuple[str, ...]:
     return (*faults[:MOST_FAULTS], f"and {more} more") if more > 0 else tuple(faults)
 
 
-def _count(name: str, text: str, most: int) -> int:
-    try:
-        return check_count(name, int(text), maximum=most)
-    except ValueError as error:
-        known = isinstance(error, InvalidValueError)
-        raise InvalidValueError(str(error) if known else f"{name} is {text!r:.60}; expected a whole number") from None
-
-
 def query_of(session: Session) -> str:
-    """Return the query of a link that shows what a session shows, but for uploaded maps.
+    """Return the query of a link to what a session shows, except for uploaded maps.
 
-    What was changed during the run is in it as if it had been so from the start.
+    Settings changed during the run are in it as if they had been set from the start.
 
     Examples
     --------
@@ -131,7 +123,7 @@ def query_of(session: Session) -> str:
     """
     words = {"model": session.name}
     for name, parameter in session.parameters.items():
-        value = session.wishes[name]
+        value = session.settings[name]
         if value != parameter.default and value not in session.uploads:
             words[name] = repr(value) if isinstance(value, float) else str(value)
     words["seed"] = str(session.seed)
@@ -142,14 +134,14 @@ def query_of(session: Session) -> str:
 
 
 class PageBar(anywidget.AnyWidget):
-    """A button that switches between light and dark, and the page's hand on the address bar.
+    """A button that switches between light and dark; it also writes the address bar.
 
     Parameters
     ----------
     query : str
-        Written into the address bar; the page is not loaded anew.
+        Written into the address bar, without loading the page again.
     dark : bool
-        What the user chose, or what the system prefers.
+        The user's choice, or the system's preference.
     """
 
     _esm = """
@@ -195,11 +187,7 @@ MOST_PAGES = 40
 
 
 class Places:
-    """Places that are taken and given back.
-
-    Parameters
-    ----------
-    most : int
+    """A limited number of places, to be taken and given back.
 
     Examples
     --------
@@ -223,7 +211,7 @@ class Places:
         return len(self._holders)
 
     def take(self) -> Callable[[], None] | None:
-        """Take a place, and return what gives it back, however often called; None if there is none."""
+        """Take a place, and return a function that gives it back; None if all are taken."""
         holder = object()
         with self._lock:
             if len(self._holders) >= self.most:
@@ -240,15 +228,15 @@ class Places:
 CSS = style_sheet(".v-application", ".v-application.theme--dark") + text_of("dashboard/style.css")
 WATCH, MODELS = "Watch", "Models"
 CANVAS = {"bar": True, "keys": "page", "toggles": {}}
-# What stands beside the canvas, from top to bottom: components that are given the session.
+# Components beside the canvas, from top to bottom; each is called with the session.
 BESIDE: tuple = (InspectorView, Charts, ExportView)
-# More tabs: names, and components that are given the session.
+# More tabs: names, and components that are called with the session.
 MORE_TABS: dict = {"Compare": Compare, "Replay": Replay}
 
 PLACES = Places()
 
-# Of itself Solara reports its use, has the browser ask solara.dev whether it works, and keeps a page that vanished
-# without a word (its model plays on) for a day.
+# By default Solara reports its use, lets the browser contact solara.dev, and keeps the session of a page that
+# disappeared without closing (its model plays on) for a day.
 settings.telemetry.mixpanel_enable = False
 settings.main.mode = "production"
 settings.kernel.cull_timeout = "10m"
@@ -257,13 +245,13 @@ settings.theme.show_banner = False
 
 @solara.component
 def Layout(children: list) -> None:
-    """Show the page and nothing else: no bar of Solara's above it."""
+    """Show the page only, without Solara's bar above it."""
     solara.Div(children=children)
 
 
 @solara.component
 def Page() -> None:
-    """Show the page, if there is a place for one more."""
+    """Show the page, if fewer than the largest number of pages are open."""
     leave = solara.use_memo(PLACES.take, [])
     solara.use_effect(lambda: leave, [])
     solara.Title("mesa_swarm")
@@ -279,18 +267,18 @@ def Page() -> None:
 def Full() -> None:
     """Show that too many pages are open."""
     TroubleCard(
-        "No place left",
-        f"{PLACES.most} pages of this dashboard are open, and each has a model of its own.",
-        "Close one that nobody needs, wait a minute, and load this page again.",
+        "Too many pages are open",
+        f"{PLACES.most} pages of this dashboard are open, each with its own model.",
+        "Close one, wait a minute, and load this page again.",
     )
 
 
 @solara.component
 def Room() -> None:
-    """Show what the address asks for."""
+    """Show the page with the settings of its address."""
     search = solara.use_router().search
-    asked = solara.use_memo(lambda: address_from(search, os.environ.get(MODEL_VARIABLE, FIRST)), [])
-    session = solara.use_memo(lambda: Session(asked.model, asked.wishes, asked.seed, asked.steps), [])
+    linked = solara.use_memo(lambda: address_from(search, os.environ.get(MODEL_VARIABLE, FIRST)), [])
+    session = solara.use_memo(lambda: Session(linked.model, linked.settings, linked.seed, linked.steps), [])
     tab, choose_tab = solara.use_state(WATCH)
     solara.use_effect(lambda: session.close, [])
     solara.use_effect(lambda: session.adopted.add(lambda: choose_tab(WATCH)), [])
@@ -306,7 +294,7 @@ def Room() -> None:
         elif tab in MORE_TABS:
             MORE_TABS[tab](session)
         else:
-            Watch(session, asked.faults)
+            Watch(session, linked.faults)
 
 
 @solara.component
@@ -333,7 +321,7 @@ def Tab(name: str, chosen: bool, choose_tab: Callable[[str], None]) -> None:
 
 @solara.component
 def Watch(session: Session, faults: tuple[str, ...]) -> None:
-    """Show the controls on the left, the world in the middle, and what tells of it on the right."""
+    """Show the controls on the left, the world in the middle, and readings on the right."""
     classes = ["swarm-watch", "swarm-beside"] if BESIDE else ["swarm-watch"]
     with solara.Div(classes=classes):
         Controls(session)
@@ -361,16 +349,16 @@ def World(session: Session) -> None:
 
 @solara.component
 def Trouble(session: Session, faults: tuple[str, ...]) -> None:
-    """Show what went wrong in the model, or with the link, on a card."""
+    """Show an error of the model or of the link on a card."""
     use_changes(session.changed)
     left, leave = solara.use_state(False)
-    told = (*faults, *filter(None, [session.note]))
+    problems = (*faults, *filter(None, [session.note]))
     if session.error and session.unbuilt:
         way_out = "Back to the last settings" if session.built else "Back to the defaults", session.go_back
         TroubleCard("These settings cannot be built", session.error, way_out=way_out).key("unbuilt")
     elif session.error:
         TroubleCard("The model stopped", session.error, way_out=("Reset", session.reset)).key("error")
-    elif told and not left:
-        way_out = "Go on without it", lambda: leave(True)
-        head = "On the way" if session.goal and not faults else "Not all of the link could be followed"
-        TroubleCard(head, *told, way_out=way_out).key("fault")
+    elif problems and not left:
+        way_out = "Continue", lambda: leave(True)
+        head = "Still running" if session.goal and not faults else "Parts of the link were ignored"
+        TroubleCard(head, *problems, way_out=way_out).key("fault")

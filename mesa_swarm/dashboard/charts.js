@@ -1,12 +1,12 @@
-/* Charts beside the canvas. Python says what there is (charts), which are shown (shown), and sends numbers as
-   { kind: "curves", charts, looked_at } with a float32 buffer each: steps, means, and where rows were put together
-   the least and the greatest of each. Numbers are acknowledged as soon as they are drawn, and only sent while looked at.
+/* Charts beside the canvas. Python sends the list (charts), the chosen ones (shown), and numbers as
+   { kind: "curves", charts, looked_at } with a float32 buffer each: steps, means, and of groups of rows
+   the least and the greatest of each. Numbers are acknowledged when drawn, and sent only while the page is visible.
    Before this text stands the constant PALETTE, see `script` in viewing/palette.py. */
 
 const DASHED = [[], [5, 3], [1.5, 2.5]];
 const MARGIN = { left: 38, right: 8, top: 7, bottom: 17 };
 
-/** Round numbers that divide a range into about so many parts. */
+/** Round numbers that divide a range into about this number of parts. */
 function ticks(low, high, parts) {
   const rough = (high - low) / parts, power = 10 ** Math.floor(Math.log10(rough));
   const step = [1, 2, 5, 10].map((one) => one * power).find((one) => one >= rough * 0.999);
@@ -46,7 +46,7 @@ class ChartView {
     this.draw();
   }
 
-  /** The colours of curves: of layers as rings around robots have them, the last one is for no layer. */
+  /** The colours of curves: of layers those of rings around robots, the last one without a layer. */
   #colours({ layers, no_layer, series }) {
     const { key, names } = this.#news;
     if (key !== "layers") return series;
@@ -59,7 +59,7 @@ class ChartView {
     return this.#data.subarray(first * points, (first + 1) * points);
   }
 
-  /** Return how far right in the chart that is; the page may be made larger by CSS, and the chart with it. */
+  /** Return the x position in the chart, also where CSS zooms the page. */
   #place(event) {
     const { left, width } = this.#canvas.getBoundingClientRect();
     return ((event.clientX - left) * this.#canvas.clientWidth) / width;
@@ -80,9 +80,9 @@ class ChartView {
     context.scale(ratio, ratio);
     context.font = "11px system-ui, sans-serif";
     const place = this.#axes(context, width, height, palette);
-    if (!place) return this.#say(colours, -1);
+    if (!place) return this.#showValues(colours, -1);
     news.names.forEach((_, k) => this.#curve(context, place, k, colours));
-    this.#say(colours, this.#marks(context, place, palette));
+    this.#showValues(colours, this.#marks(context, place, palette));
   }
 
   #range() {
@@ -166,7 +166,7 @@ class ChartView {
     context.setLineDash([]);
   }
 
-  /** Draw a line at the step that is looked at, and at the one that is pointed at; return the row that is told. */
+  /** Draw a line at the displayed step, and at the one under the pointer; return the row whose numbers are shown. */
   #marks(context, place, palette) {
     const steps = this.#row("steps", 0), line = (step, colour) => {
       const x = Math.round(place.x(step)) + 0.5;
@@ -178,21 +178,21 @@ class ChartView {
       return x;
     };
     context.lineWidth = 1.5;
-    let told = steps.length - 1;
+    let row = steps.length - 1;
     if (this.#lookedAt !== null) {
       const x = line(this.#lookedAt, palette.selection), text = `step ${this.#lookedAt.toLocaleString("en")}`;
       context.fillStyle = palette.selection;
       context.textAlign = x > place.width / 2 ? "right" : "left";
       context.fillText(text, x + (x > place.width / 2 ? -4 : 4), MARGIN.top + 9);
-      told = this.#nearest(this.#lookedAt);
+      row = this.#nearest(this.#lookedAt);
     }
     if (this.#pointed !== null) {
       const inner = place.width - MARGIN.left - MARGIN.right, first = steps[0] - 1;
       const wanted = first + ((this.#pointed - MARGIN.left) / inner) * (steps[steps.length - 1] - first);
-      told = this.#nearest(wanted);
-      line(steps[told], palette.faint);
+      row = this.#nearest(wanted);
+      line(steps[row], palette.faint);
     }
-    return told;
+    return row;
   }
 
   #nearest(step) {
@@ -200,8 +200,8 @@ class ChartView {
     return after < 0 ? steps.length - 1 : after;
   }
 
-  /** Tell the numbers of one row beside the names. */
-  #say(colours, row) {
+  /** Show the numbers of one row beside the names. */
+  #showValues(colours, row) {
     const { names, points } = this.#news;
     if (this.#fresh) {
       this.#values.replaceChildren(...names.map((name) => make("li", {}, make("i"), make("span", {}, name), make("b"))));
@@ -220,14 +220,14 @@ class ChartView {
   }
 }
 
-/** All charts of a board, and the list from which one chooses. */
+/** All charts of a board, and the list to choose from. */
 class BoardView {
   #model; #root; #views = new Map(); #choice; #stack; #downloads; #leave = [];
 
   constructor(model, root) {
     this.#model = model;
     this.#root = root;
-    this.#downloads = new Downloads(model);
+    this.#downloads = new ReceivedFiles(model);
     root.classList.add("swarm-charts");
     this.#choice = make("div", {});
     this.#stack = make("div", {});
@@ -235,9 +235,9 @@ class BoardView {
     root.append(make("div", { class: "swarm-head" }, make("h2", {}, "Charts"), list), this.#stack);
     this.#follow("charts", () => this.#build());
     this.#follow("shown", () => this.#build());
-    const hear = (message, buffers) => this.#hear(message, buffers);
-    model.on("msg:custom", hear);
-    this.#leave.push(() => model.off("msg:custom", hear));
+    const receive = (message, buffers) => this.#receive(message, buffers);
+    model.on("msg:custom", receive);
+    this.#leave.push(() => model.off("msg:custom", receive));
     const close = (event) => list.contains(event.target) || (list.open = false);
     document.addEventListener("pointerdown", close);
     this.#leave.push(() => document.removeEventListener("pointerdown", close));
@@ -258,7 +258,7 @@ class BoardView {
     try {
       this.#send({ do: "look", value: !document.hidden });
     } catch {
-      // The page is being closed, and nobody is left to be told.
+      // The page is being closed: the connection has ended.
     }
   }
 
@@ -294,13 +294,13 @@ class BoardView {
     this.#views.forEach((view) => view.draw());
   }
 
-  #hear(message, buffers) {
-    if (this.#downloads.hear(message, buffers) || message.kind !== "curves") return;
+  #receive(message, buffers) {
+    if (this.#downloads.receive(message, buffers) || message.kind !== "curves") return;
     message.charts.forEach((news, k) => {
       const bytes = buffers[k], data = new Uint8Array(bytes.buffer ?? bytes, bytes.byteOffset ?? 0, bytes.byteLength).slice();
       this.#views.get(news.key)?.take(news, new Float32Array(data.buffer), message.looked_at);
     });
-    this.#root.dataset.told = Number(this.#root.dataset.told ?? 0) + 1;
+    this.#root.dataset.drawn = Number(this.#root.dataset.drawn ?? 0) + 1;
     this.#send({ do: "drawn" });
   }
 }

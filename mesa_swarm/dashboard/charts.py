@@ -1,4 +1,4 @@
-"""Charts beside the canvas: what was measured of the run so far."""
+"""Charts beside the canvas, of the measurements of the run so far."""
 
 import threading
 import time
@@ -14,17 +14,17 @@ from matplotlib.figure import Figure
 
 from mesa_swarm.dashboard.series import Chart, Series
 from mesa_swarm.dashboard.session import Session
-from mesa_swarm.dashboard.widgets import Downloads
+from mesa_swarm.dashboard.widgets import Downloads, Link
 from mesa_swarm.viewing import palette
 from mesa_swarm.viewing.canvas_widget import text_of
 from mesa_swarm.viewing.pictures import literal, png
 from mesa_swarm.viewing.player import PackedFrame
 
-# While it is played, charts are brought up to date so often, s.
+# Shortest time between updates of the charts while the model is played, s.
 EVERY = 0.4
 MOST_POINTS = 256
 POINTS_OF_A_PICTURE = 2048
-# So many are shown before anybody chooses.
+# Number of charts shown by default.
 SHOWN_FIRST = 3
 FIRST = ("at_fires",)
 LATER = ("layers", "collisions", "fire_temperature", "total_collisions")
@@ -32,7 +32,7 @@ DASHES = ("-", "--", ":")
 
 
 class ChartBoard(anywidget.AnyWidget):
-    """Charts drawn in the browser from numbers that are sent to it.
+    """Charts drawn in the browser.
 
     Attributes
     ----------
@@ -47,10 +47,10 @@ class ChartBoard(anywidget.AnyWidget):
     shown: traitlets.List[str] = traitlets.List().tag(sync=True)
 
 
-class Charting:
-    """Lets a chart board show what a session measures.
+class Charting(Link):
+    """Connects a chart board and a session's measurements.
 
-    Numbers are sent while somebody looks and has drawn the last ones, at most every `EVERY` seconds while the
+    Numbers are sent while the page is visible and has drawn the last ones, at most every `EVERY` seconds while the
     model is played.
 
     Parameters
@@ -58,10 +58,10 @@ class Charting:
     board : ChartBoard
     session : Session
     clock : function, optional
-        Returns the time in seconds; far above 0, as it is for long after a machine was switched on.
+        Returns the time in seconds, far above 0.
     """
 
-    ready = False  # charts alone are no reason to make a picture
+    ready = False  # charts alone need no picture
 
     def __init__(self, board: ChartBoard, session: Session, *, clock: Callable[[], float] = time.monotonic) -> None:
         self.board, self.session, self.clock = board, session, clock
@@ -71,13 +71,12 @@ class Charting:
         self._looks = self._waits = False
         self._busy = 0.0
         self._sent = 0.0
-        self._leave = session.changed.add(self.refresh)
-        board.on_msg(self._hear)
+        self.connect(board, session.changed.add(self.refresh))
         self.refresh()
         session.add_viewer(self)
 
     def refresh(self) -> None:
-        """Show which charts there are."""
+        """Show the list of charts."""
         titles = {chart.key: chart.title for chart in self.session.series.charts()}
         order = in_order(list(titles))
         known = [{"key": key, "title": titles[key]} for key in order]
@@ -89,7 +88,7 @@ class Charting:
             self.board.shown = shown
 
     def push(self, number: int, frame: PackedFrame) -> None:
-        """Show the numbers up to now, if it is time; mark the step that is looked at if that is an earlier one."""
+        """Show the numbers up to now, if an update is due; mark the displayed step if it is an earlier one."""
         session = self.session
         with self._lock:
             self._looked_at = None if session.past.is_present else frame.step
@@ -97,8 +96,8 @@ class Charting:
             if not session.playing or self.clock() - self._sent >= EVERY:
                 self._send_if_free()
 
-    def act(self, message: dict) -> None:
-        """Do what the browser asks for."""
+    def act(self, message: dict, buffers: Sequence = ()) -> None:
+        """Carry out a message from the browser."""
         value: Any = message.get("value")
         match message.get("do"):
             case "look":
@@ -115,14 +114,10 @@ class Charting:
                 self._downloads.hear(message)
 
     def close(self) -> None:
-        """Part them."""
-        self._leave()
+        """Disconnect."""
+        super().close()
         self.session.remove_viewer(self)
-        self.board.on_msg(self._hear, remove=True)
         self._downloads.close()
-
-    def _hear(self, _: object, message: dict, __: list) -> None:
-        self.act(message)
 
     def _choose(self, keys: list[str]) -> None:
         self.session.chosen_charts[self.session.name] = keys
@@ -138,16 +133,16 @@ class Charting:
                 self._send_if_free()
 
     def _send_if_free(self) -> None:
-        """Send the numbers, unless nobody looks or the last ones were not drawn yet."""
+        """Send the numbers if the page is visible and has drawn the last ones."""
         now = self.clock()
         if not (self._looks and self._waits) or now - self._busy < 10 * EVERY:
             return
         self._waits, self._busy, self._sent = False, now, now
-        news, buffers = news_of(self.session.series, self.board.shown)
-        self.board.send({"kind": "curves", "charts": news, "looked_at": self._looked_at}, buffers)
+        descriptions, buffers = curves_message(self.session.series, self.board.shown)
+        self.board.send({"kind": "curves", "charts": descriptions, "looked_at": self._looked_at}, buffers)
 
     def _hand_over(self, key: str, kind: str) -> None:
-        """Make a file in a thread, for a picture takes a while, and send it."""
+        """Make a file in a thread, since a picture takes a while, and send it."""
         series, name = self.session.series, f"{self.session.name}_{key}.{kind}"
 
         def work() -> None:
@@ -158,7 +153,7 @@ class Charting:
 
 
 def in_order(keys: list[str]) -> list[str]:
-    """Return charts in the order in which they are shown: fires, the model's own, then what all models have.
+    """Return charts in the order of display: fires, those of the model, then those of all models.
 
     Examples
     --------
@@ -170,18 +165,18 @@ def in_order(keys: list[str]) -> list[str]:
     return [key for key in order if key in keys]
 
 
-def news_of(series: Series, keys: list[str]) -> tuple[list[dict], list[bytes]]:
-    """Return curves as the browser wants them: what they are, and float32 buffers of steps, mean, low and high.
+def curves_message(series: Series, keys: list[str]) -> tuple[list[dict], list[bytes]]:
+    """Return descriptions of curves for the browser, and float32 buffers of steps, mean, low and high.
 
     Examples
     --------
     >>> from mesa_swarm import SwarmModel
     >>> series = Series()
     >>> series.follow(SwarmModel(rng=1))
-    >>> news_of(series, ["collisions"])[0][0]["points"]
+    >>> curves_message(series, ["collisions"])[0][0]["points"]
     0
     """
-    news, buffers = [], []
+    descriptions, buffers = [], []
     for chart in series.charts():
         if chart.key not in keys:
             continue
@@ -189,12 +184,12 @@ def news_of(series: Series, keys: list[str]) -> tuple[list[dict], list[bytes]]:
         parts = [curves.steps[None], curves.mean] + ([curves.low, curves.high] if curves.width > 1 else [])
         buffers.append(np.concatenate(parts).astype("<f4").tobytes())
         about = {"key": chart.key, "title": chart.title, "unit": chart.unit, "names": list(chart.names)}
-        news.append({**about, "points": len(curves.steps), "banded": curves.width > 1})
-    return news, buffers
+        descriptions.append({**about, "points": len(curves.steps), "banded": curves.width > 1})
+    return descriptions, buffers
 
 
 def csv_of(series: Series, key: str) -> bytes:
-    """Return all that is kept of one chart as CSV, units in the header.
+    """Return all stored rows of one chart as CSV, with units in the header.
 
     Examples
     --------
@@ -213,12 +208,12 @@ def csv_of(series: Series, key: str) -> bytes:
 
 
 def with_unit(name: str, chart: Chart) -> str:
-    """Return a curve's name with its unit behind it, if it has one."""
+    """Return a curve's name, with its unit if it has one."""
     return f"{name} ({chart.unit})" if chart.unit else name
 
 
 def figure_of(series: Series, key: str) -> Figure:
-    """Return one chart as a figure for print: lines are means of groups of steps, bands least and greatest."""
+    """Return one chart as a figure for print: lines are means of groups of steps, bands their ranges."""
     chart, curves = series.chart(key), series.curves(key, POINTS_OF_A_PICTURE)
     figure = Figure(figsize=(7, 3.6), layout="constrained")
     axes = figure.subplots()
@@ -236,7 +231,7 @@ def figure_of(series: Series, key: str) -> Figure:
 
 
 def colours_of(chart: Chart) -> Sequence[str]:
-    """Return the colours of a chart's curves, on paper; those of layers are the layers' own, the last is no layer."""
+    """Return the colours of a chart's curves on paper; for layers their own colours, the last without a layer."""
     if chart.key != "layers":
         return palette.LIGHT.series
     return [*map(palette.layer_colour, range(len(chart.names) - 1)), palette.LIGHT.no_layer]

@@ -18,10 +18,18 @@ from matplotlib.ticker import MaxNLocator, StrMethodFormatter
 from reacton import ipyvuetify as rv
 
 from mesa_swarm.dashboard.comparing import FEWEST_SEEDS, Comparing, Report
-from mesa_swarm.dashboard.controls import LARGEST_RANDOM_SEED, ControlPanel, field_of, label_of, place_of, value_at
+from mesa_swarm.dashboard.controls import (
+    LARGEST_RANDOM_SEED,
+    ControlPanel,
+    field_of,
+    label_of,
+    value_at,
+    value_of,
+    with_faults,
+)
 from mesa_swarm.dashboard.pair import NAMES, Pair, Side
 from mesa_swarm.dashboard.session import Session
-from mesa_swarm.dashboard.widgets import Button, TroubleCard
+from mesa_swarm.dashboard.widgets import Button, Link, TroubleCard
 from mesa_swarm.experiments.figures import window_means
 from mesa_swarm.gallery import model_names
 from mesa_swarm.parameters import Slider
@@ -32,23 +40,23 @@ from mesa_swarm.viewing.play_loop import use_changes
 from mesa_swarm.viewing.player import PackedFrame
 from mesa_swarm.viewing.readings import value_text
 
-# Not drawn more often, s: a drawing takes a tenth of that.
+# Shortest time between drawings, s: one takes a tenth of that.
 EVERY = 0.5
 MOST_PANELS = 3
-# What every model reports is drawn last.
+# Reports of every model are drawn last.
 LAST = ("total_collisions", "collisions")
-# A line has so many corners at most; each is the mean of the steps between.
+# Most points of a line; each is the mean of the steps in its window.
 CORNERS = 300
 SIZE, DOTS_PER_INCH = (10.4, 2.05), 150
 STYLES = tuple(zip(LIGHT.series, ("-", "--"), strict=False))
 _DRAWING = threading.Lock()
 
-# By name the steps and the numbers, shapes (m,) and (m,).
+# Steps and numbers by name, shapes (m,) and (m,).
 Reports = dict[str, tuple[np.ndarray, np.ndarray]]
 
 
 def series_of(pair: Pair) -> tuple[Reports, Reports]:
-    """Return what the models of a pair reported, at the steps that are kept; empty where there is no model."""
+    """Return the reports of the models of a pair at the stored steps; empty where there is no model."""
     with pair.lock:
         first, second = (_reports_of(side) for side in pair.sides)
     return first, second
@@ -60,7 +68,7 @@ def _reports_of(side: Side) -> Reports:
     collected, charts = side.model.datacollector.model_vars, side.series.charts()
     tables = {chart.key: side.series.rows(chart.key) for chart in charts if chart.key in collected}
     found = {name: (steps, numbers[:, 0]) for name, (steps, numbers) in tables.items()}
-    # A report that was never a number is none of the chart's.
+    # A report that was never a number is left out.
     return {name: line for name, line in found.items() if not len(line[0]) or np.isfinite(line[1]).any()}
 
 
@@ -93,7 +101,7 @@ def curves_png(series: Sequence[Reports], labels: Sequence[str]) -> bytes:
 
 
 def main_reports(series: Sequence[Reports]) -> list[str]:
-    """Return the names of what is drawn: what the model itself reports before what all models do.
+    """Return the names of the reports to draw: those of the model before those of all models.
 
     Examples
     --------
@@ -135,13 +143,13 @@ def _png(figure: Figure) -> bytes:
 
 
 class CurveThread:
-    """Draws the chart of a pair whenever there is something new, but not too often.
+    """Draws the chart of a pair after changes, at most every `EVERY` seconds.
 
     Parameters
     ----------
     pair : Pair
     labels : function
-        Returns what the two worlds are called.
+        Returns the names of the two worlds.
     take : function
         Called with a PNG.
     """
@@ -152,7 +160,7 @@ class CurveThread:
         threading.Thread(target=self._run, name="curves", daemon=True).start()
 
     def close(self) -> None:
-        """Draw no more."""
+        """Stop drawing."""
         self._stop.set()
 
     def _run(self) -> None:
@@ -166,29 +174,21 @@ class CurveThread:
             self._stop.wait(EVERY)
 
 
-# The slider goes so far; more can be typed.
+# The end of the slider; more seeds can be typed.
 MOST_SLID = 100
 
 
-class ComparePanel:
-    """Lets a control panel show and change what is compared.
-
-    Parameters
-    ----------
-    widget : ControlPanel
-    comparing : Comparing
-    """
+class ComparePanel(Link):
+    """Connects a control panel and a comparison."""
 
     def __init__(self, widget: ControlPanel, comparing: Comparing) -> None:
         self.widget, self.comparing = widget, comparing
-        self._leave = comparing.pair.changed.add(self.refresh)
         self._shown: tuple = ()
-        self._hear = lambda _, message, __: self.act(message)
-        widget.on_msg(self._hear)
+        self.connect(widget, comparing.pair.changed.add(self.refresh))
         self.refresh()
 
     def refresh(self) -> None:
-        """Show how everything is set."""
+        """Show all values."""
         comparing = self.comparing
         shown = comparing.name, comparing.parameter, tuple(comparing.session.map_names())
         if shown != self._shown:
@@ -198,8 +198,8 @@ class ComparePanel:
         if values != self.widget.values:
             self.widget.values = values
 
-    def act(self, message: dict) -> None:
-        """Do what the user asks for."""
+    def act(self, message: dict, buffers: Sequence = ()) -> None:
+        """Carry out a message from the browser."""
         comparing, name = self.comparing, message.get("name", "")
         value: Any = message.get("value")
         match message.get("do"):
@@ -208,12 +208,12 @@ class ComparePanel:
             case "choose" if name == "parameter":
                 comparing.choose_parameter(str(value))
             case "choose" if name in NAMES:
-                comparing.wish(name, str(value))
+                comparing.set_value(name, str(value))
                 comparing.reset()
             case "text" if name in NAMES:
-                comparing.wish(name, str(value))
+                comparing.set_value(name, str(value))
             case "place" if name in NAMES:
-                comparing.wish(name, value_at(int(value), comparing.choices[comparing.parameter]))
+                comparing.set_value(name, value_at(int(value), comparing.choices[comparing.parameter]))
             case "place" if name == "seeds":
                 comparing.set_count("seeds", int(value))
             case "text" if name in ("seed", "seeds", "steps"):
@@ -224,14 +224,9 @@ class ComparePanel:
             case "defaults":
                 comparing.choose_model(comparing.name)
 
-    def close(self) -> None:
-        """Part them."""
-        self._leave()
-        self.widget.on_msg(self._hear, remove=True)
-
 
 def groups_of(comparing: Comparing) -> list[dict[str, Any]]:
-    """Return all controls in groups, as the panel wants them.
+    """Return all controls in groups, in the format of the panel.
 
     Examples
     --------
@@ -246,7 +241,7 @@ def groups_of(comparing: Comparing) -> list[dict[str, Any]]:
         {**choice, "name": "model", "label": "model", "help": "", "options": model_names()},
         {**choice, "name": "parameter", "label": "parameter", "options": list(comparing.choices)},
     ]
-    fields[1]["help"] = "the one that differs; all others are as on the Watch page"
+    fields[1]["help"] = "differs between A and B; all others are as on the Watch page"
     return [
         {"title": "Two worlds", "fields": [*fields, *(_value_field(comparing, name) for name in NAMES)]},
         {"title": "Many seeds", "fields": _run_fields()},
@@ -259,13 +254,13 @@ def _value_field(comparing: Comparing, name: str) -> dict[str, Any]:
     field = field_of(parameter, comparing.session) or {}
     at_once = not isinstance(parameter.control, Slider)
     label = f"{label_of(parameter.name)} in {name}"
-    said = parameter.help if name == NAMES[0] else ""
-    return {**field, "name": name, "label": label, "help": said, "upload": False, "live": at_once}
+    text = parameter.help if name == NAMES[0] else ""
+    return {**field, "name": name, "label": label, "help": text, "upload": False, "live": at_once}
 
 
 def _run_fields() -> list[dict[str, Any]]:
     seeds = {"name": "seeds", "label": "seeds", "help": "1, 2, 3 ...: each is run with A and with B"}
-    steps = {"name": "steps", "label": "steps", "help": "of each run, unless its model is done before"}
+    steps = {"name": "steps", "label": "steps", "help": "of each run, unless the model ends earlier"}
     return [
         {**seeds, "kind": "slider", "low": FEWEST_SEEDS, "high": MOST_SLID, "live": True},
         {**steps, "kind": "text", "live": True},
@@ -273,20 +268,14 @@ def _run_fields() -> list[dict[str, Any]]:
 
 
 def values_of(comparing: Comparing) -> dict[str, dict[str, Any]]:
-    """Return how each control is set, whether it waits for a reset, and what is wrong with it."""
+    """Return the value of each control, whether it waits for a reset, and its fault."""
     texts = {"model": comparing.name, "parameter": comparing.parameter, "seed": comparing.seed}
     texts |= {"seeds": comparing.seeds, "steps": comparing.steps}
     values: dict[str, dict[str, Any]] = {name: {"text": str(text)} for name, text in texts.items()}
     values["seeds"]["place"] = min(comparing.seeds, MOST_SLID)
     parameter = comparing.choices[comparing.parameter]
-    for name, value in zip(NAMES, comparing.values, strict=True):
-        values[name] = {"text": value_text(value)}
-        if isinstance(parameter.control, Slider):
-            values[name]["place"] = place_of(value, parameter)
-    for name, entry in values.items():
-        entry["waits"] = name in comparing.waiting
-        entry["fault"] = comparing.faults.get(name, "")
-    return values
+    values |= {name: value_of(value, parameter) for name, value in zip(NAMES, comparing.values, strict=True)}
+    return with_faults(values, comparing)
 
 
 OVER_TIME, OVER_SEEDS = "Over time", "Over many seeds"
@@ -295,14 +284,14 @@ WORLD = {"bar": False, "head": True, "keys": "", "toggles": {}}
 
 
 class SideView:
-    """Lets a canvas show one side of a pair; the buttons are elsewhere.
+    """Connects a canvas and one side of a pair.
 
     Parameters
     ----------
     canvas : SwarmCanvas
     side : Side
     caption : function
-        Returns what stands above the picture.
+        Returns the caption.
     """
 
     def __init__(self, canvas: SwarmCanvas, side: Side, caption: Callable[[], str]) -> None:
@@ -315,18 +304,18 @@ class SideView:
         return self.canvas.ready
 
     def push(self, number: int, frame: PackedFrame) -> None:
-        """Hand a picture on."""
+        """Show a picture."""
         self.canvas.set_state(caption=self._caption())
         self.canvas.push(number, frame, rest=not self.side.playing, **extent_of(self.side.past))
 
     def close(self) -> None:
-        """Part them."""
+        """Disconnect."""
         self.side.remove_viewer(self)
 
 
 @solara.component
 def Compare(session: Session) -> None:
-    """Show what is compared on the left, two worlds in the middle, and below them what comes of it."""
+    """Show the controls on the left, two worlds in the middle, and the results below them."""
     comparing = solara.use_memo(lambda: session.companion(Comparing), [])
     use_changes(comparing.runs.changed)
     below, choose_below = solara.use_state(OVER_SEEDS if comparing.runs.total else OVER_TIME)
@@ -354,7 +343,7 @@ def Compare(session: Session) -> None:
 
 @solara.component
 def Choices(comparing: Comparing) -> None:
-    """Show the panel in which one says what is compared."""
+    """Show the panel of controls."""
     panel = ControlPanel.element()
     solara.use_effect(lambda: ComparePanel(solara.get_widget(panel), comparing).close, [])
 
@@ -374,7 +363,7 @@ def World(comparing: Comparing, index: int) -> None:
 
 
 def captions(comparing: Comparing) -> tuple[str, str]:
-    """Return what the two worlds are called, as they were built.
+    """Return the names of the two worlds as built.
 
     Examples
     --------
@@ -390,7 +379,7 @@ def captions(comparing: Comparing) -> tuple[str, str]:
 
 @solara.component
 def Trouble(comparing: Comparing) -> None:
-    """Show on a card what went wrong in one of the worlds."""
+    """Show an error in one of the worlds on a card."""
     use_changes(comparing.pair.changed)
     fault = comparing.faults.get("worlds") or comparing.pair.error
     if fault:
@@ -403,7 +392,7 @@ def Curves(comparing: Comparing) -> None:
     picture, take = solara.use_state(b"")
 
     solara.use_effect(lambda: CurveThread(comparing.pair, lambda: captions(comparing), take).close, [])
-    Image(picture, "What both worlds report, over time", "swarm-curves")
+    Image(picture, "Reports of both worlds over time", "swarm-curves")
 
 
 @solara.component
@@ -418,7 +407,7 @@ def Image(picture: bytes, name: str, class_: str) -> None:
 
 @solara.component
 def Start(comparing: Comparing, on_start: Callable[[], None]) -> None:
-    """Show the button that starts the runs, and while they are under way how far they are."""
+    """Show the button that starts the runs, and their progress."""
     runs = comparing.runs
     use_changes(runs.changed)
     use_changes(comparing.pair.changed)
@@ -442,22 +431,22 @@ def Start(comparing: Comparing, on_start: Callable[[], None]) -> None:
 
 @solara.component
 def Result(comparing: Comparing) -> None:
-    """Show what came of the runs: a sentence, a table, a picture."""
+    """Show the results of the runs: a sentence, a table, a picture."""
     runs = comparing.runs
     use_changes(runs.changed)
     if runs.report:
         Found(runs.report)
     elif runs.running:
-        rv.Html(tag="p", class_="swarm-hint", children=["The runs are under way; the worlds above can be played."])
+        rv.Html(tag="p", class_="swarm-hint", children=["Runs in progress; the worlds above can be played."])
     else:
-        rv.Html(tag="p", class_="swarm-hint", children=["Start the comparison on the left to see what seeds say."])
+        rv.Html(tag="p", class_="swarm-hint", children=["Start the comparison on the left to see its results."])
 
 
 @solara.component
 def Found(report: Report) -> None:
     """Show a report."""
     with solara.Div(classes=["swarm-found"]):
-        with solara.Div(classes=["swarm-said"]):
+        with solara.Div(classes=["swarm-results"]):
             rv.Html(tag="p", class_="swarm-finding", attributes={"role": "status"}, children=[report.finding])
             solara.HTML(classes=["swarm-scroll"], unsafe_innerHTML=table_html(report.title, report.table))
             rv.Html(tag="p", class_="swarm-hint", children=[" ".join(report.notes)])
@@ -466,7 +455,7 @@ def Found(report: Report) -> None:
 
 
 def table_html(title: str, table: list[list[str]]) -> str:
-    """Return a table as HTML; whatever stands in it is text.
+    """Return a table as HTML; the cells are text.
 
     Examples
     --------

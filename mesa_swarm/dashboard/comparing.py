@@ -1,4 +1,4 @@
-"""What one user compares, and comparisons over many seeds in a process of their own."""
+"""Comparison of two worlds on one page, and comparisons over many seeds in their own processes."""
 
 import os
 import pickle
@@ -16,8 +16,8 @@ from typing import IO, Any, cast
 from joblib import cpu_count
 
 from mesa_swarm.dashboard.pair import NAMES, Pair
-from mesa_swarm.dashboard.session import LARGEST_SEED, Session, checked_wish
-from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, check_count, in_words
+from mesa_swarm.dashboard.session import LARGEST_SEED, Session, checked_setting, whole_number
+from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, in_words
 from mesa_swarm.experiments.compare import Comparison, run_plan
 from mesa_swarm.experiments.experiment import DEFAULT_STEPS
 from mesa_swarm.experiments.figures import comparison_figure, main_measure
@@ -29,20 +29,20 @@ from mesa_swarm.parameters import Choice, Parameter, Slider, parameters_of
 from mesa_swarm.viewing.pictures import png
 from mesa_swarm.viewing.play_loop import Listeners
 
-# So many comparisons are under way at the same time, of all who use this server.
+# Largest number of comparisons at the same time, of all users of this server.
 MOST_AT_ONCE = 2
-# News of progress are told so often at most, s.
-TELL_EVERY = 0.2
-# The processes give way to the page's.
+# Shortest time between notifications of progress, s.
+NOTIFY_EVERY = 0.2
+# The processes of comparisons have a lower priority than the page.
 NICENESS = 10
-# Of the picture, inches: smaller than for a projector, so that its letters are not.
+# Of the picture, inches: small, so that its text is large beside the table.
 SIZE = (8.6, 6.8)
 _under_way = threading.BoundedSemaphore(MOST_AT_ONCE)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Report:
-    """What came of a comparison, ready to be shown.
+    """Results of a comparison, ready to be shown.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class Report:
 
 
 def report_of(comparison: Comparison) -> Report:
-    """Return what there is to show of a comparison.
+    """Return the report of a comparison.
 
     Examples
     --------
@@ -88,18 +88,18 @@ def report_of(comparison: Comparison) -> Report:
 
 
 class ManyRuns:
-    """Does the runs of a plan in the background, one plan at a time.
+    """Carries out the runs of a plan in the background, one plan at a time.
 
     Attributes
     ----------
     changed : Listeners
-        Told of progress, and of the end; from another thread.
+        Notified of progress, and of the end; from another thread.
     done, total : int
         Runs.
     report : Report or None
-        What came of the last plan.
+        Results of the last plan.
     error : str
-        Why nothing came of it, empty if something did.
+        Why there are no results, empty if there are.
 
     Examples
     --------
@@ -114,7 +114,7 @@ class ManyRuns:
         self.report: Report | None = None
         self.error = ""
         self._process: subprocess.Popen | None = None
-        self._began = self._told = 0.0
+        self._began = self._notified = 0.0
         self._lock = threading.Lock()
 
     @property
@@ -124,7 +124,7 @@ class ManyRuns:
 
     @property
     def left(self) -> str:
-        """The time left, empty while that cannot be told."""
+        """The time left, empty before the first run is done."""
         if not self.running or not self.done:
             return ""
         seconds = (time.monotonic() - self._began) / self.done * (self.total - self.done)
@@ -154,7 +154,7 @@ class ManyRuns:
         self.changed.notify()
 
     def cancel(self) -> None:
-        """Stop what is under way, at once; nothing comes of it."""
+        """Stop what is under way, at once and without results."""
         with self._lock:
             process, self._process = self._process, None
             if process is not None:
@@ -164,15 +164,15 @@ class ManyRuns:
             self.changed.notify()
 
     def close(self) -> None:
-        """Stop what is under way, and forget everybody who listens."""
+        """Stop what is under way, and remove all listeners."""
         self.changed.clear()
         self.cancel()
         self.report = None
 
     def _follow(self, process: subprocess.Popen) -> None:
-        """Hear what the process says until it ends, and clean up after it."""
+        """Receive the messages of the process until it ends, and clean up after it."""
         try:
-            for kind, value in _heard(process):
+            for kind, value in _received(process):
                 if self._process is process:
                     self._take(kind, value)
         finally:
@@ -192,8 +192,8 @@ class ManyRuns:
     def _take(self, kind: str, value: Any) -> None:
         if kind == "run":
             self.done += 1
-            if time.monotonic() - self._told > TELL_EVERY:
-                self._told = time.monotonic()
+            if time.monotonic() - self._notified > NOTIFY_EVERY:
+                self._notified = time.monotonic()
                 self.changed.notify()
         elif kind == "report":
             self.report = value
@@ -202,19 +202,19 @@ class ManyRuns:
 
 
 def workers_for(plan: Plan) -> int:
-    """Return how many processes work at a plan: one less than there are cores, which is left to the page."""
+    """Return the number of processes for a plan: one less than the number of cores, which is left to the page."""
     return max(1, min(cpu_count() - 1, len(plan)))
 
 
 def _begun(plan: Plan) -> subprocess.Popen:
-    """Start the process, in a group of its own, and hand it the plan."""
+    """Start the process, in its own group, and send it the plan."""
     process = subprocess.Popen(
         [sys.executable, "-c", ending_with_us(f"from {__name__} import main; main()")],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         start_new_session=True,
     )
-    with suppress(BrokenPipeError):  # it has died already, which is heard soon
+    with suppress(BrokenPipeError):  # it has ended already, which is noticed soon
         to_it, _ = _pipes(process)
         pickle.dump((plan, workers_for(plan)), to_it)
         to_it.flush()
@@ -226,13 +226,13 @@ def _pipes(process: subprocess.Popen) -> tuple[IO[bytes], IO[bytes]]:
     return cast(IO[bytes], process.stdin), cast(IO[bytes], process.stdout)
 
 
-def _heard(process: subprocess.Popen) -> Iterator[tuple[str, Any]]:
-    """Yield what the process says."""
+def _received(process: subprocess.Popen) -> Iterator[tuple[str, Any]]:
+    """Yield the messages of the process."""
     _, from_it = _pipes(process)
     while True:
         try:
             yield pickle.load(from_it)
-        except Exception:  # its end, or half of what it said when it was killed
+        except Exception:  # its end, or half of a message when it was killed
             return
 
 
@@ -247,25 +247,25 @@ def _end(process: subprocess.Popen) -> None:
 
 
 def main() -> None:
-    """Do the runs of the plan that comes in, and say what comes of each."""
+    """Carry out the runs of the plan on stdin, and send the results."""
     plan, workers = pickle.load(sys.stdin.buffer)
-    said = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what models print is none of it
+    out = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what models print goes elsewhere
     if hasattr(os, "nice"):
         os.nice(NICENESS)
 
-    def say(kind: str, value: object) -> None:
-        pickle.dump((kind, value), said)
-        said.flush()
+    def send(kind: str, value: object) -> None:
+        pickle.dump((kind, value), out)
+        out.flush()
 
-    _do(plan, workers, say)
+    _do(plan, workers, send)
 
 
-def _do(plan: Plan, workers: int, say: Callable[[str, object], None]) -> None:
+def _do(plan: Plan, workers: int, send: Callable[[str, object], None]) -> None:
     try:
-        say("report", report_of(run_plan(plan, workers, heard=lambda run: say("run", run.rng))))
-    except Exception as problem:  # whatever a model raises
-        say("error", in_words(problem))
+        send("report", report_of(run_plan(plan, workers, heard=lambda run: send("run", run.rng))))
+    except Exception as problem:  # a model may raise anything
+        send("error", in_words(problem))
 
 
 FEWEST_SEEDS, MOST_SEEDS, USUAL_SEEDS = 2, 1000, 30
@@ -273,28 +273,28 @@ MOST_STEPS = 200_000
 
 
 class Comparing:
-    """A pair of worlds that differ in one parameter, and what comes of it over many seeds.
+    """A pair of worlds that differ in one parameter, and its effect over many seeds.
 
-    All other parameters are those that are set for the same model on the page where one world is watched.
+    All other parameters are those set for the same model on the Watch page.
 
     Parameters
     ----------
     session : Session
-        Of whoever compares; its model and seed are taken to begin with.
+        Its model and seed are the first ones here.
 
     Attributes
     ----------
     pair : Pair
     runs : ManyRuns
     name, parameter : str
-        The model, and what is different in the two worlds.
+        The model, and the parameter that differs between the worlds.
     values : list of two
     seed, seeds, steps : int
-        Seed of the two worlds; how many seeds are compared, for how many steps each.
+        Seed of the two worlds; number of seeds that are compared, and steps of each run.
     faults : dict of str
-        What is wrong with what was asked for, by "A", "B", "seed", "seeds", "steps" or "runs".
+        Why a setting was refused, by "A", "B", "seed", "seeds", "steps" or "runs".
     built : dict
-        What the two worlds were built from.
+        Settings of the two worlds as built.
 
     Examples
     --------
@@ -319,22 +319,22 @@ class Comparing:
         return {one.name: one for one in known if one.name == "map" or isinstance(one.control, (Choice, Slider))}
 
     @property
-    def settings(self) -> dict[str, Any]:
-        """All parameters that are not the model's defaults, but for the one that is compared."""
+    def shared_settings(self) -> dict[str, Any]:
+        """All parameters that differ from the model's defaults, except the compared one."""
         session = self.session
         if session.name != self.name:
             return {}
-        wished = {name: value for name, value in session.wishes.items() if value != self.parameters[name].default}
-        wished.pop(self.parameter, None)
-        return {name: self._meant(name, value) for name, value in wished.items()}
+        requested = {name: value for name, value in session.settings.items() if value != self.parameters[name].default}
+        requested.pop(self.parameter, None)
+        return {name: self._meant(name, value) for name, value in requested.items()}
 
     @property
     def waiting(self) -> frozenset[str]:
-        """Of "A", "B" and "seed" those that will be as wished only after a reset."""
-        return frozenset(name for name, value in self._wished().items() if self.built.get(name) != value)
+        """Of "A", "B" and "seed" those that will be as requested only after a reset."""
+        return frozenset(name for name, value in self._requested().items() if self.built.get(name) != value)
 
     def choose_model(self, name: str) -> None:
-        """Compare another model, in what it says of itself that is worth comparing."""
+        """Compare another model, in the parameter that it suggests."""
         self.name = check_choice("model", name, model_names())
         self.model_class = find_model(name)
         self.parameters = parameters_of(self.model_class)
@@ -348,46 +348,46 @@ class Comparing:
         self.faults = {}
         self.reset()
 
-    def wish(self, side: str, value: Any) -> None:
-        """Wish for a value in world A or B, from the next reset on."""
+    def set_value(self, side: str, value: Any) -> None:
+        """Set the value in world A or B, from the next reset on."""
         try:
             self.values[NAMES.index(side)] = self._checked(value)
             self.faults.pop(side, None)
-        except Exception as problem:  # what is wrong with a wish is said beside it
+        except Exception as problem:  # shown beside the control
             self.faults[side] = in_words(problem)
         self.pair.changed.notify()
 
     def set_count(self, name: str, text: str | int) -> None:
-        """Set the "seed" of the two worlds, how many "seeds" are compared, or the "steps" of each run."""
+        """Set the "seed" of the two worlds, the number of "seeds", or the "steps" of each run."""
         low, high = {"seed": (0, LARGEST_SEED), "seeds": (FEWEST_SEEDS, MOST_SEEDS), "steps": (1, MOST_STEPS)}[name]
         try:
-            setattr(self, name, check_count(name, _whole(name, text), minimum=low, maximum=high))
+            setattr(self, name, whole_number(name, text, low, high))
             self.faults.pop(name, None)
         except InvalidValueError as problem:
             self.faults[name] = str(problem)
         self.pair.changed.notify()
 
     def reset(self) -> None:
-        """Stop, and build both worlds as wished."""
-        self.built, models = self._wished(), (None, None)
+        """Stop, and build both worlds as requested."""
+        self.built, models = self._requested(), (None, None)
         self.faults.pop("worlds", None)
         try:
             models = self._models()
-        except Exception as problem:  # whatever a model raises is shown, or the page would be dead
+        except Exception as problem:  # a model may raise anything; it is shown
             self.faults["worlds"] = in_words(problem)
         self.pair.place(*models)
 
     def plan(self) -> Plan:
-        """Return what the comparison over many seeds will do.
+        """Return the plan of the comparison over many seeds.
 
         Raises
         ------
         SwarmError
-            If it cannot be done.
+            If it is not permitted.
         """
         values = [self._meant(self.parameter, value) for value in self.values]
         return checked_plan(
-            self.model_class, self.parameter, values, self.seeds, steps=self.steps, settings=self.settings
+            self.model_class, self.parameter, values, self.seeds, steps=self.steps, settings=self.shared_settings
         )
 
     def start(self) -> None:
@@ -401,36 +401,36 @@ class Comparing:
         self.pair.changed.notify()
 
     def close(self) -> None:
-        """Stop everything, and let go of it."""
+        """Stop and release everything."""
         self.runs.close()
         self.pair.close()
 
-    def _wished(self) -> dict[str, Any]:
+    def _requested(self) -> dict[str, Any]:
         first, second = self.values
         return {"A": first, "B": second, "seed": self.seed}
 
     def _models(self) -> tuple:
-        settings = self.settings
+        settings = self.shared_settings
         return tuple(
             self.model_class(**settings, **{self.parameter: self._meant(self.parameter, value)}, rng=self.seed)
             for value in self.values
         )
 
     def _meant(self, name: str, value: Any) -> Any:
-        """Return an uploaded map for its name."""
+        """Return the uploaded map of this name, or the value itself."""
         return self.session.uploads.get(value, value) if name == "map" else value
 
     def _checked(self, value: Any) -> Any:
         parameter = self.choices[self.parameter]
         if parameter.name == "map":
             return check_choice("map", value, self.session.map_names())
-        return checked_wish(parameter, value)
+        return checked_setting(parameter, value)
 
 
 def two_values(model_class: type, parameter: Parameter, maps: list[str]) -> list:
     """Return two values of a parameter that are worth comparing.
 
-    Those that the model names; else the first two of a list, or the default and the end of the slider farther away.
+    Those that the model suggests; else the first two of a list, or the default and the farther end of the slider.
 
     Examples
     --------
@@ -447,10 +447,3 @@ def two_values(model_class: type, parameter: Parameter, maps: list[str]) -> list
         return [default, parameter.kind(ends[0])]
     options = list(control.options) if isinstance(control, Choice) and parameter.name != "map" else maps
     return (options * 2)[:2]
-
-
-def _whole(name: str, text: str | int) -> int:
-    try:
-        return int(text)
-    except ValueError:
-        raise InvalidValueError(f"{name} is {text!r:.60}; expected a whole number") from None

@@ -1,15 +1,17 @@
-"""The panel: sliders, lists, fields, and the designer of fire constants."""
+"""The panel of controls: sliders, lists, fields, and the designer of fire constants."""
 
 import math
 import secrets
 import threading
 import warnings
+from collections.abc import Sequence
 from typing import Any
 
 import anywidget
 import traitlets
 
 from mesa_swarm.dashboard.session import LIVE, Session
+from mesa_swarm.dashboard.widgets import Link
 from mesa_swarm.errors import FireConstantsWarning, InvalidValueError, SwarmError
 from mesa_swarm.fire import FireConstants, design_constants
 from mesa_swarm.parameters import Choice, Parameter, Slider
@@ -17,10 +19,10 @@ from mesa_swarm.viewing.canvas_widget import text_of
 from mesa_swarm.viewing.readings import value_text
 
 # name: (label, help, least, step, most)
-WISHES = {
+REQUIREMENTS = {
     "growth_time": ("growth time", "steps in which a fire that is left alone grows from T = 0 to 1", 100, 50, 10_000),
-    "robots": ("robots needed", "so many put out a fire of the largest size ...", 0.5, 0.5, 20),
-    "extinguish_time": ("extinguish time", "... in so many steps", 50, 50, 10_000),
+    "robots": ("robots needed", "to put out a fire of the largest size in the extinguish time", 0.5, 0.5, 20),
+    "extinguish_time": ("extinguish time", "steps in which these robots put it out", 50, 50, 10_000),
     "balance_temperature": (
         "balance temperature",
         "of the largest fire: heating and cooling balance",
@@ -40,28 +42,24 @@ USUAL = {
     "rest_time": 60.0,
 }
 CONSTANTS = ("k1", "k2", "k3", "k4", "leave", "join")
-# What silences a warning is the whole process's: one at a time.
+# Warning filters belong to the whole process, so one thread at a time changes them.
 _SILENCE = threading.Lock()
 
 
 class Designer:
-    """Wishes of what fires and robots are like, made into the constants of a session's model.
-
-    Parameters
-    ----------
-    session : Session
+    """The constants of a session's model, designed from required properties of fires and robots.
 
     Examples
     --------
     >>> designer = Designer(Session("fire_fighting"))
-    >>> designer.wish("growth_time", 1000)
-    >>> round(designer.session.wishes["k1"], 6)
+    >>> designer.require("growth_time", 1000)
+    >>> round(designer.session.settings["k1"], 6)
     0.000693
     """
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self.wishes = dict(USUAL)
+        self.requirements = dict(USUAL)
         self._constants: FireConstants | None = None
         self._warned: tuple[str, ...] = ()
         self._fault = ""
@@ -71,9 +69,9 @@ class Designer:
         """Whether the model has the constants."""
         return set(CONSTANTS) <= self.session.parameters.keys()
 
-    def wish(self, name: str, value: float) -> None:
-        """Wish for a property, and set the constants that give it."""
-        self.wishes[name] = float(value)
+    def require(self, name: str, value: float) -> None:
+        """Require a property, and set the constants that give it."""
+        self.requirements[name] = float(value)
         try:
             self._constants, self._warned = self._designed()
             self._fault = ""
@@ -81,21 +79,21 @@ class Designer:
             self._fault = str(error)
             self.session.changed.notify()
         else:
-            self.session.wish_all({key: getattr(self._constants, key) for key in CONSTANTS})
+            self.session.set_parameters({key: getattr(self._constants, key) for key in CONSTANTS})
 
     def notes(self) -> list[tuple[str, str]]:
-        """Return what there is to say of the constants, each "warning", "remark" or "fault" with its text."""
+        """Return remarks on the constants, each "warning", "remark" or "fault" with its text."""
         if not self.fits:
             return []
         if self._fault:
             return [("fault", self._fault)]
         constants, warned = (self._constants, self._warned) if self._constants else self._designed()
-        if any(self.session.wishes[key] != getattr(constants, key) for key in CONSTANTS):
-            return [("remark", "k1 to k4, leave or join were set by hand; a wish sets all of them anew")]
+        if any(self.session.settings[key] != getattr(constants, key) for key in CONSTANTS):
+            return [("remark", "k1 to k4, leave or join were set by hand; any of these sliders sets all of them again")]
         return [("warning" if remark in warned else "remark", remark) for remark in constants.remarks]
 
     def fields(self) -> list[dict[str, Any]]:
-        """Return the sliders of the wishes."""
+        """Return the sliders of the requirements."""
         return [
             {
                 "name": name,
@@ -103,43 +101,45 @@ class Designer:
                 "help": text,
                 "kind": "slider",
                 "live": True,
-                "wish": True,
+                "designed": True,
                 "low": 0,
                 "high": _places(name),
             }
-            for name, (label, text, *_) in WISHES.items()
+            for name, (label, text, *_) in REQUIREMENTS.items()
         ]
 
     def place(self, name: str, place: int) -> None:
-        """Wish for the value at a slider's place."""
-        _, _, least, step, _ = WISHES[name]
-        self.wish(name, round(least + place * step, 6))
+        """Require the value at a position of a slider."""
+        _, _, least, step, _ = REQUIREMENTS[name]
+        self.require(name, round(least + place * step, 6))
 
     def values(self) -> dict[str, dict[str, Any]]:
-        """Return how the sliders are set."""
-        return {name: self._value(name, value) for name, value in self.wishes.items()}
+        """Return the values of the sliders."""
+        return {name: self._value(name, value) for name, value in self.requirements.items()}
 
     @staticmethod
     def _value(name: str, value: float) -> dict[str, Any]:
-        _, _, least, step, _ = WISHES[name]
+        _, _, least, step, _ = REQUIREMENTS[name]
         return {"text": f"{value:g}", "place": round((value - least) / step), "fault": "", "waits": False}
 
     def _designed(self) -> tuple[FireConstants, tuple[str, ...]]:
         model = self.session.model
         largest = float(model.fires.area.max()) if model is not None and len(model.fires) else 16.0
-        start = float(self.session.wishes.get("initial_temperature", 1.0))
+        start = float(self.session.settings.get("initial_temperature", 1.0))
         with _SILENCE, warnings.catch_warnings(record=True) as heard:
             warnings.simplefilter("always", FireConstantsWarning)
-            constants = design_constants(**self.wishes, initial_temperature=start, area=largest, largest_area=largest)
+            constants = design_constants(
+                **self.requirements, initial_temperature=start, area=largest, largest_area=largest
+            )
         return constants, tuple(str(warning.message) for warning in heard)
 
 
 def _places(name: str) -> int:
-    _, _, least, step, most = WISHES[name]
+    _, _, least, step, most = REQUIREMENTS[name]
     return round((most - least) / step)
 
 
-# Groups, each with the beginnings or words of names that belong to it; a name goes to the first that fits.
+# Groups of parameters; the others belong to "Behaviour".
 GROUPS = {
     "Robots": ("n_robots", "design", "max_speed", "cruise_speed", "speed", "sight", "sensors"),
     "World": ("map", "load", "resistance", "initial_temperature", "history_every"),
@@ -153,42 +153,33 @@ LARGEST_RANDOM_SEED = 999_999
 
 
 class ControlPanel(anywidget.AnyWidget):
-    """Sliders, lists and fields in the browser, which tell what the user does to them.
+    """Sliders, lists and fields in the browser, which send what the user sets.
 
     Parameters
     ----------
     bare : bool
-        Whether there is neither a seed nor a button for defaults.
+        Whether the seed and the button for defaults are left out.
     """
 
     _esm = text_of("viewing/elements.js", "dashboard/panel.js")
-    _css = text_of("dashboard/panel.css")
     bare = traitlets.Bool(False).tag(sync=True)
     groups: traitlets.List[dict[str, Any]] = traitlets.List().tag(sync=True)
     values = traitlets.Dict().tag(sync=True)
     notes: traitlets.List[list[str]] = traitlets.List().tag(sync=True)
 
 
-class Panel:
-    """Lets a control panel show and change a session.
-
-    Parameters
-    ----------
-    widget : ControlPanel
-    session : Session
-    """
+class Panel(Link):
+    """Connects a control panel and a session."""
 
     def __init__(self, widget: ControlPanel, session: Session) -> None:
         self.widget, self.session = widget, session
         self.designer = Designer(session)
-        self._leave = session.changed.add(self.refresh)
         self._shown: tuple = ()
-        self._hear = lambda _, message, buffers: self.act(message, buffers)
-        widget.on_msg(self._hear)
+        self.connect(widget, session.changed.add(self.refresh))
         self.refresh()
 
     def refresh(self) -> None:
-        """Show how everything is set."""
+        """Show all values."""
         session = self.session
         shown = session.name, tuple(session.map_names())
         if shown != self._shown:
@@ -198,37 +189,32 @@ class Panel:
         self.widget.values = values
         self.widget.notes = [list(note) for note in self.designer.notes()]
 
-    def act(self, message: dict, buffers: list) -> None:
-        """Do what the user asks for."""
+    def act(self, message: dict, buffers: Sequence = ()) -> None:
+        """Carry out a message from the browser."""
         session, name = self.session, message.get("name", "")
         value: Any = message.get("value")
         match message.get("do"):
             case "place" if name in session.parameters:
-                session.wish(name, value_at(int(value), session.parameters[name]))
-            case "place" if name in self.designer.wishes:
+                session.set_parameter(name, value_at(int(value), session.parameters[name]))
+            case "place" if name in self.designer.requirements:
                 self.designer.place(name, int(value))
             case "text" if name == "seed":
                 session.set_seed(str(value))
             case "text" | "choose" if name in session.parameters:
-                session.wish(name, str(value))
+                session.set_parameter(name, str(value))
             case "random":
                 session.set_seed(secrets.randbelow(LARGEST_RANDOM_SEED))
                 session.reset()
             case "defaults":
-                session.wish_defaults()
+                session.set_defaults()
             case "reset":
                 session.reset()
             case "upload" if buffers and "map" in session.parameters:
                 session.upload(str(name), bytes(buffers[0]))
 
-    def close(self) -> None:
-        """Part them."""
-        self._leave()
-        self.widget.on_msg(self._hear, remove=True)
-
 
 def groups_of(session: Session) -> list[dict[str, Any]]:
-    """Return all controls in groups, as the panel wants them.
+    """Return all controls in groups, in the format of the panel.
 
     Examples
     --------
@@ -259,7 +245,7 @@ def group_of(name: str) -> str:
 
 
 def field_of(parameter: Parameter, session: Session) -> dict[str, Any] | None:
-    """Return one control, None for what the page cannot set."""
+    """Return one control, None for a parameter that the page cannot set."""
     about: dict[str, Any] = {"name": parameter.name, "label": label_of(parameter.name), "help": parameter.help}
     about["live"] = parameter.name in LIVE
     if parameter.name == "map":
@@ -273,7 +259,7 @@ def field_of(parameter: Parameter, session: Session) -> dict[str, Any] | None:
 
 
 def label_of(name: str) -> str:
-    """Return a parameter's name as people write it.
+    """Return a parameter's name as a label.
 
     Examples
     --------
@@ -297,10 +283,10 @@ def slider_of(parameter: Parameter) -> Slider:
 
 
 def places_of(parameter: Parameter) -> tuple[int, int]:
-    """Return the places of the ends of a slider, counted in its steps from the default.
+    """Return the positions of the ends of a slider, counted in its steps from the default.
 
-    Browsers move a slider to the nearest step: counted from anywhere else, that would change a default such as
-    k1 = ln 2 / 2000 without being asked.
+    Browsers move a slider to the nearest step: counted from another origin, this would change a default such as
+    k1 = ln 2 / 2000.
 
     Examples
     --------
@@ -313,7 +299,7 @@ def places_of(parameter: Parameter) -> tuple[int, int]:
 
 
 def value_at(place: int, parameter: Parameter) -> float:
-    """Return the value at a slider's place, within its range.
+    """Return the value at a slider's position, within its range.
 
     Examples
     --------
@@ -327,7 +313,7 @@ def value_at(place: int, parameter: Parameter) -> float:
 
 
 def place_of(value: float, parameter: Parameter) -> int:
-    """Return the place of a slider that is nearest to a value.
+    """Return the position of a slider that is nearest to a value.
 
     Examples
     --------
@@ -339,14 +325,18 @@ def place_of(value: float, parameter: Parameter) -> int:
 
 
 def values_of(session: Session) -> dict[str, dict[str, Any]]:
-    """Return how each control is set, whether it waits for a reset, and what is wrong with it."""
-    values: dict[str, dict[str, Any]] = {"seed": {"text": str(session.seed)}}
-    for name, parameter in session.parameters.items():
-        value = session.wishes[name]
-        values[name] = {"text": value_text(value)}
-        if isinstance(parameter.control, Slider):
-            values[name]["place"] = place_of(value, parameter)
-    for name, entry in values.items():
-        entry["waits"] = name in session.waiting
-        entry["fault"] = session.faults.get(name, "")
-    return values
+    """Return the value of each control, whether it waits for a reset, and its fault."""
+    values = {name: value_of(session.settings[name], parameter) for name, parameter in session.parameters.items()}
+    return with_faults({"seed": {"text": str(session.seed)}} | values, session)
+
+
+def value_of(value: Any, parameter: Parameter) -> dict[str, Any]:
+    """Return the value of a control: its text, and the position of its slider if it has one."""
+    place = {"place": place_of(value, parameter)} if isinstance(parameter.control, Slider) else {}
+    return {"text": value_text(value), "waits": False, "fault": ""} | place
+
+
+def with_faults(values: dict[str, dict[str, Any]], source: Any) -> dict[str, dict[str, Any]]:
+    """Return values of controls with the `waiting` and `faults` of a session or a comparison."""
+    marks = {name: {"waits": name in source.waiting, "fault": source.faults.get(name, "")} for name in values}
+    return {name: value | marks[name] for name, value in values.items()}

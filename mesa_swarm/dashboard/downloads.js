@@ -1,7 +1,7 @@
-/* Files that Python hands over in pieces, so that none of them fills a connection. Put before a widget's module, after
+/* Files that Python sends in pieces, so that none blocks the connection. Put before a widget's module, after
    elements.js. */
 
-/** Hand a file to the user. */
+/** Save a file for the user. */
 function save(name, blob) {
   const link = make("a", { href: URL.createObjectURL(blob), download: name });
   document.body.append(link);
@@ -10,15 +10,15 @@ function save(name, blob) {
   setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
 }
 
-class Downloads {
+class ReceivedFiles {
   #model; #files = new Map();
 
   constructor(model) {
     this.#model = model;
   }
 
-  /** Take a message that belongs to a file; tell whether it did. */
-  hear(message, buffers) {
+  /** Take a message that belongs to a file; return whether it does. */
+  receive(message, buffers) {
     if (message.kind !== "file") return false;
     const { number, name, type, last } = message, pieces = this.#files.get(number) ?? [];
     const bytes = buffers[0];

@@ -1,26 +1,26 @@
-/* Export from the page. Python says what can be made (kinds) and how things are (told); the user asks for a file, which
-   comes piece by piece (downloads.js), or switches recording on. What is on screen never leaves the browser. */
+/* Export from the page. Python sends the kinds of files (kinds) and the state (status); the user requests a file, which
+   arrives in pieces (downloads.js), or switches recording on. A picture of the screen is made in the browser. */
 
 const SCREEN = ["screen", "Picture as on screen (PNG)", false];
 
 class ExportForm {
-  #model; #root; #parts = {}; #downloads; #leave = []; #asked = false;
+  #model; #root; #parts = {}; #downloads; #leave = []; #requested = false;
 
   constructor(model, root) {
     this.#model = model;
     this.#root = root;
-    this.#downloads = new Downloads(model);
+    this.#downloads = new ReceivedFiles(model);
     root.classList.add("swarm-export");
     this.#build(root);
-    for (const [name, act] of [["kinds", () => this.#list()], ["told", () => this.#tell()]]) {
+    for (const [name, act] of [["kinds", () => this.#list()], ["status", () => this.#show()]]) {
       model.on(`change:${name}`, act);
       this.#leave.push(() => model.off(`change:${name}`, act));
     }
-    const hear = (message, buffers) => this.#downloads.hear(message, buffers);
-    model.on("msg:custom", hear);
-    this.#leave.push(() => model.off("msg:custom", hear));
+    const receive = (message, buffers) => this.#downloads.receive(message, buffers);
+    model.on("msg:custom", receive);
+    this.#leave.push(() => model.off("msg:custom", receive));
     this.#list();
-    this.#tell();
+    this.#show();
   }
 
   destroy() {
@@ -31,8 +31,8 @@ class ExportForm {
     const parts = this.#parts, send = (message) => this.#model.send(message);
     parts.record = make("button", { type: "button", "aria-pressed": "false", click: () => send({ do: "record", value: parts.record.getAttribute("aria-pressed") !== "true" }) }, make("i"), make("span", {}, "Record"));
     parts.recorded = make("p", { class: "swarm-hint" });
-    parts.kind = make("select", { "aria-label": "What to make", change: () => this.#tell() });
-    parts.source = make("select", { "aria-label": "Of which steps" });
+    parts.kind = make("select", { "aria-label": "Kind of file", change: () => this.#show() });
+    parts.source = make("select", { "aria-label": "Source of steps" });
     parts.every = make("select", { "aria-label": "Steps in the table" }, ...[1, 10, 100].map((every) => make("option", { value: every }, every === 1 ? "every step" : `every ${every} steps`)));
     parts.sectors = make("input", { type: "checkbox" });
     parts.trails = make("input", { type: "checkbox" });
@@ -46,7 +46,7 @@ class ExportForm {
     parts.message = make("p", { class: "swarm-hint", role: "status" });
     parts.fault = make("p", { class: "swarm-fault", role: "alert" });
     root.append(make("div", { class: "swarm-head" }, make("h2", {}, "Export"), parts.record), parts.recorded,
-      make("div", { class: "swarm-wish" }, parts.kind, parts.source, parts.every, parts.sectorsLabel, parts.trailsLabel, parts.start),
+      make("div", { class: "swarm-options" }, parts.kind, parts.source, parts.every, parts.sectorsLabel, parts.trailsLabel, parts.start),
       parts.busy, parts.message, parts.fault);
   }
 
@@ -59,43 +59,43 @@ class ExportForm {
     const chosen = this.#parts.kind.value;
     this.#parts.kind.replaceChildren(...this.#kinds.map(([key, label]) => make("option", { value: key }, label)));
     if ([...this.#parts.kind.options].some((option) => option.value === chosen)) this.#parts.kind.value = chosen;
-    this.#tell();
+    this.#show();
   }
 
-  #tell() {
-    const told = this.#model.get("told"), parts = this.#parts;
-    if (told.doing === undefined) return;
+  #show() {
+    const status = this.#model.get("status"), parts = this.#parts;
+    if (status.doing === undefined) return;
     const [kind, , whole] = this.#kinds.find(([key]) => key === parts.kind.value) ?? ["", "", false];
-    parts.record.setAttribute("aria-pressed", told.recording);
-    parts.record.lastChild.textContent = told.recording ? "Stop recording" : "Record";
-    parts.record.title = told.recording ? "Record no more; what was recorded stays" : "Record from the next step on; what was recorded before is replaced";
-    parts.recorded.hidden = !(told.recorded || told.ended);
-    parts.recorded.textContent = told.ended || (told.recorded && `Recorded: ${told.recorded}`);
-    this.#sources(told, whole);
+    parts.record.setAttribute("aria-pressed", status.recording);
+    parts.record.lastChild.textContent = status.recording ? "Stop recording" : "Record";
+    parts.record.title = status.recording ? "Stop recording; the recorded steps stay" : "Record from the next step on; replaces the recording before";
+    parts.recorded.hidden = !(status.recorded || status.ended);
+    parts.recorded.textContent = status.ended || (status.recorded && `Recorded: ${status.recorded}`);
+    this.#sources(status, whole);
     parts.every.hidden = !kind.includes(".");
     parts.sectorsLabel.hidden = !["png", "svg", "gif", "mp4"].includes(kind);
     parts.trailsLabel.hidden = !["gif", "mp4"].includes(kind);
-    const busy = Boolean(told.doing);
+    const busy = Boolean(status.doing);
     parts.busy.hidden = !busy;
     parts.start.disabled = kind !== SCREEN[0] && (busy || (whole && !parts.source.value));
-    parts.doing.textContent = told.doing;
-    if (told.progress === null) parts.bar.removeAttribute("value");
-    else parts.bar.value = told.progress;
-    parts.message.textContent = told.message;
-    parts.message.hidden = !told.message;
-    parts.fault.textContent = told.fault;
-    parts.fault.hidden = !told.fault;
-    if (this.#asked && !busy && (told.fault || told.message)) {
-      this.#asked = false;
-      parts[told.fault ? "fault" : "message"].scrollIntoView({ block: "nearest" });
+    parts.doing.textContent = status.doing;
+    if (status.progress === null) parts.bar.removeAttribute("value");
+    else parts.bar.value = status.progress;
+    parts.message.textContent = status.message;
+    parts.message.hidden = !status.message;
+    parts.fault.textContent = status.fault;
+    parts.fault.hidden = !status.fault;
+    if (this.#requested && !busy && (status.fault || status.message)) {
+      this.#requested = false;
+      parts[status.fault ? "fault" : "message"].scrollIntoView({ block: "nearest" });
     }
   }
 
-  #sources(told, whole) {
+  #sources(status, whole) {
     const list = this.#parts.source, chosen = list.value, options = [];
-    if (told.steps) options.push(["run", `the run so far: steps 1 to ${told.steps.toLocaleString("en")}`]);
-    if (told.recorded) options.push(["tape", `recorded: ${told.recorded}`]);
-    if (!options.length) options.push(["", told.straight ? "no steps yet" : "changed on the way: record it"]);
+    if (status.steps) options.push(["run", `the run so far: steps 1 to ${status.steps.toLocaleString("en")}`]);
+    if (status.recorded) options.push(["recording", `recorded: ${status.recorded}`]);
+    if (!options.length) options.push(["", status.straight ? "no steps yet" : "changed while running: record it"]);
     const text = JSON.stringify(options);
     if (list.dataset.options !== text && document.activeElement !== list) {
       list.dataset.options = text;
@@ -109,14 +109,14 @@ class ExportForm {
     const { kind, source, every, sectors, trails } = this.#parts;
     if (kind.value === SCREEN[0]) return this.#saveScreen();
     const value = { kind: kind.value, source: source.value || "run", every: Number(every.value), sectors: sectors.checked, trails: trails.checked };
-    this.#asked = true;
+    this.#requested = true;
     return this.#model.send({ do: "export", value });
   }
 
   /** Save the canvas as it is: zoomed, with what is shown, in the pixels of the screen. */
   #saveScreen() {
     const canvas = this.#root.closest(".swarm-watch").querySelector(".swarm-stage canvas");
-    const name = `${this.#model.get("told").name}_${canvas.step}_screen.png`;
+    const name = `${this.#model.get("status").name}_${canvas.step}_screen.png`;
     canvas.toBlob((picture) => picture && save(name, picture), "image/png");
   }
 }

@@ -1,4 +1,4 @@
-"""Files of a run made in the background, and the switch that records it."""
+"""Export from the page: files of a run made in the background, and the switch that records it."""
 
 import re
 import shutil
@@ -6,14 +6,19 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from io import BufferedReader
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, cast
 
+import anywidget
+import solara
+import traitlets
+
 from mesa_swarm.dashboard.session import Session
+from mesa_swarm.dashboard.widgets import Downloads, Link
 from mesa_swarm.errors import (
     ExportError,
     InvalidValueError,
@@ -27,21 +32,46 @@ from mesa_swarm.experiments.pool import ending_with_us
 from mesa_swarm.model import Observer
 from mesa_swarm.recording.recorder import Recorder, record
 from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.viewing.canvas_widget import text_of
 from mesa_swarm.viewing.pictures import Shown, frame_and_scene, png, svg, world_figure
+from mesa_swarm.viewing.player import PackedFrame
 
-# Of one recording, bytes.
+# Largest size of a recording, bytes.
 MOST_BYTES = 300_000_000
-# Steps from one look at the file's size to the next.
+# Steps between checks of the file's size.
 LOOK_EVERY = 50
+# Kinds of files with their labels; those with a dot are tables.
+KINDS = {
+    "png": "Picture (PNG)",
+    "svg": "Picture (SVG)",
+    "gif": "Animation (GIF)",
+    "mp4": "Film (MP4)",
+    "html": "Page that replays it (HTML)",
+    "arrow": "Recording (.arrow)",
+    "robots.csv": "Table of robots (CSV)",
+    "robots.parquet": "Table of robots (Parquet)",
+    "fires.csv": "Table of fires (CSV)",
+    "fires.parquet": "Table of fires (Parquet)",
+}
+PICTURES = ("png", "svg")
+SOURCES = ("run", "recording")
+MOST_ROWS = 5_000_000
+LARGEST_DOWNLOAD = 500_000_000
+# A repeated run lets other threads work after this time, s.
+TURN = 0.02
+PERCENT = re.compile(r"(\d+) %")
+COMMAND = "import sys; from mesa_swarm.cli import main; sys.exit(main())"
+# Shortest time between updates of the progress and the recorded steps, s.
+EVERY = 0.25
 
 
-class Tape(Observer):
-    """Records a model from now on, one recording at a time.
+class RecordingSwitch(Observer):
+    """Records a model from the next step on, one recording at a time.
 
     Parameters
     ----------
     folder : Path
-        Where the file is; it must be there when recording begins.
+        Of the file; it must exist when recording begins.
     most_bytes : int
         Recording ends when the file is larger.
 
@@ -51,16 +81,16 @@ class Tape(Observer):
     first, last : int
         Steps that were recorded; `last` is below `first` if none was.
     ended : str
-        Why it ended by itself, empty if it did not.
+        Why recording stopped before it was switched off, empty if it did not.
 
     Examples
     --------
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     tape, model = Tape(Path(folder)), SwarmModel(rng=1)
-    ...     tape.start(model)
-    ...     tape.stop() if model.run(5) else None
-    ...     tape.words
+    ...     switch, model = RecordingSwitch(Path(folder)), SwarmModel(rng=1)
+    ...     switch.start(model)
+    ...     switch.stop() if model.run(5) else None
+    ...     switch.words
     'steps 1 to 5'
     """
 
@@ -79,7 +109,7 @@ class Tape(Observer):
 
     @property
     def model(self) -> SwarmModel | None:
-        """What is recorded now."""
+        """The model that is recorded, None if none is."""
         return self._model
 
     @property
@@ -88,7 +118,7 @@ class Tape(Observer):
         return f"steps {self.first:,} to {self.last:,}" if self.last >= self.first else ""
 
     def start(self, model: SwarmModel) -> None:
-        """Record a model from its next step on; what was recorded before is replaced by the first rows."""
+        """Record a model from its next step on; the first rows replace the recording before."""
         self.stop()
         self._recorder = record(model, self.path, overwrite=True)
         self._model, self.ended = model, ""
@@ -97,30 +127,30 @@ class Tape(Observer):
         model.observers.append(self)
 
     def after_step(self, model: SwarmModel, step: int) -> None:
-        """Take note of a step; called by the model when its class may still have more to do in this step."""
+        """Note a step; called by the model before its class has finished the step."""
         if self.running:
             self.last = step
 
     def between_steps(self, model: SwarmModel) -> None:
-        """End the recording if it must; called by the model when nothing of the step is left to do."""
+        """End the recording at an error or its limit; called by the model after a complete step."""
         recorder = self._recorder
         if recorder is None:
             return
         if recorder.closed:
             self._note_what_is_left(recorder.written.rows)
-            self._end("the recording could not be written any more")
+            self._end("the recording could not be continued")
         elif model.completed % LOOK_EVERY == 0 and recorder.written.end > self.most_bytes:
             self._end(f"the recording has {self.most_bytes / 1e6:,.0f} MB, which is the limit")
 
     def stop(self) -> None:
-        """Record no more; what was recorded stays."""
+        """Stop recording; the recorded steps stay."""
         recorder, model = self._recorder, self._model
         self._recorder = self._model = None
         if model is not None and self in model.observers:
             model.observers.remove(self)
         if recorder is None:
             return
-        failed = recorder.closed  # it has closed itself
+        failed = recorder.closed  # at an error
         try:
             recorder.close()
         except RecordingError:
@@ -131,17 +161,17 @@ class Tape(Observer):
                 self._note_what_is_left(recorder.written.rows)
 
     def close(self) -> None:
-        """Stop; called when a run is broken off."""
+        """Stop; called when a run is interrupted."""
         self.stop()
 
     def copy(self, path: Path) -> None:
-        """Copy what was recorded so far."""
+        """Copy the recording so far."""
         if self._recorder is not None and not self._recorder.closed:
             self._recorder.flush()
         shutil.copyfile(self.path, path)
 
     def _note_what_is_left(self, rows: int) -> None:
-        """Take note of which steps the file holds after a failure: without new rows those that it held before."""
+        """Note the steps in the file after a failure: without new rows those from before."""
         self.first, self.last = (self.first, self.first + rows - 1) if rows else self._before
 
     def _end(self, why: str) -> None:
@@ -149,49 +179,26 @@ class Tape(Observer):
         self.ended = f"{why}; it ended at step {self.last:,}"
 
 
-# What can be made, and what it is called; those with a dot are tables.
-KINDS = {
-    "png": "Picture (PNG)",
-    "svg": "Picture (SVG)",
-    "gif": "Animation (GIF)",
-    "mp4": "Film (MP4)",
-    "html": "Page that replays it (HTML)",
-    "arrow": "Recording (.arrow)",
-    "robots.csv": "Table of robots (CSV)",
-    "robots.parquet": "Table of robots (Parquet)",
-    "fires.csv": "Table of fires (CSV)",
-    "fires.parquet": "Table of fires (Parquet)",
-}
-PICTURES = ("png", "svg")
-SOURCES = ("run", "tape")
-MOST_ROWS = 5_000_000
-LARGEST_DOWNLOAD = 500_000_000
-# A run that is made again lets others work after so many seconds of its own.
-TURN = 0.02
-PERCENT = re.compile(r"(\d+) %")
-COMMAND = "import sys; from mesa_swarm.cli import main; sys.exit(main())"
-
-
 class CancelledError(SwarmError):
-    """The user wants it no longer."""
+    """The user has cancelled the export."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Wanted:
-    """What is to be made.
+    """A requested file.
 
     Parameters
     ----------
     kind : str
         One of `KINDS`.
     source : str
-        "run": the run so far, made again; "tape": what was recorded.
+        "run": the run so far, repeated; "recording": the recorded steps.
     every : int
         Steps from one row of a table to the next, at least 1.
     sectors : bool
-        Whether pictures show where sensors look.
+        Whether pictures show the sectors of sensors.
     trails : bool
-        Whether films show where robots were.
+        Whether films show trails of robots.
 
     Raises
     ------
@@ -213,16 +220,16 @@ class Wanted:
 
     @property
     def ending(self) -> str:
-        """What the file's name ends with."""
+        """The ending of the file's name."""
         return self.kind.rsplit(".", maxsplit=1)[-1]
 
     @property
     def table(self) -> str:
-        """Which table it is, empty if it is none."""
+        """Which table it is, empty for other files."""
         return self.kind.split(".")[0] if "." in self.kind else ""
 
     def options(self) -> list[str]:
-        """Return what the command `export` is given."""
+        """Return the options of the command `export`."""
         if self.table:
             return ["--table", self.table, *(["--every", str(self.every)] if self.every > 1 else [])]
         if self.kind in ("gif", "mp4"):
@@ -231,99 +238,95 @@ class Wanted:
 
 
 class Exporting:
-    """Makes one file at a time of a session's run, in the background.
-
-    Parameters
-    ----------
-    session : Session
+    """Exports a session's run in the background, one file at a time.
 
     Attributes
     ----------
-    tape : Tape
+    switch : RecordingSwitch
     doing : str
-        What is being done now, empty if nothing is.
+        The present activity, empty if there is none.
     progress : float or None
-        Share of it that is done, None if that is not known.
+        Completed share of the activity, None if unknown.
     message, fault : str
-        What became of the last one.
+        Outcome of the last export.
     """
 
     def __init__(self, session: Session) -> None:
         self.session = session
         self._deliver: Callable[[str, bytes | Path], None] | None = None
-        self._tell: Callable[[], None] = _nobody
+        self._notify: Callable[[], None] = _ignore
         self._undelivered: tuple[str, bytes | Path] | None = None
         self._folder = TemporaryDirectory(prefix="mesa_swarm_")
         self.folder = Path(self._folder.name)
-        self.tape = Tape(self.folder)
+        self.switch = RecordingSwitch(self.folder)
         self.doing, self.message, self.fault = "", "", ""
         self.progress: float | None = None
         self._thread: threading.Thread | None = None
         self._process: subprocess.Popen | None = None
         self._cancelled = threading.Event()
 
-    def connect(self, deliver: Callable[[str, bytes | Path], None], tell: Callable[[], None]) -> None:
-        """Have somebody told of changes and given what is made; what was made while nobody was there comes now.
+    def connect(self, deliver: Callable[[str, bytes | Path], None], notify: Callable[[], None]) -> None:
+        """Connect a listener; it receives at once a file that was made while none was connected.
 
         Parameters
         ----------
         deliver : function
             Called with a file's name, and its content or path.
-        tell : function
-            Called when something changed: progress, an end, a fault.
+        notify : function
+            Called at progress, at the end, or at a fault.
         """
-        self._deliver, self._tell = deliver, tell
+        self._deliver, self._notify = deliver, notify
         made, self._undelivered = self._undelivered, None
         if made is not None:
             deliver(*made)
 
     def disconnect(self) -> None:
-        """Tell nobody; what goes on goes on."""
-        self._deliver, self._tell = None, _nobody
+        """Disconnect the listener; work in the background continues."""
+        self._deliver, self._notify = None, _ignore
 
     def record(self, on: bool) -> None:
-        """Record the present run from now on, or no longer."""
+        """Switch recording of the present run on or off."""
         session = self.session
         with session.lock:
             try:
                 self.fault = ""
                 if not on:
-                    self.tape.stop()
+                    self.switch.stop()
                 elif session.model is not None:
-                    self.tape.start(session.model)
+                    self.switch.start(session.model)
             except (SwarmError, OSError) as problem:
                 self.fault = in_words(problem)
-        self._tell()
+        self._notify()
 
-    def check_tape(self) -> None:
-        """End the recording if its model is played no more."""
+    def check_recording(self) -> None:
+        """End the recording if the session has another model."""
         with self.session.lock:
-            if self.tape.running and self.tape.model is not self.session.model:
-                self.tape.stop()
+            if self.switch.running and self.switch.model is not self.session.model:
+                self.switch.stop()
 
     def start(self, **wanted: Any) -> None:
         """Begin to make a file, unless one is being made."""
         if self._thread is not None and self._thread.is_alive():
-            self.fault = "a file is being made already; wait for it, or cancel it"
+            self.fault = "an export is in progress; wait for it, or cancel it"
         else:
             self._cancelled.clear()
             self.doing, self.progress, self.message, self.fault = "Starting", None, "", ""
             self._thread = threading.Thread(target=self._work, args=(wanted,), name="export", daemon=True)
             self._thread.start()
-        self._tell()
+        self._notify()
 
     def cancel(self) -> None:
-        """Break off what is being made."""
+        """Cancel the export."""
         self._cancelled.set()
         process = self._process
         if process is not None:
             process.terminate()
 
     def close(self) -> None:
-        """Break off, stop recording and delete all files."""
+        """Cancel, stop recording and delete all files."""
         self.cancel()
         with self.session.lock:
-            self.tape.stop()
+            self.switch.stop()
         if self._thread is not None and self._thread is not threading.current_thread():
             self._thread.join(5)
         self._folder.cleanup()
@@ -333,16 +336,16 @@ class Exporting:
             name = self._make(Wanted(**wanted))
         except CancelledError:
             self.message = "Cancelled."
-        except Exception as problem:  # whatever went wrong is said beside the button
+        except Exception as problem:  # shown beside the button
             self.fault = "" if self._cancelled.is_set() else in_words(problem)
             self.message = "Cancelled." if self._cancelled.is_set() else ""
         else:
-            self.message = f"{name} is made."
+            self.message = f"{name} is ready."
         self.doing, self.progress = "", None
-        self._tell()
+        self._notify()
 
     def _make(self, wanted: Wanted) -> str:
-        """Make a file, hand it over and return its name."""
+        """Make a file, deliver it and return its name."""
         session = self.session
         self._undelivered = None
         for old in self.folder.glob("made*"):
@@ -354,7 +357,7 @@ class Exporting:
             self._hand_over(name, png(figure) if wanted.kind == "png" else svg(figure))
             return name
         source = self.folder / "made.arrow"
-        rows = self._from_tape(source) if wanted.source == "tape" else self._run_again(source)
+        rows = self._from_recording(source) if wanted.source == "recording" else self._repeat_run(source)
         made = source if wanted.kind == "arrow" else self.folder / f"made.{wanted.ending}"
         if made is not source:
             self._check_table(wanted, rows)
@@ -367,42 +370,42 @@ class Exporting:
         return name
 
     def _shown(self) -> tuple[int, Shown]:
-        """Return the step that is looked at, and what is drawn of it."""
+        """Return the displayed step, and what to draw of it."""
         session = self.session
         with session.lock:
             if session.model is None or session.past.shown is None:
-                raise ExportError("there is no model to draw; reset first")
+                raise ExportError("no model to draw; press Reset first")
             step = session.past.shown.step
             if session.past.is_present:
                 return session.model.completed, frame_and_scene(session.model)
             _check_straight(session, "draw an earlier step")
         return step, self._taken(session.remade(), step)
 
-    def _from_tape(self, path: Path) -> int:
-        """Copy the tape; return how many steps are on it."""
+    def _from_recording(self, path: Path) -> int:
+        """Copy the recording; return its number of steps."""
         with self.session.lock:
-            if not self.tape.words:
-                raise ExportError("nothing was recorded; switch Record on, and play")
-            self.tape.copy(path)
-            return self.tape.last - self.tape.first + 1
+            if not self.switch.words:
+                raise ExportError("no steps are recorded; press Record, then Play")
+            self.switch.copy(path)
+            return self.switch.last - self.switch.first + 1
 
-    def _run_again(self, path: Path) -> int:
-        """Make the run so far again while it is recorded; return how many steps that is."""
+    def _repeat_run(self, path: Path) -> int:
+        """Repeat the run so far while it is recorded; return its number of steps."""
         session = self.session
         with session.lock:
             if session.model is None or not session.model.completed:
-                raise ExportError("nothing has happened yet; play, then export")
-            _check_straight(session, "make it again")
+                raise ExportError("the run has no steps yet; press Play before exporting")
+            _check_straight(session, "repeat it")
             steps, mark = session.model.completed, session.model.state_hash()
             model = session.remade()
         with record(model, path, overwrite=True):
             self._taken(model, steps, path)
         if model.state_hash() != mark:
-            raise ExportError("the run did not come out the same a second time; switch Record on, and play")
+            raise ExportError("repeating the run gave another result; press Record, then Play")
         return steps
 
     def _taken(self, model: SwarmModel, steps: int, path: Path | None = None) -> SwarmModel:
-        """Take steps, with pauses in which others can work."""
+        """Take steps, with pauses in which other threads can work."""
         pause = time.perf_counter() + TURN
         for step in range(1, steps + 1):
             model.step()
@@ -410,14 +413,14 @@ class Exporting:
                 continue
             self._check_cancelled()
             if path is not None and path.stat().st_size > MOST_BYTES:
-                raise ExportError(f"the run takes more than {MOST_BYTES / 1e6:,.0f} MB; record a part of it")
-            self._note("Making the run again", step / steps)
+                raise ExportError(f"the run needs more than {MOST_BYTES / 1e6:,.0f} MB; record a part of it")
+            self._note("Repeating the run", step / steps)
             time.sleep(TURN / 4)
             pause = time.perf_counter() + TURN
         return model
 
     def _check_table(self, wanted: Wanted, steps: int) -> None:
-        """Refuse tables that nobody could open."""
+        """Refuse tables too large to open."""
         if not wanted.table:
             return
         model = self.session.model
@@ -427,23 +430,23 @@ class Exporting:
             raise ExportError(f"the table would have {rows:,} rows; expected at most {MOST_ROWS:,}: take fewer steps")
 
     def _export(self, arguments: list[str]) -> None:
-        """Let a process of its own export, so that the page is not slowed down and one can cancel it."""
+        """Export in another process, which does not slow down the page and can be cancelled."""
         command = [sys.executable, "-c", ending_with_us(COMMAND), "export", *arguments]
         self._note("Making the file", None)
         self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
-        said = b""
-        stderr = cast(BufferedReader, self._process.stderr)  # which is a pipe
+        output = b""
+        stderr = cast(BufferedReader, self._process.stderr)  # a pipe
         with self._process as process:
             if self._cancelled.is_set():
                 process.terminate()
             while piece := stderr.read1(4096):
-                said = (said + piece)[-4096:]
-                shares = PERCENT.findall(said.decode(errors="replace"))
+                output = (output + piece)[-4096:]
+                shares = PERCENT.findall(output.decode(errors="replace"))
                 self._note("Making the file", int(shares[-1]) / 100 if shares else None)
         self._process = None
         self._check_cancelled()
         if process.returncode:
-            lines = said.decode(errors="replace").strip().splitlines()
+            lines = output.decode(errors="replace").strip().splitlines()
             raise ExportError(lines[-1].removeprefix("mesa-swarm: ") if lines else "the file could not be made")
 
     def _hand_over(self, name: str, content: bytes | Path) -> None:
@@ -455,19 +458,128 @@ class Exporting:
     def _note(self, doing: str, progress: float | None) -> None:
         if (doing, progress) != (self.doing, self.progress):
             self.doing, self.progress = doing, progress
-            self._tell()
+            self._notify()
 
     def _check_cancelled(self) -> None:
         if self._cancelled.is_set():
             raise CancelledError
 
 
-def _nobody() -> None:
-    """Be told in vain."""
+def _ignore() -> None:
+    """Do nothing: no listener is connected."""
 
 
 def _check_straight(session: Session, purpose: str) -> None:
     if not session.straight:
         raise InvalidValueError(
-            f"the run was changed on the way, so one cannot {purpose}; switch Record on before changing it"
+            f"the run was changed while running, so the page cannot {purpose}; press Record before a change"
         )
+
+
+class Exporter(anywidget.AnyWidget):
+    """The export panel in the browser.
+
+    Attributes
+    ----------
+    kinds : list of [str, str, bool]
+        Kinds of files: key, label, and whether it contains many steps.
+    status : dict
+        Recording, activity, progress and outcome.
+    """
+
+    _esm = text_of("viewing/elements.js", "dashboard/downloads.js", "dashboard/exporter.js")
+    kinds: traitlets.List[list[str | bool]] = traitlets.List().tag(sync=True)
+    status = traitlets.Dict().tag(sync=True)
+
+
+class ExportDesk(Link):
+    """Connects an exporter and a session's `Exporting`."""
+
+    ready = False  # files need no picture
+
+    def __init__(self, exporter: Exporter, session: Session) -> None:
+        self.exporter, self.session = exporter, session
+        self._downloads = Downloads(exporter)
+        self._lock = threading.Lock()
+        self._shown = 0.0
+        self._doing = ""
+        self.exporting = session.companion(Exporting)
+        self.exporting.connect(self._downloads.send, self.report)
+        self.connect(exporter, session.changed.add(self.refresh))
+        self.refresh()
+        session.add_viewer(self)
+
+    def refresh(self) -> None:
+        """Show the status; end a recording of another model."""
+        self.exporting.check_recording()
+        model = self.session.model
+        burns = model is not None and len(model.fires) > 0
+        made = {key: label for key, label in KINDS.items() if burns or "fires" not in key}
+        kinds: list[list[str | bool]] = [[key, label, key not in PICTURES] for key, label in made.items()]
+        if self.exporter.kinds != kinds:
+            self.exporter.kinds = kinds
+        self._show()
+
+    def push(self, number: int, picture: PackedFrame) -> None:
+        """Show the recorded steps, if an update is due."""
+        if not self.session.playing or time.monotonic() - self._shown >= EVERY:
+            self._show()
+
+    def report(self) -> None:
+        """Show the progress, if an update is due."""
+        if self.exporting.doing != self._doing or time.monotonic() - self._shown >= EVERY:
+            self._show()
+
+    def act(self, message: dict, buffers: Sequence = ()) -> None:
+        """Carry out a message from the browser."""
+        match message.get("do"):
+            case "record":
+                self.exporting.record(bool(message.get("value")))
+                self._show()
+            case "export":
+                self.exporting.start(**message["value"])
+                self._show()
+            case "cancel":
+                self.exporting.cancel()
+            case _:
+                self._downloads.hear(message)
+
+    def close(self) -> None:
+        """Disconnect; recording and export continue."""
+        super().close()
+        self.session.remove_viewer(self)
+        self.exporting.disconnect()
+        self._downloads.close()
+
+    def _show(self) -> None:
+        with self._lock:
+            self._shown, self._doing = time.monotonic(), self.exporting.doing
+            status = status_of(self.exporting)
+            if status != self.exporter.status:
+                self.exporter.status = status
+
+
+def status_of(exporting: Exporting) -> dict[str, Any]:
+    """Return the status for the browser."""
+    session, switch = exporting.session, exporting.switch
+    model = session.model
+    steps = model.completed if model is not None else 0
+    return {
+        "name": session.name,
+        "steps": steps if session.straight else 0,
+        "straight": session.straight,
+        "recording": switch.running,
+        "recorded": switch.words,
+        "ended": switch.ended,
+        "doing": exporting.doing,
+        "progress": exporting.progress,
+        "message": exporting.message,
+        "fault": exporting.fault,
+    }
+
+
+@solara.component
+def ExportView(session: Session) -> None:
+    """Show the export panel."""
+    exporter = Exporter.element()
+    solara.use_effect(lambda: ExportDesk(solara.get_widget(exporter), session).close, [])

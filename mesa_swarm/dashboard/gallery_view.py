@@ -1,7 +1,7 @@
-"""Every model with a picture and one line.
+"""All models, each with a picture and one line.
 
 Coordinates are relative to the map's lower left corner, y up, in one group that turns y round. All robots
-share one path per colour, so that a browser lays out a dozen elements, not a thousand.
+share one path per colour, so that a browser draws a dozen elements, not a thousand.
 """
 
 import threading
@@ -60,7 +60,7 @@ def draw_shapes(shapes: Iterable[Shape], corner: np.ndarray) -> str:
 
 
 def draw_loads(shapes: Iterable[Shape], corner: np.ndarray) -> str:
-    """Return loads green, where they lie now, relative to the map's corner.
+    """Return loads in their colour, at their present positions, relative to the map's corner.
 
     Examples
     --------
@@ -131,13 +131,13 @@ def _path(name: str, outline: str, look: str) -> str:
     return f'<path class="{name}" {look} d="{outline}"/>' if outline else ""
 
 
-def _unit(angle: np.ndarray) -> np.ndarray:
-    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+def _unit(heading: np.ndarray) -> np.ndarray:
+    return np.stack([np.cos(heading), np.sin(heading)], axis=-1)
 
 
-# Pictures show models after so many steps, when something can be seen of what they do.
+# Steps before the picture of a model, so that its behaviour is visible.
 STEPS = 800
-# In so small a picture robots to scale are specks.
+# Robots are larger than to scale, so that they are visible in so small a picture.
 LARGER = 1.4
 _DRAWING = threading.Lock()
 
@@ -168,7 +168,7 @@ def drawn(model: SwarmModel) -> str:
 
 
 def title(name: str) -> str:
-    """Return a model's name as people write it.
+    """Return a model's name as a title.
 
     Examples
     --------
@@ -180,12 +180,12 @@ def title(name: str) -> str:
 
 @solara.component
 def Gallery(chosen: str, on_choose: Callable[[str], None]) -> None:
-    """Show all models; one that is pressed is chosen.
+    """Show all models as buttons.
 
     Parameters
     ----------
     chosen : str
-        The model that is marked.
+        The marked model.
     on_choose : function
         Called with the name of a model.
     """
@@ -210,7 +210,7 @@ def Card(name: str, picture: str, chosen: bool, on_choose: Callable[[str], None]
 
 
 def _drawing_thread(set_pictures: Callable[[dict], None]) -> Callable[[], None]:
-    """Draw what is not yet drawn, and hand each picture over; return what stops it."""
+    """Draw the missing pictures in a thread, and pass on each; return a function that stops it."""
     stop = threading.Event()
 
     def draw() -> None:

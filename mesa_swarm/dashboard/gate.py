@@ -1,6 +1,6 @@
-"""Which requests come in: those with the token, and on this machine none that another page sent.
+"""Admits requests: with the token only, and on this machine none from other pages.
 
-All answers leave through here too, with what `mesa_swarm.viewing.headers` forbids the browser.
+All answers pass here too, and get the headers of `mesa_swarm.viewing.headers`.
 """
 
 import hashlib
@@ -36,7 +36,7 @@ SOURCES = {
 }
 SAFE = [(name.lower().encode(), value.encode()) for name, value in safe_headers(SOURCES).items()]
 HOST = re.compile(r"([a-z0-9._-]{1,253}|\[[0-9a-f:.]+\])(?::([0-9]{1,5}))?", re.IGNORECASE)
-# What only a proxy may send, uvicorn has read already; Solara would believe it of anybody, for all later pages too.
+# Headers of a proxy: uvicorn has read them; Solara would trust them from any client, for all later pages too.
 PROXY = re.compile(rb"x-forwarded-.*|(x-)?script-name", re.DOTALL)
 ANSWERS = ("http.response.start", "websocket.http.response.start")
 ASSETS = "/_solara/cdn/"
@@ -47,30 +47,30 @@ FORM = """<!doctype html><html lang="en"><meta charset="utf-8"><title>mesa_swarm
 <meta name="viewport" content="width=device-width"><meta name="color-scheme" content="light dark">
 <style>body{font:16px/1.5 system-ui,sans-serif;max-width:32em;margin:15vh auto;padding:0 1em}
 input,button{font:inherit;padding:.4em .8em}</style>
-<h1>mesa_swarm</h1><p>This dashboard asks for a token. It was printed where the dashboard was started.</p>
+<h1>mesa_swarm</h1><p>This dashboard requires a token. It was printed in the terminal that started the dashboard.</p>
 <form><label>Token <input name="token" type="password" autofocus></label> <button>Enter</button></form></html>"""
 OTHER_HOST = "This dashboard answers to 127.0.0.1 and localhost only."
-OTHER_PAGE = "Another page may not talk to this dashboard."
+OTHER_PAGE = "Requests from other pages are refused."
 MALFORMED = "This request is malformed."
-NO_ASSET = "There is no such file."
+NO_ASSET = "File not found."
 
 
 class Gate:
-    """Stands before the server's application, and lets in whom it may.
+    """Filters requests to the server's application.
 
-    Without a token only requests for this machine by its own name are let in: a page elsewhere whose name is made
-    to point here would otherwise read what the dashboard says. With a token a request may name any host, since others
-    reach this machine by names that it does not know. Hosts that are none are refused either way, and connections
-    must come from the dashboard's own page.
+    Without a token only requests for this machine by its own name are admitted: a page elsewhere whose name is made
+    to point here could otherwise read the dashboard. With a token a request may name any host, since other machines
+    may use names unknown to this one. Malformed hosts are refused either way, and connections must come from the
+    dashboard's own page.
 
-    Of Solara's assets only files that are installed are handed out: it would ask the outside for others, and delete a
-    folder whose name is asked for as if it were a file.
+    Of Solara's assets only installed files are served: Solara would request others from the internet, and delete a
+    folder that is requested as if it were a file.
 
     Parameters
     ----------
     app : ASGI application
     token : str
-        What must be known, empty for nothing.
+        The token required of requests, empty for none.
     assets : Path, optional
         The folder of Solara's assets.
     """
@@ -92,7 +92,7 @@ class Gate:
             await _refuse(scope, send, 400, OTHER_HOST)
         elif "origin" in headers and not is_from(host, headers["origin"]):
             await _refuse(scope, send, 403, OTHER_PAGE)
-        elif not self.token or _same(cookie_of(headers.get("cookie", "")), mark_of(self.token)):
+        elif not self.token or _same(cookie_of(headers.get("cookie", "")), digest_of(self.token)):
             await self._pass_on(scope, receive, send)
         else:
             await self._ask(scope, send)
@@ -118,7 +118,7 @@ class Gate:
         """Take the token from the address and remember it in a cookie, or ask for it."""
         words = dict(parse_qsl(scope.get("query_string", b"").decode("latin-1")))
         if scope["type"] == "http" and _same(words.pop("token", ""), self.token):
-            cookie = f"{COOKIE}={mark_of(self.token)}; Path=/; HttpOnly; SameSite=Lax"
+            cookie = f"{COOKIE}={digest_of(self.token)}; Path=/; HttpOnly; SameSite=Lax"
             # Two slashes, or one and a backslash, would be another host.
             place = "/" + quote(scope["path"].lstrip("/\\")) + (f"?{urlencode(words)}" if words else "")
             await _answer(send, 303, "", [(b"location", place.encode()), (b"set-cookie", cookie.encode())])
@@ -127,7 +127,7 @@ class Gate:
 
 
 def is_well_formed(scope: Scope) -> bool:
-    """Return whether a request has one host, at most one origin, and both host and address as the standards have them.
+    """Return whether a request has one host, at most one origin, and a well-formed host and address.
 
     Examples
     --------
@@ -142,7 +142,7 @@ def is_well_formed(scope: Scope) -> bool:
 
 
 def lacks_page(scope: Scope) -> bool:
-    """Return whether a request does not say of which page it is, though Solara reads that without looking first.
+    """Return whether a request lacks the page that Solara reads from it without a check.
 
     Examples
     --------
@@ -176,7 +176,7 @@ def host_of(header: str) -> str:
 
 
 def is_from(host: str, origin: str) -> bool:
-    """Return whether an Origin header names a page of this host; nothing in it is parsed, so that nothing can fail.
+    """Return whether an Origin header names a page of this host, without parsing it.
 
     Examples
     --------
@@ -186,19 +186,19 @@ def is_from(host: str, origin: str) -> bool:
     return origin.lower() in (f"http://{host.lower()}", f"https://{host.lower()}")
 
 
-def mark_of(token: str) -> str:
-    """Return what is kept in a cookie by whoever knows a token; cookies cannot hold every letter.
+def digest_of(token: str) -> str:
+    """Return the content of the cookie for a token; cookies cannot hold every character.
 
     Examples
     --------
-    >>> mark_of("secret")[:8]
+    >>> digest_of("secret")[:8]
     '2bb80d53'
     """
     return hashlib.sha256(token.encode()).hexdigest()
 
 
 def cookie_of(header: str) -> str:
-    """Return what the dashboard's own cookie holds, empty if there is none.
+    """Return the content of the dashboard's own cookie, empty without one.
 
     Examples
     --------
@@ -217,7 +217,7 @@ def _same(word: str, wanted: str) -> bool:
 
 
 def _safely(send: Send) -> Send:
-    """Return `send` with the headers that every answer carries; the application's own of these names do not count."""
+    """Return `send` with the headers of every answer; they replace those of the application."""
     known = {name for name, _ in SAFE}
 
     async def send_safely(message: Scope) -> None:
@@ -230,9 +230,9 @@ def _safely(send: Send) -> Send:
 
 
 def _sound(receive: Receive) -> Receive:
-    """Return `receive` that ends connections at a packed message that claims more parts than it has bytes for.
+    """Return `receive` that ends connections at a packed message with an impossible number of parts.
 
-    Solara makes room for them before it looks.
+    Solara would allocate memory for them before checking.
     """
 
     async def receive_sound() -> Scope:

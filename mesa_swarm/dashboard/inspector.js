@@ -1,5 +1,5 @@
-/* One robot closely. Python tells all (told); the user moves it, or goes to another one. The robot's own frame is drawn
-   with its heading up. */
+/* One robot in detail. Python sends its description (inspected); the user moves it, or selects another one. The robot's
+   own frame is drawn with its heading up. */
 
 const KINDS = ["obstacle", "robot", "fire", "load"];
 const SVG = "http://www.w3.org/2000/svg";
@@ -13,23 +13,23 @@ function drawn(tag, attributes, ...children) {
 
 /** Ahead is up, left is left. */
 const place = (x, y) => [-y, -x];
-// As in style.css: how wide the diagram is, and the least text that is read with ease, px.
+// Width of the diagram, as in style.css, and smallest legible text, px.
 const WIDTH = 150, TEXT = 11;
 
 function sector({ mount, bearing, half }, reach) {
   const points = [place(...mount)];
   for (let k = 0; k <= 12; k++) {
-    const angle = bearing - half + (k / 12) * 2 * half;
-    points.push(place(mount[0] + reach * Math.cos(angle), mount[1] + reach * Math.sin(angle)));
+    const direction = bearing - half + (k / 12) * 2 * half;
+    points.push(place(mount[0] + reach * Math.cos(direction), mount[1] + reach * Math.sin(direction)));
   }
   return points.map(([x, y]) => `${x.toFixed(2)},${y.toFixed(2)}`).join(" ");
 }
 
-function diagram(told) {
-  const { sensors, radius } = told, few = sensors.length <= 12;
+function diagram(inspected) {
+  const { sensors, radius } = inspected, few = sensors.length <= 12;
   const reach = Math.max(1.6 * radius, ...sensors.map((one) => Math.hypot(...one.mount) + one.range));
   const size = reach * 1.1, text = (TEXT * 2 * size) / WIDTH;
-  const picture = drawn("svg", { viewBox: `${-size} ${-size} ${2 * size} ${2 * size}`, role: "img", "aria-label": `Sensors of robot ${told.id}, heading up` });
+  const picture = drawn("svg", { viewBox: `${-size} ${-size} ${2 * size} ${2 * size}`, role: "img", "aria-label": `Sensors of robot ${inspected.id}, heading up` });
   const labels = [];
   for (const one of sensors) {
     const seen = one.kind >= 0, state = `${seen ? ` sees-${KINDS[one.kind]}` : ""}${one.triggered ? " triggered" : ""}`;
@@ -58,11 +58,11 @@ class InspectorView {
     this.#model = model;
     root.classList.add("swarm-inspector");
     this.#build(root);
-    for (const [name, act] of [["told", () => this.#tell()], ["editable", () => this.#edit()], ["fault", () => this.#fault()]]) {
+    for (const [name, act] of [["inspected", () => this.#show()], ["editable", () => this.#edit()], ["fault", () => this.#fault()]]) {
       model.on(`change:${name}`, act);
       this.#leave.push(() => model.off(`change:${name}`, act));
     }
-    this.#tell();
+    this.#show();
     this.#edit();
     this.#fault();
   }
@@ -74,11 +74,11 @@ class InspectorView {
   #build(root) {
     const parts = this.#parts, act = (name) => () => this.#model.send({ do: name });
     parts.title = make("h2", {}, "Robot");
-    parts.none = make("button", { type: "button", title: "Look at no robot closely", "aria-label": "Deselect", click: () => this.#model.send({ do: "select", value: null }) }, "\u2715");
+    parts.none = make("button", { type: "button", title: "Close the inspector", "aria-label": "Deselect", click: () => this.#model.send({ do: "select", value: null }) }, "\u2715");
     const steps = make("div", { class: "swarm-pick" },
       make("button", { type: "button", title: "Previous robot", "aria-label": "Previous robot", click: act("previous") }, "\u2039"),
       make("button", { type: "button", title: "Next robot", "aria-label": "Next robot", click: act("next") }, "\u203A"), parts.none);
-    parts.hint = make("p", { class: "swarm-hint" }, "Click on a robot to see what it reads and why it does what it does.");
+    parts.hint = make("p", { class: "swarm-hint" }, "Click on a robot to see its readings and the reason for its action.");
     parts.when = make("p", { class: "swarm-hint" });
     parts.picture = make("div", { class: "swarm-diagram" });
     parts.why = make("p", { class: "swarm-why" });
@@ -92,30 +92,30 @@ class InspectorView {
     parts.move = make("button", { type: "submit" }, "Move");
     parts.pose.append(parts.move);
     parts.pose.addEventListener("submit", (event) => (event.preventDefault(), this.#move()));
-    parts.pose.addEventListener("focusout", () => setTimeout(() => this.#tell()));
+    parts.pose.addEventListener("focusout", () => setTimeout(() => this.#show()));
     parts.fault = make("p", { class: "swarm-fault", role: "alert", hidden: true });
     parts.beside = make("div", { class: "swarm-known" }, parts.why);
     parts.all = make("div", {}, parts.when, make("div", { class: "swarm-closely" }, parts.picture, parts.beside), parts.facts, parts.worth, parts.pose);
     root.append(make("div", { class: "swarm-head" }, parts.title, steps), parts.hint, parts.all, parts.fault);
   }
 
-  #tell() {
-    const told = this.#model.get("told"), parts = this.#parts, some = told.id !== undefined;
+  #show() {
+    const inspected = this.#model.get("inspected"), parts = this.#parts, some = inspected.id !== undefined;
     parts.hint.hidden = some;
     parts.all.hidden = parts.none.hidden = !some;
-    parts.title.textContent = some ? `Robot ${told.id}` : "Robot";
+    parts.title.textContent = some ? `Robot ${inspected.id}` : "Robot";
     if (!some) return;
-    parts.when.textContent = told.known ? (told.layer || told.does ? `What it read and did in ${told.when}` : `What it reads ${told.when}`) : told.when;
-    for (const name of ["picture", "beside", "facts", "worth", "pose"]) parts[name].hidden = !told.known;
-    if (!told.known) return;
-    parts.picture.replaceChildren(diagram(told));
-    parts.why.replaceChildren(...(told.does ? [make("b", {}, told.layer || "No layer"), make("span", {}, ` ${told.does}${told.reason ? `: ${told.reason}` : ""}`)] : []));
-    parts.facts.replaceChildren(...told.facts.flatMap(([name, value]) => [make("dt", {}, name), make("dd", {}, value)]));
-    this.#worth(told.worth);
-    if (!parts.pose.contains(document.activeElement)) for (const [name, field] of Object.entries(this.#fields)) field.value = told.pose[name];
+    parts.when.textContent = inspected.known ? (inspected.layer || inspected.does ? `Readings and action in ${inspected.when}` : `Readings ${inspected.when}`) : inspected.when;
+    for (const name of ["picture", "beside", "facts", "worth", "pose"]) parts[name].hidden = !inspected.known;
+    if (!inspected.known) return;
+    parts.picture.replaceChildren(diagram(inspected));
+    parts.why.replaceChildren(...(inspected.does ? [make("b", {}, inspected.layer || "No layer"), make("span", {}, ` ${inspected.does}${inspected.reason ? `: ${inspected.reason}` : ""}`)] : []));
+    parts.facts.replaceChildren(...inspected.facts.flatMap(([name, value]) => [make("dt", {}, name), make("dd", {}, value)]));
+    this.#worth(inspected.worth);
+    if (!parts.pose.contains(document.activeElement)) for (const [name, field] of Object.entries(this.#fields)) field.value = inspected.pose[name];
   }
 
-  /** Show what actions are worth, the best one first to be seen: bars from the least to the greatest. */
+  /** Show the values of actions as bars from the least to the greatest, the best one highlighted. */
   #worth(rows) {
     const table = this.#parts.worth, values = rows.map(([, value]) => value);
     table.hidden = !rows.length;
@@ -124,14 +124,14 @@ class InspectorView {
       const bar = make("i", { style: `margin-left:${(100 * (Math.min(value, 0) - low)) / (high - low)}%;width:${(100 * Math.abs(value)) / (high - low)}%` });
       return make("tr", { class: value === best ? "swarm-best" : "" }, make("th", { scope: "row" }, name), make("td", {}, value.toFixed(3)), make("td", {}, bar));
     });
-    table.replaceChildren(make("caption", {}, "What each action is worth, Q"), ...lines);
+    table.replaceChildren(make("caption", {}, "Value of each action, Q"), ...lines);
   }
 
   #edit() {
     const editable = this.#model.get("editable");
     for (const field of Object.values(this.#fields)) field.readOnly = !editable;
     this.#parts.move.disabled = !editable;
-    this.#parts.move.title = editable ? "Put the robot there" : "Pause first, and look at the present";
+    this.#parts.move.title = editable ? "Move the robot there" : "Pause, and go to the present step first";
   }
 
   #fault() {

@@ -1,29 +1,42 @@
-"""The inspector: one robot closely, with its readings on its own sensor diagram."""
+"""The inspector: readings, layer, reason, messages and learned values of one robot, and moving it by hand."""
 
+import math
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import anywidget
+import numpy as np
+import shapely
 import solara
 import traitlets
 
-from mesa_swarm.dashboard.inspection import inspect, move, neighbour_of, robot_of
-from mesa_swarm.dashboard.session import Session
-from mesa_swarm.errors import InvalidValueError, in_words
+from mesa_swarm.control.explain import moment_of
+from mesa_swarm.dashboard.session import WATCHED, Session
+from mesa_swarm.dashboard.widgets import Link
+from mesa_swarm.errors import InvalidValueError, check_number, in_words
+from mesa_swarm.robots.design import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RANGE
+from mesa_swarm.robots.reasons import Moment
+from mesa_swarm.robots.robot import Robot
+from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.canvas_widget import text_of
 from mesa_swarm.viewing.player import PackedFrame
 
-# While it is played, the inspector is brought up to date so often, s.
+# Shortest time between updates of the inspector while the model is played, s.
 EVERY = 0.2
+# Types of values from a field of the page.
+Typed = float | str | None
+# Overlaps below this are rounding.
+TOUCHING = 1e-9
 
 
 class Inspector(anywidget.AnyWidget):
-    """One robot's readings, layer, reason and pose, drawn in the browser.
+    """One robot's readings, layer, reason and pose in the browser.
 
     Attributes
     ----------
-    told : dict
-        What `inspection.inspect` says of the robot; empty if none is selected.
+    inspected : dict
+        Description of the robot by `inspect`; empty if none is selected.
     editable : bool
         Whether the robot may be moved now.
     fault : str
@@ -31,31 +44,24 @@ class Inspector(anywidget.AnyWidget):
     """
 
     _esm = text_of("viewing/elements.js", "dashboard/inspector.js")
-    told = traitlets.Dict().tag(sync=True)
+    inspected = traitlets.Dict().tag(sync=True)
     editable = traitlets.Bool(False).tag(sync=True)
     fault = traitlets.Unicode("").tag(sync=True)
 
 
-class Inspecting:
-    """Lets an inspector show the robot that is selected in a session.
+class Inspecting(Link):
+    """Connects an inspector and the selected robot of a session."""
 
-    Parameters
-    ----------
-    inspector : Inspector
-    session : Session
-    """
-
-    ready = False  # looking closely is no reason to make a picture
+    ready = False  # the inspector needs no picture
 
     def __init__(self, inspector: Inspector, session: Session) -> None:
         self.inspector, self.session = inspector, session
         self._shown = 0.0
-        self._leaves = [session.selection.add(self.select), session.changed.add(self.refresh)]
-        inspector.on_msg(self._hear)
+        self.connect(inspector, session.selection.add(self.select), session.changed.add(self.refresh))
         session.add_viewer(self)
 
     def push(self, number: int, frame: PackedFrame) -> None:
-        """Show what is known in the step that is shown, if it is time."""
+        """Show the robot at the displayed step, if an update is due."""
         if not self.session.playing or time.monotonic() - self._shown >= EVERY:
             self.refresh()
 
@@ -65,18 +71,18 @@ class Inspecting:
         self.refresh()
 
     def refresh(self) -> None:
-        """Show what is known now."""
+        """Show the selected robot."""
         self._shown = time.monotonic()
         with self.session.lock:
-            told = self._known()
-            editable = bool(told) and self._may_move()
+            inspected = self._known()
+            editable = bool(inspected) and self._may_move()
         with self.inspector.hold_sync():
-            self.inspector.told, self.inspector.editable = told, editable
+            self.inspector.inspected, self.inspector.editable = inspected, editable
             if not editable:
                 self.inspector.fault = ""
 
-    def act(self, message: dict) -> None:
-        """Do what the browser asks for."""
+    def act(self, message: dict, buffers: Sequence = ()) -> None:
+        """Carry out a message from the browser."""
         session, value = self.session, message.get("value")
         match message.get("do"):
             case "next" | "previous" if session.model is not None:
@@ -88,17 +94,12 @@ class Inspecting:
                 self._move(message["value"])
 
     def close(self) -> None:
-        """Part them."""
-        for leave in self._leaves:
-            leave()
+        """Disconnect."""
+        super().close()
         self.session.remove_viewer(self)
-        self.inspector.on_msg(self._hear, remove=True)
-
-    def _hear(self, _: object, message: dict, __: list) -> None:
-        self.act(message)
 
     def _known(self) -> dict[str, Any]:
-        """Return what is known of the robot in the step that is looked at, nothing if none is selected."""
+        """Return the selected robot at the displayed step, empty if none is selected."""
         model, shown = self.session.model, self.session.past.shown
         if model is None or shown is None:
             return {}
@@ -113,25 +114,25 @@ class Inspecting:
         session = self.session
         if number is not None and (session.model is None or robot_of(session.model, number) is None):
             ids = [robot.unique_id for robot in session.model.swarm.agents] if session.model else []
-            there = f"expected one from {ids[0]} to {ids[-1]}" if ids else "there are none"
-            self.inspector.fault = f"there is no robot {number}; {there}"
+            expected = f"expected one from {ids[0]} to {ids[-1]}" if ids else "the model has no robots"
+            self.inspector.fault = f"unknown robot {number}; {expected}"
             return
         session.select(number)
 
     def _move(self, pose: dict[str, float | str | None]) -> None:
-        """Move the robot, or say why that cannot be; from then on the run is not the one that its link tells of."""
+        """Move the robot, or show why not; the link no longer reproduces the run."""
         session = self.session
         try:
             with session.lock:
                 if not self._may_move():
-                    raise InvalidValueError("a robot is moved while the run is paused in the present; pause first")
+                    raise InvalidValueError("a robot is moved only at the present step of a paused run; pause first")
                 model = session.model
                 robot = None if model is None else robot_of(model, session.selected)
                 if model is None or robot is None:
-                    raise InvalidValueError(f"there is no robot {session.selected}; select one")
+                    raise InvalidValueError(f"unknown robot {session.selected}; select one")
                 move(model, robot, pose.get("x"), pose.get("y"), pose.get("heading"))
                 session.straight = False
-        except Exception as problem:  # whatever was typed is answered beside it
+        except Exception as problem:  # shown beside the fields
             self.inspector.fault = in_words(problem)
             return
         self.inspector.fault = ""
@@ -143,3 +144,228 @@ def InspectorView(session: Session) -> None:
     """Show the robot that is selected."""
     inspector = Inspector.element()
     solara.use_effect(lambda: Inspecting(solara.get_widget(inspector), session).close, [])
+
+
+def robot_of(model: SwarmModel, number: int | None) -> Robot | None:
+    """Return the robot with this id, None if there is none."""
+    return next((robot for robot in model.swarm.agents if robot.unique_id == number), None)
+
+
+def neighbour_of(model: SwarmModel, number: int | None, by: int) -> int | None:
+    """Return the id of the robot `by` rows after this one, cyclically; None without robots.
+
+    Examples
+    --------
+    >>> from mesa_swarm.models.fire_fighting import FireFighting
+    >>> model = FireFighting(n_robots=3, rng=1)
+    >>> ids = [robot.unique_id for robot in model.robots]
+    >>> neighbour_of(model, ids[2], 1) == neighbour_of(model, None, 1) == ids[0]
+    True
+    """
+    robots = model.swarm.agents
+    if not robots:
+        return None
+    robot = robot_of(model, number)
+    row = (0 if by > 0 else -1) if robot is None else robot.row + by
+    return robots[row % len(robots)].unique_id
+
+
+def inspect(model: SwarmModel, robot: Robot, step: int) -> dict[str, Any]:
+    """Return the description of a robot at a step, in words and numbers.
+
+    Parameters
+    ----------
+    model : SwarmModel
+    robot : Robot
+    step : int
+        The last one, or an earlier one; of one no longer stored there is only a message.
+
+    Examples
+    --------
+    >>> from mesa_swarm.dashboard.session import watch_closely
+    >>> from mesa_swarm.models.fire_fighting import FireFighting
+    >>> model = FireFighting(rng=1)
+    >>> watch_closely(model)
+    >>> robot = model.run(3).robots[0]
+    >>> inspect(model, robot, 3)["when"]
+    'step 3'
+    >>> inspect(model, robot, 0)["when"]
+    'step 0 is no longer stored; readings are available for steps 1 to 3'
+    """
+    watched = model.watched
+    stored = watched.steps.tolist() if watched is not None else []
+    present = step == model.completed
+    if watched is not None and step in stored:
+        columns, when = watched.at(step), f"step {step:,}"
+    elif present and not stored:
+        columns, when = model.swarm.columns, "before the first step"
+    else:
+        available = f"; readings are available for steps {stored[0]:,} to {stored[-1]:,}" if stored else ""
+        return {"id": robot.unique_id, "when": f"step {step:,} is no longer stored{available}", "known": False}
+    if set(WATCHED) - set(columns):
+        return {"id": robot.unique_id, "when": "the model stores too few columns for the inspector", "known": False}
+    moment, _ = moment_of(model.swarm, columns, robot.row)
+    decided = step in stored and model.control is not None
+    reason = model.explain(robot, step) if decided else None
+    return {
+        "id": robot.unique_id,
+        "when": when,
+        "known": True,
+        "radius": robot.radius,
+        "sensors": sensors_of(moment, reason.sensors if reason else ()),
+        "does": reason.does if reason else "",
+        "layer": reason.layer if reason else "",
+        "reason": reason.reason if reason else "",
+        "facts": facts_of(model, robot, moment),
+        "worth": worth_of(model, robot) if present and decided else [],
+        "pose": pose_of(robot.position, robot.heading) if present else pose_of(*_was_at(columns, robot.row)),
+        "present": present,
+    }
+
+
+def sensors_of(moment: Moment, triggered: Sequence[int]) -> list[dict[str, Any]]:
+    """Return sector (in the robot's frame), reading and triggering state of each proximity sensor."""
+    return [
+        {
+            "mount": [float(row[MOUNT_X]), float(row[MOUNT_Y])],
+            "bearing": math.atan2(row[AXIS_Y], row[AXIS_X]),
+            "half": float(row[HALF]),
+            "range": float(row[RANGE]),
+            "distance": float(moment.distance[s]),
+            "kind": int(moment.kind[s]),
+            "words": moment.reading(s),
+            "triggered": s in triggered,
+        }
+        for s, row in enumerate(moment.sensors)
+    ]
+
+
+def facts_of(model: SwarmModel, robot: Robot, moment: Moment) -> list[tuple[str, str]]:
+    """Return the other readings and states of a robot, each with its name."""
+    columns, facts = moment.columns, []
+    if len(model.fires):
+        state = " (too hot to fight)" if columns["hot"] else ""
+        facts.append(("Heat", f"{columns['temperature']:.1f}, {columns['heat']:+.2f} a step{state}"))
+        fire = int(columns["fire"])
+        facts.append(("Fights", f"fire {fire + 1}" if fire >= 0 else "no fire"))
+    radiation, line = columns["radiation"], columns["line"]
+    if len(robot.design.radiation):
+        readings = radiation[: len(robot.design.radiation)]
+        facts.append(("Radiation", " ".join(f"{reading:.2f}" for reading in readings)))
+    if len(robot.design.line):
+        over = ["mark" if on else "ground" for on in line[: len(robot.design.line)]]
+        facts.append(("Line sensors", ", ".join(over)))
+    if model.communication is not None:
+        facts += messages_of(model, columns)
+    facts.append(("Collided", "yes" if columns["collided"] else "no"))
+    return facts
+
+
+def messages_of(model: SwarmModel, columns: dict[str, Any]) -> list[tuple[str, str]]:
+    """Return the messages that a robot received."""
+    messages = []
+    if columns["heard_task"] >= 0:
+        layer = int(columns["heard_layer"])
+        name = model.control.layers[layer].name if layer >= 0 and model.control is not None else "no layer"
+        messages.append(("Hears", f"a robot {where(columns['heard_from'])}: {name}, task {int(columns['heard_task'])}"))
+    if np.isfinite(columns["heard_goal"]).all():
+        messages.append(("Hears", f"a goal {where(columns['heard_goal'])}"))
+    return messages or [("Hears", "nothing")]
+
+
+def where(place: np.ndarray) -> str:
+    """Return a place in a robot's frame in words.
+
+    Examples
+    --------
+    >>> where(np.array([30.0, 30.0]))
+    '42 away at +45 degrees'
+    """
+    x, y = map(float, place)
+    return f"{math.hypot(x, y):.0f} away at {math.degrees(math.atan2(y, x)):+.0f} degrees"
+
+
+def worth_of(model: SwarmModel, robot: Robot) -> list[tuple[str, float]]:
+    """Return the value of each action to a robot that learns, an empty list for others."""
+    layers = model.control.layers if model.control is not None else ()
+    learners = [layer for layer in layers if hasattr(layer, "worth")]
+    return learners[0].worth(robot.row) if learners else []
+
+
+def pose_of(position: np.ndarray, heading: float) -> dict[str, float]:
+    """Return a pose in map units and degrees, rounded."""
+    degrees = round(math.degrees(heading), 1)
+    return {"x": round(float(position[0]), 2), "y": round(float(position[1]), 2), "heading": degrees + 0.0}
+
+
+def move(model: SwarmModel, robot: Robot, x: Typed, y: Typed, heading_degrees: Typed) -> None:
+    """Move a robot between two steps.
+
+    Parameters
+    ----------
+    model : SwarmModel
+    robot : Robot
+    x, y : float
+        Map units, or the typed text.
+    heading_degrees : float
+        -360 to 360, or the typed text.
+
+    Raises
+    ------
+    InvalidValueError
+        If the robot would be outside the map, or would overlap an obstacle, a load, a fire or a robot.
+
+    Examples
+    --------
+    >>> from mesa_swarm import AGENT9
+    >>> model = SwarmModel(rng=1)
+    >>> one, other = model.add_robots(AGENT9, poses=[(100, 100, 0), (200, 100, 0)])
+    >>> move(model, one, 205, 100, 0)  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    mesa_swarm.errors.InvalidValueError: at (205, 100) it would overlap robot ... by 5; choose a place farther away
+    >>> move(model, one, 150, 100, 90)
+    >>> robot_of(model, one.unique_id).position
+    array([150., 100.])
+    """
+    place = np.array([_number("x", x), _number("y", y)])
+    heading = _number("heading", heading_degrees)
+    check_number("heading", heading, minimum=-360, maximum=360)
+    depth, what = deepest(model, robot, place)
+    if depth > TOUCHING:
+        raise InvalidValueError(
+            f"at ({place[0]:g}, {place[1]:g}) it would overlap {what} by {depth:.3g}; choose a place farther away"
+        )
+    robot.position = place
+    robot.heading = math.radians(heading)
+
+
+def deepest(model: SwarmModel, robot: Robot, place: np.ndarray) -> tuple[float, str]:
+    """Return the largest overlap of a robot at a position, and with what."""
+    x_min, y_min, x_max, y_max = model.map.bounds
+    border = robot.radius - min(place[0] - x_min, place[1] - y_min, x_max - place[0], y_max - place[1])
+    found = [(border, "the border of the map")]
+    point = shapely.Point(*place)
+    for obstacle in model.obstacle_list:
+        if obstacle.contact:
+            gap = shapely.distance(point, obstacle.shape.geometry) - obstacle.shape.radius
+            found.append((robot.radius - gap, "a load" if obstacle in model.loads else "an obstacle"))
+    for number, (x, y, radius) in enumerate(model.fires.discs, start=1):
+        found.append((robot.radius + radius - math.dist(place, (x, y)), f"fire {number}"))
+    gaps = np.hypot(*(model.swarm.position - place).T) - model.swarm.radius
+    gaps[robot.row] = np.inf
+    nearest = int(np.argmin(gaps))
+    found.append((robot.radius - gaps[nearest], f"robot {model.swarm.agents[nearest].unique_id}"))
+    return max(found, key=lambda one: one[0])
+
+
+def _was_at(columns: dict[str, np.ndarray], row: int) -> tuple[np.ndarray, float]:
+    return columns["position"][row], columns["heading"][row]
+
+
+def _number(name: str, value: Typed) -> float:
+    try:
+        number = float(value)  # type: ignore[arg-type]  # refused below, like any other non-number
+        return check_number(name, number, minimum=-1e9, maximum=1e9)
+    except (TypeError, ValueError) as error:
+        known = isinstance(error, InvalidValueError)
+        raise InvalidValueError(str(error) if known else f"{name} is {value!r:.40}; expected a number") from None

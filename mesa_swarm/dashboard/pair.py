@@ -1,4 +1,4 @@
-"""Two worlds played by one clock: both step together, and one looks at both at the same step."""
+"""Two worlds played by one clock: both step together, and both are displayed at the same step."""
 
 import threading
 
@@ -13,15 +13,10 @@ NAMES = ("A", "B")
 class Side(Player):
     """One of two players that share a clock and a lock.
 
-    Parameters
-    ----------
-    loop : PlayLoop
-    lock : RLock
-
     Attributes
     ----------
     series : Series
-        What was measured of the model, also of steps that it has forgotten.
+        Measurements of the model, also of steps that are no longer stored.
     """
 
     def __init__(self, loop: PlayLoop, lock: threading.RLock) -> None:
@@ -30,19 +25,19 @@ class Side(Player):
         self.series = Series(MOST_NUMBERS // 2)
 
     def place(self, model: SwarmModel | None) -> None:
-        """Take another model, and forget the pictures of the old one."""
+        """Play another model, and remove the pictures of the old one."""
         self.error = ""
         self.past.clear()
         self.model = model
         self.series.follow(model)
 
     def close(self) -> None:
-        """Stop for good, and let go of everything."""
+        """Stop, and release everything."""
         super().close()
         self.series.follow(None)
 
     def advance(self) -> bool:
-        """Take one step unless the model is done or broken; return whether there is more to come."""
+        """Take one step unless the model has ended or failed; return whether it can continue."""
         with self.capture_errors():
             return not self.finished and self._advance()
         return False
@@ -51,13 +46,13 @@ class Side(Player):
 class Pair(Played):
     """Plays two models together, as a `Player` plays one.
 
-    A model that is done, or breaks, stays as it is while the other goes on or, if it broke, both stop.
+    When one model ends, the other continues; when one fails, both stop.
 
     Attributes
     ----------
     sides : tuple of two Side
     viewers : tuple of Viewer
-        Shown pictures without a world: the step, and the fingerprints of both.
+        Receive pictures without a world: the step, and the fingerprints of both.
 
     Examples
     --------
@@ -73,28 +68,28 @@ class Pair(Played):
         self.sides = Side(self.loop, self.lock), Side(self.loop, self.lock)
 
     @property
-    def error(self) -> str:  # type: ignore[override] # of both sides, each of which has its own
-        """What went wrong in either, empty if nothing did."""
+    def error(self) -> str:  # type: ignore[override] # of both sides
+        """The errors of both sides, empty without one."""
         wrong = [f"{name}: {side.error}" for name, side in zip(NAMES, self.sides, strict=True) if side.error]
         return "; ".join(wrong)
 
     @property
     def finished(self) -> bool:
-        """Whether both models have stopped running, and nothing later is kept."""
+        """Whether both models have stopped running, and the last pictures are displayed."""
         return all(side.finished for side in self.sides)
 
     @property
     def past(self) -> Past:  # type: ignore[override] # likewise
-        """The pictures of the side that has come farthest."""
+        """The pictures of the side with the latest step."""
         return max((side.past for side in self.sides), key=lambda past: past.last_step)
 
     @property
     def is_present(self) -> bool:
-        """Whether the latest pictures are looked at."""
+        """Whether the latest pictures are displayed."""
         return all(side.past.is_present for side in self.sides)
 
     def place(self, first: SwarmModel | None, second: SwarmModel | None) -> None:
-        """Stop, and go on with two other models."""
+        """Stop, and continue with two other models."""
         self.loop.pause()
         with self.lock:
             for side, model in zip(self.sides, (first, second), strict=True):
@@ -110,11 +105,11 @@ class Pair(Played):
         self.rest()
 
     def back(self) -> None:
-        """Pause, and look at the pictures before."""
+        """Pause, and display the pictures before."""
         self.look(self.past.index - 1)
 
     def look(self, index: int) -> None:
-        """Pause, and look at the pictures of the step that has this index in `past`."""
+        """Pause, and display the pictures of the step with this index in `past`."""
         self.loop.pause()
         with self.lock:
             past = self.past
@@ -124,13 +119,13 @@ class Pair(Played):
         self.rest()
 
     def hand_over(self, fingerprint: bool = False) -> None:
-        """Show both sides, and tell the viewers of both at once."""
+        """Show both sides, and notify the viewers of both at once."""
         for side in self.sides:
             side.hand_over(fingerprint)
         self._push()
 
     def close(self) -> None:
-        """Stop for good; let go of the models, the pictures and everybody who looks."""
+        """Stop, and release the models, the pictures and the viewers."""
         self.loop.pause()
         self.viewers = ()
         self.changed.clear()
@@ -153,13 +148,13 @@ class Pair(Played):
                 return False
             goes_on = self._advance()
         if self.error:
-            self.rest()  # it broke, which has stopped the thread already
+            self.rest()  # after an error, which has stopped the thread already
         return goes_on
 
     def _advance(self) -> bool:
-        """Go on by one step, or by one picture that is kept; return whether there is more."""
+        """Advance by one step, or by one stored picture; return whether there are more."""
         if self.is_present:
-            return any([side.advance() for side in self.sides])  # a list: both, whatever the first says
+            return any([side.advance() for side in self.sides])  # a list, so that both advance
         later = [side.recent.step_after() for side in self.sides if not side.past.is_present]
         self._look_at(min(later))
         return True
@@ -169,9 +164,9 @@ class Pair(Played):
             side.recent.look_at(step)
 
     def _shown(self) -> PackedFrame | None:
-        """Return a picture of no world, with the step that both are looked at, and their fingerprints."""
+        """Return a picture without a world, with the displayed step and both fingerprints."""
         first, second = (side.past.shown for side in self.sides)
         if first is None or second is None:
             return None
-        mark = f"{first.fingerprint}-{second.fingerprint}".strip("-")
-        return PackedFrame(max(first.step, second.step), b"", {}, (), mark)
+        fingerprint = f"{first.fingerprint}-{second.fingerprint}".strip("-")
+        return PackedFrame(max(first.step, second.step), b"", {}, (), fingerprint)

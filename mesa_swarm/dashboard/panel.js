@@ -1,5 +1,5 @@
-/* The controls beside the canvas. Python says what there is (groups), how it is set (values) and what follows from it
-   (notes); what the user does is sent back, and shown only when Python has taken it. */
+/* The controls beside the canvas. Python sends the controls (groups), their values (values) and remarks
+   (notes); changes by the user are sent back, and shown when Python has accepted them. */
 
 const LARGEST_UPLOAD = 1_000_000;
 
@@ -10,7 +10,7 @@ class PanelView {
     this.#model = model;
     this.#root = root;
     root.classList.add("swarm-panel");
-    for (const [name, act] of [["groups", () => this.#build()], ["values", () => this.#fill()], ["notes", () => this.#say()]]) {
+    for (const [name, act] of [["groups", () => this.#build()], ["values", () => this.#fill()], ["notes", () => this.#showNotes()]]) {
       model.on(`change:${name}`, act);
       this.#leave.push(() => model.off(`change:${name}`, act));
     }
@@ -41,13 +41,13 @@ class PanelView {
     const end = make("div", { class: "swarm-end" }, defaults);
     this.#root.replaceChildren(...(this.#model.get("bare") ? groups : [this.#run(), ...groups, end]));
     this.#fill();
-    this.#say();
+    this.#showNotes();
   }
 
   #run() {
     const seed = this.#text("seed", "seed");
     const random = make("button", { type: "button", click: () => this.#send({ do: "random" }) }, "Random");
-    random.title = "Take a random seed, and reset";
+    random.title = "Choose a random seed, and reset";
     const row = make("div", { class: "swarm-row" }, seed, random);
     const field = this.#frame({ name: "seed", label: "seed", help: "the same seed gives the same run", live: false }, row, seed);
     return make("div", { class: "swarm-run" }, field);
@@ -57,9 +57,9 @@ class PanelView {
     if (field.kind === "choice") return this.#choice(field);
     if (field.kind === "text") return this.#typed(field);
     const id = `swarm-${field.name}`;
-    const say = () => this.#send({ do: "place", name: field.name, value: Number(slider.value) });
-    const slider = make("input", { type: "range", min: field.low, max: field.high, step: 1, "aria-label": field.label, id, input: say });
-    const text = field.wish ? make("output", { class: "swarm-value", for: id }) : this.#text(field.name, field.label);
+    const send = () => this.#send({ do: "place", name: field.name, value: Number(slider.value) });
+    const slider = make("input", { type: "range", min: field.low, max: field.high, step: 1, "aria-label": field.label, id, input: send });
+    const text = field.designed ? make("output", { class: "swarm-value", for: id }) : this.#text(field.name, field.label);
     return this.#frame(field, make("div", { class: "swarm-row" }, slider, text), text, slider);
   }
 
@@ -77,22 +77,22 @@ class PanelView {
   }
 
   #choice(field) {
-    const say = () => this.#send({ do: "choose", name: field.name, value: list.value });
+    const send = () => this.#send({ do: "choose", name: field.name, value: list.value });
     const options = field.options.map((name) => make("option", { value: name }, name));
-    const list = make("select", { "aria-label": field.label, change: say }, ...options);
+    const list = make("select", { "aria-label": field.label, change: send }, ...options);
     const row = make("div", { class: "swarm-row" }, list);
     if (field.upload) row.append(...this.#upload());
     return this.#frame(field, row, list);
   }
 
   #upload() {
-    const file = make("input", { type: "file", accept: ".svg,.toml", hidden: true, "aria-label": "Map file", change: () => this.#hand(file) });
+    const file = make("input", { type: "file", accept: ".svg,.toml", hidden: true, "aria-label": "Map file", change: () => this.#sendFile(file) });
     const button = make("button", { type: "button", click: () => file.click() }, "Upload");
     button.title = "A map as SVG or TOML";
     return [file, button];
   }
 
-  async #hand(file) {
+  async #sendFile(file) {
     const [one] = file.files;
     file.value = "";
     if (!one) return;
@@ -126,7 +126,7 @@ class PanelView {
     }
   }
 
-  /** Whether somebody is at this field: what is typed, or was found wrong, is not replaced under their fingers. */
+  /** Whether the user is typing in this field, or has typed a refused value there: it is then not replaced. */
   #isTypedIn(text, fault) {
     return document.activeElement === text && (fault !== "" || text.dataset.typing === "yes");
   }
@@ -137,7 +137,7 @@ class PanelView {
     frame.classList.toggle("swarm-wrong", Boolean(text));
   }
 
-  #say() {
+  #showNotes() {
     this.#notes?.replaceChildren(...this.#model.get("notes").map(([kind, text]) => make("li", { class: `swarm-${kind}` }, text)));
   }
 }

@@ -1,19 +1,19 @@
-"""A recording in the page: played, scrubbed, left for another run from any of its steps."""
+"""The Replay tab: recordings, the open one, its events, and branching off it."""
 
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
 import solara
 from reacton import ipyvuetify as rv
 
-from mesa_swarm.dashboard.controls import ControlPanel, field_of, label_of, place_of, value_at
+from mesa_swarm.dashboard.controls import ControlPanel, field_of, label_of, value_at, value_of
 from mesa_swarm.dashboard.gallery_view import title
-from mesa_swarm.dashboard.projector import Projector
-from mesa_swarm.dashboard.replaying import ENDING, MOST_EVENTS, Replaying
+from mesa_swarm.dashboard.replaying import ENDING, MOST_EVENTS, Replaying, ReplayPlayer
 from mesa_swarm.dashboard.session import Session
-from mesa_swarm.dashboard.widgets import Button, FilePicker, Item, TroubleCard, Upload
+from mesa_swarm.dashboard.widgets import Button, FilePicker, Item, Link, TroubleCard, Upload
 from mesa_swarm.gallery import find_model
-from mesa_swarm.parameters import Slider, parameters_of
+from mesa_swarm.parameters import parameters_of
 from mesa_swarm.viewing.canvas_widget import SwarmCanvas, use_connection
 from mesa_swarm.viewing.play_loop import use_changes
 from mesa_swarm.viewing.player import Past
@@ -22,29 +22,21 @@ from mesa_swarm.viewing.readings import value_text
 CANVAS = {"bar": True, "keys": "page", "toggles": {}}
 NOTHING_LISTED = "Recordings of a folder are listed here when the dashboard is started with --recordings FOLDER."
 BRANCHING = (
-    "Go on from this step on the Watch page, bit by bit as it went, or with other parameters. "
-    "Reset there starts over from step 0 with the same parameters and seed."
+    "Continue from this step on the Watch page, with identical results or with other parameters. "
+    "Reset there starts again from step 0 with the same parameters and seed."
 )
-NOTHING_OPEN = "Open a recording: one that `mesa-swarm run MODEL --record FILE.arrow` or `model.record(...)` has made."
+NOTHING_OPEN = "Open a recording made by `mesa-swarm run MODEL --record FILE.arrow` or `model.record(...)`."
 
 
-class BranchPanel:
-    """Lets a control panel show and change the parameters with which a run branches off the open recording.
-
-    Parameters
-    ----------
-    widget : ControlPanel
-    replaying : Replaying
-    """
+class BranchPanel(Link):
+    """Connects a control panel and the parameters of a run that branches off the open recording."""
 
     def __init__(self, widget: ControlPanel, replaying: Replaying) -> None:
         self.widget, self.replaying = widget, replaying
-        self.projector = replaying.projector
+        self.player = replaying.player
         self.known = parameters_of(find_model(replaying.model_name))
-        self._leave = replaying.changed.add(self.refresh)
-        self._hear = lambda _, message, __: self.act(message)
-        widget.on_msg(self._hear)
-        # With more or fewer robots nothing could go on from where it was.
+        self.connect(widget, replaying.changed.add(self.refresh))
+        # The number of robots cannot change at the branch.
         fields = [field_of(self.known[name], replaying.session) for name in replaying.parameters if name != "n_robots"]
         widget.groups = [
             {"title": "With other parameters", "fields": [field | {"live": True} for field in fields if field]}
@@ -53,61 +45,50 @@ class BranchPanel:
 
     @property
     def is_current(self) -> bool:
-        """Whether the recording is still open for which it was made."""
-        return self.projector is not None and self.projector is self.replaying.projector
+        """Whether the recording of this panel is still open."""
+        return self.player is not None and self.player is self.replaying.player
 
     def refresh(self) -> None:
-        """Show how everything is set, unless another recording was opened, which gets a panel of its own."""
-        wished = self.replaying.parameters | self.replaying.changes
-        if self.is_current:  # asked last: another thread may open one
-            self.widget.values = {name: self._shown(name, value) for name, value in wished.items()}
+        """Show all values, unless another recording was opened, which gets its own panel."""
+        requested = self.replaying.parameters | self.replaying.changes
+        if self.is_current:  # checked last: another thread may open one
+            self.widget.values = {name: value_of(value, self.known[name]) for name, value in requested.items()}
 
-    def act(self, message: dict) -> None:
-        """Do what the user asks for."""
+    def act(self, message: dict, buffers: Sequence = ()) -> None:
+        """Carry out a message from the browser."""
         name = message.get("name", "")
         value: Any = message.get("value")
         if self.is_current and name in self.known:
             is_place = message.get("do") == "place"
-            self.replaying.wish(name, value_at(int(value), self.known[name]) if is_place else str(value))
-
-    def close(self) -> None:
-        """Part them."""
-        self._leave()
-        self.widget.on_msg(self._hear, remove=True)
-
-    def _shown(self, name: str, value: Any) -> dict[str, Any]:
-        shown: dict[str, Any] = {"text": value_text(value), "waits": False, "fault": ""}
-        if isinstance(self.known[name].control, Slider):
-            shown["place"] = place_of(value, self.known[name])
-        return shown
+            self.replaying.set_parameter(name, value_at(int(value), self.known[name]) if is_place else str(value))
 
 
 @solara.component
 def Replay(session: Session) -> None:
-    """Show the recordings on the left, the open one in the middle, and on the right its events and ways out of it."""
+    """Show the recordings on the left, the open one in the middle, its events and branching on the right."""
     replaying = solara.use_memo(lambda: session.companion(Replaying), [])
     use_changes(replaying.changed)
-    projector = replaying.projector
-    with solara.Div(classes=["swarm-watch", "swarm-beside"] if projector else ["swarm-watch"]):
+    player = replaying.player
+    with solara.Div(classes=["swarm-watch", "swarm-beside"] if player else ["swarm-watch"]):
         with solara.Div(classes=["swarm-set"]):
             Recordings(replaying)
         with solara.Div(classes=["swarm-middle"]):
             for text in replaying.notes:
                 rv.Html(tag="p", class_="swarm-hint", children=[text])
-            if projector:
-                Trouble(projector)
-                Screen(projector).key(f"screen {id(projector)}")
+            if player:
+                Trouble(player)
+                Screen(player).key(f"screen {id(player)}")
             else:
                 rv.Html(tag="p", class_="swarm-hint", children=[NOTHING_OPEN])
-        if projector:
+        if player:
             with solara.Div(classes=["swarm-side"]):
-                Events(replaying, projector).key(f"events {id(projector)}")
-                Branch(replaying).key(f"branch {id(projector)}")
+                Events(replaying, player).key(f"events {id(player)}")
+                Branch(replaying).key(f"branch {id(player)}")
 
 
 @solara.component
 def Recordings(replaying: Replaying) -> None:
-    """Show what can be opened, and what is open."""
+    """Show the listed recordings, the upload, and facts of the open recording."""
     use_changes(replaying.changed)
     solara.HTML(tag="h2", unsafe_innerHTML="Recordings")
     picker = FilePicker.element(label="Upload a recording", accept=ENDING)
@@ -121,13 +102,13 @@ def Recordings(replaying: Replaying) -> None:
     with solara.Div(classes=["swarm-list"]):
         for name in names:
             Item(name, partial(replaying.open_listed, name), chosen=name == replaying.name).key(name)
-    if replaying.projector:
-        About(replaying, replaying.projector.past)
+    if replaying.player:
+        About(replaying, replaying.player.past)
 
 
 @solara.component
 def About(replaying: Replaying, past: Past) -> None:
-    """Show what the open recording is of."""
+    """Show facts of the open recording."""
     recorded = replaying.provenance
     facts = {
         "file": replaying.name,
@@ -137,7 +118,7 @@ def About(replaying: Replaying, past: Past) -> None:
         "version": recorded["versions"].get("mesa-swarm", ""),
         **{name: value_text(value) for name, value in recorded["parameters"].items()},
     }
-    solara.HTML(tag="h2", unsafe_innerHTML="What it is of")
+    solara.HTML(tag="h2", unsafe_innerHTML="About this recording")
     with rv.Html(tag="dl", class_="swarm-facts"):
         for name, value in facts.items():
             rv.Html(tag="dt", children=[label_of(name)])
@@ -145,38 +126,42 @@ def About(replaying: Replaying, past: Past) -> None:
 
 
 @solara.component
-def Screen(projector: Projector) -> None:
+def Screen(player: ReplayPlayer) -> None:
     """Show the canvas with its buttons."""
-    use_connection(SwarmCanvas.element(options=CANVAS), projector, projector.rewind)
+    use_connection(SwarmCanvas.element(options=CANVAS), player, player.rewind)
 
 
 @solara.component
-def Trouble(projector: Projector) -> None:
-    """Show on a card what cannot be read."""
-    use_changes(projector.changed)
-    if projector.error:
-        way_out = "To the first step", projector.rewind
-        TroubleCard("The recording cannot be shown here", projector.error, way_out=way_out)
+def Trouble(player: ReplayPlayer) -> None:
+    """Show a read error on a card."""
+    use_changes(player.changed)
+    if player.error:
+        way_out = "Go to the first step", player.rewind
+        TroubleCard("This step cannot be read", player.error, way_out=way_out)
 
 
 @solara.component
 def Branch(replaying: Replaying) -> None:
-    """Show the way from the step that is looked at to a run that goes on."""
+    """Show the button that continues from the displayed step."""
     use_changes(replaying.changed)
     solara.HTML(tag="h2", unsafe_innerHTML="Branch from here")
     if replaying.model_name:
         rv.Html(tag="p", class_="swarm-hint", children=[BRANCHING])
-        label = f"Go on live with {_changed(replaying)}" if replaying.changes else "Go on live"
+        label = f"Continue live with {_changed(replaying)}" if replaying.changes else "Continue live"
         Button(label, replaying.branch, "swarm-do", enabled=not replaying.busy)
         Changes(replaying)
     else:
         name = replaying.provenance["model"]["name"]
-        rv.Html(tag="p", class_="swarm-hint", children=[f"{name} is no model of this page: it can be looked at only."])
+        rv.Html(
+            tag="p",
+            class_="swarm-hint",
+            children=[f"{name} is not a model of this page; replay only."],
+        )
 
 
 @solara.component
 def Changes(replaying: Replaying) -> None:
-    """Show the panel of what is other after branching."""
+    """Show the panel of parameters after branching."""
     panel = ControlPanel.element(bare=True)
     solara.use_effect(lambda: BranchPanel(solara.get_widget(panel), replaying).close, [])
 
@@ -187,17 +172,17 @@ def _changed(replaying: Replaying) -> str:
 
 
 @solara.component
-def Events(replaying: Replaying, projector: Projector) -> None:
-    """Show what happened, to jump to."""
+def Events(replaying: Replaying, player: ReplayPlayer) -> None:
+    """Show the events as buttons that go to their steps."""
     use_changes(replaying.changed)
     solara.HTML(tag="h2", unsafe_innerHTML="Events")
     events = replaying.events
     if not events:
-        text = "Looking through the recording ..." if events is None else "Nothing that is counted as an event."
+        text = "Searching the recording ..." if events is None else "The recording has no events."
         rv.Html(tag="p", class_="swarm-hint", children=[text])
         return
     if len(events) > MOST_EVENTS:
         rv.Html(tag="p", class_="swarm-hint", children=[f"The first {MOST_EVENTS} of {len(events):,}."])
     with solara.Div(classes=["swarm-list", "swarm-events"]):
         for place, event in enumerate(events[:MOST_EVENTS]):
-            Item(f"{event.step:,}", partial(projector.look_at, event.step), event.text).key(f"{place}")
+            Item(f"{event.step:,}", partial(player.look_at, event.step), event.text).key(f"{place}")

@@ -1,18 +1,17 @@
-"""What one user replays, uploads in pieces, and runs that branch off."""
+"""A recording played like a model, uploaded in pieces, and continued as a run from any of its steps."""
 
 import os
 import threading
+from bisect import bisect_left
 from collections.abc import Iterator
-from pathlib import Path, PureWindowsPath
-from tempfile import TemporaryDirectory
+from pathlib import Path
 from time import monotonic
 from typing import Any, cast
 
 from mesa_swarm.dashboard import RECORDINGS_VARIABLE
-from mesa_swarm.dashboard.projector import Projector
 from mesa_swarm.dashboard.session import LARGEST_SEED, MOST_ROBOTS, Session
+from mesa_swarm.dashboard.widgets import Incoming
 from mesa_swarm.errors import InvalidValueError, RecordingError, SwarmError, check_choice, check_count, in_words
-from mesa_swarm.files import unwritable
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.gallery import class_name, find_model, model_names
 from mesa_swarm.parameters import parameters_of
@@ -22,82 +21,11 @@ from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.resume import resumed
 from mesa_swarm.recording.verify import Watch
 from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.viewing.packing import packed_frame
 from mesa_swarm.viewing.play_loop import Listeners
+from mesa_swarm.viewing.player import PackedFrame, Past, Player
+from mesa_swarm.viewing.scene import Scene, scene_of_recording
 from mesa_swarm.world.map import Map, builtin_maps
-
-# So many letters of a name are kept: no file system is asked for more bytes than it can take.
-LONGEST_NAME = 60
-
-
-class Incoming:
-    """A file that somebody hands over, piece by piece.
-
-    Parameters
-    ----------
-    name : str
-        What its owner calls it.
-
-    Attributes
-    ----------
-    path : Path
-        Where it is; it is called there nearly as its owner calls it, for errors name the file that they found.
-
-    Examples
-    --------
-    >>> incoming = Incoming("run.arrow")
-    >>> incoming.take(b"abc")
-    3
-    >>> incoming.end()
-    >>> incoming.path.name, incoming.path.read_bytes()
-    ('run.arrow', b'abc')
-    >>> incoming.discard()
-    >>> incoming.path.exists()
-    False
-    """
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-        self._folder = TemporaryDirectory(prefix="mesa_swarm_", ignore_cleanup_errors=True)
-        self.path = Path(self._folder.name, harmless(name))
-        self._file = self.path.open("wb", buffering=0)  # else a full disk would be noticed at the end
-
-    def take(self, piece: bytes) -> int:
-        """Take the next piece; return how many bytes have come.
-
-        Raises
-        ------
-        InvalidValueError
-            If the disk does not take it.
-        """
-        left = memoryview(piece)
-        try:
-            while left:
-                left = left[self._file.write(left) :]
-        except OSError as error:
-            raise unwritable(Path(self.name), error, cure="the server's disk is full or broken") from None
-        return self._file.tell()
-
-    def end(self) -> None:
-        """Take note that all has come."""
-        self._file.close()
-
-    def discard(self) -> None:
-        """Delete the file, and its folder."""
-        self.end()
-        self._folder.cleanup()
-
-
-def harmless(name: str) -> str:
-    """Return a name under which a file can be kept, whatever its owner calls it.
-
-    Examples
-    --------
-    >>> harmless("my run.arrow"), harmless("../../etc/passwd"), harmless("..")
-    ('my run.arrow', 'passwd', 'file')
-    """
-    letters = [letter if letter.isalnum() or letter in " ._-()" else "_" for letter in PureWindowsPath(name).name]
-    return "".join(letters)[-LONGEST_NAME:].strip(" .") or "file"
-
 
 ENDING = ".arrow"
 LARGEST_UPLOAD = 200_000_000
@@ -105,40 +33,234 @@ MOST_LISTED = 500
 MOST_EVENTS = 500
 
 
-# Seconds from one message about what is being done to the next.
+# Shortest time between messages about background work, s.
 SHOWN_EVERY = 0.5
 
 
+class RecordedPast(Past):
+    """The rows of a recording; only the displayed one is in memory.
+
+    Parameters
+    ----------
+    recording : Recording
+    rows : int
+        The number of readable rows.
+    """
+
+    def __init__(self, recording: Recording, rows: int) -> None:
+        super().__init__()
+        self._recording: Recording | None = recording
+        self._rows = range(rows)
+        self._scene = scene_of_recording(recording)
+        self._last: tuple[int, PackedFrame] | None = None
+        self._ends = tuple(recording[row].step if rows else 0 for row in (0, rows - 1))
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    @property
+    def recording(self) -> Recording:
+        """The open recording.
+
+        Raises
+        ------
+        RecordingError
+            If it was closed.
+        """
+        if self._recording is None:
+            raise RecordingError("the recording was closed; open it again")
+        return self._recording
+
+    @property
+    def first_step(self) -> int:
+        """The step of the first row, 0 if there is none."""
+        return self._ends[0]
+
+    @property
+    def last_step(self) -> int:
+        """The step of the last row, 0 if there is none."""
+        return self._ends[1]
+
+    @property
+    def shown(self) -> PackedFrame | None:
+        """The picture of the displayed row, None if there are no rows."""
+        if not self._rows:
+            return None
+        if self._last is None or self._last[0] != self.index:
+            frame = self.recording[self.index]
+            self._last = self.index, packed_with_readings(frame, self._scene)
+        return self._last[1]
+
+    def step_of(self, row: int) -> int:
+        """Return the step of a row."""
+        return self.recording[row].step
+
+    def look_at(self, step: int) -> None:
+        """Display the first row that is not of an earlier step."""
+        self.look(bisect_left(self._rows, step, key=self.step_of))
+
+    def clear(self) -> None:
+        """Release the recording."""
+        self._recording, self._rows, self._last, self.index = None, range(0), None, 0
+
+
+class ReplayPlayer(Player):
+    """Plays the rows of a recording as a `Player` plays a model.
+
+    Its speed is in steps of the run, also where not every step was recorded.
+
+    Attributes
+    ----------
+    provenance : dict
+        Provenance of the run, also once the recording is closed.
+
+    Raises
+    ------
+    RecordingError
+        If it is not a recording, or has no rows.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from mesa_swarm import SwarmModel
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     model = SwarmModel(rng=1)
+    ...     with model.record(f"{folder}/run.arrow"):
+    ...         end = model.run(3)
+    ...     player = ReplayPlayer(f"{folder}/run.arrow")
+    ...     player.step()
+    ...     player.past.shown.step
+    2
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        recording = Recording(path)
+        rows = recording.intact
+        if not rows:
+            raise RecordingError(f"{recording.path.name} contains no readable step; choose another file")
+        super().__init__()
+        self.provenance = recording.provenance
+        self.past = self.rows = RecordedPast(recording, rows)
+        self._waited = 0
+        self.rest()
+
+    @property
+    def recording(self) -> Recording:
+        """The recording that is played."""
+        return self.rows.recording
+
+    @property
+    def finished(self) -> bool:
+        """Whether the last row is displayed."""
+        return self.past.is_present
+
+    @property
+    def step_shown(self) -> int:
+        """The displayed step."""
+        with self.lock:
+            return self.rows.step_of(self.rows.index) if len(self.rows) else 0
+
+    def step(self) -> None:
+        """Pause, and display the next row."""
+        self.look(self.past.index + 1)
+
+    def look(self, index: int) -> None:
+        """Pause, and display one of the rows."""
+        self.loop.pause()
+        with self.lock:
+            self._waited = 0
+        super().look(index)
+
+    def look_at(self, step: int) -> None:
+        """Pause, and display the first row that is not of an earlier step."""
+        self.loop.pause()
+        with self.capture_errors():
+            self._waited = 0
+            self.rows.look_at(step)
+        self.rest()
+
+    def rewind(self) -> None:
+        """Pause, clear the error, and display the first row."""
+        self.error = ""
+        self.look(0)
+
+    def _can_go_on(self) -> bool:
+        return not self.error and not self.finished
+
+    def _play_step(self, stop: threading.Event) -> bool:
+        with self.capture_errors():
+            return not stop.is_set() and self._advance()
+        self.rest()  # after an error, which has stopped the thread already
+        return False
+
+    def _advance(self) -> bool:
+        """Wait for one more step, and display the next row when it is due; return whether there are more."""
+        if self.past.is_present:
+            return False
+        here, following = (self.rows.step_of(row) for row in (self.rows.index, self.rows.index + 1))
+        self._waited += 1
+        if self._waited >= following - here:
+            self._waited = 0
+            self.rows.look(self.rows.index + 1)
+        return True
+
+    def _store(self, fingerprint: bool = False) -> None:
+        """Store nothing: all is in the file."""
+
+    def _shown(self) -> PackedFrame | None:
+        """Return the displayed picture, None if it cannot be read, with the reason in `error`."""
+        with self.capture_errors():
+            return None if self.error else self.past.shown
+        return None  # the reason is in `error`
+
+
+def packed_with_readings(frame: Frame, scene: Scene) -> PackedFrame:
+    """Return the picture of a recorded frame."""
+    world = scene.world(frame.step)
+    return PackedFrame(frame.step, packed_frame(frame, scene), world, readings_of_frame(frame), frame.state_hash or "")
+
+
+def readings_of_frame(frame: Frame) -> tuple[tuple[str, str], ...]:
+    """Return the numbers above the picture, each with its name; only recorded ones."""
+    readings = [("Robots", f"{len(frame.robots):,}")]
+    if len(frame.columns.get("fires", ())):
+        fires = frame["fires"]
+        readings.append(("Fires burning", f"{int((~fires['out']).sum())} of {len(fires)}"))
+    if "contacts" in frame.columns:
+        readings.append(("Contacts", f"{len(frame['contacts']):,}"))
+    return tuple(readings)
+
+
 class StoppedError(Exception):
-    """What is done in the background is no longer waited for."""
+    """The background work is no longer needed."""
 
 
 class Replaying:
-    """A recording that is open, and what one does with it.
+    """The open recording, its upload, its events, and runs branched off it.
 
     Parameters
     ----------
     session : Session
-        Goes on with what branches off.
+        Continues with a run that branches off.
 
     Attributes
     ----------
-    projector : Projector or None
+    player : ReplayPlayer or None
         Plays the open recording.
     events : list of Event or None
-        None while they are looked for.
+        None during the search.
     changes : dict
-        Parameters that are other after branching.
+        Parameters that differ after branching.
     fault : str
-        Why a recording could not be opened or branched off, empty if nothing is wrong.
+        Why a recording could not be opened or branched off, empty without a fault.
     notes : list of str
-        What must be said of the open recording.
+        Remarks on the open recording.
     changed : Listeners
 
     Examples
     --------
     >>> replaying = Replaying(Session("boids"))
-    >>> replaying.projector is None, replaying.fault
+    >>> replaying.player is None, replaying.fault
     (True, '')
     >>> replaying.close()
     """
@@ -146,16 +268,16 @@ class Replaying:
     def __init__(self, session: Session) -> None:
         self.session = session
         self.changed = Listeners()
-        self.projector: Projector | None = None
+        self.player: ReplayPlayer | None = None
         self.events: list[Event] | None = []
         self.changes: dict[str, Any] = {}
         self.notes: list[str] = []
-        self.fault = self.name = self._going_on = ""
+        self.fault = self.name = self._activity = ""
         self._path = Path()
         self._stop = threading.Event()
-        # Held while a recording is left, and while what is done for it in the background says something.
-        self._saying = threading.Lock()
-        # The open recording if it was handed over, and one that is on its way.
+        # Held while a recording is closed, and while background work changes attributes.
+        self._changing = threading.Lock()
+        # The open recording if it was uploaded, and an upload in progress.
         self._own: Incoming | None = None
         self._coming: Incoming | None = None
         place = recordings_place()
@@ -164,7 +286,7 @@ class Replaying:
 
     @property
     def listed(self) -> list[str]:
-        """The names of recordings on the machine that serves the page, the latest first."""
+        """The names of recordings on the server, the latest first."""
         place = recordings_place()
         if place is None:
             return []
@@ -174,24 +296,24 @@ class Replaying:
 
     @property
     def busy(self) -> str:
-        """What is being done in the background, empty if nothing is."""
+        """The present background work, empty without any."""
         coming = self._coming
-        return f"receiving {coming.name:.60} ..." if coming else self._going_on
+        return f"receiving {coming.name:.60} ..." if coming else self._activity
 
     @property
     def provenance(self) -> dict[str, Any]:
-        """What the open recording says of its run, nothing if none is open."""
-        projector = self.projector  # once: another thread may open another recording
-        return projector.provenance if projector else {}
+        """Provenance of the open recording, empty if none is open."""
+        player = self.player  # once: another thread may open another recording
+        return player.provenance if player else {}
 
     @property
     def model_name(self) -> str:
-        """The name in the gallery of the recorded model, empty if it is none of these."""
+        """The name of the recorded model in the gallery, empty for other models."""
         return _gallery_name(self.provenance)
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """The parameters that the recorded run had, by name; only those of a model of the gallery."""
+        """The parameters of the recorded run by name; empty for models outside the gallery."""
         recorded = self.provenance  # once, as above
         model_name = _gallery_name(recorded)
         if not model_name:
@@ -203,14 +325,14 @@ class Replaying:
         """Open one of the recordings that are `listed`."""
         place = recordings_place()
         if place is None or name not in self.listed:
-            self._say(f"there is no recording {name!r:.60} any more; choose another one")
+            self._fail(f"recording {name!r:.60} not found; choose another one")
         else:
             self._open(place if place.is_file() else place / name, name)
 
     def begin_upload(self, name: str, size: int) -> bool:
-        """Make room for a recording that is handed over in pieces; return whether it may come."""
+        """Begin the upload of a recording in pieces; return whether it is accepted."""
         if size > LARGEST_UPLOAD:
-            self._say(f"{name:.60} has {size:,} bytes; expected at most {LARGEST_UPLOAD:,}")
+            self._fail(f"{name:.60} has {size:,} bytes; expected at most {LARGEST_UPLOAD:,}")
             return False
         self._drop()
         self._coming = Incoming(name)
@@ -218,7 +340,7 @@ class Replaying:
         return True
 
     def take(self, piece: bytes) -> bool:
-        """Take the next piece; return whether more may come."""
+        """Take the next piece; return whether more are accepted."""
         coming = self._coming
         if coming is None:
             return False
@@ -229,19 +351,19 @@ class Replaying:
         except InvalidValueError as problem:  # the disk is full
             fault = in_words(problem)
         self._drop()
-        self._say(fault)
+        self._fail(fault)
         return False
 
     def end_upload(self) -> None:
-        """Open what was handed over; what is no recording is deleted, and the open one stays."""
+        """Open the uploaded file; if it is not a recording, it is deleted, and the open one stays."""
         coming, self._coming = self._coming, None
         if coming is not None:
             coming.end()
             if not self._open(coming.path, coming.name, coming):
                 coming.discard()
 
-    def wish(self, name: str, value: Any) -> None:
-        """Wish for another value of a parameter, from the branching on."""
+    def set_parameter(self, name: str, value: Any) -> None:
+        """Request another value of a parameter after branching."""
         try:
             parameter = parameters_of(find_model(self.model_name))[check_choice("parameter", name, self.parameters)]
             value = parameter.checked(parameter.parse(value) if isinstance(value, str) else value)
@@ -249,40 +371,40 @@ class Replaying:
             if value == self.parameters[name]:
                 del self.changes[name]
             self.fault = ""
-        except Exception as problem:  # what is wrong with a wish is said
+        except Exception as problem:  # shown beside the control
             self.fault = in_words(problem)
         self.changed.notify()
 
     def branch(self) -> None:
-        """Have the session go on from the step that is looked at, with the parameters wished for."""
-        if self.projector is None or self.busy:
+        """Continue in the session from the displayed step, with the requested parameters."""
+        if self.player is None or self.busy:
             return
-        self.projector.pause()
-        step, changes, path = self.projector.step_shown, dict(self.changes), self._path
+        self.player.pause()
+        step, changes, path = self.player.step_shown, dict(self.changes), self._path
         stop = self._stop
-        if self._say_of(stop, _going_on=f"going on from step {step:,} ...", fault=""):
+        if self._update(stop, _activity=f"continuing from step {step:,} ...", fault=""):
             threading.Thread(target=self._branch, args=(path, step, changes, stop), name="branch", daemon=True).start()
 
     def close(self) -> None:
-        """Let go of the recording, and of what was handed over."""
+        """Release the recording, and delete uploads."""
         self.changed.clear()
         self._drop()
         self._leave()
 
     def _branch(self, path: Path, step: int, changes: dict[str, Any], stop: threading.Event) -> None:
         try:
-            (wishes, seed), name = self._origin(), self.model_name
+            (settings, seed), name = self._origin(), self.model_name
             model = cast(SwarmModel, resumed(Recording(path), SwarmModel, step, changes, self._watch(step, stop)))
         except StoppedError:
             return
-        except Exception as problem:  # whatever a recorded model raises
-            self._say_of(stop, _going_on="", fault=in_words(problem).replace(str(path), self.name))
+        except Exception as problem:  # a recorded model may raise anything
+            self._update(stop, _activity="", fault=in_words(problem).replace(str(path), self.name))
             return
-        if self._say_of(stop, _going_on="", fault=""):
-            self.session.adopt(model, name, wishes | changes, seed)
+        if self._update(stop, _activity="", fault=""):
+            self.session.adopt(model, name, settings | changes, seed)
 
     def _watch(self, step: int, stop: threading.Event) -> Watch:
-        """Return what shows how far running again is, and ends it once the recording was closed."""
+        """Return a function that shows the progress of repeating steps, and ends it once the recording is closed."""
         shown = monotonic()
 
         def watch(model: FireModel) -> None:
@@ -291,49 +413,49 @@ class Replaying:
                 raise StoppedError
             if monotonic() - shown > SHOWN_EVERY:
                 shown = monotonic()
-                self._say_of(stop, _going_on=f"going on from step {step:,}: step {model.completed:,} is run again ...")
+                self._update(stop, _activity=f"continuing from step {step:,}: repeating step {model.completed:,} ...")
 
         return watch
 
-    def _say_of(self, stop: threading.Event, **said: Any) -> bool:
-        """Set attributes for the recording of this stop, unless it was left meanwhile; return whether it is open."""
-        with self._saying:
+    def _update(self, stop: threading.Event, **values: Any) -> bool:
+        """Set attributes unless the recording of this stop was closed; return whether it is open."""
+        with self._changing:
             if stop.is_set():
                 return False
-            for name, value in said.items():
+            for name, value in values.items():
                 setattr(self, name, value)
         self.changed.notify()
         return True
 
     def _origin(self) -> tuple[dict[str, Any], int]:
-        """Return parameters and seed from which the recorded model was built."""
+        """Return the parameters and the seed of the recorded model."""
         recorded = self.provenance
         if not self.model_name:
             raise RecordingError(
-                f"{recorded['model']['name']} is no model of this page; go on in Python with its class's resume"
+                f"{recorded['model']['name']} is not a model of this page; in Python use `resume` of its class"
             )
-        wishes = self.parameters
-        if "n_robots" in wishes:
-            check_count("n_robots", wishes["n_robots"], maximum=MOST_ROBOTS)
+        settings = self.parameters
+        if "n_robots" in settings:
+            check_count("n_robots", settings["n_robots"], maximum=MOST_ROBOTS)
         if "map" in parameters_of(find_model(self.model_name)):
-            wishes["map"] = _chart_of(recorded)
+            settings["map"] = _chart_of(recorded)
         seed = recorded["seed"]
         if not isinstance(seed, int) or not 0 <= seed <= LARGEST_SEED:
-            raise InvalidValueError(f"seed is {seed!r:.60}; expected a whole number, so that the page can reset it")
-        return wishes, seed
+            raise InvalidValueError(f"seed is {seed!r:.60}; expected a whole number of at least 0")
+        return settings, seed
 
     def _open(self, path: Path, name: str, own: Incoming | None = None) -> bool:
-        """Open another recording in place of the open one, which stays if that cannot be; return whether it could."""
+        """Open another recording in place of the open one, which stays if that fails; return whether it opened."""
         try:
-            projector = Projector(path)
-        except Exception as problem:  # whatever is in a user's file
-            self._say(in_words(problem).replace(str(path), name))
+            player = ReplayPlayer(path)
+        except Exception as problem:  # a user's file may contain anything
+            self._fail(in_words(problem).replace(str(path), name))
             return False
-        projector.set_speed(self.session.own_speed)
-        self._leave(projector)
+        player.set_speed(self.session.own_speed)
+        self._leave(player)
         self._path, self.name, self._own = path, name, own
-        self.events, self.notes = None, _notes_of(projector)
-        rows = _Rows(path, len(projector.past), self._stop)
+        self.events, self.notes = None, _notes_of(player)
+        rows = _Rows(path, len(player.past), self._stop)
         threading.Thread(target=self._find_events, args=(rows,), name="events", daemon=True).start()
         self.changed.notify()
         return True
@@ -343,29 +465,29 @@ class Replaying:
             found = events_of(rows)
         except StoppedError:
             return
-        except Exception as problem:  # whatever is in a user's file
-            self._say_of(rows.stop, events=[], fault=in_words(problem).replace(str(self._path), self.name))
+        except Exception as problem:  # a user's file may contain anything
+            self._update(rows.stop, events=[], fault=in_words(problem).replace(str(self._path), self.name))
         else:
-            self._say_of(rows.stop, events=found)
+            self._update(rows.stop, events=found)
 
-    def _say(self, fault: str) -> None:
+    def _fail(self, fault: str) -> None:
         self.fault = fault
         self.changed.notify()
 
     def _drop(self) -> None:
-        """Take no more of what is on its way."""
+        """Cancel the upload in progress."""
         coming, self._coming = self._coming, None
         if coming is not None:
             coming.discard()
 
-    def _leave(self, projector: Projector | None = None) -> None:
-        """Let go of the open recording, for another one or none; a file that was handed over is deleted."""
-        with self._saying:
+    def _leave(self, player: ReplayPlayer | None = None) -> None:
+        """Close the open recording, for another one or none; an uploaded file is deleted."""
+        with self._changing:
             self._stop.set()
             self._stop = threading.Event()
-            left, self.projector = self.projector, projector
+            left, self.player = self.player, player
             self.events, self.changes, self.notes = [], {}, []
-            self.name = self.fault = self._going_on = ""
+            self.name = self.fault = self._activity = ""
         if left is not None:
             left.close()
         own, self._own = self._own, None
@@ -374,7 +496,7 @@ class Replaying:
 
 
 class _Rows:
-    """The frames of a recording, which is opened once more: two threads must not read the same one."""
+    """The frames of a recording, opened again: two threads must not read the same one."""
 
     def __init__(self, path: Path, rows: int, stop: threading.Event) -> None:
         self._recording, self._rows, self.stop = Recording(path), rows, stop
@@ -387,18 +509,18 @@ class _Rows:
 
 
 def recordings_place() -> Path | None:
-    """Return the recording or the folder of them that the server was told of, None if there is none."""
-    told = os.environ.get(RECORDINGS_VARIABLE, "")
-    return Path(told) if told else None
+    """Return the recording or the folder of recordings of the server, None without one."""
+    place = os.environ.get(RECORDINGS_VARIABLE, "")
+    return Path(place) if place else None
 
 
-def _notes_of(projector: Projector) -> list[str]:
-    recording, last = projector.recording, projector.past.last_step
-    if len(projector.past) < len(recording):
-        return [f"The recording is damaged after step {last}; what follows is left out."]
+def _notes_of(player: ReplayPlayer) -> list[str]:
+    recording, last = player.recording, player.past.last_step
+    if len(player.past) < len(recording):
+        return [f"The recording is damaged after step {last}; later steps are left out."]
     if recording.damage:
         return [f"The recording {recording.damage}."]
-    return [] if recording.complete else [f"The recording was not closed; it is whole up to step {last}."]
+    return [] if recording.complete else [f"The recording was not closed; it is complete up to step {last}."]
 
 
 def _gallery_name(provenance: dict[str, Any]) -> str:
@@ -409,7 +531,7 @@ def _gallery_name(provenance: dict[str, Any]) -> str:
 
 
 def _are_permitted(name: str, given: dict[str, Any]) -> bool:
-    """Tell whether a model of the gallery takes these parameters: others would stand in the page's controls."""
+    """Return whether a model of the gallery permits these parameters."""
     known = parameters_of(find_model(name))
     try:
         for one in known.keys() & given.keys():
@@ -425,7 +547,7 @@ def _place_of(name: str) -> tuple[str, str]:
 
 
 def _chart_of(provenance: dict[str, Any]) -> Map | str:
-    """Return the name of a recorded map if it comes with mesa_swarm, else the map."""
+    """Return the name of a recorded map if it is a built-in one, else the map."""
     chart = map_of(provenance)
     if chart.name in builtin_maps() and Map.load(chart.name).to_toml() == chart.to_toml():
         return chart.name

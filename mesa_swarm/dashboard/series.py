@@ -1,4 +1,4 @@
-"""What is measured of a run while it is played: numbers after every step, in bounded memory."""
+"""Measurements of a run while it is played: numbers after every step, in bounded memory."""
 
 import threading
 from collections.abc import Iterable
@@ -10,7 +10,7 @@ from mesa_swarm.errors import UnknownNameError, unknown_name
 from mesa_swarm.model import Observer
 from mesa_swarm.swarm_model import SwarmModel
 
-# Kept of a run, or of two that are compared, 16 MB; of a longer one every second step is dropped, and again.
+# Numbers stored of a run, or of two compared ones, 16 MB; beyond that every second row is dropped.
 MOST_NUMBERS = 2_000_000
 FIRST_ROWS = 1024
 NO_LAYER = "no layer"
@@ -18,14 +18,14 @@ NO_LAYER = "no layer"
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """What is shown in one chart.
+    """Title, unit and curves of one chart.
 
     Parameters
     ----------
     key : str
     title : str
     unit : str
-        Empty where the numbers have none, or none that is known.
+        Empty without a known unit.
     names : tuple of str
         Of the curves.
     first : int
@@ -41,7 +41,7 @@ class Chart:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Curves:
-    """Curves as they are drawn: means over groups of rows, and the least and greatest of each.
+    """Curves for drawing: means over groups of rows, and the least and greatest of each.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class Curves:
         The last one of each group.
     mean, low, high : ndarrays, shape (c, m)
     width : int
-        Rows in a group; 1 where nothing was put together.
+        Rows in a group.
     """
 
     steps: np.ndarray
@@ -60,14 +60,10 @@ class Curves:
 
 
 class Series(Observer):
-    """Numbers of a model after every step: its reporters, robots at fires, which layers drive.
+    """Numbers of a model after every step: its reporters, robots at fires, driving layers.
 
-    Call `follow` with a model before its first step. When there is no more room, every second row is dropped:
-    what is left is exact, of the steps that are multiples of `every`.
-
-    Parameters
-    ----------
-    most_numbers : int
+    Call `follow` with a model before its first step. When the memory is full, every second row is dropped:
+    the remaining rows are exact, of the steps that are multiples of `every`.
 
     Attributes
     ----------
@@ -94,16 +90,16 @@ class Series(Observer):
         self._forget()
 
     def __len__(self) -> int:
-        """How many rows are kept."""
+        """Return the number of stored rows."""
         return self._count
 
     @property
     def model(self) -> SwarmModel | None:
-        """Whose numbers these are."""
+        """The model that is measured."""
         return self._model
 
     def follow(self, model: SwarmModel | None) -> None:
-        """Forget all, and measure this model from now on."""
+        """Clear everything, and measure this model from now on."""
         with self._lock:
             if self._model is not None and self in self._model.observers:
                 self._model.observers.remove(self)
@@ -111,7 +107,7 @@ class Series(Observer):
             self._forget()
             if model is not None:
                 model.observers.append(self)
-                self._lay_out(model)
+                self._arrange(model)
 
     def after_step(self, model: SwarmModel, step: int) -> None:
         """Measure, if a row is due; called by the model."""
@@ -119,7 +115,7 @@ class Series(Observer):
             if step % self.every:
                 return
             if self._form != form_of(model):
-                self._lay_out(model)
+                self._arrange(model)
             if self._count == len(self._steps):
                 self._make_room()
             if step % self.every == 0:
@@ -128,7 +124,7 @@ class Series(Observer):
                 self._count += 1
 
     def charts(self) -> list[Chart]:
-        """Return what can be shown."""
+        """Return the charts."""
         return list(self._charts.values())
 
     def chart(self, key: str) -> Chart:
@@ -137,23 +133,23 @@ class Series(Observer):
         Raises
         ------
         UnknownNameError
-            If there is none of this key.
+            If the key is unknown.
         """
         if key not in self._charts:
             raise UnknownNameError(unknown_name("chart", key, self._charts))
         return self._charts[key]
 
     def rows(self, key: str) -> tuple[np.ndarray, np.ndarray]:
-        """Return the steps (m,) and the numbers (m, c) of one chart, all that are kept."""
+        """Return all stored steps (m,) and numbers (m, c) of one chart."""
         with self._lock:
             chart = self.chart(key)
             columns = slice(chart.first, chart.first + len(chart.names))
             return self._steps[: self._count].copy(), self._table[: self._count, columns].copy()
 
     def curves(self, key: str, most: int) -> Curves:
-        """Return the curves of one chart with at most so many points each.
+        """Return the curves of one chart with at most `most` points each.
 
-        The width of groups is a power of two, so that what was drawn stays as it is while rows are added.
+        The width of groups is a power of two, so that drawn points stay while rows are added.
         """
         steps, rows = self.rows(key)
         width = 1
@@ -166,8 +162,8 @@ class Series(Observer):
         self._steps = np.empty(0, np.int64)
         self._table = np.empty((0, 0))
 
-    def _lay_out(self, model: SwarmModel) -> None:
-        """Make a column for all that is measured; of what is new, nothing is known before now."""
+    def _arrange(self, model: SwarmModel) -> None:
+        """Make the columns of all measurements; new ones are NaN before now."""
         old, table = self._charts, self._table
         self._form = form_of(model)
         self._charts = {chart.key: chart for chart in placed(charts_of(model))}
@@ -189,13 +185,13 @@ class Series(Observer):
             self._table = np.concatenate([self._table, more])
             return
         self.every *= 2
-        kept = np.flatnonzero(self._steps[: self._count] % self.every == 0)
-        self._steps[: len(kept)], self._table[: len(kept)] = self._steps[kept], self._table[kept]
-        self._count = len(kept)
+        left = np.flatnonzero(self._steps[: self._count] % self.every == 0)
+        self._steps[: len(left)], self._table[: len(left)] = self._steps[left], self._table[left]
+        self._count = len(left)
 
 
 def grouped(steps: np.ndarray, rows: np.ndarray, width: int) -> Curves:
-    """Return means, least and greatest numbers of groups of so many rows; what is not known counts for nothing.
+    """Return means, least and greatest numbers of groups of `width` rows, without NaN.
 
     Examples
     --------
@@ -216,12 +212,12 @@ def grouped(steps: np.ndarray, rows: np.ndarray, width: int) -> Curves:
 
 
 def form_of(model: SwarmModel) -> tuple:
-    """Return what decides which columns there are."""
+    """Return a key that changes with the columns."""
     return len(model.fires), id(model.control), len(model.datacollector.model_vars)
 
 
 def placed(charts: Iterable[Chart]) -> list[Chart]:
-    """Return charts with the columns that they are given one after the other."""
+    """Return charts with consecutive columns."""
     found: list[Chart] = []
     first = 0
     for chart in charts:
@@ -231,7 +227,7 @@ def placed(charts: Iterable[Chart]) -> list[Chart]:
 
 
 def charts_of(model: SwarmModel) -> list[Chart]:
-    """Return what is measured of a model, in the order in which `measure` writes it.
+    """Return the charts of a model, in the order in which `measure` writes them.
 
     Examples
     --------
@@ -253,13 +249,13 @@ def charts_of(model: SwarmModel) -> list[Chart]:
 
 
 def layer_names(model: SwarmModel) -> tuple[str, ...]:
-    """Return the names of a model's layers, numbered where several are called the same."""
+    """Return the names of a model's layers, numbered where names repeat."""
     names = [layer.name for layer in model.control.layers] if model.control is not None else []
     return tuple(f"{name} {k + 1}" if names.count(name) > 1 else name for k, name in enumerate(names))
 
 
 def measure(model: SwarmModel, row: np.ndarray) -> None:
-    """Write what is measured of a model as it is now; NaN for what is no number."""
+    """Write the present measurements of a model; NaN for non-numbers."""
     column = 0
     for values in model.datacollector.model_vars.values():
         row[column] = number_of(values[-1]) if values else np.nan
@@ -276,7 +272,7 @@ def measure(model: SwarmModel, row: np.ndarray) -> None:
 
 
 def number_of(value: object) -> float:
-    """Return what a reporter said as a number, NaN if it is none.
+    """Return the value of a reporter as a number, NaN for a non-number.
 
     Examples
     --------
@@ -284,6 +280,6 @@ def number_of(value: object) -> float:
     (1.0, nan)
     """
     try:
-        return float(value)  # type: ignore[arg-type]  # what has no number raises
+        return float(value)  # type: ignore[arg-type]  # non-numbers raise
     except (TypeError, ValueError):
         return np.nan

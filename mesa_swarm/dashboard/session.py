@@ -8,12 +8,12 @@ from concurrent.futures import CancelledError
 from dataclasses import fields, replace
 from typing import Any, Protocol, TypeVar, cast
 
-from mesa_swarm.dashboard.inspection import watch_closely
 from mesa_swarm.dashboard.series import Series
 from mesa_swarm.errors import InvalidValueError, check_count, in_words
 from mesa_swarm.fire import FireConstants
 from mesa_swarm.gallery import find_model
 from mesa_swarm.parameters import Choice, Parameter, parameters_of
+from mesa_swarm.robots.snapshots import DECISIONS
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES, Listeners
 from mesa_swarm.viewing.player import Player
@@ -23,19 +23,23 @@ from mesa_swarm.world.map_parts import stopping_when
 MOST_ROBOTS = 10_000
 LARGEST_UPLOAD = 1_000_000
 LARGEST_SEED = 2**53 - 1
+# Columns of the last steps that stay in memory for the inspector, and how much of them.
+WATCHED = (*DECISIONS, "heard_layer", "heard_task", "radiation", "line")
+MOST_WATCHED_BYTES = 20_000_000
+MOST_WATCHED_STEPS = 1000
 
 
-def checked_wish(parameter: Parameter, value: Any) -> Any:
-    """Return what somebody wishes for, as the parameter's type.
+def checked_setting(parameter: Parameter, value: Any) -> Any:
+    """Return a requested setting, as the parameter's type.
 
     Raises
     ------
     InvalidValueError, UnknownNameError
-        If it is no such value, or more robots than a page can take.
+        If the value is not permitted, or exceeds the number of robots on a page.
 
     Examples
     --------
-    >>> checked_wish(Parameter("n_robots", 10, int, None), "12")
+    >>> checked_setting(Parameter("n_robots", 10, int, None), "12")
     12
     """
     value = parameter.checked(parameter.parse(value) if isinstance(value, str) else value)
@@ -43,7 +47,7 @@ def checked_wish(parameter: Parameter, value: Any) -> Any:
 
 
 def map_from(name: str, content: bytes) -> Map:
-    """Return the map in a file that was handed over.
+    """Return the map in an uploaded file.
 
     Raises
     ------
@@ -64,41 +68,42 @@ def map_from(name: str, content: bytes) -> Map:
             return Map.from_toml(content.decode(), name)
         except UnicodeDecodeError:
             raise InvalidValueError(f"{name:.60} is not UTF-8 text; expected a map as TOML") from None
-    raise InvalidValueError(f"{name!r:.60} is no map; expected a file that ends in .svg or .toml")
+    raise InvalidValueError(f"{name!r:.60} is not a map; expected a file that ends in .svg or .toml")
 
 
-def seed_from(text: str | int) -> int:
-    """Return the seed that somebody typed.
+def whole_number(name: str, text: str | int, minimum: int = 0, maximum: int = LARGEST_SEED) -> int:
+    """Return a typed whole number.
 
     Raises
     ------
     InvalidValueError
-        If it is none.
+        If the text is not a whole number from minimum to maximum.
 
     Examples
     --------
-    >>> seed_from("7")
+    >>> whole_number("seed", "7")
     7
     """
     try:
-        return check_count("seed", int(text), maximum=LARGEST_SEED)
+        number = int(text)
     except ValueError:
-        raise InvalidValueError(f"seed is {text!r:.60}; expected a whole number from 0 on") from None
+        raise InvalidValueError(f"{name} is {text!r:.60}; expected a whole number at least {minimum}") from None
+    return check_count(name, number, minimum=minimum, maximum=maximum)
 
 
 # Parameters that a running model takes at once.
 LIVE = frozenset(field.name for field in fields(FireConstants)) - {"remarks"}
 USUAL_SPEED = 60.0
-# Seconds for the steps before anything is shown; what is left of them is played, and can be paused.
+# Longest time for steps before anything is shown, s; the remaining ones are played, and can be paused.
 LONGEST_WAIT = 2.0
 READER = "map"
 
 
 class Companion(Protocol):
-    """What a part of the page keeps for a session, also while another part is looked at."""
+    """State of one tab of the page, which stays while another tab is shown."""
 
     def close(self) -> None:
-        """Stop, and let go of everything."""
+        """Stop, and release everything."""
 
 
 Kind = TypeVar("Kind", bound=Companion)
@@ -111,12 +116,12 @@ class Session(Player):
     ----------
     name : str
         Of a model of the gallery.
-    wishes : mapping, optional
+    settings : mapping, optional
         Parameters that are not the model's defaults.
     seed : int
         Of everything random, 0 to 2**53 - 1.
     steps : int
-        Taken before anything is shown, as many as `LONGEST_WAIT` permits; the others are played then.
+        Taken before anything is shown, for at most `LONGEST_WAIT`; the others are then played.
     find : function
         Returns the class of a model by its name.
 
@@ -125,29 +130,29 @@ class Session(Player):
     name : str
     model_class : type
     parameters : dict of Parameter
-    wishes : dict
-        Values of all parameters, for the next model; those in `LIVE` also of the present one.
+    settings : dict
+        Requested values of all parameters, for the next model; those in `LIVE` also for the present one.
     seed : int
     faults : dict of str
-        What is wrong with a wish, by parameter, or with "seed" or an "upload".
+        Why a setting was refused, by parameter or "seed".
     unbuilt : bool
-        Whether `error` says why there is no model as wished, not what went wrong in one.
+        Whether `error` is about building the model, not about running it.
     note : str
-        That fewer steps were taken than asked for; empty if all were, or `error` says why not.
+        Why fewer steps were taken than requested; empty if all were, or if `error` has the reason.
     goal : int
-        The step up to which it plays by itself, 0 for none.
+        The step up to which it plays automatically, 0 for none.
     own_speed : float
-        Steps a second that the user wished for, also while it plays as fast as it goes up to its goal.
+        Steps a second that the user requested for, also while it plays as fast as it goes up to its goal.
     built : dict
-        What the present model was built from, and was given since.
+        Settings of the present model.
     series : Series
-        What was measured of the present model.
+        Measurements of the present model.
     chosen_charts : dict of list of str
-        Keys of the charts that the user wants to see, by model.
+        Keys of the charts that the user chose, by model.
     straight : bool
-        Whether nothing was changed on the way: the same wishes give the same run.
+        Whether nothing was changed during the run, so that the same settings reproduce it.
     adopted : Listeners
-        Told when it goes on with a model that was built elsewhere.
+        Notified when the session continues with a model built elsewhere.
 
     Examples
     --------
@@ -160,14 +165,14 @@ class Session(Player):
     def __init__(
         self,
         name: str,
-        wishes: Mapping[str, Any] | None = None,
+        settings: Mapping[str, Any] | None = None,
         seed: int = 1,
         steps: int = 0,
         find: Callable[[str], type[SwarmModel]] = find_model,
     ) -> None:
         self._find = find
         self.uploads: dict[str, Map] = {}
-        # Set once the map that is being read is waited for no longer.
+        # Set when the map that is being read is not needed any more.
         self._reading = threading.Event()
         self._one_reader = threading.Lock()
         self.series = Series()
@@ -179,24 +184,24 @@ class Session(Player):
         self.note, self.unbuilt, self.seed, self.goal = "", False, seed, 0
         super().__init__()
         self.set_speed(USUAL_SPEED)
-        self._enter(name, dict(wishes or {}), seed)
+        self._enter(name, dict(settings or {}), seed)
         self.reset(steps)
 
     @property
     def waiting(self) -> frozenset[str]:
-        """The parameters that will be as wished only after a reset; "seed" among them."""
-        wished = {**self.wishes, "seed": self.seed}
-        return frozenset(name for name, value in wished.items() if self.built.get(name) != value)
+        """The parameters that will be as requested only after a reset; "seed" among them."""
+        requested = {**self.settings, "seed": self.seed}
+        return frozenset(name for name, value in requested.items() if self.built.get(name) != value)
 
-    def choose(self, name: str, wishes: Mapping[str, Any] | None = None) -> None:
-        """Go on with another model, with its defaults but for these wishes."""
+    def choose(self, name: str, settings: Mapping[str, Any] | None = None) -> None:
+        """Continue with another model, with its defaults except for these settings."""
         self.loop.pause()
         with self.lock:
-            self._enter(name, dict(wishes or {}), self.seed)
+            self._enter(name, dict(settings or {}), self.seed)
         self.reset()
 
     def reset(self, steps: int = 0) -> None:
-        """Stop, and build a new model as wished; the old one stays where that cannot be."""
+        """Stop, and build a new model from the settings; the old one stays if that fails."""
         self.loop.pause()
         with self.capture_errors():
             self._forget_goal()
@@ -213,72 +218,72 @@ class Session(Player):
             self.rest()
 
     def rest(self) -> None:
-        """Show how things are at rest; what is paused goes no further towards its goal."""
+        """Show the state at rest; pausing cancels the goal."""
         if self.goal and not self.playing and self.model is not None:
             done, goal = self.model.completed, self.goal
             self._forget_goal()
             if done >= goal or self.error:
                 self.note = ""
             elif self.model.running:
-                self.note = f"step {done:,} of {goal:,}: it was paused on its way; play on from here"
+                self.note = f"step {done:,} of {goal:,}: paused early; press Play to continue"
             else:
                 self.note = ended_early(done, goal)
         super().rest()
 
     def set_speed(self, speed: float) -> None:
-        """Play at so many steps a second from now on."""
+        """Set the number of steps a second."""
         self.own_speed = speed
         super().set_speed(speed)
 
     def go_back(self) -> None:
-        """Start over as the present model was built, or from the defaults if there is none."""
+        """Start again with the settings of the present model, or with the defaults if there is no model."""
         with self.lock:
             last = dict(self.built)
             self.seed = last.pop("seed", self.seed)
-            self.wishes = last or self._defaults()
+            self.settings = last or self._defaults()
             self.faults = {}
         self.reset()
 
     def remade(self) -> SwarmModel:
-        """Return a model as the present one was at its start; if the run is `straight`, it takes the same steps."""
+        """Return the present model as built; if the run is `straight`, it takes the same steps."""
         with self.lock:
             return self._made(self.built)
 
-    def wish(self, name: str, value: Any) -> None:
-        """Wish for a parameter, as its type, and give it to the present model where that can take it."""
+    def set_parameter(self, name: str, value: Any) -> None:
+        """Request a value of a parameter, and apply it to the present model if it is in `LIVE`."""
         with self.lock:
             try:
                 self._take({name: value})
-            except Exception as problem:  # what is wrong with a wish is said beside it
+            except Exception as problem:  # shown beside the control
                 self.faults[name] = in_words(problem)
         self.show()
         self.changed.notify()
 
-    def wish_all(self, values: Mapping[str, Any]) -> None:
-        """Wish for several parameters at once."""
+    def set_parameters(self, values: Mapping[str, Any]) -> None:
+        """Request values of several parameters at once."""
         with self.lock:
             self._take(values)
         self.show()
         self.changed.notify()
 
-    def wish_defaults(self) -> None:
-        """Wish for the model's defaults."""
-        self.wish_all(self._defaults())
+    def set_defaults(self) -> None:
+        """Request the model's defaults."""
+        self.set_parameters(self._defaults())
 
     def set_seed(self, text: str | int) -> None:
-        """Take another seed for the next model."""
+        """Set the seed of the next model."""
         with self.lock:
             try:
-                self.seed = seed_from(text)
+                self.seed = whole_number("seed", text)
                 self.faults.pop("seed", None)
             except InvalidValueError as problem:
                 self.faults["seed"] = str(problem)
         self.changed.notify()
 
     def upload(self, name: str, content: bytes) -> None:
-        """Read a map from a file that the user hands over, in a thread without the lock, and build the model on it.
+        """Read a map from an uploaded file, in a thread without the lock, and build the model on it.
 
-        Another upload, another model and the end of the session cancel it: what it reads is then dropped.
+        Another upload, another model and the end of the session cancel it.
         """
         with self.lock:
             self._reading.set()
@@ -286,21 +291,21 @@ class Session(Player):
         threading.Thread(target=self._read_map, args=(name, content, cancelled), name=READER, daemon=True).start()
 
     def _read_map(self, name: str, content: bytes, cancelled: threading.Event) -> None:
-        chart, fault = None, ""
+        new_map, fault = None, ""
         try:
-            # One at a time: a user who uploads again and again waits for none of them, and neither do others.
+            # One at a time; another upload cancels the one before.
             with self._one_reader, stopping_when(cancelled.is_set):
                 if not cancelled.is_set():
-                    chart = map_from(name, content)
+                    new_map = map_from(name, content)
         except CancelledError:
             return
-        except Exception as problem:  # whatever is in a user's file
+        except Exception as problem:  # a user's file may contain anything
             fault = in_words(problem)
         with self.lock:
             if cancelled.is_set():
                 return
-            self._take_map(chart, fault)
-        if chart is not None:
+            self._take_map(new_map, fault)
+        if new_map is not None:
             self.reset()
         else:
             self.changed.notify()
@@ -311,49 +316,49 @@ class Session(Player):
             self.faults["map"] = fault
             return
         known = f"{chart.name} (yours)" if chart.name in builtin_maps() else chart.name
-        self.uploads[known], self.wishes["map"] = chart, known
+        self.uploads[known], self.settings["map"] = chart, known
 
     def map_names(self) -> list[str]:
-        """Return the maps that may be wished for: the model's own first, then the others, then uploaded ones."""
+        """Return the maps that may be requested for: the model's own first, then the others, then uploaded ones."""
         parameter = self.parameters.get("map")
         own = parameter.control.options if parameter and isinstance(parameter.control, Choice) else ()
         return list(dict.fromkeys([*own, *builtin_maps(), *self.uploads]))
 
-    def adopt(self, model: SwarmModel, name: str, wishes: Mapping[str, Any], seed: int) -> None:
-        """Stop, and go on with a model that was built elsewhere and has taken steps.
+    def adopt(self, model: SwarmModel, name: str, settings: Mapping[str, Any], seed: int) -> None:
+        """Stop, and continue with a model that was built elsewhere and has taken steps.
 
         Parameters
         ----------
         model : SwarmModel
         name : str
             Under which its class is found.
-        wishes : mapping
-            The parameters from which a reset builds it anew; a Map is kept as if it had been uploaded.
+        settings : mapping
+            The parameters from which a reset builds it again; a Map counts as uploaded.
         seed : int
         """
         self.loop.pause()
         with self.lock:
-            given = dict(wishes)
+            given = dict(settings)
             if isinstance(given.get("map"), Map):
                 chart = given["map"]
                 given["map"] = f"{chart.name} (recorded)"
                 self.uploads[given["map"]] = chart
             self._enter(name, given, seed)
-            self.model, self.built, self.straight = model, {**self.wishes, "seed": seed}, False
+            self.model, self.built, self.straight = model, {**self.settings, "seed": seed}, False
             self.series.follow(model)
             self._limit_collected(model)
         self.rest()
         self.adopted.notify()
 
     def companion(self, kind: Callable[["Session"], Kind]) -> Kind:
-        """Return the one companion of this kind, made when it is first asked for, and closed with the session."""
+        """Return the one companion of this kind, made at the first call, and closed with the session."""
         with self.lock:
             if kind not in self._companions:
                 self._companions[kind] = kind(self)
             return cast(Kind, self._companions[kind])  # the one that was made by this kind
 
     def close(self) -> None:
-        """Stop for good, and let go of everything."""
+        """Stop, and release everything."""
         self._reading.set()
         super().close()
         for companion in self._companions.values():
@@ -363,12 +368,12 @@ class Session(Player):
         self.adopted.clear()
         self.uploads.clear()
 
-    def _enter(self, name: str, wishes: dict[str, Any], seed: int) -> None:
+    def _enter(self, name: str, settings: dict[str, Any], seed: int) -> None:
         self._reading.set()
         self.model_class = self._find(name)
         self.name, self.seed = name, seed
         self.parameters = parameters_of(self.model_class)
-        self.wishes = self._defaults() | wishes
+        self.settings = self._defaults() | settings
         self.faults, self.built = {}, {}
         self.model, self.error, self.straight = None, "", True
         self.note, self.unbuilt = "", False
@@ -379,17 +384,17 @@ class Session(Player):
         return {name: parameter.default for name, parameter in self.parameters.items()}
 
     def _build(self) -> None:
-        """Go on with a new model as wished."""
+        """Go on with a new model as requested."""
         self.unbuilt = True
-        model = self._made({**self.wishes, "seed": self.seed})
+        model = self._made({**self.settings, "seed": self.seed})
         self.past.clear()
         self.series.follow(model)
         watch_closely(model)
-        self.model, self.built, self.straight = model, {**self.wishes, "seed": self.seed}, True
+        self.model, self.built, self.straight = model, {**self.settings, "seed": self.seed}, True
         self.unbuilt = False
 
     def _catch_up(self, steps: int) -> None:
-        """Take steps, as many as there is time for; if those were not all, the last of them is the goal."""
+        """Take as many of the steps as there is time for; with steps left over, the last one becomes the goal."""
         if self.model is None:
             return
         end = math.inf
@@ -399,7 +404,7 @@ class Session(Player):
             end = min(end, time.monotonic() + LONGEST_WAIT)
             if time.monotonic() > end and self.model.completed < steps:
                 self.goal = steps
-                self.note = f"step {steps:,} takes a while: the run is played up to there, and Pause ends that"
+                self.note = f"step {steps:,} takes a while: the run is played up to it; press Pause to stop"
                 return
         if self.model.completed < steps:
             self.note = ended_early(self.model.completed, steps)
@@ -415,7 +420,7 @@ class Session(Player):
         return goes_on and not reached
 
     def _made(self, given: Mapping[str, Any]) -> SwarmModel:
-        """Return a model of these parameters, of which "seed" is one."""
+        """Return a model of these parameters and "seed"."""
         named = {name: value for name, value in given.items() if name != "seed"}
         if named.get("map") in self.uploads:
             named["map"] = self.uploads[named["map"]]
@@ -424,35 +429,35 @@ class Session(Player):
     def _checked(self, name: str, value: Any) -> Any:
         if name == "map" and value in self.map_names():
             return value
-        return checked_wish(self.parameters[name], value)
+        return checked_setting(self.parameters[name], value)
 
     def _take(self, values: Mapping[str, Any]) -> None:
-        """Wish for these values, unless one of them is refused: then all stays as it was."""
-        before = self.wishes
-        self.wishes = before | {name: self._checked(name, value) for name, value in values.items()}
+        """Request these values, all or none."""
+        before = self.settings
+        self.settings = before | {name: self._checked(name, value) for name, value in values.items()}
         try:
             self._give()
         except Exception:
-            self.wishes = before
+            self.settings = before
             raise
         for name in values:
             self.faults.pop(name, None)
 
     def _give(self) -> None:
-        """Give the present model the wishes that it can take."""
+        """Apply the settings in `LIVE` to the present model."""
         if self.model is None:
             return
-        wished = {name: self.wishes[name] for name in LIVE & self.wishes.keys()}
-        if any(self.built.get(name) != value for name, value in wished.items()):
-            self.model.fire_constants = replace(self.model.fire_constants, **wished, remarks=())
-            self.built |= wished
+        requested = {name: self.settings[name] for name in LIVE & self.settings.keys()}
+        if any(self.built.get(name) != value for name, value in requested.items()):
+            self.model.fire_constants = replace(self.model.fire_constants, **requested, remarks=())
+            self.built |= requested
             self.straight = self.model.completed == 0 and self.straight
-            self.faults = {name: fault for name, fault in self.faults.items() if name not in wished}
+            self.faults = {name: fault for name, fault in self.faults.items() if name not in requested}
             self.look_now()
 
 
 def ended_early(step: int, goal: int) -> str:
-    """Return in words that a run was over before the step that was asked for.
+    """Return the message for a run that ended before the requested step.
 
     Examples
     --------
@@ -460,3 +465,18 @@ def ended_early(step: int, goal: int) -> str:
     'the run ended at step 1,596, before step 3,000'
     """
     return f"the run ended at step {step:,}, before step {goal:,}"
+
+
+def watch_closely(model: SwarmModel) -> None:
+    """Store what robots perceived and did in the last steps of a model, unless it is watched already.
+
+    Examples
+    --------
+    >>> model = SwarmModel(rng=1)
+    >>> watch_closely(model)
+    >>> len(model.run(5).watched)
+    5
+    """
+    if model.watched is None:
+        a_step = sum(model.swarm.columns[name].nbytes for name in WATCHED)
+        model.watch(last=max(2, min(MOST_WATCHED_STEPS, MOST_WATCHED_BYTES // max(a_step, 1))), columns=WATCHED)

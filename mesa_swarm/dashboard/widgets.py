@@ -1,8 +1,9 @@
 """Buttons, downloads and uploads of the page."""
 
 import threading
-from collections.abc import Callable, Generator
-from pathlib import Path
+from collections.abc import Callable, Generator, Sequence
+from pathlib import Path, PureWindowsPath
+from tempfile import TemporaryDirectory
 from typing import Protocol
 
 import anywidget
@@ -10,12 +11,17 @@ import solara
 import traitlets
 from reacton import ipyvuetify as rv
 
+from mesa_swarm.files import unwritable
+
+# Most letters of the stored name, within the limits of file systems.
+LONGEST_NAME = 60
+
 
 @solara.component
 def Button(
     label: str, act: Callable[[], object], class_: str = "", pressed: bool | None = None, enabled: bool = True
 ) -> None:
-    """Show a button; of those that are pressed or not, whether this one is."""
+    """Show a button; of a toggle, whether it is pressed."""
     about = {"type": "button"} | ({} if enabled else {"disabled": True})
     if pressed is not None:
         about["aria-pressed"] = "true" if pressed else "false"
@@ -34,7 +40,7 @@ def Item(name: str, act: Callable[[], object], more: str = "", chosen: bool = Fa
 
 @solara.component
 def TroubleCard(title: str, *texts: str, way_out: tuple[str, Callable[[], object]] | None = None) -> None:
-    """Show what went wrong, and a button that leads out of it."""
+    """Show an error, and a button that resolves it."""
     with rv.Html(tag="section", class_="swarm-trouble", attributes={"role": "alert"}):
         if title:
             rv.Html(tag="h2", children=[title])
@@ -43,6 +49,27 @@ def TroubleCard(title: str, *texts: str, way_out: tuple[str, Callable[[], object
         if way_out:
             label, act = way_out
             solara.Button(label, act)
+
+
+class Link:
+    """Passes the messages of a widget to `act`, from `connect` to `close`."""
+
+    def connect(self, widget: anywidget.AnyWidget, *leave: Callable[[], None]) -> None:
+        """Listen to a widget; what `leave` does is done at the end."""
+        self._widget, self._leave = widget, leave
+        widget.on_msg(self._receive)
+
+    def act(self, message: dict, buffers: Sequence = ()) -> None:
+        """Carry out a message from the browser."""
+
+    def close(self) -> None:
+        """Disconnect."""
+        for leave in self._leave:
+            leave()
+        self._widget.on_msg(self._receive, remove=True)
+
+    def _receive(self, _: object, message: dict, buffers: Sequence) -> None:
+        self.act(message, buffers)
 
 
 PIECE = 1_000_000
@@ -56,17 +83,17 @@ TYPES = {
 }
 
 
-# Each with whether it is the last one.
+# Each piece with whether it is the last one.
 Pieces = Generator[tuple[bytes, bool], None, None]
 
 
 class Downloads:
-    """Sends files; the next piece of one goes when the browser asks for it.
+    """Sends files in pieces, each when the browser requests it.
 
     Parameters
     ----------
     widget : AnyWidget
-        Whose module has `Downloads` of downloads.js.
+        Whose module has `ReceivedFiles` of downloads.js.
 
     Examples
     --------
@@ -81,7 +108,7 @@ class Downloads:
         self._number = 0
 
     def send(self, name: str, content: bytes | Path) -> None:
-        """Hand over a file under a name."""
+        """Send a file under a name."""
         with self._lock:
             self._number += 1
             number = self._number
@@ -89,7 +116,7 @@ class Downloads:
         self.hear({"do": "more", "value": number})
 
     def hear(self, message: dict) -> bool:
-        """Send the next piece, if that is what is asked for; return whether it was."""
+        """Send the next piece, if the message requests it; return whether it does."""
         if message.get("do") != "more":
             return False
         with self._lock:
@@ -106,7 +133,7 @@ class Downloads:
         return True
 
     def close(self) -> None:
-        """Let go of what was not asked for."""
+        """Release the pieces that were not requested."""
         with self._lock:
             for _, pieces in self._open.values():
                 pieces.close()
@@ -130,16 +157,16 @@ def pieces_of(content: bytes | Path, size: int) -> Pieces:
 
 
 class Receiver(Protocol):
-    """Whoever takes a file: piece by piece, and may refuse."""
+    """Receives a file in pieces, and may refuse it."""
 
     def begin_upload(self, name: str, size: int) -> bool:
-        """Return whether a file may come."""
+        """Return whether a file is accepted."""
 
     def take(self, piece: bytes) -> bool:
-        """Take a piece; return whether more may come."""
+        """Take a piece; return whether more are accepted."""
 
     def end_upload(self) -> None:
-        """Take note that all has come."""
+        """Note that all pieces have arrived."""
 
 
 class FilePicker(anywidget.AnyWidget):
@@ -149,7 +176,7 @@ class FilePicker(anywidget.AnyWidget):
     ----------
     label : str
     accept : str
-        Endings of names, as HTML has them.
+        Endings of names, in the format of HTML.
     """
 
     _esm = """
@@ -165,16 +192,16 @@ class FilePicker(anywidget.AnyWidget):
           from += part.byteLength;
           model.send({ do: "piece", last: from >= chosen.size }, undefined, [part]);
         };
-        const hear = (message) => chosen && (message.go ? next() : (chosen = null));
+        const receive = (message) => chosen && (message.go ? next() : (chosen = null));
         button.addEventListener("click", () => file.click());
         file.addEventListener("change", () => {
           [chosen, from] = [file.files[0], 0];
           if (chosen) model.send({ do: "begin", name: chosen.name, size: chosen.size });
           file.value = "";
         });
-        model.on("msg:custom", hear);
+        model.on("msg:custom", receive);
         el.append(file, button);
-        return () => model.off("msg:custom", hear);
+        return () => model.off("msg:custom", receive);
       },
     };
     """
@@ -183,22 +210,15 @@ class FilePicker(anywidget.AnyWidget):
     piece = traitlets.Int(PIECE).tag(sync=True)
 
 
-class Upload:
-    """Lets a button hand its files to a receiver.
-
-    Parameters
-    ----------
-    picker : FilePicker
-    receiver : Receiver
-    """
+class Upload(Link):
+    """Passes the files of a button to a receiver."""
 
     def __init__(self, picker: FilePicker, receiver: Receiver) -> None:
         self.picker, self.receiver = picker, receiver
-        self._hear = lambda _, message, buffers: self.act(message, buffers)
-        picker.on_msg(self._hear)
+        self.connect(picker)
 
-    def act(self, message: dict, buffers: list) -> None:
-        """Do what the browser asks for."""
+    def act(self, message: dict, buffers: Sequence = ()) -> None:
+        """Carry out a message from the browser."""
         match message.get("do"):
             case "begin":
                 goes_on = self.receiver.begin_upload(str(message.get("name", "")), int(message.get("size", 0)))
@@ -209,6 +229,72 @@ class Upload:
                 if message.get("last"):
                     self.receiver.end_upload()
 
-    def close(self) -> None:
-        """Part them."""
-        self.picker.on_msg(self._hear, remove=True)
+
+class Incoming:
+    """An uploaded file that arrives in pieces.
+
+    Parameters
+    ----------
+    name : str
+        Its name on the user's machine.
+
+    Attributes
+    ----------
+    path : Path
+        Its place here, under nearly the same name, since errors quote it.
+
+    Examples
+    --------
+    >>> incoming = Incoming("run.arrow")
+    >>> incoming.take(b"abc")
+    3
+    >>> incoming.end()
+    >>> incoming.path.name, incoming.path.read_bytes()
+    ('run.arrow', b'abc')
+    >>> incoming.discard()
+    >>> incoming.path.exists()
+    False
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self._folder = TemporaryDirectory(prefix="mesa_swarm_", ignore_cleanup_errors=True)
+        self.path = Path(self._folder.name, harmless(name))
+        self._file = self.path.open("wb", buffering=0)  # otherwise a full disk would be noticed only at the end
+
+    def take(self, piece: bytes) -> int:
+        """Take the next piece; return the number of bytes so far.
+
+        Raises
+        ------
+        InvalidValueError
+            If it cannot be written.
+        """
+        left = memoryview(piece)
+        try:
+            while left:
+                left = left[self._file.write(left) :]
+        except OSError as error:
+            raise unwritable(Path(self.name), error, cure="the server's disk is full or broken") from None
+        return self._file.tell()
+
+    def end(self) -> None:
+        """Note that all pieces have arrived."""
+        self._file.close()
+
+    def discard(self) -> None:
+        """Delete the file, and its folder."""
+        self.end()
+        self._folder.cleanup()
+
+
+def harmless(name: str) -> str:
+    """Return a name that is safe in any file system.
+
+    Examples
+    --------
+    >>> harmless("my run.arrow"), harmless("../../etc/passwd"), harmless("..")
+    ('my run.arrow', 'passwd', 'file')
+    """
+    letters = [letter if letter.isalnum() or letter in " ._-()" else "_" for letter in PureWindowsPath(name).name]
+    return "".join(letters)[-LONGEST_NAME:].strip(" .") or "file"

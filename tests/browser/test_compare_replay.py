@@ -162,7 +162,7 @@ def test_an_event_is_jumped_to_and_the_watch_page_goes_on_from_there(replayed):
     step = event.inner_text().split()[0]
     event.click()
     replayed.wait(f"player.step === '{step}'")
-    replayed.press("Go on live")
+    replayed.press("Continue live")
     page.wait_for_selector(".swarm-header button[aria-current]:has-text('Watch')")
     replayed.wait_for_step(int(step))
     model = FireFighting(strategy="A", initial_temperature=0.02, rng=4).run(int(step))
@@ -175,7 +175,7 @@ def test_an_event_is_jumped_to_and_the_watch_page_goes_on_from_there(replayed):
     assert "seed=4" in page.url
 
 
-def test_what_is_no_recording_is_said_in_one_line(visitor):
+def test_a_file_that_is_not_a_recording_is_refused_in_one_line(visitor):
     visitor.press("Replay")
     file = {"name": "notes.arrow", "mimeType": "application/octet-stream", "buffer": b"hello"}
     visitor.page.set_input_files(".swarm-set input[type=file]", file)

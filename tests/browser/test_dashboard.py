@@ -1,4 +1,4 @@
-"""The dashboard in a real browser: it plays, it does what its controls say, and nothing leaves the machine."""
+"""The dashboard in a real browser: it plays, its controls work, and nothing leaves the machine."""
 
 import time
 from pathlib import Path
@@ -96,14 +96,14 @@ def test_a_link_shows_the_same_state_again(visit):
     assert second.reading("Robots") == "30"
 
 
-def test_a_link_that_cannot_be_followed_says_why(visit):
+def test_a_link_with_unknown_settings_is_reported(visit):
     visitor = visit("?model=fire_fighting&n_robotz=3")
     assert "did you mean 'n_robots'" in visitor.page.locator(".swarm-trouble").inner_text()
-    visitor.press("Go on without it")
+    visitor.press("Continue")
     visitor.page.wait_for_selector(".swarm-trouble", state="detached")
 
 
-def test_sliders_change_the_run_at_once_or_on_reset_as_they_say(visitor):
+def test_sliders_change_the_run_at_once_or_on_reset_as_marked(visitor):
     robots = visitor.field("n_robots")
     assert robots.locator(".swarm-mark").inner_text() == "on reset"
     robots.get_by_role("slider").press("ArrowRight")
@@ -119,7 +119,7 @@ def test_sliders_change_the_run_at_once_or_on_reset_as_they_say(visitor):
     visitor.page.wait_for_function("location.search.includes('k1=0.003')")
 
 
-def test_what_is_impossible_is_said_beside_the_control(visitor):
+def test_an_impossible_value_is_reported_beside_the_control(visitor):
     visitor.open_group("Fires and heat")
     join = visitor.field("join")
     join.get_by_role("slider").press("End")
@@ -132,7 +132,7 @@ def test_what_is_impossible_is_said_beside_the_control(visitor):
     wait_until(lambda: "at most 10000" in visitor.field("n_robots").locator(".swarm-fault").inner_text())
 
 
-def test_wished_for_properties_set_the_constants_and_warn_live(visitor):
+def test_required_properties_set_the_constants_and_warn_live(visitor):
     visitor.open_group("Design the constants")
     visitor.open_group("Fires and heat")
     visitor.field("robots").get_by_role("slider").press("Home")
@@ -189,7 +189,7 @@ def test_a_slider_or_a_box_that_was_touched_takes_only_the_keys_that_move_it(vis
     visitor.wait_for_step(1)
 
 
-def test_a_map_is_uploaded_and_what_is_none_is_said_in_one_line(visit):
+def test_a_map_is_uploaded_and_another_file_is_refused_in_one_line(visit):
     visitor = visit("?model=boids")
     visitor.page.set_input_files(
         ".swarm-panel input[type=file]", {"name": "hall.svg", "mimeType": "image/svg+xml", "buffer": HALL}
@@ -259,7 +259,7 @@ def is_still(visitor) -> bool:
     return visitor.about("rest") == "true" and visitor.step == before
 
 
-def test_play_and_pause_pressed_quickly_leave_it_as_the_last_one_says(visitor):
+def test_play_and_pause_pressed_quickly_leave_it_as_the_last_one_requests(visitor):
     for _ in range(15):
         visitor.page.keyboard.press(" ")
     visitor.wait("player.playing === 'true' && +player.step > 3")

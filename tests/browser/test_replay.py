@@ -157,15 +157,15 @@ def test_keys_go_on_from_the_row_asked_for_though_it_is_not_at_hand_yet(page):
 
 
 def test_events_are_listed_marked_and_jumped_to(page, recorded):
-    told = [event.step for event in Recording(recorded).events()]
-    assert page.locator("#events button").count() == page.locator("#marks i").count() == len(told) > 2
-    later = sorted({at for at in told if at > 1})
+    events = [event.step for event in Recording(recorded).events()]
+    assert page.locator("#events button").count() == page.locator("#marks i").count() == len(events) > 2
+    later = sorted({at for at in events if at > 1})
     press(page, "n", "n")
     assert step(page) == later[1]
     press(page, "p")
     assert step(page) == later[0]
     page.locator("#events button").last.click()
-    until(page, f"mesaSwarmReplay.stage.frame.step === {told[-1]}")
+    until(page, f"mesaSwarmReplay.stage.frame.step === {events[-1]}")
 
 
 def test_switches_change_the_picture_and_every_control_has_a_name(page):
@@ -313,7 +313,7 @@ def test_drawing_is_quick(blank, robots, most):
 
 
 def crowd(frame: Frame, scene: Scene, robots: int) -> bytes:
-    """Return a packed frame of so many robots all over the map, a third of whose sensors see something."""
+    """Return a packed frame of this number of robots all over the map, a third of whose sensors see something."""
     rng = np.random.default_rng(1)
     rows = {name: np.repeat(table, robots, axis=0) for name, table in frame.columns.items() if len(table) == 1}
     rows["position"] = rng.uniform([30, 30], [770, 570], (robots, 2))

@@ -88,7 +88,7 @@ class Twin:
         if name == "seed":
             self.session.set_seed(text)
         else:
-            self.session.wish(name, text)
+            self.session.set_parameter(name, text)
 
     def agree(self) -> None:
         """Wait until the page shows what the session shows."""
@@ -164,10 +164,10 @@ def test_who_listens_to_others_asks_for_a_token(chromium):
         page = chromium.new_page()
         assert page.goto(address).status == 403
         opened = page.evaluate(
-            """address => new Promise((tell) => {
+            """address => new Promise((resolve) => {
               const connection = new WebSocket(address);
-              connection.onopen = () => tell(true);
-              connection.onclose = () => tell(false);
+              connection.onopen = () => resolve(true);
+              connection.onclose = () => resolve(false);
             })""",
             address.replace("http", "ws") + "_solara/api/watchdog/x",
         )

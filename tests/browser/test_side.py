@@ -27,7 +27,7 @@ CUT_OFF = """(() => {
     if (panel.scrollLeft || panel.scrollTop) cut.push("scrolled");
     return cut;
 })()"""
-DRAWN = "document.querySelector('.swarm-charts').dataset.told"
+DRAWN = "document.querySelector('.swarm-charts').dataset.drawn"
 
 
 def downloaded(visitor, label: str, path):
@@ -123,10 +123,10 @@ def test_a_run_is_recorded_and_exported(visitor, tmp_path):
     visitor.press("Step")
     visitor.wait_for_step(3)
     assert downloaded(visitor, "Export", tmp_path).name == "fire_fighting_3.png"
-    page.get_by_label("What to make").select_option("arrow")
-    source = page.get_by_label("Of which steps")
+    page.get_by_label("Kind of file").select_option("arrow")
+    source = page.get_by_label("Source of steps")
     assert Recording(downloaded(visitor, "Export", tmp_path)).steps.tolist() == [1, 2, 3]
-    source.select_option("tape")
+    source.select_option("recording")
     assert Recording(downloaded(visitor, "Export", tmp_path)).steps.tolist() == [3]
     visitor.press("Models")
     visitor.press("Watch")
@@ -138,13 +138,13 @@ def test_all_of_the_export_panel_is_in_sight_and_stays_there(visit, theme):
     page = visit("?model=fire_fighting&step=3", color_scheme=theme).page
     start = page.get_by_role("button", name="Export", exact=True)
     for kind in ("png", "mp4"):
-        page.get_by_label("What to make").select_option(kind)
+        page.get_by_label("Kind of file").select_option(kind)
         page.locator(".swarm-side").evaluate("side => side.scrollTop = side.scrollHeight")
         assert page.evaluate(CUT_OFF) == []
     start.focus()
     assert page.evaluate(CUT_OFF) == []
-    page.get_by_label("Of which steps").evaluate("list => list.append(new Option('gone', 'gone'))")
-    page.get_by_label("Of which steps").select_option("gone")
+    page.get_by_label("Source of steps").evaluate("list => list.append(new Option('gone', 'gone'))")
+    page.get_by_label("Source of steps").select_option("gone")
     start.click()
     fault = page.locator(".swarm-export .swarm-fault")
     fault.wait_for()
@@ -171,7 +171,7 @@ def test_what_is_on_screen_is_saved_as_it_is_without_asking_the_server(visit, tm
     page.locator(".swarm-tools summary").click()
     page.get_by_label("Sensor sectors").uncheck()
     seen = visitor.image()
-    page.get_by_label("What to make").select_option(label="Picture as on screen (PNG)")
+    page.get_by_label("Kind of file").select_option(label="Picture as on screen (PNG)")
     page.evaluate(LISTEN)
     file = downloaded(visitor, "Export", tmp_path)
     assert page.evaluate(ASKED) == 0
@@ -180,7 +180,7 @@ def test_what_is_on_screen_is_saved_as_it_is_without_asking_the_server(visit, tm
     box = page.locator(".swarm-stage canvas").bounding_box()
     with Image.open(file) as picture:
         assert picture.size == tuple(pytest.approx(2 * box[side], abs=6) for side in ("width", "height"))
-    page.get_by_label("What to make").select_option("png")
+    page.get_by_label("Kind of file").select_option("png")
     assert downloaded(visitor, "Export", tmp_path).name == "fire_fighting_30.png"
     assert page.evaluate(ASKED) == 1
 

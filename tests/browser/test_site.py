@@ -1,4 +1,4 @@
-"""The documentation's site as MkDocs builds it: links lead somewhere, equations are drawn, nobody else is asked."""
+"""The documentation's site as MkDocs builds it: links lead somewhere, equations are drawn, no external requests."""
 
 import functools
 import http.server
@@ -108,7 +108,7 @@ def small(tmp_path_factory):
 
 @pytest.fixture
 def asked(chromium):
-    """Return a function that visits pages of a site and returns what was asked for, with its status."""
+    """Return a function that visits pages of a site and returns the requested addresses, with their status."""
 
     def visit(folder: Path, pages: list[str]) -> dict[str, int]:
         handler = functools.partial(Silent, directory=folder)
@@ -130,7 +130,7 @@ def asked(chromium):
 
 class Silent(http.server.SimpleHTTPRequestHandler):
     def log_message(self, *_):
-        """Say nothing."""
+        """Log nothing."""
 
 
 def pages_of(site: Path) -> list[Page]:
@@ -147,7 +147,7 @@ def test_no_equation_is_left_as_it_was_typed(site):
     assert [page.path.parent.name for page in pages_of(site) if "$" in page.text or "\\(" in page.text] == []
 
 
-def test_no_page_asks_anybody_else_for_anything(site, asked):
+def test_no_page_makes_external_requests(site, asked):
     answers = asked(site, [str(page.path.parent.relative_to(site)) + "/" for page in pages_of(site)])
     assert {urlsplit(url).hostname for url in answers} == {HOST}
     assert {status for status in answers.values() if status >= 400} == set()

@@ -7,6 +7,6 @@ from support.waiting import threads, wait_until
 
 @pytest.fixture(autouse=True)
 def no_thread_is_left():
-    """Fail whoever leaves a model playing: it would disturb the tests after it."""
+    """Fail tests that leave a model playing: it would disturb later tests."""
     yield
     wait_until(lambda: not threads("play"))

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from mesa_swarm.dashboard.charts import MOST_POINTS, ChartBoard, Charting, csv_of, figure_of, news_of
+from mesa_swarm.dashboard.charts import MOST_POINTS, ChartBoard, Charting, csv_of, curves_message, figure_of
 from mesa_swarm.dashboard.series import Series
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Downloads, pieces_of
@@ -37,7 +37,7 @@ def last_steps(charting) -> list[float]:
     return np.frombuffer(buffers[0], "<f4")[: content["charts"][0]["points"]].tolist()
 
 
-def test_nothing_is_sent_while_nobody_looks(charting):
+def test_nothing_is_sent_to_a_hidden_page(charting):
     for _ in range(3):
         charting.session.step()
     assert curves_sent(charting) == []
@@ -63,7 +63,7 @@ def test_charts_are_brought_up_to_date_at_least_twice_a_second_while_it_is_playe
     charting.clock = clock
     charting.board.send = lambda content, buffers=(): sent.append(clock.now)
     charting.act({"do": "look", "value": True})
-    # Whether it is played is what its own loop says: this one takes the steps.
+    # The state of playing comes from the loop; this one takes the steps.
     session.loop = clock.loop(
         lambda stop: session._play_step(stop) and clock.now < 105.0,
         lambda: (session.show(), charting.act({"do": "drawn"})),
@@ -109,7 +109,7 @@ def test_few_points_are_sent_of_long_runs():
     series, model = Series(), FireFighting(rng=1)
     series.follow(model)
     model.run(1_200)
-    (news, _), (buffer, _) = news_of(series, ["layers", "collisions"])
+    (news, _), (buffer, _) = curves_message(series, ["layers", "collisions"])
     assert MOST_POINTS / 2 < news["points"] <= MOST_POINTS
     assert news["banded"]
     assert len(buffer) == 4 * news["points"] * (1 + 3 * len(news["names"]))

@@ -1,4 +1,4 @@
-"""What is compared: defaults, wishes, faults; and the runs over many seeds, in processes that end when told to."""
+"""What is compared: defaults, settings, faults; and the runs over many seeds, in processes that end on request."""
 
 import io
 import os
@@ -66,22 +66,22 @@ def test_a_slider_is_compared_at_its_default_and_at_its_farther_end(comparing):
     assert [len(side.model.swarm) for side in comparing.pair.sides] == [10, 50]
 
 
-def test_a_wish_waits_for_a_reset_and_what_is_impossible_is_said(comparing):
+def test_a_setting_waits_for_a_reset_and_an_impossible_one_is_refused(comparing):
     comparing.choose_parameter("n_robots")
-    comparing.wish("B", "20")
+    comparing.set_value("B", "20")
     assert comparing.waiting == {"B"}
-    comparing.wish("A", "20000")
+    comparing.set_value("A", "20000")
     assert "at most 10000" in comparing.faults["A"]
     comparing.set_count("seed", "many")
-    assert comparing.faults["seed"] == "seed is 'many'; expected a whole number"
+    assert comparing.faults["seed"] == "seed is 'many'; expected a whole number at least 0"
     comparing.reset()
     assert comparing.waiting == frozenset()
     assert [len(side.model.swarm) for side in comparing.pair.sides] == [10, 20]
 
 
-def test_worlds_that_cannot_be_built_are_said_and_can_be_left_again(comparing):
+def test_worlds_that_cannot_be_built_are_reported_and_replaced(comparing):
     comparing.choose_parameter("map")
-    comparing.wish("A", "sparse")
+    comparing.set_value("A", "sparse")
     comparing.reset()
     assert "map sparse has no fires" in comparing.faults["worlds"]
     comparing.start()
@@ -92,14 +92,14 @@ def test_worlds_that_cannot_be_built_are_said_and_can_be_left_again(comparing):
 
 
 def test_other_parameters_are_those_of_the_session_for_the_same_model_only(comparing):
-    assert comparing.settings == {"n_robots": 4}
+    assert comparing.shared_settings == {"n_robots": 4}
     comparing.choose_parameter("n_robots")
-    assert comparing.settings == {}
+    assert comparing.shared_settings == {}
     comparing.choose_model("boids")
-    assert comparing.settings == {}
+    assert comparing.shared_settings == {}
 
 
-def test_the_panel_does_what_it_is_told(comparing):
+def test_the_panel_carries_out_messages(comparing):
     panel = ComparePanel(ControlPanel(), comparing)
     panel.act({"do": "choose", "name": "parameter", "value": "communication"})
     assert comparing.parameter == "communication"
@@ -171,25 +171,25 @@ def test_the_chart_is_drawn_when_there_is_something_new_and_no_more_when_closed(
     assert pictures[0] != pictures[1]
 
 
-def test_the_runs_say_each_that_is_done_and_then_what_came_of_them():
-    said = []
+def test_the_runs_send_each_completed_one_and_then_the_report():
+    sent = []
     plan = checked_plan("fire_fighting", seeds=2, steps=5)
-    comparing_module._do(plan, 1, lambda kind, value: said.append((kind, value)))
-    assert [kind for kind, _ in said] == ["run"] * 4 + ["report"]
-    report, found = said[-1][1], compare("fire_fighting", seeds=2, steps=5, jobs=1)
+    comparing_module._do(plan, 1, lambda kind, value: sent.append((kind, value)))
+    assert [kind for kind, _ in sent] == ["run"] * 4 + ["report"]
+    report, found = sent[-1][1], compare("fire_fighting", seeds=2, steps=5, jobs=1)
     assert report.finding == found.finding()
     assert report.picture[1:4] == b"PNG"
     assert [line[1] for line in report.table[:3]] == ["strategy", "A", "B"]
     assert pickle.loads(pickle.dumps(report)) == report
 
 
-def test_what_a_model_raises_in_a_run_is_said():
-    said = []
+def test_an_error_of_a_model_in_a_run_is_sent():
+    sent = []
     plan = checked_plan("fire_fighting", seeds=2, steps=5)
     plan.settings["n_robots"] = -1
-    comparing_module._do(plan, 1, lambda kind, value: said.append((kind, value)))
-    assert said[0][0] == "error"
-    assert "n_robots is -1" in said[0][1]
+    comparing_module._do(plan, 1, lambda kind, value: sent.append((kind, value)))
+    assert sent[0][0] == "error"
+    assert "n_robots is -1" in sent[0][1]
 
 
 def test_one_core_is_left_to_the_page(monkeypatch):
@@ -214,14 +214,14 @@ def group_of(pid: int) -> list[int]:
 
 @pytest.mark.slow
 def test_runs_in_the_background_give_what_they_give_in_the_foreground():
-    runs, told = ManyRuns(), []
-    runs.changed.add(lambda: told.append((runs.done, runs.total)))
+    runs, progress = ManyRuns(), []
+    runs.changed.add(lambda: progress.append((runs.done, runs.total)))
     runs.start(checked_plan("fire_fighting", seeds=3, steps=50))
     assert runs.running
     with pytest.raises(SwarmError, match="cancel it first"):
         runs.start(checked_plan("fire_fighting", seeds=3, steps=50))
     wait_until(lambda: not runs.running)
-    assert (runs.error, told[-1]) == ("", (6, 6))
+    assert (runs.error, progress[-1]) == ("", (6, 6))
     assert runs.report.finding == compare("fire_fighting", seeds=3, steps=50, jobs=1).finding()
     runs.close()
 

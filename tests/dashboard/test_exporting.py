@@ -1,4 +1,4 @@
-"""Export from the page: the run made again or taken from the tape, in the background, within limits."""
+"""Export from the page: the run repeated or its recording, in the background, within limits."""
 
 import io
 
@@ -7,8 +7,7 @@ import pandas as pd
 import pytest
 
 from mesa_swarm.dashboard import exporting as module
-from mesa_swarm.dashboard.export_view import ExportDesk, Exporter
-from mesa_swarm.dashboard.exporting import Exporting, Tape, Wanted
+from mesa_swarm.dashboard.exporting import ExportDesk, Exporter, Exporting, RecordingSwitch, Wanted
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError
 from mesa_swarm.models.fire_fighting import FireFighting
@@ -46,9 +45,9 @@ def recording_of(content: bytes, folder) -> Recording:
     return Recording(path)
 
 
-def test_the_run_so_far_is_recorded_though_nobody_switched_that_on(desk, tmp_path):
+def test_the_run_so_far_is_exported_without_the_switch(desk, tmp_path):
     make(desk, kind="arrow")
-    assert (desk.fault, desk.message) == ("", "fire_fighting.arrow is made.")
+    assert (desk.fault, desk.message) == ("", "fire_fighting.arrow is ready.")
     recording = recording_of(desk.made["fire_fighting.arrow"], tmp_path)
     model = FireFighting(rng=1).run(30)
     assert len(recording) == 30
@@ -72,7 +71,7 @@ def test_a_table_is_made_by_a_process_of_its_own(desk):
     assert len(table) == 21
 
 
-def test_a_run_that_was_changed_is_exported_from_the_tape_only(desk, tmp_path):
+def test_a_run_that_was_changed_is_exported_from_its_recording_only(desk, tmp_path):
     session = desk.session
     desk.record(True)
     session.step()
@@ -81,33 +80,33 @@ def test_a_run_that_was_changed_is_exported_from_the_tape_only(desk, tmp_path):
         session.straight = False
     session.step()
     make(desk, kind="arrow")
-    assert "changed on the way" in desk.fault
-    make(desk, kind="arrow", source="tape")
+    assert "changed while running" in desk.fault
+    make(desk, kind="arrow", source="recording")
     assert desk.fault == ""
     assert recording_of(desk.made["fire_fighting.arrow"], tmp_path).steps.tolist() == [31, 32]
     session.step()
-    assert desk.tape.words == "steps 31 to 33"
+    assert desk.switch.words == "steps 31 to 33"
 
 
 def test_what_was_recorded_stays_after_a_reset_and_the_switch_is_off(desk, tmp_path):
     desk.record(True)
     desk.session.step()
     desk.session.reset()
-    desk.check_tape()
+    desk.check_recording()
     desk.session.step()
-    assert (desk.tape.running, desk.tape.words) == (False, "steps 31 to 31")
-    make(desk, kind="arrow", source="tape")
+    assert (desk.switch.running, desk.switch.words) == (False, "steps 31 to 31")
+    make(desk, kind="arrow", source="recording")
     assert len(recording_of(desk.made["fire_fighting.arrow"], tmp_path)) == 1
 
 
-def test_a_recording_ends_at_its_limit_and_says_so(tmp_path):
-    tape, model = Tape(tmp_path, most_bytes=20_000), FireFighting(rng=1)
-    tape.start(model)
-    while tape.running:
+def test_a_recording_ends_at_its_limit_with_a_message(tmp_path):
+    switch, model = RecordingSwitch(tmp_path, most_bytes=20_000), FireFighting(rng=1)
+    switch.start(model)
+    while switch.running:
         model.run(50)
-    assert tape.ended == f"the recording has 0 MB, which is the limit; it ended at step {tape.last:,}"
+    assert switch.ended == f"the recording has 0 MB, which is the limit; it ended at step {switch.last:,}"
     model.run(50)
-    assert Recording(tape.path).steps.tolist() == list(range(1, tape.last + 1))
+    assert Recording(switch.path).steps.tolist() == list(range(1, switch.last + 1))
 
 
 def test_a_recording_that_ends_at_its_limit_has_whole_steps_only(tmp_path, monkeypatch):
@@ -117,42 +116,42 @@ def test_a_recording_that_ends_at_its_limit_has_whole_steps_only(tmp_path, monke
             self.robots[0].heading += 0.1
 
     monkeypatch.setattr("mesa_swarm.dashboard.exporting.LOOK_EVERY", 3)
-    tape, model = Tape(tmp_path, most_bytes=1), More(n_robots=3, rng=1)
-    tape.start(model)
+    switch, model = RecordingSwitch(tmp_path, most_bytes=1), More(n_robots=3, rng=1)
+    switch.start(model)
     model.run(3)
-    assert (tape.running, tape.last) == (False, 3)
-    assert Recording(tape.path).at(3)["heading"][0] == np.float32(model.robots[0].heading)
+    assert (switch.running, switch.last) == (False, 3)
+    assert Recording(switch.path).at(3)["heading"][0] == np.float32(model.robots[0].heading)
 
 
 def test_a_recording_that_cannot_replace_the_one_before_leaves_it_and_its_steps(tmp_path, monkeypatch):
-    tape, model = Tape(tmp_path), FireFighting(n_robots=3, rng=1)
-    tape.start(model)
+    switch, model = RecordingSwitch(tmp_path), FireFighting(n_robots=3, rng=1)
+    switch.start(model)
     model.run(20)
-    tape.stop()
-    before = tape.path.read_bytes()
+    switch.stop()
+    before = switch.path.read_bytes()
     monkeypatch.setattr("mesa_swarm.recording.sealed_stream.put_in_place", _full)
-    tape.start(model)
+    switch.start(model)
     for _ in range(5):
         model.step()
-    assert tape.path.read_bytes() == before
+    assert switch.path.read_bytes() == before
     with pytest.raises(RecordingError, match="is untouched"):
-        tape.stop()
-    assert tape.path.read_bytes() == before
-    assert tape.words == "steps 1 to 20"
+        switch.stop()
+    assert switch.path.read_bytes() == before
+    assert switch.words == "steps 1 to 20"
     assert [path.name for path in tmp_path.iterdir()] == ["recorded.arrow"]
 
 
 def test_a_recording_that_failed_in_the_last_step_claims_no_more_steps_than_it_has(tmp_path, monkeypatch):
-    tape, model = Tape(tmp_path), FireFighting(n_robots=3, rng=1)
-    tape.start(model)
+    switch, model = RecordingSwitch(tmp_path), FireFighting(n_robots=3, rng=1)
+    switch.start(model)
     model.run(20)
     model.step()
     monkeypatch.setattr("mesa_swarm.recording.sealed_stream.SealedWriter.write", _full)
     with pytest.raises(OSError, match="No space"):
-        tape._recorder.flush()
-    tape.stop()
-    assert tape.words == "steps 1 to 20"
-    assert len(Recording(tape.path)) == 20
+        switch._recorder.flush()
+    switch.stop()
+    assert switch.words == "steps 1 to 20"
+    assert len(Recording(switch.path)) == 20
 
 
 def _full(*_):
@@ -160,14 +159,14 @@ def _full(*_):
 
 
 def test_a_large_recording_that_is_about_to_be_replaced_does_not_end_the_new_one(tmp_path):
-    tape, model = Tape(tmp_path, most_bytes=100_000), FireFighting(n_robots=3, rng=1)
-    tape.path.write_bytes(bytes(200_000))
-    tape.start(model)
+    switch, model = RecordingSwitch(tmp_path, most_bytes=100_000), FireFighting(n_robots=3, rng=1)
+    switch.path.write_bytes(bytes(200_000))
+    switch.start(model)
     for _ in range(50):
         model.step()
-    assert tape.running
-    tape.stop()
-    assert len(Recording(tape.path)) == 50
+    assert switch.running
+    switch.stop()
+    assert len(Recording(switch.path)) == 50
 
 
 def test_recording_does_not_change_a_run(desk):
@@ -184,7 +183,7 @@ def test_it_is_cancelled_and_the_next_one_is_made(desk, monkeypatch):
     wait_until(lambda: desk.progress)
     assert 0 < desk.progress <= 1
     desk.start(kind="png")
-    assert "being made already" in desk.fault
+    assert "an export is in progress" in desk.fault
     desk.cancel()
     wait_until(lambda: not desk.doing)
     assert (desk.message, desk.made) == ("Cancelled.", {})
@@ -206,10 +205,10 @@ def test_a_process_is_cancelled(desk):
     [
         ("MOST_ROWS", 299, {"kind": "robots.csv"}, "the table would have 300 rows; expected at most 299"),
         ("LARGEST_DOWNLOAD", 10, {"kind": "arrow"}, "expected at most 500 MB"),
-        ("MOST_BYTES", 10, {"kind": "arrow"}, "the run takes more than 0 MB"),
+        ("MOST_BYTES", 10, {"kind": "arrow"}, "the run needs more than 0 MB"),
     ],
 )
-def test_limits_are_told_by_a_message(desk, monkeypatch, limit, value, wanted, fault):
+def test_limits_are_reported_in_a_message(desk, monkeypatch, limit, value, wanted, fault):
     monkeypatch.setattr(module, "TURN", -1.0 if limit == "MOST_BYTES" else 1.0)
     monkeypatch.setattr(module.time, "sleep", lambda _: None)
     monkeypatch.setattr(module, limit, value)
@@ -222,15 +221,15 @@ def test_limits_are_told_by_a_message(desk, monkeypatch, limit, value, wanted, f
 def test_before_the_first_step_there_is_nothing_to_export_but_a_picture(desk):
     desk.session.reset()
     make(desk, kind="html")
-    assert "nothing has happened yet" in desk.fault
-    make(desk, kind="html", source="tape")
-    assert "nothing was recorded" in desk.fault
+    assert "the run has no steps yet" in desk.fault
+    make(desk, kind="html", source="recording")
+    assert "no steps are recorded" in desk.fault
     make(desk, kind="png")
     assert desk.made["fire_fighting_0.png"].startswith(PNG)
 
 
 @pytest.mark.slow
-def test_what_the_command_complains_of_is_said(desk, monkeypatch):
+def test_an_error_of_the_command_is_shown(desk, monkeypatch):
     monkeypatch.setattr(Wanted, "options", lambda self: ["--table", "robbots"])
     make(desk, kind="robots.csv")
     assert "unknown recorded table 'robbots'" in desk.fault
@@ -240,7 +239,7 @@ def test_what_the_command_complains_of_is_said(desk, monkeypatch):
 def test_constants_that_were_set_before_the_first_step_are_in_the_run_that_is_made_again(desk, tmp_path):
     session = desk.session
     session.reset()
-    session.wish("k1", 0.002)
+    session.set_parameter("k1", 0.002)
     for _ in range(5):
         session.step()
     make(desk, kind="arrow")
@@ -255,10 +254,10 @@ def test_what_was_made_while_another_page_was_shown_is_handed_over_when_one_come
     desk.session.step()
     desk.connect(desk.made.__setitem__, lambda: None)
     assert list(desk.made) == ["fire_fighting_30.png"]
-    assert desk.tape.words == "steps 31 to 31"
+    assert desk.switch.words == "steps 31 to 31"
 
 
-def test_wrong_wishes_are_refused():
+def test_wrong_requests_are_refused():
     with pytest.raises(UnknownNameError):
         Wanted(kind="exe")
     with pytest.raises(UnknownNameError):
@@ -268,21 +267,21 @@ def test_wrong_wishes_are_refused():
     assert Wanted(kind="mp4", trails=True, sectors=True).options() == ["--sectors", "--trails", "60"]
 
 
-def test_the_page_is_told_how_things_are():
+def test_the_page_receives_the_status():
     session, exporter = Session("boids"), Exporter()
     sent = []
     exporter.send = lambda content, buffers=(): sent.append(content)
     desk = ExportDesk(exporter, session)
     assert [kind for kind, _, _ in exporter.kinds if "fires" in kind] == []
-    assert (exporter.told["steps"], exporter.told["recording"]) == (0, False)
+    assert (exporter.status["steps"], exporter.status["recording"]) == (0, False)
     desk.act({"do": "record", "value": True})
     session.step()
-    assert (exporter.told["steps"], exporter.told["recorded"]) == (1, "steps 1 to 1")
+    assert (exporter.status["steps"], exporter.status["recorded"]) == (1, "steps 1 to 1")
     desk.act({"do": "export", "value": {"kind": "png"}})
-    wait_until(lambda: exporter.told["message"])
+    wait_until(lambda: exporter.status["message"])
     assert sent[-1]["name"] == "boids_1.png"
     desk.act({"do": "record", "value": False})
-    assert not exporter.told["recording"]
+    assert not exporter.status["recording"]
     session.choose("fire_fighting")
     assert any("fires" in kind for kind, _, _ in exporter.kinds)
     desk.close()

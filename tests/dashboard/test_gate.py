@@ -1,4 +1,4 @@
-"""Who may come in: nobody without the token, by no path; and nobody whom another page sent."""
+"""Admission: no request without the token, by any path; and none from another page."""
 
 import asyncio
 from pathlib import Path
@@ -6,7 +6,7 @@ from urllib.parse import quote
 
 import pytest
 
-from mesa_swarm.dashboard.gate import COOKIE, Gate, mark_of
+from mesa_swarm.dashboard.gate import COOKIE, Gate, digest_of
 
 TOKEN = "right-token_1"
 INSIDE = b"the dashboard"
@@ -27,13 +27,13 @@ def ask(path="/", *, token=TOKEN, query=b"", kind="http", host="127.0.0.1:8765",
     query = query or (b"session_id=1" if kind == "websocket" else b"")
     scope = {"type": kind, "path": path, "query_string": query}
     scope["headers"] = [(name.encode(), value.encode()) for name, value in (*named.items(), *more)]
-    told = []
+    sent = []
 
     async def send(message):
-        told.append(message)
+        sent.append(message)
 
     asyncio.run(Gate(app, token, ASSETS)(scope, None, send))
-    return told[0], b"".join(message.get("body", b"") for message in told)
+    return sent[0], b"".join(message.get("body", b"") for message in sent)
 
 
 def is_in(answer) -> bool:
@@ -76,7 +76,7 @@ def test_a_strange_query_is_refused(query):
     assert not is_in(ask(query=query))
 
 
-@pytest.mark.parametrize("cookie", [";", "=;=", "a" * 5000, f"x{COOKIE}={mark_of(TOKEN)}", f'{COOKIE}="', "\xff"])
+@pytest.mark.parametrize("cookie", [";", "=;=", "a" * 5000, f"x{COOKIE}={digest_of(TOKEN)}", f'{COOKIE}="', "\xff"])
 def test_a_strange_cookie_is_refused(cookie):
     assert not is_in(ask(cookie=cookie))
 
@@ -85,7 +85,7 @@ def test_a_connection_without_the_token_is_closed_even_if_the_address_has_it():
     assert ask(kind="websocket")[0] == {"type": "websocket.close", "code": 4403}
     assert not is_in(ask(kind="websocket", query=b"token=" + TOKEN.encode()))
     assert not is_in(ask(kind="websocket", cookie=f"{COOKIE}=wrong"))
-    assert is_in(ask(kind="websocket", cookie=f"{COOKIE}={mark_of(TOKEN)}"))
+    assert is_in(ask(kind="websocket", cookie=f"{COOKIE}={digest_of(TOKEN)}"))
 
 
 def test_the_right_token_is_remembered_and_vanishes_from_the_address():
@@ -98,7 +98,7 @@ def test_the_right_token_is_remembered_and_vanishes_from_the_address():
 
 
 @pytest.mark.parametrize("path", ["//elsewhere.example", "//elsewhere.example/a", "/\\elsewhere.example", "/a\r\nx: y"])
-def test_nobody_is_sent_elsewhere_with_the_token(path):
+def test_the_token_is_not_sent_to_another_host(path):
     first, _ = ask(path, query=b"token=" + TOKEN.encode())
     place = dict(first["headers"])[b"location"]
     assert place.startswith(b"/")
@@ -123,9 +123,9 @@ def test_without_a_token_this_machine_is_let_in(host):
 @pytest.mark.parametrize("token", ["", TOKEN])
 @pytest.mark.parametrize("origin", ["http://elsewhere.example", "null", "http://127.0.0.1:9999"])
 def test_a_page_from_elsewhere_may_not_connect(token, origin):
-    assert not is_in(ask(token=token, kind="websocket", origin=origin, cookie=f"{COOKIE}={mark_of(token)}"))
+    assert not is_in(ask(token=token, kind="websocket", origin=origin, cookie=f"{COOKIE}={digest_of(token)}"))
     assert is_in(
-        ask(token=token, kind="websocket", origin="http://127.0.0.1:8765", cookie=f"{COOKIE}={mark_of(token)}")
+        ask(token=token, kind="websocket", origin="http://127.0.0.1:8765", cookie=f"{COOKIE}={digest_of(token)}")
     )
 
 
@@ -160,7 +160,7 @@ HOSTS_OF_NONE = [
 @pytest.mark.parametrize("token", ["", TOKEN])
 @pytest.mark.parametrize("origin", [f"http://{host}" for host in HOSTS_OF_NONE] + ["null", "", "//", "\0", "http://["])
 def test_a_malformed_origin_is_refused_and_raises_nothing(origin, token, kind):
-    answer = ask(token=token, kind=kind, origin=origin, cookie=f"{COOKIE}={mark_of(token)}")
+    answer = ask(token=token, kind=kind, origin=origin, cookie=f"{COOKIE}={digest_of(token)}")
     assert not is_in(answer)
     assert answer[0] == {"type": "websocket.close", "code": 4403} or answer[0]["status"] == 403
 
@@ -168,7 +168,7 @@ def test_a_malformed_origin_is_refused_and_raises_nothing(origin, token, kind):
 @pytest.mark.parametrize("token", ["", TOKEN])
 @pytest.mark.parametrize("host", HOSTS_OF_NONE)
 def test_a_malformed_host_is_refused_and_raises_nothing(host, token):
-    cookie = f"{COOKIE}={mark_of(token)}"
+    cookie = f"{COOKIE}={digest_of(token)}"
     for path in ("/", "/nothing", "/static/"):
         assert ask(path, token=token, host=host, cookie=cookie)[0]["status"] == 400
         assert ask(path, token=token, host=host)[0]["status"] == 400
@@ -182,7 +182,7 @@ def test_a_malformed_host_is_refused_and_raises_nothing(host, token):
 
 @pytest.mark.parametrize("host", ["laptop.example:65535", "xn--bcher-kva.example", "192.168.0.7:1", "[fe80::1]:8765"])
 def test_with_the_token_this_machine_is_let_in_under_any_name(host):
-    cookie = f"{COOKIE}={mark_of(TOKEN)}"
+    cookie = f"{COOKIE}={digest_of(TOKEN)}"
     assert is_in(ask(host=host, cookie=cookie))
     assert is_in(ask(host=host, cookie=cookie, kind="websocket", origin=f"http://{host}"))
     assert ask(host=host)[0]["status"] == 403
@@ -195,7 +195,7 @@ def test_of_several_hosts_or_origins_none_counts(name):
 
 
 @pytest.mark.parametrize(("path", "query"), [("/static/a\0b", b""), ("/", b"v=\xff"), ("/static/x.js", "v=é".encode())])
-def test_an_address_that_is_none_is_refused(path, query):
+def test_a_malformed_address_is_refused(path, query):
     assert ask(path, token="", query=query)[0]["status"] == 400
 
 
@@ -228,7 +228,7 @@ def test_every_answer_forbids_to_frame_it_and_to_load_from_elsewhere(wanted):
     assert len(named) == len(set(named))
 
 
-def test_what_the_application_says_of_framing_does_not_count():
+def test_headers_of_the_application_on_framing_are_replaced():
     async def permissive(scope, receive, send):
         headers = [(b"X-Frame-Options", b"ALLOWALL"), (b"x-own", b"1")]
         await send({"type": "http.response.start", "status": 500, "headers": headers})
@@ -274,7 +274,7 @@ def test_headers_that_only_proxies_may_send_do_not_reach_the_application():
 
 
 @pytest.mark.parametrize("query", [b"a=1", b"xsession_id=1", b"session=1"])
-def test_what_does_not_say_of_which_page_it_is_is_refused_where_that_is_read(query):
+def test_a_request_without_its_page_is_refused(query):
     assert not is_in(ask(token="", kind="websocket", query=query))
     assert ask("/_solara/api/close/1", token="", query=query)[0]["status"] == 400
     assert is_in(ask("/_solara/api/close/1", token="", query=b"session_id=1"))

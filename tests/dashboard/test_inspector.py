@@ -1,4 +1,4 @@
-"""The inspector: what it says of a robot is what the robot knew, and robots are moved only where there is room."""
+"""The inspector: it shows what a robot knew, and robots are moved only where there is room."""
 
 import math
 
@@ -8,9 +8,8 @@ import pytest
 from mesa_swarm import AGENT9, SwarmModel, disc
 from mesa_swarm.control import Subsumption
 from mesa_swarm.dashboard.app import query_of
-from mesa_swarm.dashboard.inspection import MOST_BYTES, WATCHED, inspect, move, watch_closely
-from mesa_swarm.dashboard.inspector import Inspecting, Inspector
-from mesa_swarm.dashboard.session import Session
+from mesa_swarm.dashboard.inspector import Inspecting, Inspector, inspect, move
+from mesa_swarm.dashboard.session import MOST_WATCHED_BYTES, WATCHED, Session, watch_closely
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.learning import WireFittedQ
 from mesa_swarm.learning.actions import ACTION_NAMES
@@ -31,49 +30,49 @@ def inspecting():
     session.close()
 
 
-def test_nothing_is_said_before_a_robot_is_selected(inspecting):
+def test_nothing_is_shown_before_a_robot_is_selected(inspecting):
     inspecting.session.select(None)
-    assert inspecting.inspector.told == {}
+    assert inspecting.inspector.inspected == {}
     assert not inspecting.inspector.editable
 
 
-def test_before_the_first_step_readings_are_told_and_no_reason(inspecting):
-    told = inspecting.inspector.told
-    assert (told["when"], told["reason"], told["known"]) == ("before the first step", "", True)
-    assert len(told["sensors"]) == len(inspecting.session.model.robots[0].design.proximity)
+def test_before_the_first_step_there_are_readings_and_no_reason(inspecting):
+    inspected = inspecting.inspector.inspected
+    assert (inspected["when"], inspected["reason"], inspected["known"]) == ("before the first step", "", True)
+    assert len(inspected["sensors"]) == len(inspecting.session.model.robots[0].design.proximity)
 
 
-def test_it_tells_what_explain_says(inspecting):
+def test_it_shows_the_explanation(inspecting):
     session = inspecting.session
     for _ in range(20):
         session.step()
-        robot, told = session.model.robots[0], inspecting.inspector.told
+        robot, inspected = session.model.robots[0], inspecting.inspector.inspected
         why = session.model.explain(robot)
-        assert (told["layer"], told["does"], told["reason"]) == (why.layer, why.does, why.reason)
-        assert [k for k, one in enumerate(told["sensors"]) if one["triggered"]] == sorted(why.sensors)
+        assert (inspected["layer"], inspected["does"], inspected["reason"]) == (why.layer, why.does, why.reason)
+        assert [k for k, one in enumerate(inspected["sensors"]) if one["triggered"]] == sorted(why.sensors)
 
 
-def test_of_an_earlier_step_the_readings_of_that_step_are_told(inspecting):
+def test_of_an_earlier_step_the_readings_of_that_step_are_shown(inspecting):
     session, seen = inspecting.session, {}
     for step in range(1, 6):
         session.step()
-        seen[step] = inspecting.inspector.told
+        seen[step] = inspecting.inspector.inspected
     session.back()
     session.back()
-    told = inspecting.inspector.told
-    assert told["when"] == "step 3"
-    assert (told["sensors"], told["reason"]) == (seen[3]["sensors"], seen[3]["reason"])
-    assert told["pose"] == seen[3]["pose"]
-    assert not told["present"]
+    inspected = inspecting.inspector.inspected
+    assert inspected["when"] == "step 3"
+    assert (inspected["sensors"], inspected["reason"]) == (seen[3]["sensors"], seen[3]["reason"])
+    assert inspected["pose"] == seen[3]["pose"]
+    assert not inspected["present"]
     assert not inspecting.inspector.editable
 
 
-def test_of_a_step_that_is_no_longer_kept_only_that_is_said():
+def test_of_a_step_that_is_no_longer_stored_there_is_only_a_message():
     model = CollisionAvoidance(rng=1)
     model.watch(last=5, columns=WATCHED)
-    told = inspect(model.run(20), model.robots[0], 3)
-    assert told["when"] == "step 3 is no longer kept; readings are known of steps 16 to 20"
-    assert not told["known"]
+    inspected = inspect(model.run(20), model.robots[0], 3)
+    assert inspected["when"] == "step 3 is no longer stored; readings are available for steps 16 to 20"
+    assert not inspected["known"]
 
 
 def test_what_is_kept_is_bounded_for_large_swarms():
@@ -81,7 +80,7 @@ def test_what_is_kept_is_bounded_for_large_swarms():
     model.add_robots(AGENT9, poses=[(400, 300, 0.0)] * 10_000)
     watch_closely(model)
     a_step = sum(model.swarm.columns[name].nbytes for name in WATCHED)
-    assert model.watched._kept.maxlen * a_step <= MOST_BYTES
+    assert model.watched._kept.maxlen * a_step <= MOST_WATCHED_BYTES
 
 
 def test_watching_does_not_change_a_run():
@@ -89,7 +88,7 @@ def test_watching_does_not_change_a_run():
     assert watched.state_hash() == alone.state_hash()
 
 
-def test_messages_are_told():
+def test_messages_are_shown():
     model = FireFighting(communication="goal", communication_range=1000.0, rng=2)
     watch_closely(model)
     while not np.isfinite(model.swarm.heard_goal).any():
@@ -97,7 +96,7 @@ def test_messages_are_told():
     robot = model.robots[int(np.flatnonzero(np.isfinite(model.swarm.heard_goal[:, 0]))[0])]
     facts = dict(inspect(model, robot, model.steps)["facts"])
     x, y = robot.swarm.heard_goal[robot.row]
-    assert facts["Hears"] == f"of a goal {math.hypot(x, y):.0f} away at {math.degrees(math.atan2(y, x)):+.0f} degrees"
+    assert facts["Hears"] == f"a goal {math.hypot(x, y):.0f} away at {math.degrees(math.atan2(y, x)):+.0f} degrees"
     assert facts["Heat"].startswith(f"{robot.temperature:.1f}")
 
 
@@ -116,7 +115,7 @@ def test_values_of_actions_are_those_of_the_policy_that_was_learned(shared):
         assert [value for _, value in worth] == pytest.approx(expected)
 
 
-def test_wires_are_told_with_what_they_are_worth():
+def test_wires_are_shown_with_their_values():
     model = SwarmModel(map="original", rng=1)
     model.add_robots(AGENT9, 2)
     layer = WireFittedQ()
@@ -132,7 +131,7 @@ def test_wires_are_told_with_what_they_are_worth():
         assert worth[0][0] == f"wheels {actions[row, 0, 0]:+.2f} {actions[row, 0, 1]:+.2f}"
 
 
-def test_a_robot_is_moved_and_the_link_no_longer_tells_of_the_step(inspecting):
+def test_a_moved_robot_ends_the_link_to_the_step(inspecting):
     session = inspecting.session
     session.step()
     assert "step=1" in query_of(session)
@@ -142,7 +141,7 @@ def test_a_robot_is_moved_and_the_link_no_longer_tells_of_the_step(inspecting):
     robot = session.model.robots[0]
     assert robot.position.tolist() == [300, 420.5]
     assert robot.heading == pytest.approx(-math.pi / 2)
-    assert inspecting.inspector.told["pose"] == {"x": 300.0, "y": 420.5, "heading": -90.0}
+    assert inspecting.inspector.inspected["pose"] == {"x": 300.0, "y": 420.5, "heading": -90.0}
     assert session.past.shown.step == 1
     assert session.past.shown.content != before.content
     assert session.past.shown.fingerprint != before.fingerprint
@@ -162,7 +161,7 @@ def test_a_robot_is_moved_and_the_link_no_longer_tells_of_the_step(inspecting):
         ({"x": "300", "y": "420", "heading": "1e30"}, "heading is"),
     ],
 )
-def test_a_place_that_cannot_be_is_said_in_one_line_and_nothing_moves(inspecting, pose, fault):
+def test_an_impossible_place_is_reported_in_one_line_and_nothing_moves(inspecting, pose, fault):
     before = inspecting.session.model.state_hash()
     inspecting.act({"do": "move", "value": pose})
     assert fault in inspecting.inspector.fault
@@ -213,21 +212,21 @@ def test_one_goes_from_robot_to_robot_and_the_canvas_follows(inspecting):
     ids = [robot.unique_id for robot in session.model.robots]
     assert canvas.selected == ids[0]
     inspecting.act({"do": "next"})
-    assert canvas.selected == inspecting.inspector.told["id"] == ids[1]
+    assert canvas.selected == inspecting.inspector.inspected["id"] == ids[1]
     inspecting.act({"do": "previous"})
     inspecting.act({"do": "previous"})
     assert canvas.selected == ids[-1]
     canvas.selected = ids[3]
-    assert inspecting.inspector.told["id"] == ids[3]
+    assert inspecting.inspector.inspected["id"] == ids[3]
     inspecting.act({"do": "select", "value": 99_999})
-    assert "there is no robot 99999" in inspecting.inspector.fault
+    assert "unknown robot 99999" in inspecting.inspector.fault
     inspecting.act({"do": "select", "value": None})
     assert canvas.selected is None
     connection.close()
 
 
-def test_a_robot_that_is_gone_is_told_no_more(inspecting):
+def test_a_removed_robot_is_not_shown(inspecting):
     session = inspecting.session
     session.model.remove_robots([session.model.robots[0]])
     session.step()
-    assert inspecting.inspector.told == {}
+    assert inspecting.inspector.inspected == {}

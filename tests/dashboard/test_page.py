@@ -44,14 +44,14 @@ def press(context) -> str:
     return label
 
 
-def test_settings_that_cannot_be_built_are_told_from_a_model_that_stopped(session, drawn, monkeypatch):
+def test_settings_that_cannot_be_built_are_distinguished_from_a_model_that_stopped(session, drawn, monkeypatch):
     page = drawn(app.Trouble(session, ()))
     assert texts(page, "h2") == []
-    session.wish("n_robots", 9999)
+    session.set_parameter("n_robots", 9999)
     session.reset()
     assert texts(page, "h2") == ["These settings cannot be built"]
     assert press(page) == "Back to the last settings"
-    assert (texts(page, "h2"), session.wishes["n_robots"], session.error) == ([], 4, "")
+    assert (texts(page, "h2"), session.settings["n_robots"], session.error) == ([], 4, "")
     monkeypatch.setattr(FireFighting, "step", lambda model: 1 / 0)
     session.step()
     assert texts(page, "h2") == ["The model stopped"]
@@ -68,11 +68,11 @@ def test_a_link_that_cannot_be_built_leads_to_the_defaults(drawn):
     session.close()
 
 
-def test_all_that_is_wrong_with_a_link_is_told_until_one_goes_on(session, drawn):
+def test_all_faults_of_a_link_are_shown_until_the_user_continues(session, drawn):
     session.note = "step 3 of 20,000"
     page = drawn(app.Trouble(session, ("unknown foo", "unknown bar")))
     assert texts(page, "p") == ["unknown foo", "unknown bar", "step 3 of 20,000"]
-    assert press(page) == "Go on without it"
+    assert press(page) == "Continue"
     assert texts(page, "p") == []
 
 
@@ -80,6 +80,6 @@ def test_the_address_bar_holds_a_run_that_was_built_elsewhere(session, drawn):
     page = drawn(app.Header(session, app.WATCH, lambda name: None))
     bar = page.find(PageBar).widget
     assert bar.query == "model=fire_fighting&n_robots=4&seed=3"
-    wishes = session.wishes | {"strategy": "A", "n_robots": 10}
-    session.adopt(FireFighting(strategy="A", rng=5).run(2), "fire_fighting", wishes, 5)
+    settings = session.settings | {"strategy": "A", "n_robots": 10}
+    session.adopt(FireFighting(strategy="A", rng=5).run(2), "fire_fighting", settings, 5)
     assert bar.query == "model=fire_fighting&strategy=A&seed=5"

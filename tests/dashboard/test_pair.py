@@ -1,4 +1,4 @@
-"""Two worlds, one clock: they step together, one looks at both at the same step, and what breaks is said."""
+"""Two worlds, one clock: they step together, both show the same step, and errors are shown."""
 
 from mesa_swarm.dashboard.pair import Pair
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
@@ -125,7 +125,7 @@ def test_playing_stops_by_itself_when_both_are_done():
     pair.close()
 
 
-def test_an_error_in_one_world_stops_both_and_is_said():
+def test_an_error_in_one_world_stops_both_and_is_shown():
     pair = pair_of(CollisionAvoidance(rng=1), Breaks(rng=1))
     pair.set_speed(AS_FAST_AS_IT_GOES)
     pair.play()
@@ -142,7 +142,7 @@ def test_an_error_in_one_world_stops_both_and_is_said():
     pair.close()
 
 
-def test_whoever_looks_at_the_clock_is_told_the_step_and_both_fingerprints():
+def test_viewers_of_the_clock_are_notified_the_step_and_both_fingerprints():
     pair, spectator = pair_of(CollisionAvoidance(rng=1), CollisionAvoidance(rng=2)), Spectator()
     pair.add_viewer(spectator)
     pair.step()

@@ -11,11 +11,10 @@ import pytest
 
 from mesa_swarm.dashboard import RECORDINGS_VARIABLE
 from mesa_swarm.dashboard.controls import ControlPanel
-from mesa_swarm.dashboard.projector import Projector
 from mesa_swarm.dashboard.replay_view import BranchPanel
-from mesa_swarm.dashboard.replaying import LARGEST_UPLOAD, Incoming, Replaying
+from mesa_swarm.dashboard.replaying import LARGEST_UPLOAD, Replaying, ReplayPlayer
 from mesa_swarm.dashboard.session import Session
-from mesa_swarm.dashboard.widgets import FilePicker, Upload
+from mesa_swarm.dashboard.widgets import FilePicker, Incoming, Upload
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.models.boids import Boids
 from mesa_swarm.models.fire_fighting import FireFighting
@@ -56,11 +55,11 @@ def replaying(folder, monkeypatch):
     session.close()
 
 
-def opened(replaying: Replaying, name: str = "fires.arrow") -> Projector:
+def opened(replaying: Replaying, name: str = "fires.arrow") -> ReplayPlayer:
     replaying.open_listed(name)
     assert replaying.fault == ""
     wait_until(lambda: replaying.events is not None)
-    return replaying.projector
+    return replaying.player
 
 
 def hand_over(replaying: Replaying, name: str, content: bytes, piece: int = 100_000) -> None:
@@ -71,100 +70,100 @@ def hand_over(replaying: Replaying, name: str, content: bytes, piece: int = 100_
 
 
 def test_a_recording_is_stepped_scrubbed_and_rewound(folder):
-    projector = Projector(folder / "fires.arrow")
-    assert (len(projector.past), projector.step_shown) == (STEPS, 1)
-    projector.step()
-    projector.step()
-    projector.back()
-    assert projector.step_shown == 2
-    projector.look(10_000)
-    assert (projector.step_shown, projector.finished) == (STEPS, True)
-    projector.step()
-    assert projector.step_shown == STEPS
-    projector.look_at(57)
-    assert (projector.step_shown, projector.past.shown.step) == (57, 57)
-    projector.rewind()
-    assert projector.step_shown == 1
-    projector.close()
+    player = ReplayPlayer(folder / "fires.arrow")
+    assert (len(player.past), player.step_shown) == (STEPS, 1)
+    player.step()
+    player.step()
+    player.back()
+    assert player.step_shown == 2
+    player.look(10_000)
+    assert (player.step_shown, player.finished) == (STEPS, True)
+    player.step()
+    assert player.step_shown == STEPS
+    player.look_at(57)
+    assert (player.step_shown, player.past.shown.step) == (57, 57)
+    player.rewind()
+    assert player.step_shown == 1
+    player.close()
 
 
 def test_what_is_shown_is_what_the_model_was(folder):
-    projector = Projector(folder / "fires.arrow")
-    projector.look_at(100)
+    player = ReplayPlayer(folder / "fires.arrow")
+    player.look_at(100)
     model = FireFighting(strategy="A", initial_temperature=0.02, rng=4).run(100)
-    assert projector.past.shown.fingerprint == model.state_hash()
+    assert player.past.shown.fingerprint == model.state_hash()
     burning = f"{model.fires_burning} of {len(model.fires)}"
-    assert ("Fires burning", burning) in projector.past.shown.readings
-    projector.close()
+    assert ("Fires burning", burning) in player.past.shown.readings
+    player.close()
 
 
 def test_a_recording_is_played_to_its_end_and_no_further(folder):
-    projector = Projector(folder / "fires.arrow")
-    projector.set_speed(AS_FAST_AS_IT_GOES)
-    projector.play()
+    player = ReplayPlayer(folder / "fires.arrow")
+    player.set_speed(AS_FAST_AS_IT_GOES)
+    player.play()
     wait_until(lambda: not threads("play"))
-    assert (projector.playing, projector.finished, projector.step_shown) == (False, True, STEPS)
-    projector.play()
-    assert not projector.playing
-    projector.close()
+    assert (player.playing, player.finished, player.step_shown) == (False, True, STEPS)
+    player.play()
+    assert not player.playing
+    player.close()
 
 
 def test_speed_counts_steps_also_where_only_every_tenth_was_recorded(folder):
-    projector = Projector(folder / "own.arrow")
-    assert projector.past.step_of(1) - projector.past.step_of(0) == 10
+    player = ReplayPlayer(folder / "own.arrow")
+    assert player.past.step_of(1) - player.past.step_of(0) == 10
     rows = []
 
     def step(stop):
-        goes_on = projector._play_step(stop)
-        rows.append(projector.past.index)
+        goes_on = player._play_step(stop)
+        rows.append(player.past.index)
         return goes_on
 
     times = Clock().times(50, step, speed=100.0)
     assert rows == [(k + 1) // 10 for k in range(50)]
     assert times[rows.index(4)] == pytest.approx(0.39, abs=1.01 * BREATH)
-    projector.close()
+    player.close()
 
 
 def test_a_row_that_one_jumps_to_is_shown_as_long_as_any_other(folder):
-    projector, go_on = Projector(folder / "own.arrow"), threading.Event()
-    for jump in (lambda: projector.look(1), lambda: projector.look_at(projector.past.step_of(1))):
-        projector.rewind()
+    player, go_on = ReplayPlayer(folder / "own.arrow"), threading.Event()
+    for jump in (lambda: player.look(1), lambda: player.look_at(player.past.step_of(1))):
+        player.rewind()
         for _ in range(9):
-            projector._play_step(go_on)
+            player._play_step(go_on)
         jump()
         for _ in range(9):
-            projector._play_step(go_on)
-        assert projector.past.index == 1
-        projector._play_step(go_on)
-        assert projector.past.index == 2
-    projector.close()
+            player._play_step(go_on)
+        assert player.past.index == 1
+        player._play_step(go_on)
+        assert player.past.index == 2
+    player.close()
 
 
-def test_a_row_that_cannot_be_read_is_said_and_the_first_one_is_found_again(folder, monkeypatch):
-    projector = Projector(folder / "fires.arrow")
-    real = type(projector.recording).__getitem__
+def test_an_unreadable_row_is_reported(folder, monkeypatch):
+    player = ReplayPlayer(folder / "fires.arrow")
+    real = type(player.recording).__getitem__
 
     def torn(recording, row):
         if row == 50:
             raise RecordingError("damaged from step 51 on")
         return real(recording, row)
 
-    monkeypatch.setattr(type(projector.recording), "__getitem__", torn)
-    projector.look(50)
-    assert projector.error == "damaged from step 51 on"
-    projector.play()
-    assert not projector.playing
-    projector.rewind()
-    assert (projector.error, projector.past.shown.step) == ("", 1)
-    projector.close()
+    monkeypatch.setattr(type(player.recording), "__getitem__", torn)
+    player.look(50)
+    assert player.error == "damaged from step 51 on"
+    player.play()
+    assert not player.playing
+    player.rewind()
+    assert (player.error, player.past.shown.step) == ("", 1)
+    player.close()
 
 
 def test_recordings_of_the_folder_are_listed_and_nothing_else_is_opened(replaying, folder):
     assert set(replaying.listed) == {"boids.arrow", "fires.arrow", "own.arrow", "text.arrow"}
     for name in ("../fires.arrow", str(folder / "fires.arrow"), "missing.arrow", ""):
         replaying.open_listed(name)
-        assert replaying.projector is None
-        assert "there is no recording" in replaying.fault
+        assert replaying.player is None
+        assert "not found" in replaying.fault
 
 
 def test_without_a_folder_nothing_is_listed(monkeypatch):
@@ -177,25 +176,25 @@ def test_without_a_folder_nothing_is_listed(monkeypatch):
 def test_a_single_recording_is_opened_at_once(folder, monkeypatch):
     monkeypatch.setenv(RECORDINGS_VARIABLE, str(folder / "fires.arrow"))
     replaying = Replaying(Session("boids"))
-    assert (replaying.listed, replaying.projector.step_shown) == (["fires.arrow"], 1)
+    assert (replaying.listed, replaying.player.step_shown) == (["fires.arrow"], 1)
     replaying.close()
 
 
-def test_what_is_no_recording_is_said_in_one_line(replaying):
+def test_a_file_that_is_not_a_recording_is_refused_in_one_line(replaying):
     replaying.open_listed("text.arrow")
-    assert replaying.projector is None
+    assert replaying.player is None
     assert replaying.fault.startswith("text.arrow is not a recording")
     assert "\n" not in replaying.fault
 
 
 def test_events_are_found_and_jumped_to(replaying):
-    projector = opened(replaying)
+    player = opened(replaying)
     outs = [event for event in replaying.events if event.kind == "fire out"]
     assert outs
-    projector.look_at(outs[0].step)
+    player.look_at(outs[0].step)
     before, after = (
-        dict(projector.past.shown.readings)["Fires burning"],
-        (projector.back(), dict(projector.past.shown.readings)["Fires burning"])[1],
+        dict(player.past.shown.readings)["Fires burning"],
+        (player.back(), dict(player.past.shown.readings)["Fires burning"])[1],
     )
     assert int(before.split()[0]) < int(after.split()[0])
 
@@ -204,7 +203,7 @@ def test_a_recording_is_handed_over_in_pieces_and_deleted_afterwards(replaying, 
     content = (folder / "fires.arrow").read_bytes()
     hand_over(replaying, "mine.arrow", content, piece=10_000)
     place = replaying._own.path.parent
-    assert (replaying.fault, replaying.name, replaying.projector.step_shown) == ("", "mine.arrow", 1)
+    assert (replaying.fault, replaying.name, replaying.player.step_shown) == ("", "mine.arrow", 1)
     wait_until(lambda: replaying.events is not None)
     replaying.open_listed("fires.arrow")
     assert not place.exists()
@@ -214,9 +213,9 @@ def test_a_recording_stays_open_until_another_one_could_be_opened(replaying, fol
     content = (folder / "fires.arrow").read_bytes()
     hand_over(replaying, "mine.arrow", content)
     wait_until(lambda: replaying.events is not None)
-    open_one, events, place = replaying.projector, replaying.events, replaying._own.path.parent
+    open_one, events, place = replaying.player, replaying.events, replaying._own.path.parent
     open_one.look_at(60)
-    replaying.wish("strategy", "B")
+    replaying.set_parameter("strategy", "B")
     wrong = (
         ("bad.arrow", b"nothing", "bad.arrow is not a recording"),
         ("my half.arrow", content[: len(content) // 50], "my half.arrow"),
@@ -226,7 +225,7 @@ def test_a_recording_stays_open_until_another_one_could_be_opened(replaying, fol
         hand_over(replaying, name, text)
         assert replaying.fault.startswith(fault)
         assert "\n" not in replaying.fault
-        assert (replaying.projector, replaying.name, replaying.events) == (open_one, "mine.arrow", events)
+        assert (replaying.player, replaying.name, replaying.events) == (open_one, "mine.arrow", events)
     replaying.open_listed("text.arrow")
     replaying.open_listed("missing.arrow")
     assert not replaying.begin_upload("large.arrow", LARGEST_UPLOAD + 1)
@@ -234,9 +233,9 @@ def test_a_recording_stays_open_until_another_one_could_be_opened(replaying, fol
     assert place.exists()
     monkeypatch.setattr("mesa_swarm.dashboard.replaying.LARGEST_UPLOAD", 1000)
     assert replaying.begin_upload("lying.arrow", 10)
-    assert (replaying.busy, replaying.projector) == ("receiving lying.arrow ...", open_one)
+    assert (replaying.busy, replaying.player) == ("receiving lying.arrow ...", open_one)
     assert not replaying.take(b"x" * 2000)
-    assert (replaying.busy, replaying.projector) == ("", open_one)
+    assert (replaying.busy, replaying.player) == ("", open_one)
 
 
 @pytest.mark.parametrize("name", ["../../up.arrow", "..", "", "a\0b/\ud800.arrow", "C:\\x\\" + "long" * 90, "é" * 300])
@@ -262,25 +261,25 @@ def test_what_is_too_large_is_refused_before_and_while_it_comes(replaying, monke
 
 
 def test_the_button_asks_for_the_next_piece_until_all_has_come(replaying, folder, monkeypatch):
-    said = []
+    sent = []
     picker = FilePicker()
-    monkeypatch.setattr(picker, "send", said.append)
+    monkeypatch.setattr(picker, "send", sent.append)
     upload, content = Upload(picker, replaying), (folder / "fires.arrow").read_bytes()
     upload.act({"do": "begin", "name": "mine.arrow", "size": len(content)}, [])
     upload.act({"do": "piece", "last": False}, [memoryview(content)[:5000]])
     upload.act({"do": "piece", "last": True}, [memoryview(content)[5000:]])
-    assert [message["go"] for message in said] == [True, True, False]
-    assert replaying.projector.step_shown == 1
+    assert [message["go"] for message in sent] == [True, True, False]
+    assert replaying.player.step_shown == 1
     upload.close()
 
 
 def test_the_session_goes_on_from_a_step_as_the_recorded_run_did(replaying):
-    session, told = replaying.session, []
-    session.adopted.add(lambda: told.append(session.name))
+    session, changes = replaying.session, []
+    session.adopted.add(lambda: changes.append(session.name))
     opened(replaying).look_at(60)
     replaying.branch()
-    wait_until(lambda: told)
-    assert (session.name, session.model.completed, session.seed, session.wishes["strategy"]) == (
+    wait_until(lambda: changes)
+    assert (session.name, session.model.completed, session.seed, session.settings["strategy"]) == (
         "fire_fighting",
         60,
         4,
@@ -310,14 +309,14 @@ def test_a_branch_may_have_other_parameters(replaying):
     wait_until(lambda: replaying.session.name == "fire_fighting")
     session = replaying.session
     wait_until(lambda: session.model is not None)
-    assert (session.model.completed, session.wishes["strategy"], session.model.fire_constants.k2) == (60, "B", 0.02)
+    assert (session.model.completed, session.settings["strategy"], session.model.fire_constants.k2) == (60, "B", 0.02)
     panel.act({"do": "choose", "name": "strategy", "value": "A"})
     assert replaying.changes == {"k2": 0.02}
     panel.close()
 
 
 @pytest.mark.parametrize("names", [("fires.arrow", "boids.arrow"), ("boids.arrow", "fires.arrow")])
-def test_the_panel_of_a_recording_has_nothing_to_say_of_the_next_one(replaying, names):
+def test_the_panel_of_a_recording_does_not_affect_the_next_one(replaying, names):
     first, second = names
     opened(replaying, first)
     panel = BranchPanel(ControlPanel(), replaying)
@@ -331,7 +330,7 @@ def test_the_panel_of_a_recording_has_nothing_to_say_of_the_next_one(replaying, 
 
 def test_what_is_known_of_a_recording_can_be_asked_for_while_it_is_being_closed(replaying):
     replaying.open_listed("fires.arrow")
-    replaying.projector.close()
+    replaying.player.close()
     assert (replaying.model_name, replaying.notes) == ("fire_fighting", [])
     assert replaying.parameters["strategy"] == "A"
     replaying.open_listed("boids.arrow")
@@ -340,7 +339,7 @@ def test_what_is_known_of_a_recording_can_be_asked_for_while_it_is_being_closed(
 
 def test_a_change_that_makes_another_world_is_refused_in_words(replaying):
     opened(replaying)
-    replaying.wish("n_robots", 11)
+    replaying.set_parameter("n_robots", 11)
     replaying.branch()
     wait_until(lambda: not replaying.busy)
     assert "11 robots instead of the 10" in replaying.fault
@@ -352,7 +351,7 @@ def test_a_model_that_is_not_of_the_gallery_can_be_looked_at_only(replaying):
     assert (replaying.model_name, replaying.parameters) == ("", {})
     replaying.branch()
     wait_until(lambda: not replaying.busy)
-    assert "SwarmModel is no model of this page" in replaying.fault
+    assert "SwarmModel is not a model of this page" in replaying.fault
 
 
 @pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="open files are read from /proc, which is missing")
@@ -360,20 +359,20 @@ def test_closing_ends_a_branch_that_is_being_run_again_and_shows_how_far_it_is(r
     model = Boids(n_robots=5, rng=1)
     with model.record(folder / "long.arrow", checkpoint_every=0):
         model.run(400)
-    projector = opened(replaying, "long.arrow")
-    projector.look(399)
+    player = opened(replaying, "long.arrow")
+    player.look(399)
     original = Boids.step
     monkeypatch.setattr(Boids, "step", lambda model: (time.sleep(0.05), original(model)))
     monkeypatch.setattr("mesa_swarm.dashboard.replaying.SHOWN_EVERY", 0.0)
     replaying.branch()
-    wait_until(lambda: "is run again" in replaying.busy)
-    assert replaying.busy.startswith("going on from step 400: step ")
+    wait_until(lambda: "repeating step" in replaying.busy)
+    assert replaying.busy.startswith("continuing from step 400: repeating step ")
     replaying.close()
     wait_until(lambda: "branch" not in [thread.name for thread in threading.enumerate()])
 
 
 class AskedMeanwhile(threading.Event):
-    """While it is asked for the given time, another thread does something, for which it waits a little."""
+    """While the given time is requested, another thread does something, for which it waits a little."""
 
     def __init__(self, time, do):
         super().__init__()
@@ -389,7 +388,7 @@ class AskedMeanwhile(threading.Event):
 
 
 @pytest.mark.parametrize("time", [1, 2])
-def test_a_recording_that_is_closed_while_a_branch_tells_how_far_it_is_has_nothing_to_say(replaying, monkeypatch, time):
+def test_a_recording_that_is_closed_during_a_branch_shows_no_progress(replaying, monkeypatch, time):
     opened(replaying)
     monkeypatch.setattr("mesa_swarm.dashboard.replaying.SHOWN_EVERY", -1.0)
     closing = replaying._stop = AskedMeanwhile(time, replaying._leave)
@@ -399,7 +398,7 @@ def test_a_recording_that_is_closed_while_a_branch_tells_how_far_it_is_has_nothi
     assert replaying.busy == ""
 
 
-def test_a_recording_that_is_closed_while_a_branch_tells_what_is_wrong_has_no_fault(replaying):
+def test_a_recording_that_is_closed_while_a_branch_fails_has_no_fault(replaying):
     opened(replaying, "own.arrow")
     closing = replaying._stop = AskedMeanwhile(1, replaying._leave)
     replaying._branch(replaying._path, 1, {}, closing)
@@ -434,10 +433,10 @@ def test_recorded_parameters_that_no_model_takes_do_not_reach_the_controls(repla
 def test_closing_lets_go_of_file_folder_and_threads(replaying, folder):
     content = (folder / "fires.arrow").read_bytes()
     hand_over(replaying, "mine.arrow", content)
-    place, projector = str(replaying._own.path.parent), replaying.projector
-    projector.play()
+    place, player = str(replaying._own.path.parent), replaying.player
+    player.play()
     replaying.session.close()
-    del projector
+    del player
     names = ("events", "play", "branch")
     wait_until(lambda: not any(thread.name in names for thread in threading.enumerate()))
     assert not os.path.exists(place)

@@ -5,10 +5,9 @@ import pytest
 
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.dashboard.inspection import MOST_STEPS
 from mesa_swarm.dashboard.pair import Pair
 from mesa_swarm.dashboard.series import MOST_NUMBERS, Series, charts_of, grouped
-from mesa_swarm.dashboard.session import Session
+from mesa_swarm.dashboard.session import MOST_WATCHED_STEPS, Session
 from mesa_swarm.errors import UnknownNameError
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
@@ -61,7 +60,7 @@ def test_long_runs_are_thinned_to_exact_numbers_of_every_so_many_steps():
     assert rows[:, 0].tolist() == collected[steps - 1].tolist()
 
 
-def test_groups_tell_mean_least_and_greatest_of_all_rows():
+def test_groups_have_mean_least_and_greatest_of_all_rows():
     rng = np.random.default_rng(1)
     rows = rng.normal(size=(1000, 3))
     curves = grouped(np.arange(1, 1001), rows, 8)
@@ -91,7 +90,7 @@ def test_a_fire_that_is_added_is_a_curve_of_which_nothing_is_known_before():
     assert np.isfinite(rows[:5, :7]).all()
 
 
-def test_layers_of_the_same_name_are_told_apart():
+def test_layers_of_the_same_name_are_distinguished():
     model = SwarmModel(rng=1)
     model.add_robots(AGENT9, 2)
     model.control = Subsumption(Avoid(), Avoid(distance=30), Explore())
@@ -106,7 +105,7 @@ def test_what_is_no_number_is_not_known():
     assert series.rows("yes")[1].tolist() == [[1.0], [1.0]]
 
 
-def test_an_unknown_chart_is_said_in_one_line():
+def test_an_unknown_chart_is_refused_in_one_line():
     with pytest.raises(UnknownNameError, match="did you mean 'collisions'"):
         followed(SwarmModel(rng=1)).rows("colisions")
 
@@ -141,7 +140,7 @@ def test_a_run_on_the_page_keeps_a_window_of_all_that_grows_with_the_steps(monke
     assert len(model.fires.history.steps) == len(model.fires.history.temperature) == 33  # of every tenth step
     assert len(session.past) < 40
     assert len(session.series) <= 1000 // session.series.rows("collisions")[1].shape[1]
-    assert len(model.watched) <= MOST_STEPS
+    assert len(model.watched) <= MOST_WATCHED_STEPS
     assert model.state_hash() == alone.state_hash()
     session.close()
 

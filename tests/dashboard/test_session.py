@@ -1,4 +1,4 @@
-"""What one user wishes for: taken, refused, built or not."""
+"""What one user settings for: taken, refused, built or not."""
 
 import threading
 
@@ -25,36 +25,36 @@ def session():
 @pytest.mark.parametrize(("name", "value"), [("k1", "-5"), ("k1", -5.0), ("join", 1e4), ("n_robots", -3)])
 def test_a_value_that_is_refused_changes_nothing(session, name, value):
     session.step()
-    wishes, link, model = dict(session.wishes), query_of(session), session.model
-    session.wish(name, value)
+    settings, link, model = dict(session.settings), query_of(session), session.model
+    session.set_parameter(name, value)
     assert name in session.faults
-    assert (session.wishes, session.waiting, query_of(session)) == (wishes, frozenset(), link)
+    assert (session.settings, session.waiting, query_of(session)) == (settings, frozenset(), link)
     session.reset()
     assert session.error == ""
     assert session.model is not model
-    session.wish(name, wishes[name])
+    session.set_parameter(name, settings[name])
     assert session.faults == {}
 
 
 def test_several_values_are_taken_together_or_not_at_all(session):
-    wishes = dict(session.wishes)
+    settings = dict(session.settings)
     with pytest.raises(ValueError, match="join"):
-        session.wish_all({"k1": 0.001, "join": 1e4})
-    assert (session.wishes, session.waiting) == (wishes, frozenset())
-    session.wish_all({"join": 10.0, "leave": 20.0})
+        session.set_parameters({"k1": 0.001, "join": 1e4})
+    assert (session.settings, session.waiting) == (settings, frozenset())
+    session.set_parameters({"join": 10.0, "leave": 20.0})
     assert (session.model.fire_constants.join, session.model.fire_constants.leave) == (10.0, 20.0)
 
 
 def test_settings_that_cannot_be_built_are_left_for_the_last_ones(session):
     session.step()
-    session.wish("n_robots", 9999)
+    session.set_parameter("n_robots", 9999)
     session.set_seed(8)
     session.reset()
     assert session.unbuilt
     assert session.error
     session.go_back()
     assert (session.error, session.unbuilt, session.waiting) == ("", False, frozenset())
-    assert (session.wishes["n_robots"], session.seed, session.model.steps) == (4, 3, 0)
+    assert (session.settings["n_robots"], session.seed, session.model.steps) == (4, 3, 0)
     assert session.model.state_hash() == FireFighting(n_robots=4, rng=3).state_hash()
 
 
@@ -110,7 +110,7 @@ class BreaksEarly(FireFighting):
         (BreaksEarly, "", "ZeroDivisionError: nothing left"),
     ],
 )
-def test_a_run_that_ends_or_breaks_on_its_way_to_the_step_of_a_link_is_not_said_to_be_paused(
+def test_a_run_that_ends_or_breaks_on_its_way_to_the_step_of_a_link_is_not_reported_as_paused(
     model, note, error, wait, monkeypatch
 ):
     monkeypatch.setattr(f"{MODULE}.LONGEST_WAIT", wait)
@@ -156,7 +156,7 @@ def test_what_the_user_does_ends_a_run_that_is_on_its_way_to_the_step_of_a_link(
 
 def test_a_word_that_is_wrong_does_not_throw_the_link_away():
     asked = address_from("model=flocking&seed=7&foo=1&n_robots=12&step=x&sight=nan", "fire_fighting")
-    assert (asked.model, asked.seed, asked.steps, asked.wishes) == ("flocking", 7, 0, {"n_robots": 12})
+    assert (asked.model, asked.seed, asked.steps, asked.settings) == ("flocking", 7, 0, {"n_robots": 12})
     about = ("'foo'", "step is 'x'", "sight")
     assert all(part in fault for part, fault in zip(about, asked.faults, strict=True))
 
@@ -164,18 +164,18 @@ def test_a_word_that_is_wrong_does_not_throw_the_link_away():
 @pytest.mark.parametrize("robots", ["20000", "-3", "many"])
 def test_a_link_cannot_ask_for_what_the_page_would_refuse(robots):
     asked = address_from(f"model=fire_fighting&n_robots={robots}&strategy=A", "boids")
-    assert (asked.wishes, len(asked.faults)) == ({"strategy": "A"}, 1)
+    assert (asked.settings, len(asked.faults)) == ({"strategy": "A"}, 1)
     assert asked.faults[0].startswith("n_robots is ")
 
 
-def test_a_link_full_of_nonsense_is_told_of_in_few_lines():
+def test_a_link_full_of_nonsense_is_reported_in_few_lines():
     asked = address_from("model=boids&" + "&".join(f"word{i}=1" for i in range(50)), "fire_fighting")
     assert (asked.model, len(asked.faults), asked.faults[-1]) == ("boids", 6, "and 45 more")
 
 
 def test_of_an_unknown_model_nothing_is_taken():
     asked = address_from("model=fire_fihgting&seed=7&strategy=A", "boids")
-    assert (asked.model, asked.seed, asked.wishes, len(asked.faults)) == ("boids", 1, {}, 1)
+    assert (asked.model, asked.seed, asked.settings, len(asked.faults)) == ("boids", 1, {}, 1)
     assert "did you mean 'fire_fighting'" in asked.faults[0]
 
 
@@ -206,11 +206,11 @@ def wait_for_readers():
 def test_an_uploaded_map_is_built_on_and_a_wrong_one_is_refused_in_one_line(session):
     session.upload("hall.svg", HALL.replace(b"<rect", b'<circle class="fire" cx="99" cy="99" r="20"/><rect'))
     wait_for_readers()
-    assert (session.error, session.wishes["map"], session.model.map.name) == ("", "hall", "hall")
+    assert (session.error, session.settings["map"], session.model.map.name) == ("", "hall", "hall")
     session.upload("hall.svg", b"<svg")
     wait_for_readers()
     assert session.faults["map"].startswith("hall.svg: line 1")
-    assert session.wishes["map"] == "hall"
+    assert session.settings["map"] == "hall"
 
 
 def test_the_session_goes_on_while_an_upload_is_read(session, monkeypatch):
@@ -223,7 +223,7 @@ def test_the_session_goes_on_while_an_upload_is_read(session, monkeypatch):
     assert session.model.steps == 1
     reader.may.set()
     wait_for_readers()
-    assert session.wishes["map"] == "hall"
+    assert session.settings["map"] == "hall"
 
 
 def test_of_two_uploads_the_later_one_counts(session, monkeypatch):
@@ -233,7 +233,7 @@ def test_of_two_uploads_the_later_one_counts(session, monkeypatch):
     session.upload("second.svg", HALL)
     reader.may.set()
     wait_for_readers()
-    assert session.wishes["map"] == "second"
+    assert session.settings["map"] == "second"
     assert "first" not in session.uploads
 
 

@@ -119,7 +119,7 @@ def _page_recording(_, out):
     """Record on the page, twice; the second replaces the first."""
     session = Session("fire_fighting", {"n_robots": 2})
     exporting = session.companion(Exporting)
-    exporting.tape.path = out / "recorded.arrow"
+    exporting.switch.path = out / "recorded.arrow"
     try:
         for _ in range(2):
             exporting.record(True)
@@ -128,13 +128,13 @@ def _page_recording(_, out):
             exporting.record(False)
             if exporting.fault:
                 raise SwarmError(exporting.fault)
-            if exporting.tape.ended:
-                raise SwarmError(f"{exporting.tape.path}: {exporting.tape.ended}")
+            if exporting.switch.ended:
+                raise SwarmError(f"{exporting.switch.path}: {exporting.switch.ended}")
     finally:
-        tape = exporting.tape
-        rows = len(Recording(tape.path)) if tape.path.exists() and tape.words else 0
-        assert not tape.words or tape.words.endswith(f" {tape.last:,}")
-        assert rows == max(0, tape.last - tape.first + 1), (rows, tape.words)
+        switch = exporting.switch
+        rows = len(Recording(switch.path)) if switch.path.exists() and switch.words else 0
+        assert not switch.words or switch.words.endswith(f" {switch.last:,}")
+        assert rows == max(0, switch.last - switch.first + 1), (rows, switch.words)
         session.close()
 
 

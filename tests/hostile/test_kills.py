@@ -219,7 +219,7 @@ from mesa_swarm.dashboard.session import Session
 session = Session("collision_avoidance", {"n_robots": 5})
 exporting = session.companion(Exporting)
 exporting.record(True)
-os.symlink(exporting.tape.path, sys.argv[1])
+os.symlink(exporting.switch.path, sys.argv[1])
 while True:
     session.step()
 """
@@ -305,10 +305,10 @@ if __name__ == "__main__":
 """,
     "of the page's comparison": """
 import time
-from mesa_swarm.dashboard import many_runs
+from mesa_swarm.dashboard import comparing
 from mesa_swarm.experiments.plan import checked_plan
-many_runs.cpu_count = lambda: 3
-runs = many_runs.ManyRuns()
+comparing.cpu_count = lambda: 3
+runs = comparing.ManyRuns()
 runs.start(checked_plan("fire_fighting", seeds=20, steps=1_000_000))
 time.sleep(1000)
 """,

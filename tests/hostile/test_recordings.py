@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm import SwarmModel
-from mesa_swarm.dashboard.projector import Projector
+from mesa_swarm.dashboard.replaying import ReplayPlayer
 from mesa_swarm.errors import ExportError, RecordingError
 from mesa_swarm.models.boids import Boids
 from mesa_swarm.models.cooperative_transport import CooperativeTransport
@@ -67,12 +67,12 @@ def served(path, place):
 
 
 def projected(path, place):
-    projector = Projector(path)
-    while not projector.finished and not projector.error:
-        projector.step()
-    projector.close()
-    if projector.error:
-        assert len(projector.error) <= LONGEST
+    player = ReplayPlayer(path)
+    while not player.finished and not player.error:
+        player.step()
+    player.close()
+    if player.error:
+        assert len(player.error) <= LONGEST
 
 
 def verified(path, place):
