@@ -62,7 +62,7 @@ def length(name: str, text: str) -> float:
     """
     found = _LENGTH.fullmatch(text[:LONGEST_LENGTH])
     if not found or found[2].lower() not in PIXELS:
-        raise InvalidValueError(f"{name} is {shortened(text)}; expected such as 5, 5px, 5mm or 5in")
+        raise InvalidValueError(f"{name} is {shortened(text)}; expected a length such as 5, 5px, 5mm or 5in")
     return float(found[1]) * PIXELS[found[2].lower()]
 
 
@@ -107,7 +107,7 @@ def transform(text: str) -> np.ndarray:
     >>> transform("translate(10, 20) scale(2)").tolist()
     [[2.0, 0.0, 10.0], [0.0, 2.0, 20.0], [0.0, 0.0, 1.0]]
     """
-    refused = InvalidValueError(f"transform is {shortened(text)}; expected such as translate(10, 20)")
+    refused = InvalidValueError(f"transform is {shortened(text)}; expected functions such as translate(10, 20)")
     if len(text) > LONGEST_TRANSFORM or _TRANSFORM.sub("", text).strip(" \t\r\n,"):
         raise refused
     for kind, arguments in _TRANSFORM.findall(text):
@@ -157,7 +157,7 @@ def viewbox(text: str, aspect: str, width: float, height: float) -> np.ndarray:
     x, y, box_width, box_height = viewbox_numbers(text)
     align, _, crop = (" ".join(aspect.split()) or "xMidYMid").partition(" ")
     if not re.fullmatch(r"none|x(Min|Mid|Max)Y(Min|Mid|Max)", align) or crop not in ("", "meet", "slice"):
-        raise InvalidValueError(f"preserveAspectRatio is {shortened(aspect)}; expected such as xMidYMid")
+        raise InvalidValueError(f"preserveAspectRatio is {shortened(aspect)}; expected a value such as xMidYMid")
     scales = np.array([width / box_width, height / box_height])
     if align != "none":
         scales[:] = scales.max() if crop == "slice" else scales.min()

@@ -52,7 +52,7 @@ def mixed(world):
 
 
 def is_generic(world, oracle):
-    """Tell whether the oracle's outcome stays what it is when the robots are moved very slightly."""
+    """Return whether the oracle's outcome stays the same when the robots are moved very slightly."""
     nudged = outcome(world.nudged(NUDGE).model("shapely"))
     return max(differences(oracle, nudged).values()) < JUMP
 
@@ -66,7 +66,7 @@ def check_agreement(world):
 
 
 def check_run(models, steps):
-    """Assert that both models do and read the same for so many steps."""
+    """Assert that both models do and read the same at each step."""
     for _ in range(steps):
         for model in models:
             model.sense()

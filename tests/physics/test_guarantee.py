@@ -1,4 +1,4 @@
-"""After every step nobody overlaps anything, whatever the speed, the density and the shape of the world."""
+"""After every step no two bodies overlap, whatever the speed, the density and the shape of the world."""
 
 import math
 
@@ -63,10 +63,10 @@ def test_a_thin_wall_is_not_jumped_over(radii_per_step):
     assert (model.swarm.position[:, 0] <= 1995.001).all()
 
 
-@pytest.mark.parametrize("angle", [60, 30, 10, 5, 1])
+@pytest.mark.parametrize("degrees", [60, 30, 10, 5, 1])
 @pytest.mark.parametrize("speed", [0.5, 4.0, 30.0])
-def test_a_wedge_holds_whoever_drives_into_it(angle, speed):
-    model = wedge(angle)
+def test_a_wedge_holds_all_that_drive_into_it(degrees, speed):
+    model = wedge(degrees)
     model.add_robots(blind(5, speed), poses=[(60 - 12 * k, 150.3, 0.0) for k in range(4)])
     assert drive(model, 300) <= PROMISED
 

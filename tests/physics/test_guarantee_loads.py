@@ -1,4 +1,4 @@
-"""After every step nobody overlaps anything, loads included, whatever pushes them and wherever to."""
+"""After every step no two bodies overlap, loads included, whatever pushes them and wherever to."""
 
 import math
 

@@ -260,7 +260,7 @@ class TestDriving:
         moved = sum(float(model.run(1).swarm.command.mean() * (1 - model.swarm.slip.mean())) for _ in range(400))
         assert moved == pytest.approx(300, abs=30)
 
-    def test_slip_tells_what_of_the_command_was_lost(self):
+    def test_slip_is_the_lost_share_of_the_command(self):
         model = alone(driving(dropout=1.0)).run(1)
         assert (model.swarm.command.tolist(), model.swarm.slip.tolist()) == ([[1.0, 1.0]], [[1.0, 1.0]])
 

@@ -84,7 +84,7 @@ def test_wheels_that_slip_push_less_hard():
 
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("offset", [-40.0, -10.0, 0.0, 25.0])
-def test_an_off_centre_push_turns_a_box_about_the_point_that_the_limit_surface_tells(engine, offset):
+def test_an_off_centre_push_turns_a_box_about_the_point_from_the_limit_surface(engine, offset):
     model, load = world(poses=[(195, 150 + offset, 0.0)], engine=engine)
     model.step()
     square = load.form.lever**2

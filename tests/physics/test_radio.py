@@ -39,7 +39,7 @@ def test_places_and_goals_are_heard_in_the_frame_of_the_hearer(heading):
     assert model.swarm.sent_goal[0] == pytest.approx([90, 130], abs=1e-9)
 
 
-def test_a_robot_hears_neither_itself_nor_those_that_have_nothing_to_say():
+def test_a_robot_hears_neither_itself_nor_those_without_a_task_or_goal():
     model = heard([(100, 100, 0.0), (150, 100, 0.0)], Radio(), [-1, 3])
     assert model.swarm.heard_task.tolist() == [3, -1]
     assert np.isnan(model.swarm.heard_from[1]).all()
@@ -54,7 +54,7 @@ def test_what_is_decided_is_heard_one_step_later():
     assert model.run(1).swarm.heard_task.tolist() == [-1, 4]
 
 
-def test_a_goal_stays_where_it_is_though_its_sender_turns_and_moves_after_having_said_it():
+def test_a_goal_stays_where_it_is_though_its_sender_turns_and_moves_after_sending_it():
     target = np.array([180.0, 140.0])
 
     class Pointing(Broadcasting):
@@ -104,8 +104,8 @@ def test_a_goal_that_is_not_finite_is_none(goal):
 
 
 def test_only_what_the_radio_broadcasts_is_heard():
-    said = [(100, 100, 0.0), (150, 100, 0.0)], [5, 5], [(1, 1), (1, 1)]
-    state, goal = (heard(said[0], radio, *said[1:]).swarm for radio in (Radio(goal=False), Radio(state=False)))
+    sent = [(100, 100, 0.0), (150, 100, 0.0)], [5, 5], [(1, 1), (1, 1)]
+    state, goal = (heard(sent[0], radio, *sent[1:]).swarm for radio in (Radio(goal=False), Radio(state=False)))
     assert (state.heard_task == 5).all()
     assert np.isnan(state.heard_goal).all()
     assert (goal.heard_task == -1).all()
@@ -156,7 +156,7 @@ def test_nothing_stops_a_broadcast_where_occlusion_is_not_asked_for():
     assert listener(poses, Radio(), [5, -1], shapes=[rectangle((140, 50), (160, 110))]) == 5
 
 
-def test_in_a_hole_of_an_obstacle_robots_hear_each_other_but_nobody_outside():
+def test_in_a_hole_of_an_obstacle_robots_hear_each_other_but_none_outside():
     outline, hole = [(100, 50), (300, 50), (300, 250), (100, 250)], [(110, 60), (290, 60), (290, 240), (110, 240)]
     poses = [(150, 150, 0.0), (250, 150, 0.0), (50, 150, 0.0)]
     model = heard(poses, Radio(range=400, occlusion=True), [1, 2, 3], shapes=[polygon(outline, [hole])])

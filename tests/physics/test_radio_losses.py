@@ -47,11 +47,11 @@ def test_a_robot_that_goes_changes_nothing_of_what_the_others_lose():
     poses, tasks = [(40 + 30 * k, 100, 0.0) for k in range(10)], [-1, *range(1, 10)]
     stays, goes = (heard(poses, Radio(loss_probability=0.5), tasks) for _ in range(2))
     goes.remove_robots([goes.robots[0]])
-    told = []
+    received = []
     for _ in range(20):
-        told.append(stays.run(1).swarm.heard_task[1:].tolist())
-        assert goes.run(1).swarm.heard_task.tolist() == told[-1]
-    assert len({tuple(row) for row in told}) > 10  # something is lost
+        received.append(stays.run(1).swarm.heard_task[1:].tolist())
+        assert goes.run(1).swarm.heard_task.tolist() == received[-1]
+    assert len({tuple(row) for row in received}) > 10  # something is lost
 
 
 def test_losses_disturb_no_other_random_stream_and_looking_loses_nothing_more():

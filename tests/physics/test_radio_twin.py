@@ -17,7 +17,7 @@ seeds = st.integers(0, 2**32 - 1)
 
 
 def in_python(word, sender, hearer, probability):
-    """Tell whether a broadcast is lost, by Python's own whole numbers."""
+    """Return whether a broadcast is lost, by Python's own whole numbers."""
     whole = 2**64
 
     def mixed(bits):
@@ -30,7 +30,7 @@ def in_python(word, sender, hearer, probability):
 
 
 def hears(model, place, sender, i, word):
-    """Tell whether robot i hears a sender at a place, by Shapely."""
+    """Return whether robot i hears a sender at a place, by Shapely."""
     radio, way = model.communication, shapely.LineString([place, model.swarm.position[i]])
     if way.length > radio.range or in_python(word, sender, int(model.swarm.number[i]), radio.loss_probability):
         return False
@@ -59,10 +59,10 @@ def twin(model, word):
             j = min(away, key=away.get)
             out["heard_layer"][i], out["heard_task"][i] = swarm.layer[j], swarm.task[j]
             out["heard_from"][i] = framed(model, i, swarm.position[j])
-        told = [k for k, (p, s) in enumerate(beacons) if hears(model, p, s, i, word)]
-        told += [len(beacons) + j for j in others if np.isfinite(swarm.sent_goal[j]).all()]
-        if told and radio.goal:
-            k = min(told, key=lambda k: np.hypot(*(goals[k] - swarm.position[i])))
+        heard = [k for k, (p, s) in enumerate(beacons) if hears(model, p, s, i, word)]
+        heard += [len(beacons) + j for j in others if np.isfinite(swarm.sent_goal[j]).all()]
+        if heard and radio.goal:
+            k = min(heard, key=lambda k: np.hypot(*(goals[k] - swarm.position[i])))
             out["heard_goal"][i] = framed(model, i, goals[k])
     return out
 

@@ -145,7 +145,7 @@ def test_the_order_in_which_robots_were_created_is_nothing_in_hundreds_of_jams(s
 
 @few
 @given(seeds)
-def test_far_from_the_origin_nobody_overlaps_anything_after_a_step(seed):
+def test_far_from_the_origin_no_robot_overlaps_anything_after_a_step(seed):
     world = shifted(crowd(seed, n=12, size=70.0), FAR)
     model = world.model()
     for _ in range(5):

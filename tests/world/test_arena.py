@@ -92,7 +92,7 @@ def test_a_new_agent_is_at_a_place_of_the_arena_before_it_is_given_one():
 
 
 @given(st.lists(st.integers(0, 10**6), min_size=1, max_size=40))
-def test_indices_and_positions_stay_together_whoever_comes_and_goes(moves):
+def test_indices_and_positions_stay_together_whichever_agents_come_and_go(moves):
     model, space, agents, truth = mesa.Model(rng=1), arena(n_agents=1), [], {}
     for k, move in enumerate(moves):
         if move % 3 or not agents:
@@ -263,12 +263,12 @@ def test_robots_are_found_where_they_are_after_steps_and_removals():
         robots.pop(k).remove()
         for robot in robots:
             assert model.space.get_agents_in_radius(robot.position, 1e-9)[0] == [robot]
-        everybody = [*model.obstacles, *model.fires, *model.robots]
+        agents = [*model.obstacles, *model.fires, *model.robots]
         found, distances = model.space.get_agents_in_radius((400, 300), 1e9)
-        assert set(found) == set(everybody)
+        assert set(found) == set(agents)
         assert distances == pytest.approx([np.hypot(*(a.position - (400, 300))) for a in found])
         table = {a: tuple(p) for a, p in zip(model.space.active_agents, model.space.agent_positions, strict=True)}
-        assert table == {a: tuple(a.position) for a in everybody}
+        assert table == {a: tuple(a.position) for a in agents}
 
 
 def test_neighbours_of_robots_that_share_a_place_are_as_many_as_asked_for():
@@ -317,7 +317,7 @@ def test_all_agents_may_be_removed_at_once_the_mesa_way():
 
 
 @pytest.mark.parametrize("kind", ["obstacle", "fire"])
-def test_what_was_removed_says_so_when_it_is_removed_again(kind):
+def test_what_was_removed_cannot_be_removed_again(kind):
     model = empty()
     agent = model.add_obstacle(disc((50, 50), 5)) if kind == "obstacle" else model.add_fire((50, 50), radius=5)
     agent.remove()
@@ -338,7 +338,7 @@ def test_a_removed_obstacle_is_neither_met_nor_seen():
     assert model.swarm.kind[0, 0] == -1
 
 
-def test_a_model_that_nobody_holds_is_forgotten():
+def test_a_model_without_references_is_forgotten():
     model = SwarmModel(map="openspace_fire", rng=1)
     model.add_robots(AGENT9, 4)
     model.control = Subsumption(ahead)

@@ -10,7 +10,7 @@ from mesa_swarm import disc, polygon, rectangle
 from mesa_swarm.world.bodies import Form, mean_distance
 
 
-def test_a_form_lies_where_its_pose_says():
+def test_a_form_is_at_its_pose():
     form = Form.of(polygon([(0, 0), (30, 0), (0, 30)]))
     turned = form.shape_at((100.0, 50.0, math.pi / 2)).geometry.exterior.coords
     assert sorted(np.round(turned[:-1], 9).tolist()) == [[80.0, 40.0], [110.0, 40.0], [110.0, 70.0]]

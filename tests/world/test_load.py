@@ -25,7 +25,7 @@ def pushed(steps=10, n=3, **options):
     return model.run(steps), load
 
 
-def test_a_load_is_an_obstacle_and_a_mesa_agent_that_lies_where_it_was_put():
+def test_a_load_is_an_obstacle_and_a_mesa_agent_that_is_where_it_was_put():
     model = empty()
     wall, load = model.add_obstacle(disc((50, 50), 10)), model.add_load(BOX, resistance=2)
     assert list(model.loads) == [load]
@@ -119,7 +119,7 @@ def test_random_robots_are_never_placed_on_a_load_where_it_lies_now():
     assert min(load.shape.geometry.distance(Point(robot.position)) for robot in robots) >= 5
 
 
-def test_nobody_moves_a_load_but_robots():
+def test_only_robots_move_a_load():
     _, load = pushed()
     with pytest.raises(InvalidValueError, match="only when robots push"):
         load.position = (100, 100)
@@ -152,7 +152,7 @@ def test_a_load_rests_once_all_robots_are_gone():
     assert (load.moved, load.pushers) == (False, 0)
 
 
-def test_the_state_hash_tells_where_loads_are_and_which_way_they_point():
+def test_the_state_hash_depends_on_where_loads_are_and_which_way_they_point():
     model, load = pushed()
     before = model.state_hash()
     x, y, heading = load.pose

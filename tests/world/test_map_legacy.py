@@ -1,4 +1,4 @@
-"""Map files of the thesis: what they say, and that nothing in them is ever run."""
+"""Map files of the thesis: their contents, and that nothing in them is ever run."""
 
 import pytest
 from hypothesis import given, settings

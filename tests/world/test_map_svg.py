@@ -101,7 +101,7 @@ def test_a_drawing_without_size_has_that_of_its_view_box(size):
         ("xMidYMax slice", (400, 400), 80),
     ],
 )
-def test_the_view_box_is_fitted_as_its_aspect_says(aspect, centre, radius):
+def test_the_view_box_is_fitted_by_its_aspect(aspect, centre, radius):
     drawing = f'<svg width="800" height="600" viewBox="0 0 100 100" preserveAspectRatio="{aspect}">'
     (only,) = Map.from_svg(drawing + '<circle cx="50" cy="50" r="10"/></svg>').obstacles
     assert only.position == pytest.approx(centre)
@@ -171,7 +171,7 @@ def test_curves_of_a_path_stay_within_the_tolerance():
         ("M 0 0 c 0 200 300 200 300 0 s 300 -200 300 0 v -200 h -600 z", 120_000),
     ],
 )
-def test_bezier_curves_have_the_area_that_calculus_says(path, area):
+def test_bezier_curves_have_the_area_from_calculus(path, area):
     assert shape(f'<path d="{path}" transform="translate(50 250)"/>').geometry.area == pytest.approx(area, rel=1e-3)
 
 

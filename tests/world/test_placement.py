@@ -18,13 +18,13 @@ from mesa_swarm.world.statics import CELLS_PER_ITEM, MOST_LISTED, Statics
 from support.pace import work_within
 from support.scenes import blind, empty
 
-NOBODY = np.empty((0, 2)), np.empty(0)
+NO_OTHERS = np.empty((0, 2)), np.empty(0)
 NO_FIRES = np.empty((0, 3))
 U_SHAPE = [(60, 40), (160, 40), (160, 120), (140, 120), (140, 60), (80, 60), (80, 120), (60, 120)]
 RING = polygon([(20, 20), (180, 20), (180, 130), (20, 130)], [[(50, 50), (150, 50), (150, 100), (50, 100)]])
 
 
-def least_gap(position, radius, others=NOBODY):
+def least_gap(position, radius, others=NO_OTHERS):
     """Return the least distance between the edges of any two discs, by all pairs."""
     points, radii = np.concatenate([position, others[0]]), np.concatenate([np.full(len(position), radius), others[1]])
     gap = np.hypot(*(points[:, None] - points).T) - radii[:, None] - radii
@@ -49,7 +49,7 @@ def assert_free(model, robots, tolerance=0.0):
 
 
 def promised(place, n):
-    """Return how many would fit, as the refusal of n says."""
+    """Return how many would fit according to the refusal of n."""
     with pytest.raises(PlacementError) as caught:
         place(n)
     text = str(caught.value)
@@ -101,7 +101,7 @@ def test_the_first_places_do_not_depend_on_how_many_follow():
 
 def test_places_are_spread_evenly_over_the_free_space():
     space = free_space((0, 0, 100, 100), [], NO_FIRES, 0.01)
-    places = place_apart(4000, 0.01, space, *NOBODY, np.random.default_rng(1))
+    places = place_apart(4000, 0.01, space, *NO_OTHERS, np.random.default_rng(1))
     counts = np.histogram2d(*places.T, bins=4, range=[[0, 100]] * 2)[0]
     assert abs(counts - 250).max() < 5 * math.sqrt(250)
 
@@ -116,7 +116,7 @@ def test_as_many_as_a_refusal_promises_do_fit(width, height, radius, seed, ring)
     space = free_space((0, 0, width, height), shapes, NO_FIRES, radius)
 
     def place(n, again=0):
-        return place_apart(n, radius, space, *NOBODY, np.random.default_rng(seed + again), "here")
+        return place_apart(n, radius, space, *NO_OTHERS, np.random.default_rng(seed + again), "here")
 
     fit = promised(place, 10**9)
     for again in (0, 1):
@@ -220,12 +220,12 @@ def test_many_separate_niches_are_not_taken_for_one_small_room():
 
 
 @pytest.mark.parametrize("bounds", [(0, 0, 9, 100), (0, 0, 10, 100), (0, 0, 100, 10)])
-def test_a_map_as_narrow_as_a_robot_holds_nobody(bounds):
+def test_a_map_as_narrow_as_a_robot_holds_no_robot(bounds):
     model = SwarmModel(map=Map(name="narrow", bounds=bounds), rng=1)
     assert promised(lambda n: model.add_robots(blind(), n), 1) == 0
 
 
-def test_a_map_without_any_free_place_holds_nobody():
+def test_a_map_without_any_free_place_holds_no_robot():
     model = empty(100, 100)
     model.add_obstacle(disc((50, 50), 80))
     assert promised(lambda n: model.add_robots(blind(), n), 3) == 0
