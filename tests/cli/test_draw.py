@@ -169,7 +169,7 @@ def test_a_torn_recording_is_exported_up_to_its_end_with_a_warning(exported, tmp
 
 def test_export_makes_no_folder(exported):
     status, _, err = exported("nowhere/a.csv --quiet")
-    assert (status, err) == (2, "mesa-swarm: there is no folder nowhere; make it first, or choose another place\n")
+    assert (status, err) == (2, "mesa-swarm: folder nowhere does not exist; make it first, or choose another place\n")
 
 
 @pytest.mark.filterwarnings("default")

@@ -114,6 +114,6 @@ def test_an_error_of_the_rule_is_reported_with_the_robot_and_attached_as_its_cau
 
 @pytest.mark.parametrize("which", [99, 9, -2])
 def test_a_rule_that_reads_a_sensor_that_is_not_there_is_reported_instead_of_reading_elsewhere(which):
-    with pytest.raises(BehaviourError, match="IndexError: there is no") as caught:
+    with pytest.raises(BehaviourError, match="IndexError: this sensor does not exist") as caught:
         step_with(careless(which=which))
     assert isinstance(caught.value.__cause__, IndexError)

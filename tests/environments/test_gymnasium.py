@@ -6,6 +6,7 @@ from gymnasium.vector import AutoresetMode
 
 import mesa_swarm.environments
 from mesa_swarm.environments import CollisionAvoidance, FindFires, RobotEnv, RobotVectorEnv, VectorSwarmEnv, register
+from mesa_swarm.environments.camera import RIM
 from mesa_swarm.environments.registration import NAMESPACE, REGISTERED
 from mesa_swarm.errors import InvalidValueError, SwarmError, UnknownNameError
 
@@ -103,7 +104,7 @@ def test_all_robots_of_a_world_whose_task_is_done_end_and_no_others():
 def test_the_picture_distinguishes_the_commanded_robot():
     env = RobotEnv(CollisionAvoidance(n_robots=3), render_mode="rgb_array")
     env.reset(seed=1)
-    assert (env.render() == (34, 34, 34)).all(axis=2).any()
+    assert (env.render() == RIM).all(axis=2).any()
     vector = RobotVectorEnv(CollisionAvoidance(n_robots=3), n_worlds=2, render_mode="rgb_array")
     vector.reset(seed=1)
     assert [picture.shape for picture in vector.render()] == [(480, 640, 3)] * 2
