@@ -1,7 +1,7 @@
-"""What can go wrong, in the user's words, and the checks that say so.
+"""Errors that a user can cause, and the checks that raise them.
 
-Every error that a user can cause is raised here, once, at the border, as one line: what was got, what was
-expected, what to do. Inner code trusts what has passed the border.
+A value is checked once, at the border, and refused in one line: what was got, what was expected, what to do.
+Inner code trusts what has passed the border.
 """
 
 import math
@@ -29,7 +29,7 @@ class UnknownNameError(SwarmError, ValueError):
 
 
 class PlacementError(SwarmError, ValueError):
-    """The robots do not fit; the message says how many would."""
+    """The robots do not fit; the message names how many would."""
 
 
 class MapError(SwarmError, ValueError):
@@ -37,13 +37,13 @@ class MapError(SwarmError, ValueError):
 
 
 class JobError(SwarmError, ValueError):
-    """A job file cannot be read or carried out; the message names the file and the place."""
+    """A job file cannot be read or run; the message names the file and the place."""
 
 
 class RecordingError(SwarmError, RuntimeError):
     """A recording cannot be written, read or run again; the message names the file.
 
-    Recordings come from anywhere: whatever is in one, the message is one line of at most 300 characters.
+    Recordings come from anywhere: whatever one contains, the message is one line of at most 300 characters.
     """
 
     def __init__(self, message: str = "") -> None:
@@ -59,11 +59,11 @@ class RemovedRobotError(SwarmError, RuntimeError):
 
 
 class BehaviourError(SwarmError, RuntimeError):
-    """A rule returned something that no wheel can do."""
+    """A rule returned something else than finite wheel speeds."""
 
 
 class LearningError(SwarmError, RuntimeError):
-    """What was learned is unusable, or nothing was learned yet."""
+    """A policy is unusable, or nothing was learned yet."""
 
 
 class UncompiledBehaviourWarning(UserWarning):
@@ -71,11 +71,11 @@ class UncompiledBehaviourWarning(UserWarning):
 
 
 class ExportWarning(UserWarning):
-    """What was exported shows less than what happened in the run."""
+    """An export shows less than the run."""
 
 
 class FireConstantsWarning(UserWarning):
-    """Wished-for fire properties that contradict each other or make the task trivial or impossible."""
+    """Required fire properties contradict each other or make the task trivial or impossible."""
 
 
 def in_words(error: BaseException) -> str:
@@ -109,7 +109,7 @@ def check_number(
     maximum: float = math.inf,
     above: float = -math.inf,
 ) -> float:
-    """Return `value` as a float, or say why it is not a permitted `name`.
+    """Return `value` as a float if it is permitted.
 
     Parameters
     ----------
@@ -137,14 +137,14 @@ def check_number(
 
 def _checked(name: str, value: object, minimum: float, maximum: float, above: float, what: str) -> float:
     if type(value) is float and minimum <= value <= maximum and value > above and math.isfinite(value):
-        return value  # as a rule: the words below take longer than all else
+        return value  # as a rule: composing the text below takes longer than all else
     wanted = _range_in_words(what, minimum, maximum, above)
     try:
         # Arrays of one number would be taken for it, with a warning.
         if isinstance(value, (bool, str, bytes, bytearray)) or getattr(value, "ndim", 0) != 0:
             raise TypeError
         number = float(value)  # type: ignore[arg-type]
-    except Exception:  # whatever a class of the user's raises instead of being a number
+    except Exception:  # a class of the user's may raise anything
         raise InvalidValueError(f"{name} is {shortened(value)}; expected {wanted}") from None
     if not (math.isfinite(number) and minimum <= number <= maximum and number > above):
         raise InvalidValueError(f"{name} is {number:g}; expected {wanted}")
@@ -152,7 +152,7 @@ def _checked(name: str, value: object, minimum: float, maximum: float, above: fl
 
 
 def check_count(name: str, value: object, *, minimum: int = 0, maximum: int = 2**31 - 1) -> int:
-    """Return `value` as an int, or say why it is not a permitted count.
+    """Return `value` as an int if it is a permitted count.
 
     Examples
     --------
@@ -197,7 +197,7 @@ def check_name(name: str, value: object) -> str:
 
 
 def check_flag(name: str, value: object) -> bool:
-    """Return `value` as a bool, or say that it is neither True nor False: "no" would count as True.
+    """Return `value` as a bool; anything else is refused, for "no" would count as True.
 
     Examples
     --------
@@ -211,7 +211,7 @@ def check_flag(name: str, value: object) -> bool:
 
 
 def unknown_name(what: str, got: object, known: Iterable[str]) -> str:
-    """Return one sentence that says `got` is unknown and names the nearest known name.
+    """Return one sentence about an unknown name, with the nearest known one.
 
     Examples
     --------
@@ -225,7 +225,7 @@ def unknown_name(what: str, got: object, known: Iterable[str]) -> str:
 
 
 def asked(value: object, name: str, default: Any = None) -> Any:
-    """Return an attribute of what a user gave, or the default where it has none or raises anything.
+    """Return an attribute of a user's object, or the default where it is missing or raises an error.
 
     Examples
     --------
@@ -255,7 +255,7 @@ def _shown(limit: float) -> str:
 
 
 def shortened(value: object) -> str:
-    """Return what the user gave on one line, NumPy's numbers and paths as plain ones, cut to 80 characters.
+    """Return a value on one line of at most 80 characters, NumPy's numbers and paths as plain ones.
 
     Examples
     --------

@@ -18,7 +18,7 @@ from mesa_swarm.errors import InvalidValueError, SwarmError, shortened
 try:
     import fcntl
 except ModuleNotFoundError:  # on Windows
-    fcntl = None  # type: ignore[assignment]  # what is missing is asked for by its name
+    fcntl = None  # type: ignore[assignment]  # where it is missing, None
 
 # Bytes of a file's name that its draft's name repeats; file systems take 255 at most, some fewer.
 LONGEST_NAME = 100
@@ -60,7 +60,7 @@ def check_writable(folder: str | os.PathLike[str]) -> Path:
 
 
 def checked_file(path: Path, ending: str, name: str = "out") -> Path:
-    """Return where a file goes if it can be written there, and its name ends as it should.
+    """Return where a file goes if it can be written there, and its name has the required ending.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def checked_place(path: Path) -> Path:
 
 
 def unwritable(path: Path, error: OSError, kind: type[SwarmError] = InvalidValueError, cure: str = CURE) -> SwarmError:
-    """Return what a user reads of a file that could not be written: its name, why, and what to do.
+    """Return the error about a file that could not be written: its name, why, and what to do.
 
     Examples
     --------
@@ -171,7 +171,7 @@ def write_whole(
 def write_all(folder: Path, contents: Mapping[str, str | bytes]) -> list[Path]:
     """Write files that belong together: all of them, or none if the disk is full; return their paths.
 
-    All are on the disk before the first is renamed: some disks tell only when a file is synced that they are full.
+    All are on the disk before the first is renamed: some disks report only at a sync that they are full.
 
     Parameters
     ----------
@@ -206,7 +206,7 @@ def draft_of(path: Path, error: type[SwarmError] = InvalidValueError, *, folders
 
     The draft is synced to the disk before it is renamed, and the folder after: at any moment, also after a kill or
     a power cut, the name stands for the whole old file or the whole new one. A symbolic link is followed, and the
-    permissions of an older file are kept. What a killed writer left behind is deleted when the file is written again.
+    permissions of an older file are preserved. Drafts of killed writers are deleted when the file is written again.
 
     Parameters
     ----------
@@ -338,7 +338,7 @@ def put_in_place(draft: FileIO, path: Path) -> None:
         Then what stood there before is untouched.
     """
     name = Path(draft.name)
-    with suppress(FileNotFoundError):  # there is no older file whose permissions could be kept
+    with suppress(FileNotFoundError):  # there was no older file
         shutil.copymode(path, name)
     sync(name)
     if os.name == "nt":  # where open files cannot be renamed
@@ -441,7 +441,7 @@ def sync(path: Path) -> None:
 
 
 def _remove_left_over(draft: Path) -> None:
-    """Delete a draft if it is locked by nobody."""
+    """Delete a draft that is not locked."""
     with suppress(OSError), open(draft, "rb", buffering=0, opener=_opened_as_it_is) as file:
         if os.name == "nt":  # where files that are open elsewhere cannot be deleted
             file.close()

@@ -1,4 +1,4 @@
-"""The models that come with mesa_swarm, found by name."""
+"""The models of mesa_swarm, by name."""
 
 import inspect
 from importlib import import_module
@@ -12,7 +12,7 @@ OLD_BASE = "mesa_swarm.model"  # the same in recordings of version 0.1.0
 
 
 def model_names() -> list[str]:
-    """Return the names of all models, sorted; none of them is imported for it.
+    """Return the names of all models, sorted, without importing them.
 
     Examples
     --------
@@ -29,7 +29,7 @@ def find_model(name: str) -> type:
     Raises
     ------
     UnknownNameError
-        With the nearest name, if there is no such model.
+        With the nearest name.
 
     Examples
     --------
@@ -63,7 +63,7 @@ def description(model_class: type) -> str:
 
 
 def shipped_class(module: str, name: str) -> type | None:
-    """Return a class that comes with mesa_swarm by its address, None for any other: importing is running.
+    """Return a class of mesa_swarm by its address, None for any other: importing a module runs it.
 
     Examples
     --------

@@ -34,7 +34,7 @@ from mesa_swarm.robots.drive import limit_command
 from mesa_swarm.robots.imperfections import Imperfections
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.robot import Robot
-from mesa_swarm.robots.snapshots import DECISIONS, Snapshots, check_kept
+from mesa_swarm.robots.snapshots import DECISIONS, Snapshots, check_watched
 from mesa_swarm.streams import Seed
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.map import Map
@@ -258,7 +258,7 @@ class EngineModel(World):
 
     @property
     def communication(self) -> Radio | None:
-        """How robots broadcast to each other, or None; may be changed between steps, and then all is unheard."""
+        """How robots broadcast to each other, or None; a change, between steps, clears all messages."""
         return None if self._channel is None else self._channel.radio
 
     @communication.setter
@@ -268,11 +268,11 @@ class EngineModel(World):
         for beacon in () if radio is None else radio.beacons:
             self._checked_point(beacon)
         self._channel = None if radio is None else Channel(radio)
-        self.swarm.hush()
+        self.swarm.clear_messages()
 
     @property
     def imperfections(self) -> Imperfections | None:
-        """How far the robots are from ideal ones, or None; may be changed between steps.
+        """How the robots differ from ideal ones, or None; may be changed between steps.
 
         Examples
         --------
@@ -290,7 +290,7 @@ class EngineModel(World):
         if imperfections is not None and not isinstance(imperfections, Imperfections):
             raise InvalidValueError(f"imperfections is {shortened(imperfections)}; expected Imperfections(...) or None")
         self._sensed, self._imperfect = None, None
-        self.swarm.shed()
+        self.swarm.drop_body_columns()
         if imperfections is not None:
             key = self.streams["imperfections"].integers(2**64, dtype=np.uint64)
             self._imperfect = Imperfect(imperfections, self.swarm, int(key))
@@ -321,9 +321,9 @@ class EngineModel(World):
         self.swarm.forget()
         self.swarm.columns["command"].fill(0.0)
         self.swarm.columns["layer"].fill(-1)
-        self.swarm.hush()
+        self.swarm.clear_messages()
         if self._snapshots is not None:
-            self._snapshots.forget()  # what layer 0 was it is no longer
+            self._snapshots.forget()  # layer indices changed
         self._control = None if control is None else control.bound(self.swarm, self.streams)
 
     # ---- the step
@@ -344,7 +344,7 @@ class EngineModel(World):
         ==========  ================================================  ===========================================
 
         Every robot acts on what was published after the previous step; nothing depends on their order.
-        Without `communication` there is no exchange, and no goal is sent.
+        Without `communication` nothing is exchanged.
         """
         self.sense()
         self._exchange()
@@ -355,7 +355,7 @@ class EngineModel(World):
         self._collect()
 
     def sense(self) -> None:
-        """Read all sensors in the world as it is now; reading twice gives the same."""
+        """Read all sensors for the current poses; reading twice gives the same."""
         scene = self._current_scene()
         state = (self._completed, self.swarm.version, scene)
         if self._sensed == state and not self.swarm.disturbed:
@@ -366,13 +366,13 @@ class EngineModel(World):
         self._sensed = state
 
     def run(self, steps: int, progress: bool = False) -> Self:
-        """Take so many steps, fewer if the model stops running, and return the model.
+        """Take this many steps, fewer if the model stops running, and return the model.
 
         Parameters
         ----------
         steps : int
         progress : bool
-            Whether to show a bar with the time left and the time of day at which it is done.
+            Whether to show a bar with the time left and the time of day at which the run ends.
 
         Examples
         --------
@@ -434,7 +434,7 @@ class EngineModel(World):
             self._engine.move(self.swarm, scene, self._turn_angle, draws)
 
     def _process(self) -> None:
-        """Let happen what happens in each step besides robots; here nothing."""
+        """Advance what changes in each step besides robots; here nothing."""
 
     def _collect(self) -> None:
         self.collisions = int(np.count_nonzero(self.swarm.columns["collided"]))
@@ -443,7 +443,7 @@ class EngineModel(World):
             self._snapshots.append(self._completed)
         if self._collect_every.is_due(self._completed):
             self.datacollector.collect(self)
-        for observer in self.observers.complete:
+        for observer in self.__dict__["observers"].complete:  # without the cost of the property
             observer.after_step(self, self._completed)
 
     def _check_driven(self, design: RobotDesign) -> None:
@@ -453,7 +453,7 @@ class EngineModel(World):
 
     @property
     def completed(self) -> int:
-        """How many steps were taken to their end."""
+        """How many steps were completed."""
         return self._completed
 
     def _whole_step(self, *given: Any, **named: Any) -> None:
@@ -461,7 +461,7 @@ class EngineModel(World):
 
         They are called after a step that failed as well: what it has changed stays.
         """
-        observers = self.observers
+        observers = self.__dict__["observers"]  # without the cost of the property
         try:
             for observer in observers.complete:
                 observer.before_step(self)
@@ -489,14 +489,14 @@ class EngineModel(World):
     def watch(
         self, last: int | None = 100, *, every: int | Trigger = 1, columns: tuple[str, ...] = DECISIONS
     ) -> Snapshots:
-        """Keep what robots knew and did from now on, and return where it is kept.
+        """Store what robots know and do in the next steps, and return the store.
 
-        Watching anew forgets what was kept; `last=None` keeps everything, which takes memory without end.
+        Watching again begins with an empty store; `last=None` stores every step, and memory grows without end.
 
         Parameters
         ----------
         last : int or None
-            How many snapshots to keep.
+            How many snapshots to store; the oldest are dropped.
         every : int
             Steps from one to the next.
         columns : tuple of str
@@ -506,7 +506,7 @@ class EngineModel(World):
         --------
         >>> from mesa_swarm import AGENT9, SwarmModel
         >>> model = SwarmModel(rng=1)
-        >>> kept = model.watch(last=50)
+        >>> snapshots = model.watch(last=50)
         >>> len(model.run(60).watched)
         50
         """
@@ -515,11 +515,11 @@ class EngineModel(World):
 
     @property
     def watched(self) -> Snapshots | None:
-        """What `watch` keeps, None if nobody watches."""
+        """What `watch` stores, None without it."""
         return self._snapshots
 
     def explain(self, robot: Robot, step: int | None = None) -> Explanation:
-        """Say why a robot did what it did in the last step, or in one that is still kept: `watch` first.
+        """Return why a robot did what it did in the last step, or in another stored one; call `watch` first.
 
         Parameters
         ----------
@@ -535,7 +535,7 @@ class EngineModel(World):
         Raises
         ------
         InvalidValueError
-            If nobody watches, columns are missing, there is no control, or the step is not kept.
+            If `watch` was not called, columns are missing, control is None, or the step is not stored.
         RemovedRobotError
             If the robot was removed.
 
@@ -546,22 +546,22 @@ class EngineModel(World):
         >>> model = SwarmModel(rng=1)
         >>> (robot,) = model.add_robots(AGENT9, poses=[(765, 300, 0.0)], tendency="left")
         >>> model.control = Subsumption(Avoid(distance=10.5), Explore())
-        >>> kept = model.watch()
+        >>> snapshots = model.watch()
         >>> print(model.run(1).explain(robot))
         step 1: robot 5 turns left while moving; Avoid: front sensor 10.0 (an obstacle) < 10.5
         """
         if not isinstance(robot, Robot) or robot.model is not self:
             raise InvalidValueError(f"robot is {shortened(robot)}; expected one of this model's robots")
-        row, kept = robot.alive(), check_kept(self._snapshots, DECISIONS, "explain")
+        row, snapshots = robot.alive(), check_watched(self._snapshots, DECISIONS, "explain")
         if self._control is None:
-            raise InvalidValueError("there is no control to explain; set model.control")
-        wanted = int(kept.steps[-1]) if step is None else check_count("step", step)
-        return explanation(self._control, self.swarm, kept, row, wanted)
+            raise InvalidValueError("control is None, which explains nothing; set model.control")
+        wanted = int(snapshots.steps[-1]) if step is None else check_count("step", step)
+        return explanation(self._control, self.swarm, snapshots, row, wanted)
 
     def state_hash(self) -> str:
         """Return a fingerprint of the published state: equal for equal runs, on every machine and Python.
 
-        All sensors are read first, so that having looked at the readings or not makes no difference.
+        All sensors are read first, so that the fingerprint is independent of earlier readings.
 
         Examples
         --------
@@ -601,7 +601,7 @@ class EngineModel(World):
     # ---- small parts
 
     def _noise_draws(self) -> np.ndarray | None:
-        """Return this step's draws for the sensors' errors, the same ones however often it is sensed."""
+        """Return this step's draws for the sensors' errors, the same for every reading of the step."""
         if not self.swarm.table.noisy:
             return None
         shape, stream = self.swarm.distance.shape, self.streams["noise"]
@@ -609,7 +609,7 @@ class EngineModel(World):
             self._noise = (self._completed, stream.bit_generator.state, None)
         step, before, draws = self._noise
         if draws is None or draws.shape != shape:
-            # Robots may have come or gone since somebody looked: as if nobody had.
+            # Robots were added or removed since the last reading: draw as if that had not taken place.
             stream.bit_generator.state = before
             draws = stream.random(shape)
             self._noise = (step, before, draws)

@@ -39,7 +39,6 @@ MOVED = {
     "viewing.canvas_widget": "dashboard.canvas_widget dashboard.notebook",
     "viewing.export": "exports",
     "viewing.pictures": "experiments.pictures",
-    "viewing.portrait": "experiments.portrait",
     "viewing.run_pictures": "experiments.run_pictures",
     "world.bodies": "world.form world.load world.obstacle",
 }
@@ -47,12 +46,13 @@ HOMES = {ROOT + old: ROOT + new for new, olds in MOVED.items() for old in olds.s
 # Single names that moved or have another name now.
 NAMES = {
     "mesa_swarm.environments.observation.Observer": "mesa_swarm.environments.scores.ObservationEncoder",
+    "mesa_swarm.recording.marks.Mark": "mesa_swarm.recording.changes.ChangeDetector",
     "mesa_swarm.model.SwarmModel": "mesa_swarm.swarm_model.SwarmModel",
 }
 
 
 class MovedFinder:
-    """Finds moved modules; it stands last in ``sys.meta_path``, so that it is asked only for what is not found.
+    """Finds moved modules; it stands last in ``sys.meta_path``, so that it is called only for what is not found.
 
     Examples
     --------

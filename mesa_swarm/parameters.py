@@ -1,4 +1,4 @@
-"""What a model says of its own parameters: ranges of sliders and choices, beside the parameters."""
+"""Parameters of a model: their types, and the ranges and choices that a model declares beside them."""
 
 import inspect
 from collections.abc import Callable, Sequence
@@ -23,7 +23,7 @@ LARGEST_WHOLE = 10**9
 
 @dataclass(frozen=True, slots=True)
 class Slider:
-    """The range in which a number is worth exploring.
+    """Range of a number for sliders.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ class Progress(tqdm):
 
 
 def finishing_time(left: int, rate: float, now: datetime) -> str:
-    """Return in words when so much work is done at this rate a second.
+    """Return when the work left is done at this rate a second.
 
     Examples
     --------
@@ -36,7 +36,7 @@ def finishing_time(left: int, rate: float, now: datetime) -> str:
 
 
 def progress_bar(total: int, unit: str, shown: bool) -> Progress:
-    """Return a bar for so many units of work; call its ``update``.
+    """Return a bar for `total` units of work; call its ``update``.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Reporters that measure now and then, for Mesa's DataCollector, which asks in every step."""
+"""Reporters for Mesa's DataCollector that measure only after some steps."""
 
 from functools import partial
 
@@ -8,7 +8,7 @@ from mesa_swarm.trigger import Trigger
 
 
 class Held:
-    """A reporter that reads an attribute of the model every so many steps and reports that value until then.
+    """A reporter that reads an attribute of the model after some steps and repeats that value in between.
 
     Measures of the whole swarm cost more than a step of 50 robots. Mesa collects in every step, and some of
     its versions need it so; the value in between is the last one measured.

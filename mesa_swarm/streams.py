@@ -13,8 +13,8 @@ Seed = int | np.integer | np.random.SeedSequence | np.random.Generator | np.rand
 class Streams:
     """Independent generators by name.
 
-    Because each name has a stream of its own, a sensor that is added does not change the walk, and two
-    strategies face the same start and the same noise.
+    Each name has a stream of its own: adding a sensor does not change the walk, and two strategies have the same
+    start and the same noise.
 
     Parameters
     ----------

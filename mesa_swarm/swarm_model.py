@@ -1,4 +1,4 @@
-"""SwarmModel: the engine's model with fires, and with what it takes to record, resume, verify and show it."""
+"""SwarmModel: the engine's model with fires, and methods to record, resume, verify and show it."""
 
 import os
 from collections.abc import Sequence
@@ -25,14 +25,13 @@ class SwarmModel(FireModel):
     engine : str
         "compiled", or "shapely": slow and readable, the oracle of the first.
     turn_angle_degrees : float
-        A robot whose travel is farther than this from the normal of a flat face that it meets is turned
-        parallel to it; 0 to 90.
+        A robot that meets a flat side at more than this from its normal is turned parallel to it; 0 to 90.
     fire_constants : FireConstants, optional
         From `design_constants`, whose defaults are used otherwise.
     extinguish_range : float
         A robot whose body is this near to a fire's edge can fight it and takes its heat, at least 0.
     history_every : int
-        Steps between two rows of `fires.history`; 0 keeps none.
+        Steps between two rows of `fires.history`; 0 for no rows.
     collect_every : int
         Steps between two rows of `datacollector`, 1 for each step; 0 collects nothing.
     communication : Radio, optional
@@ -80,13 +79,13 @@ class SwarmModel(FireModel):
         every : int
             Steps from one row to the next.
         columns : sequence of str, optional
-            Of the swarm, and "fires", "contacts", "loads"; by default what one needs to look at the run.
+            Of the swarm, and "fires", "contacts", "loads"; by default those needed to replay the run.
         exact : bool
-            Whether real numbers keep all 64 bits.
+            Whether real numbers are stored with all 64 bits.
         overwrite : bool
-            Whether a file that is there is replaced.
+            Whether an existing file is replaced.
         rerun : bool
-            Whether the model must be one that can be run again from what the file says of it.
+            Whether a model that cannot be run again from the file is refused.
         checkpoint_every : int
             Steps from one checkpoint, from which `resume` goes on, to the next; 0 stores none.
 
@@ -128,9 +127,9 @@ class SwarmModel(FireModel):
         step : int, optional
             By default the last one recorded.
         progress : bool
-            Whether to show a bar of the steps that are run again.
+            Whether to show a bar.
         **changes
-            Parameters of the model that are other from then on.
+            Parameters of the model that differ from then on.
 
         Returns
         -------
@@ -164,9 +163,9 @@ class SwarmModel(FireModel):
         return verify(recording, class_of(recording, cls), progress)
 
     def show(self, *, speed: float = 60.0, height: int = 560) -> "SwarmCanvas":
-        """Return a widget for notebooks on which the model is seen and played; needs the extra `dashboard`.
+        """Return a widget for notebooks that shows and plays the model; needs the extra `dashboard`.
 
-        What a program steps is shown as well. Where no widget can live, there is a picture instead.
+        Steps that a program takes are shown as well. Where widgets do not work, a picture is shown.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""World: a Mesa model with a map, robots, obstacles and loads, which come and go between two steps."""
+"""World: a Mesa model with a map, robots, obstacles and loads, added and removed between two steps."""
 
 import os
 from collections.abc import Iterable, Sequence
@@ -9,7 +9,7 @@ import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number, shortened
 from mesa_swarm.geometry.overlap import wrapped
-from mesa_swarm.physics.scene import Scene
+from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.design import DesignTable, RobotDesign
 from mesa_swarm.robots.robot import SIDES, Robot, remove_together
 from mesa_swarm.robots.swarm import Swarm
@@ -22,14 +22,14 @@ from mesa_swarm.world.placement import free_places, place_apart
 from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, disc
 from mesa_swarm.world.statics import LOAD, OBSTACLE
 
-# The least radius as a share of the largest coordinate: contact tells overlap from touch by 1e-7 of a radius, which
+# The least radius as a share of the largest coordinate: overlap differs from touch by 1e-7 of a radius, which
 # may not be less than the rounding of a coordinate. And squares of lengths have to be floats.
 FINEST = 4e-9
 SMALLEST_RADIUS = 1e-12
 
 
 class World(mesa.Model):
-    """What a model of a swarm is made of; `SwarmModel` adds the step.
+    """The contents of a model; `EngineModel` adds the step.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class World(mesa.Model):
         self.space.attach(self.swarm)
         self._obstacles: list[Obstacle] = []
         self._loads: list[Load] = []
-        self._scene: Scene | None = None
+        self._scene: Surroundings | None = None
         self._scene_table: DesignTable | None = None
         for shape in self.map.obstacles:
             self.add_obstacle(shape)
@@ -99,14 +99,14 @@ class World(mesa.Model):
         n : int
             How many, at free random places with random headings; they never overlap anything.
         poses : iterable of (x, y, heading), instead of n
-            Within the map. Robots put where there is no room are moved to room nearby in the next step.
+            Within the map. Robots that overlap anything are moved to free space nearby in the next step.
         tendency : "left", "right" or a sequence of these, optional
             The side to which each turns from what is straight ahead; by default drawn by chance.
 
         Raises
         ------
         PlacementError
-            If they do not fit; the message says how many would.
+            If they do not fit; the message names how many would.
         InvalidValueError
             If neither or both of n and poses are given, a pose is not on the map, the robots are too small for their
             coordinates, or the control is not for such a drive.
@@ -143,7 +143,7 @@ class World(mesa.Model):
         return ()
 
     def _check_driven(self, design: RobotDesign) -> None:
-        """Refuse robots that what drives the others cannot drive; a world without control has nothing against any."""
+        """Refuse robots that the control cannot drive; a world without control accepts all."""
 
     def remove_robots(self, robots: Iterable[Robot]) -> None:
         """Take robots out of the model, between two steps.
@@ -188,8 +188,8 @@ class World(mesa.Model):
         Parameters
         ----------
         shape : Shape
-            Where it lies at first: within the map, free of obstacles, fires and other loads. Robots that are
-            there are moved to room nearby in the next step.
+            At first: within the map, free of obstacles, fires and other loads. Robots there are moved to free space
+            nearby in the next step.
         resistance : float
             How many robots' full pushes it withstands, above 0: it moves only when pushed harder than that. A
             robot that drives straight into it at its greatest speed gives one full push.
@@ -197,7 +197,7 @@ class World(mesa.Model):
         Raises
         ------
         InvalidValueError
-            If it is a mark on the ground, overlaps anything or is not within the map.
+            If it is a mark on the ground, overlaps anything but robots, or is not within the map.
 
         Examples
         --------
@@ -208,7 +208,7 @@ class World(mesa.Model):
         _check_shape("load", shape)
         resistance = checked_resistance(resistance)
         if not shape.contact:
-            raise InvalidValueError("load is a mark on the ground, which nobody can push; leave contact=False out")
+            raise InvalidValueError("load is a mark on the ground, which cannot be pushed; leave out contact=False")
         self._check_room_for_load(shape)
         load = Load(self.space, self, shape, resistance)
         self._obstacles.append(load)
@@ -217,7 +217,7 @@ class World(mesa.Model):
         return load
 
     def obstacles_changed(self) -> None:
-        """Take note that obstacles or other bodies were removed."""
+        """Update the lists after obstacles or other bodies were removed."""
         for index in reversed(range(len(self._obstacles))):
             if self._obstacles[index].space is None:
                 del self._obstacles[index]
@@ -231,7 +231,7 @@ class World(mesa.Model):
         self._scene = None
         self.swarm.disturbed = True
 
-    def _current_scene(self) -> Scene:
+    def _current_scene(self) -> Surroundings:
         table = self.swarm.table
         if self._scene is None or self._scene_table is not table or (self._loads and self._scene.is_worn):
             shapes = [obstacle.shape for obstacle in self._obstacles]
@@ -239,12 +239,14 @@ class World(mesa.Model):
             sight = float(table.reach.max(initial=0.0))
             touch = max((design.radius for design in table.designs), default=1.0)
             loads = [(row, body) for row, body in enumerate(self._obstacles) if isinstance(body, Load)]
-            self._scene = Scene.of(self.map.bounds, shapes, discs, temperature, sight=sight, touch=touch, loads=loads)
+            self._scene = Surroundings.of(
+                self.map.bounds, shapes, discs, temperature, sight=sight, touch=touch, loads=loads
+            )
             self._scene_table = table
         return self._scene
 
     def _check_resolved(self, radius: float, shapes: Iterable[Shape]) -> None:
-        """Refuse robots so small that rounding of positions among these shapes is no less than what contact tells."""
+        """Refuse robots so small that rounding of positions among these shapes would hide overlaps."""
         if radius >= FINEST * LARGEST_COORDINATE:  # as a rule; there may be many shapes
             return
         boxes = [self.map.bounds, *(shape.bounds for shape in shapes if shape.contact)]
@@ -265,17 +267,13 @@ class World(mesa.Model):
         others += [("a fire", disc((x, y), radius)) for x, y, radius in self._hot_discs()[0]]
         for name, other in others:
             if form.overlaps(pose, other):
-                raise InvalidValueError(
-                    f"load overlaps {name} at {other.position.tolist()}; put it where there is room"
-                )
+                raise InvalidValueError(f"load overlaps {name} at {other.position.tolist()}; expected free space")
 
     def _check_clear_of_loads(self, name: str, shape: Shape) -> None:
         """Refuse an obstacle or a fire that overlaps a load."""
         for load in self._loads:
             if shape.contact and load.form.overlaps(load.pose, shape):
-                raise InvalidValueError(
-                    f"{name} overlaps a load at {load.position.tolist()}; put it where there is room"
-                )
+                raise InvalidValueError(f"{name} overlaps a load at {load.position.tolist()}; expected free space")
 
     def _free_poses(self, design: RobotDesign, n: int) -> tuple[np.ndarray, np.ndarray]:
         shapes = [obstacle.shape for obstacle in self._obstacles]
@@ -329,7 +327,7 @@ def _plain(value: object) -> object:
 
 
 def _checked_seed(rng: Seed) -> Seed:
-    """Return what Mesa takes as a seed, or refuse it in words before Mesa tries."""
+    """Return what Mesa takes as a seed; anything else is refused before Mesa sees it."""
     if isinstance(rng, np.integer):
         rng = int(rng)
     try:
@@ -344,7 +342,7 @@ def _checked_seed(rng: Seed) -> Seed:
 
 
 def _seed_sequence(rng: Seed, generator: np.random.Generator) -> np.random.SeedSequence:
-    """Return what the streams grow from: the seed itself, or a draw where a generator was handed over."""
+    """Return the root of the streams: the seed itself, or a draw of the generator given instead."""
     if isinstance(rng, (np.random.Generator, np.random.BitGenerator)):
         return np.random.SeedSequence(int(generator.integers(2**63)))
     return cast(np.random.SeedSequence, generator.bit_generator.seed_seq)  # the generator was made of a seed

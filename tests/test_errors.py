@@ -21,7 +21,7 @@ from mesa_swarm.parameters import Choice, Parameter
 
 
 @pytest.mark.parametrize("wrong", [0, 11, 2.5, math.nan, math.inf, "3", True, None, 10**400])
-def test_whatever_is_no_such_count_is_refused_with_the_permitted_range(wrong):
+def test_any_other_value_than_such_a_count_is_refused_with_the_permitted_range(wrong):
     with pytest.raises(InvalidValueError, match=r"expected a whole number at least 1 and at most 10$"):
         check_count("n", wrong, minimum=1, maximum=10)
 
@@ -85,7 +85,7 @@ def test_errors_about_places_show_plain_numbers():
         robot.position = np.array([5000.0, 1.0])
 
 
-def test_a_path_to_a_built_in_map_is_told_to_be_a_text():
+def test_a_path_to_a_built_in_map_is_refused_with_the_text_to_use():
     with pytest.raises(SwarmError, match="original: no such file: a path is a file; the built-in map is the text"):
         SwarmModel(map=Path("original"))
 

@@ -95,7 +95,7 @@ def test_what_a_killed_writer_left_is_deleted_when_the_file_is_written_again(tmp
 
 
 @POSIX
-def test_what_stands_under_a_drafts_name_and_is_no_draft_is_not_touched(tmp_path):
+def test_other_files_under_a_drafts_name_are_not_touched(tmp_path):
     (tmp_path / "precious").write_text("mine")
     draft_name(tmp_path / "a.txt", 0).symlink_to(tmp_path / "precious")
     draft_name(tmp_path / "a.txt", 1).mkdir()
@@ -172,7 +172,9 @@ def test_errors_about_other_files_stay_what_they_are_and_those_about_the_draft_d
 
 
 @pytest.mark.parametrize("full", [1, 2, 3])
-def test_of_files_that_belong_together_none_is_new_where_a_disk_tells_late_that_it_is_full(tmp_path, monkeypatch, full):
+def test_of_files_that_belong_together_none_is_new_where_a_disk_reports_late_that_it_is_full(
+    tmp_path, monkeypatch, full
+):
     names = ["a.csv", "b.csv", "c.csv"]
     write_all(tmp_path, dict.fromkeys(names, "old"))
     synced, fsync = [], os.fsync

@@ -150,7 +150,7 @@ def test_what_is_not_an_arbiter_is_refused_and_the_old_one_stays(control):
 
 
 @pytest.mark.parametrize("engine", ["compiled", "shapely"])
-def test_robots_put_where_there_is_no_room_at_all_are_refused_in_words(engine):
+def test_robots_put_where_no_room_is_left_are_refused(engine):
     model = empty(30, 30, engine=engine)
     model.add_robots(blind(), poses=[(15, 15, 0.0)] * 9)
     with pytest.raises(PlacementError, match="no room is left"):

@@ -11,7 +11,7 @@ from mesa_swarm.errors import InvalidValueError
 from support.scenes import ahead, blind, circle, empty
 
 
-def test_run_takes_so_many_steps_and_returns_the_model():
+def test_run_takes_this_many_steps_and_returns_the_model():
     model = empty()
     assert model.run(7) is model
     assert model.run(0).steps == 7

@@ -24,7 +24,6 @@ ADDRESSES = {
     "experiments.comparison_figures": "comparison_figure",
     "experiments.oscillation": "oscillation trained",
     "experiments.pictures": "draw_world world_figure png",
-    "experiments.portrait": "Portrait portrait_of",
     "experiments.reward_figures": "reward_figure",
     "experiments.run_pictures": "ethogram stages trace",
     "exports": "export",

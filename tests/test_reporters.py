@@ -8,7 +8,7 @@ from mesa_swarm.models.agglomeration import Agglomeration
 from mesa_swarm.reporters import Held, held
 
 
-def test_what_is_collected_is_measured_every_so_many_steps_and_held_in_between():
+def test_what_is_collected_is_measured_when_due_and_held_in_between():
     model = Agglomeration(n_robots=20, rng=1)
     measured = {}
     for _ in range(35):

@@ -1,4 +1,4 @@
-"""What type checkers are told: every function that people call says what it takes and returns."""
+"""Types for type checkers: every public function is annotated."""
 
 import ast
 import re
@@ -81,8 +81,8 @@ def test_where_mypy_does_not_ask_for_types_there_are_compiled_functions():
 def test_type_checkers_find_every_name_that_is_imported_when_it_is_used(package):
     tree = ast.parse(Path(package.__file__).read_text())
     block = next(n for n in tree.body if isinstance(n, ast.If) and ast.unparse(n.test) == "TYPE_CHECKING")
-    told = {alias.name: line.module for line in block.body for alias in line.names}
-    assert told == {name: f"{package.__name__}.{home}" for name, home in package._HOME.items()}
+    found = {alias.name: line.module for line in block.body for alias in line.names}
+    assert found == {name: f"{package.__name__}.{home}" for name, home in package._HOME.items()}
 
 
 @pytest.mark.slow
@@ -91,8 +91,8 @@ def test_type_checkers_know_what_people_read_first(tmp_path):
     reads = "\n".join(f"reveal_type({expression})" for expression in READ_FIRST)
     file.write_text(f"{IMPORTS}\nmodel = FireFighting(rng=1)\n{reads}\n")
     command = [sys.executable, "-m", "mypy", str(file)]
-    told = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False).stdout
-    revealed = [re.sub(r"\b(?:\w+\.)+(?=\w)", "", text) for text in re.findall(r'type is "(.+)"', told)]
+    found = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False).stdout
+    revealed = [re.sub(r"\b(?:\w+\.)+(?=\w)", "", text) for text in re.findall(r'type is "(.+)"', found)]
     # Older NumPys write it so.
     revealed = [text.replace("floating[_64Bit]", "float64") for text in revealed]
     assert dict(zip(READ_FIRST, revealed, strict=True)) == READ_FIRST

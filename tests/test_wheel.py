@@ -73,7 +73,7 @@ def program(wheel, tmp_path_factory) -> Path:
 
 @pytest.mark.slow
 class TestTheWheel:
-    def test_holds_every_file_of_the_package_that_is_no_code(self, wheel):
+    def test_holds_every_file_of_the_package_besides_code(self, wheel):
         package = ROOT / "mesa_swarm"
         wanted = {
             path.relative_to(ROOT).as_posix()
@@ -95,7 +95,7 @@ class TestTheWheel:
         text = run(program, "run", "collision_avoidance", "--steps", "10", cwd=tmp_path)
         assert "state hash" in text
 
-    def test_says_to_type_checkers_that_it_has_types(self, program, tmp_path):
+    def test_declares_its_types_to_type_checkers(self, program, tmp_path):
         where = "import mesa_swarm, pathlib; print(pathlib.Path(mesa_swarm.__file__).parent)"
         home = Path(run(program.with_name("python"), "-c", where, cwd=tmp_path).strip())
         assert not home.is_relative_to(ROOT)

@@ -61,7 +61,7 @@ def refused(call, *given):
 
 
 @pytest.mark.parametrize("wrong", WRONG, ids=range(len(WRONG)))
-def test_what_is_no_number_or_point_is_refused_in_one_line(wrong):
+def test_other_values_than_numbers_and_points_are_refused_in_one_line(wrong):
     model = SwarmModel(map="openspace", rng=1)
     (robot,) = model.add_robots(AGENT9, poses=[(100, 100, 0)])
     fire, load = model.add_fire((300, 300), radius=20), model.add_load(disc((200, 100), 15), resistance=1.5)

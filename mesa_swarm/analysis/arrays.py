@@ -14,7 +14,7 @@ Bounds = tuple[float, float, float, float]
 
 
 def check_array(name: str, value: object, axes: Axes, *, finite: bool = True) -> np.ndarray:
-    """Return `value` as an array of float64 of the expected shape, or say what is wrong with it.
+    """Return `value` as an array of float64 of the expected shape.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def check_array(name: str, value: object, axes: Axes, *, finite: bool = True) ->
 
 
 def check_points(name: str, value: object, axes: Axes = ("n", 2)) -> np.ndarray:
-    """Return `value` as an array of points (x, y), none of them absurdly far out.
+    """Return `value` as an array of points (x, y) within the largest coordinates.
 
     Examples
     --------
@@ -79,7 +79,7 @@ def check_flags(name: str, value: object, axes: Axes) -> np.ndarray:
 
 
 def check_whole(name: str, value: object, axes: Axes) -> np.ndarray:
-    """Return `value` as an array of int64, or say that it does not hold whole numbers.
+    """Return `value` as an array of int64, if it holds whole numbers.
 
     Examples
     --------
@@ -93,7 +93,7 @@ def check_whole(name: str, value: object, axes: Axes) -> np.ndarray:
 
 
 def check_steps(steps: object) -> np.ndarray:
-    """Return the steps of the frames as int64, or say that they do not ascend.
+    """Return the steps of the frames as int64, if they ascend.
 
     Examples
     --------
@@ -107,7 +107,7 @@ def check_steps(steps: object) -> np.ndarray:
 
 
 def check_bounds(value: object) -> Bounds:
-    """Return the bounds of a world as four floats, or say why they enclose nothing.
+    """Return the bounds of a world as four floats, if they enclose an area.
 
     Examples
     --------

@@ -9,23 +9,23 @@ from mesa_swarm.analysis.chains import FARTHEST, Chains, nearest_ahead
 from mesa_swarm.errors import check_count, check_number
 
 KINDS = ("birth", "end", "merge", "split", "reversal", "meeting")
-# Fewer robots than this are no chain, and no part of one that counts as its successor.
+# The fewest robots of a chain, and of a part that counts as its successor.
 FEWEST = 2
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Event:
-    """Something that happened to chains.
+    """An event of chains.
 
     Parameters
     ----------
     kind : str
         One of `KINDS`.
     step : int
-        The first kept step in which it was so.
+        The first recorded step of the new state.
     robots : tuple of int
         Rows: of the chain from head to tail (the new one of a birth or merger, the old one of an end or split);
-        of a reversal of order those that changed places; of a meeting the two.
+        of a reversal of order the robots that changed places; of a meeting the two.
     chains : tuple of int
         Numbers of the chains involved, ascending: before and after.
 
@@ -42,13 +42,13 @@ class Event:
 
     @property
     def order(self) -> tuple:
-        """What events are sorted by: step, then kind, then robots."""
+        """Sort key: step, then kind, then robots."""
         return self.step, KINDS.index(self.kind), self.robots, self.chains
 
 
 @dataclass(frozen=True, slots=True)
 class NumberedChain:
-    """A chain with the number that it keeps over time.
+    """A chain with its number, which is constant over time.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class NumberedChain:
     robots : tuple of int
         Rows from head to tail.
     closed : bool
-        Whether it is a ring, in which nobody is ahead of anybody.
+        Whether it is a ring, in which no robot is ahead of another.
     """
 
     number: int
@@ -65,17 +65,17 @@ class NumberedChain:
 
 
 class Lineage:
-    """Which chain is the successor of which; see `chain_history.follow_chains` for the rules.
+    """The succession of chains; see `chain_history.follow_chains` for the rules.
 
     Parameters
     ----------
     window : int
-        Steps after which it is forgotten who was ahead of whom.
+        Steps after which the order of two robots is forgotten.
 
     Attributes
     ----------
     chains : tuple of NumberedChain
-        As they are now.
+        The current ones.
 
     Examples
     --------
@@ -91,12 +91,12 @@ class Lineage:
         self.chains: tuple[NumberedChain, ...] = ()
         self._window = window
         self._created = 0
-        # Of two robots: who was ahead, until which step, in which chain.
+        # Of two robots: which was ahead, until which step, in which chain.
         self._together: dict[tuple[int, int], tuple[bool, int, int]] = {}
         self._reversed: dict[int, int] = {}
 
     def advance(self, step: int, before: int, found: Chains) -> list[Event]:
-        """Take note of the chains in `step`, given that the last ones were there until `before`."""
+        """Return the events of the chains in `step`, given that the last ones existed until `before`."""
         old = self.chains
         shared = common(old, found.label)
         numbers = self._numbers(shared, found.count)
@@ -127,7 +127,7 @@ class Lineage:
         return numbers
 
     def _remember(self, chains: list[NumberedChain], step: int) -> None:
-        """Remember who was ahead of whom in these chains, which were there until this step."""
+        """Store the order of robots in these chains, which existed until this step."""
         for chain in chains:
             if not chain.closed:
                 for ahead, behind in combinations(chain.robots, 2):
@@ -138,9 +138,9 @@ class Lineage:
         """Return the reversals of earlier chains of which robots are in this one in the opposite order."""
         turned: dict[int, list[tuple[bool, int, int, int]]] = {}
         for ahead, behind in combinations(chain.robots, 2):
-            kept = self._together.get((min(ahead, behind), max(ahead, behind)))
-            if kept is not None and step - kept[1] <= self._window:
-                turned.setdefault(kept[2], []).append((kept[0] != (ahead < behind), kept[1], ahead, behind))
+            earlier = self._together.get((min(ahead, behind), max(ahead, behind)))
+            if earlier is not None and step - earlier[1] <= self._window:
+                turned.setdefault(earlier[2], []).append((earlier[0] != (ahead < behind), earlier[1], ahead, behind))
         events = []
         for number, pairs in sorted(turned.items()):
             fresh = max(until for _, until, _, _ in pairs) >= self._reversed.get(number, 0)
@@ -192,7 +192,7 @@ OUTCOMES = ("merged", "dispersed", "unresolved")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Meetings:
-    """What counts as a meeting, and as its outcome; see `chain_history.follow_chains`.
+    """The conditions of meetings and their outcomes; see `chain_history.follow_chains`.
 
     Examples
     --------
@@ -238,7 +238,7 @@ class Meetings:
         return found
 
     def outcome(self, meeting: tuple[int, int, int], steps: np.ndarray, position: np.ndarray, chain: np.ndarray) -> str:
-        """Return what became of a meeting, one of `OUTCOMES`: what came first.
+        """Return the outcome of a meeting, one of `OUTCOMES`, whichever came first.
 
         Examples
         --------
@@ -272,7 +272,7 @@ def facing_pairs(position: np.ndarray, heading: np.ndarray, reach: float, angle_
 
 
 def distances(position: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """Return how far apart the robots of each pair (m, 2) are.
+    """Return the distance of each pair (m, 2) of robots.
 
     Examples
     --------
@@ -283,7 +283,7 @@ def distances(position: np.ndarray, pairs: np.ndarray) -> np.ndarray:
 
 
 def first_run(mask: np.ndarray, length: int) -> int:
-    """Return where the first run of at least so many true values begins, len(mask) if there is none.
+    """Return where the first run of at least `length` true values begins, len(mask) without one.
 
     Examples
     --------
@@ -297,7 +297,7 @@ def first_run(mask: np.ndarray, length: int) -> int:
 
 
 def meeting_event(meeting: tuple[int, int, int], steps: np.ndarray, chain: np.ndarray) -> Event:
-    """Return a meeting as an event; its chains are those of which the two are.
+    """Return a meeting as an event, with the chains of the two robots.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Chains as paths over time (thesis 5.3.3): who follows whom for good, and what happens to the chains."""
+"""Chains as paths over time (thesis 5.3.3): lasting links, and events of chains."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,13 +14,13 @@ from mesa_swarm.errors import InvalidValueError, check_choice, check_number, sho
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class ChainHistory:
-    """Chains over k frames, and what happened to them.
+    """Chains over k frames, and their events.
 
     Parameters
     ----------
     steps : int64 ndarray, shape (k,)
     leader : int64 ndarray, shape (k, n)
-        Whom each robot follows for good, -1 for nobody.
+        The robot that each one follows lastingly, -1 for none.
     chain : int64 ndarray, shape (k, n)
         Number of its chain, the same over time, -1 for robots alone.
     place : int64 ndarray, shape (k, n)
@@ -28,7 +28,7 @@ class ChainHistory:
     events : tuple of Event
         By step, then kind, then robots.
     fates : tuple of (Event, str)
-        The meetings, and what became of each.
+        The meetings, and the outcome of each.
     """
 
     steps: np.ndarray
@@ -51,7 +51,7 @@ class ChainHistory:
 
     @property
     def mean_length(self) -> np.ndarray:
-        """Mean number of robots in a chain in each frame (k,), NaN where there is no chain."""
+        """Mean number of robots in a chain in each frame (k,), NaN without chains."""
         robots, count = np.count_nonzero(self.chain >= 0, axis=1), self.count
         return np.where(count > 0, robots / np.maximum(count, 1), np.nan)
 
@@ -67,11 +67,11 @@ class ChainHistory:
         return tuple(event for event in self.events if event.kind == kind)
 
     def counts(self) -> dict[str, int]:
-        """Return how many events there were of each kind."""
+        """Return the number of events of each kind."""
         return {kind: len(self.of(kind)) for kind in KINDS}
 
     def outcome(self, meeting: Event) -> str:
-        """Return what became of a meeting: "merged", "dispersed" or "unresolved"; see `follow_chains`.
+        """Return the outcome of a meeting: "merged", "dispersed" or "unresolved"; see `follow_chains`.
 
         Raises
         ------
@@ -81,10 +81,10 @@ class ChainHistory:
         for event, outcome in self.fates:
             if event == meeting:
                 return outcome
-        raise InvalidValueError(f"{shortened(meeting)} is no meeting of this history; expected one of of('meeting')")
+        raise InvalidValueError(f"{shortened(meeting)} is not a meeting of this history; expected one of of('meeting')")
 
     def outcomes(self) -> dict[str, int]:
-        """Return how many meetings had each outcome."""
+        """Return the number of meetings with each outcome."""
         return {outcome: sum(fate == outcome for _, fate in self.fates) for outcome in OUTCOMES}
 
 
@@ -105,8 +105,8 @@ def follow_chains(
 ) -> ChainHistory:
     """Follow chains over time.
 
-    *Links.* In each frame `chains` tells who follows whom. What comes and goes within `patience` frames is flicker:
-    a link is there from the first of `patience` frames in a row in which it is seen, until the first of `patience`
+    *Links.* In each frame `chains` finds which robot follows which. Changes within `patience` frames are flicker:
+    a link exists from the first of `patience` frames in a row in which it is seen, until the first of `patience`
     frames in a row in which it is not; a change of which the record shows fewer frames does not count. Links so
     settled make paths and rings again, as those of one frame do.
 
@@ -116,7 +116,7 @@ def follow_chains(
     ========  ======================================================================================================
     event     what it is
     ========  ======================================================================================================
-    birth     a chain that is nobody's successor: no two of its robots were in one chain in the frame before
+    birth     a chain that is no successor: no two of its robots were in one chain in the frame before
     end       a chain without a successor
     merge     a chain that is the successor of two or more
     split     a chain that has two or more successors
@@ -129,7 +129,7 @@ def follow_chains(
               before; once for each pair until they are farther apart than `parting_distance`
     ========  ======================================================================================================
 
-    One robot that joins or leaves a chain is no event. Nothing that is so in the first frame is an event.
+    A single robot that joins or leaves a chain is not an event, and neither is the state of the first frame.
 
     *Outcome of a meeting*, whichever comes first, if within `window` steps: ``merged``, the two are in one chain, and
     stay so for at least `patience` frames; ``dispersed``, they are farther apart than `parting_distance`. Else
@@ -207,15 +207,15 @@ def follow_chains(
 
 
 def settled(leader: np.ndarray, patience: int) -> np.ndarray:
-    """Return who follows whom for good, without what comes and goes within `patience` frames.
+    """Return lasting links, without changes within `patience` frames.
 
-    If nobody has two followers in any frame, nobody has among the links so settled: while the new one is seen
+    If no robot has two followers in any frame, none has among the lasting links: while the new one is seen
     `patience` times in a row, the old one is not.
 
     Parameters
     ----------
     leader : int64 ndarray, shape (k, n)
-        As seen in each frame, -1 for nobody.
+        As found in each frame, -1 for none.
     patience : int
         At least 1.
 
@@ -224,7 +224,7 @@ def settled(leader: np.ndarray, patience: int) -> np.ndarray:
     >>> settled(np.array([[-1], [0], [0], [-1], [0], [-1], [-1]]), 2).ravel()
     array([-1,  0,  0,  0,  0, -1, -1])
     """
-    kept = np.full_like(leader, -1)
+    lasting = np.full_like(leader, -1)
     held, missing, row = (np.full(leader.shape[1], fill) for fill in (-1, 0, 0))
     for frame, now in enumerate(leader):
         row = np.where(now == leader[frame - 1], row + 1, 1) if frame else row + 1
@@ -233,10 +233,10 @@ def settled(leader: np.ndarray, patience: int) -> np.ndarray:
         come = (now >= 0) & (now != held) & (row >= patience)
         held = np.where(come, now, np.where(gone, -1, held))
         missing[come] = 0
-        kept[frame] = held
+        lasting[frame] = held
         since = slice(max(frame + 1 - patience, 0), frame + 1)
-        kept[since, gone | come] = held[gone | come]
-    return kept
+        lasting[since, gone | come] = held[gone | come]
+    return lasting
 
 
 def _followed(leader: np.ndarray, position: np.ndarray, steps: np.ndarray, window: int) -> tuple:

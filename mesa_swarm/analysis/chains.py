@@ -16,7 +16,7 @@ FARTHEST = 1e9
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Chains:
-    """Who follows whom, and the chains that this makes.
+    """Which robot follows which, and the resulting chains.
 
     Parameters
     ----------
@@ -41,17 +41,17 @@ class Chains:
 
     @property
     def count(self) -> int:
-        """How many chains there are, rings included."""
+        """The number of chains, including rings."""
         return len(self.lengths)
 
     @property
     def mean_length(self) -> float:
-        """Mean number of robots in a chain, NaN where there is no chain."""
+        """Mean number of robots in a chain, NaN without chains."""
         return float(self.lengths.mean()) if self.count else math.nan
 
     @property
     def longest(self) -> int:
-        """Robots in the longest chain, 0 where there is none."""
+        """Robots in the longest chain, 0 without chains."""
         return int(self.lengths.max(initial=0))
 
     @property
@@ -78,11 +78,11 @@ def chains(
     1. The robot *before* i is the nearest of those whose centres are within `link_distance` of i's centre and
        within `half_angle_degrees` of i's heading; of equally near ones the smaller row.
     2. i would follow j if j is before i and their headings differ by less than `alignment_degrees`: robots that
-       face each other are no chain. Who has such a one right before it follows nobody, not somebody farther.
+       face each other are not a chain. A robot with such a one before it follows none, not one farther away.
     3. Of those that would follow the same j only the nearest does; of equally near ones the smaller row. The
-       others follow nobody.
+       others follow none.
 
-    Each robot then follows at most one and is followed by at most one, so that what hangs together is a path, or
+    Each robot then follows at most one and is followed by at most one, so that each connected part is a path or
     a ring. A ring has no head by itself: it is opened at its longest link (of equally long ones at the follower
     with the smaller row), whose follower counts as the head.
 
@@ -127,7 +127,7 @@ def chains(
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Links:
-    """What counts as following; see `chains`.
+    """The conditions of a link; see `chains`.
 
     Examples
     --------
@@ -146,16 +146,16 @@ class Links:
         check_number("alignment_degrees", self.alignment_degrees, above=0, maximum=180)
 
     def between(self, position: np.ndarray, heading: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return whom each robot follows, or -1, and how far away that one is (infinity for nobody)."""
+        """Return which robot each one follows, or -1, and its distance (infinity for none)."""
         leader, gap = nearest_ahead(position, heading, self.distance, self.half_angle_degrees)
         follower = np.flatnonzero(leader >= 0)
         differ = heading[leader[follower]] - heading[follower]
         follower = follower[np.cos(differ) > math.cos(math.radians(self.alignment_degrees))]
         nearest, _ = _least_of_each(leader[follower], gap[follower], follower, len(leader))
         followed = np.flatnonzero(nearest >= 0)
-        kept = np.full(len(leader), -1)
-        kept[nearest[followed]] = followed
-        return kept, np.where(kept >= 0, gap, math.inf)
+        leader = np.full(len(leader), -1)
+        leader[nearest[followed]] = followed
+        return leader, np.where(leader >= 0, gap, math.inf)
 
 
 def nearest_ahead(
@@ -175,9 +175,9 @@ def nearest_ahead(
     Returns
     -------
     nearest : int64 ndarray, shape (n,)
-        -1 for nobody; of equally near ones the smaller row.
+        -1 for none; of equally near ones the smaller row.
     gap : ndarray, shape (n,)
-        Infinity for nobody.
+        Infinity for none.
 
     Examples
     --------
@@ -209,14 +209,14 @@ def _least_of_each(group: np.ndarray, size: np.ndarray, row: np.ndarray, n: int)
 
 
 def paths(leader: np.ndarray, position: np.ndarray) -> Chains:
-    """Return the paths and rings of who follows whom.
+    """Return the paths and rings that leaders and followers form.
 
     Parameters
     ----------
     leader : int64 ndarray, shape (n,)
-        -1 for nobody; nobody is followed by two.
+        -1 for none; no robot is followed by two.
     position : ndarray, shape (n, 2)
-        Decides where rings are opened.
+        Determines where rings are opened.
 
     Examples
     --------
@@ -241,7 +241,7 @@ def paths(leader: np.ndarray, position: np.ndarray) -> Chains:
 
 
 def _parts(leader: np.ndarray) -> np.ndarray:
-    """Return the number of the part that each robot hangs together with."""
+    """Return the number of each robot's connected part."""
     follower, n = np.flatnonzero(leader >= 0), len(leader)
     if not n:
         return leader
@@ -250,14 +250,14 @@ def _parts(leader: np.ndarray) -> np.ndarray:
 
 
 def _rings(leader: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """Tell which robots are in a part in which everybody follows somebody."""
+    """Return which robots are in a part in which every robot follows one."""
     headed = np.zeros(len(leader), bool)
     headed[part[leader < 0]] = True
     return ~headed[part]
 
 
 def _opened(leader: np.ndarray, position: np.ndarray, part: np.ndarray, ring: np.ndarray) -> np.ndarray:
-    """Return who follows whom without the longest link of each ring."""
+    """Return the leaders without the longest link of each ring."""
     opened, rows = leader.copy(), np.flatnonzero(ring)
     length = np.hypot(*(position[leader[rows]] - position[rows]).T)
     longest, _ = _least_of_each(part[rows], -length, rows, len(leader))
@@ -266,7 +266,7 @@ def _opened(leader: np.ndarray, position: np.ndarray, part: np.ndarray, ring: np
 
 
 def _places(leader: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the head of each robot's path and how many links away it is, in log2(n) rounds of doubling."""
+    """Return the head of each robot's path and the number of links to it, in log2(n) rounds of doubling."""
     head = np.where(leader < 0, np.arange(len(leader)), leader)
     place = (leader >= 0).astype(np.int64)
     while (leader[head] >= 0).any():

@@ -13,7 +13,7 @@ from mesa_swarm.errors import InvalidValueError, check_count
 
 # A pair takes about 50 bytes: more of them than this would fill a small machine's memory.
 MOST_PAIRS = 20_000_000
-# Whether there are more is judged by one robot in so many.
+# The number of pairs is estimated from one robot in this many.
 SAMPLED = 16
 
 
@@ -35,36 +35,36 @@ class Clusters:
 
     @property
     def count(self) -> int:
-        """How many groups there are."""
+        """The number of groups."""
         return len(self.sizes)
 
     @property
     def grouped(self) -> int:
-        """How many robots are in a group."""
+        """The number of robots in groups."""
         return int(self.sizes.sum())
 
     @property
     def largest_fraction(self) -> float:
-        """Share of all robots that are in the largest group, in [0, 1]; 0 where there is no group."""
+        """Share of all robots that are in the largest group, in [0, 1]; 0 without groups."""
         return int(self.sizes[0]) / len(self.label) if self.count else 0.0
 
     @property
     def local_convergence(self) -> float:
         """Share of the grouped robots that are not in the largest group, in [0, 1).
 
-        0 where one group holds all who are grouped, (c - 1) / c for c groups of one size: towards 1 the more
-        groups a swarm has settled into instead of one. 0 too where there is no group: read it beside `alone`.
+        0 where one group holds all grouped robots, (c - 1) / c for c groups of one size: towards 1 the more
+        groups a swarm has settled into instead of one. 0 too without groups: read it beside `alone`.
         """
         return 1.0 - int(self.sizes[0]) / self.grouped if self.count else 0.0
 
     @property
     def mean_size(self) -> float:
-        """Mean number of robots in a group; 0 where there is no group."""
+        """Mean number of robots in a group; 0 without groups."""
         return self.grouped / self.count if self.count else 0.0
 
     @property
     def alone(self) -> float:
-        """Share of all robots that are in no group, in [0, 1]; 0 where there is no robot."""
+        """Share of all robots that are in no group, in [0, 1]; 0 without robots."""
         return 1.0 - self.grouped / len(self.label) if len(self.label) else 0.0
 
 
@@ -80,10 +80,10 @@ def clusters(position: np.ndarray, distance: float, *, fewest: int = 2) -> Clust
     position : ndarray, shape (n, 2)
         Centres, map units.
     distance : float
-        Largest distance between the centres of two linked robots, map units, above 0. Robots of radius 5 that
-        keep 10 between their bodies are 20 apart.
+        Largest distance between the centres of two linked robots, map units, above 0. Robots of radius 5 with
+        10 between their bodies are 20 apart.
     fewest : int
-        Robots that make a group, at least 1; smaller components are no groups.
+        The fewest robots of a group, at least 1.
 
     Returns
     -------
@@ -113,7 +113,7 @@ def _components(points: np.ndarray, distance: float) -> np.ndarray:
     n = len(points)
     if not n:
         return np.empty(0, np.int64)
-    # Unbalanced is quicker to build, and places are not so uneven that it matters.
+    # Unbalanced trees are quicker to build, and positions even enough for them.
     tree = cKDTree(points, balanced_tree=False)
     _check_pairs(tree, distance)
     i, j = tree.query_pairs(distance, output_type="ndarray").T
@@ -122,7 +122,7 @@ def _components(points: np.ndarray, distance: float) -> np.ndarray:
 
 
 def _check_pairs(tree: cKDTree, distance: float) -> None:
-    """Refuse what would fill the memory, judged by every so many robots' neighbours."""
+    """Refuse a number of pairs that would fill the memory, estimated from a sample of robots."""
     sample = tree.data[::SAMPLED]
     others = tree.query_ball_point(sample, distance, return_length=True).mean() - 1
     pairs = int(others * tree.n / 2)
@@ -147,7 +147,7 @@ def _ranked(component: np.ndarray, fewest: int) -> Clusters:
 
 
 def kept_together(before: np.ndarray, after: np.ndarray) -> float:
-    """Return how many of those who were in one group still are: the cohesion of groups over time.
+    """Return the share of pairs of robots that stay in one group: the cohesion of groups over time.
 
     Of all pairs of robots that were in the same group, the share that is in the same group later (the
     precision with which the earlier partition predicts the later one: Rand 1971, J. Am. Stat. Assoc. 66).
@@ -161,7 +161,7 @@ def kept_together(before: np.ndarray, after: np.ndarray) -> float:
     Returns
     -------
     float
-        In [0, 1]; NaN where nobody was in a group with another.
+        In [0, 1]; NaN where no two robots were in one group.
 
     Raises
     ------
@@ -185,6 +185,6 @@ def kept_together(before: np.ndarray, after: np.ndarray) -> float:
 
 
 def _pairs_within(label: np.ndarray) -> int:
-    """Return how many pairs share a label."""
+    """Return the number of pairs that share a label."""
     counts = np.unique(label, return_counts=True)[1]
     return int((counts * (counts - 1) // 2).sum())

@@ -1,4 +1,4 @@
-"""Which part of the world a robot can reach, and how much of that has been visited."""
+"""Reachable cells of a world, and the share of them that was visited."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -25,7 +25,7 @@ def reachable_cells(
     *,
     fewest_share: float = 0.01,
 ) -> np.ndarray:
-    """Return which cells of a world the centre of a disc can get to from where it starts.
+    """Return which cells of a world the centre of a disc can reach from its start.
 
     Free space is the bounds shrunk by `radius`, less the solids grown by it; what can be reached is the
     connected part of it around `start`; a cell counts where that part covers more than `fewest_share` of it.
@@ -39,7 +39,7 @@ def reachable_cells(
     bounds : (x_min, y_min, x_max, y_max)
         Of the world, map units.
     solids : sequence of (geometry, radius)
-        Shapely geometries of what robots cannot drive through, each grown by a radius of at least 0: a disc is
+        Shapely geometries of the obstacles, each grown by a radius of at least 0: a disc is
         a Point and its radius, a polygon has 0.
     radius : float
         The robot's, map units, above 0.
@@ -49,7 +49,7 @@ def reachable_cells(
         Of equal cells that the bounds are cut into, 1 to 1000 each.
     fewest_share : float
         0 to 0.99. 0 counts every cell that the robot's centre gets into at all; the default leaves out slivers
-        that hardly any walk would meet.
+        that a random walk hardly meets.
 
     Returns
     -------
@@ -59,7 +59,7 @@ def reachable_cells(
     Raises
     ------
     InvalidValueError
-        If an argument is out of range, a solid is no Shapely geometry, or the robot does not fit at `start`.
+        If an argument is out of range, a solid is not a Shapely geometry, or the robot does not fit at `start`.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Whether robots go the same way, or round and round."""
+"""Order of motion: polarization, milling, alignment of neighbours."""
 
 import math
 
@@ -59,7 +59,7 @@ def polarization(heading: np.ndarray) -> float:
     Returns
     -------
     float
-        In [0, 1]; NaN where nobody has a direction.
+        In [0, 1]; NaN where no robot has a direction.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def milling(position: np.ndarray, heading: np.ndarray) -> float:
     ``|mean(r_i x v_i)|`` with r_i the unit vector from the centroid to robot i and v_i the unit vector of its
     heading, the group's normalised angular momentum (Couzin et al. 2002, Collective memory and spatial sorting
     in animal groups, J. Theor. Biol. 218): 1 where all go round one way, 0 where they go straight or half of
-    them each way. A robot at the centroid goes round nothing and counts 0.
+    them each way. A robot at the centroid counts 0.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def milling(position: np.ndarray, heading: np.ndarray) -> float:
     Returns
     -------
     float
-        In [0, 1]; NaN where nobody has a direction.
+        In [0, 1]; NaN where no robot has a direction.
 
     Raises
     ------
@@ -163,7 +163,7 @@ def neighbour_alignment(position: np.ndarray, heading: np.ndarray, distance: flo
 
 
 def _away_from_centroid(points: np.ndarray) -> np.ndarray:
-    """Return unit vectors away from the centroid, zero for who is there."""
+    """Return unit vectors away from the centroid, zero for robots at the centroid."""
     away = points - points.mean(axis=0)
     length = np.hypot(*away.T)
     somewhere = length > ROUNDING * np.abs(points).max()

@@ -1,4 +1,4 @@
-"""Unproductive behaviour: what counts as such, and how each kind is found."""
+"""Unproductive behaviour: definitions, and how each kind is found."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ Found = tuple[tuple[int, ...], int, int, int]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Thresholds:
-    """What counts as getting nowhere; see `pathology.find_pathologies`.
+    """Thresholds of unproductive behaviour; see `pathology.find_pathologies`.
 
     Examples
     --------
@@ -63,7 +63,7 @@ class Thresholds:
 
 
 def corridor_flips(track: Track, limits: Thresholds, taken: np.ndarray) -> list[Found]:
-    """Find turns away from what is near on the left and on the right by turns, robots alone left out."""
+    """Find alternating turns away from things near on the left and right, of which not all are robots."""
     turn = track.turn
     before = last_before(turn)
     from_any = _away(track, limits, (OBSTACLE, ROBOT, FIRE, LOAD))
@@ -73,7 +73,7 @@ def corridor_flips(track: Track, limits: Thresholds, taken: np.ndarray) -> list[
 
 
 def _away(track: Track, limits: Thresholds, kinds: tuple[int, ...]) -> np.ndarray:
-    """Tell who turns away from such a body that is near on the other side, or ahead."""
+    """Return where robots (k, n) turn away from such a body that is near on the other side, or ahead."""
     front, left, right = (track.reads(kinds, limits.near, which) for which in (FRONT, LEFT, RIGHT))
     return ((track.turn > 0) & (right | front)) | ((track.turn < 0) & (left | front))
 
@@ -91,24 +91,24 @@ def centroid_flips(track: Track, limits: Thresholds, taken: np.ndarray) -> list[
 
 
 def threshold_flips(track: Track, limits: Thresholds, taken: np.ndarray) -> list[Found]:
-    """Find driving forwards and backwards by turns."""
+    """Find alternation of driving forwards and backwards."""
     flip = flips_of(track.travel)
     return _episodes(_flipping(flip, track, limits, taken), flip)
 
 
 def _flipping(flip: np.ndarray, track: Track, limits: Thresholds, taken: np.ndarray) -> np.ndarray:
-    """Tell in which steps (k, n) flips come fast enough while the robot gets nowhere."""
+    """Return the steps (k, n) in which flips come fast enough while the robot makes no progress."""
     row, frame = np.nonzero(flip.T & ~taken.T)
     most = max(len(row) - limits.fewest_flips + 1, 0)
-    who, first, last = row[:most], frame[:most], frame[limits.fewest_flips - 1 :]
+    robot, first, last = row[:most], frame[:most], frame[limits.fewest_flips - 1 :]
     others = np.concatenate([np.zeros((1, taken.shape[1]), np.int64), taken.cumsum(axis=0)])
-    mine = (who == row[limits.fewest_flips - 1 :]) & (others[first, who] == others[last, who])
-    good = mine & (last - first <= limits.window) & _gets_nowhere(track, limits, who, first, last)
-    return covered(flip.shape, who[good], first[good], last[good])
+    same = (robot == row[limits.fewest_flips - 1 :]) & (others[first, robot] == others[last, robot])
+    good = same & (last - first <= limits.window) & _makes_no_progress(track, limits, robot, first, last)
+    return covered(flip.shape, robot[good], first[good], last[good])
 
 
 def _turning(flip: np.ndarray, track: Track, limits: Thresholds, taken: np.ndarray) -> list[Found]:
-    """Return the episodes of turns to and fro, without the steps of journeys."""
+    """Return the episodes of alternating turns, without the steps in which the robot gets away."""
     mask = _flipping(flip, track, limits, taken)
     found = _episodes(mask & ~_gets_away(track, limits, mask), flip)
     return [episode for episode in found if episode[3] >= limits.fewest_flips]
@@ -119,9 +119,9 @@ def _episodes(mask: np.ndarray, flip: np.ndarray) -> list[Found]:
 
 
 def _gets_away(track: Track, limits: Thresholds, mask: np.ndarray) -> np.ndarray:
-    """Tell in which of these steps (k, n) a robot gets farther than its radius within `window` steps of them.
+    """Return in which of these steps (k, n) a robot gets farther than its radius within `window` steps of them.
 
-    Stretches in each of which it does not may, joined, be a journey.
+    Short stretches of no progress may add up to progress.
     """
     away = np.zeros(mask.shape, bool)
     for i, a, b in runs(mask):
@@ -132,8 +132,10 @@ def _gets_away(track: Track, limits: Thresholds, mask: np.ndarray) -> np.ndarray
     return away
 
 
-def _gets_nowhere(track: Track, limits: Thresholds, row: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
-    """Tell who is, after the last step, about where it was after the first, and has not turned away either."""
+def _makes_no_progress(
+    track: Track, limits: Thresholds, row: np.ndarray, first: np.ndarray, last: np.ndarray
+) -> np.ndarray:
+    """Return whether position and heading after the last step are about those after the first."""
     way = np.hypot(*(track.position[last, row] - track.position[first, row]).T)
     possible = track.max_speed[row] * (last - first)
     turned = track.heading[last, row] - track.heading[first, row]
@@ -142,7 +144,7 @@ def _gets_nowhere(track: Track, limits: Thresholds, row: np.ndarray, first: np.n
 
 
 def stuck_robots(track: Track, limits: Thresholds, taken: np.ndarray) -> list[Found]:
-    """Find robots that are commanded forwards and do not move."""
+    """Find robots that are commanded forwards but do not move."""
     speed, steps = track.command.mean(axis=2), limits.fewest_steps
     driving = (speed >= limits.forward_share * track.max_speed) & (track.max_speed > 0) & ~taken
     first, row = lasting(driving, steps)
@@ -172,8 +174,8 @@ def _displacement(track: Track, first: np.ndarray, last: np.ndarray, row: np.nda
 def head_on_pairs(track: Track, limits: Thresholds, taken: np.ndarray) -> list[Found]:
     """Find pairs that block each other's way."""
     steps, turns = limits.fewest_steps, track.turn != 0
-    wants = ((track.travel > 0) | (turns & (track.travel == 0))) & ~taken
-    first, row = lasting(wants, steps)
+    active = ((track.travel > 0) | (turns & (track.travel == 0))) & ~taken
+    first, row = lasting(active, steps)
     last = first + steps - 1
     still = _displacement(track, first, last, row) < limits.stuck_share * track.max_speed[row] * steps
     frame, robot = np.nonzero(covered(taken.shape, row[still], first[still], last[still]))
@@ -208,26 +210,26 @@ def _facing(track: Track, limits: Thresholds, frame: np.ndarray, robot: np.ndarr
     return i[facing], j[facing], when[facing]
 
 
-# In order of precedence: what finds each kind, and how it is told.
+# In order of precedence: the function that finds each kind, and its description.
 FINDERS = {
     "corridor flip": (
         corridor_flips,
-        "turned away from what was near on its left and on its right by turns, {flips} times",
+        "turned alternately away from things near on its left and right, {flips} times",
     ),
     "centroid flip": (
         centroid_flips,
-        "turned left and right by turns, {flips} times, after robots that other sensors saw each time",
+        "turned alternately left and right, {flips} times, towards robots that changed from sensor to sensor",
     ),
     "head-on pair": (head_on_pairs, "faced each other at close quarters and blocked each other's way"),
-    "back-and-forth at a threshold": (threshold_flips, "drove forwards and backwards by turns, {flips} times"),
-    "stuck": (stuck_robots, "drove and did not move"),
+    "back-and-forth at a threshold": (threshold_flips, "drove alternately forwards and backwards, {flips} times"),
+    "stuck": (stuck_robots, "was commanded forwards but did not move"),
 }
 KINDS = tuple(FINDERS)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Episode:
-    """One stretch of behaviour that gets nowhere.
+    """One stretch of unproductive behaviour.
 
     Parameters
     ----------
@@ -252,28 +254,28 @@ class Episode:
 
     @property
     def steps(self) -> int:
-        """How many steps it lasted."""
+        """The number of steps."""
         return self.last_step - self.first_step + 1
 
     def describe(self, ids: Sequence[int] | None = None) -> str:
-        """Say in one sentence what happened.
+        """Return the episode as one sentence.
 
         Parameters
         ----------
         ids : sequence of int, optional
-            The unique_id of each row, by which `explain` names robots too; by default they are named by their rows.
+            The unique_id of each row; by default robots are named by their rows.
 
         Examples
         --------
         >>> Episode(kind="stuck", robots=(3,), first_step=10, last_step=49, layers=(1,)).describe()
-        'Robot 3 drove and did not move, in steps 10 to 49 (layer 1).'
+        'Robot 3 was commanded forwards but did not move, in steps 10 to 49 (layer 1).'
         """
-        who = "Robot " if len(self.robots) == 1 else "Robots "
-        who += " and ".join(str(row if ids is None else ids[row]) for row in self.robots)
+        robots = "Robot " if len(self.robots) == 1 else "Robots "
+        robots += " and ".join(str(row if ids is None else ids[row]) for row in self.robots)
         layers = ", ".join(map(str, self.layers))
         drove = f" (layer{'s' if len(self.layers) > 1 else ''} {layers})" if layers else ""
         words = FINDERS[self.kind][1].format(flips=self.flips)
-        return f"{who} {words}, in steps {self.first_step} to {self.last_step}{drove}."
+        return f"{robots} {words}, in steps {self.first_step} to {self.last_step}{drove}."
 
 
 @dataclass(frozen=True, slots=True)
@@ -294,11 +296,11 @@ class Pathologies:
     episodes: tuple[Episode, ...]
 
     def __len__(self) -> int:
-        """How many episodes there are."""
+        """Count the episodes."""
         return len(self.episodes)
 
     def __iter__(self) -> Iterator[Episode]:
-        """Go through the episodes."""
+        """Iterate over the episodes."""
         return iter(self.episodes)
 
     def __getitem__(self, index: int) -> Episode:
@@ -306,7 +308,7 @@ class Pathologies:
         return self.episodes[index]
 
     def counts(self) -> dict[str, int]:
-        """Return how many episodes there are of each kind."""
+        """Return the number of episodes of each kind."""
         return {kind: len(self.of_kind(kind)) for kind in KINDS}
 
     def of(self, row: int) -> tuple[Episode, ...]:
@@ -342,7 +344,7 @@ def find_pathologies(
     facing_degrees: float = 30.0,
     gap: float = 5.0,
 ) -> Pathologies:
-    """Find the episodes in which robots get nowhere.
+    """Find the episodes in which robots make no progress.
 
     Let (m_L, m_R) be a robot's command. It *turns* left or right as m_R - m_L is above or below 0; its turn *flips*
     in a step if the last turn before was to the other side.
@@ -362,18 +364,18 @@ def find_pathologies(
     stuck                          commanded forwards, (m_L + m_R) / 2 >= `forward_share` of `max_speed`, without moving
     =============================  ===================================================================================
 
-    *Flips* make an episode where `fewest_flips` of one kind in a row come within `window` steps and the robot gets
-    nowhere from the first to the last of them: its displacement is below its radius, and below `slow_share` of what
+    *Flips* make an episode where `fewest_flips` of one kind in a row come within `window` steps and the robot makes
+    no progress from the first to the last of them: its displacement is below its radius, and below `slow_share` of what
     max_speed would do in that time, and its heading changes by less than `turned_degrees`. (A robot that turns round
     in a blind alley flips too, but turns away.)
 
-    *Head-on pairs* and *stuck* robots last at least `fewest_steps`. Slow is who is displaced, in `fewest_steps` of
-    such commands, by less than `stuck_share` of what max_speed would do. Without moving means that in `fewest_steps`
+    *Head-on pairs* and *stuck* robots last at least `fewest_steps`. A robot is slow if displaced, in `fewest_steps`
+    of such commands, by less than `stuck_share` of what max_speed would do. Without moving means that in `fewest_steps`
     of such commands both the displacement and the way along the headings are below `stuck_share` of what was commanded.
 
     Stretches of a kind that overlap or follow each other at once are one episode; of the first two kinds, without the
     steps in which the robot gets farther than its radius within `window` steps, and only if `fewest_flips` are left. A
-    robot's step belongs to one kind: what the kinds above have taken is not there for those below.
+    robot's step belongs to one kind: steps of the kinds above are not counted again for those below.
 
     Parameters
     ----------
@@ -384,7 +386,7 @@ def find_pathologies(
     command, layer : ndarrays, shape (k, n, 2) and (k, n)
         Rim speeds left and right, and the layer that chose them, of each step.
     distance, kind : ndarrays, shape (k, n, s)
-        What each step was decided on: -1 for nothing; 0 obstacle, 1 robot, 2 fire, 3 load.
+        The readings before each step: -1 for nothing; 0 obstacle, 1 robot, 2 fire, 3 load.
     radius, max_speed : ndarrays, shape (n,)
     forward : ndarray, shape (n, 3)
         Index of the front, left and right sensors, -1 for none.
@@ -417,7 +419,7 @@ def find_pathologies(
     ...     forward=[[-1, -1, -1]],
     ... )
     >>> found[0].describe()
-    'Robot 0 drove and did not move, in steps 1 to 39 (layer 0).'
+    'Robot 0 was commanded forwards but did not move, in steps 1 to 39 (layer 0).'
     """
     limits = Thresholds(
         near=near, window=window, fewest_flips=fewest_flips, fewest_steps=fewest_steps, slow_share=slow_share,

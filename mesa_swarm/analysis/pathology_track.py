@@ -1,4 +1,4 @@
-"""What robots did in consecutive steps, and the stretches of steps in which something is so."""
+"""Robots' behaviour in consecutive steps, and stretches of steps with a property."""
 
 from dataclasses import dataclass
 
@@ -9,13 +9,13 @@ from mesa_swarm.analysis.arrays import check_array, check_steps, check_whole
 from mesa_swarm.errors import InvalidValueError
 
 OBSTACLE, ROBOT, FIRE, LOAD = 0, 1, 2, 3
-# A command below this share of max_speed is none: rounding.
+# A command below this share of max_speed is rounding.
 NOTHING = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Track:
-    """The kept arrays, checked; see `pathology.find_pathologies`.
+    """The recorded arrays, checked; see `pathology.find_pathologies`.
 
     Examples
     --------
@@ -56,7 +56,7 @@ class Track:
         """Check the arrays and return them as a track."""
         steps = check_steps(steps)
         if (np.diff(steps) != 1).any():
-            raise InvalidValueError("steps leave some out; expected consecutive ones: keep every step")
+            raise InvalidValueError("steps are not consecutive; expected every step: watch with every=1")
         k = len(steps)
         radius = check_array("radius", radius, ("n",))
         n = len(radius)
@@ -64,7 +64,7 @@ class Track:
         sensors = distance.shape[2]
         forward = check_whole("forward", forward, (n, 3))
         if ((forward < -1) | (forward >= sensors)).any():
-            raise InvalidValueError(f"forward names sensors that are not there; expected -1 to {sensors - 1}")
+            raise InvalidValueError(f"forward has an invalid sensor; expected -1 to {sensors - 1}")
         return cls(
             steps=steps,
             position=check_array("position", position, (k, n, 2)),
@@ -89,7 +89,7 @@ class Track:
         return self._sign(self.command.sum(axis=2))
 
     def reads(self, kinds: tuple[int, ...], near: float, which: int) -> np.ndarray:
-        """Tell in which steps (k, n) the front (0), left (1) or right (2) sensor reads such a body so near."""
+        """Return the steps (k, n) in which the front (0), left (1) or right (2) sensor reads such a near body."""
         k, n, sensors = self.kind.shape
         if not sensors:
             return np.zeros((k, n), bool)
@@ -102,7 +102,7 @@ class Track:
 
 
 def last_before(sign: np.ndarray) -> np.ndarray:
-    """Return for each step (k, n) the last one before it in which the sign was not 0, -1 if there is none.
+    """Return for each step (k, n) the last one before it in which the sign was not 0, or -1.
 
     Examples
     --------
@@ -115,7 +115,7 @@ def last_before(sign: np.ndarray) -> np.ndarray:
 
 
 def flips_of(sign: np.ndarray) -> np.ndarray:
-    """Tell in which steps (k, n) the sign is the opposite of the last one that was not 0.
+    """Return the steps (k, n) in which the sign is the opposite of the last one that was not 0.
 
     Examples
     --------
@@ -127,7 +127,7 @@ def flips_of(sign: np.ndarray) -> np.ndarray:
 
 
 def at(values: np.ndarray, frame: np.ndarray) -> np.ndarray:
-    """Return each robot's value in another step (k, n), which may be -1: then whatever.
+    """Return each robot's value in another step (k, n), which may be -1: an arbitrary value then.
 
     Examples
     --------
@@ -166,9 +166,9 @@ def runs(mask: np.ndarray) -> list[tuple[int, int, int]]:
 
 
 def lasting(mask: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return first step and row of every stretch of so many steps in a row, not the very first step.
+    """Return first step and row of every stretch of `length` steps in a row, without step 0.
 
-    The very first is left out because it is not kept where robots were before it.
+    Step 0 is left out as the positions before it are unknown.
 
     Examples
     --------

@@ -174,7 +174,7 @@ def layer_shares(layer: np.ndarray, layers: int) -> np.ndarray:
     Raises
     ------
     InvalidValueError
-        If `layer` is no such table, or holds anything but -1, 0, ..., layers - 1.
+        If `layer` is not such a table, or holds anything but -1, 0, ..., layers - 1.
 
     Examples
     --------
@@ -215,7 +215,7 @@ def collision_frequency(collided: np.ndarray, window: int = WINDOW) -> np.ndarra
     Raises
     ------
     InvalidValueError
-        If `collided` is no such table, or `window` is even or below 1.
+        If `collided` is not such a table, or `window` is even or below 1.
 
     Examples
     --------
@@ -242,7 +242,7 @@ def cumulative_collisions(collided: np.ndarray) -> np.ndarray:
     Raises
     ------
     InvalidValueError
-        If `collided` is no such table.
+        If `collided` is not such a table.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""How robots are spaced: nearest neighbours, beside those of random places, and the swarm's extent."""
+"""Spacing of robots: nearest neighbours, compared with random positions, and the swarm's extent."""
 
 import math
 
@@ -39,7 +39,7 @@ def nearest_neighbour_distances(position: np.ndarray) -> np.ndarray:
 
 
 def random_nearest_neighbour_distance(n: int, area: float) -> float:
-    """Return the mean distance to the nearest neighbour of points strewn at random.
+    """Return the mean distance to the nearest neighbour of points at random.
 
     ``0.5 / sqrt(n / area)``, for a Poisson process without borders (Clark & Evans 1954, Distance to nearest
     neighbor as a measure of spatial relationships in populations, Ecology 35).
@@ -49,7 +49,7 @@ def random_nearest_neighbour_distance(n: int, area: float) -> float:
     n : int
         Number of robots, at least 1.
     area : float
-        Of the region they may be in, square map units, above 0.
+        Of their region, square map units, above 0.
 
     Returns
     -------
@@ -71,23 +71,23 @@ def random_nearest_neighbour_distance(n: int, area: float) -> float:
 
 
 def clark_evans(position: np.ndarray, area: float) -> float:
-    """Return the mean distance to the nearest neighbour, relative to that of points strewn at random.
+    """Return the mean distance to the nearest neighbour, relative to that of points at random.
 
     ``R = mean(d_i) / (0.5 / sqrt(n / area))`` (Clark & Evans 1954, Ecology 35). 0: all in one place; below 1:
-    clumped; 1: random; above 1: spread out, at most 2.149 (a triangular lattice). There is no correction for
-    the border, beyond which nobody has neighbours: of few robots, random ones come out slightly above 1.
+    clumped; 1: random; above 1: spread out, at most 2.149 (a triangular lattice). It is not corrected for
+    the border, beyond which there are no neighbours: of few robots, random ones come out slightly above 1.
 
     Parameters
     ----------
     position : ndarray, shape (n, 2)
         Centres, map units.
     area : float
-        Of the region they may be in, square map units, above 0.
+        Of their region, square map units, above 0.
 
     Returns
     -------
     float
-        At least 0; NaN for fewer than two robots, who have no neighbours.
+        At least 0; NaN for fewer than two robots.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def dispersion(position: np.ndarray) -> float:
     Returns
     -------
     float
-        Map units, at least 0; NaN where there is no robot.
+        Map units, at least 0; NaN without robots.
 
     Raises
     ------

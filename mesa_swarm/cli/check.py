@@ -67,7 +67,7 @@ def described_episodes(found: "Pathologies", ids: Sequence[int]) -> list[str]:
     --------
     >>> from mesa_swarm.analysis.pathology import Episode, Pathologies
     >>> described_episodes(Pathologies((Episode(kind="stuck", robots=(0,), first_step=10, last_step=49),)), [7])
-    ['Robot 7 drove and did not move, in steps 10 to 49.']
+    ['Robot 7 was commanded forwards but did not move, in steps 10 to 49.']
     """
     longest = sorted(found, key=lambda episode: -episode.steps)
     sentences = [episode.describe(ids) for episode in longest[:MOST_EPISODES]] or ["No pathology was found."]

@@ -18,7 +18,7 @@ MOST_LAYERS = 64
 
 
 class Arbiter:
-    """Layers, and how what they ask for becomes one command: see `Subsumption` and `VectorSum`.
+    """Layers, and how their commands become one: see `Subsumption` and `VectorSum`.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ class Arbiter:
     Raises
     ------
     InvalidValueError
-        If something is not a layer, or has no name, or there is none, or too many.
+        If something is not a layer or has no name, or there are no layers or too many.
     """
 
     # Whether all active layers drive a robot together; else the one that won drives it alone.
@@ -64,7 +64,7 @@ class Arbiter:
         return mine
 
     def unbind(self) -> None:
-        """Let layers that have an ``unbind()`` keep what they know, as the columns of all are about to be dropped."""
+        """Let layers with an ``unbind()`` store their state, as all columns are about to be dropped."""
         for layer in self.layers:
             unbind = getattr(layer, "unbind", None)
             if callable(unbind):
@@ -76,7 +76,7 @@ class Arbiter:
 
 
 def check_drives(control: Arbiter, designs: Iterable[RobotDesign]) -> None:
-    """Refuse designs whose drive takes commands of another kind than a layer gives, where both say which they are for.
+    """Refuse designs whose drive takes another kind of command than a layer gives, where both declare it.
 
     Raises
     ------
@@ -103,17 +103,17 @@ def check_drives(control: Arbiter, designs: Iterable[RobotDesign]) -> None:
 
 
 def driver(control: Arbiter, index: int) -> str:
-    """Return the name of the layer with this index, and of an index that no layer has in words.
+    """Return the name of the layer with this index, and a description of any other index.
 
     Examples
     --------
     >>> from mesa_swarm.control import Explore, Subsumption
     >>> driver(Subsumption(Explore()), 0), driver(Subsumption(Explore()), -1), driver(Subsumption(Explore()), 7)
-    ('Explore', 'no layer', 'layer 7, which is none,')
+    ('Explore', 'no layer', 'unknown layer 7')
     """
     if index < 0:
         return "no layer"
-    return control.layers[index].name if index < len(control.layers) else f"layer {index}, which is none,"
+    return control.layers[index].name if index < len(control.layers) else f"unknown layer {index}"
 
 
 class Subsumption(Arbiter):
@@ -129,7 +129,7 @@ class Subsumption(Arbiter):
     Raises
     ------
     InvalidValueError
-        If something is not a layer, or there is none.
+        If something is not a layer, or there are no layers.
 
     Examples
     --------
@@ -147,22 +147,21 @@ class Subsumption(Arbiter):
 
 
 HEAVIEST = 1e6
-# What is asked for beyond this is taken to be this, so that sums stay finite.
-LARGEST_WISH = 1e300
+# Larger commands are clipped to this, so that sums stay finite.
+LARGEST_COMMAND = 1e300
 
 
 class VectorSum(Arbiter):
     """Layers whose commands are added up, each with its weight: cooperation where `Subsumption` is competition.
 
-    Commands are linear in the motion that they make, so that their sum makes the sum of the motions. A sum
-    that asks for more than a wheel, or a body that goes sideways, can do is slowed as a whole, which keeps its
-    direction. The column `layer`
-    tells whose share was the largest, the first of equals; a robot for which no layer is active stops.
+    Commands are linear in the motion that they make, so that their sum makes the sum of the motions. A sum beyond
+    what a wheel, or a body that goes sideways, can do is scaled down in the same direction. The column `layer` is
+    the layer with the largest share, the first of equals; a robot for which no layer is active stops.
 
     Parameters
     ----------
     *layers : Layer
-        Layers, or rules made with `behaviour`; a layer of weight 0 is asked but not heard.
+        Layers, or rules made with `behaviour`; a layer of weight 0 decides without effect.
     weights : sequence of float, optional
         One a layer, -1,000,000 to 1,000,000; 1 each by default.
 
@@ -191,30 +190,30 @@ class VectorSum(Arbiter):
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray) -> None:
         """Write the summed command (n, 2) and the layer with the largest share (n,) of every robot."""
-        wish, active, largest = np.empty_like(command), np.empty_like(layer), np.zeros(len(layer))
+        wanted, active, largest = np.empty_like(command), np.empty_like(layer), np.zeros(len(layer))
         command.fill(0.0)
         layer.fill(-1)
         for index, (part, weight) in enumerate(zip(self.layers, self.weights, strict=True)):
-            wish.fill(0.0)
+            wanted.fill(0.0)
             active.fill(-1)
-            part.decide(senses, wish, active, index)
-            add_weighted(wish, active, weight, index, command, layer, largest)
+            part.decide(senses, wanted, active, index)
+            add_weighted(wanted, active, weight, index, command, layer, largest)
         slow_down(command, senses.max_speed, senses.design, senses.sideways)
 
 
 @compiled
-def add_weighted(wish, active, weight, index, command, layer, largest):
-    """Add what a layer asks for where it is active, and note where its share is the largest so far.
+def add_weighted(wanted, active, weight, index, command, layer, largest):
+    """Add what a layer commands where it is active, and note where its share is the largest so far.
 
-    A layer that asks for NaN, and is heard, has the largest share of all: whoever finds the NaN then knows whose it is.
+    A layer with a weight that commands NaN has the largest share of all, so that an error can name it.
     """
     for i in range(layer.shape[0]):
         if active[i] < 0:
             continue
-        if weight != 0.0 and (math.isnan(wish[i, 0]) or math.isnan(wish[i, 1])) and largest[i] < math.inf:
+        if weight != 0.0 and (math.isnan(wanted[i, 0]) or math.isnan(wanted[i, 1])) and largest[i] < math.inf:
             command[i, 0], command[i, 1], layer[i], largest[i] = math.nan, math.nan, index, math.inf
             continue
-        x, y = weighted(wish[i, 0], weight), weighted(wish[i, 1], weight)
+        x, y = weighted(wanted[i, 0], weight), weighted(wanted[i, 1], weight)
         command[i, 0] += x
         command[i, 1] += y
         share = math.hypot(x, y)
@@ -223,8 +222,8 @@ def add_weighted(wish, active, weight, index, command, layer, largest):
 
 
 @compiled
-def weighted(wish: float, weight: float) -> float:
-    """Return the weighted wish, which is finite; nothing if the weight is 0.
+def weighted(wanted: float, weight: float) -> float:
+    """Return the weighted command, finite; 0 if the weight is 0.
 
     Examples
     --------
@@ -233,7 +232,7 @@ def weighted(wish: float, weight: float) -> float:
     """
     if weight == 0.0:
         return 0.0
-    return weight * min(max(wish, -LARGEST_WISH), LARGEST_WISH)
+    return weight * min(max(wanted, -LARGEST_COMMAND), LARGEST_COMMAND)
 
 
 @compiled

@@ -1,16 +1,14 @@
 """Avoid: turn away from what is near (thesis 5.2.2)."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
-from mesa_swarm.control.layer import Senses
+from mesa_swarm.control.layer import Memoryless, Senses
 from mesa_swarm.errors import check_choice, check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
-from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import FIRE, LOAD
 
 TURNS = ("translational", "stationary")
@@ -19,7 +17,7 @@ LOADS = ("always", "never")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Avoid:
+class Avoid(Memoryless):
     """Turn away when the front, left or right sensor sees something nearer than `distance`.
 
     Active when one of the three is activated. They are checked in the order front, left, right, and the
@@ -49,7 +47,6 @@ class Avoid:
     fires: str = "always"
     loads: str = "always"
     name: str = "Avoid"
-    commands_wheels: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         """Check the parameters."""
@@ -58,9 +55,6 @@ class Avoid:
         check_choice("turn", self.turn, TURNS)
         check_choice("fires", self.fires, FIRES)
         check_choice("loads", self.loads, LOADS)
-
-    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
-        """Remember nothing."""
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Turn the robots that are near something."""
@@ -82,11 +76,11 @@ class Avoid:
         )
 
     def reason(self, moment: Moment) -> Reason:
-        """Say which sensor decided: of those that were activated, the last of front, left, right."""
+        """Return which sensor decided: of those that were activated, the last of front, left, right."""
         fears_fire = self.fires == "always" or (self.fires == "when hot" and bool(moment.columns["hot"]))
         fears = fears_fire, self.loads == "always"
-        asked = [s for s in moment.forward if s >= 0]
-        near = [s for s in asked if is_activated(moment.distance[s], moment.kind[s], self.distance, *fears)]
+        forward = [s for s in moment.forward if s >= 0]
+        near = [s for s in forward if is_activated(moment.distance[s], moment.kind[s], self.distance, *fears)]
         rounds_up = round(float(moment.distance[near[-1]]), 1) >= self.distance
         below = "just under" if rounds_up else "<"
         return Reason(f"{moment.reading(near[-1])} {below} {self.distance:g}", tuple(near))
@@ -116,7 +110,7 @@ def avoid(distance, kind, hot, tendency, max_speed, design, forward, near, fires
 
 @compiled
 def is_activated(distance, kind, near, fears_fire, fears_load):
-    """Tell whether a sensor sees something too near.
+    """Return whether a sensor sees something too near.
 
     Examples
     --------

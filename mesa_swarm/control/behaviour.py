@@ -26,7 +26,7 @@ GENERATORS = (np.random.Generator, np.random.RandomState, np.random.BitGenerator
 
 
 def uses_attribute(function: FunctionType, name: str) -> bool:
-    """Tell whether a function, or one that it calls by name, asks anything for an attribute of this name.
+    """Return whether a function, or one that it calls by name, reads an attribute of this name.
 
     Examples
     --------
@@ -94,11 +94,11 @@ def _operands(function: FunctionType, *operations: str) -> set[str]:
     return {step.argval for step in steps if step.opname in operations}
 
 
-# What a rule returns when it has nothing to say: a pair of numbers like any other, so that it compiles.
+# What a rule returns when it is not active: a pair of numbers like any other, so that it compiles.
 PASS = (np.inf, np.inf)
 # Functions that return something to wait for, which no step does.
 NOT_AT_ONCE = (inspect.iscoroutinefunction, inspect.isgeneratorfunction, inspect.isasyncgenfunction)
-# Beyond this, floats do not tell whole numbers apart.
+# Beyond this, floats do not represent all whole numbers.
 LARGEST_WHOLE = 2**53
 
 
@@ -137,7 +137,7 @@ class Behaviour:
         return Behaviour(self.rule, values)
 
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
-        """Remember whose rule this is, and the stream of `me.chance` if the rule asks for it.
+        """Store the swarm, and the stream of `me.chance` if the rule reads it.
 
         Raises
         ------
@@ -176,7 +176,7 @@ class Behaviour:
             raise self._refusal(wrong, f"returned ({left:g}, {right:g}); {WANTED}")
 
     def _columns(self, senses: Senses) -> tuple[np.ndarray, ...]:
-        """Return what the rule may know; views that are taken once serve until robots come or go."""
+        """Return what the rule may know; views are made again when robots are added or removed."""
         if self._known[0] is not senses:
             unused = np.full(len(self._swarm), np.nan)
             self._known = senses, (*columns_of(senses, self._swarm.designs), unused)

@@ -1,4 +1,4 @@
-"""Why did it do that: what the winning layer of a robot says of its own decision."""
+"""Why a robot did what it did: the reason that its winning layer gives."""
 
 from dataclasses import dataclass
 
@@ -24,7 +24,7 @@ class Explanation:
     layer : str
         Name of the layer that won, "" if none was active.
     does : str
-        What it was told, such as "turns right while moving".
+        Its command, such as "turns right while moving".
     reason : str
         Such as "left sensor 9.3 (an obstacle) < 15".
     sensors : tuple of int
@@ -45,7 +45,7 @@ class Explanation:
 
 
 def explanation(control: Arbiter, swarm: Swarm, snapshots: Snapshots, row: int, step: int) -> Explanation:
-    """Return why the robot in this row did what it did in a step that was kept.
+    """Return why the robot in this row did what it did in a stored step.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def moment_of(swarm: Swarm, columns: dict[str, np.ndarray], row: int) -> tuple[M
 def reason_of(layer: Layer, moment: Moment) -> Reason:
     """Return why this layer drove the robot at this moment.
 
-    A layer may say it in a method ``reason(moment) -> Reason``; of one that does not, the readings are told.
+    A layer may have a method ``reason(moment) -> Reason``; for others the reason is the readings.
     """
     if hasattr(layer, "reason"):
         return layer.reason(moment)

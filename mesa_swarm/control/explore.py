@@ -1,4 +1,4 @@
-"""Explore: go straight on, and turn by chance now and then if asked to."""
+"""Explore: go straight on, and optionally turn by chance now and then."""
 
 import math
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ class Explore:
     speed : float
         Share of the robot's max_speed, 0 to 1.
     turn_interval : int
-        After so many steps of driving straight the robot turns on the spot; 0 for never.
+        After this many steps of driving straight the robot turns on the spot; 0 for never.
     largest_turn_degrees : float
         Each such turn is drawn uniformly from plus or minus this angle, 0 to 180.
 
@@ -63,7 +63,7 @@ class Explore:
         go_straight(senses.max_speed, float(self.speed), command, layer, index)
 
     def reason(self, moment: Moment) -> Reason:
-        """Say whether it turns by chance."""
+        """Return whether it turns by chance."""
         left, right = moment.command
         turns = self.turn_interval > 0 and left == -right != 0.0
         return Reason("a random turn is due" if turns else "nothing else wants to drive")

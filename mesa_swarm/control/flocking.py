@@ -1,7 +1,7 @@
 """Moving as neighbours move: velocity matching, and Reynolds's three rules.
 
 The layers command a velocity in the robot's own frame, forward and sideways to the left (`HolonomicDrive`), and
-are meant to be added up by `VectorSum`. Where Reynolds's birds know how their neighbours fly, these robots tell it
+are meant to be added up by `VectorSum`. Where Reynolds's birds know how their neighbours fly, these robots estimate it
 from how the neighbours' perceived centroid moves.
 """
 
@@ -11,7 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from mesa_swarm.control.layer import Senses, centroids
+from mesa_swarm.control.layer import Memoryless, Senses, centroids
 from mesa_swarm.errors import check_choice, check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.physics.motion import sinc
@@ -26,9 +26,9 @@ FEWEST = 3
 
 
 class Apparent:
-    """The estimated velocity of the visible centroid of each robot, kept in columns of the swarm.
+    """The estimated velocity of the visible centroid of each robot, in columns of the swarm.
 
-    The displacement m of the centroid between two steps, corrected for what the robot itself was told to drive
+    The displacement m of the centroid between two steps, corrected for the command of the robot itself
     (it cannot know whether it slipped), is v = m / dt (5.3, corrected). A sensor sees no motion across its
     sector, and a jump when what it sees passes to its neighbour, so v is the exponential mean over the last
     `memory` steps. Displacements longer than `jump` are others coming into sight or leaving it: not counted.
@@ -77,7 +77,7 @@ def track(centroid, seen, command, radius, turns, share, jump, before, seen_befo
             chord = 0.5 * (command[i, 0] + command[i, 1]) * sinc(0.5 * turn)
             ahead, left = chord * math.cos(0.5 * turn), chord * math.sin(0.5 * turn)
         cosine, sine = math.cos(turn), math.sin(turn)
-        # Everything is told in the frame that the robot has now: turned by `turn`, moved by (ahead, left).
+        # Everything is in the frame that the robot has now: turned by `turn`, moved by (ahead, left).
         x, y = before[i, 0] - ahead, before[i, 1] - left
         moved_x = centroid[i, 0] - (cosine * x + sine * y)
         moved_y = centroid[i, 1] - (cosine * y - sine * x)
@@ -101,7 +101,7 @@ class MatchVelocity:
 
     In one step a robot can reach the point T = m, the displacement of the visible centroid in a step, along
     an arc that begins in its own direction; T must lie ahead. Wheels that would have to turn faster than
-    they can are slowed together, so that the robot keeps to the arc and needs several steps.
+    they can are slowed together, so that the robot stays on the arc and needs several steps.
 
     Active when robots have been seen for a few steps, their centroid moves by at least `slowest`, and T
     lies within 90 degrees. Others, and robots whose neighbours stand still (which would otherwise stand still
@@ -110,7 +110,7 @@ class MatchVelocity:
     Parameters
     ----------
     memory : float
-        Steps over which the neighbours' velocity is averaged, at least 1: sensors that tell no direction
+        Steps over which the neighbours' velocity is averaged, at least 1: sensors without direction
         inside their sectors make single steps useless.
     jump : float
         The centroid of the same neighbours moves at most this far in a step, map units, above 0; where it
@@ -149,7 +149,7 @@ class MatchVelocity:
         )
 
     def reason(self, moment: Moment) -> Reason:
-        """Say whom it matches."""
+        """Return which robots it matches."""
         seeing = moment.seeing(ROBOT)
         return Reason(f"it matches the motion of the robots that {len(seeing)} of its sensors see", tuple(seeing))
 
@@ -175,7 +175,7 @@ WHAT = ("robots", "others", "everything")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Separate:
+class Separate(Memoryless):
     """Move away from what is near: the nearer, the faster.
 
     Active when a sensor sees something nearer than `distance`. Each such sensor adds a vector away from what it
@@ -205,9 +205,6 @@ class Separate:
         check_number("Separate's distance", self.distance, above=0, maximum=LARGEST_RANGE)
         check_choice("what", self.what, WHAT)
 
-    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
-        """Remember nothing."""
-
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Write velocities away from what is near."""
         what = WHAT.index(self.what)
@@ -217,7 +214,7 @@ class Separate:
         )  # fmt: skip
 
     def reason(self, moment: Moment) -> Reason:
-        """Say what is near."""
+        """Return what is near."""
         near = [int(s) for s in np.flatnonzero(moment.kind >= 0) if moment.distance[s] < self.distance]
         seeing = [s for s in near if WHAT[int(moment.kind[s] != ROBOT)] == self.what or self.what == "everything"]
         return Reason("near: " + ", ".join(map(moment.reading, seeing)), tuple(seeing))
@@ -283,7 +280,7 @@ class Align:
         align(velocity, compared, FEWEST, senses.max_speed, command, layer, index)
 
     def reason(self, moment: Moment) -> Reason:
-        """Say whom it matches."""
+        """Return which robots it matches."""
         seeing = moment.seeing(ROBOT)
         return Reason(f"it moves as the robots that {len(seeing)} of its sensors see", tuple(seeing))
 
@@ -301,7 +298,7 @@ def align(velocity, compared, fewest, max_speed, command, layer, index):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Cohere:
+class Cohere(Memoryless):
     """Move towards the perceived centroid of the neighbours, slower as it gets near.
 
     Active when a robot is seen.
@@ -326,16 +323,13 @@ class Cohere:
         check_name("name", self.name)
         check_number("Cohere's distance", self.distance, above=0, maximum=LARGEST_RANGE)
 
-    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
-        """Remember nothing."""
-
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Write velocities towards the centroid."""
         centroid, seen = centroids(senses)
         cohere(centroid, seen, senses.max_speed, float(self.distance), command, layer, index)
 
     def reason(self, moment: Moment) -> Reason:
-        """Say how far the centroid is."""
+        """Return how far the centroid is."""
         seeing = moment.seeing(ROBOT)
         away = math.hypot(*moment.position_of(seeing))
         return Reason(f"the centroid of the robots it sees is {away:.1f} away", tuple(seeing))
@@ -353,8 +347,8 @@ def cohere(centroid, seen, max_speed, near, command, layer, index):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Cruise:
-    """Go on in the direction in which the robot was last told to go; at first, ahead. Always active.
+class Cruise(Memoryless):
+    """Go on in the direction of the robot's last command; at first, ahead. Always active.
 
     Parameters
     ----------
@@ -376,15 +370,12 @@ class Cruise:
         check_name("name", self.name)
         check_number("Cruise's speed", self.speed, minimum=0, maximum=1)
 
-    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
-        """Remember nothing: the last command is enough."""
-
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Write velocities along the last command."""
         cruise(senses.last_command, senses.max_speed, float(self.speed), command, layer, index)
 
     def reason(self, moment: Moment) -> Reason:
-        """Say that nothing is needed for it."""
+        """Return that it is always active."""
         return Reason("it goes on as before")
 
 

@@ -2,22 +2,20 @@
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
-from mesa_swarm.control.layer import Senses, nearest_ahead
+from mesa_swarm.control.layer import Memoryless, Senses, nearest_ahead
 from mesa_swarm.errors import check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.robots.drive import turn_towards
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
-from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import ROBOT
 
 
 @dataclass(frozen=True, kw_only=True)
-class Follow:
+class Follow(Memoryless):
     """Turn on the spot towards the nearest robot ahead; drive after it, faster while it is far.
 
     Active when a sensor with |bearing| < 90 degrees sees a robot (5.2).
@@ -44,7 +42,6 @@ class Follow:
     chase_speed: float = 1.0
     cruise_speed: float = 0.7
     name: str = "Follow"
-    commands_wheels: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         """Check the parameters."""
@@ -54,9 +51,6 @@ class Follow:
             check_number("gap", self.gap, minimum=0, maximum=LARGEST_RANGE)
         check_number("chase_speed", self.chase_speed, minimum=0, maximum=1)
         check_number("cruise_speed", self.cruise_speed, minimum=0, maximum=1)
-
-    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
-        """Remember nothing."""
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Drive the robots that see another ahead."""
@@ -79,7 +73,7 @@ class Follow:
         )
 
     def reason(self, moment: Moment) -> Reason:
-        """Say whom it follows, and whether it must catch up."""
+        """Return which robot it follows, and whether it must catch up."""
         seeing = moment.nearest(ROBOT, ahead=True)
         reading = moment.distance[seeing[0]]
         far = "" if self.gap is None else f" {'>' if reading > self.gap else '<='} gap {self.gap:g}"

@@ -2,22 +2,20 @@
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
-from mesa_swarm.control.layer import Senses, centroids
+from mesa_swarm.control.layer import Memoryless, Senses, centroids
 from mesa_swarm.errors import check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.robots.drive import turn_towards
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
-from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import ROBOT
 
 
 @dataclass(frozen=True, kw_only=True)
-class Gather:
+class Gather(Memoryless):
     """Turn on the spot towards the perceived centroid of the robots that are seen, and stay once it is near.
 
     Active when a robot is seen and the centroid (5.1) is either farther than the critical angle from straight
@@ -40,16 +38,12 @@ class Gather:
     critical_angle_degrees: float = 10.0
     stop_distance: float = 20.0
     name: str = "Gather"
-    commands_wheels: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         """Check the parameters."""
         check_name("name", self.name)
         check_number("Gather's critical_angle_degrees", self.critical_angle_degrees, minimum=0, maximum=180)
         check_number("stop_distance", self.stop_distance, minimum=0, maximum=LARGEST_RANGE)
-
-    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
-        """Remember nothing."""
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Turn or stop the robots that see others."""
@@ -60,7 +54,7 @@ class Gather:
         )
 
     def reason(self, moment: Moment) -> Reason:
-        """Say where the others were seen."""
+        """Return where the others were seen."""
         seeing = moment.seeing(ROBOT)
         x, y = moment.position_of(seeing)
         where = f"{math.hypot(x, y):.1f} away at {math.degrees(math.atan2(y, x)):+.0f} degrees"

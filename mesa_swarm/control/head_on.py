@@ -101,7 +101,7 @@ class HeadOn:
         )
 
     def reason(self, moment: Moment) -> Reason:
-        """Say whom it meets."""
+        """Return which robot it meets."""
         front = moment.forward[0]
         seeing = (front,) if front >= 0 and moment.kind[front] == ROBOT else ()
         seen = f" ({moment.reading(front)})" if seeing else ""

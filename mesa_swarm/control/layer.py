@@ -1,12 +1,12 @@
 """What a rule may know, what a layer is, and where sensed things are.
 
-A sensor tells a distance, not a direction: what it sees is taken to be in the middle of its sector. That
+A sensor reads a distance, not a direction: what it sees is taken to be in the middle of its sector. That
 error is part of the model (PHYSICS 3).
 """
 
 import math
 from dataclasses import dataclass, fields
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from mesa_swarm.world.statics import ROBOT
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Senses:
-    """All that robots know, and what they say, as columns: never where they are, how they slip, or who they are.
+    """What robots know, and what they broadcast, as columns: never where they are, how they slip, or who they are.
 
     Parameters
     ----------
@@ -32,12 +32,12 @@ class Senses:
     fire : int64 ndarray, shape (n,)
         Not below 0 while the robot is extinguishing.
     last_command : ndarray, shape (n, 2)
-        What the robot was told in the step before; it does not know whether its wheels slipped.
+        Of the step before; the robot does not know whether its wheels slipped.
     radius, max_speed, tendency : ndarrays, shape (n,)
     task : int64 ndarray, shape (n,), written by layers
-        What the robot works at, as the layer numbers it; -1 before anybody decides.
+        What the robot works at, as the layer numbers it; -1 before a layer decides.
     goal : ndarray, shape (n, 2), written by layers
-        The position that it works at, in its own frame (x ahead, y left); NaN before anybody decides.
+        The position that it works at, in its own frame (x ahead, y left); NaN before a layer decides.
     heard_layer, heard_task : int64 ndarrays, shape (n,)
         Of the nearest robot heard that has a task, -1 for none; see `Radio`.
     heard_from, heard_goal : ndarrays, shape (n, 2)
@@ -47,7 +47,7 @@ class Senses:
     forward : int64 ndarray, shape (d, 3)
         Index of the front, left and right proximity sensors, -1 for none.
     sensors : ndarray, shape (d, s, 9)
-        Mounts, axes and ranges, see `robots.table`.
+        Mounts, axes and ranges, see `DesignTable`.
     bearing : ndarray, shape (d, s), rad
     sideways : bool ndarray, shape (d,)
         Whether a command is speeds forward and sideways.
@@ -81,8 +81,8 @@ class Senses:
     def of(cls, swarm: Swarm) -> "Senses":
         """Return what the robots of this swarm know."""
         table = swarm.table
-        told = {field.name for field in fields(cls)}
-        columns = {name: column for name, column in swarm.columns.items() if name in told}
+        known = {field.name for field in fields(cls)}
+        columns = {name: column for name, column in swarm.columns.items() if name in known}
         of_designs = {"forward": table.forward, "sensors": table.proximity, "bearing": table.bearing}
         return cls(**columns, **of_designs, sideways=table.sideways)
 
@@ -92,9 +92,9 @@ class Layer(Protocol):
 
     A rule about one robot is written more simply with `behaviour`. A layer of one's own is a class with
     these two; see `Explore`, which remembers something, and `Avoid`, which does not. It may have a third,
-    ``reason(moment) -> Reason``, which says why it drove a robot (`SwarmModel.explain`), and a fourth, ``unbind()``,
+    ``reason(moment) -> Reason``, why it drove a robot (`SwarmModel.explain`), and a fourth, ``unbind()``,
     which is called before another control takes the place of the one that it is in, and all columns are dropped.
-    It may say what it commands: ``commands_wheels`` is True for speeds of wheels left and right, False for speeds
+    It may declare what it commands: ``commands_wheels`` is True for speeds of wheels left and right, False for speeds
     forward and sideways. It is then refused for robots with a drive of the other kind.
     """
 
@@ -110,6 +110,15 @@ class Layer(Protocol):
 
         There it may also write what the robot is to broadcast: `senses.task` and `senses.goal`.
         """
+
+
+class Memoryless:
+    """Base of layers that remember nothing and command the wheels left and right; others override `commands_wheels`."""
+
+    commands_wheels: ClassVar[bool] = True
+
+    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
+        """Remember nothing."""
 
 
 def centroids(senses: Senses) -> tuple[np.ndarray, np.ndarray]:

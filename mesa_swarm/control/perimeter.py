@@ -1,4 +1,4 @@
-"""Perimeter: form a ring around the others and face outwards."""
+"""Perimeter: form a ring around the others, turned outwards."""
 
 import math
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from mesa_swarm.world.statics import ROBOT
 
 @dataclass(kw_only=True)
 class Perimeter:
-    """Go to the ring at a distance around the perceived centroid, keep to it, and face outwards there.
+    """Go to the ring at a distance around the perceived centroid, stay on it, and turn outwards there.
 
     Farther out than the ring the robot drives towards the centroid of the robots that it sees, farther in it
     drives away from it, and on the ring it turns its back to it and stays, until it is off by twice the tolerance
@@ -32,7 +32,7 @@ class Perimeter:
     tolerance : float
         Half the width of the ring, map units, at least 0.
     critical_angle_degrees : float
-        How exactly it faces, 0 to 180.
+        How exactly it is turned outwards, 0 to 180.
 
     Examples
     --------
@@ -54,7 +54,7 @@ class Perimeter:
         check_number("Perimeter's critical_angle_degrees", self.critical_angle_degrees, minimum=0, maximum=180)
 
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
-        """Remember who has settled on the ring."""
+        """Remember which robots have settled on the ring."""
         self._swarm, self._settled = swarm, f"{prefix}.settled"
         swarm.remember(self._settled, (), np.bool_, False)
 
@@ -69,7 +69,7 @@ class Perimeter:
         )
 
     def reason(self, moment: Moment) -> Reason:
-        """Say how far the centroid is, and on which side of the ring the robot is."""
+        """Return how far the centroid is, and on which side of the ring the robot is."""
         seeing = moment.seeing(ROBOT)
         away = math.hypot(*moment.position_of(seeing))
         off = away - self.ring

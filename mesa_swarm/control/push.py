@@ -1,33 +1,31 @@
-"""Push: move a load to a goal, together with whoever else pushes it (thesis 3.2, 10.2, its future work)."""
+"""Push: move a load to a goal, together with other robots (thesis 3.2, 10.2, its future work)."""
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
-from mesa_swarm.control.layer import Senses
+from mesa_swarm.control.layer import Memoryless, Senses
 from mesa_swarm.errors import check_choice, check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.robots.drive import approach
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
-from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import LOAD
 
 FROM = ("behind", "anywhere")
-# Going round a load, a robot turns towards it or away from it by at most this much to keep its distance.
+# Going round a load, a robot turns towards it or away from it by at most this much to hold its distance.
 MOST_CORRECTION = 0.6
 
 
 @dataclass(frozen=True, kw_only=True)
-class Push:
+class Push(Memoryless):
     """Go to the nearest load that is seen and push it; from behind, if there is a goal to bring it to.
 
     A robot that does not hear the goal's beacon because the load is in between is behind the load, as seen from
     the goal: it drives at the load and pushes. One that hears the beacon goes round the load, with it on the
-    side of its own tendency, until it does not. Nobody needs to know where the goal is, nor who else pushes
+    side of its own tendency, until it does not. No robot needs to know where the goal is, nor which others push
     (occlusion-based transport: Chen, Gauci, Li, Kolling and Gross 2015, IEEE Transactions on Robotics 31, 307-321).
 
     It needs a model whose `communication` is a `Radio` with beacons and occlusion, unless it pushes from anywhere.
@@ -38,7 +36,7 @@ class Push:
     side : str
         "behind": only when the goal is not heard. "anywhere": always.
     clearance : float
-        What to keep from the load while going round it, as the sensor reads it, map units, at least 0.
+        Distance to hold from the load while going round it, as the sensor reads it, map units, at least 0.
     critical_angle_degrees : float
         A load seen farther than this from straight ahead is turned to on the spot, 0 to 180.
 
@@ -52,7 +50,6 @@ class Push:
     clearance: float = 20.0
     critical_angle_degrees: float = 20.0
     name: str = "Push"
-    commands_wheels: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         """Check the parameters."""
@@ -60,9 +57,6 @@ class Push:
         check_choice("side", self.side, FROM)
         check_number("clearance", self.clearance, minimum=0, maximum=LARGEST_RANGE)
         check_number("Push's critical_angle_degrees", self.critical_angle_degrees, minimum=0, maximum=180)
-
-    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
-        """Remember nothing."""
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Drive the robots that see a load."""
@@ -84,7 +78,7 @@ class Push:
         )
 
     def reason(self, moment: Moment) -> Reason:
-        """Say whether it pushes or goes round, and why."""
+        """Return whether it pushes or goes round, and why."""
         seeing = moment.nearest(LOAD)
         hears = bool(np.isfinite(moment.columns["heard_goal"]).all())
         if self.side == "anywhere":

@@ -2,31 +2,29 @@
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
-from mesa_swarm.control.layer import Senses
+from mesa_swarm.control.layer import Memoryless, Senses
 from mesa_swarm.errors import check_choice, check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.robots.drive import approach
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
-from mesa_swarm.robots.swarm import Swarm
 
 TO = ("state", "goal")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Respond:
+class Respond(Memoryless):
     """Go to the nearest robot that is at work, or to the nearest goal that is broadcast.
 
     Active where something was heard that is farther than `near`, and the robot neither fights a fire nor
     is too hot to. Nearer than that the layers below take over: robots about what calls them would else
-    circle for ever. Who goes on and away is called back, so that they stay around.
+    circle without end. A robot that goes on and away is called back.
 
     `near` should be a little more than what the robot's sensors see. Where both do, a layer above that turns
-    it to what it sees and this one, which turns it to what it hears, may turn it to and fro for ever.
+    it to what it sees and this one, which turns it to what it hears, may turn it to and fro without end.
 
     It needs a model whose `communication` is a `Radio`.
 
@@ -54,7 +52,6 @@ class Respond:
     near: float = 60.0
     critical_angle_degrees: float = 10.0
     name: str = "Respond"
-    commands_wheels: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         """Check the parameters."""
@@ -62,9 +59,6 @@ class Respond:
         check_choice("to", self.to, TO)
         check_number("near", self.near, minimum=0, maximum=LARGEST_RANGE)
         check_number("critical_angle_degrees", self.critical_angle_degrees, minimum=0, maximum=180)
-
-    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
-        """Remember nothing: who calls does so in every step."""
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Drive the robots that were called."""
@@ -82,7 +76,7 @@ class Respond:
         )
 
     def reason(self, moment: Moment) -> Reason:
-        """Say where the call came from."""
+        """Return where the call came from."""
         x, y = moment.columns["heard_from" if self.to == "state" else "heard_goal"]
         where = f"{math.hypot(x, y):.0f} away at {math.degrees(math.atan2(y, x)):+.0f} degrees"
         return Reason(f"it heard of {'a robot at work' if self.to == 'state' else 'a goal'} {where}")
@@ -90,7 +84,7 @@ class Respond:
 
 @compiled
 def respond(target, hot, fire, max_speed, radius, near, critical_angle, command, layer, index):
-    """Write the commands of robots that no earlier layer drives; `target` (n, 2) is NaN where nobody calls."""
+    """Write the commands of robots that no earlier layer drives; `target` (n, 2) is NaN without a call."""
     for i in range(layer.shape[0]):
         if layer[i] >= 0 or hot[i] or fire[i] >= 0:
             continue

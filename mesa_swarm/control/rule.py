@@ -39,12 +39,12 @@ class Readings(np.ndarray):
             if index == -1:
                 return self.dtype.type(self.nothing)
             if not 0 <= index < len(self):
-                raise IndexError(f"there is no sensor {index}, of {len(self)}")
+                raise IndexError(f"sensor {index} does not exist; expected an index below {len(self)}")
         return self.view(np.ndarray)[index]
 
     def __setitem__(self, index: Any, value: Any) -> None:
         if self.nothing is not None:
-            raise TypeError("what a robot sees cannot be changed; change a copy() of it")
+            raise TypeError("readings cannot be changed; change a copy()")
         super().__setitem__(index, value)
 
     def __array_wrap__(self, array: np.ndarray, *_: Any) -> Any:
@@ -62,7 +62,7 @@ class ReadingsType(types.Array):
 
     @property
     def key(self) -> tuple:
-        """What tells types apart."""
+        """What distinguishes types."""
         return *super().key, str(self.nothing)
 
 
@@ -111,7 +111,7 @@ def _read(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
     result = cgutils.alloca_once_value(builder, nothing)
     with builder.if_then(builder.icmp_signed("!=", index, index.type(-1))):
         with builder.if_then(builder.icmp_unsigned(">=", index, length), likely=False):
-            context.call_conv.return_user_exc(builder, IndexError, ("there is no such sensor",))
+            context.call_conv.return_user_exc(builder, IndexError, ("this sensor does not exist",))
         place = cgutils.pointer_add(builder, array.data, builder.mul(index, stride))
         value = context.unpack_value(builder, kind.dtype, place)
         builder.store(value, result)
@@ -119,10 +119,10 @@ def _read(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
 
 
 WANTED = "expected two finite wheel speeds (left, right), or PASS"
-CHANGES = "changes what it sees; a rule may only read me: change a copy()"
+CHANGES = "changes its readings; a rule may only read me: change a copy()"
 # Numba's words for branches that return unlike things.
 UNLIKE = "Can't unify return type"
-# Where a layer that was made of a function keeps it: pickle finds it there under the function's own name.
+# Where a layer stores the function that it was made of: pickle finds it there under the function's own name.
 PLACE = ".rule.function"
 
 Me = namedtuple(
@@ -238,13 +238,13 @@ def columns_of(senses: Senses, designs: tuple[RobotDesign, ...]) -> tuple[np.nda
 
 
 def _compiled(function: FunctionType, columns: tuple, values: tuple) -> tuple[Callable, str]:
-    """Return the loop over all robots, compiled if that can be, and what Numba said if not."""
+    """Return the loop over all robots, compiled if that can be, and Numba's explanation if not."""
     # Bounds are checked: an index that is one too many would otherwise read another robot's memory.
     rule: Any = njit(error_model="numpy", boundscheck=True)(function)
     run: Any = njit(error_model="numpy")(_loop(rule))
-    nobody = np.empty(0, np.int64)
+    no_rows = np.empty(0, np.int64)
     try:
-        run(columns, values, nobody, np.empty((0, 2)), nobody, 0)
+        run(columns, values, no_rows, np.empty((0, 2)), no_rows, 0)
         problem = ""
     except Exception as error:  # it was about no robot, so that the rule itself cannot have raised it
         problem = str(error) or type(error).__name__
@@ -323,7 +323,7 @@ def defect_in(problem: str) -> str:
     Examples
     --------
     >>> defect_in("Cannot modify readonly array of type: readonly array(float64, 1d, C)").split(";")[0]
-    'changes what it sees'
+    'changes its readings'
     """
     field = re.search(r"Unknown attribute '(\w+)' of type Me\(", problem)
     if field:
@@ -354,7 +354,7 @@ def failure(error: Exception) -> str:
 
 
 def brief(problem: str) -> str:
-    r"""Return the line of Numba's explanation that says most, and the line of the rule that it is about.
+    r"""Return the most specific line of Numba's explanation, and the line of the rule that it is about.
 
     Examples
     --------
@@ -365,5 +365,5 @@ def brief(problem: str) -> str:
     lines = [line for line in lines if line and not line.startswith("Failed in nopython")]
     inner = [after for before, after in pairwise(lines) if before.startswith("Rejected as")]
     place = re.search(r'^File ".*", (line \d+)', problem, re.MULTILINE)
-    said = (inner or lines or ["no reason is known"])[0]
-    return f"{said[:200]} ({place[1]})" if place else said[:200]
+    line = (inner or lines or ["no reason is known"])[0]
+    return f"{line[:200]} ({place[1]})" if place else line[:200]

@@ -87,11 +87,11 @@ class Charting(Link):
         if self.board.shown != shown:
             self.board.shown = shown
 
-    def push(self, number: int, picture: PackedFrame) -> None:
+    def push(self, number: int, frame: PackedFrame) -> None:
         """Show the numbers up to now, if an update is due; mark the displayed step if it is an earlier one."""
         session = self.session
         with self._lock:
-            self._looked_at = None if session.past.is_present else picture.step
+            self._looked_at = None if session.past.is_present else frame.step
             self._waits = True
             if not session.playing or self.clock() - self._sent >= EVERY:
                 self._send_if_free()

@@ -303,10 +303,10 @@ class SideView:
         """Whether the canvas has room for another picture."""
         return self.canvas.ready
 
-    def push(self, number: int, picture: PackedFrame) -> None:
+    def push(self, number: int, frame: PackedFrame) -> None:
         """Show a picture."""
-        self.canvas.tell(caption=self._caption())
-        self.canvas.push(number, picture, rest=not self.side.playing, **extent_of(self.side.past))
+        self.canvas.set_state(caption=self._caption())
+        self.canvas.push(number, frame, rest=not self.side.playing, **extent_of(self.side.past))
 
     def close(self) -> None:
         """Disconnect."""

@@ -151,7 +151,7 @@ class ManyRuns:
                 _under_way.release()
                 raise SwarmError(f"no process could be started ({error.strerror})") from error
             threading.Thread(target=self._follow, args=(self._process,), name="many runs", daemon=True).start()
-        self.changed.tell()
+        self.changed.notify()
 
     def cancel(self) -> None:
         """Stop what is under way, at once and without results."""
@@ -161,7 +161,7 @@ class ManyRuns:
                 _end(process)
         if process is not None:
             self.error = f"cancelled after {self.done} of {self.total} runs"
-            self.changed.tell()
+            self.changed.notify()
 
     def close(self) -> None:
         """Stop what is under way, and remove all listeners."""
@@ -187,14 +187,14 @@ class ManyRuns:
                 self._process = None
         if ended_by_itself:
             self.error = self.error or ("" if self.report else "the runs ended without a result; try again")
-            self.changed.tell()
+            self.changed.notify()
 
     def _take(self, kind: str, value: Any) -> None:
         if kind == "run":
             self.done += 1
             if time.monotonic() - self._notified > NOTIFY_EVERY:
                 self._notified = time.monotonic()
-                self.changed.tell()
+                self.changed.notify()
         elif kind == "report":
             self.report = value
         else:
@@ -355,7 +355,7 @@ class Comparing:
             self.faults.pop(side, None)
         except Exception as problem:  # shown beside the control
             self.faults[side] = in_words(problem)
-        self.pair.changed.tell()
+        self.pair.changed.notify()
 
     def set_count(self, name: str, text: str | int) -> None:
         """Set the "seed" of the two worlds, the number of "seeds", or the "steps" of each run."""
@@ -365,7 +365,7 @@ class Comparing:
             self.faults.pop(name, None)
         except InvalidValueError as problem:
             self.faults[name] = str(problem)
-        self.pair.changed.tell()
+        self.pair.changed.notify()
 
     def reset(self) -> None:
         """Stop, and build both worlds as requested."""
@@ -398,7 +398,7 @@ class Comparing:
             self.faults.pop("runs", None)
         except Exception as problem:  # as in `reset`
             self.faults["runs"] = in_words(problem)
-        self.pair.changed.tell()
+        self.pair.changed.notify()
 
     def close(self) -> None:
         """Stop and release everything."""

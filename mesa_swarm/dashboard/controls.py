@@ -77,7 +77,7 @@ class Designer:
             self._fault = ""
         except SwarmError as error:
             self._fault = str(error)
-            self.session.changed.tell()
+            self.session.changed.notify()
         else:
             self.session.set_parameters({key: getattr(self._constants, key) for key in CONSTANTS})
 

@@ -520,7 +520,7 @@ class ExportDesk(Link):
             self.exporter.kinds = kinds
         self._show()
 
-    def push(self, number: int, picture: PackedFrame) -> None:
+    def push(self, number: int, frame: PackedFrame) -> None:
         """Show the recorded steps, if an update is due."""
         if not self.session.playing or time.monotonic() - self._shown >= EVERY:
             self._show()

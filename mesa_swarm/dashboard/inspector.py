@@ -60,7 +60,7 @@ class Inspecting(Link):
         self.connect(inspector, session.selection.add(self.select), session.changed.add(self.refresh))
         session.add_viewer(self)
 
-    def push(self, number: int, picture: PackedFrame) -> None:
+    def push(self, number: int, frame: PackedFrame) -> None:
         """Show the robot at the displayed step, if an update is due."""
         if not self.session.playing or time.monotonic() - self._shown >= EVERY:
             self.refresh()

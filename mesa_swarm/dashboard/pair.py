@@ -38,7 +38,7 @@ class Side(Player):
 
     def advance(self) -> bool:
         """Take one step unless the model has ended or failed; return whether it can continue."""
-        with self.minding():
+        with self.capture_errors():
             return not self.finished and self._advance()
         return False
 
@@ -155,13 +155,13 @@ class Pair(Played):
         """Advance by one step, or by one stored picture; return whether there are more."""
         if self.is_present:
             return any([side.advance() for side in self.sides])  # a list, so that both advance
-        later = [side.kept.step_after() for side in self.sides if not side.past.is_present]
+        later = [side.recent.step_after() for side in self.sides if not side.past.is_present]
         self._look_at(min(later))
         return True
 
     def _look_at(self, step: int) -> None:
         for side in self.sides:
-            side.kept.look_at(step)
+            side.recent.look_at(step)
 
     def _shown(self) -> PackedFrame | None:
         """Return a picture without a world, with the displayed step and both fingerprints."""

@@ -174,7 +174,7 @@ class ReplayPlayer(Player):
     def look_at(self, step: int) -> None:
         """Pause, and display the first row that is not of an earlier step."""
         self.loop.pause()
-        with self.minding():
+        with self.capture_errors():
             self._waited = 0
             self.rows.look_at(step)
         self.rest()
@@ -188,7 +188,7 @@ class ReplayPlayer(Player):
         return not self.error and not self.finished
 
     def _play_step(self, stop: threading.Event) -> bool:
-        with self.minding():
+        with self.capture_errors():
             return not stop.is_set() and self._advance()
         self.rest()  # after an error, which has stopped the thread already
         return False
@@ -204,12 +204,12 @@ class ReplayPlayer(Player):
             self.rows.look(self.rows.index + 1)
         return True
 
-    def _keep(self, fingerprint: bool = False) -> None:
+    def _store(self, fingerprint: bool = False) -> None:
         """Store nothing: all is in the file."""
 
     def _shown(self) -> PackedFrame | None:
         """Return the displayed picture, None if it cannot be read, with the reason in `error`."""
-        with self.minding():
+        with self.capture_errors():
             return None if self.error else self.past.shown
         return None  # the reason is in `error`
 
@@ -336,7 +336,7 @@ class Replaying:
             return False
         self._drop()
         self._coming = Incoming(name)
-        self.changed.tell()
+        self.changed.notify()
         return True
 
     def take(self, piece: bytes) -> bool:
@@ -373,7 +373,7 @@ class Replaying:
             self.fault = ""
         except Exception as problem:  # shown beside the control
             self.fault = in_words(problem)
-        self.changed.tell()
+        self.changed.notify()
 
     def branch(self) -> None:
         """Continue in the session from the displayed step, with the requested parameters."""
@@ -424,7 +424,7 @@ class Replaying:
                 return False
             for name, value in values.items():
                 setattr(self, name, value)
-        self.changed.tell()
+        self.changed.notify()
         return True
 
     def _origin(self) -> tuple[dict[str, Any], int]:
@@ -457,7 +457,7 @@ class Replaying:
         self.events, self.notes = None, _notes_of(player)
         rows = _Rows(path, len(player.past), self._stop)
         threading.Thread(target=self._find_events, args=(rows,), name="events", daemon=True).start()
-        self.changed.tell()
+        self.changed.notify()
         return True
 
     def _find_events(self, rows: "_Rows") -> None:
@@ -472,7 +472,7 @@ class Replaying:
 
     def _fail(self, fault: str) -> None:
         self.fault = fault
-        self.changed.tell()
+        self.changed.notify()
 
     def _drop(self) -> None:
         """Cancel the upload in progress."""

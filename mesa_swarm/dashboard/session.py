@@ -203,13 +203,13 @@ class Session(Player):
     def reset(self, steps: int = 0) -> None:
         """Stop, and build a new model from the settings; the old one stays if that fails."""
         self.loop.pause()
-        with self.minding():
+        with self.capture_errors():
             self._forget_goal()
             self.error = self.note = ""
             self._build()
             self._catch_up(steps)
             if self.model is not None:
-                self._keep_window(self.model)
+                self._limit_collected(self.model)
         if self.goal:
             self.hand_over()
             self.loop.speed = AS_FAST_AS_IT_GOES
@@ -257,14 +257,14 @@ class Session(Player):
             except Exception as problem:  # shown beside the control
                 self.faults[name] = in_words(problem)
         self.show()
-        self.changed.tell()
+        self.changed.notify()
 
     def set_parameters(self, values: Mapping[str, Any]) -> None:
         """Request values of several parameters at once."""
         with self.lock:
             self._take(values)
         self.show()
-        self.changed.tell()
+        self.changed.notify()
 
     def set_defaults(self) -> None:
         """Request the model's defaults."""
@@ -278,7 +278,7 @@ class Session(Player):
                 self.faults.pop("seed", None)
             except InvalidValueError as problem:
                 self.faults["seed"] = str(problem)
-        self.changed.tell()
+        self.changed.notify()
 
     def upload(self, name: str, content: bytes) -> None:
         """Read a map from an uploaded file, in a thread without the lock, and build the model on it.
@@ -308,7 +308,7 @@ class Session(Player):
         if new_map is not None:
             self.reset()
         else:
-            self.changed.tell()
+            self.changed.notify()
 
     def _take_map(self, chart: Map | None, fault: str) -> None:
         self.faults.pop("map", None)
@@ -346,9 +346,9 @@ class Session(Player):
             self._enter(name, given, seed)
             self.model, self.built, self.straight = model, {**self.settings, "seed": seed}, False
             self.series.follow(model)
-            self._keep_window(model)
+            self._limit_collected(model)
         self.rest()
-        self.adopted.tell()
+        self.adopted.notify()
 
     def companion(self, kind: Callable[["Session"], Kind]) -> Kind:
         """Return the one companion of this kind, made at the first call, and closed with the session."""

@@ -1,4 +1,4 @@
-"""PettingZoo and Gymnasium faces of the swarm, and many worlds at once as plain arrays.
+"""The swarm as PettingZoo and Gymnasium environments, and many worlds at once as plain arrays.
 
 Where Gymnasium is installed, importing this makes ``gymnasium.make("MesaSwarm/CollisionAvoidance-v0")`` work. Names are
 imported when they are first used: `VectorSwarmEnv` needs neither Gymnasium nor PettingZoo.
@@ -12,20 +12,19 @@ from mesa_swarm.environments.registration import register
 
 if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.environments.parallel import ParallelSwarmEnv
-    from mesa_swarm.environments.robot_env import RobotEnv
-    from mesa_swarm.environments.robot_vector import RobotVectorEnv
+    from mesa_swarm.environments.robot_env import RobotEnv, RobotVectorEnv
     from mesa_swarm.environments.task_world import Commanded
     from mesa_swarm.environments.tasks import CollisionAvoidance, ExtinguishFires, FindFires, Task
     from mesa_swarm.environments.vector import VectorSwarmEnv
 
 _HOME = {
     "CollisionAvoidance": "tasks",
-    "Commanded": "commanded",
+    "Commanded": "task_world",
     "ExtinguishFires": "tasks",
     "FindFires": "tasks",
     "ParallelSwarmEnv": "parallel",
     "RobotEnv": "robot_env",
-    "RobotVectorEnv": "robot_vector",
+    "RobotVectorEnv": "robot_env",
     "Task": "tasks",
     "VectorSwarmEnv": "vector",
 }

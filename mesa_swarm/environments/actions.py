@@ -1,12 +1,11 @@
-"""What a learner may tell a robot: wheel speeds, or one of the thesis's four or eight actions."""
+"""Actions of a learner: wheel speeds, or one of the thesis's four or eight actions."""
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mesa_swarm.errors import InvalidValueError, shortened
+from mesa_swarm.learning.actions import ACTIONS
 
-# (8.1): shares of the greatest speed, left and right; four actions are the first four.
-DISCRETE = np.array([(-1, -1), (-1, 1), (1, -1), (1, 1), (-1, 0), (0, -1), (1, 0), (0, 1)], dtype=float)
 CONTINUOUS = "continuous"
 CHOICES = (CONTINUOUS, 4, 8)
 
@@ -24,16 +23,16 @@ def checked_choice(actions: str | int) -> str | int:
     return actions
 
 
-def shares(actions: str | int, told: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:
-    r"""Return what each robot's wheels are to do, as shares of its greatest speed, shape (\*shape, 2).
+def shares(actions: str | int, commands: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:
+    r"""Return each robot's wheel speeds as shares of its greatest speed, shape (\*shape, 2).
 
     Parameters
     ----------
     actions : "continuous", 4 or 8
-    told : array_like
+    commands : array_like
         Continuous: shape (\*shape, 2), each from -1 to 1. Otherwise shape `shape`, each the number of an action.
     shape : tuple of int
-        How many robots there are: (n,), or (worlds, n).
+        The number of robots: (n,), or (worlds, n).
 
     Raises
     ------
@@ -47,28 +46,28 @@ def shares(actions: str | int, told: ArrayLike, shape: tuple[int, ...]) -> np.nd
            [ 1.,  1.]])
     """
     if isinstance(actions, str):  # CONTINUOUS, the only word
-        wheels = _array(told, (*shape, 2), "two wheel speeds")
+        wheels = _array(commands, (*shape, 2), "two wheel speeds")
         if not (np.abs(wheels) <= 1.0).all():  # also refuses NaN
             raise _refused(wheels, ~(np.abs(wheels) <= 1.0).all(axis=-1), "two wheel speeds from -1 to 1")
         return wheels
-    numbers = _array(told, shape, "the number of an action")
+    numbers = _array(commands, shape, "the number of an action")
     known = np.isin(numbers, np.arange(actions))
     if not known.all():
         raise _refused(numbers, ~known, f"the number of an action, a whole number from 0 to {actions - 1}")
-    return DISCRETE[numbers.astype(np.intp)]
+    return ACTIONS[numbers.astype(np.intp)]
 
 
-def _array(told: ArrayLike, shape: tuple[int, ...], what: str) -> np.ndarray:
+def _array(commands: ArrayLike, shape: tuple[int, ...], what: str) -> np.ndarray:
     try:
-        array = np.asarray(told, dtype=float)
+        array = np.asarray(commands, dtype=float)
     except (TypeError, ValueError):
-        raise InvalidValueError(f"actions are {shortened(told)}; expected {what} for each robot") from None
+        raise InvalidValueError(f"actions are {shortened(commands)}; expected {what} for each robot") from None
     if array.shape != shape:
         raise InvalidValueError(f"actions have shape {array.shape}; expected {shape}: {what} for each robot")
     return array
 
 
-def _refused(array: np.ndarray, wrong: np.ndarray, wanted: str) -> InvalidValueError:
+def _refused(array: np.ndarray, wrong: np.ndarray, expected: str) -> InvalidValueError:
     where = tuple(map(int, np.argwhere(wrong)[0]))
     robot = f"robot {where[-1]}" + (f" in world {where[0]}" if len(where) > 1 else "")
-    return InvalidValueError(f"the action of {robot} is {shortened(array[where])}; expected {wanted}")
+    return InvalidValueError(f"the action of {robot} is {shortened(array[where])}; expected {expected}")

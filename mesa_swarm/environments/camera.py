@@ -1,4 +1,4 @@
-"""Pictures of a world as arrays of pixels, with NumPy alone: what stands is drawn once, the rest in every picture."""
+"""Pictures of a world as arrays of pixels, with NumPy alone: obstacles are drawn once, the rest in every picture."""
 
 from typing import Any
 
@@ -22,15 +22,15 @@ FIRE = np.array([rgb(colour) for colour in LIGHT.fire])
 
 
 def checked_mode(render_mode: str | None) -> str | None:
-    """Return a render mode that there is: "rgb_array" or None."""
+    """Return a valid render mode: "rgb_array" or None."""
     return None if render_mode is None else check_choice("render_mode", render_mode, METADATA["render_modes"])
 
 
 class Camera:
     """Takes pictures of worlds on one map, everything to scale, y up.
 
-    The front half of a robot is pale, its back blue, or orange while it is too hot to fight; a robot that is
-    commanded among others that are not has a dark rim. Fires go from black to red with their temperature and are pale
+    The front half of a robot is pale, its back blue, or orange while it is too hot to fight; where only
+    some robots are commanded, these have a dark rim. Fires go from black to red with their temperature and are pale
     once they are out.
 
     Parameters
@@ -90,7 +90,7 @@ class Camera:
 
     def _drawn_ground(self) -> np.ndarray:
         pixels = np.full((*self._size, 3), GROUND, np.float32)
-        for shape in sorted(self._map.obstacles, key=lambda shape: shape.contact):  # marks lie below what stands
+        for shape in sorted(self._map.obstacles, key=lambda shape: shape.contact):  # ground marks below obstacles
             self._fill(pixels, shape, SOLID if shape.contact else MARK)
         return pixels
 

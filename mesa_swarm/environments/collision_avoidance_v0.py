@@ -1,4 +1,4 @@
-"""Collision avoidance: drive forward and touch nothing. PettingZoo's environment, version 0."""
+"""Collision avoidance: drive forward without collisions. PettingZoo's environment, version 0."""
 
 from mesa_swarm.environments.parallel import ParallelSwarmEnv
 from mesa_swarm.environments.tasks import CollisionAvoidance

@@ -1,4 +1,4 @@
-"""The PettingZoo face: a ParallelEnv whose agents are the robots of one world."""
+"""PettingZoo environment: a ParallelEnv whose agents are the robots of one world."""
 
 import numpy as np
 
@@ -13,8 +13,8 @@ from mesa_swarm.errors import InvalidValueError, SwarmError, shortened
 
 need("pettingzoo")
 
-from gymnasium.spaces import Space  # noqa: E402 - said first what is missing
-from pettingzoo import ParallelEnv  # noqa: E402 - said first what is missing
+from gymnasium.spaces import Space  # noqa: E402 - the error above names what is missing
+from pettingzoo import ParallelEnv  # noqa: E402 - the error above names what is missing
 
 
 class ParallelSwarmEnv(ParallelEnv):
@@ -32,7 +32,7 @@ class ParallelSwarmEnv(ParallelEnv):
     Attributes
     ----------
     world : TaskWorld
-        The present one, all of whose columns can be read: ``env.world.swarm.collided``.
+        The current world; its columns can be read: ``env.world.swarm.collided``.
 
     Examples
     --------
@@ -66,7 +66,7 @@ class ParallelSwarmEnv(ParallelEnv):
         return self.action_spaces[agent]
 
     def reset(self, seed: int | None = None, options: dict | None = None) -> tuple[dict, dict]:
-        """Start an episode; without a seed the stream of episodes goes on.
+        """Start an episode; without a seed the stream of episodes continues.
 
         Returns
         -------
@@ -92,7 +92,7 @@ class ParallelSwarmEnv(ParallelEnv):
         """
         world, agents = self._running(), self.agents
         reward = np.empty(len(agents))
-        world.advance(shares(self.task.actions, self._told(actions), reward.shape), reward)
+        world.advance(shares(self.task.actions, self._ordered(actions), reward.shape), reward)
         finished, out_of_time = world.finished, world.out_of_time
         if finished or out_of_time:
             self.agents = []
@@ -117,14 +117,14 @@ class ParallelSwarmEnv(ParallelEnv):
             raise SwarmError("the episode is over or not begun; call reset() before step()")
         return self.world
 
-    def _told(self, actions: dict) -> list:
+    def _ordered(self, actions: dict) -> list:
         """Return the actions in the order of the robots."""
         if not isinstance(actions, dict) or len(actions) != len(self.agents):
             raise InvalidValueError(f"actions are {shortened(actions)}; expected a dict of one for each agent")
         try:
             return list(map(actions.__getitem__, self.agents))
         except KeyError as missing:
-            raise InvalidValueError(f"actions have none for {missing.args[0]}; expected one for each agent") from None
+            raise InvalidValueError(f"actions lack {missing.args[0]}; expected one for each agent") from None
 
     def _observations(self, world: TaskWorld) -> dict[str, np.ndarray]:
         observations = np.empty((len(self.possible_agents), self._width), np.float32)

@@ -4,23 +4,6 @@ from importlib.util import find_spec
 
 from mesa_swarm.errors import SwarmError
 
-
-def need(package: str) -> None:
-    """Refuse to go on without a package of the extra `rl`.
-
-    Raises
-    ------
-    SwarmError
-        One line that says how to install it.
-
-    Examples
-    --------
-    >>> need("numpy")
-    """
-    if find_spec(package) is None:
-        raise SwarmError(f"this environment needs {package}; install it with: pip install 'mesa-swarm[rl]'")
-
-
 NAMESPACE = "MesaSwarm"
 # The task by Gymnasium's name of the environment.
 REGISTERED = {
@@ -28,6 +11,22 @@ REGISTERED = {
     "FindFires-v0": "find_fires",
     "ExtinguishFires-v0": "extinguish_fires",
 }
+
+
+def need(package: str) -> None:
+    """Check that a package of the extra `rl` is installed.
+
+    Raises
+    ------
+    SwarmError
+        If it is not; the message gives the command that installs it.
+
+    Examples
+    --------
+    >>> need("numpy")
+    """
+    if find_spec(package) is None:
+        raise SwarmError(f"this environment needs {package}; install it with: pip install 'mesa-swarm[rl]'")
 
 
 def register() -> None:
@@ -48,6 +47,6 @@ def register() -> None:
             registration.register(
                 f"{NAMESPACE}/{name}",
                 "mesa_swarm.environments.robot_env:robot_env",
-                vector_entry_point="mesa_swarm.environments.robot_vector:robot_vector_env",
+                vector_entry_point="mesa_swarm.environments.robot_env:robot_vector_env",
                 kwargs={"task": task},
             )

@@ -1,4 +1,4 @@
-"""What a learner observes of each robot, and what a step scores."""
+"""Observations and rewards of each robot."""
 
 from typing import Protocol
 
@@ -22,10 +22,10 @@ class ObservationEncoder:
 
     A row is, in this order:
 
-    - each proximity sensor's distance / range, 1 if it sees nothing;
+    - each proximity sensor's distance / range, 1 if nothing is in range;
     - with encoding "typed": for obstacles, then for robots, then for fires, 1 for each sensor that sees one, else 0;
     - each radiation sensor's temperature;
-    - each line sensor's 1 over a mark, else 0;
+    - for each line sensor, 1 over a ground mark, else 0;
     - with `body`: the robot's own temperature / `leave` (at most 1), and 1 or 0 for: it is too hot, it takes heat,
       it is extinguishing.
 
@@ -36,7 +36,7 @@ class ObservationEncoder:
     encoding : str
         "distance", or "typed": the kinds of things as well.
     body : bool
-        Whether robots are told of their own heat.
+        Whether the robot's own heat is observed.
     leave : float
         The temperature at which a robot leaves a fire.
 
@@ -53,8 +53,7 @@ class ObservationEncoder:
         ranges = [float(sensor.range) for sensor in design.proximity]
         if not ranges or min(ranges) <= 0:
             raise InvalidValueError(
-                f"design {design.name} has no proximity sensors, or one of range 0, and would observe nothing there; "
-                "use one such as AGENT9"
+                f"design {design.name} has no proximity sensors, or one of range 0; choose one such as AGENT9"
             )
         self._typed = check_choice("encoding", encoding, ENCODINGS) == "typed"
         self._reach = np.array(ranges)
@@ -112,14 +111,14 @@ def observe(
 
 
 class Score(Protocol):
-    """Judges one world's steps; it remembers what it must of earlier ones."""
+    """Rewards for the steps of one world."""
 
     @property
     def finished(self) -> bool:
         """Whether the task is done."""
 
     def reward(self, out: np.ndarray) -> None:
-        """Write what the step that was just taken was worth to the first robots, as many as `out` (k,) has rows."""
+        """Write the rewards of the last step for the first robots, as many as `out` (k,) has rows."""
 
 
 class DrivingScore:
@@ -132,7 +131,7 @@ class DrivingScore:
         self._cost = collision_cost
 
     def reward(self, out: np.ndarray) -> None:
-        """Write what the last step was worth."""
+        """Write the rewards of the last step."""
         columns = self._model.swarm.columns
         driving(columns["command"], columns["max_speed"], columns["collided"], self._cost, out)
 
@@ -148,7 +147,7 @@ class ThesisScore:
         self._ranges = ranges
 
     def reward(self, out: np.ndarray) -> None:
-        """Write what the last step was worth."""
+        """Write the rewards of the last step."""
         columns = self._model.swarm.columns
         near(columns["distance"], columns["command"], columns["max_speed"], self._ranges, *self._rule, out)
 
@@ -163,16 +162,16 @@ class FindingScore:
 
     @property
     def finished(self) -> bool:
-        """Whether each fire was found by a robot of those that are judged."""
+        """Whether each fire was found by a rewarded robot."""
         return bool(self.found.any(axis=0).all())
 
     def reward(self, out: np.ndarray) -> None:
-        """Write what the last step was worth."""
+        """Write the rewards of the last step."""
         finding(self._model.swarm.columns["fire"], *self._worth, self.found, out)
 
 
 class ExtinguishingScore:
-    """`put_out` to all that fought a fire when it went out, `work` a step of fighting, less `step_cost` a step."""
+    """`put_out` for fighting a fire as it goes out, `work` a step of fighting, less `step_cost` a step."""
 
     def __init__(self, model: SwarmModel, count: int, *, put_out: float, work: float, step_cost: float) -> None:
         self._model = model
@@ -185,7 +184,7 @@ class ExtinguishingScore:
         return bool(self._model.fires.out.all())
 
     def reward(self, out: np.ndarray) -> None:
-        """Write what the last step was worth."""
+        """Write the rewards of the last step."""
         out_now, fire = self._model.fires.columns["out"], self._model.swarm.columns["fire"]
         extinguishing(fire, out_now, *self._worth, self._fought, out)
 
@@ -202,7 +201,7 @@ def driving(command, max_speed, collided, collision_cost, reward):
 
 @compiled
 def near(distance, command, max_speed, ranges, kind, critical, reward):
-    """Write the thesis's reward for the least reading and what the wheels were told."""
+    """Write the thesis's reward for the least reading and the wheel commands."""
     for i in range(reward.shape[0]):
         nearest = 1.0
         for s in range(ranges.shape[0]):
@@ -214,7 +213,7 @@ def near(distance, command, max_speed, ranges, kind, critical, reward):
 
 @compiled
 def finding(fire, arrival, step_cost, found, reward):
-    """Write -step_cost, and `arrival` more at a fire that is new to the robot; note which it has found."""
+    """Write -step_cost, and `arrival` more at a fire that is new to the robot; note that it is found."""
     for i in range(reward.shape[0]):
         reward[i] = -step_cost
         if fire[i] >= 0 and not found[i, fire[i]]:
@@ -230,6 +229,6 @@ def extinguishing(fire, out, put_out, work, step_cost, fought, reward):
         reward[i] = -step_cost
         if fire[i] >= 0:
             reward[i] += work
-        if before >= 0 and out[before]:  # now only: nobody fights what is out
+        if before >= 0 and out[before]:  # only in this step: a fire that is out is not fought
             reward[i] += put_out
         fought[i] = fire[i]

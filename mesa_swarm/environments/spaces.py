@@ -7,7 +7,7 @@ from mesa_swarm.environments.tasks import Task
 
 need("gymnasium")
 
-from gymnasium.spaces import Box, Discrete, Space  # noqa: E402 - said first what is missing
+from gymnasium.spaces import Box, Discrete, Space  # noqa: E402 - the error above names what is missing
 
 
 def observation_space(task: Task) -> Box:

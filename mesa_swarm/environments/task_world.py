@@ -15,9 +15,9 @@ from mesa_swarm.swarm_model import SwarmModel
 
 
 class Commanded:
-    """Drive the first robots of a swarm as told from outside; the layers below drive the others.
+    """Drive the first robots of a swarm by commands from outside; the layers below drive the others.
 
-    Until somebody writes to `wheels`, the commanded robots stand still.
+    Until `wheels` is written to, the commanded robots stand still.
 
     Parameters
     ----------
@@ -27,8 +27,8 @@ class Commanded:
     Attributes
     ----------
     wheels : ndarray, shape (count, 2)
-        Rim speeds left and right, map units a step; what is written here is driven in the next steps. It is
-        there once the layer belongs to a swarm: ``model.control.layers[0].wheels``.
+        Rim speeds left and right, map units a step; they are driven from the next step on. The array
+        exists once the layer belongs to a swarm: ``model.control.layers[0].wheels``.
 
     Examples
     --------
@@ -50,21 +50,21 @@ class Commanded:
         self.count = check_count("count", count, minimum=1)
 
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
-        """Make room for the commands: a copy of this layer belongs to each swarm."""
+        """Allocate the commands: a copy of this layer belongs to each swarm."""
         self._wheels = np.zeros((self.count, 2))
 
     @property
     def wheels(self) -> np.ndarray:
-        """What the commanded robots are told; LearningError if the layer is in no model."""
+        """The commands of the robots; LearningError if the layer is in no model."""
         if self._wheels is None:
             raise LearningError(
-                "this Commanded is in no model: a model drives by a copy of it; write to the wheels of "
-                "model.control.layers[0], or whichever layer it is there"
+                "this Commanded is in no model, which would use a copy of it; write to the wheels of the copy, such as "
+                "model.control.layers[0].wheels"
             )
         return self._wheels
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Hand on what was told; this is the uppermost layer.
+        """Copy the commands; this is the uppermost layer.
 
         Raises
         ------
@@ -79,20 +79,20 @@ class Commanded:
         layer[: self.count] = index
 
     def reason(self, moment: Moment) -> Reason:
-        """Say that nobody in here decided."""
-        return Reason("it was told so from outside")
+        """Return that the decision came from outside."""
+        return Reason("it was commanded from outside")
 
 
 class TaskWorld(SwarmModel):
     """A world for one episode: `advance`, then `observe`, `finished` and `out_of_time`.
 
-    Its DataCollector collects nothing, so that millions of steps take no memory.
+    Its DataCollector collects nothing, so that memory does not grow with the steps.
 
     Parameters
     ----------
     task : Task
     commanded : int
-        The first so many robots are commanded, at least 1, at most all; the task's rules drive the others.
+        The number of commanded robots, the first ones; at least 1. The task's rules drive the others.
     rng : int
         Seed of everything in it.
 
@@ -131,12 +131,12 @@ class TaskWorld(SwarmModel):
         return self.steps >= self.task.max_steps
 
     def advance(self, shares: np.ndarray, reward: np.ndarray) -> None:
-        """Take a step, and write what it was worth to each commanded robot.
+        """Take a step, and write the reward of each commanded robot.
 
         Parameters
         ----------
         shares : ndarray, shape (k, 2)
-            What their wheels do, as shares of the greatest speed.
+            Their wheel speeds, as shares of the greatest speed.
         reward : ndarray, shape (k,), written
         """
         np.multiply(shares, self.task.design.max_speed, out=self._wheels)
@@ -145,5 +145,5 @@ class TaskWorld(SwarmModel):
         self._score.reward(reward)
 
     def observe(self, out: np.ndarray) -> None:
-        """Write what the commanded robots are told, shape (k, width)."""
+        """Write the observations of the commanded robots, shape (k, width)."""
         self._observer.observe(self.swarm.columns, out)

@@ -1,4 +1,4 @@
-"""The tasks: which world, who is in it, what a step is worth, and when it is over."""
+"""The tasks: world, robots, rewards, and when an episode ends."""
 
 import os
 from collections.abc import Mapping
@@ -33,13 +33,13 @@ from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.world.map import Map
 
 LARGEST_REWARD = 1e6
-# Fires that neither grow nor can be put out, nor heat anybody: what is searched for stays where it is.
+# Fires that neither grow nor can be put out, and heat no robot: they only have to be found.
 LASTING = FireConstants(k1=1e-9, k2=1e-12, k3=0.0, k4=0.0, leave=1.0, join=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """What all tasks have in common; see `CollisionAvoidance`, `FindFires` and `ExtinguishFires`.
+    """Base class of the tasks; see `CollisionAvoidance`, `FindFires` and `ExtinguishFires`.
 
     Parameters
     ----------
@@ -49,12 +49,12 @@ class Task:
     design : RobotDesign
         Of all robots, with at least one proximity sensor.
     encoding : str
-        What robots perceive: "distance", or "typed": the kinds of things as well; see `ObservationEncoder`.
+        What robots observe: "distance", or "typed": the kinds of things as well, see `ObservationEncoder`.
     actions : "continuous", 4 or 8
-        What they may be told to do: two wheel speeds from -1 to 1, shares of the greatest; or the number of one of
-        the thesis's actions (8.1).
+        "continuous": two wheel speeds from -1 to 1, shares of the greatest; otherwise the number of one of the first
+        4 or 8 actions of the thesis (8.1).
     max_steps : int
-        Of an episode, which is truncated then.
+        After which an episode is truncated.
 
     Raises
     ------
@@ -81,7 +81,7 @@ class Task:
 
     @classmethod
     def of(cls, parameters: Mapping[str, Any]) -> "Task":
-        """Return the task with these parameters, or name the one that it does not have.
+        """Return the task with these parameters.
 
         Examples
         --------
@@ -96,7 +96,7 @@ class Task:
 
     @property
     def chart(self) -> Map:
-        """The map, as it was read."""
+        """The map itself."""
         return Map.load(self.map)
 
     @property
@@ -105,24 +105,24 @@ class Task:
         return LASTING
 
     def observer(self) -> ObservationEncoder:
-        """Return what tells robots of their readings."""
+        """Return what turns readings into observations."""
         return ObservationEncoder(self.design, encoding=self.encoding)
 
     def others(self) -> tuple[Layer, ...]:
-        """Return the layers that drive the robots that no learner commands."""
+        """Return the layers that drive the robots that are not commanded."""
         return Avoid(), Explore()
 
     def score(self, model: SwarmModel, count: int) -> Score:
-        """Return what judges the first `count` robots of a new world."""
+        """Return what rewards the first `count` robots of a new world."""
         raise NotImplementedError
 
 
 @dataclass(frozen=True, kw_only=True)
 class CollisionAvoidance(Task):
-    """Drive forward and touch nothing.
+    """Drive forward without collisions.
 
     A step is worth (m_L + m_R) / (2 max_speed), and `collision_cost` less if the robot overlapped anything in it:
-    to push on at a wall is worth 1 - `collision_cost`, to spin on the spot 0. Or it is worth what the thesis pays.
+    to push on at a wall is worth 1 - `collision_cost`, to spin on the spot 0. Or it is worth the thesis's reward.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ class CollisionAvoidance(Task):
         check_number("critical", self.critical, above=0, maximum=1)
 
     def score(self, model: SwarmModel, count: int) -> Score:
-        """Return what judges the first `count` robots of a new world."""
+        """Return what rewards the first `count` robots of a new world."""
         if self.reward != "speed":
             ranges = np.array([float(sensor.range) for sensor in self.design.proximity])
             return ThesisScore(model, kind=self.reward, critical=self.critical, ranges=ranges)
@@ -162,7 +162,7 @@ class CollisionAvoidance(Task):
 
 @dataclass(frozen=True, kw_only=True)
 class FireTask(Task):
-    """What tasks with fires have in common: a map with fires, and a small cost of every step.
+    """Base class of tasks with fires: a map with fires, and a small cost of every step.
 
     Parameters
     ----------
@@ -217,7 +217,7 @@ class FindFires(FireTask):
         check_number("arrival", self.arrival, minimum=0, maximum=LARGEST_REWARD)
 
     def score(self, model: SwarmModel, count: int) -> Score:
-        """Return what judges the first `count` robots of a new world."""
+        """Return what rewards the first `count` robots of a new world."""
         return FindingScore(model, count, arrival=self.arrival, step_cost=self.step_cost)
 
 
@@ -226,10 +226,10 @@ class ExtinguishFires(FireTask):
     """Put all fires out, the largest of which takes more than one robot.
 
     A step costs `step_cost` and is worth `work` more to a robot that extinguishes; when a fire goes out, the step is
-    worth `put_out` more to each robot that was fighting it. Finished when all fires are out. Robots are told of
-    their own heat as well. Robots that are not commanded use the thesis's strategy B.
+    worth `put_out` more to each robot that was fighting it. Finished when all fires are out. Robots also
+    observe their own heat. Robots that are not commanded use the thesis's strategy B.
 
-    Keep `work` small: a robot that keeps a fire burning is paid for it again and again.
+    Choose a small `work`: a robot that lets a fire burn on is paid for it again and again.
 
     Parameters
     ----------
@@ -256,7 +256,7 @@ class ExtinguishFires(FireTask):
         constants = self.constants
         if not isinstance(constants, FireConstants):
             raise InvalidValueError(
-                f"fire_constants is {shortened(constants)}; expected what design_constants() returns"
+                f"fire_constants is {shortened(constants)}; expected a FireConstants, such as from design_constants()"
             )
         object.__setattr__(self, "fire_constants", constants)
         super().__post_init__()
@@ -269,7 +269,7 @@ class ExtinguishFires(FireTask):
         return design_constants() if self.fire_constants is None else self.fire_constants
 
     def observer(self) -> ObservationEncoder:
-        """Return what tells robots of their readings and of their heat."""
+        """Return the observer, which includes the robots' heat."""
         return ObservationEncoder(self.design, encoding=self.encoding, body=True, leave=self.constants.leave)
 
     def others(self) -> tuple[Layer, ...]:
@@ -277,7 +277,7 @@ class ExtinguishFires(FireTask):
         return Avoid(fires="never"), FightFire(strategy="B"), Explore()
 
     def score(self, model: SwarmModel, count: int) -> Score:
-        """Return what judges the first `count` robots of a new world."""
+        """Return what rewards the first `count` robots of a new world."""
         return ExtinguishingScore(model, count, put_out=self.put_out, work=self.work, step_cost=self.step_cost)
 
 

@@ -17,7 +17,7 @@ class VectorSwarmEnv:
     """Several worlds of one task, stepped together; needs neither Gymnasium nor PettingZoo.
 
     A world whose episode ends starts the next one in the same step: its row of the observations is then the first
-    of the new episode, and ``infos["final_obs"]`` holds what was seen at the end of the old one.
+    of the new episode, and ``infos["final_obs"]`` holds the last observations of the old one.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class VectorSwarmEnv:
     Attributes
     ----------
     worlds : list of TaskWorld
-        The present ones, all of whose columns can be read: ``env.worlds[0].swarm.collided``.
+        The current worlds; their columns can be read: ``env.worlds[0].swarm.collided``.
 
     Examples
     --------
@@ -61,7 +61,7 @@ class VectorSwarmEnv:
         ----------
         seed : int or sequence of int, optional
             World w gets seed + w, or its own. A world with the same seed has the same episodes, whatever the number
-            of worlds. Without one the streams go on.
+            of worlds. Without one the streams continue.
         """
         if seed is not None:
             self._generators = [np.random.default_rng(each) for each in self._seeds(seed)]
@@ -74,7 +74,7 @@ class VectorSwarmEnv:
         Parameters
         ----------
         actions : ndarray, shape (worlds, robots, 2) or (worlds, robots)
-            Wheel speeds from -1 to 1, or numbers of actions, as the task has it.
+            Wheel speeds from -1 to 1, or numbers of actions, depending on the task.
 
         Returns
         -------
@@ -89,8 +89,8 @@ class VectorSwarmEnv:
             raise SwarmError("the environment has no episode yet; call reset() before step()")
         wheels = shares(self.task.actions, actions, (self.n_worlds, self.commanded))
         reward = np.empty((self.n_worlds, self.commanded))
-        for world, told, row in zip(self.worlds, wheels, reward, strict=True):
-            world.advance(told, row)
+        for world, command, row in zip(self.worlds, wheels, reward, strict=True):
+            world.advance(command, row)
         observations = self._observations()
         terminated = np.array([world.finished for world in self.worlds])
         truncated = np.array([world.out_of_time for world in self.worlds]) & ~terminated
@@ -98,7 +98,7 @@ class VectorSwarmEnv:
         return observations, reward, terminated, truncated, infos
 
     def _renew(self, ended: np.ndarray, observations: np.ndarray) -> Infos:
-        """Start the next episode where one has ended; write what is seen there, and return what was seen before."""
+        """Start the next episode where one has ended; write its first observations and return the last ones."""
         if not len(ended):
             return {}
         final = observations.copy()
@@ -130,5 +130,5 @@ def new_world(task: Task, commanded: int, generator: np.random.Generator) -> Tas
 
 
 def check_seed(seed: object) -> int:
-    """Return a seed as an int, or refuse it in words."""
+    """Return a seed as an int."""
     return check_count("seed", seed, maximum=LARGEST_SEED)

@@ -1,4 +1,4 @@
-"""What a step costs, beside targets and peers, and the worlds that are timed."""
+"""The cost of a step, beside targets and peers, and the worlds that are timed."""
 
 import math
 import os
@@ -70,7 +70,7 @@ def _scattered(n: int, radius: float, rng: int) -> Map:
 
 
 def contact_alone(n: int, rng: int = 1) -> SwarmModel:
-    """Return a world of robots without sensors and control that drive in circles, whatever is in the way.
+    """Return a world of robots without sensors and control that drive in circles.
 
     Driving straight on, all would end in heaps at the border.
 
@@ -86,7 +86,7 @@ def contact_alone(n: int, rng: int = 1) -> SwarmModel:
 
 
 def on_map(n: int, name: str = "original", sensors: int = 9, rng: int = 1) -> SwarmModel:
-    """Return n robots with so many sensors that avoid and explore on a map of the thesis.
+    """Return n robots that avoid and explore on a map of the thesis.
 
     Examples
     --------
@@ -130,7 +130,7 @@ def _mean_seconds(step: Callable[[], None], count: int) -> float:
     return (perf_counter() - started) / count
 
 
-# ms a step: what is to be reached, and what was measured of others on a machine of the same kind.
+# ms a step: required, and measured of other simulators on a machine of the same kind.
 TARGETS = {50: 0.06, 200: 0.15, 1000: 0.5, 5000: 2.5, 10_000: 5.0}
 PEERS = {
     "Enki (C++)": {50: 0.061, 200: 0.53},
@@ -138,7 +138,7 @@ PEERS = {
     "Mesa boids": {50: 1.9, 1000: 44.0},
     "ir-sim": {50: 12.0, 1000: 201.0},
 }
-# Steps before the measurement: it takes some until as many robots meet as ever will.
+# Steps before the measurement, until the number of meetings no longer grows.
 WARM_UP = 100
 MOST_BYTES = 2000
 STEEPEST = 1.05
@@ -187,7 +187,7 @@ def report(folder: Path, quick: bool = False) -> Iterator[str]:
 
 
 def _surroundings() -> Iterator[str]:
-    """Say what is measured, and whether other programs are in the way."""
+    """Yield what is measured, and whether other programs disturb it."""
     yield "The peers' workload: AGENT9, range 16, Avoid and Explore, 40 bodies of area a robot; medians."
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0
     if load > 0.5:
@@ -202,7 +202,7 @@ def step_table(seconds: dict[int, float]) -> list[str]:
     >>> step_table({50: 0.00005})[2].split()[:5]
     ['50', '0.05', '0.06', 'yes', '20,000']
     """
-    header = ["robots", "ms a step", "target", "reached", "steps/s", *PEERS]
+    header = ["robots", "ms a step", "required", "passed", "steps/s", *PEERS]
     rows = [
         [f"{n:,}", *_measured(n, t), *(_number(peer.get(n)) for peer in PEERS.values())] for n, t in seconds.items()
     ]
@@ -210,8 +210,8 @@ def step_table(seconds: dict[int, float]) -> list[str]:
 
 
 def _measured(n: int, t: float) -> list[str]:
-    reached = "yes" if 1000 * t <= TARGETS[n] else "no"
-    return [_number(1000 * t), _number(TARGETS[n]), reached, f"{1 / t:,.0f}"]
+    passed = "yes" if 1000 * t <= TARGETS[n] else "no"
+    return [_number(1000 * t), _number(TARGETS[n]), passed, f"{1 / t:,.0f}"]
 
 
 def _number(value: float | None) -> str:
@@ -226,15 +226,15 @@ def step_csv(seconds: dict[int, float]) -> str:
 
 
 def verdict(what: str, value: float, most: float) -> str:
-    """Return one line: what was measured, the most that it should be, and whether it is.
+    """Return one line: what was measured, what is required, and whether it is passed.
 
     Examples
     --------
     >>> verdict("import, s", 0.5, 1.0)
-    'import, s: 0.5 (target: at most 1, reached)'
+    'import, s: 0.5 (required: at most 1, passed)'
     """
     shown = f"{value:,.0f}" if value >= 100 else f"{value:.3g}"
-    return f"{what}: {shown} (target: at most {most:g}, {'reached' if value <= most else 'MISSED'})"
+    return f"{what}: {shown} (required: at most {most:g}, {'passed' if value <= most else 'FAILED'})"
 
 
 def exponent(seconds: dict[int, float]) -> float:
@@ -249,7 +249,7 @@ def exponent(seconds: dict[int, float]) -> float:
 
 
 def bytes_per_robot(n: int) -> float:
-    """Return the memory that a robot takes: a world of n after a step less one of 10, over n - 10."""
+    """Return the memory of a robot: that of a world of n after a step minus one of 10, over n - 10."""
     peer_workload(10).step()
     return (_traced_bytes(n) - _traced_bytes(10)) / (n - 10)
 

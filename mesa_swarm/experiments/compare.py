@@ -101,7 +101,7 @@ def compare(
         Whether to show a bar with the time left and the time of day at which it is done.
     out : path, optional
         Folder in which each run is stored as soon as it is done. A comparison that was interrupted, or whose process
-        was killed, goes on from there when it is called again with the same folder. Runs of code that was changed
+        was killed, continues when it is called again with the same folder. Runs of code that was changed
         since are other runs (`source_hash`).
 
     Raises

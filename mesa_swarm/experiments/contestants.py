@@ -1,4 +1,4 @@
-"""Who takes part in the benchmark of learning, how each is trained, and what it drives by afterwards."""
+"""The contestants of the benchmark of learning: how each is trained, and its control afterwards."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -21,10 +21,10 @@ from mesa_swarm.robots.design import AGENT9
 from mesa_swarm.world.random_map import random_map
 
 DESIGN, ROBOTS, HOME = AGENT9, 15, "original"
-# The curve of a training has a point each so many parts of it.
+# Points of the curve of a training.
 PARTS = 33
-# What is bred is bred on small generated maps, on which a few robots get everywhere in the time of a trial, and chosen
-# on maps as large as those that test it. The numbers of all three are far apart.
+# Controllers are bred on small generated maps, which a few robots cover in the time of a trial, and chosen on maps as
+# large as those of the test. The numbers of all three are far apart.
 BREEDING, CHOOSING = range(10_000, 10_025), range(11_000, 11_004)
 SMALL, FEW_OBSTACLES, FEW_ROBOTS = (480, 360), 3, 6
 GENERATIONS = len(BREEDING)
@@ -32,14 +32,14 @@ GENERATIONS = len(BREEDING)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trained:
-    """What came of a training.
+    """The outcome of a training.
 
     Parameters
     ----------
     frozen : Arbiter
-        Drives by what was learned, and learns nothing more.
+        Drives with the learned policy, without learning.
     learning : Arbiter or None
-        Goes on learning where the training ended; None for who does not learn while it drives.
+        Continues learning where the training ended; None for contestants that do not learn while they drive.
     robot_steps : int
         Of the training.
     curve : list of float
@@ -53,7 +53,7 @@ class Trained:
 
 
 def contestants() -> dict[str, Callable[[int, int], Trained]]:
-    """Return who takes part: by name, what trains it with a seed for so many steps of 15 robots.
+    """Return by name the functions that train each contestant, with a seed and a number of steps of 15 robots.
 
     Examples
     --------
@@ -75,7 +75,7 @@ def contestants() -> dict[str, Callable[[int, int], Trained]]:
 
 
 def _random(seed: int, steps: int) -> Trained:
-    """Return who chooses each of the eight actions as often: networks without weights hold all worth the same."""
+    """Return a contestant that acts at random: networks without weights give all eight actions the same value."""
     sensors = SensorLayout.of(DESIGN)
     s, count = len(sensors), 8
     nothing = Networks(np.zeros((count, s, 2 * s)), np.zeros((count, 2 * s)), np.zeros((count, 2 * s)), np.zeros(count))

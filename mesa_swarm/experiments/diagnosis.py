@@ -13,14 +13,14 @@ from mesa_swarm.experiments.pool import checked_jobs, in_order
 from mesa_swarm.gallery import find_model
 from mesa_swarm.learning import PolicyLayer, QPolicy
 from mesa_swarm.robots.design import AGENT9
-from mesa_swarm.robots.snapshots import Snapshots, check_kept
+from mesa_swarm.robots.snapshots import Snapshots, check_watched
 from mesa_swarm.swarm_model import SwarmModel
 
 NEEDED = ("position", "heading", "command", "layer", "distance", "kind")
 
 
 def pathologies_of(model: SwarmModel) -> Pathologies:
-    """Find the episodes in which robots got nowhere, in the steps that `model.watch()` has kept.
+    """Find the episodes in which robots got nowhere, in the steps that `model.watch()` has recorded.
 
     Parameters
     ----------
@@ -35,29 +35,29 @@ def pathologies_of(model: SwarmModel) -> Pathologies:
     Raises
     ------
     InvalidValueError
-        If nothing was kept, columns are missing, steps were left out, or robots have a drive whose commands are
+        If no step is watched, columns are missing, steps were left out, or robots have a drive whose commands are
         not the speeds of wheels left and right.
 
     Examples
     --------
     >>> from mesa_swarm.gallery import find_model
     >>> model = find_model("collision_avoidance")(n_robots=3, rng=1)
-    >>> kept = model.watch(last=None)
+    >>> watched = model.watch(last=None)
     >>> len(pathologies_of(model.run(100)))
     0
     """
-    swarm, kept = model.swarm, check_kept(model.watched, NEEDED, "diagnose", "watch(last=None)")
-    if kept.every != 1:
-        raise InvalidValueError(f"every {kept.every}th step was kept; expected all of them: watch with every=1")
+    swarm, watched = model.swarm, check_watched(model.watched, NEEDED, "diagnose", "watch(last=None)")
+    if watched.every != 1:
+        raise InvalidValueError(f"every {watched.every}th step is watched; expected all steps: watch with every=1")
     check_wheels(model)
     return find_pathologies(
-        steps=kept.steps,
-        position=kept["position"],
-        heading=kept["heading"],
-        command=kept["command"],
-        layer=kept["layer"],
-        distance=kept["distance"],
-        kind=kept["kind"],
+        steps=watched.steps,
+        position=watched["position"],
+        heading=watched["heading"],
+        command=watched["command"],
+        layer=watched["layer"],
+        distance=watched["distance"],
+        kind=watched["kind"],
         radius=swarm.radius,
         max_speed=swarm.max_speed,
         forward=swarm.table.forward[swarm.design],
@@ -65,12 +65,7 @@ def pathologies_of(model: SwarmModel) -> Pathologies:
 
 
 def check_wheels(model: SwarmModel) -> None:
-    """Refuse a model with robots whose commands are not the speeds of wheels left and right.
-
-    Raises
-    ------
-    InvalidValueError
-    """
+    """Refuse a model with robots whose commands are not the speeds of wheels left and right."""
     for design in model.swarm.designs:
         if not design.turns:
             raise InvalidValueError(
@@ -78,9 +73,9 @@ def check_wheels(model: SwarmModel) -> None:
             )
 
 
-# Where the wall is when a robot sets out, and how far off: along it, or towards it.
+# Initial direction of the wall, and its distance: along it, or towards it.
 SCENES = {"beside a wall": (0.0, (5.0, 25.0)), "towards a wall": (-90.0, (15.0, 40.0))}
-# A robot sets out within this angle of exactly along, or towards.
+# Largest deviation of the initial heading, rad.
 SPREAD = 0.3
 # Only flips with something nearer than this share of the range count: one and a half critical distances.
 IN_SIGHT = 0.6
@@ -92,7 +87,7 @@ MEASURES = ("turns to and fro", "back and forth", CORRIDOR, THRESHOLD)
 def trained(
     reward: str, actions: int, rng: int, *, steps: int = 20_000, n_robots: int = 15, beta: float = 5e-3
 ) -> QPolicy:
-    """Let robots learn on the map `original`, as the thesis's did, and return what they know.
+    """Let robots learn on the map `original`, as in the thesis, and return their policy.
 
     Examples
     --------
@@ -106,19 +101,19 @@ def trained(
 def oscillation(
     policy: QPolicy, *, scene: str, rng: int = 1, steps: int = 300, temperature: float = 0.05
 ) -> dict[str, float]:
-    """Put each robot of a policy alone beside, or before, a long wall, and return how it dithers there.
+    """Put each robot of a policy alone beside, or before, a long wall, and return how it oscillates.
 
     Parameters
     ----------
     policy : QPolicy
-        Trained with `AGENT9`. It learns no more.
+        Trained with `AGENT9`; it does not learn further.
     scene : str
         "beside a wall": along it, 5 to 25 units off; "towards a wall": 15 to 40 off; at random within 17 degrees.
     rng : int
         Seed of poses and choices.
     steps : int
     temperature : float
-        Of the choice; low, so that what is seen is not chance.
+        Of the choice; low, so that chance is small.
 
     Returns
     -------
@@ -147,14 +142,14 @@ def _watched(policy: QPolicy, scene: str, seed: np.random.SeedSequence, steps: i
     y = WALL + AGENT9.radius + chance.uniform(least, most)
     model.add_robots(AGENT9, poses=[(MIDDLE, y, np.radians(degrees) + chance.uniform(-SPREAD, SPREAD))])
     model.control = Subsumption(PolicyLayer(policy=policy))
-    kept = model.watch(last=None, columns=NEEDED)
+    watched = model.watch(last=None, columns=NEEDED)
     model.run(steps)
-    return {**flips(kept, max(policy.sensors.ranges)), **_episodes(model, steps)}
+    return {**flips(watched, max(policy.sensors.ranges)), **_episodes(model, steps)}
 
 
-def flips(kept: Snapshots | Mapping[str, np.ndarray], sight: float) -> dict[str, float]:
+def flips(watched: Snapshots | Mapping[str, np.ndarray], sight: float) -> dict[str, float]:
     """Return flips of turn and of travel per 100 of the steps in which something is within 0.6 of the range."""
-    distance, command = kept["distance"], kept["command"]
+    distance, command = watched["distance"], watched["command"]
     nearest = np.where(distance < 0, np.inf, distance).min(axis=2)
     near = nearest < IN_SIGHT * sight
     turn, travel = np.sign(command[..., 1] - command[..., 0]), np.sign(command.sum(axis=2))
@@ -173,7 +168,7 @@ def _episodes(model: SwarmModel, steps: int) -> dict[str, float]:
 def oscillations(
     cases: list[tuple[str, int]], seeds: list[int], *, steps: int = 20_000, jobs: int = -1
 ) -> list[dict[str, object]]:
-    """Train robots with each reward and number of actions on each seed, and measure how they dither in both scenes.
+    """Train robots with each reward and number of actions on each seed, and measure how they oscillate in both scenes.
 
     Parameters
     ----------

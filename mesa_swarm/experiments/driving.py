@@ -1,4 +1,4 @@
-"""What a drive of robots looked like: collisions, the worst robot, speed ahead, and how much of the map was seen."""
+"""Measures of a drive of robots: collisions, the worst robot, speed ahead, and coverage of the map."""
 
 from collections.abc import Callable
 
@@ -20,16 +20,7 @@ CELLS = (40, 40)
 
 
 def driven_world(control: Arbiter, design: RobotDesign, robots: int, world: Map | str, rng: int) -> SwarmModel:
-    """Return a model whose robots are driven by a control, and which keeps no history.
-
-    Parameters
-    ----------
-    control : Arbiter
-    design : RobotDesign
-    robots : int
-    world : Map or str
-    rng : int
-    """
+    """Return a model whose robots are driven by a control, without history."""
     model = SwarmModel(map=world, rng=rng, history_every=0)
     model.datacollector = mesa.DataCollector()
     model.add_robots(design, robots)
@@ -40,7 +31,7 @@ def driven_world(control: Arbiter, design: RobotDesign, robots: int, world: Map 
 def tallied(
     model: SwarmModel, steps: int, each: Callable[[int], None] = lambda step: None, square: float = SQUARE
 ) -> Tally:
-    """Let a model take so many steps, and return what its robots did.
+    """Run a model for a number of steps, and return the tally of its robots.
 
     Parameters
     ----------
@@ -61,7 +52,7 @@ def tallied(
 
 
 def drive_measured(model: SwarmModel, steps: int) -> dict[str, float]:
-    """Let a model take so many steps, and measure them.
+    """Run a model for a number of steps, and measure them.
 
     Parameters
     ----------
@@ -87,17 +78,17 @@ def drive_measured(model: SwarmModel, steps: int) -> dict[str, float]:
     reachable = within_reach(model)
     positions = np.empty((steps, len(model.swarm), 2))
 
-    def keep(step: int) -> None:
+    def store(step: int) -> None:
         positions[step] = model.swarm.position
 
-    tally = tallied(model, steps, keep)
+    tally = tallied(model, steps, store)
     bumps = 1000.0 * tally.sums[:, 2] / steps
     seen = coverage(positions, reachable, model.map.bounds)
     return dict(zip(MEASURES, (float(bumps.mean()), float(bumps.max()), tally.means()["ahead"], seen), strict=True))
 
 
 def within_reach(model: SwarmModel) -> np.ndarray:
-    """Return which cells (40, 40) any robot of a model can reach from where it is, as if it were alone."""
+    """Return which cells (40, 40) any robot of a model can reach from its position, as if it were alone."""
     bounds, radius = model.map.bounds, float(model.swarm.radius[0])
     solids = [(body.shape.geometry, body.shape.radius) for body in model.obstacle_list if body.contact]
     solids += [(shapely.Point(x, y), radius_of_fire) for x, y, radius_of_fire in model.fires.discs]

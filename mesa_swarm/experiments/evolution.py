@@ -29,7 +29,7 @@ LARGEST_FILE = 100_000_000
 
 
 class Diary:
-    """What an evolution was told so far, in a file; without a file, nothing.
+    """The fitness that an evolution has received so far, in a file; without a file, nothing is stored.
 
     Parameters
     ----------
@@ -51,25 +51,24 @@ class Diary:
             raise LearningError(f"{self.file.name} does not end with .json; give the evolution's file such a name")
 
     def write(self, search: Evolution) -> None:
-        """Write all that was told, whole or not at all."""
-        if self.file is None:
-            return
-        text = json.dumps({"format": FORMAT, "settings": self.settings, "fitness": search.told})
-        write_whole(self.file, text, LearningError)
+        """Write the fitness of all generations, whole or not at all."""
+        if self.file is not None:
+            text = json.dumps({"format": FORMAT, "settings": self.settings, "fitness": search.history})
+            write_whole(self.file, text, LearningError)
 
-    def retell(self, search: Evolution, most: int) -> None:
-        """Tell a new search what the file says, if there is one; at most so many generations."""
+    def replay(self, search: Evolution, most: int) -> None:
+        """Pass the fitness in the file, if there is one, to a new search; that of this many generations at most."""
         if self.file is None or not self.file.exists():
             return
-        kept = self._read(self.file)
-        changed = sorted(name for name, now in self.settings.items() if not _same(kept["settings"].get(name), now))
+        stored = self._read(self.file)
+        changed = sorted(name for name, now in self.settings.items() if not _same(stored["settings"].get(name), now))
         if changed:
             raise LearningError(
                 f"{self.file} is of an evolution with other {', '.join(changed)}; use its settings or another file"
             )
         try:
-            for told in kept["fitness"][:most]:
-                search.tell(told)
+            for fitness in stored["fitness"][:most]:
+                search.tell(fitness)
         except (TypeError, ValueError):
             raise self._refusal("its fitnesses are not numbers") from None
         except LearningError as error:
@@ -79,34 +78,34 @@ class Diary:
         try:
             if file.stat().st_size > LARGEST_FILE:
                 raise self._refusal(f"it has more than {LARGEST_FILE:,} bytes")
-            kept = json.loads(file.read_bytes())
+            stored = json.loads(file.read_bytes())
         except OSError as error:
             raise LearningError(f"{self.file} cannot be read: {error.strerror or error}") from None
         except (ValueError, RecursionError):
             raise self._refusal("it is not JSON") from None
-        if not isinstance(kept, dict) or kept.get("format") != FORMAT:
+        if not isinstance(stored, dict) or stored.get("format") != FORMAT:
             raise self._refusal(f"its format is not {FORMAT!r}")
-        if not isinstance(kept.get("settings"), dict) or not isinstance(kept.get("fitness"), list):
+        if not isinstance(stored.get("settings"), dict) or not isinstance(stored.get("fitness"), list):
             raise self._refusal("it has no settings or no fitness")
-        return kept
+        return stored
 
     def _refusal(self, why: str) -> LearningError:
-        return LearningError(f"{self.file} is no evolution that can be gone on with: {why}")
+        return LearningError(f"{self.file} is not an evolution that can be continued: {why}; use another file")
 
 
-def _same(kept: object, now: object) -> bool:
-    """Return whether a setting is what it was; older files name places in memory, which were others each time."""
-    return now == (without_addresses(kept) if isinstance(kept, str) else kept)
+def _same(stored: object, now: object) -> bool:
+    """Return whether a setting is unchanged; older files have addresses in memory, which differ each time."""
+    return now == (without_addresses(stored) if isinstance(stored, str) else stored)
 
 
-# The trials at the end take so many times more steps.
+# Factor of the steps of the trials at the end.
 LONGER = 4
 Maps = Sequence[Map | str | os.PathLike[str]] | Map | str | os.PathLike[str]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """How a candidate is tried: robots of one design, in one world, for so many steps.
+    """How a candidate is tried: robots of one design, in one world, for a number of steps.
 
     Parameters
     ----------
@@ -120,10 +119,6 @@ class Trial:
         See `ReflexPolicy`.
     mirrored : bool
         Whether controllers are their own mirror image, see `learning.mirror`: half as many weights to find.
-
-    Raises
-    ------
-    InvalidValueError, UnknownNameError
     """
 
     design: RobotDesign = AGENT9
@@ -163,19 +158,19 @@ class Trial:
         )
 
     def fitness_of(self, genome: np.ndarray, world: Map, rng: int) -> float:
-        """Return what these weights are worth on a map, with a seed."""
+        """Return the fitness of these weights on a map, with a seed."""
         model = driven_world(Subsumption(PolicyLayer(policy=self.policy(genome))), self.design, self.robots, world, rng)
         return self.fitness.of(**tallied(model, self.steps, square=self.fitness.square).means())
 
 
 @dataclass(frozen=True, slots=True)
 class Evolved:
-    """What came of an evolution.
+    """The outcome of an evolution.
 
     Parameters
     ----------
     policy : ReflexPolicy
-        The best of the middles of the last generations.
+        The best of the means of the last generations.
     fitness : ndarray, shape (generations, population)
         Of all candidates.
     """
@@ -201,17 +196,17 @@ def evolve(
     file: str | os.PathLike[str] | None = None,
     progress: bool = False,
 ) -> Evolved:
-    """Breed a controller: weights from readings to wheels, and if asked for, a few units that remember.
+    """Breed a controller: weights from readings to wheels, and optionally a few units with memory.
 
     All candidates of a generation are tried in the same world, the next generation in another one: the maps take
-    turns, and each time the places of the robots are drawn anew. In the end the middles of the last generations are
-    tried in worlds of their own, the same for all, and the best is kept. The result depends on nothing but the
-    arguments, least of all on `jobs`.
+    turns, and each time the places of the robots are drawn anew. In the end the means of the last generations are
+    tried in other worlds, the same for all, and the best is returned. The result depends only on the arguments, and
+    not on `jobs`.
 
     Parameters
     ----------
     trial : Trial, optional
-        How a candidate is tried, and what it is worth.
+        How a candidate is tried, and its fitness.
     maps : sequence of map, name or path, or a single one
     generations, population : int
     sigma : float
@@ -224,13 +219,13 @@ def evolve(
         How the finalists are tried, which differs from `trial` in robots, steps and fitness at most; by default for
         four times as many steps.
     final_maps : as maps, optional
-        Where they are tried; by default on the same maps. Others tell who is good where none was bred.
+        Where they are tried; by default on the same maps. Others measure how controllers generalise.
     rng : int
         Seed of everything random.
     jobs : int
         Processes, -1 for one on each core.
     file : path, optional
-        A .json file that is written after each generation. An evolution that was interrupted goes on from there;
+        A .json file that is written after each generation. An evolution that was interrupted continues from there;
         with more generations, also one that was done.
     progress : bool
         Whether to show a bar with the time left.
@@ -250,7 +245,12 @@ def evolve(
     (2, 4)
     """
     trial, worlds = checked_trial("trial", Trial() if trial is None else trial), checked_maps("maps", maps)
-    last = Finals.of(trial, worlds, final, final_maps, finalists, final_trials)
+    last = replace(trial, steps=LONGER * trial.steps) if final is None else checked_trial("final", final)
+    if replace(last, robots=trial.robots, steps=trial.steps, fitness=trial.fitness) != trial:
+        raise InvalidValueError("final differs from trial in more than robots, steps and fitness; make it the same")
+    last_worlds = worlds if final_maps is None else checked_maps("final_maps", final_maps)
+    finalists = check_count("finalists", finalists, minimum=1)
+    final_trials = check_count("final_trials", final_trials, minimum=1)
     count = check_count("generations", generations, minimum=1, maximum=1_000_000)
     streams = Streams(np.random.SeedSequence(check_count("rng", rng, maximum=2**63 - 1)))
     workers = checked_jobs(jobs)
@@ -258,7 +258,7 @@ def evolve(
     search = Evolution(_first(trial, constant), sigma=sigma, population=population, seed=seed)
     begins = {"rng": rng, "sigma": sigma, "constant": constant, "population": population}
     diary = Diary(file, {**settings_of(trial, worlds), **begins})
-    diary.retell(search, count)
+    diary.replay(search, count)
     seeds = streams["worlds"].integers(2**63, size=count).tolist()
     with progress_bar(count, "generations", progress) as bar:
         bar.update(search.generations)
@@ -267,68 +267,24 @@ def evolve(
             search.tell(in_order(workers, trial.fitness_of, tried))
             diary.write(search)
             bar.update()
-    policy = last.best(search, streams["final"], workers, trial.robots * trial.steps)
-    return Evolved(policy, np.array(search.told))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Finals:
-    """How the best of the last middles is found, in worlds in which none was tried.
-
-    Parameters
-    ----------
-    trial : Trial
-    worlds : list of Map
-        They take turns.
-    finalists, trials : int
-        At least 1.
-    """
-
-    trial: Trial
-    worlds: list[Map]
-    finalists: int
-    trials: int
-
-    @classmethod
-    def of(
-        cls,
-        trial: Trial,
-        worlds: list[Map],
-        final: Trial | None,
-        maps: Maps | None,
-        finalists: int,
-        trials: int,
-    ) -> "Finals":
-        """Return the finals of an evolution with this trial on these worlds, or refuse them."""
-        last = replace(trial, steps=LONGER * trial.steps) if final is None else checked_trial("final", final)
-        if replace(last, robots=trial.robots, steps=trial.steps, fitness=trial.fitness) != trial:
-            raise InvalidValueError("final differs from trial in more than robots, steps and fitness; make it the same")
-        return cls(
-            trial=last,
-            worlds=worlds if maps is None else checked_maps("final_maps", maps),
-            finalists=check_count("finalists", finalists, minimum=1),
-            trials=check_count("final_trials", trials, minimum=1),
-        )
-
-    def best(self, search: Evolution, rng: np.random.Generator, workers: int, a_try: int) -> ReflexPolicy:
-        """Return the policy of the middle that does best; `a_try` is the robot-steps of a candidate's trial."""
-        means, worlds, trial = search.means[-self.finalists :], self.worlds, self.trial
-        seeds = rng.integers(2**63, size=self.trials).tolist()
-        tasks = [(x, worlds[k % len(worlds)], seeds[k]) for x in means for k in range(self.trials)]
-        worth = np.reshape(in_order(workers, trial.fitness_of, tasks), (len(means), self.trials)).mean(axis=1)
-        best = int(np.argmax(worth))
-        return trial.policy(
-            means[best],
-            steps=search.generations * search.population * a_try + len(tasks) * trial.robots * trial.steps,
-            learner="evolution",
-            fitness=trial.fitness.kind,
-            generations=search.generations,
-            worth=float(worth[best]),
-        )
+    means, seeds = search.means[-finalists:], streams["final"].integers(2**63, size=final_trials).tolist()
+    tried = [(x, last_worlds[k % len(last_worlds)], seeds[k]) for x in means for k in range(final_trials)]
+    worth = np.reshape(in_order(workers, last.fitness_of, tried), (len(means), final_trials)).mean(axis=1)
+    best = int(np.argmax(worth))
+    policy = last.policy(
+        means[best],
+        steps=search.generations * search.population * trial.robots * trial.steps
+        + len(tried) * last.robots * last.steps,
+        learner="evolution",
+        fitness=last.fitness.kind,
+        generations=search.generations,
+        worth=float(worth[best]),
+    )
+    return Evolved(policy, np.array(search.history))
 
 
 def checked_trial(name: str, trial: object) -> Trial:
-    """Return what is a trial, or refuse it."""
+    """Return a trial, or refuse anything else."""
     if not isinstance(trial, Trial):
         raise InvalidValueError(f"{name} is {shortened(trial)}; expected Trial(...)")
     return trial
@@ -354,12 +310,12 @@ def _first(trial: Trial, constant: float) -> np.ndarray:
 
 
 def settings_of(trial: Trial, worlds: list[Map]) -> dict:
-    """Return all that decides what a fitness is, as texts and numbers."""
-    told = {name: getattr(trial, name) for name in ("robots", "steps", "units", "squash", "encoding", "mirrored")}
-    # A drive of one's own may have no repr that says what it holds, be it in a __dict__ or in slots.
+    """Return all that decides a fitness, as texts and numbers."""
+    numbers = {name: getattr(trial, name) for name in ("robots", "steps", "units", "squash", "encoding", "mirrored")}
+    # The repr of a custom drive may not show its values, which are in a __dict__ or in slots.
     held = object.__getstate__(trial.design.drive)
     return {
-        **told,
+        **numbers,
         "design": without_addresses(f"{trial.design!r} {held!r}" if held else repr(trial.design)),
         "fitness": asdict(trial.fitness),
         "maps": [shown_value(each) for each in worlds],

@@ -144,10 +144,6 @@ def checked_experiment(
 def checked_class(model: object) -> type:
     """Return the class of a model, or of the model of this name in the gallery.
 
-    Raises
-    ------
-    InvalidValueError, UnknownNameError
-
     Examples
     --------
     >>> checked_class("fire_fighting").__name__

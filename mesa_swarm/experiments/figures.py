@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -17,21 +18,21 @@ from mesa_swarm.viewing.final_state import FinalState
 from mesa_swarm.viewing.palette import LIGHT
 from mesa_swarm.viewing.pictures import literal, png, world_figure
 
-# Of a screen that is shown to a class: 16 to 9, letters that can be read from the last row.
+# Of a screen in a lecture room: 16 to 9, letters that can be read from the last row.
 WIDE = (12.8, 7.2)
 TITLE, TEXT = 17, 14
 MOST_ROWS = 12
 # Half the width over which the pairs of one value are spread, as a part of the way to the next value.
 SPREAD = 0.28
-# How far beside its runs a mean stands, likewise.
+# Distance of a mean from its runs, likewise.
 ASIDE = 0.14
-# As parts of all numbers: how far beyond them what has none stands, half the width of its place, and where the axis of
-# numbers ends.
+# As parts of the range of all numbers: how far beyond it missing numbers are drawn, half the width of that lane, and
+# where the axis of numbers ends.
 LANE, BROAD, END = 0.3, 0.13, 0.08
 
 
 def main_measure(comparison: PairedRuns) -> str:
-    """Return what a comparison is about: the model's headline if it was measured, else the first measure."""
+    """Return the main measure of a comparison: the model's headline if it was measured, else the first."""
     headline: str = getattr(comparison.plan.model_class, "headline", ("",))[0]
     return headline if headline in comparison.measures else comparison.measures[0]
 
@@ -40,7 +41,7 @@ def comparison_figure(comparison: PairedRuns, measures: Sequence[str]) -> Figure
     """Return a figure with a row for each measure: on the left all runs, on the right differences on the same seed.
 
     A thin line is a seed. Rings are means, and bars their 95 % intervals, beside the runs and not upon them. An
-    interval of the differences that does not meet the line at 0 is drawn in orange. Times that never came stand on a
+    interval of the differences that excludes 0 is drawn in orange. Times that did not occur are drawn on a
     dotted line beyond a gap, where the axis has ended.
 
     Parameters
@@ -67,7 +68,7 @@ def _draw_runs(axes: Axes, comparison: PairedRuns, measure: str) -> None:
     """Draw every run, those of one seed joined, and the mean under each value."""
     plan = comparison.plan
     places = places_of(plan.values)
-    columns = np.array([_numbers(comparison.column(value, measure)) for value in plan.values])
+    columns = np.array([comparison.column(value, measure) for value in plan.values], float)
     if measure.endswith(TIME):
         axes.yaxis.set_major_locator(MaxNLocator("auto", integer=True, min_n_ticks=1))
         if np.isnan(columns).any():
@@ -81,7 +82,7 @@ def _draw_runs(axes: Axes, comparison: PairedRuns, measure: str) -> None:
         aside = ASIDE * nearest * (1 if i else -1)  # the first to the left, where no lines are
         _draw_interval(axes, place + aside, summarised(comparison.column(value, measure)).mean, LIGHT.series[0])
     axes.set_xlim(places.min() - 0.3 * nearest, places.max() + 0.3 * nearest)
-    axes.set_title(literal(_wrapped(measure)), fontsize=TEXT)
+    axes.set_title(literal(fill(measure, 45, break_long_words=False)), fontsize=TEXT)
     _label_values(axes, comparison, measure, places, plan.values)
 
 
@@ -107,7 +108,7 @@ def _draw_differences(axes: Axes, comparison: PairedRuns, measure: str) -> None:
 
 
 def _pairs(base: Sequence[float | None], column: Sequence[float | None], measure: str) -> np.ndarray:
-    """Return the differences in rising order; of times infinite ones too, where one of the two never came."""
+    """Return the differences in rising order; of times infinite ones too, where one of the two did not occur."""
     differences = np.array(pair_differences(base, column), float)
     if measure.endswith(TIME):
         never = [(a is None) - (b is None) for a, b in zip(base, column, strict=True)]
@@ -116,7 +117,7 @@ def _pairs(base: Sequence[float | None], column: Sequence[float | None], measure
 
 
 def _name_lanes(axes: Axes, pairs: dict[Any, np.ndarray], first: Any) -> None:
-    """Say where the pairs are of which one never came."""
+    """Label where the pairs are of which one did not occur."""
     together = np.concatenate([[0.0], *pairs.values()])
     other = next(iter(pairs)) if len(pairs) == 1 else "this"
     for side, never in ((-1, first), (1, other)):
@@ -129,20 +130,20 @@ def _name_lanes(axes: Axes, pairs: dict[Any, np.ndarray], first: Any) -> None:
 
 
 def _reach(numbers: np.ndarray) -> tuple[float, float, float]:
-    """Return the least and the greatest of those that are numbers, and how far they lie apart."""
+    """Return the smallest and the largest of the finite numbers, and their difference."""
     finite = numbers[np.isfinite(numbers)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
     return low, high, (high - low) or 1.0
 
 
 def _lane(numbers: np.ndarray, side: int) -> float:
-    """Return where to draw what has no number: beyond a gap after all that have one."""
+    """Return where to draw missing numbers: beyond a gap after all others."""
     low, high, span = _reach(numbers)
     return high + LANE * span if side > 0 else low - LANE * span
 
 
 def _name_lane(axes: Axes, numbers: np.ndarray, side: int, text: str) -> None:
-    """Draw the place of what has no number, and say what stands there."""
+    """Draw and label the place of missing numbers."""
     lane, half = _lane(numbers, side), BROAD * _reach(numbers)[2]
     axes.axhspan(lane - half, lane + half, color=LIGHT.band, linewidth=0, zorder=0)
     axes.axhline(lane, color=LIGHT.ink, linewidth=0.8, linestyle=":")
@@ -151,7 +152,7 @@ def _name_lane(axes: Axes, numbers: np.ndarray, side: int, text: str) -> None:
 
 
 def _end_axis(axes: Axes, numbers: np.ndarray) -> None:
-    """Let the axis, and what is written on it, end with the numbers."""
+    """Let the axis and its labels end with the numbers."""
     if not np.isfinite(numbers).any():
         axes.yaxis.set_major_locator(FixedLocator([]))
         axes.spines["left"].set_visible(False)
@@ -165,7 +166,7 @@ def _end_axis(axes: Axes, numbers: np.ndarray) -> None:
 
 
 def places_of(values: Sequence[Any]) -> np.ndarray:
-    """Return where values stand on an axis: numbers where they are, words one after the other.
+    """Return the positions of values on an axis: numbers by value, words one after the other.
 
     Examples
     --------
@@ -178,13 +179,13 @@ def places_of(values: Sequence[Any]) -> np.ndarray:
 
 
 def _are_numbers(values: Sequence[Any]) -> bool:
-    """Whether values make an axis: numbers that rise."""
+    """Return whether values form an axis: rising numbers."""
     numbers = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values)
     return numbers and all(a < b for a, b in pairwise(values))
 
 
 def spread_out(n: int, reach: float) -> np.ndarray:
-    """Return offsets of n dots, so that they stand beside each other.
+    """Return offsets of n dots beside each other.
 
     Examples
     --------
@@ -207,7 +208,7 @@ def _draw_interval(axes: Axes, place: float, interval: Interval, colour: str) ->
 def _label_values(
     axes: Axes, comparison: PairedRuns, measure: str, places: np.ndarray, values: Sequence[Any], paired: bool = False
 ) -> None:
-    """Name the values below the axis, with in how many runs it happened if not in all."""
+    """Name the values below the axis, with the number of runs in which it occurred if not in all."""
     plan = comparison.plan
     labels = [f"{literal(str(value))}{_count(comparison, measure, value, paired)}" for value in values]
     turned: dict[str, Any] = {"rotation": 45, "ha": "right"} if len(labels) * max(map(len, labels)) > 60 else {}
@@ -225,18 +226,6 @@ def _count(comparison: PairedRuns, measure: str, value: Any, paired: bool) -> st
     return f"\n{n} of {len(column)} {'pairs' if paired else 'runs'}" if n < len(column) else ""
 
 
-def _numbers(column: Sequence[float | None]) -> list[float]:
-    return [np.nan if number is None else number for number in column]
-
-
-def _wrapped(text: str) -> str:
-    """Break a long name after a word, so that it stays above its panel."""
-    if len(text) <= 45:
-        return text
-    at = text.rfind(" ", 0, 45)
-    return text if at < 0 else f"{text[:at]}\n{text[at + 1 :]}"
-
-
 COLOURS = LIGHT.series
 MOST_PICTURED = 6
 
@@ -248,7 +237,7 @@ def comparison_pictures(comparison: PairedRuns) -> dict[str, bytes]:
         f"{plan.model_class.__name__}, {plan.parameter} {value}, seed {plan.seeds[0]}": portrait
         for value, portrait in list(comparison.portraits.items())[:MOST_PICTURED]
     }
-    worlds = {f"{title}, step {portrait.frame.step:,}": portrait.world for title, portrait in portraits.items()}
+    worlds = {f"{title}, step {portrait.frame.step:,}": portrait for title, portrait in portraits.items()}
     pictures = {"comparison.png": comparison_figure(comparison, [main_measure(comparison)])}
     if len(comparison.measures) > 1:
         pictures["comparison_all.png"] = comparison_figure(comparison, comparison.measures)
@@ -265,8 +254,8 @@ def write_with_pictures(
 ) -> list[Path]:
     """Write tables and pictures by name, all of them or none, and return their paths.
 
-    What came of runs that may have taken hours is not lost with a picture that cannot be drawn: then the tables are
-    written without any, all of them or none, and the error is raised.
+    If a picture cannot be drawn, the tables are written without any, all of them or none, and the error is raised: the
+    runs may have taken hours.
 
     Parameters
     ----------
@@ -315,7 +304,7 @@ def _draw_block(block: SubFigure, title: str, history: dict[str, np.ndarray], li
 
 
 def _held(steps: np.ndarray, robots: np.ndarray, last: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return a fire's history, held until the last step of all if it is out: it stays out for ever."""
+    """Return a fire's history, held until the last step of all if it is out: 0 is absorbing."""
     if robots[-1] >= 0:
         return steps, robots
     return np.append(steps, last), np.append(robots, -1)
@@ -335,7 +324,7 @@ def _draw_strip(axes: Axes, i: int, steps: np.ndarray, robots: np.ndarray) -> No
 
 
 def series_figure(portraits: dict[str, FinalState]) -> Figure:
-    """Return a figure of what was collected of the models in every step, a panel for each variable.
+    """Return a figure of the variables that were collected in every step, a panel for each.
 
     Lines are means over a fortieth of the steps, so that rare events can be seen as rates.
 

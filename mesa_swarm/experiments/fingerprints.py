@@ -15,7 +15,7 @@ from mesa_swarm.gallery import PACKAGE as MODELS
 PACKAGE = Path(__file__).resolve().parent.parent
 # The version number of these packages stands for their content.
 VERSIONED = ("builtins", "mesa", "mesa_swarm")
-# What decides the result of a run, apart from the files that say which runs there are.
+# Files that decide the result of a run, apart from those that define the runs.
 ENGINE = (
     *("geometry", "world", "robots", "physics", "control", "fire", "learning", "analysis"),
     *("streams.py", *sorted(path.name for path in PACKAGE.glob("*model.py"))),

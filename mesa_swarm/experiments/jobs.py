@@ -37,7 +37,7 @@ def _field(check: Callable, value: Any, info: ValidationInfo) -> Any:
 
 
 def _checked_by(check: Callable, **limits: Any) -> BeforeValidator:
-    """Return a validator that refuses in this package's words: the check gets the key and the value."""
+    """Return a validator with this package's messages: the check gets the key and the value."""
     return BeforeValidator(partial(_field, partial(check, **limits)))
 
 
@@ -78,7 +78,7 @@ class RecordTable(_Table):
     columns : list of str, optional
         By default what one needs to look at the run.
     exact : bool
-        Whether real numbers keep all 64 bits.
+        Whether real numbers are stored with all 64 bits.
     """
 
     model_config = ConfigDict(extra="allow")
@@ -89,7 +89,7 @@ class RecordTable(_Table):
     exact: bool = False
 
     def options(self) -> dict[str, Any]:
-        """Return what is passed on to `record`, which knows more options than are listed here."""
+        """Return the options of `record`, which has more of them than are listed here."""
         given = {**dict(self), **(self.model_extra or {})}
         for key in given:
             if key != "file" and key not in OPTIONS:
@@ -111,7 +111,7 @@ class RunTable(_Table):
     robots : int, optional
         Short for the parameter n_robots.
     steps : int, optional
-        At most; by default what the model says.
+        At most; by default those that the model declares.
     seeds : int or list of int
         How many (1, 2, ...), or which.
     measure : list of str, optional
@@ -147,7 +147,7 @@ class RunTable(_Table):
         if self.sample is None:
             return self.grid or {}
         if self.grid is not None:
-            raise InvalidValueError("grid and sample are both given; keep one of them")
+            raise InvalidValueError("grid and sample are both given; leave one out")
         return Sample(self.sample.kind, self.sample.ranges, self.sample.points, self.sample.rng)
 
     def records(self, folder: Path, experiment: Experiment) -> RunRecords | None:
@@ -160,11 +160,7 @@ class RunTable(_Table):
 
 
 def checked_run(table: dict[str, Any]) -> RunTable:
-    """Return what a table says of one run.
-
-    Raises
-    ------
-    InvalidValueError
+    """Return the run of a table, checked.
 
     Examples
     --------
@@ -220,7 +216,7 @@ class Job:
 
 
 def read_job(path: str | os.PathLike[str]) -> Job:
-    """Return what a job file says, after building the model of every experiment in it once.
+    """Return the job of a file, after building the model of every experiment in it once.
 
     Parameters
     ----------
@@ -253,10 +249,6 @@ def recorded_to(job: Job, file: Path) -> Job:
     job : Job
     file : Path
         ``{seed}`` and ``{name}`` in its name stand for each run's. Its folder may be any.
-
-    Raises
-    ------
-    SwarmError
 
     Examples
     --------
@@ -308,7 +300,7 @@ def _naming(file: str, place: str = "") -> Iterator[None]:
         raise
     except SwarmError as error:
         words = " ".join(str(error).split())
-        named = "" if words.startswith(f"{file}:") else file  # its own text does so where it is no TOML
+        named = "" if words.startswith(f"{file}:") else file  # as where it is not TOML
         raise _refusal(named, place, words) from None
     except RecursionError:
         raise _refusal(file, "", "tables or lists are nested too deeply") from None
@@ -348,7 +340,7 @@ def _with_different_recordings(job: Job) -> Job:
 
 
 def _recordings(job: Job) -> Iterator[str]:
-    """Yield the files of all recordings as systems see them that take small letters for capitals."""
+    """Yield the files of all recordings in lower case: some systems do not distinguish capitals."""
     recorded = [e for e, records in zip(job.experiments, job.records, strict=True) if records is not None]
     count = sum(len(experiment.seeds) for experiment in recorded)
     check_count("number of recordings", count, maximum=MOST_RECORDINGS)

@@ -21,7 +21,7 @@ from mesa_swarm.experiments.fingerprints import engine_hash, fingerprint
 from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.runs import Run, call, completed
-from mesa_swarm.experiments.statistics import Interval, bootstrap_interquartile_mean
+from mesa_swarm.experiments.statistics import Interval, bootstrap_interquartile_mean, known
 from mesa_swarm.experiments.tables import csv_text
 from mesa_swarm.files import check_writable
 from mesa_swarm.viewing.palette import LIGHT
@@ -30,7 +30,7 @@ from mesa_swarm.world.map import Map, builtin_maps
 from mesa_swarm.world.random_map import random_map
 
 LEDGER = "ledger.jsonl"
-# A result depends on these and on the engine: whoever changes this code does the runs again.
+# Results depend on these files and on the engine; after a change the runs are repeated.
 SOURCES = ("experiments/contestants.py", "experiments/driving.py", "experiments/evolution.py")
 # Generated maps that no contestant was trained, bred or chosen on: all are compared on GENERATED; UNSEEN, which were
 # not looked at before everything else was fixed, show whether the target is reached.
@@ -46,7 +46,7 @@ APART = 1_000_000
 
 @dataclass(frozen=True, kw_only=True)
 class Benchmark:
-    """What is to be measured.
+    """A benchmark of learning.
 
     Parameters
     ----------
@@ -58,10 +58,6 @@ class Benchmark:
         On each map.
     only : sequence of str
         Names of contestants; all by default.
-
-    Raises
-    ------
-    InvalidValueError, UnknownNameError
 
     Examples
     --------
@@ -85,13 +81,13 @@ class Benchmark:
 
     @property
     def names(self) -> list[str]:
-        """Who takes part, in the order of the table."""
+        """The contestants, in the order of the table."""
         return [name for name in contestants() if not self.only or name in self.only]
 
     def maps(self, seed: int) -> tuple[str, ...]:
-        """Return the maps on which what was trained with a seed is measured.
+        """Return the maps on which a training with this seed is measured.
 
-        The built-in ones, and two of the 20 generated ones: ten seeds see all of them.
+        The built-in ones, and two of the 20 generated ones: ten seeds cover all of them.
         """
         first = 2 * (seed - 1)
         mine = (GENERATED[k % len(GENERATED)] for k in (first, first + 1))
@@ -203,7 +199,7 @@ def measured(benchmark: Benchmark, *, name: str, rng: int) -> dict[str, float]:
 
 
 def on_every_map(trained: Trained, seed: int, steps: int) -> dict[str, float]:
-    """Return by measure the means over all unseen maps of what was learned with a seed, frozen."""
+    """Return by measure the means over all unseen maps, frozen."""
     rows = [_measures(trained, "frozen", f"random {number}", seed, steps) for number in UNSEEN]
     return {measure: float(np.mean([row[measure] for row in rows])) for measure in rows[0]}
 
@@ -228,7 +224,7 @@ def map_named(place: str) -> Map:
 
 
 def group_of(place: str) -> str:
-    """Return what kind of map it is: where the training was, another that is built in, a generated one, or all unseen.
+    """Return the group of a map: that of the training, another built-in one, a generated one, or all unseen.
 
     Examples
     --------
@@ -243,18 +239,18 @@ def group_of(place: str) -> str:
 TITLES = {
     "home": "On the map of the training (`original`)",
     "built in": "On the other built-in maps",
-    "generated": "On generated maps that nobody was trained on",
+    "generated": "On generated maps that were not used for training",
 }
 HOW = {"frozen": "frozen", "learning": "still learning"}
 GROUPS = tuple(TITLES)
 HEADER = ("contestant", "collisions [95 %]", "worst", "ahead", "coverage")
-# What is asked of a good one: hardly any collisions, most of the greatest speed, and to see what the rule sees.
+# Required: few collisions, most of the greatest speed, and the coverage of the rule.
 FEW, FAST = 0.5, 0.6
 
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """What one contestant did on maps of one group.
+    """The results of one contestant on maps of one group.
 
     Parameters
     ----------
@@ -278,7 +274,7 @@ class Line:
 
 
 def lines_of(runs: Sequence[Training]) -> list[Line]:
-    """Return a line for each group of maps, mode and contestant, those left out that do not learn while they drive."""
+    """Return a line for each group of maps, mode and contestant, without those that do not learn while they drive."""
     names = list(dict.fromkeys(run.name for run in runs))
     lines = []
     for group in GROUPS:
@@ -291,7 +287,7 @@ def lines_of(runs: Sequence[Training]) -> list[Line]:
 
 
 def values_of(runs: Sequence[Training], name: str, group: str, mode: str) -> dict[str, list[float]]:
-    """Return what one contestant did on maps of a group: by measure, a value for each seed and map."""
+    """Return the results of one contestant on maps of a group: by measure, a value for each seed and map."""
     found: dict[str, list[float]] = {measure: [] for measure in MEASURES}
     for run in runs:
         for place, how, measure, value in run.rows() if run.name == name else ():
@@ -307,7 +303,7 @@ def _line(name: str, group: str, mode: str, found: dict[str, list[float]]) -> Li
 
 
 def markdown(benchmark: Benchmark, runs: Sequence[Training]) -> str:
-    """Return all tables as Markdown: how long training took, then one table for each group of maps and mode."""
+    """Return all tables as Markdown: the training times, then one table for each group of maps and mode."""
     parts = [_training(benchmark, runs)]
     lines = lines_of(runs)
     for group in GROUPS:
@@ -331,26 +327,26 @@ def _training(benchmark: Benchmark, runs: Sequence[Training]) -> str:
 
 def _on_every_map(runs: Sequence[Training], name: str) -> dict[int, list[float]]:
     """Return by seed the collisions, the speed ahead and the coverage, means over all unseen maps."""
-    asked = [f"{EVERY}|frozen|{measure}" for measure in ("collisions", "speed ahead", "coverage")]
-    found = {run.seed: [run.numbers.get(key) for key in asked] for run in runs if run.name == name}
+    required = [f"{EVERY}|frozen|{measure}" for measure in ("collisions", "speed ahead", "coverage")]
+    found = {run.seed: [run.numbers.get(key) for key in required] for run in runs if run.name == name}
     return {seed: [v for v in values if v is not None] for seed, values in found.items() if None not in values}
 
 
 def seed_by_seed(runs: Sequence[Training], name: str) -> str:
-    """Return a table of who reaches what is asked: by each seed alone, and in the mean."""
+    """Return a table of what is required, by each seed alone, and in the mean."""
     mine, rule = _on_every_map(runs, name), _on_every_map(runs, RULE)
     found = {str(seed): (*values, rule[seed][2] if seed in rule else math.nan) for seed, values in mine.items()}
     found["mean"] = tuple(np.mean(list(found.values()), axis=0))
     rows = [
-        (row, f"{c:.2f}", f"{a:.2f}", f"{s:.3f}", f"{r:.3f}", _reached(c, a, s, r))
+        (row, f"{c:.2f}", f"{a:.2f}", f"{s:.3f}", f"{r:.3f}", _passed(c, a, s, r))
         for row, (c, a, s, r) in found.items()
     ]
-    header = ("seed", "collisions", "ahead", "coverage", "of the rule", "reached")
+    header = ("seed", "collisions", "ahead", "coverage", "of the rule", "passed")
     title = f"**{name}: each seed on all twenty unseen maps, frozen (means)**"
     return "\n".join([title, "", *_table([header, *rows])])
 
 
-def _reached(collisions: float, ahead: float, seen: float, of_the_rule: float) -> str:
+def _passed(collisions: float, ahead: float, seen: float, of_the_rule: float) -> str:
     return "yes" if collisions <= FEW and ahead >= FAST and seen >= of_the_rule else "no"
 
 
@@ -387,17 +383,13 @@ def summary_json(benchmark: Benchmark, runs: Sequence[Training]) -> str:
         {
             **{name: getattr(line, name) for name in ("name", "group", "mode", "worst", "ahead", "coverage")},
             "collisions": line.collisions.estimate,
-            "collisions_low": _finite(line.collisions.low),
-            "collisions_high": _finite(line.collisions.high),
+            "collisions_low": known(line.collisions.low),
+            "collisions_high": known(line.collisions.high),
         }
         for line in lines_of(runs)
     ]
     settings = {name: getattr(benchmark, name) for name in ("seeds", "steps", "evaluation_steps")}
     return json.dumps({**settings, "lines": lines}, indent=1, allow_nan=False) + "\n"
-
-
-def _finite(number: float) -> float | None:
-    return None if math.isnan(number) else number
 
 
 MARKS = "osD^vP*Xhp"
@@ -415,7 +407,7 @@ def learning_pictures(runs: Sequence[Training]) -> dict[str, bytes]:
 
 
 def speed_figure(lines: Sequence[Line]) -> Figure:
-    """Return collisions over speed ahead, a panel for each group of maps: full marks frozen, hollow still learning."""
+    """Return collisions over speed ahead, a panel for each group of maps: full markers frozen, hollow learning."""
     figure = Figure(figsize=(12.8, 5.6), layout="constrained")
     names = list(dict.fromkeys(line.name for line in lines))
     panels = figure.subplots(1, len(GROUPS), sharex=True, sharey=True)

@@ -25,11 +25,11 @@ ROWS = ("reward", "learned value Q", "probability of choice")
 
 
 def reward_figure(profiles: Mapping[str, tuple[Profile, Profile]], critical: float = 0.4) -> Figure:
-    """Return a figure of rewards, what was learned by each, and how it chooses.
+    """Return a figure of rewards, the values learned from each, and the probabilities of choice.
 
     A column for each title; the critical distance is dotted. Vertical lines mark leaps of the reward, and in the rows
-    below where another action becomes the best. Thick pale lines are plateaus, shaded stretches those in which no
-    action is chosen more often than all others together.
+    below changes of the best action. Thick pale lines are plateaus; in shaded stretches no action is chosen more often
+    than all others together.
 
     Parameters
     ----------
@@ -98,22 +98,14 @@ TITLES = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FireRun:
-    """What a run of the model `LearningFires` shows.
-
-    Parameters
-    ----------
-    rounds : ndarray, shape (k,)
-        How many steps each lasted.
-    results : dict
-        Of the model.
-    """
+    """A run of the model `LearningFires`: the steps of each round, shape (k,), and the model's results."""
 
     rounds: np.ndarray
     results: dict[str, float | None]
 
 
 def fire_run(controller: str, *, rng: int, steps: int = 60_000, **settings: float) -> FireRun:
-    """Let robots fight fires in rounds and return what came of it.
+    """Let robots fight fires in rounds, and return the outcome.
 
     Parameters
     ----------
@@ -134,10 +126,6 @@ def fire_run(controller: str, *, rng: int, steps: int = 60_000, **settings: floa
 
 def fire_figure(runs: Mapping[str, Sequence[FireRun]]) -> Figure:
     """Return a figure of runs by controller: a dot a run with means and 95 % intervals, and how long rounds last.
-
-    Parameters
-    ----------
-    runs : mapping of controller to a sequence of FireRun
 
     Examples
     --------
@@ -210,7 +198,7 @@ def demonstrated(x: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LearningRun:
-    """What a run of learning shows.
+    """A run of learning.
 
     Parameters
     ----------
@@ -227,7 +215,7 @@ class LearningRun:
 
 
 def learning_run(*, beta: float, rng: int, steps: int = 33_000, progress: bool = False, **settings: Any) -> LearningRun:
-    """Let robots learn to avoid collisions and return when they collided.
+    """Let robots learn to avoid collisions, and return their collisions by step.
 
     Parameters
     ----------
@@ -315,10 +303,10 @@ def _draw_frequency(axes: Axes, title: str, run: LearningRun, colour: str) -> No
 def regression_figure(
     truth: Callable[[np.ndarray], np.ndarray] = demonstrated, *, rng: int = 1, points: int = 30, networks: int = 40
 ) -> Figure:
-    """Return the thesis's demonstration of regression: noisy points, and what two networks make of them (6.3).
+    """Return the thesis's demonstration of regression (6.3): noisy points, the best network, the worst, and all errors.
 
-    Two hidden units, 200 presentations of every point, learning rate 0.5. Beside it are the errors of more networks,
-    which began with other weights: some stay bad.
+    Two hidden units, 200 presentations of every point, learning rate 0.5. The networks begin with different weights:
+    some stay bad.
 
     Parameters
     ----------
@@ -339,27 +327,21 @@ def regression_figure(
     y = truth(x) + NOISE * chance.standard_normal(len(x))
     fitted = fit(x, y, rng=chance, networks=check_count("networks", networks, minimum=2))
     fine = np.linspace(-1.0, 1.0, 201)
-    said = np.array([fitted.outputs(np.full((networks, 1), place)) for place in fine])
-    errors = np.sqrt(((said - truth(fine)[:, None]) ** 2).mean(axis=0))
+    outputs = np.array([fitted.outputs(np.full((networks, 1), place)) for place in fine])
+    errors = np.sqrt(((outputs - truth(fine)[:, None]) ** 2).mean(axis=0))
+    order = errors.argsort()
     figure = Figure(figsize=(9.0, 3.6), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(2, 1))
-    _draw_regression(left, (x, y), fine, truth(fine), said[:, :2])
-    _draw_errors(right, errors)
+    left.plot(x, y, "o", markersize=3.5, color=LIGHT.soft, label="noisy points")
+    left.plot(fine, truth(fine), ":", color=LIGHT.ink, linewidth=1.2, label="without noise")
+    for which, name, style, colour in ((order[0], "best", "-", COLOURS[0]), (order[-1], "worst", "--", COLOURS[1])):
+        label = f"{name} of {networks} networks"
+        left.plot(fine, outputs[:, which], style, color=colour, linewidth=1.5, label=label)
+    left.set(xlabel="x", ylabel="y")
+    left.legend(fontsize=8, frameon=False)
+    right.plot(np.arange(1, networks + 1), errors[order], "o", markersize=4, color=COLOURS[0])
+    right.axhline(NOISE, color=LIGHT.soft, linestyle=":", linewidth=1.0)
+    right.annotate("noise", (1, NOISE), textcoords="offset points", xytext=(0, 3), fontsize=8)
+    right.set(xlabel="network, from the best to the worst", ylabel="error (root mean square)")
+    right.set_ylim(bottom=0)
     return figure
-
-
-def _draw_regression(axes: Axes, points: tuple, fine: np.ndarray, truth: np.ndarray, said: np.ndarray) -> None:
-    axes.plot(*points, "o", markersize=3.5, color=LIGHT.soft, label="noisy points")
-    axes.plot(fine, truth, ":", color=LIGHT.ink, linewidth=1.2, label="without noise")
-    for k, line in enumerate(said.T):
-        axes.plot(fine, line, ("-", "--")[k], color=COLOURS[k], linewidth=1.5, label=f"network {k + 1}")
-    axes.set(xlabel="x", ylabel="y")
-    axes.legend(fontsize=8, frameon=False)
-
-
-def _draw_errors(axes: Axes, errors: Sequence[float]) -> None:
-    axes.plot(np.arange(1, len(errors) + 1), np.sort(errors), "o", markersize=4, color=COLOURS[0])
-    axes.axhline(NOISE, color=LIGHT.soft, linestyle=":", linewidth=1.0)
-    axes.annotate("noise", (1, NOISE), textcoords="offset points", xytext=(0, 3), fontsize=8)
-    axes.set(xlabel="network, from the best to the worst", ylabel="error (root mean square)")
-    axes.set_ylim(bottom=0)

@@ -222,7 +222,7 @@ class Ledger:
         """Yield where each good line begins and what it holds; refuse another file, and note a torn end."""
         known, torn, line, place = False, None, b"\n", 0
         self._file.seek(0)
-        # A line that is longer than any of ours comes in pieces, which are refused likewise.
+        # A longer line than a ledger has comes in pieces, which are skipped.
         for piece in iter(partial(self._file.readline, LONGEST_LINE), b""):
             is_start, line = line.endswith(b"\n"), piece
             is_ours = is_start and BEGINNING.match(line) is not None
@@ -259,7 +259,7 @@ class Ledger:
 def _opened(path: Path, read_only: bool) -> BinaryIO:
     """Return an open file; it is created unless it is only to be read."""
     try:
-        if path.exists() and not path.is_file():  # to read from a pipe would wait for ever
+        if path.exists() and not path.is_file():  # reading from a pipe would never end
             raise InvalidValueError(f"{shown_path(path)} is not a file; move it away, or choose another folder")
         if not read_only:
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -25,7 +25,7 @@ CHECK_EVERY = 0.5
 
 
 class WorkerDiedError(RuntimeError):
-    """A worker was killed, or crashed, with what it was working at."""
+    """A worker was killed, or crashed, and its task is lost."""
 
 
 def checked_jobs(jobs: int) -> int:
@@ -131,7 +131,7 @@ def end_with(parent: int) -> None:
 
 
 def ending_with_us(script: str) -> str:
-    """Return Python for a process of one's own that ends with this one, from before its imports on.
+    """Return Python code of a process that ends with this one, from before its imports on.
 
     Examples
     --------

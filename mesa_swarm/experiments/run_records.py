@@ -19,13 +19,13 @@ from mesa_swarm.fire.model import FireModel
 from mesa_swarm.recording.recorder import record
 
 SUFFIX = ".arrow"
-# No part of a recording's name may mean more than a name on some system: hidden files, options, streams, devices.
+# No part of a recording's name may have a special meaning on some system: hidden files, options, streams, devices.
 PART = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_+=,.-]{0,99}")
 DEVICE = re.compile(r"(con|prn|aux|nul|conin\$|conout\$|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 
 
 def file_within(folder: Path, name: str) -> Path:
-    """Return a file that a job names if it lies in the job's folder, and is reached by no link.
+    """Return a file that a job names if it is in the job's folder, and not reached by a link.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def file_within(folder: Path, name: str) -> Path:
 
 
 def recording_within(folder: Path, name: str) -> Path:
-    """Return a file to record to if it lies in the job's folder and has a name that is plain on every system.
+    """Return a file to record to if it is in the job's folder and its name is portable.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def recording_within(folder: Path, name: str) -> Path:
             raise InvalidValueError(f"{shortened(name)} is the name of a device; choose another")
         if not PART.fullmatch(part) or part.endswith("."):
             wanted = "letters, digits and _+=,.- between slashes, with no dot or dash before or dot after"
-            raise InvalidValueError(f"{shortened(name)} is no name for a recording; expected {wanted}")
+            raise InvalidValueError(f"{shortened(name)} is not a name for a recording; expected {wanted}")
     if path.suffix != SUFFIX:
         raise InvalidValueError(f"{shortened(name)} does not end in {SUFFIX}, as recordings do; add it")
     return path
@@ -90,14 +90,14 @@ def recording_within(folder: Path, name: str) -> Path:
 def _is_link(path: Path) -> bool:
     try:
         return path.is_symlink() or path.is_junction() if hasattr(path, "is_junction") else path.is_symlink()
-    except (OSError, ValueError):  # a name too long for the system, or with a null byte: it is no file either
+    except (OSError, ValueError):  # a name too long for the system, or with a null byte
         return False
 
 
 PLACES = ("name", "seed")
 AGAIN = "make room and sweep again"
 PLACE = re.compile(r"\{([^{}]*)\}")
-# What a job says of a recording is passed on to `record`; these are not the job's to say.
+# A job's options of a recording are passed on to `record`, except those that the job must not set.
 OPTIONS = tuple(
     name for name in inspect.signature(record).parameters if name not in ("model", "path", "overwrite", "rerun")
 )
@@ -115,10 +115,6 @@ class RunRecords:
         Relative to the folder; ``{seed}`` and ``{name}`` stand for the run's seed and its experiment's name.
     options : mapping
         What `mesa_swarm.recording.record` takes: every, columns, exact ...
-
-    Raises
-    ------
-    InvalidValueError, UnknownNameError
 
     Examples
     --------
@@ -140,12 +136,7 @@ class RunRecords:
         return recording_within(self.folder, filled_in(self.file, name, seed))
 
     def check(self, experiment: Experiment) -> None:
-        """Refuse options that cannot be, and one file for several runs.
-
-        Raises
-        ------
-        SwarmError
-        """
+        """Refuse impossible options, and one file for several runs."""
         if len(experiment.seeds) > 1 and "{seed}" not in self.file:
             raise InvalidValueError(
                 f"{len(experiment.seeds)} runs would be recorded to {shortened(self.file)}; put {{seed}} into its name"
@@ -176,10 +167,6 @@ def filled_in(file: str, name: str, seed: int) -> str:
 def chosen_options(record: object) -> Mapping[str, Any] | None:
     """Return the options of recordings, none of them for True, and None if nothing is to be recorded.
 
-    Raises
-    ------
-    InvalidValueError
-
     Examples
     --------
     >>> chosen_options(True), chosen_options({"every": 10}), chosen_options(False)
@@ -195,12 +182,7 @@ def chosen_options(record: object) -> Mapping[str, Any] | None:
 
 
 def check_options(options: Mapping[str, Any], experiment: Experiment) -> None:
-    """Refuse options of a recording that `record` would not take for this experiment, by recording nothing.
-
-    Raises
-    ------
-    SwarmError
-    """
+    """Refuse options that `record` would refuse for this experiment, by an empty recording."""
     for name in options:
         check_choice("option of a recording", name, OPTIONS)
     with TemporaryDirectory() as folder:
@@ -231,7 +213,7 @@ def recorded(model: FireModel, path: Path, options: Mapping[str, Any], overwrite
 
 @dataclass(frozen=True, slots=True)
 class Archive:
-    """The recordings of a sweep: one file a run, named by the run's key, so that none is in the way of another.
+    """The recordings of a sweep: one file per run, named by the run's key.
 
     Parameters
     ----------
@@ -249,7 +231,7 @@ class Archive:
     options: Mapping[str, Any]
 
     def file(self, key: str) -> Path:
-        """Return the file of a run, which is there when all of it was recorded."""
+        """Return the file of a run, which exists when all of it was recorded."""
         return self.folder / f"{key}{SUFFIX}"
 
     def clear(self, key: str) -> None:
@@ -286,6 +268,6 @@ class Archive:
 
 
 def _of_file(error: RecordingError, draft: Path, file: Path) -> RecordingError:
-    """Return an error about a draft as one about its file, of which nothing is there."""
+    """Return an error about a draft as one about its file, which does not exist."""
     before, named, after = str(error).partition(shown_path(draft))
     return RecordingError(f"{before}{shown_path(file)}{after.partition(';')[0]}; {AGAIN}") if named else error

@@ -48,12 +48,12 @@ class Run:
         return self.make(**self.settings, rng=self.rng)
 
 
-Result = TypeVar("Result", bound=Outcome)
+SomeOutcome = TypeVar("SomeOutcome", bound=Outcome)
 
 
 def do_runs(
     runs: Iterable[Run],
-    work: Callable[[Run], Result],
+    work: Callable[[Run], SomeOutcome],
     *,
     count: int,
     done: int = 0,
@@ -62,7 +62,7 @@ def do_runs(
     tries: int = 1,
     progress: bool = False,
     unit: str = "runs",
-) -> Iterator[tuple[Run, Result]]:
+) -> Iterator[tuple[Run, SomeOutcome]]:
     """Do outstanding runs, store each outcome before the next is waited for, and yield both.
 
     Parameters
@@ -289,12 +289,7 @@ def check_result(name: str, number: object) -> float:
 
 
 def check_results(model_class: type, model: SwarmModel) -> None:
-    """Refuse a model without results, or with a result that is not a number.
-
-    Raises
-    ------
-    InvalidValueError
-    """
+    """Refuse a model without results, or with a result that is not a number."""
     results = getattr(model, "results", None)
     if results is None:
         raise InvalidValueError(f"{model_class.__name__} has no method results(), which returns what is compared")
@@ -304,8 +299,8 @@ def check_results(model_class: type, model: SwarmModel) -> None:
 
 
 def _outcomes(
-    runs: Iterable[Run], work: Callable[[Run], Result], workers: int, tries: int
-) -> Iterator[tuple[Run, Result]]:
+    runs: Iterable[Run], work: Callable[[Run], SomeOutcome], workers: int, tries: int
+) -> Iterator[tuple[Run, SomeOutcome]]:
     """Yield runs with their outcomes as they are done, and go on when workers die."""
     if workers == 1 and not is_remote():
         yield from ((run, work(run)) for run in runs)
@@ -339,11 +334,11 @@ def _noted(runs: Iterable[Run], work: Callable, under_way: dict[str, Run]) -> It
             yield work, run
 
 
-def _keyed(work: Callable[[Run], Result], run: Run) -> tuple[str, Result]:
+def _keyed(work: Callable[[Run], SomeOutcome], run: Run) -> tuple[str, SomeOutcome]:
     return run.key, work(run)
 
 
-def _alone(work: Callable[[Run], Result], run: Run, left: int, tries: int) -> Result:
+def _alone(work: Callable[[Run], SomeOutcome], run: Run, left: int, tries: int) -> SomeOutcome:
     """Try a run with nothing beside it, so that no other run can be the cause."""
     for _ in range(left):
         try:
@@ -351,4 +346,4 @@ def _alone(work: Callable[[Run], Result], run: Run, left: int, tries: int) -> Re
             return outcome
         except WorkerDiedError:
             pass
-    return cast(Result, Outcome(error=f"WorkerDiedError: the process died in each of {tries} tries"))
+    return cast(SomeOutcome, Outcome(error=f"WorkerDiedError: the process died in each of {tries} tries"))

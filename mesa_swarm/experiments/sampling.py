@@ -14,9 +14,9 @@ from mesa_swarm.parameters import Parameter, parameters_of
 
 KINDS = ("latin_hypercube", "sobol")
 MOST_POINTS = 1_000_000
-# scipy's direction numbers go so far.
+# scipy has direction numbers for this many.
 MOST_RANGES = 1_000
-# Values of a parameter that `shortened` looks at; it has no room for as many, and says so.
+# Values of a parameter that `shortened` gets; it shows fewer.
 MOST_SHOWN = 40
 
 
@@ -36,10 +36,6 @@ class Sample:
         1 to 1,000,000; a power of two for Sobol'.
     rng : int
         Seed of the sample.
-
-    Raises
-    ------
-    InvalidValueError, UnknownNameError
 
     Examples
     --------
@@ -90,7 +86,7 @@ class Sample:
 
 
 class Points(Sequence[dict[str, Any]]):
-    """Points of a grid or a sample, each made when it is asked for: a million of them take no memory.
+    """Points of a grid or a sample, each made when it is read: a million of them take no memory.
 
     Parameters
     ----------
@@ -150,10 +146,6 @@ def grid(model_class: type, values: Mapping[str, Any]) -> list[dict[str, Any]]:
     values : mapping of str to sequence, array or Series
         Different values of each parameter, at least one.
 
-    Raises
-    ------
-    InvalidValueError, UnknownNameError
-
     Examples
     --------
     >>> from mesa_swarm.gallery import find_model
@@ -183,7 +175,7 @@ def _values(model_class: type, name: str, listed: Any) -> Iterator[Any]:
     if len(values) > MOST_POINTS:
         raise InvalidValueError(f"{name} has {len(values):,} values; expected at most {MOST_POINTS:,}")
     seen: set[Any] = set()
-    others: list[Any] = []  # what has no hash even so, such as objects of a class of the user's
+    others: list[Any] = []  # values without a hash, such as objects of a user's class
     for value in values:
         checked = known[name].checked(value)
         try:
@@ -209,7 +201,7 @@ def as_list(values: object) -> object:
 
 
 def _hashable(value: Any) -> Any:
-    """Return for lists, tuples and dicts what is equal where they are, and can be looked up."""
+    """Return a hashable value for lists, tuples and dicts, equal where they are equal."""
     if isinstance(value, (list, tuple)):
         return isinstance(value, list), tuple(map(_hashable, value))
     if isinstance(value, dict):
@@ -225,7 +217,7 @@ def _scaled(parameter: Parameter, ends: object, shares: np.ndarray) -> np.ndarra
     """Return shares of a range as values in it."""
     ends = as_list(ends)
     if parameter.kind not in (int, float):
-        raise InvalidValueError(f"{parameter.name} is no number; expected one, or put its values into a grid")
+        raise InvalidValueError(f"{parameter.name} is not a number; expected one, or put its values into a grid")
     if isinstance(ends, (str, bytes)) or not isinstance(ends, Sequence) or len(ends) != 2:
         raise InvalidValueError(f"range of {parameter.name} is {shortened(ends)}; expected [low, high]")
     low, high = (parameter.checked(end) for end in ends)

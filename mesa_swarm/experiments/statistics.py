@@ -8,20 +8,20 @@ import numpy as np
 from scipy.special import ndtr, ndtri, stdtrit
 
 CONFIDENCE = 0.95
-# Fewer numbers than these all lie on one side of the truth in more than 5 % of samples: 2 / 2^5 = 6 %.
+# Fewer numbers are all on one side of the true mean in more than 5 % of samples: 2 / 2^5 = 6 %.
 FEWEST = 6
-# With more the bootstrap only finds what Student's t says at once: the mean is normal.
+# With more the mean is normal: the bootstrap agrees with Student's t.
 MOST_RESAMPLED = 1000
 RESAMPLES = 9_999
 # The same numbers always give the same interval, whatever else was estimated before.
 BOOTSTRAP_SEED = 95
-# A result whose name ends so is when something happened; None is then later than any step that was taken.
+# A result with this ending is the time of an event; None is then later than any step.
 TIME = " at"
 
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """An estimate and the limits of its interval; NaN limits say that there is too little to tell.
+    """An estimate and the limits of its interval; NaN limits mean that they are unknown.
 
     Examples
     --------
@@ -72,7 +72,8 @@ def mean_interval(values: Sequence[float], confidence: float = CONFIDENCE) -> In
 def share_interval(happened: float, runs: int, confidence: float = CONFIDENCE) -> Interval:
     """Return the share of runs in which something happened, with Wilson's score interval.
 
-    It keeps within [0, 1] and says something even where it happened never or always.
+    It is within [0, 1], and not empty where the share is 0 or 1. `scipy.stats.binomtest` takes whole numbers only;
+    ties count half here.
 
     Examples
     --------
@@ -88,6 +89,11 @@ def share_interval(happened: float, runs: int, confidence: float = CONFIDENCE) -
     half = z * math.sqrt(share * (1 - share) / runs + weight / (4 * runs)) / (1 + weight)
     low, high = max(centre - half, 0.0), min(centre + half, 1.0)
     return Interval(share, low if happened else 0.0, high if happened < runs else 1.0)
+
+
+def known(number: float | None) -> float | None:
+    """Return a number, or None for NaN, for which JSON and CSV have no word."""
+    return None if number is None or math.isnan(number) else number
 
 
 def paired_difference(first: Sequence[float | None], second: Sequence[float | None]) -> tuple[Interval, int]:
@@ -244,7 +250,7 @@ def superiority(
 
     This is the effect size of a paired comparison that needs no units and no normal distribution, the
     common-language effect size [1]_ with ties counted half [2]_: A = (pairs in which the second is larger
-    + half of those in which both are equal) / pairs. 0.5 is no effect, 1 says that the second was larger on every
+    + half of those in which both are equal) / pairs. 0.5 means no effect, 1 that the second was larger on every
     seed. The matched-pairs rank statistic by signs is 2 A - 1. The interval is Wilson's, too wide rather than too
     narrow where there are ties.
 
@@ -282,7 +288,7 @@ def _at_last(step: float | None) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What one measure did over the runs with one value of the parameter.
+    """A measure over the runs with one value of the parameter.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Tables as text and CSV, and one sentence that states the finding."""
+"""Tables as text and CSV, and the finding in one sentence."""
 
 import csv
 import io
@@ -14,6 +14,7 @@ from mesa_swarm.experiments.statistics import (
     Interval,
     Summary,
     bootstrap_mean,
+    known,
     pair_differences,
     summarised,
     superiority,
@@ -82,7 +83,7 @@ def text_table(comparison: PairedRuns) -> str:
 
 
 def table_and_notes(comparison: PairedRuns) -> tuple[list[list[str]], list[str]]:
-    """Return the cells of the summary, line by line with the header first, and what one must know to read them."""
+    """Return the cells of the summary, line by line with the header first, and notes on how to read them."""
     plan, rows = comparison.plan, summary_rows(comparison)
     some_missing = any(row.summary.happened < row.summary.runs for row in rows)
     first = plan.values[0]
@@ -98,9 +99,9 @@ def _notes(rows: list[Row], first: Any, some_missing: bool) -> list[str]:
         f"larger on: the share of seeds on which it was larger than with {first}, ties half: Wilson.",
     ]
     if some_missing:
-        notes.insert(0, "in runs: in how many it happened, share by Wilson; means are over those.")
-        notes[1] = f"Differences from {first}: over seeds on which it happened under both. Bootstrap (BCa)."
-        notes.append("A time ('... at') that never came is larger than any; anything else that is missing is left out.")
+        notes.insert(0, "in runs: the number in which it occurred, share by Wilson; means are over those.")
+        notes[1] = f"Differences from {first}: over seeds on which it occurred with both. Bootstrap (BCa)."
+        notes.append("A time ('... at') that did not occur is larger than any; other missing values are left out.")
     if any(0 < n < FEWEST for row in rows for n in (row.summary.happened, row.pairs)):
         notes.append(f"Means and differences of fewer than {FEWEST} have no interval.")
     return notes
@@ -140,7 +141,7 @@ def percent(share: Interval) -> str:
 
 
 def with_limits(interval: Interval, signed: bool = False) -> str:
-    """Return an estimate with its limits, all with the digits that the interval's width deserves.
+    """Return an estimate with its limits, all with digits according to the width of the interval.
 
     Examples
     --------
@@ -198,14 +199,14 @@ def fitting(table: list[list[str]]) -> list[str]:
 
 
 def runs_csv(comparison: PairedRuns) -> str:
-    """Return one line a run: value, seed, steps, state hash and every measure, empty where it did not happen."""
+    """Return one line per run: value, seed, steps, state hash and every measure, empty where it did not occur."""
     header = [comparison.plan.parameter, "rng", "steps", "state_hash", *comparison.measures]
     runs = ([run.value, run.rng, run.steps, run.state_hash, *run.numbers.values()] for run in comparison.runs)
     return csv_text([header, *runs])
 
 
 def summary_csv(rows: list[Row]) -> str:
-    """Return one line a measure and value, with all limits."""
+    """Return one line per measure and value, with all limits."""
     header = ["measure", "value", "runs", "happened", "share", "share_low", "share_high"]
     header += ["mean", "mean_low", "mean_high", "pairs", "difference", "difference_low", "difference_high"]
     header += ["ranked", "larger", "larger_low", "larger_high"]
@@ -220,12 +221,7 @@ def _numbers(row: Row) -> list:
 
 
 def _triple(interval: Interval | None) -> tuple:
-    limits = (None,) * 3 if interval is None else (interval.estimate, interval.low, interval.high)
-    return tuple(map(_blank, limits))
-
-
-def _blank(number: float | None) -> float | None:
-    return None if number is None or math.isnan(number) else number
+    return (None,) * 3 if interval is None else tuple(map(known, (interval.estimate, interval.low, interval.high)))
 
 
 def csv_text(lines: Iterable[Sequence]) -> str:
@@ -241,13 +237,13 @@ def csv_text(lines: Iterable[Sequence]) -> str:
     return text.getvalue()
 
 
-ONE_SEED = "one seed says nothing about others"
+ONE_SEED = "inconclusive with one seed"
 
 
 def finding(comparison: PairedRuns) -> str:
-    """Return what was found, in one sentence.
+    """Return the finding in one sentence.
 
-    About the model's ``headline``, an event (a measure that is None where it did not happen, and the words for
+    About the model's ``headline``, an event (a measure that is None where it did not occur, and the words for
     it), if it has one; else about its first measure.
     """
     measure, words = getattr(comparison.plan.model_class, "headline", ("", ""))
@@ -265,7 +261,7 @@ def _about_event(comparison: PairedRuns, measure: str, words: str) -> str:
     ]
     best, worst = shares[order[0]], shares[order[-1]]
     clear = not best.share.meets(worst.share)
-    verdict = "no difference was seen" if best.happened == worst.happened else _verdict(len(plan.seeds), clear)
+    verdict = "no difference" if best.happened == worst.happened else _verdict(len(plan.seeds), clear)
     extremes = _chosen(len(order))
     return f"{', '.join(texts)}: {verdict}{extremes}{_most_different(comparison, measure, order)}."
 
@@ -278,7 +274,7 @@ def _share_text(parameter: str, value: Any, summary: Summary, words: str) -> str
 
 
 def _most_different(comparison: PairedRuns, headline: str, order: list) -> str:
-    """Name the other event whose share differs most between the best and the worst value."""
+    """Return the other event whose share differs most between the best and the worst value, in words."""
     best, worst = order[0], order[-1]
     counts = {
         measure: tuple(summarised(comparison.column(value, measure)).happened for value in (best, worst))
@@ -295,12 +291,12 @@ def _most_different(comparison: PairedRuns, headline: str, order: list) -> str:
 def _about_number(comparison: PairedRuns, measure: str) -> str:
     plan = comparison.plan
     means = {value: summarised(comparison.column(value, measure)).mean for value in plan.values}
-    seen = [value for value in plan.values if means[value].estimate == means[value].estimate]
-    if len(seen) < 2:
-        return f"{measure} happened with fewer than two of the values of {plan.parameter}: nothing to compare."
-    low, high = (pick(seen, key=lambda value: means[value].estimate) for pick in (min, max))
+    known = [value for value in plan.values if means[value].estimate == means[value].estimate]
+    if len(known) < 2:
+        return f"{measure} occurred with fewer than two of the values of {plan.parameter}: nothing to compare."
+    low, high = (pick(known, key=lambda value: means[value].estimate) for pick in (min, max))
     if low == high:
-        return f"{measure} was {with_limits(means[low])} with every {plan.parameter}: no difference was seen."
+        return f"{measure} was {with_limits(means[low])} with every {plan.parameter}: no difference."
     return (
         f"{measure} was {with_limits(means[high])} with {plan.parameter} {high} "
         f"and {with_limits(means[low])} with {low}, {_difference_text(comparison, measure, low, high)}"
@@ -309,7 +305,7 @@ def _about_number(comparison: PairedRuns, measure: str) -> str:
 
 
 def _difference_text(comparison: PairedRuns, measure: str, low: Any, high: Any) -> str:
-    """Say by how much a measure is larger under one value than another, on how many seeds, and what that shows."""
+    """Return the difference of a measure between two values in words, on how many seeds, and whether it is clear."""
     columns = comparison.column(low, measure), comparison.column(high, measure)
     differences = pair_differences(*columns)
     mean = bootstrap_mean(differences)
@@ -326,8 +322,8 @@ def _verdict(seeds: int, clear: bool) -> str:
     if seeds < 2:
         return ONE_SEED
     if seeds < FEWEST and not clear:
-        return f"{seeds} seeds are too few to tell which is larger"
-    return "a clear difference" if clear else "these seeds do not settle which is larger"
+        return f"inconclusive with {seeds} seeds, {FEWEST} are required"
+    return "a clear difference" if clear else "inconclusive with these seeds"
 
 
 def _chosen(values: int) -> str:

@@ -12,7 +12,7 @@ def burn(
     position, radius, fires, area, constants, extinguish_range, step,
     fire_temperature, out, out_step, fighters, temperature, heat, hot, fire,
 ):  # fmt: skip
-    """Count who fights what, then change every temperature once.
+    """Assign robots to fires, then update every temperature once.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def burn(
     fire_temperature, out, out_step, fighters : ndarrays, shape (f,), written
         The fires' temperatures; which are out, and since when; robots at each.
     temperature, heat, hot, fire : ndarrays, shape (n,), written
-        The robots' temperatures, the heat that each took, who is too hot, and who fights what.
+        The robots' temperatures, the heat that each took, which are too hot, and which fire each fights.
 
     Returns
     -------
@@ -55,13 +55,13 @@ def burn(
             fighters[f] = 0
             went_out = True
     if went_out:
-        forget_what_is_out(fire, out)
+        release_from_dead_fires(fire, out)
     return went_out
 
 
 @compiled
-def forget_what_is_out(fire, out):
-    """Let nobody fight a fire that is out."""
+def release_from_dead_fires(fire, out):
+    """Release the robots that fight a fire that is out."""
     for i in range(fire.shape[0]):
         if fire[i] != NO_FIRE and out[fire[i]]:
             fire[i] = NO_FIRE
@@ -87,7 +87,7 @@ def warm_up(i, near, fire_temperature, area, constants, temperature, heat):
 
 @compiled
 def is_hot(temperature, was_hot, constants):
-    """Tell whether a robot is too hot to fight: from `leave` on, until it has cooled to `join`."""
+    """Return whether a robot is too hot to fight: from `leave` on, until it has cooled to `join`."""
     return temperature >= constants[4] or (was_hot and temperature > constants[5])
 
 

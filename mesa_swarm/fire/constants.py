@@ -1,4 +1,4 @@
-"""The constants of the fire model, and how to choose them from the properties that one wishes for."""
+"""The constants of the fire model, and their design from required properties."""
 
 import math
 import warnings
@@ -28,7 +28,7 @@ class FireConstants:
     join : float
         At or below it, it may fight again (B.13), at least 0 and below `leave`.
     remarks : tuple of str
-        What `design_constants` had to say about them.
+        Of `design_constants`.
 
     Examples
     --------
@@ -75,14 +75,14 @@ def design_constants(
     stay_time: float = 100.0,
     rest_time: float = 60.0,
 ) -> FireConstants:
-    """Return the constants that give fires and robots the properties wished for, with remarks in words.
+    """Return the constants that give fires and robots the required properties, with remarks.
 
     Parameters
     ----------
     growth_time : float
         Steps in which an unattended fire grows from temperature 0 to 1.
     robots, extinguish_time : float
-        So many robots, there all the time, put out a fire of `area` and `initial_temperature` in this time.
+        This many robots, at the fire all the time, put out one of `area` and `initial_temperature` in this time.
     initial_temperature : float
         Above 0, at most 1.
     area, largest_area : float
@@ -97,9 +97,9 @@ def design_constants(
     Returns
     -------
     FireConstants
-        Its `remarks` say in words when one robot suffices, nobody can put the largest fire out, a robot must
-        cool down completely, or fires never heat a robot. Each remark about a wish that contradicts
-        another is also issued as a `FireConstantsWarning`.
+        Its `remarks` state whether one robot suffices, no number of robots can put out the largest fire, a robot
+        must cool down completely, or fires never heat a robot. A remark about requirements that contradict
+        each other is also issued as a `FireConstantsWarning`.
 
     Notes
     -----
@@ -134,7 +134,7 @@ def design_constants(
 
 
 def robots_needed(constants: FireConstants, area: float, temperature: float = 1.0) -> float:
-    """Return how many robots, there for ever, just keep a fire from growing: k1 A (T + 1) / k2.
+    """Return how many robots, at the fire all the time, just stop its growth: k1 A (T + 1) / k2.
 
     Examples
     --------
@@ -145,10 +145,10 @@ def robots_needed(constants: FireConstants, area: float, temperature: float = 1.
 
 
 def window(constants: FireConstants, area: float, robots: float) -> float:
-    """Return the temperature below which so many robots, there for ever, put out a fire of this area.
+    """Return the temperature below which this many robots, at it all the time, put out a fire of this area.
 
-    From n = k1 A (T + 1) / k2; at least 0 (nobody can), and above 1 where they always can. Fires that start
-    below it are put out by the first to come, whatever the strategy: that is the window for experiments.
+    From n = k1 A (T + 1) / k2; at least 0 (they never can), above 1 where they always can. Fires that start
+    below it are put out by the first robots there, whatever the strategy: that bounds the window for experiments.
 
     Examples
     --------
@@ -161,7 +161,7 @@ def window(constants: FireConstants, area: float, robots: float) -> float:
 def _remarks(
     k1: float, k2: float, k4: float, largest_area: float, balance: float, stay: float, rest: float, join: float
 ) -> tuple[str, ...]:
-    """Say in words what follows from the constants, and warn of what defeats their purpose."""
+    """Return what follows from the constants, and warn of what defeats their purpose."""
     needed = 2.0 * k1 * largest_area / k2
     # Hot, a robot rests until join; cold again, it can stay (leave - join) steps at least.
     away = (stay - join) / k4
@@ -174,7 +174,7 @@ def _remarks(
         )
     if needed > 1000:
         warned.append(
-            f"the largest fire at T = 1 takes {needed:.0f} robots: nobody will put it out; "
+            f"the largest fire at T = 1 takes {needed:.0f} robots: the robots cannot put it out; "
             "ask for a longer growth_time or a shorter extinguish_time"
         )
     if join == 0.0:
@@ -185,9 +185,9 @@ def _remarks(
     for remark in warned:
         warnings.warn(remark, FireConstantsWarning, stacklevel=3)
     start = (k2 / (k1 * largest_area)) - 1.0
-    told = (
+    facts = (
         f"fires with area times temperature below {balance * largest_area:g} never heat a robot",
-        f"the largest fire at T = 1 takes {needed:.2f} robots for ever, or {needed / duty:.2f} with their rests",
+        f"the largest fire at T = 1 takes {needed:.2f} robots without rests, or {needed / duty:.2f} with rests",
         f"below T = {max(start, 0.0):.2f} a single robot puts the largest fire out, whatever the strategy",
     )
-    return (*warned, *told)
+    return (*warned, *facts)

@@ -34,7 +34,7 @@ class Fires:
     radius, area, temperature : ndarrays, shape (f,)
         Temperature is in [0, 1].
     out : bool ndarray, shape (f,)
-        Out for ever.
+        Extinguished.
     out_step : int64 ndarray, shape (f,)
         The step in which it went out, -1 while it burns.
     robots : int64 ndarray, shape (f,)
@@ -103,7 +103,7 @@ class Fires:
         return len(self.columns["radius"]) - 1
 
     def remove(self, index: int) -> None:
-        """Drop a fire; the handles of the others are told their new indices."""
+        """Drop a fire; the handles of the others get their new indices."""
         del self.agents[index]
         self.history.remove_fire(index)
         for row, fire in enumerate(self.agents):
@@ -149,7 +149,7 @@ class Fire(ArenaAgent):
 
     @property
     def area(self) -> float:
-        """How much fire it is: robots lower its temperature by k2 / area each."""
+        """Its size: each robot lowers its temperature by k2 / area a step."""
         return float(self._read("area"))
 
     @property
@@ -161,7 +161,7 @@ class Fire(ArenaAgent):
     def temperature(self, value: float) -> None:
         checked = check_number("temperature", value, above=0, maximum=1)
         if self.out:
-            raise InvalidValueError("this fire is out, for ever; add another")
+            raise InvalidValueError("this fire is out; add another")
         self.fires.columns["temperature"][self.row] = checked
         self.model.obstacles_changed()  # sensors that were read already are read again
 
@@ -193,12 +193,12 @@ class Fire(ArenaAgent):
 
 
 class History:
-    """Temperature of every fire and robots at it, kept every so many steps.
+    """Temperature of every fire, and robots at it, after some steps.
 
     Parameters
     ----------
     every : int
-        Steps between two rows; 0 keeps nothing.
+        Steps between two rows; 0 for no rows.
     """
 
     def __init__(self, every: int | Trigger) -> None:
@@ -224,18 +224,18 @@ class History:
         self._fires += 1
 
     def remove_fire(self, index: int) -> None:
-        """Take note that a fire is gone: its column keeps its past, and goes on as nan and -1."""
+        """End the column of a removed fire: its past stays, and it continues as nan and -1."""
         del self._places[index]
 
     def append(self, step: int, temperature: np.ndarray, robots: np.ndarray, out: np.ndarray) -> None:
-        """Keep one row; a fire that is out counts -1 robots."""
+        """Store one row; a fire that is out counts -1 robots."""
         self._steps.append(step)
         row = np.array([np.full(self._fires, np.nan), np.full(self._fires, -1.0)])
         row[:, self._places] = temperature, np.where(out, -1, robots)
         self._rows.append(row)
 
     def forget(self, rows: int) -> None:
-        """Keep the last so many rows only."""
+        """Drop all but the last rows."""
         del self._steps[: max(0, len(self._steps) - rows)], self._rows[: max(0, len(self._rows) - rows)]
 
     @property

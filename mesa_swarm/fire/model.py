@@ -115,7 +115,7 @@ class FireModel(EngineModel):
         return fire
 
     def fires_changed(self, index: int) -> None:
-        """Take note that a fire was removed: nobody fights it any more."""
+        """Release all robots from fires after one was removed."""
         self.swarm.forget_contact(FIRE, index)
         self.swarm.columns["fire"].fill(-1)
         self.obstacles_changed()

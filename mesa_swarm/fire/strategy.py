@@ -2,16 +2,15 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar
 
 import numpy as np
 
+from mesa_swarm.control.layer import Memoryless, Senses
 from mesa_swarm.errors import check_choice, check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, MOUNT_X, MOUNT_Y
 from mesa_swarm.robots.drive import approach
 from mesa_swarm.robots.reasons import Moment, Reason
-from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import FIRE
 
 STRATEGIES = ("A", "B")
@@ -20,7 +19,7 @@ FIGHTS = 0
 
 
 @dataclass(frozen=True, kw_only=True)
-class FightFire:
+class FightFire(Memoryless):
     """Go to a fire that is seen, stay while extinguishing it, and leave when too hot.
 
     Strategy A: a robot that is too hot ignores fires until it is cool; the layers below make it explore, and
@@ -47,7 +46,6 @@ class FightFire:
     strategy: str = "B"
     critical_angle_degrees: float = 10.0
     name: str = "FightFire"
-    commands_wheels: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         """Check the parameters."""
@@ -55,11 +53,7 @@ class FightFire:
         check_choice("strategy", self.strategy, STRATEGIES)
         check_number("critical_angle_degrees", self.critical_angle_degrees, minimum=0, maximum=180)
 
-    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
-        """Remember nothing: the wheels and the heat are enough."""
-
-    # The senses are those of `control.layer`, a floor beside this one.
-    def decide(self, senses: Any, command: np.ndarray, layer: np.ndarray, index: int) -> None:
+    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Drive the robots that see, fight, or wait for a fire."""
         fight(
             senses.distance,
@@ -82,7 +76,7 @@ class FightFire:
         )
 
     def reason(self, moment: Moment) -> Reason:
-        """Say what it has to do with which fire."""
+        """Return what it does, at which fire."""
         seeing = moment.nearest(FIRE)
         where = f" ({moment.reading(seeing[0])})" if seeing else ""
         if moment.columns["hot"]:

@@ -10,16 +10,14 @@ import numba
 from numba import njit
 
 # Numba finds its settings when it is imported, where no type checker sees them.
-config: Any = numba.config
+settings: Any = numba.config
 PACKAGE = Path(__file__).resolve().parent.parent
-
-
-# The floors that hold compiled functions.
+# The rooms that hold compiled functions.
 FLOORS = ("geometry", "robots", "physics", "control", "fire", "learning")
 
 
 def _stamp() -> str:
-    """Return a name for this state of the compiled floors' sources."""
+    """Return a name for this state of the sources that hold compiled functions."""
     digest = blake2b(digest_size=8)
     for path in sorted(path for floor in FLOORS for path in (PACKAGE / floor).glob("*.py")):
         digest.update(path.read_bytes())
@@ -27,10 +25,10 @@ def _stamp() -> str:
 
 
 # Numba notices a change of the file that holds a compiled function, but not of the files whose functions
-# that one calls. A cache folder of its own for each state of the sources cannot go stale.
-_CACHES = Path(config.CACHE_DIR or PACKAGE / "__pycache__")
+# that one calls. A separate cache folder for each state of the sources cannot go stale.
+_CACHES = Path(settings.CACHE_DIR or PACKAGE / "__pycache__")
 _CACHE = _CACHES / f"kernels-{_stamp()}"
-# Someone who edits the sources leaves a cache behind with every change: the last few are enough.
+# Every change of the sources leaves a cache behind: the last few are enough.
 MOST_CACHES = 4
 
 
@@ -46,7 +44,7 @@ _drop_old_caches()
 
 
 def compiled(function: Callable[..., Any]) -> Any:
-    """Compile `function` when it is first called, and keep the machine code on disk.
+    """Compile `function` when it is first called, and store the machine code on disk.
 
     To a type checker the result is Any: Numba infers the types, and `py_func` is there besides the call.
 
@@ -58,11 +56,11 @@ def compiled(function: Callable[..., Any]) -> Any:
     >>> twice(21)
     42
     """
-    asked = config.CACHE_DIR
-    config.CACHE_DIR = str(_CACHE)
+    previous = settings.CACHE_DIR
+    settings.CACHE_DIR = str(_CACHE)
     try:
         return njit(cache=True, error_model="numpy")(function)
     except RuntimeError:  # no folder can be written to, or the source is not in a file
         return njit(error_model="numpy")(function)
     finally:
-        config.CACHE_DIR = asked
+        settings.CACHE_DIR = previous

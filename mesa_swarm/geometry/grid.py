@@ -1,4 +1,4 @@
-"""Uniform grids: who is near whom, in time that grows with their number only."""
+"""Uniform grids: which points and boxes are near each other, in time that grows only with their number."""
 
 import math
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ class Grid:
 
     @classmethod
     def over(cls, bounds: tuple[float, float, float, float], cell: float, most: int) -> "Grid":
-        """Return a grid of cells at least `cell` wide, coarser where there would be more than about `most`.
+        """Return a grid of cells at least `cell` wide, coarser where there would be more than about `most` cells.
 
         Examples
         --------
@@ -45,12 +45,12 @@ class Grid:
 
     @property
     def cells(self) -> int:
-        """How many cells there are."""
+        """Number of cells."""
         return self.columns * self.rows
 
     @property
     def numbers(self) -> tuple[float, float, float, int, int]:
-        """The grid as the compiled functions take it: x, y, 1/cell, columns, rows."""
+        """Arguments of the compiled functions: x, y, 1/cell, columns, rows."""
         return self.x, self.y, 1.0 / self.cell, self.columns, self.rows
 
 
@@ -114,7 +114,7 @@ def sort_into_cells(position, grid, start, order, cell_of):
 
 @compiled
 def list_boxes_by_cell(boxes, reach, grid):
-    """Return, for every cell, which boxes come within `reach` of it.
+    """Return, for every cell, the boxes that come within `reach` of it.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Do two bodies overlap, and where do they touch: discs, segments, polygons. Touching is not overlap."""
+"""Nearest points, crossings and insides of segments and polygons."""
 
 import math
 
@@ -8,35 +8,23 @@ from mesa_swarm.geometry.compiled import compiled
 
 
 @compiled
-def wrapped(angle: float) -> float:
-    """Return an angle in [-pi, pi).
+def wrapped(heading: float) -> float:
+    """Return a heading, bearing or turn in [-pi, pi).
 
     Examples
     --------
     >>> wrapped(math.pi)
     -3.141592653589793
     """
-    if -math.pi <= angle < math.pi:
-        return angle
-    turned = angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
+    if -math.pi <= heading < math.pi:
+        return heading
+    turned = heading - 2.0 * math.pi * math.floor((heading + math.pi) / (2.0 * math.pi))
     return turned if turned < math.pi else -math.pi
 
 
 @compiled
-def discs_overlap(ax: float, ay: float, a_radius: float, bx: float, by: float, b_radius: float) -> bool:
-    """Tell whether two discs overlap: |a - b| < r_a + r_b (A.6).
-
-    Examples
-    --------
-    >>> discs_overlap(0.0, 0.0, 5.0, 10.0, 0.0, 5.0)
-    False
-    """
-    return math.sqrt((ax - bx) ** 2 + (ay - by) ** 2) < a_radius + b_radius
-
-
-@compiled
 def nearest_on_segment(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> tuple[float, float, bool]:
-    """Return the point of the segment a-b nearest to (x, y), and whether it is none of its end points.
+    """Return the point of the segment a-b nearest to (x, y), and whether it lies between the end points.
 
     Examples
     --------
@@ -56,7 +44,7 @@ def nearest_on_segment(x: float, y: float, ax: float, ay: float, bx: float, by: 
 
 @compiled
 def segments_meet(ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx: float, dy: float) -> bool:
-    """Tell whether the segments a-b and c-d have a point in common, end points included.
+    """Return whether the segments a-b and c-d have a point in common, end points included.
 
     Examples
     --------
@@ -75,7 +63,7 @@ def segments_meet(ax: float, ay: float, bx: float, by: float, cx: float, cy: flo
 
 @compiled
 def in_polygon(x: float, y: float, edges: np.ndarray, first: int, last: int) -> bool:
-    """Tell whether (x, y) is inside the polygon whose rings' edges are rows first..last-1 (even-odd rule).
+    """Return whether (x, y) is inside the polygon whose rings' edges are rows first..last-1 (even-odd rule).
 
     Parameters
     ----------
@@ -96,20 +84,3 @@ def in_polygon(x: float, y: float, edges: np.ndarray, first: int, last: int) -> 
             if x < ax + (y - ay) / (by - ay) * (bx - ax):
                 inside = not inside
     return inside
-
-
-@compiled
-def disc_overlaps_polygon(x: float, y: float, radius: float, edges: np.ndarray, first: int, last: int) -> bool:
-    """Tell whether a disc overlaps a polygon: its centre is inside or nearer than its radius to an edge.
-
-    Examples
-    --------
-    >>> square = np.array([[0.0, 0, 4, 0], [4, 0, 4, 4], [4, 4, 0, 4], [0, 4, 0, 0]])
-    >>> disc_overlaps_polygon(6.0, 2.0, 2.0, square, 0, 4)
-    False
-    """
-    for e in range(first, last):
-        px, py, _ = nearest_on_segment(x, y, edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3])
-        if math.sqrt((x - px) ** 2 + (y - py) ** 2) < radius:
-            return True
-    return in_polygon(x, y, edges, first, last)

@@ -1,4 +1,4 @@
-"""Choosing points that keep their distance from each other."""
+"""Choosing points at a least distance from each other."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from mesa_swarm.geometry.grid import cell_index
 
 @compiled
 def take_apart(candidates, radius, others, other_radius, taken, grid, head, following):
-    """Take candidates in order, each that overlaps nobody, and return how many are taken in all.
+    """Take candidates in order, except those that overlap one taken before, and return how many are taken in all.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def take_apart(candidates, radius, others, other_radius, taken, grid, head, foll
 
 @compiled
 def _is_apart(x, y, radius, others, other_radius, column, row, columns, rows, head, following):
-    """Tell whether a disc at (x, y) overlaps none of those placed in the cells around."""
+    """Return whether a disc at (x, y) overlaps none of those placed in the cells around."""
     for r in range(max(row - 1, 0), min(row + 1, rows - 1) + 1):
         for q in range(max(column - 1, 0), min(column + 1, columns - 1) + 1):
             k = head[q + columns * r]
@@ -67,7 +67,7 @@ def hexagonal_lattice(bounds: tuple[float, float, float, float], spacing: float)
     3
     """
     x_min, y_min, x_max, y_max = bounds
-    # A hair wider than asked, so that rounding never makes neighbours overlap.
+    # A hair wider than required, so that rounding never makes neighbours overlap.
     step = spacing * (1 + 1e-9)
     rows = np.arange(int((y_max - y_min) / (step * np.sqrt(0.75))) + 1)
     columns = np.arange(int((x_max - x_min) / step) + 1)

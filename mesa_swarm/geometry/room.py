@@ -10,22 +10,22 @@ import shapely
 from mesa_swarm.errors import InvalidValueError, shortened
 
 Bounds = tuple[float, float, float, float]
-# Beyond so many solids, or pairs of them whose boxes overlap once grown, their union takes seconds or minutes.
+# With more solids, or more pairs of them whose boxes overlap once grown, their union takes seconds or minutes.
 MOST_UNITED = 2_000
 MOST_OVERLAPS = 50_000
-# An outline of more corners than this may be intricate, which is told from some of its edges: where an edge has more
-# others within reach than this, growing each edge alone is quicker than the whole, by far where it is hostile.
+# An outline of more corners than SIMPLE may be intricate. SAMPLED of its edges decide: if on average they have more
+# than MOST_NEAR others within reach, growing each edge alone is quicker than the whole, by far for a hostile outline.
 SIMPLE = 500
 SAMPLED = 32
 MOST_NEAR = 100
-# Its edges are those of a simpler outline, nowhere farther away than this share of the reach, which is made longer.
+# Its edges are those of a simpler outline, at most this share of the reach away; the reach grows by the same share.
 SMOOTHED = 0.01
-# How many of the largest solids points are tried against before all.
+# Points are tried against this number of the largest solids before all.
 STAGES = (30, 500, None)
 
 
 def outside(quarter_segments: int) -> float:
-    """Return by how much a polygon's corners lie farther out than the circle that it is drawn around.
+    """Return the ratio of the distance of a polygon's corners to the radius of the circle that it is drawn around.
 
     Examples
     --------
@@ -40,8 +40,7 @@ def room_for_disc(
 ) -> shapely.Geometry:
     """Return where the centre of a disc may be without overlapping anything solid.
 
-    A buffer is a polygon: it is drawn around the circle, not inside it, so that nothing counts as free that
-    is not.
+    A buffer is a polygon: it is drawn around the circle, not inside it, so that no occupied place counts as free.
 
     Parameters
     ----------
@@ -56,7 +55,7 @@ def room_for_disc(
     Raises
     ------
     InvalidValueError
-        If a solid is no valid Shapely geometry.
+        If a solid is not a valid Shapely geometry.
 
     Examples
     --------
@@ -72,14 +71,14 @@ def room_for_disc(
 
 @dataclass(frozen=True, slots=True)
 class Crowded:
-    """Where the centre of a disc may be among very many solids, of which no union is made: points are tried.
+    """Free places of the centre of a disc among very many solids: their union is not built, points are tried.
 
     Parameters
     ----------
     inner : shapely Polygon
         The bounds, shrunk by the disc's radius.
     trees : tuple of shapely.STRtree
-        Of the solids, grown by the disc's radius: of the largest, of more, and of all.
+        Over the solids, grown by the disc's radius: over the largest, over more, and over all.
 
     Examples
     --------
@@ -92,9 +91,9 @@ class Crowded:
     trees: tuple[shapely.STRtree, ...]
 
     def holds(self, points: np.ndarray) -> np.ndarray:
-        """Return of each point, shape (n, 2), whether it is free."""
+        """Return for each point, shape (n, 2), whether it is free."""
         free = shapely.contains_xy(self.inner, points)
-        for tree in self.trees:  # most points are seen to be taken by the first, which is quick
+        for tree in self.trees:  # the first, which is quick, excludes most points
             among = np.flatnonzero(free)
             free[among[tree.query(shapely.points(points[among]), predicate="intersects")[0]]] = False
         return free
@@ -103,7 +102,7 @@ class Crowded:
 def room_to_try(
     bounds: Bounds, solids: Sequence[tuple[shapely.Geometry, float]], radius: float, quarter_segments: int
 ) -> shapely.Geometry | Crowded:
-    """Return what `room_for_disc` does, but a `Crowded` room where that would take very long.
+    """Return what `room_for_disc` does, or a `Crowded` room where that would take very long.
 
     Examples
     --------
@@ -127,7 +126,7 @@ def room_to_try(
 
 
 def _inner(bounds: Bounds, radius: float) -> shapely.Polygon:
-    """Return where the centre may be for all that the border minds."""
+    """Return where the centre may be if only the border counts."""
     x_min, y_min, x_max, y_max = bounds
     if x_max - x_min <= 2 * radius or y_max - y_min <= 2 * radius:
         return shapely.Polygon()
@@ -135,7 +134,7 @@ def _inner(bounds: Bounds, radius: float) -> shapely.Polygon:
 
 
 def _pieces(solids: Sequence[tuple[shapely.Geometry, float]], radius: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return what is to be grown, and by how much: the solids, but the edges of intricate ones beside them."""
+    """Return what is to be grown, and by how much: the solids, but of intricate ones each edge."""
     pieces: list[shapely.Geometry] = []
     reach: list[float] = []
     for geometry, own in solids:
@@ -146,10 +145,10 @@ def _pieces(solids: Sequence[tuple[shapely.Geometry, float]], radius: float) -> 
 
 
 def _edges_if_intricate(geometry: shapely.Geometry, reach: float) -> np.ndarray:
-    """Return the edges of an outline so many of which are near each other that growing it whole takes too long.
+    """Return the edges of an outline if those near each other are too many to grow it whole, else none.
 
-    The sides of a grown outline are laid over each other, and of a star of some thousand spikes all cross all: that
-    takes minutes, and gigabytes.
+    The sides of a grown outline are overlaid, and those of a star of some thousand spikes all cross each other:
+    that takes minutes, and gigabytes.
     """
     if shapely.get_num_coordinates(geometry) <= SIMPLE:
         return np.array([])
@@ -195,7 +194,7 @@ def _check_valid(solids: Sequence[tuple[object, float]]) -> None:
 
 
 def part_around(space: shapely.Geometry, point: np.ndarray, slack: float) -> shapely.Geometry | None:
-    """Return the connected part of a space that holds a point or is within `slack` of it, else None.
+    """Return the connected part of a space that holds a point or is within `slack` of it, or None.
 
     Examples
     --------

@@ -3,7 +3,7 @@
 A sector is what an infrared sensor sees: all points within `limit` of its apex and within half its field
 of view of its axis. Every function here works in the sensor's own frame: the apex is the origin, the axis
 points along +x, y is to the left. The half angle h is given as (cos h, sin h), from `half_angle`, so that
-0, pi/2 and pi are exact. Nothing seen is `inf`.
+0, pi/2 and pi are exact. A distance of `inf` means that no part is seen.
 """
 
 import math
@@ -34,7 +34,7 @@ def half_angle(field_of_view: float) -> tuple[float, float]:
 
 @compiled
 def in_cone(x: float, y: float, cos_half: float, sin_half: float) -> bool:
-    """Tell whether the direction (x, y) lies within the half angle of the +x axis, edges included.
+    """Return whether the direction (x, y) lies within the half angle of the +x axis, edges included.
 
     Examples
     --------
@@ -67,7 +67,7 @@ def ray_to_disc(x: float, y: float, radius: float, ray_x: float, ray_y: float) -
 def ray_to_segment(ax: float, ay: float, bx: float, by: float, ray_x: float, ray_y: float) -> float:
     """Return how far along a unit ray from the origin the segment a-b is met, `inf` if never.
 
-    A segment parallel to the ray is met at most in an end point, which the callers look at themselves.
+    A segment parallel to the ray is met at most in an end point, which the callers check themselves.
 
     Examples
     --------
@@ -76,7 +76,7 @@ def ray_to_segment(ax: float, ay: float, bx: float, by: float, ray_x: float, ray
     """
     dx, dy = bx - ax, by - ay
     across = ray_x * dy - ray_y * dx
-    # Within rounding of parallel, where the lines cross is chance, even behind the origin.
+    # Within rounding of parallel, the crossing of the lines is arbitrary, even behind the origin.
     if across * across <= PARALLEL * PARALLEL * (dx * dx + dy * dy):
         return math.inf
     along = (ax * dy - ay * dx) / across
@@ -127,13 +127,7 @@ def sector_to_disc(x: float, y: float, radius: float, cos_half: float, sin_half:
 
 @compiled
 def sector_to_segment(
-    ax: float,
-    ay: float,
-    bx: float,
-    by: float,
-    cos_half: float,
-    sin_half: float,
-    limit: float,
+    ax: float, ay: float, bx: float, by: float, cos_half: float, sin_half: float, limit: float
 ) -> float:
     """Return the distance from the apex to the nearest point of the segment a-b inside the sector.
 
@@ -156,10 +150,8 @@ def sector_to_segment(
         return math.inf
     if in_cone(x, y, cos_half, sin_half):
         return math.sqrt(square)
-    nearest = min(
-        ray_to_segment(ax, ay, bx, by, cos_half, sin_half),
-        ray_to_segment(ax, ay, bx, by, cos_half, -sin_half),
-    )
+    upper = ray_to_segment(ax, ay, bx, by, cos_half, sin_half)
+    nearest = min(upper, ray_to_segment(ax, ay, bx, by, cos_half, -sin_half))
     if in_cone(ax, ay, cos_half, sin_half):
         nearest = min(nearest, math.sqrt(ax * ax + ay * ay))
     if in_cone(bx, by, cos_half, sin_half):

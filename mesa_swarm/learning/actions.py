@@ -1,4 +1,4 @@
-"""What a learner may do, how it chooses, and what it knows: actions, Boltzmann's choice, inputs of networks."""
+"""Actions, Boltzmann's choice among them, and inputs of networks."""
 
 import math
 
@@ -10,7 +10,7 @@ from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.robots.design import RANGE
 from mesa_swarm.world.statics import FIRE, LOAD, ROBOT
 
-# Left and right wheel as shares of max_speed (thesis 8.1); `actions=4` keeps the first four.
+# UnboundState and right wheel as shares of max_speed (thesis 8.1); `actions=4` takes the first four.
 ACTIONS = np.array(
     [(-1, -1), (-1, 1), (1, -1), (1, 1), (-1, 0), (0, -1), (1, 0), (0, 1)],
     dtype=np.float64,
@@ -26,19 +26,19 @@ ACTION_NAMES = (
     "forward right",
     "forward left",
 )
-# How many inputs a sensor gives: its distance; and whether it sees a robot, a fire, a load.
+# Inputs a sensor: its distance; with "typed" also whether it sees a robot, a fire, a load.
 ENCODINGS = {"distance": 1, "typed": 4}
 
 
 def boltzmann(values: ArrayLike, temperature: float) -> np.ndarray:
-    """Return how probably each action is chosen: ``P_i = exp(Q_i / T) / sum_j exp(Q_j / T)`` (7.4).
+    """Return the probability of each action: ``P_i = exp(Q_i / T) / sum_j exp(Q_j / T)`` (7.4).
 
     Parameters
     ----------
     values : ndarray, shape (a,)
-        Finite; a difference of any size does not overflow, since the largest is taken off first.
+        Finite; differences of any size do not overflow.
     temperature : float
-        Above 0; the higher, the more is left to chance.
+        Above 0; the higher, the more random the choice.
 
     Returns
     -------
@@ -64,7 +64,7 @@ def boltzmann(values: ArrayLike, temperature: float) -> np.ndarray:
 
 
 def as_floats(values: ArrayLike) -> np.ndarray:
-    """Return values as an array of floats, C-contiguous; NaN, which every check refuses, if they are no numbers.
+    """Return values as a C-contiguous array of floats; NaN, which every check refuses, if they are not numbers.
 
     Examples
     --------
@@ -77,8 +77,19 @@ def as_floats(values: ArrayLike) -> np.ndarray:
         return np.array(np.nan)
 
 
+def described(value: object) -> str:
+    """Return an array's type and shape, and any other value itself, for an error message.
+
+    Examples
+    --------
+    >>> described(np.zeros(2)), described("ab")
+    ('an array of float64, shape (2,)', "'ab'")
+    """
+    return f"an array of {value.dtype}, shape {value.shape}" if isinstance(value, np.ndarray) else shortened(value)
+
+
 def temperature_at(step: float, *, beta: float, first: float = 1.0, last: float = 0.2) -> float:
-    """Return the temperature of the choice after so many steps: ``T_c + (T_0 - T_c) (1 - beta)^t`` (8.3).
+    """Return the temperature of the choice after a number of steps: ``T_c + (T_0 - T_c) (1 - beta)^t`` (8.3).
 
     Parameters
     ----------
@@ -101,7 +112,7 @@ def temperature_at(step: float, *, beta: float, first: float = 1.0, last: float 
 
 
 def checked_actions(actions: int) -> int:
-    """Return how many of the actions a learner may take, or refuse the number.
+    """Return the number of actions if it is 4 or 8.
 
     Raises
     ------
@@ -119,7 +130,7 @@ def checked_actions(actions: int) -> int:
 
 @compiled
 def chosen(values, temperature, chance):
-    """Return the action that Boltzmann's probabilities give to a number from 0 to 1."""
+    """Return the action that a number from 0 to 1 draws by Boltzmann's probabilities."""
     best = values[0]
     for a in range(1, values.shape[0]):
         best = max(best, values[a])
@@ -131,12 +142,12 @@ def chosen(values, temperature, chance):
         left -= math.exp((values[a] - best) / temperature)
         if left < 0.0:
             return a
-    return best_of(values)  # chance so near to 1 that rounding ate the rest
+    return best_of(values)  # a chance near 1, by rounding
 
 
 @compiled
 def choose_all(values, temperature, chance, taken):
-    """Write which action every robot takes, of their values (n, a); without chances, what is worth most."""
+    """Write which action every robot takes, given values (n, a); without chances, the one of largest value."""
     for i in range(values.shape[0]):
         taken[i] = chosen(values[i], temperature, chance[i]) if chance.shape[0] else best_of(values[i])
 
@@ -153,9 +164,9 @@ def best_of(values):
 
 @compiled
 def write_inputs(distance, kind, ranges, i, d, inputs, row):
-    """Write what robot i of design d reads into a row of inputs; return the least reading as a share of its range.
+    """Write the readings of robot i of design d into a row of inputs; return the least as a share of its range.
 
-    A sensor that sees nothing gives 1, as far as can be: -1 would mean nearer than touching.
+    A sensor with nothing in range gives 1, its full range: -1 would mean nearer than touching.
     """
     sensors = distance.shape[1]
     nearest = 1.0

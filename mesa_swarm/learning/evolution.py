@@ -1,4 +1,4 @@
-"""Evolution: a search by covariance matrix adaptation that is its own diary."""
+"""Evolution: a reproducible search by covariance matrix adaptation."""
 
 import math
 from collections.abc import Sequence
@@ -12,13 +12,13 @@ from mesa_swarm.errors import InvalidValueError, LearningError, check_count, che
 class Evolution:
     """Search for numbers whose fitness is greatest, by CMA-ES [1]_: `ask` for candidates, `tell` their fitness.
 
-    Everything follows from the seed and from what was told: a search that is told the same again asks the same
-    again, to the bit. What was told is therefore all that a file must keep.
+    The search is determined by its seed and the fitnesses: the same fitnesses give the same candidates, bit for bit,
+    so that a file has to store only these.
 
     Parameters
     ----------
     start : sequence of float
-        Where it begins, at least two numbers.
+        The first mean, at least two numbers.
     sigma : float
         Standard deviation of the first candidates, above 0.
     population : int
@@ -58,36 +58,36 @@ class Evolution:
             seed=check_count("seed", seed),
         )
         self._asked: np.ndarray | None = None
-        self.told: list[list[float]] = []
+        self.history: list[list[float]] = []
         self.means: list[np.ndarray] = []
 
     @property
     def generations(self) -> int:
-        """How many generations were told."""
-        return len(self.told)
+        """The number of generations evaluated."""
+        return len(self.history)
 
     @property
     def mean(self) -> np.ndarray:
-        """The middle of what will be asked next, a copy."""
+        """The mean of the search distribution, a copy."""
         return self._search.mean.copy()
 
     def ask(self) -> np.ndarray:
-        """Return the candidates of this generation (population, d), the same ones until they are told."""
+        """Return the candidates of this generation (population, d), the same ones until `tell`."""
         if self._asked is None:
             self._asked = np.array([self._search.ask() for _ in range(self.population)])
         return self._asked.copy()
 
     def tell(self, fitness: Sequence[float]) -> None:
-        """Take the fitness of each candidate that was asked, in their order, and go on to the next generation.
+        """Take the fitness of each candidate in their order, and begin the next generation.
 
         Raises
         ------
         LearningError
-            If it is not one finite number for each; the search is then as before.
+            If it is not one finite number for each; the search is then unchanged.
         """
         values = [float(value) for value in fitness]
         if len(values) != self.population:
-            raise LearningError(f"{len(values)} fitnesses were told; expected {self.population}, one a candidate")
+            raise LearningError(f"{len(values)} fitnesses given; expected {self.population}, one a candidate")
         wrong = next((k for k, value in enumerate(values) if not math.isfinite(value)), None)
         if wrong is not None:
             raise LearningError(
@@ -97,5 +97,5 @@ class Evolution:
         # CMA-ES minimises.
         self._search.tell([(x, -value) for x, value in zip(self.ask(), values, strict=True)])
         self._asked = None
-        self.told.append(values)
+        self.history.append(values)
         self.means.append(self.mean)

@@ -1,4 +1,4 @@
-"""Robots that learn what to do about fires, and the skills among which they choose."""
+"""Learning to fight fires by choosing among skills."""
 
 import math
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import LearningError, check_count, check_flag, check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import best_of, chosen
-from mesa_swarm.learning.learner import Keeper
+from mesa_swarm.learning.learner import LearningLayer
 from mesa_swarm.robots.drive import approach, turn_towards
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm
@@ -18,14 +18,14 @@ from mesa_swarm.world.statics import FIRE, ROBOT
 SKILLS = ("explore", "approach", "wait", "back off", "follow")
 EXPLORE, APPROACH, WAIT, BACK_OFF, FOLLOW = range(len(SKILLS))
 BODIES = ("free", "at a fire", "too hot, in the heat", "too hot, out of the heat")
-# A robot seen farther than this from straight ahead is turned to; as `Follow` and `FightFire` do by default.
+# Robots turn towards things farther than this from straight ahead; as `Follow` and `FightFire` by default.
 CRITICAL_ANGLE = math.radians(10.0)
-# Who explores turns away from a fire nearer than this; as `Avoid` does by default.
+# Exploring robots turn away from a fire nearer than this; as `Avoid` by default.
 NEAR = 15.0
 
 
 def situation_words(situation: int) -> str:
-    """Say what the robot is in.
+    """Return a situation in words.
 
     Examples
     --------
@@ -42,7 +42,7 @@ SITUATIONS = tuple(situation_words(number) for number in range(4 * len(BODIES)))
 
 @compiled
 def situation_of(kind, i, at_fire, hot, heat):
-    """Return the number of the situation that robot i is in: its body, whether it sees a fire, and a robot."""
+    """Return the number of robot i's situation: its body, whether it sees a fire, and a robot."""
     fire, robot = 0, 0
     for s in range(kind.shape[1]):
         if kind[i, s] == FIRE:
@@ -54,11 +54,11 @@ def situation_of(kind, i, at_fire, hot, heat):
 
 
 @compiled
-def nearest_of(distance, kind, i, wanted):
-    """Return the sensor of robot i that sees the nearest thing of a kind, -1 if none does."""
+def nearest_of(distance, kind, i, sought):
+    """Return the sensor of robot i with the nearest thing of a kind, or -1."""
     nearest = -1
     for s in range(distance.shape[1]):
-        if kind[i, s] == wanted and (nearest < 0 or distance[i, s] < distance[i, nearest]):
+        if kind[i, s] == sought and (nearest < 0 or distance[i, s] < distance[i, nearest]):
             nearest = s
     return nearest
 
@@ -84,29 +84,29 @@ LARGEST_REWARD = 1e6
 
 
 @dataclass(kw_only=True)
-class LearnFires(Keeper):
-    """Learn which skill pays in which situation: explore, approach, wait, back off, follow; always active.
+class LearnFires(LearningLayer):
+    """Learn the values of skills in each situation: explore, approach, wait, back off, follow; always active.
 
     A situation is: free, at a fire, too hot in the heat, or too hot out of it; whether a fire is seen; whether a
-    robot is. A skill is kept until the situation changes, at most `hold` steps. Then the table of that robot is
+    robot is. A skill lasts until the situation changes, at most `hold` steps. Then the table of that robot is
     corrected, as in Q-learning over stretches of several steps (Sutton, Precup and Singh, Artificial Intelligence
     112, 1999): ``Q(s, k) <- Q(s, k) + alpha (R + gamma^n max_k' Q(s', k') - Q(s, k))``, where R is the discounted
     reward of the n steps; and the next skill is chosen by Boltzmann's probabilities (7.4).
 
     A step away from fires costs `step_cost`; the first step at a fire is worth `arrival`, unless it is the one that
-    the robot fought last; when a fire goes out, that is worth `put_out` to those that stand there and fight it. Who
-    waits nearby gets nothing. Put ``Avoid(fires="never")`` above: what it does counts as part of the world.
+    the robot fought last; when a fire goes out, that is worth `put_out` to those that stand there and fight it, and
+    nothing to those that wait nearby. Put ``Avoid(fires="never")`` above: its actions count as part of the world.
 
     Parameters
     ----------
     arrival, put_out, step_cost : float
         Rewards and the cost, at least 0.
     alpha : float
-        How much of a new experience counts, 0 to 1.
+        Weight of a new experience, 0 to 1.
     gamma : float
-        What the next step's value counts, 0 to below 1; near 1, for a rest lasts hundreds of steps.
+        Discount of the next step's value, 0 to below 1; near 1, as a rest lasts hundreds of steps.
     beta : float
-        Share by which the temperature nears its end in each step, 0 to 1.
+        Share of its difference to the limit by which the temperature falls in each step, 0 to 1.
     first_temperature, last_temperature : float
         Of the choice, above 0.
     hold : int
@@ -114,7 +114,7 @@ class LearnFires(Keeper):
     shared : bool
         Whether all robots learn in one table, in the order of their ids.
     frozen : bool
-        Whether it only chooses, and learns nothing: from the start, by chance alone.
+        Whether it only chooses, without learning: at random if frozen from the start.
 
     Raises
     ------
@@ -154,13 +154,13 @@ class LearnFires(Keeper):
         for name in ("shared", "frozen"):
             check_flag(name, getattr(self, name))
 
-    def _take_along(self) -> None:
-        """Refuse to: there is no file or policy of tables, by which robots of another model could start."""
+    def _start_elsewhere(self) -> None:
+        """Refuse to: tables cannot be stored as a policy, from which robots of another model could start."""
         if self._column("values").any():
             raise LearningError(f"{self.name} has learned in another model; give this one a new LearnFires(...)")
 
     def _remember(self, swarm: Swarm, prefix: str) -> None:
-        """Make the columns: a table, what a robot is doing since when, and what it got for it."""
+        """Make the columns: a table, a robot's skill and since when, and its reward."""
         swarm.remember(f"{prefix}.values", (len(SITUATIONS), len(SKILLS)), np.float64, 0.0)
         for name in ("situation", "skill", "last", "before"):
             swarm.remember(f"{prefix}.{name}", (), np.int64, -1)
@@ -170,7 +170,7 @@ class LearnFires(Keeper):
 
     @property
     def values(self) -> np.ndarray:
-        """What every robot holds each skill worth in each situation (n, 16, 5); a copy."""
+        """Every robot's values of the skills in each situation (n, 16, 5); a copy."""
         return self._column("values").copy()
 
     @property
@@ -179,12 +179,12 @@ class LearnFires(Keeper):
         return self._column("temperature").copy()
 
     def begin_again(self) -> None:
-        """Take note that all fires are about to be lit anew, so that nobody takes that for a fire put out."""
+        """Note that all fires are about to be lit again, which must not count as a fire put out."""
         self._column("before")[self._robots.columns["fire"] >= 0] = -1
         self._column("last")[:] = -1
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Learn from the last step, choose anew where it is time to, and drive those that no other layer drives."""
+        """Learn from the last step, choose skills where due, and drive robots that no other layer drives."""
         values = self._column("values")
         learn_skills(
             senses.distance, senses.kind, senses.heat, senses.hot, senses.fire, senses.last_command,
@@ -200,7 +200,7 @@ class LearnFires(Keeper):
             values[1:] = values[:1]
 
     def reason(self, moment: Moment) -> Reason:
-        """Say in which situation it chose, and which skill if that is among the columns that were kept."""
+        """Return the situation, and the skill if its column was stored."""
         columns = moment.columns
         now = situation_of(moment.kind[np.newaxis], 0, columns["fire"] >= 0, columns["hot"], columns["heat"])
         skill = columns.get(f"{self._prefix}.skill", -1)
@@ -214,7 +214,7 @@ def learn_skills(
     values, doing, worth, chance, rewards, rates, hold, options, command, layer, index,
 ):  # fmt: skip
     """Learn from the last step and write the commands of the skills that are chosen."""
-    situation, skill, last, before, kept = doing
+    situation, skill, last, before, age = doing
     gain, temperature = worth
     alpha, gamma, beta, coolest = rates
     shared, frozen = options
@@ -223,17 +223,17 @@ def learn_skills(
         now = situation_of(kind, i, fire[i] >= 0, hot[i], heat[i])
         if skill[i] >= 0:
             stood = last_command[i, 0] == 0.0 and last_command[i, 1] == 0.0
-            gain[i] += gamma ** kept[i] * paid(fire[i], before[i], last[i], hot[i], stood, rewards)
-            kept[i] += 1
+            gain[i] += gamma ** age[i] * paid(fire[i], before[i], last[i], hot[i], stood, rewards)
+            age[i] += 1
         if fire[i] >= 0:
             last[i] = fire[i]
         before[i] = fire[i]
-        if skill[i] < 0 or now != situation[i] or kept[i] >= hold:
+        if skill[i] < 0 or now != situation[i] or age[i] >= hold:
             if skill[i] >= 0 and not frozen:
                 best = values[row, now, best_of(values[row, now])]
-                wanted = gain[i] + gamma ** kept[i] * best
-                values[row, situation[i], skill[i]] += alpha * (wanted - values[row, situation[i], skill[i]])
-            situation[i], kept[i], gain[i] = now, 0, 0.0
+                target = gain[i] + gamma ** age[i] * best
+                values[row, situation[i], skill[i]] += alpha * (target - values[row, situation[i], skill[i]])
+            situation[i], age[i], gain[i] = now, 0, 0.0
             skill[i] = chosen(values[row, now], temperature[i], chance[i])
         if not frozen:
             temperature[i] -= beta * (temperature[i] - coolest)
@@ -247,10 +247,10 @@ def learn_skills(
 
 @compiled
 def paid(fire, before, last, hot, stood, rewards):
-    """Return what a step was worth; `before` and `last` are what was fought in the step before, and last of all."""
+    """Return the reward of a step; `before` and `last` are the fires fought in the step before, and most recently."""
     arrival, put_out, step_cost = rewards
     if fire >= 0:
         return 0.0 if fire in (before, last) else arrival
-    # Nothing to fight any more, neither hot nor gone away: it went out.
+    # It no longer fights, but is neither hot nor gone away: the fire went out.
     went_out = before >= 0 and not hot and stood
     return put_out - step_cost if went_out else -step_cost

@@ -1,4 +1,4 @@
-"""What a controller's drive was worth: fast, straight, far from things; or fast, everywhere, and without collisions."""
+"""Fitness of a run: fast, straight and far from things; or fast, everywhere and without collisions."""
 
 import math
 from dataclasses import dataclass
@@ -7,17 +7,18 @@ import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, check_choice, check_number, shortened
 from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.learning.reflex_policy import nearness
 
 FITNESSES = ("floreano", "careful")
 # Squares in which robots have been are counted: 40 x 40 map units, four robots of the thesis side by side.
 SQUARE = 40.0
-# What is added up for each robot.
+# Sums for each robot.
 SUMS = ("floreano", "ahead", "collisions")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fitness:
-    """How a drive of several robots becomes one number; more is better.
+    """The fitness of several robots in one run; more is better.
 
     "floreano" is the mean over robots and steps of
 
@@ -36,7 +37,7 @@ class Fitness:
     kind : str
         "floreano" or "careful".
     collision_cost, coverage_worth, speed_worth : float
-        At least 0; of "careful" only. Where coverage is worth far more than speed, robots may come to drive backwards.
+        At least 0; of "careful" only. Where coverage outweighs speed by far, robots may evolve to drive backwards.
     square : float
         Side of the squares, map units, 1 to 1,000. With small ones it pays to drive near walls.
 
@@ -69,7 +70,7 @@ class Fitness:
         check_number("square", self.square, minimum=1, maximum=1000)
 
     def of(self, *, floreano: float = 0.0, ahead: float = 0.0, collisions: float = 0.0, covered: float = 0.0) -> float:
-        """Return the fitness of a drive, of its means over robots and steps, and the share of squares visited."""
+        """Return the fitness of a run from its means over robots and steps, and the share of squares visited."""
         if self.kind == "floreano":
             return floreano
         return self.speed_worth * ahead - self.collision_cost * collisions + self.coverage_worth * covered
@@ -100,7 +101,7 @@ def floreano(left: float, right: float, nearest: float) -> float:
 
 
 class Tally:
-    """Adds up what robots do, step by step.
+    """Sums over the steps of a run.
 
     Parameters
     ----------
@@ -130,7 +131,7 @@ class Tally:
         self._corner, self._ranges, self._square = (float(x_min), float(y_min)), ranges, float(square)
 
     def add(self, columns: dict[str, np.ndarray]) -> None:
-        """Add the step that was just taken, of which these are the swarm's columns."""
+        """Add the last step from the swarm's columns."""
         tally(
             columns["distance"],
             columns["design"],
@@ -156,15 +157,13 @@ class Tally:
 
 @compiled
 def tally(distance, design, ranges, command, max_speed, collided, position, corner, square, visited, sums):
-    """Add what every robot did in a step to its sums, and mark the square in which it is."""
+    """Add a step to every robot's sums, and mark its square as visited."""
     for i in range(command.shape[0]):
         speed = max_speed[i] if max_speed[i] > 0.0 else 1.0
         left, right = command[i, 0] / speed, command[i, 1] / speed
         nearest = 0.0
         for s in range(distance.shape[1]):
-            reach = ranges[design[i], s]
-            if distance[i, s] >= 0.0 and reach > 0.0:
-                nearest = max(nearest, 1.0 - min(distance[i, s] / reach, 1.0))
+            nearest = max(nearest, nearness(distance[i, s], ranges[design[i], s]))
         sums[i, 0] += fast_straight_far(left, right, nearest)
         sums[i, 1] += 0.5 * (left + right)
         sums[i, 2] += 1.0 if collided[i] else 0.0

@@ -1,4 +1,4 @@
-"""HebbianLearning: reflexes that grow where what was tried by chance paid more than usual."""
+"""HebbianLearning: reflexes strengthened where random trials were rewarded more than expected."""
 
 import math
 from dataclasses import dataclass
@@ -8,7 +8,6 @@ import numpy as np
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import (
     InvalidValueError,
-    LearningError,
     check_choice,
     check_flag,
     check_name,
@@ -17,31 +16,30 @@ from mesa_swarm.errors import (
 )
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import ranges_of
-from mesa_swarm.learning.learner import LARGEST, Keeper
+from mesa_swarm.learning.learner import LARGEST, LearningLayer
 from mesa_swarm.learning.policy import check_designs, sensors_of
 from mesa_swarm.learning.reflex_policy import ReflexPolicy, nearness
 from mesa_swarm.learning.rewards import REWARDS, rewarded
 from mesa_swarm.robots.swarm import Swarm
 
-# What a policy tells of how it was trained.
-TOLD = ("reward", "eta", "trace", "gamma", "average", "jitter", "persistence", "critical")
+# Stored in a policy's `training`.
+TRAINING_PARAMETERS = ("reward", "eta", "trace", "gamma", "average", "jitter", "persistence", "critical")
 
 
 @dataclass(kw_only=True)
-class HebbianLearning(Keeper):
+class HebbianLearning(LearningLayer):
     """Learn weights from readings to wheels by a Hebbian rule that reward modulates; always active.
 
     Each robot drives by ``u = W' x`` within [-1, 1], with x the proximities (0 nothing near, 1 touching) and a
-    constant, and tries what chance adds to it: wheels = u + z within [-1, 1]; z is normal with standard deviation
-    `jitter` and keeps a share `persistence` of itself from step to step. Each robot also learns how much reward to
-    expect, ``v' x``. In each step, with r the reward for the last action, x where it
-    was taken and y where it led to,
+    constant, plus noise: wheels = u + z within [-1, 1]; z is normal with standard deviation `jitter` and
+    autocorrelation `persistence` from step to step. Each robot also learns how much reward to expect, ``v' x``. In
+    each step, with r the reward for the last action, x the inputs before and y those after it,
 
         ``d = r + gamma v' y - v' x``, ``e <- trace e + x z``, ``W <- W + eta d e``, ``v <- v + average d x``
 
-    so that what was tried where x was seen is strengthened if it led to more than was expected there: a Hebbian rule
-    with a third factor [1]_, the surprise, and a trace for rewards that come late. Weights stay within [-limit, limit].
-    What becomes of it when controls are changed: as `QLearning`.
+    so that a trial z at x is strengthened if it led to more reward than expected there: a Hebbian rule with a third
+    factor [1]_, the surprise, and a trace for rewards that come late. Weights stay within [-limit, limit].
+    Its state outlasts a change of controls as that of `QLearning`.
 
     Parameters
     ----------
@@ -52,28 +50,28 @@ class HebbianLearning(Keeper):
     trace : float
         How much of the past is still given credit one step later, 0 to below 1.
     gamma : float
-        What later rewards count, 0 to below 1.
+        Discount of later rewards, 0 to below 1.
     average : float
         How fast expectations follow, above 0, at most 1.
     jitter : float
-        Of what is tried, as a share of max_speed, 0 to 1.
+        Standard deviation of the trials, as a share of max_speed, 0 to 1.
     persistence : float
-        How long something is tried: a single step moves a robot too little to tell. 0 to below 1.
+        Autocorrelation of trials, since one step moves a robot too little. 0 to below 1.
     critical : float
         As for `QLearning`.
     limit : float
         Of the weights, above 0.
     frozen : bool
-        Whether it only acts, tries nothing and learns nothing; then it takes a `start` that is trained.
+        Whether it only acts, without trials or learning; this requires a trained `start`.
     start : ReflexPolicy, optional
-        What robots know when they are born: without hidden units or whim, of distances, linear; small random
-        weights by default. What they expect begins anew.
+        The initial policy of new robots: without hidden units or whim, of distances, linear; small random
+        weights by default. Expectations start at 0.
 
     Raises
     ------
     InvalidValueError, UnknownNameError
     LearningError
-        If it is frozen and knows nothing.
+        If it is frozen and has no trained start.
 
     References
     ----------
@@ -105,26 +103,25 @@ class HebbianLearning(Keeper):
         """Check the parameters."""
         check_name("name", self.name)
         check_choice("reward", self.reward, REWARDS)
-        check_number("eta", self.eta, minimum=0, maximum=1)
-        check_number("trace", self.trace, minimum=0, maximum=0.999)
-        check_number("gamma", self.gamma, minimum=0, maximum=0.999)
-        check_number("average", self.average, above=0, maximum=1)
-        check_number("jitter", self.jitter, minimum=0, maximum=1)
-        check_number("persistence", self.persistence, minimum=0, maximum=0.999)
-        check_number("critical", self.critical, above=0, maximum=1)
+        for name in ("eta", "jitter"):
+            check_number(name, getattr(self, name), minimum=0, maximum=1)
+        for name in ("trace", "gamma", "persistence"):
+            check_number(name, getattr(self, name), minimum=0, maximum=0.999)
+        for name in ("average", "critical"):
+            check_number(name, getattr(self, name), above=0, maximum=1)
         check_number("limit", self.limit, above=0, maximum=1e6)
         self.frozen = check_flag("frozen", self.frozen)
         if self.start is not None:
             check_reflex(self.start)
         self._check_frozen()
 
-    def _take_along(self) -> None:
+    def _start_elsewhere(self) -> None:
         """Let the robots of another model start with the weights that were learned."""
         if self._column("lessons").any():
             self.start = self.policy()
 
     def _remember(self, swarm: Swarm, prefix: str) -> None:
-        """Make the columns: weights and traces, last inputs, commands and reward, and what a robot expects."""
+        """Make the columns: weights and traces, last inputs, commands and reward, and expectations."""
         self._check_start()
         columns: dict[str, tuple[tuple[int | str, ...], type, object]] = {
             "weights": (("proximity", 2), np.float64, 0.0),
@@ -146,16 +143,14 @@ class HebbianLearning(Keeper):
     def policy(self, **training: str | float) -> ReflexPolicy:
         """Return what the robots have learned so far as reflexes that no longer learn; see `QLearning.policy`."""
         sensors = sensors_of(self._robots)
-        self._give_birth()
+        self._init_new_robots()
         whim, constant = np.zeros((len(self._robots), 1, 2)), self._column("constant")[:, None]
         wheel = np.concatenate([self._column("weights"), whim, constant], axis=1)
-        lessons = int(self._column("lessons").sum())
         return ReflexPolicy(
             sensors=sensors,
             hidden=np.zeros((*wheel.shape[:2], 0)),
             wheel=wheel,
-            steps=lessons + (self.start.steps if self.start else 0),
-            training=self._training(TOLD, lessons, training),
+            **self._training(TRAINING_PARAMETERS, training),
         )
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
@@ -164,10 +159,10 @@ class HebbianLearning(Keeper):
         Raises
         ------
         LearningError
-            If what a robot expects grows beyond all bounds; all that it learned before is kept.
+            If expectations diverge; what was learned before is unchanged.
         """
-        self._give_birth()
-        self._try_anew(self._column("tried"))
+        self._init_new_robots()
+        self._draw_trials(self._column("tried"))
         diverged = learn_and_try(
             senses.distance,
             ranges_of(senses.sensors),
@@ -186,20 +181,15 @@ class HebbianLearning(Keeper):
             layer,
             index,
         )
-        if diverged >= 0:
-            robot = self._robots.agents[diverged]
-            raise LearningError(
-                f"{self.name} diverged for robot {robot.unique_id} in step {robot.model.steps}: what it expects "
-                "grows beyond all bounds; lower average or gamma"
-            )
+        self._check_diverged(diverged, "its expectations grow beyond all bounds; lower average or gamma")
 
     @property
     def last_reward(self) -> np.ndarray:
-        """What every robot got for its last action (n,); a copy."""
+        """Every robot's reward for its last action (n,); a copy."""
         return self._column("reward").copy()
 
-    def _try_anew(self, tried: np.ndarray) -> None:
-        """Let what is tried (n, 2) drift; nothing is tried by robots that no longer learn."""
+    def _draw_trials(self, tried: np.ndarray) -> None:
+        """Draw the next trials (n, 2); frozen robots try nothing."""
         if self.frozen:
             tried.fill(0.0)
             return
@@ -211,8 +201,8 @@ class HebbianLearning(Keeper):
         if self.start is not None:
             check_designs(self.start.sensors, self._robots)
 
-    def _give_birth(self) -> None:
-        """Give robots that have no weights yet theirs."""
+    def _init_new_robots(self) -> None:
+        """Initialise the weights of new robots."""
         born = self._column("born")
         if born.all():
             return
@@ -229,7 +219,7 @@ class HebbianLearning(Keeper):
 
 
 def check_reflex(start: object) -> None:
-    """Refuse what weights from distances to wheels alone cannot go on with.
+    """Check that a start has only linear weights from distances to wheels.
 
     Raises
     ------
@@ -242,7 +232,7 @@ def check_reflex(start: object) -> None:
             f"start has encoding {start.encoding!r} and squash {start.squash!r}; expected 'distance' and 'linear'"
         )
     if start.wheel[:, -2].any():
-        raise InvalidValueError("start has weights of the whim, which this does not learn; expected them to be 0")
+        raise InvalidValueError("start has weights of the whim, which this does not learn; expected 0")
 
 
 @compiled
@@ -281,7 +271,7 @@ def learn_and_try(
 
 @compiled
 def surprised(critic, i, reward, inputs, expecting):
-    """Return ``r + gamma v' y - v' x`` of robot i, and let its expectations follow, unless it is beyond bounds."""
+    """Return ``r + gamma v' y - v' x`` of robot i, and correct its expectations, unless it is beyond bounds."""
     seen, expected, usual = critic
     gamma, average = expecting[0], expecting[1]
     before, after = usual[i], usual[i]
@@ -308,8 +298,8 @@ def strengthen(weights, i, surprise, rates):
 
 
 @compiled
-def try_wheels(weights, i, inputs, tried, kept, last):
-    """Write what robot i does to `last`, and what it tried where to its trace."""
+def try_wheels(weights, i, inputs, tried, decay, last):
+    """Write the wheel speeds of robot i to `last`, and add its trial to its trace."""
     into, constant, trace, constant_trace = weights
     for side in range(2):
         total = constant[i, side]
@@ -317,8 +307,7 @@ def try_wheels(weights, i, inputs, tried, kept, last):
             total += into[i, s, side] * inputs[s]
         wanted = min(max(total, -1.0), 1.0)
         last[i, side] = min(max(wanted + tried[i, side], -1.0), 1.0)
-        # What was drawn, not what the limits left of it, whose mean is not 0: at full speed any bad surprise would
-        # otherwise strengthen going on.
+        # The trial before limiting, whose mean is 0: at full speed any bad surprise would otherwise strengthen it.
         for s in range(inputs.shape[0]):
-            trace[i, s, side] = kept * trace[i, s, side] + inputs[s] * tried[i, side]
-        constant_trace[i, side] = kept * constant_trace[i, side] + tried[i, side]
+            trace[i, s, side] = decay * trace[i, s, side] + inputs[s] * tried[i, side]
+        constant_trace[i, side] = decay * constant_trace[i, side] + tried[i, side]

@@ -1,4 +1,4 @@
-"""What learners share: columns, temperatures, policies, networks as columns, state kept across rebinding."""
+"""Base classes of learners: networks as columns, temperatures, policies, and state that outlasts an unbinding."""
 
 import math
 from collections.abc import Sequence
@@ -18,8 +18,8 @@ from mesa_swarm.learning.rewards import REWARDS
 from mesa_swarm.robots.swarm import Swarm
 
 
-class Left:
-    """What a layer remembered of a swarm's robots when it was taken out; it reads as the swarm did.
+class UnboundState:
+    """The columns of a layer that was unbound; it can be read in place of the swarm.
 
     Parameters
     ----------
@@ -31,26 +31,26 @@ class Left:
     --------
     >>> swarm = Swarm()
     >>> _ = swarm.remember("0.Rule.seen", (), float, 0.0)
-    >>> sorted(Left(swarm, "0.Rule").columns)
+    >>> sorted(UnboundState(swarm, "0.Rule").columns)
     ['0.Rule.seen', 'number']
     """
 
     def __init__(self, swarm: Swarm, prefix: str) -> None:
         self.swarm, self.prefix, self.designs = swarm, prefix, swarm.designs
-        self.whereabouts = whereabouts(swarm)
+        self.provenance = provenance(swarm)
         names = [name for name in swarm.columns if name == "number" or name.startswith(f"{prefix}.")]
         self.columns = {name: swarm.columns[name].copy() for name in names}
 
     def __len__(self) -> int:
-        """How many robots there were."""
+        """Count the robots at unbinding."""
         return len(self.columns["number"])
 
     def remember(self, name: str, shape: tuple, dtype: type, initial: object) -> np.ndarray:
         """Return the column of this name."""
         return self.columns[name]
 
-    def lay(self, prefix: str) -> None:
-        """Let those of the robots that are still there have what was remembered of them, in columns of this prefix."""
+    def restore_to(self, prefix: str) -> None:
+        """Write the state of robots that still exist to the columns of this prefix."""
         columns = self.swarm.columns
         _, now, then = np.intersect1d(columns["number"], self.columns["number"], return_indices=True)
         for name, old in self.columns.items():
@@ -60,69 +60,79 @@ class Left:
                 columns[prefix + name.removeprefix(self.prefix)][known] = old[then]
 
 
-class Keeper:
-    """Base of layers that learn: bound again in the same model, they go on as if they had never been taken out.
+class LearningLayer:
+    """Base of layers that learn: bound again in the same model, they continue as if never unbound.
 
-    In another model, robots begin with what was learned: see `_take_along`.
+    In another model, robots start with what was learned: see `_start_elsewhere`.
     """
 
     name: str
     frozen: bool
     start: Any = None
-    # A swarm, or what is left of it to a layer that was taken out.
+    # The swarm, or its columns after unbinding.
     _home: Any = None
     _prefix = ""
 
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
-        """Remember in columns of the swarm what each robot knows; go on with what was learned before, if anything."""
+        """Make the columns of the swarm; continue with what was learned before, if anything."""
         home = self._home
-        left = home if isinstance(home, Left) and home.swarm is swarm else None
+        left = home if isinstance(home, UnboundState) and home.swarm is swarm else None
         if home is not None and left is None:
-            self._take_along()
+            self._start_elsewhere()
         self._home, self._prefix, self._rng = swarm, prefix, rng
         self._remember(swarm, prefix)
         if left is not None:
-            left.lay(prefix)
+            left.restore_to(prefix)
 
     def unbind(self) -> None:
-        """Keep what the robots know, as its columns are about to be dropped."""
-        self._home = Left(self._robots, self._prefix)
+        """Copy the columns, which are about to be dropped."""
+        self._home = UnboundState(self._robots, self._prefix)
 
     def _check_frozen(self) -> None:
-        """Refuse to drive by what nobody has learned."""
+        """Check that a frozen layer has something to act on."""
         if self.frozen and not (self.start and self.start.steps):
             raise LearningError(
-                f"{self.name} is frozen and knows nothing; give it a trained policy as start, or let it learn"
+                f"{self.name} is frozen and untrained; give it a trained policy as start, or let it learn"
             )
 
-    def _training(self, names: Sequence[str], lessons: int, training: dict) -> dict:
-        """Return where a policy comes from: these parameters, the world, what it started from, and what is given."""
-        return {
+    def _training(self, names: Sequence[str], training: dict) -> dict:
+        """Return the steps and training of a policy: parameters, world, what it started from, and what is given."""
+        lessons = int(self._column("lessons").sum())
+        described = {
             "learner": type(self).__name__,
             "mesa_swarm": version("mesa-swarm"),
-            **whereabouts(self._robots),
+            **provenance(self._robots),
             **{name: getattr(self, name) for name in names},
             "robots": len(self._robots),
             "lessons": lessons,
             **({"started_from": self.start.training} if self.start else {}),
             **training,
         }
+        return {"steps": lessons + (self.start.steps if self.start else 0), "training": described}
+
+    def _check_diverged(self, row: int, problem: str) -> None:
+        """Raise an error about the robot in this row, unless it is -1."""
+        if row >= 0:
+            robot = self._robots.agents[row]
+            raise LearningError(
+                f"{self.name} diverged for robot {robot.unique_id} in step {robot.model.steps}: {problem}"
+            )
 
     def _remember(self, swarm: Swarm, prefix: str) -> None:
         """Make the columns."""
         raise NotImplementedError
 
-    def _take_along(self) -> None:
-        """Make what was learned the start of another model's robots, or refuse to."""
+    def _start_elsewhere(self) -> None:
+        """Make what was learned the start of the robots of another model, or refuse to."""
         raise NotImplementedError
 
     @property
     def _robots(self) -> Any:
-        """The swarm that it belongs to, or what is left of it."""
+        """The swarm that it belongs to, or its columns after unbinding."""
         if self._home is None:
             raise LearningError(
-                f"this {self.name} is in no model: a model learns with a copy of it; ask model.control.layers[0], "
-                "or whichever layer it is there"
+                f"this {self.name} is in no model, which would learn with a copy of it; ask the copy, such as "
+                "model.control.layers[0]"
             )
         return self._home
 
@@ -130,21 +140,21 @@ class Keeper:
         return self._robots.columns[f"{self._prefix}.{name}"]
 
 
-def whereabouts(robots: Swarm | Left) -> dict[str, str | int]:
-    """Return the design of the robots, on which map they are, and how many steps their model has taken."""
-    if isinstance(robots, Left):
-        return robots.whereabouts
+def provenance(robots: Swarm | UnboundState) -> dict[str, str | int]:
+    """Return the robots' design, map, and the number of steps of their model."""
+    if isinstance(robots, UnboundState):
+        return robots.provenance
     if not len(robots):
         return {}
     model = robots.agents[0].model
     return {"design": robots.designs[0].name, "map": str(model.map.name), "model_steps": int(model.steps)}
 
 
-class Memory:
+class NetworkColumns:
     """The networks of all robots of a swarm, `count` for each robot.
 
     Hidden units are twice the proximity sensors of the widest design present. The columns grow with it: new
-    weights of robots that were there before are 0, so that what they learned stays.
+    weights of existing robots are 0, so that their outputs do not change.
 
     Parameters
     ----------
@@ -156,7 +166,7 @@ class Memory:
     per_sensor : int
         Inputs a proximity sensor.
     start : NetworkPolicy, optional
-        What robots know when they are born.
+        The initial policy of new robots.
 
     Raises
     ------
@@ -175,7 +185,7 @@ class Memory:
 
     @property
     def weights(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Views of all networks, robot after robot, as `networks.forward` takes them."""
+        """Views of all networks, robot after robot, for `networks.forward`."""
         inner, inner_bias, outer, outer_bias = (self._swarm.columns[f"{self._prefix}.{part}"] for part in PARTS)
         networks = outer_bias.size
         inputs, units = math.prod(inner.shape[2:4]), math.prod(inner.shape[4:])
@@ -186,8 +196,8 @@ class Memory:
             outer_bias.reshape(networks),
         )
 
-    def give_birth(self, rng: np.random.Generator, shared: bool) -> None:
-        """Give robots that have no networks yet theirs; where they are shared, those of the others."""
+    def init_new_robots(self, rng: np.random.Generator, shared: bool) -> None:
+        """Initialise the networks of new robots; shared ones are copied from the others."""
         born = self._swarm.columns[f"{self._prefix}.born"]
         if born.all():
             return
@@ -220,31 +230,31 @@ class Memory:
         return Networks(*(weights[: robots * self._count].copy() for weights in self.weights))
 
     def checkpoint(self) -> dict:
-        """Return nothing: all that is remembered stands in columns of the swarm, which are kept anyway."""
+        """Return nothing: the state is in columns of the swarm, which are stored anyway."""
         return {}
 
     def restore(self, state: dict) -> None:
-        """Take nothing: the columns are there already."""
+        """Do nothing: the columns are restored by the swarm."""
 
     def share(self) -> None:
-        """Give every robot what the first one has."""
+        """Copy the first robot's networks to all others."""
         for part in PARTS:
             column = self._swarm.columns[f"{self._prefix}.{part}"]
             column[1:] = column[:1]
 
 
-# Rewards are within [-1, 1], so that nothing is worth more than 1 / (1 - gamma), at most 1,000: a correction or a
-# weight a million times as large has diverged. What is within stays finite.
+# Rewards are within [-1, 1], so that values are at most 1 / (1 - gamma), at most 1,000: a correction or a
+# weight a million times as large has diverged.
 LARGEST = 1e9
 # T_0 of the thesis (8.3).
 HOT = 1.0
-# What a policy tells of how it was trained.
-TOLD = ("reward", "alpha", "eta", "gamma", "beta", "critical", "shared", "self_adjusting")
+# Stored in a policy's `training`.
+TRAINING_PARAMETERS = ("reward", "alpha", "eta", "gamma", "beta", "critical", "shared", "self_adjusting")
 
 
 @dataclass(kw_only=True)
-class Learner(Keeper):
-    """Base of `QLearning`, which tells what the parameters are, and `WireFittedQ`: they learn in every step."""
+class Learner(LearningLayer):
+    """Base of `QLearning`, where the parameters are described, and `WireFittedQ`: they learn in every step."""
 
     reward: str = "b"
     encoding: str = "distance"
@@ -280,7 +290,7 @@ class Learner(Keeper):
             setattr(self, name, check_flag(name, getattr(self, name)))
 
     def _check_start(self, family: type[NetworkPolicy], count: int) -> None:
-        """Refuse a policy that a learner with so many actions or wires cannot go on with."""
+        """Check that a learner with this number of actions or wires can continue from its start."""
         start = self.start
         if start is None:
             self._check_frozen()
@@ -304,28 +314,28 @@ class Learner(Keeper):
 
     @property
     def _begun_at(self) -> float:
-        """The temperature at which robots are born."""
+        """The initial temperature of robots."""
         return self._hottest if self.start is None or self.first_temperature is not None else self.start.temperature
 
     def unbind(self) -> None:
-        """Keep what the robots know, as its columns are about to be dropped."""
+        """Copy the columns, which are about to be dropped."""
         super().unbind()
         self._memory = self._networks_in(self._home, self._prefix)
 
     @property
     def _count(self) -> int:
-        """How many networks a robot has."""
+        """The number of networks of a robot."""
         raise NotImplementedError
 
-    def _networks_in(self, swarm: Any, prefix: str) -> Memory:
-        return Memory(swarm, prefix, self._count, ENCODINGS[self.encoding], self.start)
+    def _networks_in(self, swarm: Any, prefix: str) -> NetworkColumns:
+        return NetworkColumns(swarm, prefix, self._count, ENCODINGS[self.encoding], self.start)
 
     def policy(self, **training: str | float) -> NetworkPolicy:
         """Return what the robots have learned so far; see `QLearning.policy`."""
         raise NotImplementedError
 
-    def _take_along(self) -> None:
-        """Let the robots of another model start with what was learned, at the temperature of that."""
+    def _start_elsewhere(self) -> None:
+        """Let the robots of another model start with what was learned, at its temperature."""
         if self._column("lessons").any():
             self.start = self.policy()
             if not self.self_adjusting:
@@ -348,12 +358,12 @@ class Learner(Keeper):
 
     @property
     def last_reward(self) -> np.ndarray:
-        """What every robot got for its last action (n,); a copy."""
+        """Every robot's reward for its last action (n,); a copy."""
         return self._column("reward").copy()
 
     def _known(self, senses: Senses) -> tuple[object, ...]:
-        """Return what every learner's compiled function takes first, and draw each robot's chance of this step."""
-        self._memory.give_birth(self._rng, self.shared)
+        """Return the first arguments of the learners' compiled functions, with each robot's chance of this step."""
+        self._memory.init_new_robots(self._rng, self.shared)
         inputs = self._column("inputs")
         return (
             senses.distance,
@@ -375,18 +385,13 @@ class Learner(Keeper):
         )
 
     def _end_lesson(self, diverged: int) -> None:
-        """Let all robots know what was learned, if they share it; raise if it diverged for one of them."""
+        """Copy what was learned to all robots if they share it; raise if it diverged for one of them."""
         if self.shared and not self.frozen:
             self._memory.share()
-        if diverged >= 0:
-            robot = self._robots.agents[diverged]
-            raise LearningError(
-                f"{self.name} diverged for robot {robot.unique_id} in step {robot.model.steps}: its values grow beyond "
-                "all bounds; lower eta, alpha or gamma"
-            )
+        self._check_diverged(diverged, "its values grow beyond all bounds; lower eta, alpha or gamma")
 
-    def _said(self, row: int, networks: int) -> np.ndarray:
-        """Return what the networks of the robot in this row say to the inputs that it had last (networks,)."""
+    def _last_outputs(self, row: int, networks: int) -> np.ndarray:
+        """Return the outputs of a robot's networks for its last inputs (networks,)."""
         inner, bias, outer, outer_bias = (
             weights[row * networks : (row + 1) * networks] for weights in self._memory.weights
         )
@@ -395,22 +400,21 @@ class Learner(Keeper):
         return outer_bias + (hidden * outer).sum(axis=1)
 
     def _learned(self, training: dict) -> dict:
-        """Return what every policy has, whatever its family."""
-        sensors, lessons = sensors_of(self._robots), int(self._column("lessons").sum())
-        self._memory.give_birth(self._rng, self.shared)
+        """Return the fields that all families of policies have."""
+        sensors = sensors_of(self._robots)
+        self._memory.init_new_robots(self._rng, self.shared)
         return {
             "sensors": sensors,
             "networks": self._memory.networks(1 if self.shared else len(self._robots)),
             "encoding": self.encoding,
             "temperature": float(self._column("temperature").mean()),
-            "steps": lessons + (self.start.steps if self.start else 0),
-            "training": self._training(TOLD, lessons, training),
+            **self._training(TRAINING_PARAMETERS, training),
         }
 
 
 @compiled
 def is_bounded(outer, m, step):
-    """Return whether network m can take a step of back-propagation and stay within bounds; not if any is NaN."""
+    """Return whether network m is within bounds and not NaN, and so is its step of back-propagation."""
     bounded = abs(step) <= LARGEST
     for h in range(outer.shape[1]):
         bounded = bounded and abs(outer[m, h]) <= LARGEST
@@ -419,7 +423,7 @@ def is_bounded(outer, m, step):
 
 @compiled
 def cool(distance, i, temperature, bumps, cooling, bumping, self_adjusting):
-    """Set the temperature of robot i by the clock, or by how often it bumped."""
+    """Set the temperature of robot i by time, or by its rate of bumps."""
     beta, first, last = cooling
     usual, forgetting, near = bumping
     bumped = 0.0

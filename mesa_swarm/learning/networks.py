@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from mesa_swarm.errors import InvalidValueError, LearningError, check_choice, check_count, check_number, shortened
 from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.learning.actions import ENCODINGS, as_floats, choose_all
+from mesa_swarm.learning.actions import ENCODINGS, as_floats, choose_all, described
 from mesa_swarm.learning.policy import SensorLayout, checked_chances, checked_numbers
 
 # Of the thesis's regression (6.4); for robots it used 0.1 (8.3).
@@ -22,8 +22,8 @@ PARTS = ("inner", "inner_bias", "outer", "outer_bias")
 class Networks:
     """Networks of one form, stacked; the arrays change when they learn.
 
-    ``y = b + sum_h v_h tanh(c_h + sum_k w_kh x_k)``: b and c_h are the weights of the bias units, which
-    always say 1 (thesis 6.1).
+    ``y = b + sum_h v_h tanh(c_h + sum_k w_kh x_k)``: b and c_h are the weights of the bias units, whose
+    output is 1 (thesis 6.1).
 
     Parameters
     ----------
@@ -49,13 +49,15 @@ class Networks:
     outer_bias: np.ndarray
 
     def __post_init__(self) -> None:
-        """Check that the parts fit together: compiled functions read and write where they say."""
+        """Check that the parts fit together, as compiled functions do not check bounds."""
         first = self.inner
         m, k, h = first.shape if isinstance(first, np.ndarray) and first.ndim == 3 else ("m", "k", "h")
-        wanted = ((m, k, h), (m, h), (m, h), (m,))
-        for name, part, shape in zip(PARTS, self.weights, wanted, strict=True):
+        shapes = ((m, k, h), (m, h), (m, h), (m,))
+        for name, part, shape in zip(PARTS, self.weights, shapes, strict=True):
             if not isinstance(part, np.ndarray) or part.dtype != np.float64 or part.shape != shape:
-                raise InvalidValueError(f"{name} is {_told(part)}; expected an array of float64, shape {_row(shape)}")
+                raise InvalidValueError(
+                    f"{name} is {described(part)}; expected an array of float64, shape {_row(shape)}"
+                )
             if not np.isfinite(part).all():
                 raise InvalidValueError(f"{name} holds weights that are not finite; train them anew")
 
@@ -80,11 +82,11 @@ class Networks:
 
     @property
     def weights(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """The four arrays, as the compiled functions take them."""
+        """The four arrays, for the compiled functions."""
         return self.inner, self.inner_bias, self.outer, self.outer_bias
 
     def outputs(self, inputs: ArrayLike) -> np.ndarray:
-        """Return what every network says of its own inputs.
+        """Return the output of every network for its own inputs.
 
         Parameters
         ----------
@@ -100,7 +102,7 @@ class Networks:
             If the inputs have another shape, or are not finite.
         """
         given, out = self._checked("inputs", inputs, self.inner.shape[:2]), np.empty(len(self.inner))
-        say(*self.weights, given, out)
+        write_outputs(*self.weights, given, out)
         return out
 
     def learn(self, inputs: ArrayLike, targets: ArrayLike, rate: float = REGRESSION_RATE) -> np.ndarray:
@@ -119,9 +121,9 @@ class Networks:
             The errors ``target - y`` before the step.
         """
         given = self._checked("inputs", inputs, self.inner.shape[:2])
-        wanted = self._checked("targets", targets, self.outer_bias.shape)
-        errors = np.empty(len(wanted))
-        descend(*self.weights, given, wanted, check_number("rate", rate, minimum=0, maximum=1), errors)
+        desired = self._checked("targets", targets, self.outer_bias.shape)
+        errors = np.empty(len(desired))
+        descend(*self.weights, given, desired, check_number("rate", rate, minimum=0, maximum=1), errors)
         return errors
 
     def _checked(self, name: str, values: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:
@@ -143,7 +145,7 @@ def fit(
 ) -> Networks:
     """Fit networks of one input to noisy points: the thesis's demonstration of regression (6.3).
 
-    Every point is presented so often, in an order drawn anew for each network and round.
+    Every round presents all points, in an order drawn for each network and round.
 
     Parameters
     ----------
@@ -151,8 +153,9 @@ def fit(
         Finite; both of order 1.
     rng : numpy.random.Generator
     networks : int
-        How many are fitted, each from other random weights.
+        The number of fits, each from its own random weights.
     hidden, presentations : int
+        Hidden units, and rounds.
     rate : float
         Learning rate.
 
@@ -163,7 +166,7 @@ def fit(
     Raises
     ------
     InvalidValueError
-        If x and y are not as many finite numbers, or anything else is out of its range.
+        If x and y are not equally many finite numbers, or another value is out of its range.
     LearningError
         If it diverged.
 
@@ -187,41 +190,34 @@ def fit(
 
 
 def check_generator(rng: object) -> None:
-    """Refuse what draws no random numbers.
+    """Check that `rng` is a generator of random numbers.
 
     Raises
     ------
     InvalidValueError
     """
     if not isinstance(rng, np.random.Generator):
-        raise InvalidValueError(f"rng is {shortened(rng)}; expected numpy.random.default_rng(1) or the like")
+        raise InvalidValueError(f"rng is {shortened(rng)}; expected a generator such as numpy.random.default_rng(1)")
 
 
 def _points(x: ArrayLike, y: ArrayLike) -> np.ndarray:
-    """Return x and y as rows of points (p, 2), or refuse them."""
+    """Return x and y as rows of points (p, 2)."""
     columns = {"x": as_floats(x), "y": as_floats(y)}
     for name, column in columns.items():
         if column.ndim != 1 or not len(column) or not np.isfinite(column).all():
-            raise InvalidValueError(f"{name} is {_told(column)}; expected a row of finite numbers")
+            raise InvalidValueError(f"{name} is {described(column)}; expected a row of finite numbers")
     if len(columns["x"]) != len(columns["y"]):
-        raise InvalidValueError(
-            f"x has {len(columns['x'])} numbers and y {len(columns['y'])}; expected as many of both"
-        )
+        raise InvalidValueError(f"x has {len(columns['x'])} numbers and y {len(columns['y'])}; expected equal lengths")
     return np.column_stack([columns["x"], columns["y"]])
 
 
-def _told(part: object) -> str:
-    """Return what is no array of weights, in words."""
-    return f"an array of {part.dtype}, shape {part.shape}" if isinstance(part, np.ndarray) else shortened(part)
-
-
 def _row(shape: tuple[int | str, ...]) -> str:
-    """Return a shape, of which some sides may only have names."""
+    """Return a shape, of which some sides may be names."""
     return f"({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})"
 
 
 def check_networks(networks: Networks, inputs: int, group: int) -> None:
-    """Refuse networks that are not groups of so many, with so many inputs, and with finite weights.
+    """Check that networks form groups of this size, with this number of inputs and finite weights.
 
     Raises
     ------
@@ -235,13 +231,13 @@ def check_networks(networks: Networks, inputs: int, group: int) -> None:
             f"networks have the shapes {[w.shape for w in networks.weights]}; expected {inputs} inputs "
             f"and {group} networks a robot"
         )
-    # They may have learned since they were made.
+    # They may have learned since construction.
     if not all(np.isfinite(w).all() for w in networks.weights):
         raise InvalidValueError("networks hold weights that are not finite; train them anew")
 
 
 @compiled
-def say(inner, inner_bias, outer, outer_bias, inputs, out):
+def write_outputs(inner, inner_bias, outer, outer_bias, inputs, out):
     """Write the output of every network for its own row of inputs (m, k)."""
     hidden = np.empty(inner.shape[2])
     for m in range(inner.shape[0]):
@@ -259,7 +255,7 @@ def descend(inner, inner_bias, outer, outer_bias, inputs, targets, rate, errors)
 
 @compiled
 def forward(inner, inner_bias, outer, outer_bias, m, inputs, i, hidden):
-    """Return the output of network m for row i of the inputs; `hidden` is left with what its hidden units say."""
+    """Return the output of network m for row i of the inputs; write its hidden units' outputs to `hidden`."""
     units = hidden.shape[0]
     for h in range(units):
         hidden[h] = inner_bias[m, h]
@@ -276,13 +272,13 @@ def forward(inner, inner_bias, outer, outer_bias, m, inputs, i, hidden):
 
 @compiled
 def back_propagate(inner, inner_bias, outer, outer_bias, m, inputs, i, hidden, step):
-    """Add ``step * dy/dw`` to every weight w of network m; `hidden` is what `forward` left, and is overwritten."""
+    """Add ``step * dy/dw`` to every weight w of network m; `hidden`, from `forward`, is overwritten."""
     units = hidden.shape[0]
     outer_bias[m] += step
     for h in range(units):
-        said = hidden[h]
-        hidden[h] = step * outer[m, h] * (1.0 - said * said)
-        outer[m, h] += step * said
+        output = hidden[h]
+        hidden[h] = step * outer[m, h] * (1.0 - output * output)
+        outer[m, h] += step * output
         inner_bias[m, h] += hidden[h]
     for k in range(inner.shape[1]):
         x = inputs[i, k]
@@ -292,16 +288,16 @@ def back_propagate(inner, inner_bias, outer, outer_bias, m, inputs, i, hidden, s
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NetworkPolicy:
-    """Base of `QPolicy` and `WirePolicy`, which choose by Boltzmann's probabilities of what networks say.
+    """Base of `QPolicy` and `WirePolicy`, which choose by Boltzmann's probabilities of network outputs.
 
     Parameters
     ----------
     sensors, networks, encoding, temperature, steps, training
-        As for `QPolicy`; there are as many networks a robot as its family needs.
+        As for `QPolicy`; the number of networks a robot depends on the family.
     """
 
     family: ClassVar[str]
-    counted: ClassVar[str]  # the field that says among how many it chooses
+    counted: ClassVar[str]  # the field with the number of choices
     sensors: SensorLayout
     networks: Networks
     encoding: str = "distance"
@@ -311,7 +307,7 @@ class NetworkPolicy:
 
     @property
     def group(self) -> int:
-        """How many networks a robot has."""
+        """The number of networks of a robot."""
         raise NotImplementedError
 
     def _check_parts(self) -> None:
@@ -323,11 +319,11 @@ class NetworkPolicy:
 
     @property
     def copies(self) -> int:
-        """How many robots' networks there are."""
+        """The number of robots' sets of networks."""
         return len(self.networks.outer_bias) // self.group
 
     def of_robot(self, index: int) -> Self:
-        """Return the policy of one of the robots alone, to share it with others.
+        """Return the policy of one robot, to share it with others.
 
         Parameters
         ----------
@@ -342,12 +338,12 @@ class NetworkPolicy:
         return np.array([self.sensors.ranges])
 
     def _known(self, readings: ArrayLike, kinds: ArrayLike | None, numbers: ArrayLike | None) -> tuple:
-        """Return readings, kinds, ranges, weights, numbers: by which compiled functions say what there is to choose."""
+        """Return readings, kinds, ranges, weights and numbers for the compiled functions."""
         distance, kind = self.sensors.check_readings(readings, kinds, self.encoding)
         return distance, kind, self._ranges, self.networks.weights, checked_numbers(numbers, len(distance))
 
     def _taken(self, values: np.ndarray, chance: ArrayLike | None) -> np.ndarray:
-        """Return which one every robot takes (n,), of what each is worth (n, a)."""
+        """Return every robot's choice (n,), given values (n, a)."""
         chances = np.empty(0) if chance is None else checked_chances(chance, len(values))
         taken = np.empty(len(values), np.int64)
         choose_all(values, float(self.temperature), chances, taken)
@@ -358,14 +354,14 @@ class NetworkPolicy:
         return dict(zip(PARTS, self.networks.weights, strict=True))
 
     def settings(self) -> dict:
-        """Return what else it takes to act."""
+        """Return the other fields that acting depends on."""
         return {name: getattr(self, name) for name in (self.counted, "encoding", "temperature")}
 
     @classmethod
     def restored(
         cls, sensors: SensorLayout, steps: int, training: dict, settings: dict, arrays: dict[str, np.ndarray]
     ) -> Self:
-        """Return the policy of these parts, as a file has them."""
+        """Return the policy with these parts, from a file."""
         if sorted(arrays) != sorted(PARTS) or settings.keys() != {cls.counted, "encoding", "temperature"}:
             raise InvalidValueError(f"a {cls.family} policy has {', '.join(arrays)}; expected {', '.join(PARTS)}")
         networks = Networks(*(arrays[part] for part in PARTS))

@@ -1,4 +1,4 @@
-"""What a trained controller is, its inputs, and the layer that drives robots by it."""
+"""Trained controllers, their inputs, and the layer that drives robots by them."""
 
 import math
 from dataclasses import dataclass
@@ -11,17 +11,17 @@ from numpy.typing import ArrayLike
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import BehaviourError, InvalidValueError, LearningError, asked, check_flag, check_name, shortened
 from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.learning.actions import as_floats
+from mesa_swarm.learning.actions import as_floats, described
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm
 
-# Of robots that nobody numbered.
+# The numbers of robots 0, 1, 2, ...
 COUNTED = np.empty(0, np.int64)
 
 
 def checked_chances(chance: ArrayLike, robots: int) -> np.ndarray:
-    """Return the numbers from which a policy draws as an array (n,), or refuse them.
+    """Return the numbers from which a policy draws as an array (n,).
 
     Raises
     ------
@@ -35,14 +35,14 @@ def checked_chances(chance: ArrayLike, robots: int) -> np.ndarray:
     chances = as_floats(chance)
     if chances.shape != (robots,):
         raise InvalidValueError(f"chance is {shortened(chance)}; expected {robots} numbers from 0 to 1")
-    wrong = first_outside(chances)
+    wrong = first_invalid(chances)
     if wrong >= 0:
         raise InvalidValueError(f"chance holds {chances[wrong]:g}; expected numbers from 0 to 1")
     return chances
 
 
 def checked_numbers(numbers: ArrayLike | None, robots: int) -> np.ndarray:
-    """Return the numbers of robots as an array (n,), or refuse them; an empty one tells to count robots from 0.
+    """Return the numbers of robots as an array (n,); an empty one stands for 0, 1, 2, ...
 
     Raises
     ------
@@ -65,15 +65,15 @@ def checked_numbers(numbers: ArrayLike | None, robots: int) -> np.ndarray:
 
 
 @compiled
-def first_outside(chances):
-    """Return the place of the first number that is not from 0 to 1, or -1."""
+def first_invalid(chances):
+    """Return the index of the first number outside 0 to 1, or -1."""
     for i in range(chances.shape[0]):
         if not 0.0 <= chances[i] <= 1.0:
             return i
     return -1
 
 
-# To compare a dtype with another takes a tenth of the time that it takes with a type.
+# Comparing two dtypes takes a tenth of the time of comparing a dtype with a type.
 DOUBLE = np.dtype(np.float64)
 
 
@@ -104,7 +104,7 @@ class SensorLayout:
         Raises
         ------
         InvalidValueError
-            If `design` is none.
+            If `design` is not a RobotDesign.
         """
         if not isinstance(design, RobotDesign):
             raise InvalidValueError(f"design is {shortened(design)}; expected a RobotDesign such as AGENT9")
@@ -116,11 +116,11 @@ class SensorLayout:
         )
 
     def __len__(self) -> int:
-        """How many sensors there are."""
+        """Count the sensors."""
         return len(self.bearings)
 
     def check(self, design: RobotDesign) -> None:
-        """Refuse a design whose proximity sensors are others.
+        """Check that a design has these proximity sensors.
 
         Raises
         ------
@@ -139,16 +139,16 @@ class SensorLayout:
     def check_readings(
         self, readings: ArrayLike, kinds: ArrayLike | None, encoding: str = "distance"
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return readings and kinds (n, s) as arrays, or refuse them; without kinds, all that is seen is an obstacle.
+        """Return readings and kinds (n, s) as arrays; without kinds, every reading is of an obstacle.
 
         Raises
         ------
         InvalidValueError
-            If they have not one value a sensor, or a reading is not finite, or the encoding takes kinds and there
+            If they have not one value a sensor, or a reading is not finite, or the encoding needs kinds and there
             are none.
         """
         if kinds is None and encoding != "distance":
-            raise InvalidValueError(f"kinds is None; expected what each sensor sees, as the encoding is {encoding!r}")
+            raise InvalidValueError(f"kinds is None; expected the kind at each sensor, as the encoding is {encoding!r}")
         try:
             distance = np.ascontiguousarray(readings, np.float64)
             # 0 is an obstacle, -1 nothing.
@@ -161,7 +161,7 @@ class SensorLayout:
                 f"expected numbers, n rows of {len(self)} of both"
             )
         if not all_finite(distance):
-            raise InvalidValueError("readings hold NaN or infinity; expected finite distances, -1 for nothing seen")
+            raise InvalidValueError("readings hold NaN or infinity; expected finite distances, -1 for nothing in range")
         return distance, kind
 
     def _row(self, i: int) -> tuple[float, float, float]:
@@ -178,17 +178,17 @@ def sensors_of(swarm: Swarm) -> SensorLayout:
     Raises
     ------
     LearningError
-        If there are no robots, or they have not all the same sensors.
+        If there are no robots, or their sensors differ.
     """
     if not len(swarm):
-        raise LearningError("there are no robots, so that nothing was learned; add robots first")
+        raise LearningError("there are no robots, and nothing was learned; add robots first")
     layout = SensorLayout.of(swarm.designs[0])
     check_designs(layout, swarm)
     return layout
 
 
 def check_designs(sensors: SensorLayout, swarm: Swarm) -> None:
-    """Refuse a swarm with robots that have other sensors than these.
+    """Check that all robots of a swarm have these sensors.
 
     Raises
     ------
@@ -199,28 +199,28 @@ def check_designs(sensors: SensorLayout, swarm: Swarm) -> None:
 
 
 def check_policy(policy: object, *methods: str) -> None:
-    """Refuse what lacks these methods of a policy.
+    """Check that a policy has these methods.
 
     Raises
     ------
     InvalidValueError
     """
     if isinstance(policy, type) or not all(callable(asked(policy, method)) for method in methods):
-        raise InvalidValueError(f"policy is {shortened(policy)}; expected what load_policy() returns")
+        raise InvalidValueError(f"policy is {shortened(policy)}; expected a policy such as from load_policy()")
 
 
 class Policy(Protocol):
     """A controller that was trained, or can be: readings in, wheel commands out.
 
-    What learners of all families make, what files hold, and what `PolicyLayer` drives robots by. A policy does
-    not change when it acts. One that goes by what was before has one thing more, ``memory``, how many numbers each
-    robot keeps from step to step, and its `act` one argument more: these numbers (n, memory), 0 at first, which it
-    writes; see `ReflexPolicy`. One in which robots have sets of weights of their own tells in ``copies`` how many
-    there are, and its `act` has a keyword ``numbers`` (n,): the k-th robot ever made acts by set ``k % copies``,
-    also when robots before it are gone; see `QPolicy`.
+    Learners of all families return policies, files store them, and `PolicyLayer` drives robots by them. A policy does
+    not change when it acts. A recurrent policy has an attribute ``memory``, the number of values that each robot
+    remembers from step to step, and its `act` one more argument: these values (n, memory), 0 at first, which it
+    writes; see `ReflexPolicy`. A policy with several sets of weights has their number in ``copies``, and its `act`
+    has a keyword ``numbers`` (n,): the k-th robot ever made acts by set ``k % copies``, also when robots before it
+    are gone; see `QPolicy`.
     """
 
-    family: ClassVar[str]  # by which files know it, see `learning.policy_files`
+    family: ClassVar[str]  # its name in files, see `learning.policy_files`
 
     @property
     def sensors(self) -> SensorLayout:
@@ -232,7 +232,7 @@ class Policy(Protocol):
 
     @property
     def training(self) -> dict:
-        """Where it comes from, and figures of its training: texts and numbers by name."""
+        """Provenance, and figures of its training: texts and numbers by name."""
 
     def act(self, readings: ArrayLike, kinds: ArrayLike | None = None, chance: ArrayLike | None = None) -> np.ndarray:
         """Return wheel commands as shares of max_speed.
@@ -240,35 +240,34 @@ class Policy(Protocol):
         Parameters
         ----------
         readings : ndarray, shape (n, s), map units
-            Of the proximity sensors, -1 for nothing seen.
+            Of the proximity sensors, -1 for nothing in range.
         kinds : int ndarray, shape (n, s), optional
-            0 obstacle, 1 robot, 2 fire, 3 load, -1 nothing. A policy that knows distances only acts without them.
+            0 obstacle, 1 robot, 2 fire, 3 load, -1 nothing. Not needed by policies of distances only.
         chance : ndarray, shape (n,), optional
-            Numbers from 0 to 1, from which a policy that tries things draws; without them it does what it holds
-            best.
+            Numbers from 0 to 1 for a policy with random choices; without them it takes the best action.
 
         Returns
         -------
         ndarray, shape (n, 2)
-            Left and right wheel, in [-1, 1].
+            UnboundState and right wheel, in [-1, 1].
 
         Raises
         ------
         InvalidValueError
-            If the readings are not those of its sensors, or a chance is not from 0 to 1.
+            If the readings do not fit its sensors, or a chance is not from 0 to 1.
         """
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """Return what was learned, by name: finite float64 arrays."""
+        """Return the weights by name: finite float64 arrays."""
 
     def settings(self) -> dict:
-        """Return all else that it takes to act: texts and finite numbers by name."""
+        """Return the other fields that acting depends on: texts and finite numbers by name."""
 
     @classmethod
     def restored(
         cls, sensors: SensorLayout, steps: int, training: dict, settings: dict, arrays: dict[str, np.ndarray]
     ) -> "Policy":
-        """Return the policy of these parts, or raise an error of ours if they do not fit together."""
+        """Return the policy with these parts, or raise a SwarmError if they do not fit together."""
 
 
 @dataclass(kw_only=True)
@@ -279,7 +278,7 @@ class PolicyLayer:
     ----------
     policy : Policy
     greedy : bool
-        Whether robots always do what the policy holds best, or leave to chance what the policy leaves to it.
+        Whether robots always take the policy's best action, instead of random choices.
     explore : bool
         Whether an untrained policy may drive.
 
@@ -288,7 +287,7 @@ class PolicyLayer:
     InvalidValueError
         If `policy` is not one.
     LearningError
-        If it is untrained and not told to explore; when robots have other sensors than it was trained with.
+        If it is untrained and `explore` is False; if robots have other sensors than it was trained with.
 
     Examples
     --------
@@ -315,13 +314,13 @@ class PolicyLayer:
             raise LearningError("the policy is untrained; train it first, or let it explore with explore=True")
 
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
-        """Remember what the policy keeps, if anything; check that the robots are of a kind that it knows."""
+        """Make the column of a recurrent policy; check the robots' sensors."""
         self._swarm, self._rng, self._known = swarm, rng, 0
         numbers: int = getattr(self.policy, "memory", 0)
         self._kept = f"{prefix}.memory" if numbers else None
         if self._kept:
             swarm.remember(self._kept, (numbers,), np.float64, 0.0)
-        # Policies of one's own need not know of numbers.
+        # A user's policy need not take numbers.
         self._numbered = getattr(self.policy, "copies", 1) != 1 and "numbers" in signature(self.policy.act).parameters
         self._check_designs()
 
@@ -338,20 +337,21 @@ class PolicyLayer:
         if len(self._swarm.designs) != self._known:
             self._check_designs()
         chance = None if self.greedy else self._rng.random(len(layer))
-        kept = (self._swarm.columns[self._kept],) if self._kept else ()
-        told = {"numbers": self._swarm.columns["number"]} if self._numbered else {}
-        said = self.policy.act(senses.distance, senses.kind, chance, *kept, **told)
-        shares = said
-        # Compiled code reads as many rows as there are robots, and is compiled anew for other kinds of arrays.
-        if type(said) is not np.ndarray or said.shape != command.shape or said.dtype != DOUBLE:
-            shares = _shares_of(said)
+        memory = (self._swarm.columns[self._kept],) if self._kept else ()
+        numbers = {"numbers": self._swarm.columns["number"]} if self._numbered else {}
+        returned = self.policy.act(senses.distance, senses.kind, chance, *memory, **numbers)
+        shares = returned
+        # Compiled code reads one row a robot, and is compiled anew for other kinds of arrays.
+        if type(returned) is not np.ndarray or returned.shape != command.shape or returned.dtype != DOUBLE:
+            shares = _shares_of(returned)
         if shares.shape != command.shape or not drive(shares, senses.max_speed, command, layer, index):
             raise BehaviourError(
-                f"{self.name}: its policy returned {_told(said)}; expected finite numbers of shape {command.shape}"
+                f"{self.name}: its policy returned {described(returned)}; "
+                f"expected finite numbers of shape {command.shape}"
             )
 
     def reason(self, moment: Moment) -> Reason:
-        """Say what the policy saw."""
+        """Return the readings that the policy acted on."""
         near = tuple(s for s in np.flatnonzero(moment.kind >= 0).tolist() if math.isfinite(moment.distance[s]))
         return Reason("its policy acts on " + (", ".join(map(moment.reading, near)) or "nothing in sight"), near)
 
@@ -360,22 +360,18 @@ class PolicyLayer:
         self._known = len(self._swarm.designs)
 
 
-def _shares_of(said: object) -> np.ndarray:
-    """Return what a policy returned as an array of floats, an empty one if it holds no numbers."""
+def _shares_of(returned: object) -> np.ndarray:
+    """Return a policy's result as an array of floats, an empty one if it does not hold numbers."""
     try:
-        array = np.asarray(said)
+        array = np.asarray(returned)
     except ValueError:  # rows of different lengths
         array = np.empty(0)
     return array.astype(np.float64, order="C") if array.dtype.kind in "biuf" else np.empty(0)
 
 
-def _told(said: object) -> str:
-    return f"an array of {said.dtype}, shape {said.shape}" if isinstance(said, np.ndarray) else shortened(said)
-
-
 @compiled
 def all_finite(table):
-    """Return whether a table (n, s) holds neither NaN nor infinity; of few robots in a tenth of NumPy's time."""
+    """Return whether a table (n, s) is finite; ten times as fast as NumPy for few robots."""
     for i in range(table.shape[0]):
         for s in range(table.shape[1]):
             if not math.isfinite(table[i, s]):
@@ -385,7 +381,7 @@ def all_finite(table):
 
 @compiled
 def drive(shares, max_speed, command, layer, index):
-    """Write the commands of robots that no layer drives yet, if all `shares` (n, 2) of max_speed are finite."""
+    """Write the commands of undriven robots, if all `shares` (n, 2) of max_speed are finite."""
     for i in range(layer.shape[0]):
         if not (math.isfinite(shares[i, 0]) and math.isfinite(shares[i, 1])):
             return False

@@ -1,4 +1,4 @@
-"""Policies as files: saved whole, and read without ever running what is in them."""
+"""Policies as files, written whole and read without running code."""
 
 import json
 import math
@@ -21,15 +21,15 @@ from mesa_swarm.robots.design import MOST_SENSORS
 
 FORMAT = "mesa_swarm policy 1"
 HEADER = "header"
-# Who reads what: a family of policies that is to be kept in files has its line here.
+# The families of policies that can be stored in files.
 FAMILIES: dict[str, type[Policy]] = {family.family: family for family in (QPolicy, ReflexPolicy, WirePolicy)}
-# A policy of 1,000 robots takes 13 MB; what is far beyond that is none.
+# A policy of 1,000 robots takes 13 MB.
 LARGEST_BYTES = 1 << 27
-# What is saved stays below, since deflating noise makes it a little larger.
+# Saved policies stay below, since deflating noise makes it a little larger.
 LARGEST_SAVED = LARGEST_BYTES - (LARGEST_BYTES >> 8)
 LONGEST_HEADER = 1 << 20
 MOST_ARRAYS = 64
-# How a ZIP archive without a comment ends: sizes and places of its list of contents, which is read as a whole.
+# The end of a ZIP archive without a comment: sizes and places of its list of contents, which is read as a whole.
 END, LARGEST_LIST = struct.Struct("<4s4H2LH"), 1 << 20
 LONGEST_MESSAGE = 300
 
@@ -38,7 +38,7 @@ def save_policy(policy: Policy, path: str | os.PathLike[str]) -> Path:
     """Write a policy to a file, whole or not at all, and return its path.
 
     The file is NumPy's .npz without pickles: the arrays, and a header of JSON with the family, the sensors, the
-    settings, and where the policy comes from.
+    settings, and the policy's provenance.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def save_policy(policy: Policy, path: str | os.PathLike[str]) -> Path:
         If the file cannot be written, its name ends otherwise, or `load_policy` would refuse it: it may have 133 MB,
         and holds finite numbers.
     InvalidValueError
-        If `policy` or `path` is none.
+        If `policy` is not a policy, or `path` not a path.
 
     Examples
     --------
@@ -78,8 +78,8 @@ def save_policy(policy: Policy, path: str | os.PathLike[str]) -> Path:
     try:
         text = json.dumps(header, allow_nan=False, default=_number)
     except (TypeError, ValueError):
-        raise LearningError("the policy's training holds what is no text or finite number; leave it out") from None
-    # Any: NumPy's own option is among the names to a type checker.
+        raise LearningError("the policy's training may only hold texts and finite numbers; leave out others") from None
+    # Any, as a type checker sees NumPy's own option among the names.
     contents: dict[str, Any] = {HEADER: np.frombuffer(text.encode(), np.uint8), **policy.arrays()}
     _check_contents(contents)
     with draft_of(file, LearningError, folders=False) as draft, draft.open("wb") as part:
@@ -93,7 +93,7 @@ def load_policy(path: str | os.PathLike[str]) -> Policy:
     Raises
     ------
     LearningError
-        If there is no such file, or it is damaged, hostile, or not a policy.
+        If the file is missing, damaged, hostile, or not a policy.
     """
     file = _file_of(path)
     try:
@@ -108,7 +108,7 @@ def load_policy(path: str | os.PathLike[str]) -> Policy:
         raise
     except OSError as error:
         raise LearningError(f"{_shown(file)} cannot be read: {error.strerror or error}") from None
-    except Exception as error:  # of zip, zlib and NumPy, as many kinds as there are kinds of damage
+    except Exception as error:  # zip, zlib and NumPy raise many kinds
         raise _refusal(file, f"it is damaged ({type(error).__name__})") from None
     return _policy_of(file, _header_of(file, arrays), arrays)
 
@@ -121,24 +121,24 @@ def _file_of(path: str | os.PathLike[str]) -> Path:
 
 
 def _check_contents(contents: dict[str, np.ndarray]) -> None:
-    """Refuse to save what `load_policy` would refuse."""
+    """Check that `load_policy` would accept the contents."""
     size = sum(array.nbytes for array in contents.values())
     if size > LARGEST_SAVED:
         raise LearningError(
-            f"the policy has {size:,} bytes, more than the {LARGEST_SAVED:,} of a file; keep one of fewer robots"
+            f"the policy has {size:,} bytes, more than the {LARGEST_SAVED:,} of a file; save one of fewer robots"
         )
     if contents[HEADER].size > LONGEST_HEADER:
         raise LearningError(
             f"the policy's training and settings take {contents[HEADER].size:,} bytes as JSON, more than the "
-            f"{LONGEST_HEADER:,} of a file; leave out what is long"
+            f"{LONGEST_HEADER:,} of a file; shorten the training"
         )
     for name, array in contents.items():
         if not np.isfinite(array).all():
-            raise LearningError(f"the policy's {shortened(name)} holds what is not finite; learn with a lower rate")
+            raise LearningError(f"the policy's {shortened(name)} is not finite; learn with a lower rate")
 
 
 def _number(value: object) -> float:
-    """Return one of NumPy's numbers as the number that it is, for JSON."""
+    """Return one of NumPy's numbers as Python's, for JSON."""
     for kind, plain in ((np.floating, float), (np.integer, int), (np.bool_, bool)):
         if isinstance(value, kind):
             return plain(value)
@@ -151,7 +151,7 @@ def _policy_of(file: Path, header: dict, arrays: dict[str, np.ndarray]) -> Polic
         raise _refusal(file, f"its family is {shortened(family)}; known: {', '.join(FAMILIES)}")
     for name, array in arrays.items():
         if not isinstance(array, np.ndarray) or array.dtype != np.float64 or not np.isfinite(array).all():
-            raise _refusal(file, f"its {shortened(name)} holds other things than finite numbers")
+            raise _refusal(file, f"its {shortened(name)} holds other values than finite float64 numbers")
     try:
         sensors = _sensors_of(header["sensors"])
         steps = check_count("steps", header["steps"], maximum=2**62)
@@ -170,12 +170,12 @@ def _sensors_of(rows: dict) -> SensorLayout:
             raise ValueError(f"its {name} are not a list of at most {MOST_SENSORS} numbers")
     layout = SensorLayout(*(tuple(check_number(name, v) for v in rows[name]) for name in names))
     if len({len(rows[name]) for name in names}) > 1:
-        raise ValueError("its sensors are not as many bearings as ranges and fields of view")
+        raise ValueError("its bearings, ranges and fields of view differ in number")
     return layout
 
 
 def _plain(values: dict) -> dict:
-    """Return what is a table of texts, numbers, and the like."""
+    """Return a table of texts and numbers unchanged."""
     if not isinstance(values, dict):
         raise TypeError
     return values
@@ -195,19 +195,19 @@ def _header_of(file: Path, arrays: dict[str, np.ndarray]) -> dict:
 
 
 def _check_members(file: Path, archive: zipfile.ZipFile) -> None:
-    """Refuse what would fill the memory before anything is unpacked."""
+    """Check sizes before anything is unpacked."""
     members = archive.infolist()
     if len(members) > MOST_ARRAYS or sum(member.file_size for member in members) > LARGEST_BYTES:
         raise _refusal(file, f"it unpacks to more than {MOST_ARRAYS} arrays or {LARGEST_BYTES >> 20} MB")
     if len({member.filename for member in members}) < len(members):
-        raise _refusal(file, "it holds two arrays of one name")
+        raise _refusal(file, "it holds two arrays of the same name")
     for member in members:
         with archive.open(member) as part:
             _check_shape(file, part, member.file_size)
 
 
 def _check_list(file: Path) -> None:
-    """Refuse what is no file, or too large, or lists more contents than can be looked through."""
+    """Check that it is a file, not too large, and its list of contents not too long."""
     size = file.stat().st_size
     if not file.is_file():
         raise LearningError(f"{_shown(file)} cannot be read: it is a folder or device; expected a file")
@@ -217,11 +217,11 @@ def _check_list(file: Path) -> None:
         content.seek(max(size - END.size, 0))
         end = content.read(END.size)
     if len(end) < END.size or not end.startswith(b"PK\5\6") or END.unpack(end)[5] > LARGEST_LIST:
-        raise _refusal(file, "it is damaged, or no file of arrays")
+        raise _refusal(file, "it is damaged, or not an .npz file")
 
 
 def _check_shape(file: Path, part: IO[bytes], size: int) -> None:
-    """Refuse an array that claims to be larger than the file: memory would be taken for it."""
+    """Refuse an array that claims to be larger than the file, before memory is allocated for it."""
     version = np.lib.format.read_magic(part)
     read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}[version]
     shape, _, dtype = read(part)
@@ -230,11 +230,11 @@ def _check_shape(file: Path, part: IO[bytes], size: int) -> None:
 
 
 def _shown(file: Path) -> str:
-    """Return a file's name on one line that is not too long."""
+    """Return a file's name on one line of at most 120 characters."""
     text = "".join(letter if letter.isprintable() else "?" for letter in str(file))
     return text if len(text) <= 120 else "..." + text[-117:]
 
 
 def _refusal(file: Path, why: str) -> LearningError:
-    text = f"{_shown(file)} is no policy that can be used: {' '.join(why.split())}"
+    text = f"{_shown(file)} is not a usable policy: {' '.join(why.split())}"
     return LearningError(text[:LONGEST_MESSAGE])

@@ -1,4 +1,4 @@
-"""Q-learning as in the thesis, and its result as a policy."""
+"""Q-learning as in the thesis, and its policies."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -21,13 +21,13 @@ from mesa_swarm.robots.swarm import Swarm
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class QPolicy(NetworkPolicy):
-    """Choose an action by Boltzmann's probabilities of the values that networks give them.
+    """Choose an action by Boltzmann's probabilities of values from networks.
 
     Parameters
     ----------
     sensors : SensorLayout
     networks : Networks
-        ``copies * actions`` of them, one robot's after the other's. The k-th robot acts by set ``k % copies``.
+        ``copies * actions`` of them, robot after robot. The k-th robot acts by set ``k % copies``.
     actions : int
         4 or 8.
     encoding : str
@@ -37,7 +37,7 @@ class QPolicy(NetworkPolicy):
     steps : int
         Robot-steps of training, 0 for none.
     training : dict
-        Where it comes from, and figures of its training.
+        Provenance, and figures of its training.
 
     Raises
     ------
@@ -81,13 +81,13 @@ class QPolicy(NetworkPolicy):
 
     @property
     def group(self) -> int:
-        """How many networks a robot has: one for each action."""
+        """The number of networks of a robot: one for each action."""
         return self.actions
 
     def values(
         self, readings: ArrayLike, kinds: ArrayLike | None = None, *, numbers: ArrayLike | None = None
     ) -> np.ndarray:
-        """Return what every action is worth (n, actions), given readings and kinds (n, s); see `act`."""
+        """Return the value of every action (n, actions), given readings and kinds (n, s); see `act`."""
         known = self._known(readings, kinds, numbers)
         values = np.empty((len(known[0]), self.actions))
         value_of_actions(*known, values)
@@ -115,19 +115,19 @@ class QPolicy(NetworkPolicy):
 
 @compiled
 def value_of_actions(distance, kind, ranges, weights, numbers, values):
-    """Write what every action is worth to every robot (n, actions)."""
+    """Write the value of every action for every robot (n, actions)."""
     robots, count = values.shape
     copies = weights[3].shape[0] // count
     now, hidden = np.empty((1, weights[0].shape[1])), np.empty(weights[0].shape[2])
     for i in range(robots):
         number = numbers[i] if numbers.shape[0] else i
         write_inputs(distance, kind, ranges, i, 0, now, 0)
-        say_values(weights, (number % copies) * count, now, 0, hidden, values[i])
+        action_values(weights, (number % copies) * count, now, 0, hidden, values[i])
 
 
 @compiled
-def say_values(weights, first, inputs, row, hidden, values):
-    """Write what each action is worth to one robot, by its networks from `first` on."""
+def action_values(weights, first, inputs, row, hidden, values):
+    """Write the value of each action for one robot, by its networks from `first` on."""
     inner, inner_bias, outer, outer_bias = weights
     for a in range(values.shape[0]):
         values[a] = forward(inner, inner_bias, outer, outer_bias, first + a, inputs, row, hidden)
@@ -135,20 +135,20 @@ def say_values(weights, first, inputs, row, hidden, values):
 
 @dataclass(kw_only=True)
 class QLearning(Learner):
-    """Learn in every step which of a few actions pays, and choose by what was learned; always active.
+    """Learn in every step the values of a few actions, and choose by them; always active.
 
     Each robot has a network for each action, of its sensors' readings, twice as many hidden units as
     proximity sensors, and one output, Q(s, a). In every step, without episodes, the network of the action
     that was taken makes one step of back-propagation towards ``Q + alpha (r + gamma max_a' Q(s', a') - Q)``
-    (7.3), where s' and the reward r are what the action led to. Then an action is chosen by Boltzmann's
-    probabilities (7.4) at a temperature that falls to its end: ``T <- T - beta (T - T_c)`` (8.3).
+    (7.3), where s' and the reward r follow the action. Then an action is chosen by Boltzmann's
+    probabilities (7.4) at a temperature that falls to its limit: ``T <- T - beta (T - T_c)`` (8.3).
 
     What is learned is in columns of the swarm, one row a robot. In a `Subsumption` a robot learns of its own
     actions only, not of those of layers above.
 
-    A model learns with a copy of the layer that it is given: ``model.control.layers[0]``, or whichever it is there.
-    That one keeps what it knows when another control takes its place. Put into a control of the same model again,
-    robots go on as if nothing had happened; in another model they begin with its `policy()`.
+    A model learns with a copy of the layer that it is given, such as ``model.control.layers[0]``. The copy's state
+    outlasts a change of controls: put into a control of the same model again, it continues unchanged; in another
+    model, robots start with its `policy()`.
 
     Parameters
     ----------
@@ -159,24 +159,24 @@ class QLearning(Learner):
     encoding : str
         "distance", as in the thesis, or "typed": also whether a sensor sees a robot, a fire or a load.
     alpha : float
-        How much of a new experience counts, 0 to 1.
+        Weight of a new experience, 0 to 1.
     eta : float
         Rate of back-propagation, 0 to 1.
     gamma : float
-        What the next step's value counts, 0 to below 1.
+        Discount of the next step's value, 0 to below 1.
     beta : float
         How fast the temperature falls, 0 to 1.
     first_temperature : float, optional
-        T_0, above 0; 1 by default. Robots that start with a policy begin at its temperature by default.
+        T_0, above 0; 1 by default. With a start, its temperature by default.
     last_temperature : float
         T_c, above 0.
     critical : float
-        Reading, as a share of the range, below which the reward tells only of nearness; above 0, at most 1.
+        Reading, as a share of the range, below which the reward depends on nearness only; above 0, at most 1.
     shared : bool
-        Whether all robots learn with one set of networks: their experiences are taken one after the other, in
-        the order of the robots' ids.
+        Whether all robots learn with one set of networks, from one experience after the other in the order of
+        the robots' ids.
     self_adjusting : bool
-        Whether a robot sets its temperature by how often it bumped lately, instead of by the clock:
+        Whether a robot's temperature follows its recent rate of bumps instead of time:
         ``T = T_c + (T_0 - T_c) min(1, b / bump_rate)``, where b is the share of recent steps, about the last
         `bump_window`, that ended with a reading of at most `bump_distance`.
     bump_rate : float
@@ -186,12 +186,11 @@ class QLearning(Learner):
     bump_distance : float
         Map units, at least 0.
     frozen : bool
-        Whether it only acts, at the temperature that each robot has, and learns nothing; then it takes a `start`
-        that is trained.
+        Whether it only acts, at each robot's temperature, without learning; this requires a trained `start`.
     start : QPolicy, optional
-        What robots know when they are born, small random weights by default: the way to go on with a saved
-        policy. The k-th robot ever made gets set ``k % copies``, or all the first one where networks are shared.
-        Sensors must be those that it was trained with; robots may be larger or faster, for actions are shares of
+        The initial policy of new robots, small random weights by default: the way to continue from a saved
+        policy. The k-th robot ever made gets set ``k % copies``, or set 0 where networks are shared.
+        Sensors must be those that it was trained with; robots may be larger or faster, as actions are shares of
         max_speed.
 
     Raises
@@ -199,7 +198,7 @@ class QLearning(Learner):
     InvalidValueError, UnknownNameError
         If a value is out of its range, or `start` has other actions or another encoding.
     LearningError
-        If it is frozen and knows nothing.
+        If it is frozen and has no trained start.
 
     Examples
     --------
@@ -228,17 +227,17 @@ class QLearning(Learner):
         swarm.remember(f"{prefix}.action", (), np.int64, -1)
 
     def policy(self, **training: str | float) -> QPolicy:
-        """Return what the robots have learned so far, all of them, as a policy that no longer learns.
+        """Return what all robots have learned so far as a policy that no longer learns.
 
         Parameters
         ----------
         **training
-            Figures to keep with it, such as ``collisions=0.4``.
+            Figures to store with it, such as ``collisions=0.4``.
 
         Raises
         ------
         LearningError
-            If there are no robots, or they have not all the same sensors.
+            If there are no robots, or their sensors differ.
         """
         return QPolicy(actions=self.actions, **self._learned(training))
 
@@ -248,12 +247,12 @@ class QLearning(Learner):
         Raises
         ------
         LearningError
-            If what a robot is to learn lies beyond all bounds; all that it learned before is kept.
+            If values diverge; what was learned before is unchanged.
         """
         self._end_lesson(learn_and_choose(*self._known(senses), command, layer, index))
 
     def worth(self, row: int) -> list[tuple[str, float]]:
-        """Return what each action is worth to a robot, Q(s, a), where it was when it chose last.
+        """Return the values Q(s, a) of a robot's actions at its last choice.
 
         Parameters
         ----------
@@ -267,11 +266,11 @@ class QLearning(Learner):
         """
         if self._column("action")[row] < 0:
             return []
-        said = self._said(row, self.actions)
-        return [(name, float(value)) for name, value in zip(ACTION_NAMES, said, strict=False)]
+        values = self._last_outputs(row, self.actions)
+        return [(name, float(value)) for name, value in zip(ACTION_NAMES, values, strict=False)]
 
     def reason(self, moment: Moment) -> Reason:
-        """Say which action it chose, and what is nearest."""
+        """Return the chosen action, and the nearest reading."""
         speeds = moment.command / max(float(np.abs(moment.command).max()), 1e-300)
         action = ACTION_NAMES[int(np.argmin(np.abs(ACTIONS - speeds).sum(axis=1)))]
         seen = np.flatnonzero(moment.kind >= 0)
@@ -297,16 +296,16 @@ def learn_and_choose(
     for i in range(robots):
         first = 0 if shared else i * count
         nearest = write_inputs(distance, kind, ranges, i, design[i], now, 0)
-        say_values(weights, first, now, 0, hidden, values)
+        action_values(weights, first, now, 0, hidden, values)
         a = action[i]
         if a >= 0:
             rewards[i] = rewarded(reward, nearest, ACTIONS[a, 0], ACTIONS[a, 1], critical)
-            wanted = rewards[i] + gamma * values[best_of(values)]
-            if not frozen and not learn_one(weights, first + a, inputs, i, hidden, wanted, rate):
+            target = rewards[i] + gamma * values[best_of(values)]
+            if not frozen and not learn_one(weights, first + a, inputs, i, hidden, target, rate):
                 diverged = i if diverged < 0 else diverged
             elif not frozen:
                 lessons[i] += 1
-            say_values(weights, first + a, now, 0, hidden, values[a : a + 1])
+            action_values(weights, first + a, now, 0, hidden, values[a : a + 1])
         if not frozen:
             cool(distance, i, temperature, bumps, cooling, bumping, self_adjusting)
         action[i] = -1
@@ -321,10 +320,10 @@ def learn_and_choose(
 
 
 @compiled
-def learn_one(weights, m, inputs, i, hidden, wanted, rate):
-    """Move Q of what robot i did to what is wanted; return whether that was within bounds, else change nothing."""
+def learn_one(weights, m, inputs, i, hidden, target, rate):
+    """Move Q of the action of robot i to its target; return False, changing nothing, if it diverges."""
     inner, inner_bias, outer, outer_bias = weights
-    step = rate * (wanted - forward(inner, inner_bias, outer, outer_bias, m, inputs, i, hidden))
+    step = rate * (target - forward(inner, inner_bias, outer, outer_bias, m, inputs, i, hidden))
     if not is_bounded(outer, m, step):
         return False
     back_propagate(inner, inner_bias, outer, outer_bias, m, inputs, i, hidden, step)

@@ -1,4 +1,4 @@
-"""Weights from readings to wheels, with units that remember, and mirror-symmetric controllers."""
+"""Reflexes: weights from readings to wheels, with optional recurrent units and mirror symmetry."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -13,7 +13,7 @@ from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.policy import DOUBLE, SensorLayout, checked_chances, checked_numbers
 from mesa_swarm.world.statics import ROBOT
 
-# What becomes of a wheel's sum: kept within [-1, 1]; full speed ahead or back; a soft limit.
+# A wheel's sum is clipped to [-1, 1], or made full speed ahead or back, or softly limited.
 SQUASHES = ("linear", "threshold", "tanh")
 # Inputs a sensor.
 REFLEX_ENCODINGS = {"distance": 1, "typed": 2}
@@ -25,14 +25,14 @@ MOST_UNITS = 64
 class ReflexPolicy:
     """Drive each wheel by a weighted sum of how near things are.
 
-    With the proximities ``p_s = 1 - reading / range`` (0 where nothing is seen), h what the hidden units said in the
-    step before, and a whim z that is drawn uniformly from -1 to 1,
+    With the proximities ``p_s = 1 - reading / range`` (0 where nothing is in range), h the hidden units' outputs in the
+    step before, and a whim z drawn uniformly from -1 to 1,
 
         ``h <- tanh(U' (p, h, z, 1))``, ``wheels = squash(W' (p, h, z, 1))``
 
     Without hidden units it is a reflex, as Braitenberg's vehicles have them; with them a small recurrent network,
-    which can keep to a side until a turn is done. Without the whim, robots drive round and round on the same way.
-    Where the encoding is "typed", p holds the s proximities twice: of whatever is there, and of robots alone.
+    which can finish a turn to one side. Without the whim, robots repeat the same path.
+    Where the encoding is "typed", p holds the s proximities twice: of all things, and of robots alone.
 
     Parameters
     ----------
@@ -45,11 +45,11 @@ class ReflexPolicy:
     squash : str
         "linear" (cut off at -1 and 1), "threshold" (-1 or 1) or "tanh".
     encoding : str
-        "distance", or "typed": whether what a sensor sees is a robot is known too.
+        "distance", or "typed": also whether a sensor sees a robot.
     steps : int
         Robot-steps of training, 0 for none.
     training : dict
-        Where it comes from, and figures of its training.
+        Provenance, and figures of its training.
 
     Raises
     ------
@@ -92,7 +92,7 @@ class ReflexPolicy:
 
     @classmethod
     def reflex(cls, sensors: SensorLayout, weights: ArrayLike, squash: str = "linear") -> "ReflexPolicy":
-        """Return a reflex that somebody thought up, which needs no training: weights (s + 1, 2), no whim."""
+        """Return a reflex designed by hand, which needs no training: weights (s + 1, 2), no whim."""
         given = np.array(weights, dtype=float)
         if given.shape != (len(sensors) + 1, 2):
             raise InvalidValueError(f"weights have shape {given.shape}; expected ({len(sensors) + 1}, 2)")
@@ -124,16 +124,16 @@ class ReflexPolicy:
 
     @property
     def memory(self) -> int:
-        """How many numbers each robot remembers from one step to the next."""
+        """The number of values each robot remembers from one step to the next."""
         return self.hidden.shape[2]
 
     @property
     def copies(self) -> int:
-        """How many robots' weights there are."""
+        """The number of robots' sets of weights."""
         return len(self.wheel)
 
     def of_robot(self, index: int) -> "ReflexPolicy":
-        """Return the policy of one of the robots alone; see `QPolicy.of_robot`."""
+        """Return the policy of one robot; see `QPolicy.of_robot`."""
         k = check_count("index", index, maximum=self.copies - 1)
         return replace(self, hidden=self.hidden[k : k + 1].copy(), wheel=self.wheel[k : k + 1].copy())
 
@@ -153,13 +153,13 @@ class ReflexPolicy:
         readings, kinds, chance
             As for `Policy.act`; the whim is ``2 chance - 1``, without chances 0.
         memory : float64 ndarray, shape (n, u), written
-            What the hidden units said in the step before; without it, nothing.
+            The hidden units' outputs in the step before; 0 without it.
         numbers : int ndarray, shape (n,), optional
             The robot with number k acts by set ``k % copies``; by default 0, 1, and so on.
         """
         distance, kind = self.sensors.check_readings(readings, kinds, self.encoding)
-        kept = np.zeros((len(distance), self.memory)) if memory is None else memory
-        if getattr(kept, "dtype", None) != DOUBLE or kept.shape != (len(distance), self.memory):
+        state = np.zeros((len(distance), self.memory)) if memory is None else memory
+        if getattr(state, "dtype", None) != DOUBLE or state.shape != (len(distance), self.memory):
             raise InvalidValueError(
                 f"memory is {shortened(memory)}; expected an array of float64, shape {(len(distance), self.memory)}"
             )
@@ -167,7 +167,7 @@ class ReflexPolicy:
         chances = np.full(len(distance), 0.5) if chance is None else checked_chances(chance, len(distance))
         squash, typed = SQUASHES.index(self.squash), self.encoding == "typed"
         count = checked_numbers(numbers, len(distance))
-        react(distance, kind, self._ranges, self.hidden, self.wheel, squash, typed, chances, count, kept, shares)
+        react(distance, kind, self._ranges, self.hidden, self.wheel, squash, typed, chances, count, state, shares)
         return shares
 
     @cached_property
@@ -179,15 +179,15 @@ class ReflexPolicy:
         return {"hidden": self.hidden, "wheel": self.wheel}
 
     def settings(self) -> dict:
-        """Return what else it takes to act."""
+        """Return the other fields that acting depends on."""
         return {"squash": self.squash, "encoding": self.encoding}
 
     @classmethod
     def restored(
         cls, sensors: SensorLayout, steps: int, training: dict, settings: dict, arrays: dict[str, np.ndarray]
     ) -> "ReflexPolicy":
-        """Return the policy of these parts, as a file has them."""
-        # Files from before there were encodings name none.
+        """Return the policy with these parts, from a file."""
+        # Older files have no encoding.
         if sorted(arrays) != sorted(PARTS) or sorted({"encoding", *settings}) != ["encoding", "squash"]:
             raise InvalidValueError(f"a reflex policy has {', '.join(arrays)}; expected {', '.join(PARTS)}")
         encoding = str(settings.get("encoding", "distance"))
@@ -203,13 +203,13 @@ class ReflexPolicy:
 
 
 def rows_of(sensors: SensorLayout, units: int, encoding: str = "distance") -> int:
-    """Return how many numbers a unit or wheel takes: of sensors, hidden units, the whim and the constant."""
+    """Return the number of inputs of a unit or wheel: of sensors, hidden units, the whim and the constant."""
     inputs = REFLEX_ENCODINGS[check_choice("encoding", encoding, REFLEX_ENCODINGS)] * len(sensors)
     return inputs + check_count("units", units, maximum=MOST_UNITS) + 2
 
 
 def genome_length(sensors: SensorLayout, units: int, encoding: str = "distance") -> int:
-    """Return how many weights a policy has.
+    """Return the number of weights of a policy.
 
     Examples
     --------
@@ -222,10 +222,10 @@ def genome_length(sensors: SensorLayout, units: int, encoding: str = "distance")
 
 @compiled
 def react(distance, kind, ranges, hidden, wheel, squash, typed, chance, numbers, memory, shares):
-    """Write the wheel commands of every robot (n, 2), and what its hidden units say (n, u) over what they said."""
+    """Write the wheel commands of every robot (n, 2), and its hidden units' new outputs (n, u)."""
     sensors, units = distance.shape[1], memory.shape[1]
     inputs = 2 * sensors if typed else sensors
-    known, said = np.empty(inputs + units + 2), np.empty(units)
+    known, outputs = np.empty(inputs + units + 2), np.empty(units)
     known[inputs + units + 1] = 1.0
     for i in range(distance.shape[0]):
         number = numbers[i] if numbers.shape[0] else i
@@ -238,17 +238,17 @@ def react(distance, kind, ranges, hidden, wheel, squash, typed, chance, numbers,
             known[inputs + u] = memory[i, u]
         known[inputs + units] = 2.0 * chance[i] - 1.0
         for u in range(units):
-            said[u] = math.tanh(weighted(hidden, copy, u, known))
+            outputs[u] = math.tanh(weighted(hidden, copy, u, known))
         for u in range(units):
-            known[inputs + u] = said[u]
-            memory[i, u] = said[u]
+            known[inputs + u] = outputs[u]
+            memory[i, u] = outputs[u]
         for side in range(2):
             shares[i, side] = squashed_sum(squash, weighted(wheel, copy, side, known))
 
 
 @compiled
 def nearness(distance, reach):
-    """Return how near something is: 1 touching, 0 out of range or not seen."""
+    """Return the proximity of a reading: 1 touching, 0 nothing in range."""
     if distance < 0.0 or reach <= 0.0:
         return 0.0
     return 1.0 - min(distance / reach, 1.0)
@@ -256,7 +256,7 @@ def nearness(distance, reach):
 
 @compiled
 def weighted(weights, copy, column, known):
-    """Return the sum of what is known times its weights."""
+    """Return the weighted sum of the inputs."""
     total = 0.0
     for k in range(known.shape[0]):
         total += weights[copy, k, column] * known[k]
@@ -274,7 +274,7 @@ def squashed_sum(squash, total):
 
 
 def half_length(sensors: SensorLayout, units: int, encoding: str = "distance") -> int:
-    """Return how many weights decide a policy that is its own mirror image.
+    """Return the number of free weights of a mirror-symmetric policy.
 
     Examples
     --------
@@ -287,11 +287,11 @@ def half_length(sensors: SensorLayout, units: int, encoding: str = "distance") -
 
 
 def whole_genome(sensors: SensorLayout, half: np.ndarray, *, units: int = 0, encoding: str = "distance") -> np.ndarray:
-    """Return the weights of a policy that does the mirror image where everything is the mirror image.
+    """Return the weights of a policy whose actions are mirrored where its readings are.
 
     The left wheel's weights and those of the first half of the hidden units are given. The right wheel and the other
     units have the same ones, exchanged between sensors at mirrored bearings and between mirrored units; the whim's
-    weight changes its sign. There is no side, then, to which such a robot always turns, and half as much to search.
+    weight changes its sign. Such a robot has no preferred side, and half as many weights to search.
 
     Parameters
     ----------
@@ -335,7 +335,7 @@ def whole_genome(sensors: SensorLayout, half: np.ndarray, *, units: int = 0, enc
 
 
 def check_pairs(sensors: SensorLayout, units: int) -> None:
-    """Refuse sensors that are not mirrored, and an odd number of units.
+    """Check that sensors are mirrored, and the number of units even.
 
     Raises
     ------
@@ -347,7 +347,7 @@ def check_pairs(sensors: SensorLayout, units: int) -> None:
 
 
 def twins_of(sensors: SensorLayout) -> np.ndarray:
-    """Return for each sensor which one is its mirror image; one that looks ahead or back is its own.
+    """Return for each sensor the index of its mirror image; one that looks ahead or back is its own.
 
     Raises
     ------
@@ -373,7 +373,7 @@ def twins_of(sensors: SensorLayout) -> np.ndarray:
 
 
 def _mirrored_rows(sensors: SensorLayout, units: int, rows: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return from which row each row of the mirrored weights comes, and with which sign."""
+    """Return the source row and the sign of each row of the mirrored weights."""
     count = rows - units - 2
     twins = twins_of(sensors)
     of_eyes = [twins + first for first in range(0, count, max(len(sensors), 1))]

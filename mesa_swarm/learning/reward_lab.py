@@ -17,7 +17,7 @@ from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.sensors import mount_of
 
 MOST_POINTS = 100_000
-# A step of the function that no refining makes smaller than this is a leap; the rewards' are 1 and 0.5.
+# A change that stays larger than this however fine the interval is a leap; the rewards' are 1 and 0.5.
 LEAST_LEAP = 0.01
 HALVINGS = 45
 LEVEL = 1e-12
@@ -30,13 +30,13 @@ class Mark:
     Parameters
     ----------
     kind : str
-        "leap": the reward jumps by `size`; "plateau": nothing tells nearer from farther, from `start` to `end`;
+        "leap": the reward jumps by `size`; "plateau": constant from `start` to `end`;
         "switch": another action becomes the best; "undecided": no action is chosen more often than all others
         together.
     start, end : float
         Readings, as shares of the range; equal for leaps and switches.
     action : str
-        Whose curve it is; of a switch the action that is best from there on.
+        The action of the curve; of a switch the best action from there on.
     size : float
         Of a leap: reward beyond less reward before. 0 for the others.
     """
@@ -59,7 +59,7 @@ class Profile:
     values : ndarray, shape (p, a)
         Reward, or learned value, of each action.
     policy : ndarray, shape (p, a), or None
-        How probably each action is chosen.
+        The probability of each action.
     marks : tuple of Mark
         By start.
     """
@@ -119,7 +119,7 @@ def _reward_at(kind: int, left: float, right: float, critical: float, nearest: f
 
 
 def marks_of(curve: Callable[[float], float], distance: np.ndarray, name: str) -> list[Mark]:
-    """Return the leaps and plateaus of a function between the first and the last of these distances."""
+    """Return the leaps and plateaus of a function over these distances."""
     values = [curve(x) for x in distance]
     leaps = []
     for i in np.flatnonzero(np.abs(np.diff(values)) > LEAST_LEAP):
@@ -131,7 +131,7 @@ def marks_of(curve: Callable[[float], float], distance: np.ndarray, name: str) -
 
 
 def _narrowed(curve: Callable[[float], float], low: float, high: float) -> tuple[float, float]:
-    """Return the ends of a tiny interval in which the function changes most."""
+    """Return a tiny interval with the largest change of the function."""
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         if abs(curve(middle) - curve(low)) > abs(curve(high) - curve(middle)):
@@ -150,9 +150,9 @@ def _plateaus(distance: np.ndarray, values: list[float], leaps: list[float], nam
     return marks
 
 
-def _stretches(so: np.ndarray) -> list[tuple[int, int]]:
-    """Return where something begins to be so, and where it no longer is."""
-    edges = np.diff(np.concatenate([[False], so, [False]]).astype(int))
+def _stretches(true: np.ndarray) -> list[tuple[int, int]]:
+    """Return the first index of each stretch of True, and the one after its last."""
+    edges = np.diff(np.concatenate([[False], true, [False]]).astype(int))
     return list(zip(np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist(), strict=True))
 
 
@@ -165,15 +165,15 @@ def learned_profile(
     temperature: float | None = None,
     points: int = 101,
 ) -> Profile:
-    """Return what was learned of a flat wall over the distance to it: values, and how probably each action is chosen.
+    """Return learned values and action probabilities over the distance to a flat wall.
 
     Parameters
     ----------
     policy : QPolicy
     design : RobotDesign
-        That it was trained with.
+        The design that it was trained with.
     robot : int, optional
-        Which robot's networks; by default the mean over all of them.
+        The robot whose networks are shown; by default the mean over all of them.
     wall_degrees : float
         Bearing of the wall's nearest point: 0 ahead, 90 on the left. -180 to 180.
     temperature : float, optional
@@ -198,7 +198,7 @@ def learned_profile(
     (5, 4)
     """
     if not isinstance(policy, QPolicy):
-        raise InvalidValueError(f"policy is {shortened(policy)}; expected a QPolicy, as QLearning.policy() returns it")
+        raise InvalidValueError(f"policy is {shortened(policy)}; expected a QPolicy, such as from QLearning.policy()")
     policy.sensors.check(design)
     distance = np.linspace(0.0, 1.0, check_count("points", points, minimum=3, maximum=MOST_POINTS))
     readings = wall_readings(design, distance * max(policy.sensors.ranges), wall_degrees)
@@ -212,7 +212,7 @@ def learned_profile(
 
 
 def wall_readings(design: RobotDesign, gaps: ArrayLike, wall_degrees: float = 0.0) -> np.ndarray:
-    """Return what proximity sensors read of an endless flat wall, -1 beyond their range (p, s).
+    """Return proximity readings (p, s) of an endless flat wall, -1 beyond their range.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Rewards (a), (b), (c): drive fast and keep away from things (thesis 8.2)."""
+"""Rewards (a), (b), (c): drive fast and stay away from things (thesis 8.2)."""
 
 import math
 
@@ -9,14 +9,14 @@ REWARDS = ("a", "b", "c")
 
 
 def reward(kind: str, nearest: float, left: float, right: float, critical: float = 0.4) -> float:
-    """Return the reward for what an action has led to.
+    """Return the reward of an action for its outcome.
 
     With i the nearest reading afterwards, d the critical distance and ``q = (e - 1) / d``: below d it is
     ``ln(q i + 1) - 1``, from -1 when touching to 0 at d. From d on
 
     - (a) ``(left + right) / 2`` (8.5);
-    - (b) 1 for both wheels ahead at full speed, -1 for all other actions of the thesis (8.6), and in between
-      for what is in between: ``max(2 min(left, right) - 1, -1)``;
+    - (b) 1 for both wheels ahead at full speed, -1 for all other actions of the thesis (8.6), and interpolated
+      between them: ``max(2 min(left, right) - 1, -1)``;
     - (c) that of (b), blended in linearly from 0 at d to all of it at 2 d: no leap at d (thesis 8.3).
 
     Parameters
@@ -24,9 +24,9 @@ def reward(kind: str, nearest: float, left: float, right: float, critical: float
     kind : str
         "a", "b" or "c".
     nearest : float
-        The least reading as a share of its sensor's range, 0 to 1; 1 when nothing is seen.
+        The least reading as a share of its sensor's range, 0 to 1; 1 when nothing is in range.
     left, right : float
-        What the wheels were told, as shares of max_speed, -1 to 1.
+        Wheel commands as shares of max_speed, -1 to 1.
     critical : float
         Share of the range, above 0, at most 1.
 

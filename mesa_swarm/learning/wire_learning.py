@@ -23,10 +23,10 @@ TINY = 0.01
 def wire_value(
     action: ArrayLike, wires: ArrayLike, values: ArrayLike, *, smoothing: float = SMOOTHING, tiny: float = TINY
 ) -> tuple[float, np.ndarray, np.ndarray]:
-    """Return what an action is worth, and how that changes with the wires and their values.
+    """Return the value of an action, and its gradients by the wires and their values.
 
     ``Q(u) = sum_i(q_i / D_i) / sum_i(1 / D_i)`` with ``D_i = |u - u_i|^2 + c (q_max - q_i) + eps``. It is never
-    above q_max, which it nearly is at the best wire. The gradients are exact, also for the best wire, on
+    above q_max, and nearly q_max at the best wire. The gradients are exact, also for the best wire, on
     which all D_i depend.
 
     Parameters
@@ -34,9 +34,9 @@ def wire_value(
     action : ndarray, shape (2,)
         u, wheel commands as shares of max_speed.
     wires : ndarray, shape (w, 2)
-        u_i, the actions that are proposed.
+        u_i, the proposed actions.
     values : ndarray, shape (w,)
-        q_i, what each of them is worth.
+        q_i, their values.
     smoothing, tiny : float
         c, at least 0, and eps, above 0.
 
@@ -71,10 +71,7 @@ def wire_value(
 def interpolate(left, right, wires, values, smoothing, tiny, by_wire, by_value):
     """Return Q(left, right); write its derivatives by the wires (w, 2) and by their values (w,)."""
     count = values.shape[0]
-    best = 0
-    for i in range(1, count):
-        if values[i] > values[best]:
-            best = i
+    best = best_of(values)
     weights, weighted = 0.0, 0.0
     for i in range(count):
         away = distance_to(left, right, wires[i, 0], wires[i, 1], values[best] - values[i], smoothing, tiny)
@@ -89,7 +86,7 @@ def interpolate(left, right, wires, values, smoothing, tiny, by_wire, by_value):
         by_wire[i, 0] = 2.0 * (wires[i, 0] - left) * by_distance
         by_wire[i, 1] = 2.0 * (wires[i, 1] - right) * by_distance
         pulled += smoothing * by_distance
-    by_value[best] += pulled  # q_max is its value: it is in every D_i
+    by_value[best] += pulled  # q_max is in every D_i
     return value
 
 
@@ -100,26 +97,26 @@ def distance_to(left, right, wire_left, wire_right, below, smoothing, tiny):
 
 
 @compiled
-def squashed(said, start):
-    """Return a wheel command in (-1, 1) of what a network says: 0 gives `start`."""
-    return math.tanh(said + math.atanh(start))
+def squashed(output, start):
+    """Return a wheel command in (-1, 1) from a network's output: 0 gives `start`."""
+    return math.tanh(output + math.atanh(start))
 
 
-# Where wires begin: at the thesis's actions, but inside of the limits, from where they can move.
+# Wires begin at the thesis's actions, but inside of the limits, so that they can move.
 STARTS = 0.8 * ACTIONS
-# Networks of a wire: what they say of the left wheel, of the right wheel, of the value.
+# Networks of a wire: for the left wheel, the right wheel, the value.
 OUTPUTS = 3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WirePolicy(NetworkPolicy):
-    """Choose one of the actions that networks propose, by Boltzmann's probabilities of their values.
+    """Choose one of the actions proposed by networks, by Boltzmann's probabilities of their values.
 
     Parameters
     ----------
     sensors : SensorLayout
     networks : Networks
-        ``copies * wires * 3`` of them: of every wire the left wheel, the right wheel, the value. The k-th robot
+        ``copies * wires * 3`` of them: for each wire the left wheel, the right wheel, the value. The k-th robot
         acts by set ``k % copies``.
     wires : int
         1 to 8.
@@ -143,13 +140,13 @@ class WirePolicy(NetworkPolicy):
 
     @property
     def group(self) -> int:
-        """How many networks a robot has: three for each wire."""
+        """The number of networks of a robot: three for each wire."""
         return OUTPUTS * self.wires
 
     def proposals(
         self, readings: ArrayLike, kinds: ArrayLike | None = None, *, numbers: ArrayLike | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the wires' actions (n, w, 2) and what they are worth (n, w), given readings and kinds (n, s)."""
+        """Return the wires' actions (n, w, 2) and values (n, w), given readings and kinds (n, s)."""
         known = self._known(readings, kinds, numbers)
         actions, values = np.empty((len(known[0]), self.wires, 2)), np.empty((len(known[0]), self.wires))
         propose_all(*known, actions, values)
@@ -182,23 +179,23 @@ def propose_all(distance, kind, ranges, weights, numbers, actions, values):
 
 @compiled
 def propose(weights, first, inputs, row, hidden, actions, values):
-    """Write what the wires of one robot propose, by its networks from `first` on; `hidden` is left for learning."""
+    """Write one robot's wires and values, by its networks from `first` on; `hidden` is left for learning."""
     inner, inner_bias, outer, outer_bias = weights
     for w in range(values.shape[0]):
         for side in range(2):
             m = OUTPUTS * w + side
-            said = forward(inner, inner_bias, outer, outer_bias, first + m, inputs, row, hidden[m])
-            actions[w, side] = squashed(said, STARTS[w, side])
+            output = forward(inner, inner_bias, outer, outer_bias, first + m, inputs, row, hidden[m])
+            actions[w, side] = squashed(output, STARTS[w, side])
         m = OUTPUTS * w + 2
         values[w] = forward(inner, inner_bias, outer, outer_bias, first + m, inputs, row, hidden[m])
 
 
 @dataclass(kw_only=True)
 class WireFittedQ(Learner):
-    """Learn which wheel commands pay, any between full speed back and full speed ahead; always active.
+    """Learn the values of wheel commands, continuous in [-1, 1] of max_speed; always active.
 
-    Networks propose a few actions, the wires, and say what each is worth; what lies between is interpolated, see
-    `wire_fitting.wire_value`. Every step, Q(s, u) of the action u that was taken is moved by back-propagation
+    Networks propose a few actions, the wires, and their values; values between wires are interpolated, see
+    `wire_value`. Every step, Q(s, u) of the action u that was taken is moved by back-propagation
     through the interpolation towards ``Q + alpha (r + gamma q_max(s') - Q)``. A wire is chosen by Boltzmann's
     probabilities, and a normal error of `jitter` times the temperature added to each wheel.
 
@@ -212,7 +209,7 @@ class WireFittedQ(Learner):
 self_adjusting, bump_rate, bump_window, bump_distance, frozen
         As for `QLearning`.
     start : WirePolicy, optional
-        What robots know when they are born.
+        The initial policy of new robots.
 
     Raises
     ------
@@ -258,21 +255,21 @@ self_adjusting, bump_rate, bump_window, bump_distance, frozen
         Raises
         ------
         LearningError
-            If what a robot is to learn lies beyond all bounds; all that it learned before is kept.
+            If values diverge; what was learned before is unchanged.
         """
         known = self._known(senses)
         errors = float(self.jitter) * self._rng.normal(size=(len(layer), 2))
         self._end_lesson(learn_wires(*known, errors, self.wires, command, layer, index))
 
     def worth(self, row: int) -> list[tuple[str, float]]:
-        """Return what each wire is worth to a robot where it was when it chose last; see `QLearning.worth`."""
+        """Return the values of a robot's wires at its last choice; see `QLearning.worth`."""
         if np.isnan(self._column("action")[row, 0]):
             return []
-        said = self._said(row, OUTPUTS * self.wires).reshape(self.wires, OUTPUTS)
-        ends = np.tanh(said[:, :2] + np.arctanh(STARTS[: self.wires]))
+        outputs = self._last_outputs(row, OUTPUTS * self.wires).reshape(self.wires, OUTPUTS)
+        ends = np.tanh(outputs[:, :2] + np.arctanh(STARTS[: self.wires]))
         return [
             (f"wheels {left:+.2f} {right:+.2f}", float(value))
-            for (left, right), value in zip(ends, said[:, 2], strict=True)
+            for (left, right), value in zip(ends, outputs[:, 2], strict=True)
         ]
 
 
@@ -294,8 +291,8 @@ def learn_wires(
         propose(weights, first, now, 0, hidden, ends, values)
         if not math.isnan(action[i, 0]):
             rewards[i] = rewarded(reward, nearest, action[i, 0], action[i, 1], critical)
-            wanted = rewards[i] + gamma * values[best_of(values)]
-            if not frozen and not learn_one(weights, first, inputs, i, hidden, ends, values, action, wanted, rate):
+            target = rewards[i] + gamma * values[best_of(values)]
+            if not frozen and not learn_one(weights, first, inputs, i, hidden, ends, values, action, target, rate):
                 diverged = i if diverged < 0 else diverged
             elif not frozen:
                 lessons[i] += 1
@@ -316,14 +313,14 @@ def learn_wires(
 
 
 @compiled
-def learn_one(weights, first, inputs, i, hidden, ends, values, action, wanted, rate):
-    """Move Q of what robot i did to what is wanted; return whether that was within bounds, else change nothing."""
+def learn_one(weights, first, inputs, i, hidden, ends, values, action, target, rate):
+    """Move Q of the action of robot i to its target; return False, changing nothing, if it diverges."""
     inner, inner_bias, outer, outer_bias = weights
     wires = values.shape[0]
     propose(weights, first, inputs, i, hidden, ends, values)
     by_end, by_value = np.empty((wires, 2)), np.empty(wires)
     value = interpolate(action[i, 0], action[i, 1], ends, values, SMOOTHING, TINY, by_end, by_value)
-    step = rate * (wanted - value)
+    step = rate * (target - value)
     steps = np.empty(OUTPUTS * wires)
     bounded = abs(step) <= LARGEST
     for w in range(wires):

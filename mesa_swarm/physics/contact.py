@@ -1,9 +1,9 @@
 """Moving in pieces, pushing apart, restoring, and the contacts of a step as arrays.
 
 A step is cut into pieces of at most half a radius. After each, robots that overlap are pushed apart, half the
-overlap each, all at once (so that order is nothing), then out of what stands still, deepest first. Where
-that has not settled after `MOST_SWEEPS` rounds (a narrow wedge, a jam), whatever still overlaps returns to
-where it was before the piece, and so does whatever that one then touches, until nothing does.
+overlap each, all at once (independent of order), then out of static bodies, deepest overlap first. Robots that
+still overlap after `MOST_SWEEPS` rounds (in a narrow wedge, in a jam) return to where they were before the piece,
+and so do those that then overlap them, until no two do.
 """
 
 import math
@@ -22,11 +22,19 @@ from mesa_swarm.world.statics import BORDER, FIRE, OBSTACLE, ROBOT
 # A centre nearer to a flat face than this share of its radius is on it, on whichever side rounding puts it: a load
 # that comes half a radius towards a robot that goes half a radius towards it.
 ON_FACE = 1e-6
+# Overlaps below this share of the radius are rounding. A tenth of what is promised.
+SLOP = 1e-7
+MOST_SWEEPS = 128
+MOST_PUSHES = 12
+# Pairs nearer than this share of the least radius are watched while pushing.
+MARGIN = 1.0
+# Directions of coincident centres: far apart for neighbouring ids.
+GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 
 
 @compiled
 def deepest_static(x, y, radius, statics):
-    """Return depth, normal, flatness and item of the deepest overlap of a disc with what stands still."""
+    """Return depth, normal, flatness and item of the deepest overlap of a disc with static bodies."""
     edges, discs, _, _, bounds, grid, start, items = statics
     deepest, normal_x, normal_y, flat, found = _deepest_border(x, y, radius, bounds)
     left, below, per_unit, columns, rows = grid
@@ -58,7 +66,7 @@ def _deepest_border(x, y, radius, bounds):
 
 @compiled
 def edge_overlap(x, y, radius, edges, e):
-    """Return depth, normal and flatness of the overlap of a disc with edge e, depth 0 if there is none."""
+    """Return depth, normal and flatness of the overlap of a disc with edge e; depth 0 means no overlap."""
     ax, ay, bx, by = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
     if (
         max(ax, bx) + radius <= x or min(ax, bx) - radius >= x
@@ -72,7 +80,7 @@ def edge_overlap(x, y, radius, edges, e):
         return 0.0, 0.0, 0.0, False
     if gap > ON_FACE * radius or (gap > 0.0 and not face):
         return radius - gap, dx / gap, dy / gap, face
-    # Right on the edge: away from its solid side, which is on the left.
+    # On the edge: away from its solid side, which is on the left.
     length = math.hypot(bx - ax, by - ay)
     nx, ny = (by - ay) / length, (ax - bx) / length
     return radius - (dx * nx + dy * ny), nx, ny, face
@@ -80,7 +88,7 @@ def edge_overlap(x, y, radius, edges, e):
 
 @compiled
 def disc_overlap(x, y, radius, discs, k):
-    """Return depth and normal of the overlap of a disc with standing disc k, depth 0 if there is none."""
+    """Return depth and normal of the overlap of a disc with static disc k; depth 0 means no overlap."""
     dx, dy = x - discs[k, 0], y - discs[k, 1]
     distance = math.sqrt(dx * dx + dy * dy)
     depth = radius + discs[k, 2] - distance
@@ -93,16 +101,16 @@ def disc_overlap(x, y, radius, discs, k):
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Contacts:
-    """The deepest contact of every robot that collided in a step; one row a robot.
+    """The deepest contact of every robot that collided in a step; one row per robot.
 
     Parameters
     ----------
     robot : int64 ndarray, shape (k,)
         unique_id of the robot, ascending.
     kind : int64 ndarray, shape (k,)
-        What it met: 0 obstacle or border, 1 robot, 2 fire, 3 load.
+        Of the other body: 0 obstacle or border, 1 robot, 2 fire, 3 load.
     other : int64 ndarray, shape (k,)
-        unique_id of what it met, -1 for the border, or for what has been removed since.
+        unique_id of the other body, -1 for the border and for a body that has been removed since.
     normal : ndarray, shape (k, 2)
         Unit vector from the other to the robot.
     depth : ndarray, shape (k,)
@@ -134,42 +142,20 @@ class Contacts:
         )
 
 
-# Overlaps below this share of the radius are rounding. A tenth of what is promised.
-SLOP = 1e-7
-MOST_SWEEPS = 128
-MOST_PUSHES = 12
-# Pairs nearer than this share of the least radius are watched while pushing.
-MARGIN = 1.0
-# Directions of coincident centres: far apart for neighbouring ids.
-GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
-
-
 @compiled
 def travel(
-    position,
-    heading,
-    motion,
-    radius,
-    number,
-    turn_angle,
-    grid,
-    statics,
-    collided,
-    contact_kind,
-    contact_index,
-    contact_normal,
-    contact_depth,
-    extra_turn,
-):
+    position, heading, motion, radius, number, turn_angle, grid, statics,
+    collided, contact_kind, contact_index, contact_normal, contact_depth, extra_turn,
+):  # fmt: skip
     """Move all robots through one step and resolve every contact.
 
     Parameters
     ----------
     position, heading : ndarrays, changed
     motion : ndarray, shape (n, 3)
-        What the wheels ask for.
+        Requested by the wheels.
     radius, number : ndarrays, shape (n,)
-        Of the bodies; and their ids, which tell coincident centres where to go.
+        Of the bodies; and their ids, which decide the directions in which coincident centres part.
     turn_angle : float
         A robot whose travel is farther than this (rad) from a flat face's normal is turned along the face.
     grid : tuple
@@ -179,12 +165,12 @@ def travel(
     collided, contact_kind, contact_index, contact_normal, contact_depth : ndarrays, written
         The deepest contact of each robot in this step.
     extra_turn : ndarray, shape (n,), written
-        How far faces turned each robot.
+        By faces.
 
     Returns
     -------
     int
-        How many robots collided.
+        Number of robots that collided.
     """
     n, count = position.shape[0], 0
     collided[:] = False
@@ -214,10 +200,10 @@ def travel(
 
 @compiled
 def separate(position, radius, number, grid, statics, contacts, free, most_sweeps):
-    """Push until nothing overlaps, at most `most_sweeps` times, and return whether nothing does.
+    """Push until no two bodies overlap, at most `most_sweeps` times, and return whether that succeeded.
 
-    Who is clear of all that stands still is written into `free` (n,). Returned too: the pairs of robots that are
-    near each other, and the positions by which they were listed.
+    Whether each robot is clear of all static bodies is written into `free` (n,). Also returned: the positions by
+    which pairs of robots near each other were listed, and the pairs.
     """
     n = position.shape[0]
     margin = MARGIN * radius.min() if n else 0.0
@@ -245,13 +231,13 @@ def separate(position, radius, number, grid, statics, contacts, free, most_sweep
 
 @compiled
 def push_all_from_statics(rows, position, radius, statics, contacts, free):
-    """Move the robots in these rows out of what stands still, and write for whom that was possible."""
+    """Move the robots in these rows out of static bodies, and write for which ones that was possible."""
     bounds, grid, start = statics[4], statics[5], statics[6]
     left, below, per_unit, columns, lines = grid
     for i in rows:
         x, y, r = position[i, 0], position[i, 1], radius[i]
         cell = cell_index(x, left, per_unit, columns) + columns * cell_index(y, below, per_unit, lines)
-        # Most robots are near nothing; see to it that they cost nothing.
+        # Most robots are near no static body: they have to be quick.
         clear = start[cell] == start[cell + 1] and (
             bounds[0] + r <= x <= bounds[2] - r and bounds[1] + r <= y <= bounds[3] - r
         )
@@ -260,7 +246,7 @@ def push_all_from_statics(rows, position, radius, statics, contacts, free):
 
 @compiled
 def farthest_from(listed, position, moved):
-    """Return how far the farthest of the robots that were moved is from where it was listed."""
+    """Return the largest distance of the robots that were moved from where they were listed."""
     square = 0.0
     for i in moved:
         dx, dy = position[i, 0] - listed[i, 0], position[i, 1] - listed[i, 1]
@@ -270,7 +256,7 @@ def farthest_from(listed, position, moved):
 
 @compiled
 def apply_pushes(position, push, radius, pairs, met, awake, moved):
-    """Push all robots at once, each at most a quarter of its radius; return how many, rows ``moved[:count]``."""
+    """Push all robots at once, each at most a quarter of its radius; return the count of rows ``moved[:count]``."""
     count = 0
     awake[:] = False
     for k in met:
@@ -327,9 +313,9 @@ def near_pairs(position, radius, margin, grid):
 
 @compiled
 def push_pairs(position, radius, number, pairs, awake, push, contacts, met):
-    """Add to `push` how far robots push each other, half of each overlap (A.7).
+    """Add to `push` half of each overlap of two robots (A.7).
 
-    Returns how many pairs overlap, rows ``met[:count]`` of `pairs`.
+    Returns the number of pairs that overlap, rows ``met[:count]`` of `pairs`.
     """
     count = 0
     for k in range(pairs.shape[0]):
@@ -358,7 +344,7 @@ def push_pairs(position, radius, number, pairs, awake, push, contacts, met):
 
 @compiled
 def coincident_direction(a, b):
-    """Return a unit vector that depends on two ids only, for robots whose centres coincide."""
+    """Return a unit vector that depends only on two ids, for robots whose centres coincide."""
     azimuth = GOLDEN_ANGLE * (7919 * min(a, b) + max(a, b))
     side = 1.0 if a < b else -1.0
     return side * math.cos(azimuth), side * math.sin(azimuth)
@@ -366,7 +352,7 @@ def coincident_direction(a, b):
 
 @compiled
 def note_contact(i, kind, index, nx, ny, depth, contacts):
-    """Keep the deepest contact of robot i in this step."""
+    """Write a contact of robot i if it is its deepest in this step."""
     contact_kind, contact_index, contact_normal, contact_depth, _ = contacts
     if depth > contact_depth[i]:
         contact_kind[i] = kind
@@ -378,7 +364,7 @@ def note_contact(i, kind, index, nx, ny, depth, contacts):
 
 @compiled
 def push_from_statics(i, position, radius, statics, contacts):
-    """Move robot i out of what stands still; return whether it is out.
+    """Move robot i out of static bodies; return whether it is out.
 
     Deepest overlap first, because the face of a wall that lifts the robot frees it of the corner of the next
     wall, flush with the first: it does not catch on the seam.
@@ -399,12 +385,12 @@ def push_from_statics(i, position, radius, statics, contacts):
 
 @compiled
 def put_back(position, before, radius, grid, statics, contacts, free, listed, pairs):
-    """Return to their last free place the robots that overlap, and those who then overlap them."""
+    """Return to their last free place the robots that overlap, and those that then overlap them."""
     n = position.shape[0]
     back = np.zeros(n, np.bool_)
-    everybody = np.arange(n)
-    farthest = max(farthest_from(listed, position, everybody), farthest_from(listed, before, everybody))
-    # Whoever can overlap whom, wherever of the two places each of them ends.
+    all_rows = np.arange(n)
+    farthest = max(farthest_from(listed, position, all_rows), farthest_from(listed, before, all_rows))
+    # All pairs that can overlap, at whichever of its two places each robot ends.
     if n and 2.0 * farthest > MARGIN * radius.min():
         pairs = near_pairs(listed, radius, 2.0 * farthest, grid)
     goes = np.zeros(n, np.bool_)
@@ -413,7 +399,7 @@ def put_back(position, before, radius, grid, statics, contacts, free, listed, pa
             depth = deepest_static(position[i, 0], position[i, 1], radius[i], statics)[0]
             goes[i] = depth > SLOP * radius[i]
     while True:
-        # All who overlap return at once, so that the order of the pairs is nothing.
+        # All that overlap return at once: independent of the order of the pairs.
         for k in range(pairs.shape[0]):
             i, j = pairs[k, 0], pairs[k, 1]
             if not (back[i] and back[j]) and _collide(i, j, position, radius, contacts):
@@ -424,7 +410,7 @@ def put_back(position, before, radius, grid, statics, contacts, free, listed, pa
 
 @compiled
 def _collide(i, j, position, radius, contacts):
-    """Note the contact of two robots that overlap, and return whether they do."""
+    """Return whether two robots overlap, and note their contact if so."""
     dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
     distance = math.sqrt(dx * dx + dy * dy)
     overlap = radius[i] + radius[j] - distance
@@ -438,7 +424,7 @@ def _collide(i, j, position, radius, contacts):
 
 @compiled
 def _return_all(position, before, goes, back):
-    """Put robots where they were before this piece of the step, and return whether anybody went."""
+    """Put robots where they were before this piece of the step, and return whether any moved."""
     went = False
     for i in range(position.shape[0]):
         if goes[i] and not back[i]:
@@ -450,7 +436,7 @@ def _return_all(position, before, goes, back):
 
 @compiled
 def turn_along_faces(heading, motion, face, turn_angle, extra_turn):
-    """Turn robots so that they travel parallel to the flat face that they met at a grazing angle."""
+    """Turn robots so that they travel parallel to the flat face that they met at a grazing incidence."""
     for i in range(heading.shape[0]):
         speed = math.hypot(motion[i, 0], motion[i, 1])
         if face[i, 2] == 0.0 or speed == 0.0:

@@ -1,41 +1,37 @@
 """The compiled engine: what sensing and moving do to the swarm's columns."""
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from mesa_swarm.geometry.grid import Grid, sort_into_cells
 from mesa_swarm.physics.contact import MARGIN, travel
 from mesa_swarm.physics.loads import carry
-from mesa_swarm.physics.motion import achieved_motion, keep_free_wheels, slip_of
-from mesa_swarm.physics.scene import Scene
-from mesa_swarm.physics.sensing import (
-    err,
-    sense_inside,
-    sense_line,
-    sense_proximity,
-    sense_radiation,
-)
+from mesa_swarm.physics.motion import achieved_motion, slip_of
+from mesa_swarm.physics.sensing import err, sense_inside, sense_line, sense_proximity, sense_radiation
 from mesa_swarm.physics.settle import settle
+from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.design import PERIOD
 from mesa_swarm.robots.drive import Drive, slipped_wheels
 from mesa_swarm.robots.swarm import Swarm
 
 FEWEST_CELLS = 64
 CELLS_PER_ROBOT = 4
+CONTACT_COLUMNS = ("contact_kind", "contact_index", "contact_normal", "contact_depth")
+Rows = list[tuple[Drive, Any]]
 
 
 class Engine(Protocol):
-    """What computes sensing and contact: `CompiledEngine` or the Shapely twin."""
+    """Computes sensing and contact: `CompiledEngine` or the Shapely twin."""
 
-    def sense(self, swarm: Swarm, scene: Scene, step: int, draws: np.ndarray | None) -> None:
-        """Write all readings; `draws` (n, s), uniform in [0, 1), decide the sensors' errors."""
+    def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
+        """Write all readings; `draws` (n, s), uniform in [0, 1), are for the sensors' errors."""
 
-    def move(self, swarm: Swarm, scene: Scene, turn_angle: float, draws: np.ndarray | None) -> None:
-        """Move all robots by their commands and resolve contacts; `draws` (n, 2) decide the wheels' slip."""
+    def move(self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, draws: np.ndarray | None) -> None:
+        """Move all robots by their commands and resolve contacts; `draws` (n, 2) are for the wheels' slip."""
 
-    def settle(self, swarm: Swarm, scene: Scene) -> None:
-        """Find room for robots that were put where there is none."""
+    def settle(self, swarm: Swarm, surroundings: Surroundings) -> None:
+        """Move robots that overlap anything to free room nearby."""
 
 
 class CompiledEngine:
@@ -43,168 +39,88 @@ class CompiledEngine:
 
     def __init__(self) -> None:
         self._version = -1
-        self._scene: Scene | None = None
+        self._surroundings: Surroundings | None = None
 
-    def sense(self, swarm: Swarm, scene: Scene, step: int, draws: np.ndarray | None) -> None:
+    def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
         """Write the columns distance, kind, radiation and line."""
-        self._prepare(swarm, scene)
+        self._prepare(swarm, surroundings)
         columns, table = swarm.columns, swarm.table
         position, heading, design = columns["position"], columns["heading"], columns["design"]
         if columns["distance"].shape[1]:
             old = (columns["distance"].copy(), columns["kind"].copy()) if table.slow else None
-            self._sense_proximity(swarm, scene, step, draws)
+            self._sense_proximity(swarm, surroundings, step, draws)
             if old:
                 hold_readings(swarm, step, *old)
         if columns["radiation"].shape[1]:
-            fires, temperature = scene.fires, scene.temperature
+            fires, temperature = surroundings.fires, surroundings.temperature
             sense_radiation(position, heading, design, table.radiation, fires, temperature, columns["radiation"])
         if columns["line"].shape[1]:
-            marks = scene.marks
+            marks = surroundings.marks
             sense_line(position, heading, design, table.line, marks.edges, marks.rings, marks.discs, columns["line"])
 
-    def move(self, swarm: Swarm, scene: Scene, turn_angle: float, draws: np.ndarray | None) -> None:
+    def move(self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, draws: np.ndarray | None) -> None:
         """Write position, heading, slip and the contact columns."""
-        self._prepare(swarm, scene)
+        self._prepare(swarm, surroundings)
         columns = swarm.columns
-        wheels = self._roll(swarm, draws)
+        wheels = rolling_wheels(swarm, draws)
+        write_motion(swarm, self._drives, wheels, self._motion)
         before, heading_before = columns["position"].copy(), columns["heading"].copy()
-        if scene.loads:
-            collided = carry(scene, columns, self._motion, lambda: self._travel(columns, turn_angle))
-        else:
-            collided = self._travel(columns, turn_angle)
-        if collided:
-            achieved_motion(
-                before, columns["position"], heading_before, self._extra_turn, columns["collided"], self._motion
-            )
-            wheels = self._achieved_wheels(swarm, wheels)
+        if carry(surroundings, columns, self._motion, lambda: self._travel(columns, turn_angle)):
+            collided = columns["collided"]
+            achieved_motion(before, columns["position"], heading_before, self._extra_turn, collided, self._motion)
+            wheels = np.where(collided[:, None], wheels_of(swarm, self._drives, self._motion), wheels)
         slip_of(columns["command"], wheels, columns["slip"])
 
     def _travel(self, columns: dict[str, np.ndarray], turn_angle: float) -> int:
-        """Move all robots and return how many collided."""
-        return travel(
-            columns["position"],
-            columns["heading"],
-            self._motion,
-            columns["radius"],
-            columns["number"],
-            turn_angle,
-            self._cells,
-            self._statics,
-            columns["collided"],
-            columns["contact_kind"],
-            columns["contact_index"],
-            columns["contact_normal"],
-            columns["contact_depth"],
-            self._extra_turn,
-        )
+        """Move all robots and return the number that collided."""
+        position, heading, radius, number = (columns[name] for name in ("position", "heading", "radius", "number"))
+        fixed = turn_angle, self._cells, self._statics
+        written = columns["collided"], *(columns[name] for name in CONTACT_COLUMNS), self._extra_turn
+        return travel(position, heading, self._motion, radius, number, *fixed, *written)
 
-    def settle(self, swarm: Swarm, scene: Scene) -> None:
+    def settle(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Move robots that overlap anything to free room nearby."""
-        self._prepare(swarm, scene)
+        self._prepare(swarm, surroundings)
         columns = swarm.columns
-        settle(
-            columns["position"],
-            columns["radius"],
-            columns["number"],
-            self._cells,
-            self._statics,
-            scene.statics.rings,
-        )
+        bodies = columns["position"], columns["radius"], columns["number"]
+        settle(*bodies, self._cells, self._statics, surroundings.statics.rings)
 
-    def _sense_proximity(self, swarm: Swarm, scene: Scene, step: int, draws: np.ndarray | None) -> None:
-        columns, table, statics = swarm.columns, swarm.table, scene.statics
+    def _sense_proximity(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
+        columns, table, statics = swarm.columns, swarm.table, surroundings.statics
         position, heading, design = columns["position"], columns["heading"], columns["design"]
         distance, kind = columns["distance"], columns["kind"]
         sort_into_cells(position, self._cells, self._start, self._order, self._cell_of)
+        sensors, items = (table.proximity, table.counts), (statics.seen_start, statics.seen_items)
         sense_proximity(
-            position,
-            heading,
-            columns["radius"],
-            self._largest_radius,
-            design,
-            table.proximity,
-            table.counts,
-            table.reach,
-            self._cells,
-            self._start,
-            self._order,
-            statics.edges,
-            statics.discs,
-            statics.kind,
-            self._static_cells,
-            statics.seen_start,
-            statics.seen_items,
-            distance,
-            kind,
-        )
+            position, heading, columns["radius"], self._largest_radius, design, *sensors, table.reach,
+            self._cells, self._start, self._order, statics.edges, statics.discs, statics.kind,
+            self._static_cells, *items, distance, kind,
+        )  # fmt: skip
         if table.exposed or swarm.disturbed:
-            sense_inside(
-                position,
-                heading,
-                design,
-                table.proximity,
-                table.counts,
-                statics.edges,
-                statics.kind,
-                statics.rings,
-                statics.bounds,
-                distance,
-                kind,
-            )
+            solids = statics.edges, statics.kind, statics.rings, statics.bounds
+            sense_inside(position, heading, design, *sensors, *solids, distance, kind)
         if draws is not None:
             err(distance, design, table.proximity, table.noise, draws, step, columns["error"])
 
-    def _roll(self, swarm: Swarm, draws: np.ndarray | None) -> np.ndarray:
-        """Return the wheel speeds that slip leaves, and write the motion that they ask for."""
-        columns = swarm.columns
-        wheels = columns["command"]
-        if draws is not None:
-            probability, magnitude = swarm.table.slip
-            wheels = np.empty_like(wheels)
-            slipped_wheels(columns["command"], probability, magnitude, columns["design"], draws, wheels)
-        for drive, rows in self._drives:
-            motion = self._motion[rows]
-            drive.motion(wheels[rows], columns["radius"][rows], motion)
-            self._motion[rows] = motion
-        return wheels
-
-    def _achieved_wheels(self, swarm: Swarm, wheels: np.ndarray) -> np.ndarray:
-        """Return the wheel speeds with those of robots that met something replaced by what they achieved."""
-        columns, achieved = swarm.columns, np.empty_like(wheels)
-        for drive, rows in self._drives:
-            speeds = achieved[rows]
-            drive.wheels(self._motion[rows], columns["radius"][rows], speeds)
-            achieved[rows] = speeds
-        keep_free_wheels(wheels, columns["collided"], achieved)
-        return achieved
-
-    def _prepare(self, swarm: Swarm, scene: Scene) -> None:
+    def _prepare(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Make the grids and the scratch arrays anew when robots, designs or obstacles have changed."""
-        if self._version == swarm.version and self._scene is scene:
+        if self._version == swarm.version and self._surroundings is surroundings:
             return
         n = len(swarm)
         radius = swarm.radius
         self._largest_radius = float(radius.max(initial=0.0))
         margin = MARGIN * float(radius.min(initial=self._largest_radius))
         cell = max(2 * self._largest_radius + margin, 1e-9)
-        grid = Grid.over(scene.bounds, cell, FEWEST_CELLS + CELLS_PER_ROBOT * n)
-        self._cells, self._static_cells = grid.numbers, scene.statics.grid.numbers
+        grid = Grid.over(surroundings.bounds, cell, FEWEST_CELLS + CELLS_PER_ROBOT * n)
+        self._cells, self._static_cells = grid.numbers, surroundings.statics.grid.numbers
         self._start = np.zeros(grid.cells + 1, np.int64)
         self._order, self._cell_of = np.zeros(n, np.int64), np.zeros(n, np.int64)
         self._motion, self._extra_turn = np.zeros((n, 3)), np.zeros(n)
-        statics = scene.statics
-        self._statics = (
-            statics.edges,
-            statics.discs,
-            statics.owner,
-            statics.body,
-            statics.bounds,
-            self._static_cells,
-            statics.touched_start,
-            statics.touched_items,
-        )
-        self._drives = _drives_by_rows(swarm)
-        self._version, self._scene = swarm.version, scene
+        statics = surroundings.statics
+        touched = self._static_cells, statics.touched_start, statics.touched_items
+        self._statics = statics.edges, statics.discs, statics.owner, statics.body, statics.bounds, *touched
+        self._drives = drives_by_rows(swarm)
+        self._version, self._surroundings = swarm.version, surroundings
 
 
 def hold_readings(swarm: Swarm, step: int, old_distance: np.ndarray, old_kind: np.ndarray) -> None:
@@ -214,8 +130,8 @@ def hold_readings(swarm: Swarm, step: int, old_distance: np.ndarray, old_kind: n
     distance[waits], kind[waits] = old_distance[waits], old_kind[waits]
 
 
-def _drives_by_rows(swarm: Swarm) -> list:
-    """Return each drive with the rows of the robots that have it; all rows as a slice, which copies nothing."""
+def drives_by_rows(swarm: Swarm) -> Rows:
+    """Return each drive with the rows of the robots that have it; all rows as a slice, which does not copy."""
     drives: list[Drive] = []
     for design in swarm.designs:
         if design.drive not in drives:
@@ -224,3 +140,31 @@ def _drives_by_rows(swarm: Swarm) -> list:
         return [(drives[0], slice(None))]
     of_design = np.array([drives.index(design.drive) for design in swarm.designs], np.int64)
     return [(drive, np.flatnonzero(of_design[swarm.design] == k)) for k, drive in enumerate(drives)]
+
+
+def rolling_wheels(swarm: Swarm, draws: np.ndarray | None) -> np.ndarray:
+    """Return the wheel speeds that slip leaves of the commands, shape (n, 2)."""
+    command = swarm.columns["command"]
+    if draws is None:
+        return command
+    wheels = np.empty_like(command)
+    slipped_wheels(command, *swarm.table.slip, swarm.columns["design"], draws, wheels)
+    return wheels
+
+
+def write_motion(swarm: Swarm, drives: Rows, wheels: np.ndarray, motion: np.ndarray) -> None:
+    """Write the motion (n, 3) that wheel speeds (n, 2) make."""
+    for drive, rows in drives:
+        made = motion[rows]
+        drive.motion(wheels[rows], swarm.columns["radius"][rows], made)
+        motion[rows] = made
+
+
+def wheels_of(swarm: Swarm, drives: Rows, motion: np.ndarray) -> np.ndarray:
+    """Return the wheel speeds (n, 2) that would have made these motions (n, 3)."""
+    wheels = np.empty((len(motion), 2))
+    for drive, rows in drives:
+        made = wheels[rows]
+        drive.wheels(motion[rows], swarm.columns["radius"][rows], made)
+        wheels[rows] = made
+    return wheels

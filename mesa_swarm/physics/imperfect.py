@@ -1,4 +1,4 @@
-"""What imperfect robots read and do: readings and wheel speeds spoilt, charges used up, break-downs."""
+"""Imperfect robots: disturbed readings and wheel speeds, batteries, break-downs."""
 
 import math
 from collections.abc import Iterator
@@ -14,12 +14,12 @@ from mesa_swarm.robots.imperfections import Imperfections, is_ideal
 from mesa_swarm.robots.swarm import LASTING, Swarm
 from mesa_swarm.world.statics import OBSTACLE
 
-# What chance is asked for, so that no two answers have to do with each other.
-FATE, PLACE, ANGLE, LENGTH = range(4)
+# Purposes of random numbers: independent draws.
+FATE, PLACE, PHASE, LENGTH = range(4)
 # Channels: proximity sensors from 0, radiation sensors from here, then wheels, the robot as a whole, line sensors.
 RADIATION, WHEEL, BODY, LINE = 1_000, 2_000, 3_000, 4_000
 NOTHING = -1.0
-# What is kept of each robot: the last readings that came through, wheel speeds as they are, charge used, broken.
+# State of each robot: the last fresh readings and commands, wheel speeds as they are, charge used, broken.
 KEPT: dict[str, tuple[tuple, type, float]] = {
     "distance": (("proximity",), np.float64, NOTHING),
     "kind": (("proximity",), np.int8, -1),
@@ -33,18 +33,18 @@ KEPT: dict[str, tuple[tuple, type, float]] = {
 
 
 class Imperfect:
-    """Imperfections at work on a swarm.
+    """Imperfections applied to a swarm.
 
-    Chance is a function of the key, the robot's number, the channel and the step: to read twice gives the same,
-    and what happens to a robot does not depend on which others there are.
+    Random numbers are functions of the key, the robot's number, the channel and the step: reading twice gives the
+    same, and a robot's imperfections do not depend on the other robots.
 
     Parameters
     ----------
     imperfections : Imperfections
     swarm : Swarm
-        Gets the columns in which robots keep what is not fresh, and how worn they are.
+        Gets columns for readings that are not fresh and for wear.
     key : int
-        Of chance, 0 to 2^64 - 1.
+        Of the random numbers, 0 to 2^64 - 1.
     """
 
     def __init__(self, imperfections: Imperfections, swarm: Swarm, key: int) -> None:
@@ -55,7 +55,7 @@ class Imperfect:
         self._drives = not is_ideal(imperfections.driving) or imperfections.battery > 0 or imperfections.failure > 0
 
     def spoil_readings(self, swarm: Swarm, step: int) -> None:
-        """Change what all sensors read in this step."""
+        """Disturb the readings of all sensors in this step."""
         if not self._reads:
             return
         columns, table, key = swarm.columns, swarm.table, np.uint64(self.key)
@@ -82,12 +82,12 @@ class Imperfect:
 
     @contextmanager
     def driving(self, swarm: Swarm, step: int) -> Iterator[None]:
-        """Let the wheels do what they make of their commands; afterwards commands are what was told, slip the rest."""
+        """Replace commands by disturbed wheel speeds within the block; afterwards restore them, and write the slip."""
         if not self._drives:
             yield
             return
         command, slip = swarm.columns["command"], swarm.columns["slip"]
-        told = command.copy()
+        requested = command.copy()
         given = self.imperfections
         spoil_wheels(
             command,
@@ -107,13 +107,13 @@ class Imperfect:
         try:
             yield
             reached = command * (1.0 - slip)
-            slip[:] = np.divide(told - reached, told, out=np.zeros_like(told), where=told != 0.0)
+            slip[:] = np.divide(requested - reached, requested, out=np.zeros_like(requested), where=requested != 0.0)
         finally:
-            command[:] = told
+            command[:] = requested
 
 
 def kept(swarm: Swarm, name: str) -> np.ndarray:
-    """Return a column of what imperfect robots keep."""
+    """Return a column of the state of imperfect robots."""
     return swarm.columns[f"{LASTING}{name}"]
 
 
@@ -137,12 +137,12 @@ def chance(key, number, channel, moment, what):
 def normal(key, number, channel, moment):
     """Return a number of the standard normal distribution (Box and Muller 1958)."""
     length = math.sqrt(-2.0 * math.log(1.0 - chance(key, number, channel, moment, LENGTH)))
-    return length * math.cos(2.0 * math.pi * chance(key, number, channel, moment, ANGLE))
+    return length * math.cos(2.0 * math.pi * chance(key, number, channel, moment, PHASE))
 
 
 @compiled
 def spoil_proximity(distance, kind, last_distance, last_kind, ranges, design, number, limits, step, key):
-    """Change what proximity sensors read, and keep it for steps without a fresh reading."""
+    """Disturb the readings of proximity sensors, and store them for steps without a fresh reading."""
     error, dropout, outliers, hold, period, _ = limits
     moment = step // hold
     for i in range(distance.shape[0]):
@@ -165,7 +165,7 @@ def spoil_proximity(distance, kind, last_distance, last_kind, ranges, design, nu
 
 @compiled
 def spoil_radiation(radiation, last, there, design, number, limits, step, key):
-    """Change what radiation sensors read, temperatures from 0 to 1."""
+    """Disturb the readings of radiation sensors, temperatures from 0 to 1."""
     error, dropout, outliers, hold, period, _ = limits
     moment = step // hold
     for i in range(radiation.shape[0]):
@@ -188,7 +188,7 @@ def spoil_radiation(radiation, last, there, design, number, limits, step, key):
 
 @compiled
 def spoil_line(line, last, there, design, number, limits, step, key):
-    """Change what line sensors read, which is yes or no and so has no error: an outlier is either."""
+    """Disturb the readings of line sensors, which are yes or no and so have no error: an outlier is either."""
     _, dropout, outliers, hold, period, _ = limits
     moment = step // hold
     for i in range(line.shape[0]):
@@ -207,8 +207,8 @@ def spoil_line(line, last, there, design, number, limits, step, key):
 
 
 @compiled
-def spoil_wheels(command, told, wheels, used, broken, max_speed, design, sideways, number, limits, wear, step, key):
-    """Replace commands by what wheels make of them; count what it takes of the charge, and break robots down."""
+def spoil_wheels(command, held, wheels, used, broken, max_speed, design, sideways, number, limits, wear, step, key):
+    """Replace commands by disturbed wheel speeds; add up the charge used, and break robots down."""
     error, dropout, outliers, hold, period, lag = limits
     battery, failure = wear
     moment, share = step // hold, 1.0 - math.exp(-1.0 / lag) if lag > 0.0 else 1.0
@@ -218,8 +218,8 @@ def spoil_wheels(command, told, wheels, used, broken, max_speed, design, sideway
         stands = broken[i] or (battery > 0.0 and used[i] >= battery)
         for w in range(2):
             if step % period == 0:
-                told[i, w] = command[i, w]
-            wanted, channel = told[i, w], WHEEL + w
+                held[i, w] = command[i, w]
+            wanted, channel = held[i, w], WHEEL + w
             fate = chance(key, number[i], channel, moment, FATE)
             if stands or fate < dropout:
                 wanted = 0.0

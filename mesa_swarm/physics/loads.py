@@ -1,4 +1,4 @@
-r"""How robots move loads: quasi-statically, on an ellipsoidal limit surface.
+r"""Robots move loads quasi-statically, on an ellipsoidal limit surface.
 
 A robot pushes a load if it would drive into it in this step. Its force is its speed straight into the load as
 a share of its greatest, so that 1 is a full push. All forces add up to a wrench (F, T) about the centre. The
@@ -8,13 +8,13 @@ load stays unless that leaves the limit surface of its friction with the ground,
 
 where R is its resistance and c the mean distance of its points from the centre; then it moves along the
 surface's normal, the twist (F, T / c^2) (Goyal, Ruina and Papadopoulos 1991, Wear 143, 307-330; Howe and
-Cutkosky 1996, Int. J. Robotics Research 15, 557-572). How fast is decided by the robots that push its way: at
-the points where they push it goes as fast as they do, on average, weighted by force; so a load pushed by equal
-robots from one side keeps their pace, and one that turns about a single robot gives way at that robot's pace.
+Cutkosky 1996, Int. J. Robotics Research 15, 557-572). The robots that push its way decide its speed: at the points
+where they push it moves as fast as they do, on average, weighted by force; a load pushed by equal robots from one
+side moves at their speed, and one that turns about a single robot gives way at that robot's speed.
 
 Loads move before the robots do, one after the other in the order in which they were added, at most half the
-least radius of a robot a step, and never one another. What stands still bears a load without friction, so that
-it slides along walls. A load that robots cannot give way to goes back to where it was.
+least radius of a robot a step, and never push one another. Static bodies bear a load without friction, so that
+it slides along walls. A load to which robots cannot give way returns to where it was.
 """
 
 import math
@@ -26,16 +26,17 @@ import shapely
 
 from mesa_swarm.physics.contact import SLOP
 from mesa_swarm.physics.motion import LONGEST_PIECE, sinc
-from mesa_swarm.physics.scene import Room, Scene, Stop
+from mesa_swarm.physics.surroundings import Room, Stop, Surroundings
 from mesa_swarm.world.bodies import Load, Pose
 
 # A joint push that exceeds the resistance by less than this share is equal to it but for rounding; a robot whose
-# push is so small a share of a full one drives along the load.
+# push is a smaller share of a full one drives along the load.
 EQUAL = 1e-9
-# A load goes straight and then so many times along what it meets, less one, in a step; how far is found by halving.
+# In a step a load makes at most this number of moves, the first straight, the others along what it meets; the length
+# of each is found by bisection.
 MOST_WAYS = 4
 HALVINGS = 10
-# Rounds in which the forces of what a load leans on are found, and how fast it leaves, as a share of its way: a
+# Rounds in which the forces of the stops of a load are found, and its speed away from them, as a share of its way: a
 # load that slides may not catch on rounding.
 ROUNDS = 16
 HAIR = 1e-4
@@ -43,7 +44,7 @@ HAIR = 1e-4
 Result = TypeVar("Result")
 
 
-class Push(NamedTuple):
+class RobotPush(NamedTuple):
     """One robot's push: unit vector into the load, lever arm about the centre, force in 0..1, and way."""
 
     x: float
@@ -61,49 +62,49 @@ class Wrench(NamedTuple):
     torque: float
 
 
-def carry(scene: Scene, columns: dict, motion: np.ndarray, travel: Callable[[], Result]) -> Result:
+def carry(surroundings: Surroundings, columns: dict, motion: np.ndarray, travel: Callable[[], Result]) -> Result:
     """Move the loads that are pushed hard enough, then all robots, and return what `travel` returns.
 
     Parameters
     ----------
-    scene : Scene
+    surroundings : Surroundings
     columns : dict
         Of the swarm; position and heading are written, by `travel`.
     motion : ndarray, shape (n, 3)
-        What the wheels ask for.
+        Requested by the wheels.
     travel : function
-        Moves all robots through the step, around the loads as they then lie; may be called again.
+        Moves all robots through the step, around the loads as they then are; may be called again.
     """
-    room = scene.room
-    if room is None:  # there are no loads
+    room = surroundings.room
+    if room is None:  # no loads
         return travel()
     position, heading = columns["position"].copy(), columns["heading"].copy()
-    before = push_all(scene, room, columns, motion)
+    before = push_all(surroundings, room, columns, motion)
     while True:
         result = travel()
-        stuck = [k for k in before if is_overlapped(scene.loads[k], columns)]
+        stuck = [k for k in before if is_overlapped(surroundings.loads[k], columns)]
         if not stuck:
             return result
         columns["position"][:], columns["heading"][:] = position, heading
-        take_back(scene, room, before, stuck)
+        take_back(surroundings, room, before, stuck)
 
 
-def push_all(scene: Scene, room: Room, columns: dict, motion: np.ndarray) -> dict[int, Pose]:
-    """Move every load that is pushed hard enough; return where those that moved were."""
+def push_all(surroundings: Surroundings, room: Room, columns: dict, motion: np.ndarray) -> dict[int, Pose]:
+    """Move every load that is pushed hard enough; return the old poses of those that moved."""
     longest = LONGEST_PIECE * float(columns["radius"].min(initial=math.inf))
     before = {}
-    for k, load in enumerate(scene.loads):
+    for k, load in enumerate(surroundings.loads):
         pushes, old = pushes_on(load, columns, motion), load.pose
         load.pushers = len(pushes)
         move_load(load, pushes, min(longest, load.form.thickness), room)
         load.moved = load.pose != old
         if load.moved:
             before[k] = old
-            scene.follow(k)
+            surroundings.follow(k)
     return before
 
 
-def pushes_on(load: Load, columns: dict, motion: np.ndarray) -> list[Push]:
+def pushes_on(load: Load, columns: dict, motion: np.ndarray) -> list[RobotPush]:
     """Return the pushes of the robots that touch a load, or would in this step, and drive into it."""
     position, radius = columns["position"], columns["radius"]
     x, y, _ = load.pose
@@ -121,7 +122,7 @@ def pushes_on(load: Load, columns: dict, motion: np.ndarray) -> list[Push]:
     return pushes
 
 
-def _push_of(line: list[float], radius: float, load: Load, motion: list[float], heading: float) -> Push | None:
+def _push_of(line: list[float], radius: float, load: Load, motion: list[float], heading: float) -> RobotPush | None:
     """Return the push of one robot, its force still a speed, or None; the line is from the load to its centre."""
     px, py, qx, qy = line
     length = math.hypot(px - qx, py - qy)
@@ -133,16 +134,13 @@ def _push_of(line: list[float], radius: float, load: Load, motion: list[float], 
     speed = chord * ((cosine * motion[0] - sine * motion[1]) * nx + (sine * motion[0] + cosine * motion[1]) * ny)
     way = speed - max(length - load.form.radius - radius, 0.0)
     arm = (px - load.pose[0]) * ny - (py - load.pose[1]) * nx
-    return Push(nx, ny, arm, speed, way) if way > 0.0 else None
+    return RobotPush(nx, ny, arm, speed, way) if way > 0.0 else None
 
 
-def move_load(load: Load, pushes: list[Push], longest: float, room: Room) -> None:
+def move_load(load: Load, pushes: list[RobotPush], longest: float, room: Room) -> None:
     """Move a load as far as it is pushed and has room, first straight, then along what it meets.
 
-    Parameters
-    ----------
-    longest : float
-        No point of it moves farther in a step.
+    No point of it moves farther than `longest` in a step.
     """
     stops: list[Stop] = []
     wrench, left = wrench_of(pushes), 1.0
@@ -156,8 +154,8 @@ def move_load(load: Load, pushes: list[Push], longest: float, room: Room) -> Non
         stops = room.stops_of(load, 2.0 * longest / 2**HALVINGS)
 
 
-def wrench_of(pushes: list[Push]) -> Wrench:
-    """Return the joint push; exactly summed, so that the order of robots is nothing."""
+def wrench_of(pushes: list[RobotPush]) -> Wrench:
+    """Return the joint push; exactly summed, independent of the order of robots."""
     return Wrench(
         math.fsum(p.force * p.x for p in pushes),
         math.fsum(p.force * p.y for p in pushes),
@@ -165,14 +163,14 @@ def wrench_of(pushes: list[Push]) -> Wrench:
     )
 
 
-def twist_of(wrench: Wrench, pushes: list[Push], load: Load, longest: float) -> Pose | None:
-    """Return how a load moves in this step, as (x, y, turn), or None if it stays.
+def twist_of(wrench: Wrench, pushes: list[RobotPush], load: Load, longest: float) -> Pose | None:
+    """Return the motion of a load in this step, as (x, y, turn), or None if it stays.
 
     Examples
     --------
     >>> from mesa_swarm import SwarmModel, disc
     >>> load = SwarmModel(rng=1).add_load(disc((100, 100), 30), resistance=1.5)
-    >>> pushes = 2 * [Push(1.0, 0.0, 0.0, 1.0, 0.8)]
+    >>> pushes = 2 * [RobotPush(1.0, 0.0, 0.0, 1.0, 0.8)]
     >>> twist_of(wrench_of(pushes), pushes, load, 2.5)
     (0.8, 0.0, 0.0)
     >>> twist_of(wrench_of(pushes[:1]), pushes[:1], load, 2.5) is None
@@ -181,7 +179,7 @@ def twist_of(wrench: Wrench, pushes: list[Push], load: Load, longest: float) -> 
     turn = wrench.torque / load.form.lever**2
     if wrench.x**2 + wrench.y**2 + turn * wrench.torque <= load.resistance**2 * (1.0 + EQUAL):
         return None
-    # Robots that are driven back by the others have no say in how fast it goes.
+    # Robots that are driven back by the others do not affect its speed.
     speeds = [(p, wrench.x * p.x + wrench.y * p.y + turn * p.arm) for p in pushes]
     along = [(p.force * p.way, p.force * speed) for p, speed in speeds if speed > 0.0]
     if not along:
@@ -193,7 +191,7 @@ def twist_of(wrench: Wrench, pushes: list[Push], load: Load, longest: float) -> 
 
 
 def borne(wrench: Wrench, stops: list[Stop], lever: float) -> Wrench:
-    """Return the wrench that is left of one when what the load leans on bears it, without friction.
+    """Return the wrench that remains when the stops bear the load, without friction.
 
     The forces of the stops are the least, in the metric of the limit surface, that keep the load from moving
     into any of them (projected Gauss and Seidel rounds).
@@ -222,12 +220,12 @@ def go(load: Load, way: Pose, room: Room) -> float:
             free += step
         step /= 2.0
     if free > 0.0:
-        load.lay(pose(free))
+        load.move_to(pose(free))
     return free
 
 
 def is_overlapped(load: Load, columns: dict) -> bool:
-    """Tell whether a robot overlaps a load."""
+    """Return whether a robot overlaps a load."""
     position, radius = columns["position"], columns["radius"]
     x, y, _ = load.pose
     apart = load.form.reach + radius
@@ -236,11 +234,11 @@ def is_overlapped(load: Load, columns: dict) -> bool:
     return bool((gaps < (1.0 - 2.0 * SLOP) * radius[near]).any())
 
 
-def take_back(scene: Scene, room: Room, before: dict[int, Pose], stuck: list[int]) -> None:
-    """Lay loads back where they were, and those that then overlap them; drop them from `before`."""
+def take_back(surroundings: Surroundings, room: Room, before: dict[int, Pose], stuck: list[int]) -> None:
+    """Return loads to where they were, and those that then overlap them; drop them from `before`."""
     while stuck:
         for k in stuck:
-            scene.loads[k].lay(before.pop(k))
-            scene.loads[k].moved = False
-            scene.follow(k)
-        stuck = [k for k in before if not room.has_room_for(scene.loads[k], scene.loads[k].pose)]
+            surroundings.loads[k].move_to(before.pop(k))
+            surroundings.loads[k].moved = False
+            surroundings.follow(k)
+        stuck = [k for k in before if not room.has_room_for(surroundings.loads[k], surroundings.loads[k].pose)]

@@ -1,4 +1,4 @@
-"""Who hears what: broadcasts within a range, cut off by obstacles, lost by chance."""
+"""Broadcasts: heard within a range, cut off by obstacles, lost at random."""
 
 import math
 
@@ -7,8 +7,8 @@ import numpy as np
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.grid import Grid, cell_index, sort_into_cells
 from mesa_swarm.geometry.overlap import nearest_on_segment, segments_meet
-from mesa_swarm.physics.scene import Scene
 from mesa_swarm.physics.sensing import into_frame
+from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.swarm import Swarm
 
@@ -18,32 +18,19 @@ GOLDEN, FIRST_FACTOR, SECOND_FACTOR = map(np.uint64, (0x9E3779B97F4A7C15, 0xBF58
 
 
 class Channel:
-    """What carries broadcasts from robot to robot: a radio, and the grid that finds who is in range.
-
-    Parameters
-    ----------
-    radio : Radio
-    """
+    """Carries broadcasts from robot to robot: a radio, and the grid that finds the robots in range."""
 
     def __init__(self, radio: Radio) -> None:
         self.radio = radio
         self._beacons = np.array(radio.beacons, dtype=float).reshape(-1, 2)
         self._version = -1
-        self._scene: Scene | None = None
+        self._surroundings: Surroundings | None = None
 
-    def exchange(self, swarm: Swarm, scene: Scene, word: np.uint64) -> None:
-        """Write the columns heard_layer, heard_task, heard_from and heard_goal.
-
-        Parameters
-        ----------
-        swarm : Swarm
-        scene : Scene
-        word : uint64
-            Random bits of this step, which decide what is lost.
-        """
+    def exchange(self, swarm: Swarm, surroundings: Surroundings, word: np.uint64) -> None:
+        """Write the columns heard_layer, heard_task, heard_from and heard_goal; random bits decide what is lost."""
         if not len(swarm):
             return
-        self._prepare(swarm, scene)
+        self._prepare(swarm, surroundings)
         columns, radio = swarm.columns, self.radio
         position, heading, number = columns["position"], columns["heading"], columns["number"]
         limits = float(radio.range), float(radio.loss_probability), word, radio.occlusion
@@ -52,29 +39,24 @@ class Channel:
             heard = columns["heard_layer"], columns["heard_task"], columns["heard_from"]
             hear_states(position, heading, number, layer, task, limits, self._grid, self._obstacles, *heard)
         if radio.goal:
-            told, heard_goal = columns["sent_goal"], columns["heard_goal"]
-            hear_goals(position, heading, number, told, self._beacons, limits, self._grid, self._obstacles, heard_goal)
+            sent, heard_goal = columns["sent_goal"], columns["heard_goal"]
+            hear_goals(position, heading, number, sent, self._beacons, limits, self._grid, self._obstacles, heard_goal)
 
-    def _prepare(self, swarm: Swarm, scene: Scene) -> None:
+    def _prepare(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Make the grid anew when robots or obstacles have changed."""
-        if self._version == swarm.version and self._scene is scene:
+        if self._version == swarm.version and self._surroundings is surroundings:
             return
         most = FEWEST_CELLS + CELLS_PER_ROBOT * len(swarm)
-        self._grid = Grid.over(scene.bounds, max(self.radio.range, 1e-9), most).numbers
-        statics = scene.statics
-        self._obstacles = (
-            statics.edges,
-            statics.discs[: statics.first_fire],
-            statics.grid.numbers,
-            statics.touched_start,
-            statics.touched_items,
-        )
-        self._version, self._scene = swarm.version, scene
+        self._grid = Grid.over(surroundings.bounds, max(self.radio.range, 1e-9), most).numbers
+        statics = surroundings.statics
+        touched = statics.grid.numbers, statics.touched_start, statics.touched_items
+        self._obstacles = statics.edges, statics.discs[: statics.first_fire], *touched
+        self._version, self._surroundings = swarm.version, surroundings
 
 
 @compiled
 def send_goals(position, heading, goal, sent_goal):
-    """Write where on the map the goals are that robots have in their own frames; NaN stays NaN."""
+    """Write the places on the map of goals that are given in the robots' own frames; NaN stays NaN."""
     for i in range(position.shape[0]):
         cosine, sine = math.cos(heading[i]), math.sin(heading[i])
         sent_goal[i, 0] = position[i, 0] + cosine * goal[i, 0] - sine * goal[i, 1]
@@ -97,9 +79,9 @@ def hear_states(
     obstacles : tuple
         As `is_cut` takes them.
     heard_layer, heard_task : int64 ndarrays, shape (n,), written
-        -1 where nobody is heard.
+        -1 where no robot is heard.
     heard_from : ndarray, shape (n, 2), written
-        In the hearer's frame, NaN where nobody is heard.
+        In the hearer's frame, NaN where no robot is heard.
     """
     rows = np.flatnonzero(task >= 0)
     places = position[rows]
@@ -112,15 +94,15 @@ def hear_states(
 
 @compiled
 def hear_goals(position, heading, number, sent_goal, beacons, limits, grid, obstacles, heard_goal):
-    """Write, of the goals that robots hear, the one that is nearest to the hearer.
+    """Write, of the goals that each robot hears, the one that is nearest to it.
 
     Parameters
     ----------
     sent_goal : ndarray, shape (n, 2)
-        On the map; what is not finite is none.
+        On the map; not finite where no goal is sent.
     beacons : ndarray, shape (b, 2)
     heard_goal : ndarray, shape (n, 2), written
-        In the hearer's frame, NaN where none is heard.
+        In the hearer's frame, NaN where no goal is heard.
     position, heading, number, limits, grid, obstacles
         As `hear_states` takes them.
     """
@@ -135,18 +117,18 @@ def hear_goals(position, heading, number, sent_goal, beacons, limits, grid, obst
 
 @compiled
 def nearest_heard(position, number, places, targets, numbers, limits, grid, obstacles):
-    """Return, for every robot, which broadcast it hears has the nearest target, -1 for none.
+    """Return, for every robot, the broadcast it hears whose target is nearest, -1 for none.
 
-    Of targets equally near that of the sender with the smaller number counts, so that order is nothing.
+    Of equally near targets that of the sender with the smaller number counts: independent of order.
 
     Parameters
     ----------
     position, number : ndarrays
         Of the hearers.
     places, targets : ndarrays, shape (s, 2)
-        Where the senders are, and the points that they broadcast.
+        Of the senders, and the points that they broadcast.
     numbers : int64 ndarray, shape (s,)
-        Of the senders; nobody hears the sender with its own number.
+        Of the senders; no robot hears the sender with its own number.
     """
     reach, loss, word, occlusion = limits
     left, below, per_unit, columns, rows = grid
@@ -158,9 +140,9 @@ def nearest_heard(position, number, places, targets, numbers, limits, grid, obst
         x, y, best = position[i, 0], position[i, 1], math.inf
         first = cell_index(x - reach, left, per_unit, columns)
         last = cell_index(x + reach, left, per_unit, columns)
-        for row in range(
-            cell_index(y - reach, below, per_unit, rows), cell_index(y + reach, below, per_unit, rows) + 1
-        ):
+        lowest = cell_index(y - reach, below, per_unit, rows)
+        highest = cell_index(y + reach, below, per_unit, rows)
+        for row in range(lowest, highest + 1):
             for k in range(start[first + columns * row], start[last + columns * row + 1]):
                 j = order[k]
                 if (places[j, 0] - x) ** 2 + (places[j, 1] - y) ** 2 > reach * reach or numbers[j] == number[i]:
@@ -197,7 +179,7 @@ def put_in_frames(position, heading, points, chosen, out):
 
 @compiled
 def is_cut(ax, ay, bx, by, obstacles):
-    """Tell whether an obstacle's edge or disc meets the segment a-b; to touch it is enough.
+    """Return whether an obstacle's edge or disc meets the segment a-b; touching it is enough.
 
     Parameters
     ----------
@@ -209,7 +191,7 @@ def is_cut(ax, ay, bx, by, obstacles):
         ax, ay, bx, by = bx, by, ax, ay
     first, last = cell_index(ax, left, per_unit, columns), cell_index(bx, left, per_unit, columns)
     for column in range(first, last + 1):
-        # Rounding does no harm to where the segment enters and leaves a column: lists reach beyond their cells.
+        # Rounding of where the segment enters and leaves a column is harmless: lists reach beyond their cells.
         enters = 0.0 if column == first else (left + column / per_unit - ax) / (bx - ax)
         leaves = 1.0 if column == last else (left + (column + 1) / per_unit - ax) / (bx - ax)
         y, other_y = ay + enters * (by - ay), ay + leaves * (by - ay)
@@ -225,7 +207,7 @@ def is_cut(ax, ay, bx, by, obstacles):
 
 @compiled
 def item_meets(item, ax, ay, bx, by, edges, discs):
-    """Tell whether an item, see `Statics`, meets the segment a-b; what is not among these discs is a fire."""
+    """Return whether an item, see `Statics`, meets the segment a-b; an item beyond these discs is a fire."""
     disc = item - edges.shape[0]
     if disc < 0:
         return segments_meet(ax, ay, bx, by, edges[item, 0], edges[item, 1], edges[item, 2], edges[item, 3])
@@ -237,7 +219,7 @@ def item_meets(item, ax, ay, bx, by, edges, discs):
 
 @compiled
 def is_lost(word, sender, hearer, probability):
-    """Tell whether a broadcast is lost: a hash of the step's word and both numbers decides, in no order.
+    """Return whether a broadcast is lost, by a hash of the step's word and both numbers: independent of order.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What every sensor of every robot reads, exactly (PHYSICS 3)."""
+"""Exact readings of all sensors of all robots (PHYSICS 3)."""
 
 import math
 
@@ -7,12 +7,7 @@ import numpy as np
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.grid import cell_index
 from mesa_swarm.geometry.overlap import in_polygon, nearest_on_segment
-from mesa_swarm.geometry.sector import (
-    rays_to_disc,
-    rays_to_segment,
-    sector_to_disc,
-    sector_to_segment,
-)
+from mesa_swarm.geometry.sector import rays_to_disc, rays_to_segment, sector_to_disc, sector_to_segment
 from mesa_swarm.robots.design import (
     AXIS_X,
     AXIS_Y,
@@ -37,27 +32,10 @@ ROUNDING = 1e-3
 
 @compiled
 def sense_proximity(
-    position,
-    heading,
-    radius,
-    largest_radius,
-    design,
-    sensors,
-    counts,
-    reach,
-    grid,
-    start,
-    order,
-    edges,
-    discs,
-    static_kind,
-    static_grid,
-    seen_start,
-    seen_items,
-    distance,
-    kind,
-):
-    """Write what all proximity sensors read, without error.
+    position, heading, radius, largest_radius, design, sensors, counts, reach, grid, start, order,
+    edges, discs, static_kind, static_grid, seen_start, seen_items, distance, kind,
+):  # fmt: skip
+    """Write the readings of all proximity sensors, without error.
 
     Parameters
     ----------
@@ -70,7 +48,7 @@ def sense_proximity(
     edges, discs, static_kind, static_grid, seen_start, seen_items
         Of `Statics`.
     distance, kind : ndarrays, shape (n, s), written
-        -1 where nothing is seen.
+        -1 where no body is seen.
     """
     axes = np.empty((position.shape[0], 2))
     for i in range(position.shape[0]):
@@ -91,7 +69,7 @@ def sense_proximity(
                 distance[i, s] = -1.0
 
 
-# Arrays are not handed on inside the loops below: each costs as much as a look at a sensor.
+# Arrays are not passed on inside the loops below: each costs as much as evaluating a sensor.
 
 
 @compiled
@@ -99,7 +77,7 @@ def _see_statics(
     position, axes, radius, design, sensors, counts, reach, edges, discs, static_kind, grid, start, items,
     distance, kind,
 ):  # fmt: skip
-    """Show every robot the edges and discs that its cell lists."""
+    """Update the readings of every robot by the edges and discs that its cell lists."""
     left, below, per_unit, columns, rows = grid
     for i in range(position.shape[0]):
         x, y, d = position[i, 0], position[i, 1], design[i]
@@ -142,7 +120,7 @@ def _see_statics(
 def _see_robots(
     position, axes, radius, largest_radius, design, sensors, counts, reach, grid, start, order, distance, kind
 ):
-    """Show every robot the others near it."""
+    """Update the readings of every robot by the other robots near it."""
     left, below, per_unit, columns, rows = grid
     for i in range(position.shape[0]):
         x, y, d = position[i, 0], position[i, 1], design[i]
@@ -184,13 +162,13 @@ def into_frame(x, y, axis_x, axis_y):
 
 @compiled
 def segment_within(ax, ay, bx, by, far):
-    """Tell whether the box around a segment comes within a square of half side `far` about the origin."""
+    """Return whether the box around a segment meets a square of half side `far` about the origin."""
     return min(ax, bx) <= far and max(ax, bx) >= -far and min(ay, by) <= far and max(ay, by) >= -far
 
 
 @compiled
 def look_at_disc(x, y, radius, axis_x, axis_y, cos_half, sin_half, half, rays, limit):
-    """Return how near a disc, relative to the sensor's mount, is in its sector, `inf` if it is not."""
+    """Return the distance of a disc, relative to the sensor's mount, within its sector, `inf` if outside."""
     x, y = into_frame(x, y, axis_x, axis_y)
     if rays > 0.0:
         return rays_to_disc(x, y, radius, half, int(rays), limit)
@@ -199,7 +177,7 @@ def look_at_disc(x, y, radius, axis_x, axis_y, cos_half, sin_half, half, rays, l
 
 @compiled
 def look_at_segment(ax, ay, bx, by, axis_x, axis_y, cos_half, sin_half, half, rays, limit, touch):
-    """Return how near an edge, relative to the sensor's mount, is in its sector, `inf` if it is not.
+    """Return the distance of an edge, relative to the sensor's mount, within its sector, `inf` if outside.
 
     A sensor just behind the edge, on its solid side, reads 0: it is on the rim of a robot that touches a wall.
     """
@@ -214,9 +192,9 @@ def look_at_segment(ax, ay, bx, by, axis_x, axis_y, cos_half, sin_half, half, ra
 
 @compiled
 def is_just_behind(ax, ay, bx, by, touch):
-    """Tell whether the origin is on the left of the edge a-b and no farther than `touch` from it, or on it.
+    """Return whether the origin is on the left of the edge a-b and at most `touch` away, or on it.
 
-    On it is what rounding leaves in front: which way the foot of the perpendicular lies is chance there.
+    An origin in front of the edge by rounding alone counts as on it: the direction of the foot is arbitrary there.
 
     Examples
     --------
@@ -234,7 +212,7 @@ def is_just_behind(ax, ay, bx, by, touch):
 
 @compiled
 def is_nearer(seen, what, distance, kind):
-    """Tell whether this is the nearest so far; of bodies equally near the lowest kind is, so order is nothing."""
+    """Return whether this is the nearest so far; of equally near bodies the lowest kind, independent of order."""
     return seen < distance or (seen == distance and (kind == NOTHING or what < kind))
 
 
@@ -253,9 +231,8 @@ def sense_inside(position, heading, design, sensors, counts, edges, edge_kind, r
             for p in range(rings.shape[0]):
                 what = edge_kind[rings[p, 0]]
                 nearest = math.inf if kind[i, s] == NOTHING else distance[i, s]
-                if not is_nearer(0.0, what, nearest, kind[i, s]):
-                    continue
-                if in_polygon(x, y, edges, rings[p, 0], rings[p, 1]):
+                nearer = is_nearer(0.0, what, nearest, kind[i, s])
+                if nearer and in_polygon(x, y, edges, rings[p, 0], rings[p, 1]):
                     distance[i, s], kind[i, s] = 0.0, what
 
 

@@ -1,4 +1,4 @@
-"""Finding room for robots that somebody put where there is none: inside a wall, or inside each other."""
+"""Finding room for robots that were placed inside a wall or inside each other."""
 
 import math
 
@@ -22,11 +22,8 @@ def settle(
     Parameters
     ----------
     position : ndarray, shape (n, 2), changed
-    radius, number : ndarrays, shape (n,)
-    grid : tuple
-        `Grid.numbers` for contact.
-    statics : tuple
-        As `contact.travel` takes it.
+    radius, number, grid, statics
+        As `contact.travel` takes them.
     rings : ndarray, shape (p, 2)
         Rows of each solid polygon's edges.
 
@@ -45,14 +42,18 @@ def settle(
     if not settled:
         lost = leave_each_other(position, radius, statics, rings)
         if lost >= 0:
-            raise PlacementError(
-                f"no room is left for robot {lost + 1} of {n} (radius {radius[lost]:g}); remove robots or obstacles"
-            )
+            raise no_room(lost, radius)
+
+
+def no_room(i: int, radius: np.ndarray) -> PlacementError:
+    """Return the error for robot i, for which there is no room left."""
+    which = f"robot {i + 1} of {len(radius)} (radius {radius[i]:g})"
+    return PlacementError(f"no room is left for {which}; remove robots or obstacles")
 
 
 @compiled
 def is_free(x, y, radius, statics, rings):
-    """Tell whether a disc overlaps nothing that stands still."""
+    """Return whether a disc overlaps no static body."""
     if deepest_static(x, y, radius, statics)[0] > SLOP * radius:
         return False
     for p in range(rings.shape[0]):
@@ -63,7 +64,7 @@ def is_free(x, y, radius, statics, rings):
 
 @compiled
 def overlaps_any(i, x, y, position, radius):
-    """Tell whether robot i, were it at (x, y), would overlap another."""
+    """Return whether robot i at (x, y) would overlap another."""
     for j in range(position.shape[0]):
         near = radius[i] + radius[j] - SLOP * min(radius[i], radius[j])
         if j != i and (x - position[j, 0]) ** 2 + (y - position[j, 1]) ** 2 < near * near:
@@ -73,7 +74,7 @@ def overlaps_any(i, x, y, position, radius):
 
 @compiled
 def leave_solids(position, radius, statics, rings):
-    """Move robots that are inside something solid to free room nearby; other robots do not matter yet."""
+    """Move robots that are inside a solid body to free room nearby; other robots do not count yet."""
     for i in range(position.shape[0]):
         if not is_free(position[i, 0], position[i, 1], radius[i], statics, rings):
             find_room(i, position, radius, statics, rings, False)
@@ -98,16 +99,13 @@ def find_room(i, position, radius, statics, rings, apart):
     farthest = 2.0 * math.hypot(bounds[2] - bounds[0], bounds[3] - bounds[1])
     distance = 0.0
     while distance < farthest:
-        # Larger rings are searched more coarsely, or a large map would take for ever.
+        # Larger rings are searched more coarsely, or a large map would take very long.
         distance += max(RING * radius[i], 0.01 * distance)
         places = 16 + min(int(2.0 * math.pi * distance / (RING * radius[i])), 720)
         for k in range(places):
             azimuth = 2.0 * math.pi * k / places
             px, py = x + distance * math.cos(azimuth), y + distance * math.sin(azimuth)
-            if not is_free(px, py, radius[i], statics, rings):
-                continue
-            if apart and overlaps_any(i, px, py, position, radius):
-                continue
-            position[i, 0], position[i, 1] = px, py
-            return True
+            if is_free(px, py, radius[i], statics, rings) and not (apart and overlaps_any(i, px, py, position, radius)):
+                position[i, 0], position[i, 1] = px, py
+                return True
     return False

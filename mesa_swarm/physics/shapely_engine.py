@@ -1,10 +1,10 @@
-"""The engine by Shapely alone: slow, readable, the reference for the compiled engine.
+"""The engine by Shapely alone: slow, short, readable, the reference for the compiled engine.
 
-Nobody's centre is ever inside a solid: `find_room` and the length of the pieces see to that, so that the
-nearest point of an outline always tells the way out.
+It shares the arithmetic of wheels, arcs and errors with the compiled engine, and its constants, but no function
+that measures a shape: it is the oracle that the other is tested against.
 
-Slow, short and readable. It shares the arithmetic of wheels, arcs and errors with the compiled engine, and
-its constants, but nothing that measures a shape: it is the oracle that the other is tested against.
+The centre of a robot is never inside a solid, because of `find_room` and of the length of the pieces: the nearest
+point of an outline always shows the way out.
 """
 
 import math
@@ -16,33 +16,28 @@ import shapely
 from shapely import Point, Polygon, STRtree
 from shapely.geometry.polygon import orient
 
-from mesa_swarm.errors import PlacementError
-from mesa_swarm.physics.contact import (
-    MOST_PUSHES,
-    MOST_SWEEPS,
-    ON_FACE,
-    SLOP,
-    coincident_direction,
-    turn_along_faces,
-)
+from mesa_swarm.physics.contact import MOST_PUSHES, MOST_SWEEPS, ON_FACE, SLOP, coincident_direction, turn_along_faces
+from mesa_swarm.physics.engine import CONTACT_COLUMNS, drives_by_rows, rolling_wheels, wheels_of, write_motion
 from mesa_swarm.physics.loads import carry
 from mesa_swarm.physics.motion import achieved_motion, advance, count_pieces, slip_of
-from mesa_swarm.physics.scene import Scene
 from mesa_swarm.physics.sensing import err
-from mesa_swarm.physics.settle import RING, SWEEPS
+from mesa_swarm.physics.settle import RING, SWEEPS, no_room
 from mesa_swarm.physics.shapely_sensing import Solids, sense_line, sense_proximity, sense_radiation
+from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.design import PERIOD
-from mesa_swarm.robots.drive import Drive, slipped_wheels
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import ROBOT
 
 # A robot is pushed by others at most this share of its radius at once.
 LONGEST_PUSH = 0.25
+FEWEST_PLACES, MOST_PLACES = 16, 720
+# Each ring is at least this much wider than the last: a large map would otherwise take very long.
+GROWTH = 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Touch:
-    """One overlap of a robot: how deep, the unit vector out of it, whether a flat face, and with what."""
+    """One overlap of a robot: depth, unit vector out of it, whether with a flat face, and the other body."""
 
     depth: float
     normal: np.ndarray
@@ -51,18 +46,17 @@ class Touch:
     index: int
 
 
-class Contacts:
+class Touches:
     """The deepest touch of every robot in this step, in the swarm's columns, and of a face in this piece."""
 
     def __init__(self, columns: dict[str, np.ndarray]) -> None:
         self.number = columns["number"]
-        self.kind, self.index = columns["contact_kind"], columns["contact_index"]
-        self.normal, self.depth = columns["contact_normal"], columns["contact_depth"]
+        self.kind, self.index, self.normal, self.depth = (columns[name] for name in CONTACT_COLUMNS)
         self.kind[:], self.index[:], self.normal[:], self.depth[:] = -1, -1, 0.0, 0.0
         self.face = np.zeros((len(self.kind), 3))
 
     def note(self, i: int, touch: Touch) -> None:
-        """Keep a touch of robot i if it is its deepest."""
+        """Write a touch of robot i if it is its deepest."""
         if touch.depth > self.depth[i]:
             self.kind[i], self.index[i] = touch.kind, touch.index
             self.normal[i], self.depth[i] = touch.normal, touch.depth
@@ -71,19 +65,12 @@ class Contacts:
 
 
 def travel(columns: dict[str, np.ndarray], motion: np.ndarray, turn_angle: float, solids: Solids) -> np.ndarray:
-    """Move all robots through one step, resolve every contact, and return how far faces turned each.
+    """Move all robots through one step, resolve every contact, and return by how much faces turned each (rad).
 
-    Parameters
-    ----------
-    columns : dict
-        Of the swarm; position, heading, collided and contact_... are written.
-    motion : ndarray, shape (n, 3)
-        What the wheels ask for.
-    turn_angle : float, rad
-    solids : Solids
+    Of the swarm's columns, position, heading, collided and contact_... are written.
     """
     position, heading, radius = columns["position"], columns["heading"], columns["radius"]
-    contacts, extra_turn = Contacts(columns), np.zeros(len(heading))
+    contacts, extra_turn = Touches(columns), np.zeros(len(heading))
     pieces = count_pieces(motion, radius)
     for _ in range(pieces):
         before = position.copy()
@@ -96,14 +83,8 @@ def travel(columns: dict[str, np.ndarray], motion: np.ndarray, turn_angle: float
     return extra_turn
 
 
-def separate(
-    position: np.ndarray,
-    radius: np.ndarray,
-    solids: Solids,
-    contacts: Contacts,
-    most_sweeps: int,
-) -> bool:
-    """Push until nothing overlaps, at most `most_sweeps` times, and return whether nothing does."""
+def separate(position: np.ndarray, radius: np.ndarray, solids: Solids, contacts: Touches, most_sweeps: int) -> bool:
+    """Push until no two bodies overlap, at most `most_sweeps` times, and return whether that succeeded."""
     free = np.array([leave_statics(i, position, radius[i], solids, contacts) for i in range(len(radius))])
     for _ in range(most_sweeps):
         pairs = overlapping_pairs(position, radius)
@@ -129,8 +110,8 @@ def overlapping_pairs(position: np.ndarray, radius: np.ndarray) -> np.ndarray:
     return np.array(sorted(zip(i[deep], j[deep], strict=True)), np.int64).reshape(-1, 2)
 
 
-def push_pairs(position: np.ndarray, radius: np.ndarray, pairs: np.ndarray, contacts: Contacts) -> np.ndarray:
-    """Push all robots that overlap others at once, half of each overlap (A.7); return who was moved."""
+def push_pairs(position: np.ndarray, radius: np.ndarray, pairs: np.ndarray, contacts: Touches) -> np.ndarray:
+    """Push all robots that overlap others at once, half of each overlap (A.7); return the rows that moved."""
     push = np.zeros_like(position)
     for i, j in pairs:
         touch = touch_of_robots(i, j, position, radius, contacts.number)
@@ -144,21 +125,21 @@ def push_pairs(position: np.ndarray, radius: np.ndarray, pairs: np.ndarray, cont
 
 
 def touch_of_robots(i: int, j: int, position: np.ndarray, radius: np.ndarray, number: np.ndarray) -> Touch:
-    """Return how robot j touches robot i."""
+    """Return the touch of robot i by robot j."""
     distance = Point(position[i]).distance(Point(position[j]))
     apart = position[i] - position[j]
     normal = apart / distance if distance > 0.0 else np.array(coincident_direction(number[i], number[j]))
     return Touch(radius[i] + radius[j] - distance, normal, False, ROBOT, j)
 
 
-def note_both(i: int, j: int, touch: Touch, contacts: Contacts) -> None:
+def note_both(i: int, j: int, touch: Touch, contacts: Touches) -> None:
     """Note a touch of robot i by robot j, for both."""
     contacts.note(i, touch)
     contacts.note(j, replace(touch, normal=-touch.normal, index=i))
 
 
-def leave_statics(i: int, position: np.ndarray, radius: float, solids: Solids, contacts: Contacts) -> bool:
-    """Move robot i out of what stands still, deepest overlap first, and return whether it is out."""
+def leave_statics(i: int, position: np.ndarray, radius: float, solids: Solids, contacts: Touches) -> bool:
+    """Move robot i out of static bodies, deepest overlap first, and return whether it is out."""
     for _ in range(MOST_PUSHES):
         touch = deepest_static(position[i], radius, solids)
         if touch is None:
@@ -169,7 +150,7 @@ def leave_statics(i: int, position: np.ndarray, radius: float, solids: Solids, c
 
 
 def deepest_static(centre: np.ndarray, radius: float, solids: Solids) -> Touch | None:
-    """Return the deepest overlap of a disc with what stands still, None if there is none."""
+    """Return the deepest overlap of a disc with static bodies, or None."""
     point = Point(centre)
     near = np.sort(solids.tree.query(point, predicate="dwithin", distance=radius))
     touches = [_touch_of_polygon(point, radius, solids, p) for p in near]
@@ -180,7 +161,7 @@ def deepest_static(centre: np.ndarray, radius: float, solids: Solids) -> Touch |
 
 
 def _touch_of_polygon(point: Point, radius: float, solids: Solids, p: int) -> Touch:
-    """Return how a disc touches a polygon: a flat face unless the nearest point is a vertex."""
+    """Return the touch of a disc by a polygon: of a flat face unless the nearest point is a vertex."""
     outline = solids.polygons[p].boundary
     gap, way = outline.distance(point), shapely.shortest_line(outline, point)
     nearest, centre = shapely.get_coordinates(way)
@@ -210,23 +191,17 @@ def way_out(polygon: Polygon, point: Point) -> np.ndarray:
 
 
 def _touch_of_disc(point: Point, radius: float, solids: Solids, k: int) -> Touch:
-    """Return how a disc touches a standing disc."""
+    """Return the touch of a disc by a static disc."""
     distance = point.distance(solids.centres[k])
     apart = shapely.get_coordinates(point)[0] - shapely.get_coordinates(solids.centres[k])[0]
     depth = radius + solids.radii[k] - distance
     return Touch(depth, apart / distance, False, solids.disc_body[k], solids.disc_owner[k])
 
 
-def put_back(
-    position: np.ndarray,
-    before: np.ndarray,
-    radius: np.ndarray,
-    solids: Solids,
-    contacts: Contacts,
-) -> None:
-    """Return to their last free place the robots that overlap, and those who then overlap them.
+def put_back(position: np.ndarray, before: np.ndarray, radius: np.ndarray, solids: Solids, contacts: Touches) -> None:
+    """Return to their last free place the robots that overlap, and those that then overlap them.
 
-    All that overlap return at once, so that the order of robots is nothing.
+    All that overlap return at once: independent of the order of robots.
     """
     discs = zip(position, radius, strict=True)
     back = np.zeros(len(radius), bool)
@@ -242,11 +217,6 @@ def put_back(
         back = goes.copy()
 
 
-FEWEST_PLACES, MOST_PLACES = 16, 720
-# Each ring is at least this much wider than the last: a large map would otherwise take for ever.
-GROWTH = 0.01
-
-
 def settle(columns: dict[str, np.ndarray], bounds: tuple[float, ...], solids: Solids) -> None:
     """Move every robot that overlaps anything to free room nearby, whatever the tangle.
 
@@ -259,7 +229,7 @@ def settle(columns: dict[str, np.ndarray], bounds: tuple[float, ...], solids: So
     for i in range(len(radius)):
         if not is_free(position[i : i + 1], radius[i], solids)[0]:
             find_room(i, position, radius, bounds, solids, apart=False)
-    contacts = Contacts({name: column.copy() for name, column in columns.items()})
+    contacts = Touches({name: column.copy() for name, column in columns.items()})
     if not separate(position, radius, solids, contacts, SWEEPS):
         leave_each_other(position, radius, bounds, solids)
 
@@ -271,13 +241,11 @@ def leave_each_other(position: np.ndarray, radius: np.ndarray, bounds: tuple[flo
         if is_free(here, radius[i], solids)[0] and is_apart(i, here, position, radius)[0]:
             continue
         if not find_room(i, position, radius, bounds, solids, apart=True):
-            raise PlacementError(
-                f"no room is left for robot {i + 1} of {len(radius)} (radius {radius[i]:g}); remove robots or obstacles"
-            )
+            raise no_room(i, radius)
 
 
 def is_free(places: np.ndarray, radius: float, solids: Solids) -> np.ndarray:
-    """Return whether a disc at each of these places overlaps nothing that stands still."""
+    """Return whether a disc at each of these places overlaps no static body."""
     return solids.gaps(places) >= radius - SLOP * radius
 
 
@@ -294,7 +262,7 @@ def is_on_map(places: np.ndarray, bounds: tuple[float, ...]) -> np.ndarray:
 
 
 def is_apart(i: int, places: np.ndarray, position: np.ndarray, radius: np.ndarray) -> np.ndarray:
-    """Return whether robot i, were it at each of these places, would overlap no other."""
+    """Return whether robot i at each of these places would overlap no other."""
     others = np.arange(len(radius)) != i
     near = radius[i] + radius[others] - SLOP * np.minimum(radius[i], radius[others])
     distance = shapely.distance(shapely.points(places)[:, None], shapely.points(position[others]))
@@ -302,17 +270,11 @@ def is_apart(i: int, places: np.ndarray, position: np.ndarray, radius: np.ndarra
 
 
 def find_room(
-    i: int,
-    position: np.ndarray,
-    radius: np.ndarray,
-    bounds: tuple[float, ...],
-    solids: Solids,
-    *,
-    apart: bool,
+    i: int, position: np.ndarray, radius: np.ndarray, bounds: tuple[float, ...], solids: Solids, *, apart: bool
 ) -> bool:
     """Move robot i to the first free place on growing rings around it and return whether there is one."""
     for places in rings(position[i].copy(), radius[i], bounds):
-        # What is solid about the outside ends somewhere; beyond that there is no room either.
+        # The solid outside ends somewhere; beyond that there is no room either.
         free = is_on_map(places, bounds) & is_free(places, radius[i], solids)
         if apart:
             free &= is_apart(i, places, position, radius)
@@ -353,81 +315,46 @@ class ShapelyEngine:
     """
 
     def __init__(self) -> None:
-        self._scene: Scene | None = None
+        self._surroundings: Surroundings | None = None
         self._solids: Solids | None = None
 
-    def sense(self, swarm: Swarm, scene: Scene, step: int, draws: np.ndarray | None) -> None:
+    def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
         """Write the columns distance, kind, radiation and line."""
         columns, table = swarm.columns, swarm.table
         distance, kind = columns["distance"], columns["kind"]
         held = distance.copy(), kind.copy()
-        sense_proximity(swarm, scene, self._solids_of(swarm, scene), distance, kind)
+        sense_proximity(swarm, surroundings, self._solids_of(swarm, surroundings), distance, kind)
         if draws is not None:
             err(distance, columns["design"], table.proximity, table.noise, draws, step, columns["error"])
         waits = step % np.maximum(table.noise[swarm.design, :, PERIOD], 1) != 0
         distance[waits], kind[waits] = held[0][waits], held[1][waits]
-        sense_radiation(swarm, scene, columns["radiation"])
-        sense_line(swarm, scene, columns["line"])
+        sense_radiation(swarm, surroundings, columns["radiation"])
+        sense_line(swarm, surroundings, columns["line"])
 
-    def move(self, swarm: Swarm, scene: Scene, turn_angle: float, draws: np.ndarray | None) -> None:
+    def move(self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, draws: np.ndarray | None) -> None:
         """Write position, heading, slip and the contact columns."""
         columns = swarm.columns
         before, heading_before = swarm.position.copy(), swarm.heading.copy()
-        wheels = rolling_wheels(swarm, draws)
-        motion = motion_of(swarm, wheels)
+        drives, motion, wheels = drives_by_rows(swarm), np.zeros((len(swarm), 3)), rolling_wheels(swarm, draws)
+        write_motion(swarm, drives, wheels, motion)
 
         def go() -> np.ndarray:
-            return travel(columns, motion, turn_angle, self._solids_of(swarm, scene))
+            return travel(columns, motion, turn_angle, self._solids_of(swarm, surroundings))
 
-        extra_turn = carry(scene, columns, motion, go)
+        extra_turn = carry(surroundings, columns, motion, go)
         position, collided = columns["position"], columns["collided"]
         achieved_motion(before, position, heading_before, extra_turn, collided, motion)
-        wheels = np.where(collided[:, None], wheels_of(swarm, motion), wheels)
+        wheels = np.where(collided[:, None], wheels_of(swarm, drives, motion), wheels)
         slip_of(columns["command"], wheels, columns["slip"])
 
-    def settle(self, swarm: Swarm, scene: Scene) -> None:
+    def settle(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Move robots that overlap anything to free room nearby."""
-        settle(swarm.columns, scene.bounds, self._solids_of(swarm, scene))
+        settle(swarm.columns, surroundings.bounds, self._solids_of(swarm, surroundings))
 
-    def _solids_of(self, swarm: Swarm, scene: Scene) -> Solids:
-        """Return the scene's solids, collected anew when it has changed, and always where loads may have moved."""
-        if self._solids is None or self._scene is not scene or scene.loads:
+    def _solids_of(self, swarm: Swarm, surroundings: Surroundings) -> Solids:
+        """Return all solids, collected anew when the surroundings are others, and always where loads may have moved."""
+        if self._solids is None or self._surroundings is not surroundings or surroundings.loads:
             largest = max((design.radius for design in swarm.designs), default=0.0)
             margin = 1.0 + 2.0 * (largest + swarm.table.reach.max(initial=0.0))
-            self._scene, self._solids = scene, Solids.of(scene, margin)
+            self._surroundings, self._solids = surroundings, Solids.of(surroundings, margin)
         return self._solids
-
-
-def rolling_wheels(swarm: Swarm, draws: np.ndarray | None) -> np.ndarray:
-    """Return the wheel speeds that slip leaves of the commands, shape (n, 2)."""
-    command = swarm.columns["command"]
-    if draws is None:
-        return command
-    wheels = np.empty_like(command)
-    slipped_wheels(command, *swarm.table.slip, swarm.columns["design"], draws, wheels)
-    return wheels
-
-
-def motion_of(swarm: Swarm, wheels: np.ndarray) -> np.ndarray:
-    """Return the motions (n, 3) that these wheel speeds make."""
-    motion = np.zeros((len(swarm), 3))
-    for drive, rows in _by_design(swarm):
-        made = motion[rows]
-        drive.motion(wheels[rows], swarm.columns["radius"][rows], made)
-        motion[rows] = made
-    return motion
-
-
-def wheels_of(swarm: Swarm, motion: np.ndarray) -> np.ndarray:
-    """Return the wheel speeds (n, 2) that would have made these motions."""
-    wheels = np.zeros((len(swarm), 2))
-    for drive, rows in _by_design(swarm):
-        made = wheels[rows]
-        drive.wheels(motion[rows], swarm.columns["radius"][rows], made)
-        wheels[rows] = made
-    return wheels
-
-
-def _by_design(swarm: Swarm) -> Iterator[tuple[Drive, np.ndarray]]:
-    for d, design in enumerate(swarm.designs):
-        yield design.drive, np.flatnonzero(swarm.design == d)

@@ -1,11 +1,10 @@
 """Solids and sensing by Shapely alone.
 
-A sector is an exact wedge, a Shapely polygon that reaches beyond the range; what lies farther away than the
-range is dropped afterwards. Discs stay analytic: no circle is ever made into a polygon.
+A sector is an exact wedge, a Shapely polygon that reaches beyond the range; distances beyond the range are
+dropped afterwards. Discs stay analytic: no circle is approximated by a polygon.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,11 +13,13 @@ import shapely
 from shapely import LineString, MultiLineString, Point, Polygon, STRtree
 from shapely.geometry.base import BaseGeometry
 
-from mesa_swarm.physics.scene import Scene
+from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RANGE, RAYS
 from mesa_swarm.robots.swarm import Swarm
-from mesa_swarm.world.shapes import Shape
 from mesa_swarm.world.statics import BORDER, FIRE, LOAD, NOTHING, OBSTACLE, ROBOT
+
+# Between two points of a wedge's fan: its outer edge then stays beyond the range without long spikes.
+WIDEST_STEP = math.radians(60.0)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -28,9 +29,9 @@ class Solids:
     Parameters
     ----------
     polygons : object ndarray of Polygon
-        The first is what lies outside the map, as far as any sensor reaches.
+        The first is the outside of the map, as far as any sensor reaches.
     polygon_owner : int64 ndarray
-        Index of the obstacle that each polygon is, -1 for the outside.
+        Index of the obstacle of each polygon, -1 for the outside.
     polygon_body : int64 ndarray
         0 obstacle or the outside, 3 load.
     tree : STRtree
@@ -39,7 +40,7 @@ class Solids:
         Of the discs: obstacles first, then fires.
     radii : ndarray
     disc_owner : int64 ndarray
-        Index of the obstacle or of the fire that each disc is.
+        Index of the obstacle or of the fire of each disc.
     disc_body : int64 ndarray
         0 obstacle, 2 fire, burning or out, 3 load.
     """
@@ -54,14 +55,14 @@ class Solids:
     disc_body: np.ndarray
 
     @classmethod
-    def of(cls, scene: Scene, margin: float) -> "Solids":
-        """Collect what is solid; `margin` is how far beyond the border anything is looked for."""
-        solid = [(i, shape) for i, shape in enumerate(scene.shapes) if shape.contact]
+    def of(cls, surroundings: Surroundings, margin: float) -> "Solids":
+        """Collect all solids; the outside of the map reaches `margin` beyond the border."""
+        solid = [(i, shape) for i, shape in enumerate(surroundings.shapes) if shape.contact]
         polygons = [(i, shape.geometry) for i, shape in solid if not shape.is_disc]
-        polygons.insert(0, (BORDER, outside(scene.bounds, margin)))
+        polygons.insert(0, (BORDER, outside(surroundings.bounds, margin)))
         discs = [(i, shape.geometry, shape.radius) for i, shape in solid if shape.is_disc]
         geometries = np.array([geometry for _, geometry in polygons])
-        fires, bodies = scene.fires, dict.fromkeys(scene.rows, LOAD)
+        fires, bodies = surroundings.fires, dict.fromkeys(surroundings.rows, LOAD)
         return cls(
             polygons=geometries,
             polygon_owner=np.array([i for i, _ in polygons]),
@@ -74,13 +75,13 @@ class Solids:
         )
 
     def disc_kinds(self, burning: np.ndarray) -> np.ndarray:
-        """Return what sensors take each disc for: fires that are out are obstacles."""
+        """Return the kind of each disc as sensors see it: fires that are out are obstacles."""
         kinds = self.disc_body.copy()
         kinds[len(kinds) - len(burning) :][~burning] = OBSTACLE
         return kinds
 
     def gaps(self, places: np.ndarray) -> np.ndarray:
-        """Return how far each place (n, 2) is from the nearest solid; not above 0 inside one."""
+        """Return the distance of each place (n, 2) from the nearest solid; not above 0 inside one."""
         points = shapely.points(places)[:, None]
         to_polygons = shapely.distance(points, self.polygons)
         to_discs = shapely.distance(points, self.centres) - self.radii
@@ -88,7 +89,7 @@ class Solids:
 
 
 def outside(bounds: tuple[float, float, float, float], margin: float) -> Polygon:
-    """Return what lies outside a map, as far as `margin` from it.
+    """Return the outside of a map as far as `margin` from it.
 
     Examples
     --------
@@ -100,17 +101,8 @@ def outside(bounds: tuple[float, float, float, float], margin: float) -> Polygon
     return Polygon(around.exterior, [shapely.box(*bounds).exterior])
 
 
-def marked_ground(shapes: Sequence[Shape]) -> list[tuple[BaseGeometry, float]]:
-    """Return geometry and radius of the marks on the ground; the radius of a polygon is 0."""
-    return [(shape.geometry, shape.radius) for shape in shapes if not shape.contact]
-
-
-# Between two points of a wedge's fan: its outer edge then stays beyond the range without long spikes.
-WIDEST_STEP = math.radians(60.0)
-
-
 class View(NamedTuple):
-    """Where one sensor looks: all that is in its area, as far as its range; the area reaches farther."""
+    """The view of one sensor: its area as far as its range; the area itself reaches farther."""
 
     apex: Point
     area: BaseGeometry
@@ -118,9 +110,11 @@ class View(NamedTuple):
     range: float
 
 
-def sense_proximity(swarm: Swarm, scene: Scene, solids: Solids, distance: np.ndarray, kind: np.ndarray) -> None:
-    """Write what all proximity sensors read, without error; -1 where nothing is seen."""
-    kinds = solids.disc_kinds(scene.temperature > 0)
+def sense_proximity(
+    swarm: Swarm, surroundings: Surroundings, solids: Solids, distance: np.ndarray, kind: np.ndarray
+) -> None:
+    """Write the readings of all proximity sensors, without error; -1 where no body is seen."""
+    kinds = solids.disc_kinds(surroundings.temperature > 0)
     centres = np.concatenate([solids.centres, shapely.points(swarm.position)])
     radii = np.concatenate([solids.radii, swarm.radius])
     kinds = np.concatenate([kinds, np.full(len(swarm), ROBOT)])
@@ -133,10 +127,10 @@ def sense_proximity(swarm: Swarm, scene: Scene, solids: Solids, distance: np.nda
             distance[i, s], kind[i, s] = nearest(view, solids, *discs)
 
 
-def sense_radiation(swarm: Swarm, scene: Scene, radiation: np.ndarray) -> None:
+def sense_radiation(swarm: Swarm, surroundings: Surroundings, radiation: np.ndarray) -> None:
     """Write the highest temperature among the burning fires in each radiation sensor's sector."""
-    burning = scene.temperature > 0
-    fires, temperature = scene.fires[burning], scene.temperature[burning]
+    burning = surroundings.temperature > 0
+    fires, temperature = surroundings.fires[burning], surroundings.temperature[burning]
     radiation[:] = 0.0
     for i, design in enumerate(swarm.design):
         for s in range(len(swarm.designs[design].radiation)):
@@ -145,9 +139,9 @@ def sense_radiation(swarm: Swarm, scene: Scene, radiation: np.ndarray) -> None:
             radiation[i, s] = temperature[seen].max(initial=0.0)
 
 
-def sense_line(swarm: Swarm, scene: Scene, line: np.ndarray) -> None:
+def sense_line(swarm: Swarm, surroundings: Surroundings, line: np.ndarray) -> None:
     """Write whether each line sensor is over a mark on the ground."""
-    marks = marked_ground(scene.shapes)
+    marks = [(shape.geometry, shape.radius) for shape in surroundings.shapes if not shape.contact]
     line[:] = False
     for i, design in enumerate(swarm.design):
         for s in range(len(swarm.designs[design].line)):
@@ -156,16 +150,16 @@ def sense_line(swarm: Swarm, scene: Scene, line: np.ndarray) -> None:
 
 
 def nearest(view: View, solids: Solids, centres: np.ndarray, radii: np.ndarray, kinds: np.ndarray) -> tuple[float, int]:
-    """Return distance and kind of the nearest body in a view; of equally near ones the lowest kind."""
-    faces = solids.tree.query(view.apex, predicate="dwithin", distance=view.range)
+    """Return distance and kind of the nearest body in a view; of equally near bodies the lowest kind."""
+    polygons = solids.tree.query(view.apex, predicate="dwithin", distance=view.range)
     near = np.flatnonzero(shapely.distance(view.apex, centres) - radii <= view.range)
-    seen = [(distance_to_polygon(view, solids.polygons[p]), int(solids.polygon_body[p])) for p in faces]
+    seen = [(distance_to_polygon(view, solids.polygons[p]), int(solids.polygon_body[p])) for p in polygons]
     seen += [(distance_to_disc(view, centres[k], radii[k]), int(kinds[k])) for k in near]
     return min((body for body in seen if body[0] <= view.range), default=(-1.0, NOTHING))
 
 
 def distance_to_polygon(view: View, polygon: Polygon) -> float:
-    """Return how far from the apex the nearest part of a polygon in the view is, NaN if there is none.
+    """Return the distance from the apex to the nearest part of a polygon in the view, NaN if outside.
 
     Examples
     --------
@@ -179,7 +173,7 @@ def distance_to_polygon(view: View, polygon: Polygon) -> float:
 
 
 def distance_to_disc(view: View, centre: Point, radius: float) -> float:
-    """Return how far from the apex the nearest part of a disc in the view is, `inf` if there is none.
+    """Return the distance from the apex to the nearest part of a disc in the view, `inf` if outside.
 
     Examples
     --------
@@ -196,19 +190,13 @@ def distance_to_disc(view: View, centre: Point, radius: float) -> float:
 
 
 def _first_hit(ray: LineString, centre: Point, radius: float) -> float:
-    """Return how far along a ray a disc that does not hold its beginning is first met (A.12, A.13)."""
+    """Return the distance along a ray to a disc that does not contain its beginning (A.12, A.13)."""
     along, across = ray.project(centre), ray.distance(centre)
     return along - math.sqrt(radius**2 - across**2) if across <= radius else math.inf
 
 
 def view_of(swarm: Swarm, i: int, sensor: np.ndarray, beyond: float) -> View:
-    """Return the view of a sensor of robot i, a row of `DesignTable.proximity` or `radiation`.
-
-    Parameters
-    ----------
-    beyond : float
-        How much farther than the range it reaches; see `reach_beyond`.
-    """
+    """Return the view of a sensor of robot i, a row of `DesignTable.proximity` or `radiation`; see `reach_beyond`."""
     apex = in_world(swarm, i, sensor[[MOUNT_X, MOUNT_Y]])
     azimuth = swarm.heading[i] + math.atan2(sensor[AXIS_Y], sensor[AXIS_X])
     half, count, reach = sensor[HALF], int(sensor[RAYS]), sensor[RANGE] + beyond
@@ -221,19 +209,14 @@ def view_of(swarm: Swarm, i: int, sensor: np.ndarray, beyond: float) -> View:
 
 
 def reach_beyond(radii: np.ndarray) -> float:
-    """Return how much farther than its range a view reaches: beyond the centre of any disc whose rim it sees."""
+    """Return by how much a view reaches beyond its range: past the centre of any disc whose rim it sees."""
     return 1.0 + radii.max(initial=0.0)
 
 
 def wedge(apex: np.ndarray, azimuth: float, half: float, reach: float) -> BaseGeometry:
-    """Return all that lies within an angle of an azimuth and, at least, within a distance of an apex.
+    """Return a wedge that covers the sector of half angle `half` (rad) about an azimuth as far as `reach`.
 
-    Parameters
-    ----------
-    apex : array_like, shape (2,)
-    azimuth, half : float, rad
-        0 makes the wedge a line; pi or more, a plain polygon around the apex.
-    reach : float
+    A half angle of 0 makes the wedge a line; pi or more, a plain polygon around the apex.
 
     Examples
     --------
@@ -249,7 +232,7 @@ def wedge(apex: np.ndarray, azimuth: float, half: float, reach: float) -> BaseGe
 
 
 def in_world(swarm: Swarm, i: int, mount: np.ndarray) -> np.ndarray:
-    """Return where a mount of robot i is in the world (A.8, A.9)."""
+    """Return the place of a mount of robot i in the world (A.8, A.9)."""
     cosine, sine = math.cos(swarm.heading[i]), math.sin(swarm.heading[i])
     return swarm.position[i] + np.array([[cosine, -sine], [sine, cosine]]) @ mount
 

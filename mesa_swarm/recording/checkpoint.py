@@ -7,77 +7,29 @@ import numpy as np
 from mesa.agent import Agent
 
 from mesa_swarm.control.arbiter import MOST_LAYERS
-from mesa_swarm.errors import RecordingError, SwarmError, shortened
+from mesa_swarm.errors import RecordingError, SwarmError, in_words, shortened
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.recording.collected import (
     Path,
     collected_to_json,
     has_own_events,
     joined,
-    lay_collected,
     reporters_of,
+    restore_collected,
     set_clock,
 )
 from mesa_swarm.recording.container import Checkpoint, Packed
 from mesa_swarm.recording.parts import (
     control_from_json,
     control_to_json,
-    lay_things,
+    objects_to_json,
     part_from_json,
     part_to_json,
-    things_to_json,
+    restore_objects,
 )
 from mesa_swarm.robots.design import LARGEST_RADIUS
 
-
-def lay_columns(columns: dict[str, np.ndarray], told: dict, packed: Packed) -> None:
-    """Write stored columns into those of a model, which must have the same form."""
-    if told.keys() != columns.keys():
-        odd = sorted(told.keys() ^ columns.keys())
-        raise RecordingError(f"column {shortened(odd[0])} is only in one of the two")
-    values = {name: packed.unpack(column) for name, column in told.items()}
-    for name, column in columns.items():
-        value = values[name]
-        if not isinstance(value, np.ndarray) or value.dtype != column.dtype or value.shape != column.shape:
-            raise RecordingError(f"column {name} has another form")
-    for name, column in columns.items():
-        column[...] = values[name]
-
-
-def check_columns(model: FireModel) -> None:
-    """Refuse what compiled functions, which check nothing, would take for a row of an array or a place."""
-    robots, fires, designs = model.swarm.columns, model.fires.columns, model.swarm.designs
-    for name, count in (("design", len(designs)), ("fire", len(model.fires)), ("layer", MOST_LAYERS)):
-        if not ((robots[name] >= (0 if name == "design" else -1)) & (robots[name] < count)).all():
-            raise RecordingError(f"column {name} names one that there is not")
-    radius, fastest = (np.array([getattr(d, name) for d in designs]) for name in ("radius", "max_speed"))
-    low, high = np.reshape(model.map.bounds, (2, 2))
-    own = robots["design"]
-    sound = {
-        "position": all(((c["position"] >= low) & (c["position"] <= high)).all() for c in (robots, fires)),
-        "heading": np.isfinite(robots["heading"]).all(),
-        "number": len(np.unique(robots["number"])) == len(model.swarm),
-        "command": np.isfinite(robots["command"]).all(),
-        "radius": not len(own) or (robots["radius"] == radius[own]).all(),
-        "max_speed": not len(own) or ((robots["max_speed"] >= 0) & (robots["max_speed"] <= fastest[own])).all(),
-        "radius of fires": ((fires["radius"] > 0) & (fires["radius"] <= LARGEST_RADIUS)).all(),
-    }
-    wrong = [name for name, fits in sound.items() if not fits]
-    if wrong:
-        raise RecordingError(f"column {wrong[0]} holds what cannot be")
-
-
-def lay_history(model: FireModel, told: list) -> None:
-    """Give the history of fires its rhythm and its places; its rows are collected."""
-    history = model.fires.history
-    every, places, fires = told
-    numbers = all(type(number) is int and number >= 0 for number in (every, fires, *places))
-    if not numbers or len(places) != len(model.fires) or any(place >= fires for place in places) or fires > 1e7:
-        raise RecordingError("the history of fires is none")
-    history.every, history._places, history._fires = every, list(places), fires
-
-
-# What is stored in a way of its own, or follows from what is stored, or says only how the model is being looked at.
+# Attributes that are stored separately, follow from what is stored, or only describe how the model is viewed.
 # First Mesa's, then ours.
 HANDLED = frozenset(
     (
@@ -89,7 +41,7 @@ HANDLED = frozenset(
         *("_noise", "_imperfect", "datacollector", "_collect_every", "_control", "_snapshots"),
     )
 )
-OF_THINGS = frozenset(
+HANDLED_OF_AGENTS = frozenset(
     (
         *("model", "unique_id", "space", "_mesa_index", "pos", "swarm", "row", "fires", "shape", "form", "pose"),
         *("_resistance", "moved", "pushers"),
@@ -102,18 +54,18 @@ OF_EVERY_MODEL = {
     **dict.fromkeys(("_turn_angle", "extinguish_range"), (float, int, np.float64)),
 }
 LARGEST_NUMBER = 1e15
-# Bit generators whose state no number can break.
+# Bit generators of which every state is valid.
 GENERATORS = ("PCG64", "PCG64DXSM")
-# Of Python's generator.
+# Of the state of Python's generator.
 WORDS = 625
 OURS = ("mesa_swarm.control.", "mesa_swarm.fire.")
 
 
 @runtime_checkable
 class Checkpointed(Protocol):
-    """What keeps a state of its own, a learner for example: an attribute of the model, or a layer of its control.
+    """An attribute of the model, or a layer of its control, with a state of its own: a learner for example.
 
-    A layer that remembers in columns of the swarm (`Swarm.remember`), and in nothing else, needs neither.
+    A layer whose whole memory is in columns of the swarm (`Swarm.remember`) needs neither method.
 
     Examples
     --------
@@ -128,57 +80,56 @@ class Checkpointed(Protocol):
     """
 
     def checkpoint(self) -> dict:
-        """Return all that a later step depends on: arrays and plain values (`plain.Packed`) by name."""
+        """Return all that a later step depends on: arrays and plain values (`container.Packed`) by name."""
 
     def restore(self, state: dict) -> None:
-        """Take back what `checkpoint` returned."""
+        """Restore what `checkpoint` returned."""
 
 
-class _Told(Packed):
-    """Plain values of a model, in which its agents may stand: told by their unique_ids."""
+class _ModelPacked(Packed):
+    """Plain values of a model, which may refer to its agents by unique_id."""
 
     def __init__(self, model: FireModel, arrays: list[np.ndarray] | None = None) -> None:
         super().__init__(arrays)
-        self._model = model
+        self.model = model
         self._agents: dict[int, Agent] | None = None
 
     def pack(self, value: Any, what: str = "a value", depth: int = 0) -> object:
-        """Return a value as JSON has it."""
+        """Return a value as JSON."""
         if isinstance(value, Agent):
-            if value not in self._model.agents:
+            if value not in self.model.agents:
                 raise RecordingError(f"{what} refers to an agent that is not in the model, which cannot be stored")
             return {"agent": value.unique_id}
         return super().pack(value, what, depth)
 
-    def unpack(self, told: Any) -> Any:
-        """Return the value that `pack` told."""
-        if isinstance(told, dict) and "agent" in told:
+    def unpack(self, content: Any) -> Any:
+        """Return the value for which `pack` returned this."""
+        if isinstance(content, dict) and "agent" in content:
             if self._agents is None:
-                self._agents = {agent.unique_id: agent for agent in self._model.agents}
-            return self._agents[told["agent"]]
-        return super().unpack(told)
+                self._agents = {agent.unique_id: agent for agent in self.model.agents}
+            return self._agents[content["agent"]]
+        return super().unpack(content)
 
 
 def checkpoint_of(model: FireModel, since: dict[Path, int] | None = None, *, steps: int | None = None) -> Checkpoint:
     """Return the complete state of a model, between two steps.
 
-    Stored are the swarm, obstacles, loads, fires, radio, control, all random streams, Mesa's counters, what was
-    collected, and all other attributes of the model that are plain, or have `checkpoint` and `restore`. What
-    `watch` keeps is not.
+    Stored are the swarm, obstacles, loads, fires, radio, control, all random streams, Mesa's counters, collected data,
+    and all other attributes of the model that are plain, or have `checkpoint` and `restore`. Snapshots of `watch` are
+    not.
 
     Parameters
     ----------
-    model : FireModel
     since : dict, optional
-        How much was collected at the last checkpoint (`lengths_of`): only what came since is stored. By
-        default all.
+        Lengths of the collected series at the last checkpoint (`lengths_of`): only values added since then are stored.
+        By default all.
     steps : int, optional
-        What Mesa has counted, if it has already counted a step that has not begun.
+        The steps that Mesa had counted, if it has already counted one that has not begun.
 
     Raises
     ------
     RecordingError
-        If something cannot be stored; it says what.
+        If something cannot be stored; the message names it.
 
     Examples
     --------
@@ -190,47 +141,47 @@ def checkpoint_of(model: FireModel, since: dict[Path, int] | None = None, *, ste
     """
     state_hash = model.state_hash()  # reads the sensors, as their next use does
     if has_own_events(model):
-        raise RecordingError("Mesa's schedule holds events besides the step, which cannot be stored")
-    told = _Told(model)
+        raise RecordingError("Mesa's schedule has events besides the step, which cannot be stored")
+    packed = _ModelPacked(model)
     facts = {
         "steps": model.steps if steps is None else steps,
-        "things": things_to_json(model),
-        "columns": {name: told.pack(column) for name, column in sorted(model.swarm.columns.items())},
+        "things": objects_to_json(model),
+        "columns": {name: packed.pack(column) for name, column in sorted(model.swarm.columns.items())},
         "disturbed": model.swarm.disturbed,
-        "fires": {name: told.pack(column) for name, column in model.fires.columns.items()},
+        "fires": {name: packed.pack(column) for name, column in model.fires.columns.items()},
         "collect_every": model.collect_every,
         "history": [model.fires.history.every, list(model.fires.history._places), model.fires.history._fires],
         "constants": part_to_json(model.fire_constants),
         "radio": part_to_json(model.communication),
         "imperfect": _imperfect_to_json(model),
         "control": control_to_json(model.control),
-        "control_state": _control_state(model, told),
-        "randomness": _randomness(model, told),
-        "collected": collected_to_json(model, told, since or {}),
+        "control_state": _control_state(model, packed),
+        "randomness": _randomness(model, packed),
+        "collected": collected_to_json(model, packed, since or {}),
         "reporters": {
-            name: told.pack(reporter.checkpoint(), f"reporter {name}") for name, reporter in reporters_of(model).items()
+            name: packed.pack(reporter.checkpoint(), f"reporter {name}")
+            for name, reporter in reporters_of(model).items()
         },
-        "attributes": {n: _attribute(v, n, told) for n, v in model.__dict__.items() if n not in HANDLED},
-        "of_things": _of_things(model, told),
+        "attributes": {n: _attribute(v, n, packed) for n, v in model.__dict__.items() if n not in HANDLED},
+        "of_things": _agent_attributes(model, packed),
     }
-    return Checkpoint(step=model.completed, state_hash=state_hash, facts=facts, arrays=told.arrays)
+    return Checkpoint(step=model.completed, state_hash=state_hash, facts=facts, arrays=packed.arrays)
 
 
 def restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpoint] = ()) -> FireModel:
-    """Give a model that its constructor has just made the state of a checkpoint, and return it.
+    """Restore the state of a checkpoint in a model that was just constructed, and return the model.
 
     Parameters
     ----------
     model : FireModel
         Of the class that was stored.
-    checkpoint : Checkpoint
     earlier : sequence of Checkpoint
-        Those before it in the same recording, whose collected rows it goes on from.
+        Those before it in the same recording, on whose collected data it builds.
 
     Raises
     ------
     RecordingError
-        If it cannot be taken over, or what comes out is not what was stored.
+        If it cannot be restored, or the result is not the state that was stored.
     """
     where = f"the checkpoint of step {checkpoint.step}"
     try:
@@ -238,122 +189,158 @@ def restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpoi
         state_hash = model.state_hash()
     except (SwarmError, ArithmeticError, AttributeError, LookupError, MemoryError, RecursionError, TypeError,
             ValueError) as error:  # fmt: skip
-        words = " ".join(str(error).split())
-        raise RecordingError(f"{where} cannot be restored: {words[:200] or type(error).__name__}") from None
+        raise RecordingError(f"{where} cannot be restored: {in_words(error)}") from None
     if state_hash != checkpoint.state_hash or model.completed != checkpoint.step:
-        raise RecordingError(f"{where} does not give the state that was stored: another version wrote it")
+        raise RecordingError(f"{where} does not match its state hash: another version of mesa_swarm wrote it")
     return model
 
 
 def _restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpoint]) -> None:
-    facts, told = checkpoint.facts, _Told(model, checkpoint.arrays)
-    lay_things(model, facts["things"])
+    facts, packed = checkpoint.facts, _ModelPacked(model, checkpoint.arrays)
+    restore_objects(model, facts["things"])
     model.fire_constants = part_from_json(facts["constants"])
-    _lay_control(model, facts, told)
+    _restore_control(model, facts, packed)
     set_clock(model, facts["steps"])
-    model.collect_every = facts.get("collect_every", model.collect_every)  # older checkpoints have none
-    _lay_attributes(model, facts, told)
-    lay_columns(model.swarm.columns, facts["columns"], told)
-    lay_columns(model.fires.columns, facts["fires"], told)
-    check_columns(model)
-    lay_history(model, facts["history"])
-    parts = [(part.facts["collected"], _Told(model, part.arrays)) for part in earlier]
-    lay_collected(model, joined([*parts, (facts["collected"], told)]))
+    model.collect_every = facts.get("collect_every", model.collect_every)  # absent from older checkpoints
+    _restore_attributes(model, facts, packed)
+    _restore_columns(model.swarm.columns, facts["columns"], packed)
+    _restore_columns(model.fires.columns, facts["fires"], packed)
+    _check_columns(model)
+    _restore_history(model, facts["history"])
+    parts = [(part.facts["collected"], _ModelPacked(model, part.arrays)) for part in earlier]
+    restore_collected(model, joined([*parts, (facts["collected"], packed)]))
     for name, reporter in reporters_of(model).items():
-        reporter.restore(told.unpack(facts["reporters"][name]))
+        reporter.restore(packed.unpack(facts["reporters"][name]))
     model.obstacles_changed()
     model.swarm.version += 1
     model._sensed = None
-    _lay_randomness(model, facts["randomness"], told)
+    _restore_randomness(model, facts["randomness"], packed)
     model.swarm.disturbed = bool(facts["disturbed"])
 
 
-# ---- control
+def _restore_columns(columns: dict[str, np.ndarray], stored: dict, packed: Packed) -> None:
+    """Write stored columns into those of a model, which must have the same types and shapes."""
+    if stored.keys() != columns.keys():
+        odd = sorted(stored.keys() ^ columns.keys())
+        raise RecordingError(f"column {shortened(odd[0])} is in the model or in the checkpoint, but not in both")
+    values = {name: packed.unpack(column) for name, column in stored.items()}
+    for name, column in columns.items():
+        value = values[name]
+        if not isinstance(value, np.ndarray) or value.dtype != column.dtype or value.shape != column.shape:
+            raise RecordingError(f"column {name} does not match the model; expected {column.dtype} {column.shape}")
+    for name, column in columns.items():
+        column[...] = values[name]
 
 
-def _control_state(model: FireModel, told: _Told) -> list:
+def _check_columns(model: FireModel) -> None:
+    """Refuse values that compiled functions, which check nothing, would use as an index or a position."""
+    robots, fires, designs = model.swarm.columns, model.fires.columns, model.swarm.designs
+    ends = {"design": (0, len(designs)), "fire": (-1, len(model.fires)), "layer": (-1, MOST_LAYERS)}
+    for name, (first, end) in ends.items():
+        if not ((robots[name] >= first) & (robots[name] < end)).all():
+            raise RecordingError(f"column {name} has out-of-range values")
+    radius, fastest = (np.array([getattr(d, name) for d in designs]) for name in ("radius", "max_speed"))
+    low, high = np.reshape(model.map.bounds, (2, 2))
+    own = robots["design"]
+    valid = {
+        "position": all(((c["position"] >= low) & (c["position"] <= high)).all() for c in (robots, fires)),
+        "heading": np.isfinite(robots["heading"]).all(),
+        "number": len(np.unique(robots["number"])) == len(model.swarm),
+        "command": np.isfinite(robots["command"]).all(),
+        "radius": not len(own) or (robots["radius"] == radius[own]).all(),
+        "max_speed": not len(own) or ((robots["max_speed"] >= 0) & (robots["max_speed"] <= fastest[own])).all(),
+        "radius of fires": ((fires["radius"] > 0) & (fires["radius"] <= LARGEST_RADIUS)).all(),
+    }
+    for name, is_valid in valid.items():
+        if not is_valid:
+            raise RecordingError(f"column {name} has out-of-range values")
+
+
+def _restore_history(model: FireModel, stored: list) -> None:
+    """Restore the interval and the places of the history of fires; its rows are collected data."""
+    history = model.fires.history
+    every, places, fires = stored
+    numbers = all(type(number) is int and number >= 0 for number in (every, fires, *places))
+    if not numbers or len(places) != len(model.fires) or any(place >= fires for place in places) or fires > 1e7:
+        raise RecordingError("invalid history of fires")
+    history.every, history._places, history._fires = every, list(places), fires
+
+
+def _control_state(model: FireModel, packed: _ModelPacked) -> list:
     if model.control is None:
         return []
     arbiter = model.control
-    keeps = {} if type(arbiter).__module__.startswith(OURS) else vars(arbiter)
-    own = {name: value for name, value in keeps.items() if name not in ("layers", "weights")}
-    return [_inner(own, type(arbiter).__name__, told), *(_layer_state(layer, told) for layer in arbiter.layers)]
+    values = {} if type(arbiter).__module__.startswith(OURS) else vars(arbiter)
+    own = {name: value for name, value in values.items() if name not in ("layers", "weights")}
+    return [_inner(own, type(arbiter).__name__, packed), *(_layer_state(layer, packed) for layer in arbiter.layers)]
 
 
-def _layer_state(layer: Any, told: _Told) -> object:
+def _layer_state(layer: Any, packed: _ModelPacked) -> object:
     if isinstance(layer, Checkpointed):
-        return {"own": told.pack(layer.checkpoint(), f"layer {getattr(layer, 'name', '')}")}
+        return {"own": packed.pack(layer.checkpoint(), f"layer {getattr(layer, 'name', '')}")}
     if type(layer).__module__.startswith(OURS):
         return None
-    return _inner(getattr(layer, "__dict__", {}), f"layer {getattr(layer, 'name', '')}", told)
+    return _inner(getattr(layer, "__dict__", {}), f"layer {getattr(layer, 'name', '')}", packed)
 
 
-def _inner(values: dict, what: str, told: _Told) -> dict:
-    swarm = told._model.swarm
-    return {n: _attribute(v, f"{what}'s {n}", told) for n, v in values.items() if v is not swarm}
+def _inner(values: dict, what: str, packed: _ModelPacked) -> dict:
+    swarm = packed.model.swarm
+    return {n: _attribute(v, f"{what}'s {n}", packed) for n, v in values.items() if v is not swarm}
 
 
 def _imperfect_to_json(model: FireModel) -> list | None:
     return None if model._imperfect is None else [part_to_json(model.imperfections), model._imperfect.key]
 
 
-def _lay_imperfect(model: FireModel, told: list | None) -> None:
-    """Give the model the imperfections that it had, and the key of their chance."""
-    if told is None and model.imperfections is None:
+def _restore_imperfect(model: FireModel, stored: list | None) -> None:
+    """Restore the imperfections, and the key of their random numbers."""
+    if stored is None and model.imperfections is None:
         return
-    part, key = told or (None, 0)
+    part, key = stored or (None, 0)
     model.imperfections = part_from_json(part)
     if type(key) is not int or not 0 <= key < 2**64:
-        raise RecordingError(f"the key of its chance is {shortened(key)}")
+        raise RecordingError(f"invalid key of imperfections: {shortened(key)}")
     if model._imperfect is not None:
         model._imperfect.key = key
 
 
-def _lay_control(model: FireModel, facts: dict, told: _Told) -> None:
-    """Give the model the radio and the control that it had, unless its constructor has made the same."""
-    _lay_imperfect(model, facts.get("imperfect"))
+def _restore_control(model: FireModel, facts: dict, packed: _ModelPacked) -> None:
+    """Restore the radio and the control, unless the model's constructor has made the same."""
+    _restore_imperfect(model, facts.get("imperfect"))
     radio = part_from_json(facts["radio"])
     if model.communication != radio:
         model.communication = radio
     if control_to_json(model.control) != facts["control"]:
         model.control = control_from_json(facts["control"])
-    states = facts["control_state"]
     if model.control is None:
         return
-    arbiter, *layers = states
-    _lay_inner(model.control, arbiter, told)
+    arbiter, *layers = facts["control_state"]
+    _restore_inner(model.control, arbiter, packed)
     for layer, state in zip(model.control.layers, layers, strict=True):
-        _lay_layer(layer, state, told)
+        if isinstance(layer, Checkpointed):
+            layer.restore(packed.unpack(state["own"]))
+        elif state is not None:
+            _restore_inner(layer, state, packed)
 
 
-def _lay_layer(layer: object, state: Any, told: _Told) -> None:
-    if isinstance(layer, Checkpointed):
-        layer.restore(told.unpack(state["own"]))
-    elif state is not None:
-        _lay_inner(layer, state, told)
-
-
-def _lay_inner(owner: object, state: dict, told: _Told) -> None:
+def _restore_inner(owner: object, state: dict, packed: _ModelPacked) -> None:
     if state and type(owner).__module__.startswith(OURS):
         raise RecordingError(f"{type(owner).__name__} has no state of its own")
-    for name, value in state.items():
-        object.__setattr__(owner, name, _value(getattr(owner, name, None), name, value, told))
+    for name, content in state.items():
+        object.__setattr__(owner, name, _value(getattr(owner, name, None), name, content, packed))
 
 
-# ---- attributes
-
-
-def _attribute(value: object, name: str, told: _Told) -> object:
-    """Return an attribute as JSON has it: plain, a random generator, or what keeps a state of its own."""
+def _attribute(value: object, name: str, packed: _ModelPacked) -> object:
+    """Return an attribute as JSON: plain, a random generator, or an object with a state of its own."""
     if isinstance(value, np.random.Generator):
-        return {"generator": _generator(value, name, told)}
+        return {"generator": _generator(value, name, packed)}
     if isinstance(value, Checkpointed) and not isinstance(value, type):
-        return {"own": told.pack(value.checkpoint(), name)}
-    for column, own in told._model.swarm.columns.items():
+        return {"own": packed.pack(value.checkpoint(), name)}
+    for column, own in packed.model.swarm.columns.items():
         if value is own:
             return {"column": column}
     try:
-        return {"plain": told.pack(value, name)}
+        return {"plain": packed.pack(value, name)}
     except RecordingError as error:
         try:
             return {"part": part_to_json(value)}
@@ -361,95 +348,94 @@ def _attribute(value: object, name: str, told: _Told) -> object:
             raise RecordingError(f"{error}; give its class checkpoint() and restore(state)") from None
 
 
-def _lay_attributes(model: FireModel, facts: dict, told: _Told) -> None:
+def _restore_attributes(model: FireModel, facts: dict, packed: _ModelPacked) -> None:
     attributes = facts["attributes"]
-    if HANDLED & attributes.keys():
-        raise RecordingError("it has attributes that are no state")
+    _refuse(HANDLED & attributes.keys())
     for name in [name for name in model.__dict__ if name not in HANDLED and name not in attributes]:
         del model.__dict__[name]
-    for name, value in attributes.items():
-        model.__dict__[name] = _value(model.__dict__.get(name), name, value, told)
+    for name, content in attributes.items():
+        model.__dict__[name] = _value(model.__dict__.get(name), name, content, packed)
     for name, kinds in OF_EVERY_MODEL.items():
         number: Any = getattr(model, name, None)
         if type(number) not in kinds or not 0 <= number < LARGEST_NUMBER:
-            raise RecordingError(f"{name} is {shortened(number)}")
+            raise RecordingError(f"invalid {name}: {shortened(number)}")
     agents = {agent.unique_id: agent for agent in model.agents}
     for unique_id, values in facts["of_things"]:
-        for name, value in values.items():
-            if name in OF_THINGS:
-                raise RecordingError("it has attributes that are no state")
-            agents[unique_id].__dict__[name] = _value(None, name, value, told)
+        _refuse(HANDLED_OF_AGENTS & values.keys())
+        for name, content in values.items():
+            agents[unique_id].__dict__[name] = _value(None, name, content, packed)
 
 
-def _value(now: object, name: str, told_value: dict, told: _Told) -> object:
-    ((kind, value),) = told_value.items()
+def _refuse(names: frozenset[str]) -> None:
+    if names:
+        raise RecordingError(f"attribute {min(names)} is not part of a state")
+
+
+def _value(now: object, name: str, content: dict, packed: _ModelPacked) -> object:
+    ((kind, value),) = content.items()
     if kind == "generator":
         if not isinstance(now, np.random.Generator):
-            raise RecordingError(f"{name} is no random generator")
-        now.bit_generator.state = _checked_state(told.unpack(value))
+            raise RecordingError(f"{name} is not a random generator in this model")
+        now.bit_generator.state = _checked_state(packed.unpack(value))
         return now
     if kind == "own":
         if not isinstance(now, Checkpointed):
-            raise RecordingError(f"{name} has no checkpoint() and restore(state)")
-        now.restore(told.unpack(value))
+            raise RecordingError(f"{name} has no checkpoint() and restore(state) in this model")
+        now.restore(packed.unpack(value))
         return now
     if kind == "column":
-        return told._model.swarm.columns[value]
-    return part_from_json(value) if kind == "part" else told.unpack(value)
+        return packed.model.swarm.columns[value]
+    return part_from_json(value) if kind == "part" else packed.unpack(value)
 
 
-def _of_things(model: FireModel, told: Packed) -> list:
-    """Return what people have written onto robots and other agents."""
+def _agent_attributes(model: FireModel, packed: Packed) -> list:
+    """Return the attributes that users have added to robots and other agents."""
     extra = []
     for agent in model.agents:
-        names = [name for name in agent.__dict__ if name not in OF_THINGS]
+        names = [name for name in agent.__dict__ if name not in HANDLED_OF_AGENTS]
         if names:
             what = f"{type(agent).__name__} {agent.unique_id}'s "
-            own = {name: {"plain": told.pack(agent.__dict__[name], what + name)} for name in names}
+            own = {name: {"plain": packed.pack(agent.__dict__[name], what + name)} for name in names}
             extra.append([agent.unique_id, own])
     return extra
 
 
-# ---- randomness
-
-
-def _randomness(model: FireModel, told: Packed) -> dict:
+def _randomness(model: FireModel, packed: Packed) -> dict:
     version, words, gauss = model.random.getstate()
-    noise = model._noise
     return {
-        "streams": {name: told.pack(state) for name, state in model.streams.state().items()},
-        "rng": _generator(model.rng, "rng", told),
-        "random": [version, told.pack(np.array(words, np.uint32)), gauss],
-        "noise": None if noise is None else told.pack(noise),
+        "streams": {name: packed.pack(state) for name, state in model.streams.state().items()},
+        "rng": _generator(model.rng, "rng", packed),
+        "random": [version, packed.pack(np.array(words, np.uint32)), gauss],
+        "noise": packed.pack(model._noise),
     }
 
 
-def _lay_randomness(model: FireModel, facts: dict, told: Packed) -> None:
+def _restore_randomness(model: FireModel, facts: dict, packed: Packed) -> None:
     for name, state in facts["streams"].items():
-        model.streams[name].bit_generator.state = _checked_state(told.unpack(state))
-    model.rng.bit_generator.state = _checked_state(told.unpack(facts["rng"]))
-    version, packed, gauss = facts["random"]
-    words = told.unpack(packed)
+        model.streams[name].bit_generator.state = _checked_state(packed.unpack(state))
+    model.rng.bit_generator.state = _checked_state(packed.unpack(facts["rng"]))
+    version, content, gauss = facts["random"]
+    words = packed.unpack(content)
     if not isinstance(words, np.ndarray) or words.shape != (WORDS,):
-        raise RecordingError("the state of Python's random numbers is none")
+        raise RecordingError("invalid state of Python's random numbers")
     model.random.setstate((version, tuple(words.tolist()), gauss))
-    noise = told.unpack(facts["noise"])
+    noise = packed.unpack(facts["noise"])
     if noise is not None:
         _, before, draws = noise
         _checked_state(before)
         if not isinstance(draws, np.ndarray) or draws.dtype != float:
-            raise RecordingError("the noise of sensors is none")
+            raise RecordingError("invalid sensor noise")
     model._noise = noise
 
 
-def _generator(generator: np.random.Generator, name: str, told: Packed) -> object:
+def _generator(generator: np.random.Generator, name: str, packed: Packed) -> object:
     state = generator.bit_generator.state
     if state["bit_generator"] not in GENERATORS:
-        raise RecordingError(f"{name} is a {state['bit_generator']}, which cannot be stored; take PCG64")
-    return told.pack(state)
+        raise RecordingError(f"{name} is a {state['bit_generator']}, which cannot be stored; use PCG64")
+    return packed.pack(state)
 
 
 def _checked_state(state: object) -> dict:
     if not isinstance(state, dict) or state.get("bit_generator") not in GENERATORS:
-        raise RecordingError("a random stream has no state that is one")
+        raise RecordingError("invalid state of a random stream")
     return state

@@ -15,10 +15,19 @@ from mesa_swarm.fire.model import FireModel
 from mesa_swarm.recording.container import Checkpoint, Packed, memory_of
 
 MOST_STEPS = 100_000_000
+# Types of which one array holds all values exactly.
+UNIFORM = {float: np.float64, bool: np.bool_, np.float64: np.float64, np.int64: np.int64, np.bool_: np.bool_}
+# References to arrays in packed values. Bytes that Python needs for a value of an array, and for a row, in a list.
+PLACES = re.compile(r'"(?:array|number)":(\d{1,9})\b')
+OF_VALUE, OF_ROW = 48, 128
+# Limit in bytes of all that was collected up to a stored state, or as a multiple of the size of the recording.
+MOST_COLLECTED, MOST_PACKED = 100_000_000, 64
+
+Path = tuple[str, ...]
 
 
 def set_clock(model: FireModel, steps: int) -> None:
-    """Let Mesa count so many steps, in which nothing happens.
+    """Set the number of steps that Mesa has counted, without taking them.
 
     Examples
     --------
@@ -29,9 +38,9 @@ def set_clock(model: FireModel, steps: int) -> None:
     (30, 0)
     """
     if type(steps) is not int or not model.steps <= steps <= MOST_STEPS:
-        raise RecordingError(f"{steps!r:.40} is no count of steps")
+        raise RecordingError(f"invalid number of steps: {steps!r:.40}")
     if has_own_events(model):
-        _let_pass(model, steps)
+        _pass_steps(model, steps)
     elif not hasattr(model, "_default_schedule"):
         model.steps = steps
     else:
@@ -41,7 +50,7 @@ def set_clock(model: FireModel, steps: int) -> None:
 
 
 def has_own_events(model: FireModel) -> bool:
-    """Tell whether anything besides the step is scheduled."""
+    """Return whether anything besides the step is scheduled."""
     if not hasattr(model, "_default_schedule"):
         return False
     step = model._default_schedule
@@ -51,8 +60,8 @@ def has_own_events(model: FireModel) -> bool:
     return bool(others) or bool(waiting) or model.time != model.steps
 
 
-def _let_pass(model: FireModel, steps: int) -> None:
-    """Take steps in which the model does nothing, so that events of its own come when they are due."""
+def _pass_steps(model: FireModel, steps: int) -> None:
+    """Take empty steps, so that other scheduled events occur when they are due."""
     user_step, model._user_step = model._user_step, lambda: None
     try:
         while model.steps < steps:
@@ -61,23 +70,11 @@ def _let_pass(model: FireModel, steps: int) -> None:
         model._user_step = user_step
 
 
-# What one array holds exactly, and what it is called.
-UNIFORM = {float: np.float64, bool: np.bool_, np.float64: np.float64, np.int64: np.int64, np.bool_: np.bool_}
-
-# Places of arrays in what was packed. What Python takes for a value of one, and for a row of one, in a list.
-PLACES = re.compile(r'"(?:array|number)":(\d{1,9})\b')
-OF_VALUE, OF_ROW = 48, 128
-# All that was collected up to a stored state takes at most so many bytes, or so many times those of the recording.
-MOST_COLLECTED, MOST_PACKED = 100_000_000, 64
-
-Path = tuple[str, ...]
-
-
 def series_of(model: FireModel) -> dict[Path, list]:
-    """Return all lists that grow with the steps: what Mesa's DataCollector holds, and the history of fires."""
+    """Return all lists that grow with the steps: those of Mesa's DataCollector, and the history of fires."""
     collector, history = model.datacollector, model.fires.history
     if collector._agenttype_records:
-        raise RecordingError("datacollector holds records of agent types, which cannot be stored")
+        raise RecordingError("datacollector has records of agent types, which cannot be stored; use agent_reporters")
     series: dict[Path, list] = {("model", name): values for name, values in collector.model_vars.items()}
     for table, columns in collector.tables.items():
         series |= {("table", table, name): values for name, values in columns.items()}
@@ -87,69 +84,62 @@ def series_of(model: FireModel) -> dict[Path, list]:
 
 
 def lengths_of(model: FireModel) -> dict[Path, int]:
-    """Return how long each series is now."""
+    """Return the present length of each series."""
     return {path: len(values) for path, values in series_of(model).items()}
 
 
 def reporters_of(model: FireModel) -> dict[str, Any]:
-    """Return the reporters that remember something, and say so by `checkpoint` and `restore`, by name."""
+    """Return the reporters with a state, which have `checkpoint` and `restore`, by name."""
     found = {name: getattr(r, "func", r) for name, r in model.datacollector.model_reporters.items()}
     return {name: reporter for name, reporter in found.items() if hasattr(reporter, "checkpoint")}
 
 
 def collected_to_json(model: FireModel, packed: Packed, since: dict[Path, int]) -> list:
-    """Return what came since the series had these lengths: for each its path, where it goes on, and the values.
+    """Return for each series its path, the length that it had, and the values added since then.
 
     Parameters
     ----------
-    model : FireModel
-    packed : Packed
     since : dict
-        From `lengths_of`; empty for all there is. A series that is shorter now was begun anew.
+        From `lengths_of`; empty for all values. A series that is shorter now was started again.
     """
-    told = []
+    content = []
     for path, values in series_of(model).items():
         begin = since.get(path, 0)
         begin = begin if begin <= len(values) else 0
         pack = _pack_rows if path == ("agents",) else _pack
-        told.append([list(path), begin, pack(values[begin:], packed, ".".join(path))])
-    return told
+        content.append([list(path), begin, pack(values[begin:], packed, ".".join(path))])
+    return content
 
 
 def without_rest(checkpoint: Checkpoint) -> Checkpoint:
-    """Return of a checkpoint only what it collected, which is all that later ones go on from."""
-    told = checkpoint.facts["collected"]
-    needed, nothing = _places(_words(told)), np.empty(0)
-    kept = [array.copy() if place in needed else nothing for place, array in enumerate(checkpoint.arrays)]
-    return replace(checkpoint, facts={"collected": told}, arrays=kept)
+    """Return a checkpoint reduced to what it collected, which is all that later ones refer to."""
+    collected = checkpoint.facts["collected"]
+    needed, empty = _places(_json(collected)), np.empty(0)
+    arrays = [array.copy() if place in needed else empty for place, array in enumerate(checkpoint.arrays)]
+    return replace(checkpoint, facts={"collected": collected}, arrays=arrays)
 
 
 def size_of_collected(checkpoint: Checkpoint) -> int:
-    """Return about how many bytes what a checkpoint collected takes once a model has it, rather too many."""
-    words = _words(checkpoint.facts["collected"])
-    places = _places(words)
+    """Return an upper estimate of the bytes that the collected data of a checkpoint take in a model."""
+    text = _json(checkpoint.facts["collected"])
+    places = _places(text)
     arrays = [array for place, array in enumerate(checkpoint.arrays) if place in places]
     spread = sum(OF_VALUE * math.prod(max(width, 1) for width in array.shape) for array in arrays)
-    return memory_of(words) + spread + sum(OF_ROW * len(array) for array in arrays if array.ndim > 1)
+    return memory_of(text) + spread + sum(OF_ROW * len(array) for array in arrays if array.ndim > 1)
 
 
 def check_collected(size: int, file: int) -> None:
-    """Refuse states that have collected more than a file of so many bytes can stand for.
-
-    Raises
-    ------
-    RecordingError
-    """
+    """Refuse states with more collected data than a file of this size permits."""
     most = max(MOST_COLLECTED, MOST_PACKED * file)
     if size > most:
         raise RecordingError(
-            f"what was collected takes about {size:,} bytes of memory, more than the {most:,} of a recording of "
+            f"collected data need about {size:,} bytes of memory, more than the {most:,} allowed for a recording of "
             f"{file:,} bytes; collect less, or less often"
         )
 
 
 def joined(parts: Sequence[tuple[list, Packed]]) -> dict[Path, list]:
-    """Return the series that were told in parts, oldest first.
+    """Return whole series from the parts in which they were stored, oldest first.
 
     Raises
     ------
@@ -157,27 +147,27 @@ def joined(parts: Sequence[tuple[list, Packed]]) -> dict[Path, list]:
         If a part is missing.
     """
     whole: dict[Path, list] = {}
-    for told, packed in parts:
+    for content, packed in parts:
         before, whole = whole, {}
-        for names, begin, values in told:
+        for names, begin, values in content:
             path, old = tuple(map(str, names)), before.get(tuple(map(str, names)), [])
             if type(begin) is not int or not 0 <= begin <= len(old):
-                raise RecordingError("an earlier checkpoint, which it goes on from, is missing")
+                raise RecordingError("the earlier checkpoint on which it builds is missing")
             whole[path] = old[:begin] + _unpack(values, packed)
     return whole
 
 
-def lay_collected(model: FireModel, series: dict[Path, list]) -> None:
-    """Make a model hold these series.
+def restore_collected(model: FireModel, series: dict[Path, list]) -> None:
+    """Replace the series of a model by these.
 
     Raises
     ------
     RecordingError
-        If it collects other things.
+        If it collects other series.
     """
     mine = series_of(model)
     if mine.keys() != series.keys():
-        raise RecordingError("the model collects other things than its constructor says")
+        raise RecordingError("the collected series do not match those of the model's constructor")
     collector, history = model.datacollector, model.fires.history
     for path, values in series.items():
         if path[0] in ("model", "table", "history"):
@@ -187,7 +177,7 @@ def lay_collected(model: FireModel, series: dict[Path, list]) -> None:
     if len(history._steps) != len(history._rows) or not all(
         isinstance(row, np.ndarray) and row.ndim == 2 and len(row) == 2 for row in history._rows
     ):
-        raise RecordingError("the history of fires is none")
+        raise RecordingError("invalid history of fires")
 
 
 def _pack(values: list, packed: Packed, what: str) -> object:
@@ -204,7 +194,7 @@ def _pack(values: list, packed: Packed, what: str) -> object:
 
 
 def _pack_rows(values: list, packed: Packed, what: str) -> object:
-    """Return what was collected of agents, each step with its rows, by columns: these are arrays as a rule."""
+    """Return the rows collected of agents at each step by columns, which are arrays as a rule."""
     rows = [row for _, rows in values if type(rows) is list for row in rows]
     regular = all(type(pair) is tuple and type(pair[1]) is list for pair in values)
     if not rows or not regular or {type(row) for row in rows} != {tuple} or len({len(row) for row in rows}) != 1:
@@ -217,33 +207,33 @@ def _pack_rows(values: list, packed: Packed, what: str) -> object:
     }
 
 
-def _unpack_rows(told: dict, packed: Packed) -> list:
-    steps, columns = _unpack(told["steps"], packed), [_unpack(column, packed) for column in told["columns"]]
-    counts = packed.unpack(told["counts"])
+def _unpack_rows(content: dict, packed: Packed) -> list:
+    steps, columns = _unpack(content["steps"], packed), [_unpack(column, packed) for column in content["columns"]]
+    counts = packed.unpack(content["counts"])
     if not isinstance(counts, np.ndarray) or counts.dtype != np.int64 or (counts < 0).any():
-        raise RecordingError("what was collected of agents is none")
+        raise RecordingError("invalid data collected of agents")
     rows, ends = list(zip(*columns, strict=True)), accumulate(counts.tolist(), initial=0)
     if counts.sum(dtype=object) != len(rows):
-        raise RecordingError("what was collected of agents is none")
+        raise RecordingError("invalid data collected of agents")
     return [(step, rows[begin:end]) for step, (begin, end) in zip(steps, pairwise(ends), strict=True)]
 
 
-def _words(told: list) -> str:
-    return json.dumps(told, separators=(",", ":"))
+def _json(content: list) -> str:
+    return json.dumps(content, separators=(",", ":"))
 
 
-def _places(words: str) -> set[int]:
-    return set(map(int, PLACES.findall(words)))
+def _places(text: str) -> set[int]:
+    return set(map(int, PLACES.findall(text)))
 
 
-def _unpack(told: Any, packed: Packed) -> list:
-    if isinstance(told, list):
-        return packed.unpack(told)
-    if told["of"] == "agents":
-        return _unpack_rows(told, packed)
-    values = packed.unpack(told["array"])
+def _unpack(content: Any, packed: Packed) -> list:
+    if isinstance(content, list):
+        return packed.unpack(content)
+    if content["of"] == "agents":
+        return _unpack_rows(content, packed)
+    values = packed.unpack(content["array"])
     if not isinstance(values, np.ndarray) or not values.ndim:
-        raise RecordingError("a collected series is none")
-    if told["of"] == "rows":
+        raise RecordingError("a collected series cannot be decoded")
+    if content["of"] == "rows":
         return [row.copy() for row in values]
-    return values.tolist() if str(told["of"]).startswith("builtins.") else list(values)
+    return values.tolist() if str(content["of"]).startswith("builtins.") else list(values)

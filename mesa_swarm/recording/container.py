@@ -1,4 +1,4 @@
-"""Plain values and arrays in one container, never executed."""
+"""Plain values and arrays in one container, which reading never executes."""
 
 import base64
 import json
@@ -14,28 +14,37 @@ import pyarrow as pa
 from mesa_swarm.errors import RecordingError, shortened
 
 ATOMS = (bool, int, str, float, type(None))
-# An array of these kinds is its bytes: bool, whole, real and complex numbers, bytes, text, dates and durations.
+# An array of these kinds is its bytes: bool, integers, real and complex numbers, bytes, text, dates and durations.
 KINDS = frozenset("biufcSUmM")
 DEEPEST = 100
-MADE_OF_LISTS: dict[str, type] = {kind.__name__: kind for kind in (list, tuple, set, frozenset, deque)}
+SEQUENCES: dict[str, type] = {kind.__name__: kind for kind in (list, tuple, set, frozenset, deque)}
+MAGIC = b"swarm checkpoint 1\n"
+LENGTH = 8
+# No state is larger; nor may reading it take more memory than this, or than this multiple of its size in the file, so
+# that a small file cannot claim much. The writer has the same limits.
+LARGEST = 1 << 30
+MOST_MEMORY, MOST_TIMES = 100_000_000, 4
+MOST_AXES = 32
+CODEC = pa.Codec("zstd", compression_level=1)
+# `KINDS` with their widths; objects and records are never stored.
+DTYPE = re.compile(
+    r"[<>|=]?(b1|[iu][1248]|f(2|4|8|12|16)|c(8|16|24|32)|[SU][1-9]\d{0,6}|[mM]8(\[\d{0,6}[A-Za-z]{1,2}\])?)"
+)
 
 
 class Packed:
-    """Plain values on their way into a checkpoint: JSON, and the arrays beside it.
+    """Plain values of a checkpoint: JSON, and the arrays beside it.
 
-    Numbers, texts, None, arrays, and lists, tuples, sets, deques and dicts of these keep their types and bits.
-
-    Parameters
-    ----------
-    arrays : list of ndarray, optional
+    Numbers, texts, None, arrays, and lists, tuples, sets, deques and dicts of these are restored with their types and
+    bits.
 
     Examples
     --------
     >>> packed = Packed()
-    >>> told = packed.pack({1: (2.5, np.arange(3))})
-    >>> told
+    >>> content = packed.pack({1: (2.5, np.arange(3))})
+    >>> content
     {'dict': [[1, {'tuple': [2.5, {'array': 0}]}]]}
-    >>> packed.unpack(told)
+    >>> packed.unpack(content)
     {1: (2.5, array([0, 1, 2]))}
     """
 
@@ -44,20 +53,20 @@ class Packed:
         self._taken: set[int] = set()
 
     def pack(self, value: Any, what: str = "a value", depth: int = 0) -> object:
-        """Return a value as JSON has it.
+        """Return a value as JSON, in which numbers stand for arrays.
 
         Raises
         ------
         RecordingError
-            If it is, or holds, anything else.
+            If it is, or contains, anything else.
         """
         kind = type(value)
         if depth > DEEPEST:
-            raise RecordingError(f"{what} is nested more than {DEEPEST} deep, or holds itself")
+            raise RecordingError(f"{what} is nested more than {DEEPEST} deep, or contains itself")
         if kind in ATOMS:
             return value
         if isinstance(value, (np.ndarray, np.generic)):
-            return {"array" if kind is np.ndarray else "number": self._kept(value, what)}
+            return {"array" if kind is np.ndarray else "number": self._added(value, what)}
         if kind is bytes:
             return {"bytes": base64.b64encode(value).decode()}
         if kind is complex:
@@ -65,11 +74,10 @@ class Packed:
         return self._packed(value, what, depth + 1)
 
     def _packed(self, value: Any, what: str, depth: int) -> object:
-        """Return what holds other values as JSON has it."""
         kind = type(value)
         if kind is dict:
             return {"dict": [[self.pack(part, what, depth) for part in pair] for pair in value.items()]}
-        if MADE_OF_LISTS.get(kind.__name__) is not kind:
+        if SEQUENCES.get(kind.__name__) is not kind:
             raise RecordingError(f"{what} is {shortened(value)}, which cannot be stored")
         ordered = sorted(value, key=repr) if kind in (set, frozenset) else value
         items = [self.pack(item, what, depth) for item in ordered]
@@ -77,39 +85,39 @@ class Packed:
             return items
         return {kind.__name__: items, **({"longest": value.maxlen} if kind is deque else {})}
 
-    def unpack(self, told: Any) -> Any:
-        """Return the value that `pack` told.
+    def unpack(self, content: Any) -> Any:
+        """Return the value for which `pack` returned this.
 
         Raises
         ------
         RecordingError
-            If it tells of none.
+            If it cannot be decoded.
         """
-        if type(told) in ATOMS:
-            return told
-        if isinstance(told, list):
-            return [self.unpack(item) for item in told]
+        if type(content) in ATOMS:
+            return content
+        if isinstance(content, list):
+            return [self.unpack(item) for item in content]
         try:
-            return self._unpacked(told)
+            return self._unpacked(content)
         except (TypeError, ValueError, AttributeError, LookupError, OverflowError):
-            raise RecordingError(f"{shortened(told)} is no stored value") from None
+            raise RecordingError(f"{shortened(content)} cannot be decoded") from None
 
-    def _unpacked(self, told: dict) -> Any:
-        name, given = list(told.items())[0]  # noqa: RUF015 - an IndexError is told in words, StopIteration is not
+    def _unpacked(self, content: dict) -> Any:
+        name, given = list(content.items())[0]  # noqa: RUF015 - the caller expects an IndexError, not StopIteration
         if name in ("array", "number"):
             array = self._array(given)
             return array.copy() if name == "array" else array[()]
         if name == "dict":
             return {self.unpack(key): self.unpack(value) for key, value in given}
         if name == "deque":
-            return deque(map(self.unpack, given), maxlen=told["longest"])
+            return deque(map(self.unpack, given), maxlen=content["longest"])
         if name == "bytes":
             return base64.b64decode(given, validate=True)
         if name == "complex":
             return complex(*map(float, given))
-        return MADE_OF_LISTS[name](map(self.unpack, given))
+        return SEQUENCES[name](map(self.unpack, given))
 
-    def _kept(self, value: np.ndarray | np.generic, what: str) -> int:
+    def _added(self, value: np.ndarray | np.generic, what: str) -> int:
         array = np.asarray(value)
         if (
             array.dtype.kind not in KINDS
@@ -122,36 +130,20 @@ class Packed:
 
     def _array(self, place: object) -> np.ndarray:
         if type(place) is not int or not 0 <= place < len(self.arrays) or place in self._taken:
-            raise RecordingError(f"there is no stored array {shortened(place)} that was not taken yet")
-        self._taken.add(place)  # each is stored for one value: many that name one array would fill the memory
+            raise RecordingError(f"array {shortened(place)} is not stored, or was read already")
+        self._taken.add(place)  # each is stored for one value: many references to one array would fill the memory
         return self.arrays[place]
-
-
-MAGIC = b"swarm checkpoint 1\n"
-LENGTH = 8
-# No state is larger; nor may it take more memory to be read than this, or than some times what it takes in the file,
-# so that a small file cannot ask for much. What is written keeps to the same limits.
-LARGEST = 1 << 30
-MOST_MEMORY, MOST_TIMES = 100_000_000, 4
-MOST_AXES = 32
-CODEC = pa.Codec("zstd", compression_level=1)
-# What `plain.KINDS` names, with a width; objects and records are never stored.
-DTYPE = re.compile(
-    r"[<>|=]?(b1|[iu][1248]|f(2|4|8|12|16)|c(8|16|24|32)|[SU][1-9]\d{0,6}|[mM]8(\[\d{0,6}[A-Za-z]{1,2}\])?)"
-)
 
 
 @dataclass(kw_only=True)
 class Checkpoint:
-    """The complete state of a model after a step: facts as JSON has them, and arrays that these number.
+    """The complete state of a model after a step: facts as JSON, and the arrays to which these refer by number.
 
     Parameters
     ----------
     step : int
     state_hash : str
-        The model's fingerprint, with which a restored one is compared.
-    facts : dict
-    arrays : list of ndarray
+        Compared with that of the restored model.
     """
 
     step: int
@@ -166,12 +158,12 @@ def to_bytes(checkpoint: Checkpoint) -> bytes:
     Raises
     ------
     RecordingError
-        If it is too large: `from_bytes` would refuse it.
+        If it is too large for `from_bytes`.
 
     Examples
     --------
-    >>> kept = Checkpoint(step=3, state_hash="ab", facts={"x": 0.1}, arrays=[np.arange(2)])
-    >>> from_bytes(to_bytes(kept)).arrays
+    >>> checkpoint = Checkpoint(step=3, state_hash="ab", facts={"x": 0.1}, arrays=[np.arange(2)])
+    >>> from_bytes(to_bytes(checkpoint)).arrays
     [array([0, 1])]
     """
     parts = [np.ascontiguousarray(array).tobytes() for array in checkpoint.arrays]
@@ -184,17 +176,17 @@ def to_bytes(checkpoint: Checkpoint) -> bytes:
     words = json.dumps(head, separators=(",", ":")).encode()
     whole = b"".join([len(words).to_bytes(LENGTH, "little"), words, *parts])
     packed = MAGIC + len(whole).to_bytes(LENGTH, "little") + CODEC.compress(whole, asbytes=True)
-    needed, believed = 2 * len(whole) + memory_of(words), _believed(packed)
-    if len(whole) > LARGEST or needed > believed:
+    needed, allowed = 2 * len(whole) + memory_of(words), _allowed(packed)
+    if len(whole) > LARGEST or needed > allowed:
         raise RecordingError(
-            f"the state has {len(whole):,} bytes and takes about {needed:,} to be read, more than the {believed:,} of "
-            "a checkpoint; keep large arrays out of it, or collect less"
+            f"the state has {len(whole):,} bytes and needs about {needed:,} to be read, more than the {allowed:,} of "
+            "a checkpoint; use smaller arrays, or collect less"
         )
     return packed
 
 
 def memory_of(words: bytes | str) -> int:
-    """Return about how many bytes a text of JSON takes once it is read, rather too many.
+    """Return an upper estimate of the bytes that a JSON text takes once it is read.
 
     Examples
     --------
@@ -202,22 +194,22 @@ def memory_of(words: bytes | str) -> int:
     (258, 360)
     """
     count: Any = words.count
-    objects, lists, values = (count(mark if isinstance(words, str) else mark.encode()) for mark in "{[,")
-    # Texts in which one letter is rare take four bytes a letter, beside the text of JSON itself.
+    objects, lists, values = (count(sign if isinstance(words, str) else sign.encode()) for sign in "{[,")
+    # Texts with one rare letter take four bytes a letter, beside the JSON text itself.
     return 5 * len(words) + 230 * objects + 90 * lists + 48 * values
 
 
-def _believed(packed: bytes) -> int:
+def _allowed(packed: bytes) -> int:
     return max(MOST_MEMORY, MOST_TIMES * len(packed))
 
 
 def from_bytes(content: bytes) -> Checkpoint:
-    """Return the checkpoint that `to_bytes` wrote; every size is checked before memory is spent on it.
+    """Return the checkpoint that `to_bytes` wrote; every size is checked before memory is allocated.
 
     Raises
     ------
     RecordingError
-        If it is none.
+        If it cannot be decoded.
     """
     try:
         return _read(content)
@@ -230,15 +222,15 @@ def from_bytes(content: bytes) -> Checkpoint:
 def _read(content: bytes) -> Checkpoint:
     begin = len(MAGIC) + LENGTH
     size = int.from_bytes(content[len(MAGIC) : begin], "little")
-    believed = _believed(content)
-    if not content.startswith(MAGIC) or not LENGTH <= size <= min(LARGEST, believed // 2):
+    allowed = _allowed(content)
+    if not content.startswith(MAGIC) or not LENGTH <= size <= min(LARGEST, allowed // 2):
         raise ValueError
     whole = CODEC.decompress(content[begin:], decompressed_size=size, asbytes=True)
     at = LENGTH + int.from_bytes(whole[:LENGTH], "little")
     if len(whole) != size or at > size:
         raise ValueError
     words = whole[LENGTH:at]
-    if 2 * size + memory_of(words) > believed:
+    if 2 * size + memory_of(words) > allowed:
         raise ValueError
     head = json.loads(words)
     arrays = []
@@ -252,7 +244,7 @@ def _read(content: bytes) -> Checkpoint:
 
 
 def _array(whole: bytes, at: int, name: Any, shape: Any) -> tuple[np.ndarray, int]:
-    """Return the array that begins there, and where it ends."""
+    """Return the array that begins at an offset, and the offset of its end."""
     if not isinstance(name, str) or not DTYPE.fullmatch(name) or len(shape) > MOST_AXES:
         raise ValueError
     if not all(type(width) is int and 0 <= width <= LARGEST for width in shape):

@@ -14,6 +14,14 @@ from mesa_swarm.fire.model import FireModel
 from mesa_swarm.recording.layout import READINGS, TABLES, field_type
 from mesa_swarm.world.statics import FIRE
 
+# Fewest robots that collide in one step of a burst, and the most steps without such a step within it.
+BURST_ROBOTS = 5
+BURST_GAP = 10
+# Steps between searches for groups, length of a link in map units, and fewest robots: a group that flickers at its edge
+# makes no event.
+MERGE_EVERY = 10
+MERGE_LINK = 30.0
+MERGE_ROBOTS = 3
 AXES = {"position": ("x", "y"), "command": ("command_left", "command_right")}
 # What pictures show of a step.
 PICTURED = ("position", "heading", "hot", "fires", "loads")
@@ -150,7 +158,7 @@ class Rows:
         steps, hashes, robots, *columns = batch.columns
         self._steps, self._hashes = steps.to_numpy().tolist(), hashes.to_pylist()
         named = list(zip(batch.schema.names[3:], columns, strict=True))
-        # A robot's values stand at its own place in all columns: one slice serves them all.
+        # A robot has the same index in all columns: one slice serves them all.
         self._begins, self._robots = robots.offsets.to_numpy().tolist(), _locked(robots)
         self._columns = {name: _locked(column) for name, column in named}
         self._tables = [(n, self._columns[n], c.offsets.to_numpy().tolist()) for n, c in named if n in TABLES]
@@ -176,14 +184,14 @@ class Rows:
 
 
 def _locked(column: pa.ListArray) -> np.ndarray:
-    """Return all values of a list column, which frames share, as an array that cannot be written."""
+    """Return all values of a list column, which frames share, as a read-only array."""
     values = _array(column.values)
     values.flags.writeable = False
     return values
 
 
 def _array(values: pa.Array) -> np.ndarray:
-    """Return Arrow's values as NumPy's: lists of fixed length as further axes, structs as structured arrays."""
+    """Return Arrow values as NumPy arrays: lists of fixed length as further axes, structs as structured arrays."""
     if pa.types.is_fixed_size_list(values.type):
         inner = _array(values.values)
         return inner.reshape(len(values), values.type.list_size, *inner.shape[1:])
@@ -193,7 +201,7 @@ def _array(values: pa.Array) -> np.ndarray:
         for name, part in parts.items():
             table[name] = part
         return table
-    return values.to_numpy(zero_copy_only=False)  # of numbers a view, which Arrow has locked
+    return values.to_numpy(zero_copy_only=False)  # of numbers a read-only view
 
 
 def table_of(frames: Iterable[Frame], table: str) -> pd.DataFrame:
@@ -241,16 +249,6 @@ def _table(frame: Frame, name: str) -> dict[str, np.ndarray]:
     return columns
 
 
-# So many robots that collide in one step are a burst; it lasts until fewer did for so many steps.
-BURST_ROBOTS = 5
-BURST_GAP = 10
-# Groups are looked at so often, with links of so many map units, and need so many robots: a group that only
-# flickers at its edge makes no event.
-MERGE_EVERY = 10
-MERGE_LINK = 30.0
-MERGE_ROBOTS = 3
-
-
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Event:
     """Something that happened.
@@ -258,13 +256,13 @@ class Event:
     Parameters
     ----------
     step : int
-        When it began.
+        Its first step.
     kind : str
         "fire out", "collision burst" or "merge".
     ids : tuple of int
         unique_ids: of the fire, of the robots that collided, of the robots of the merged group.
     text : str
-        The same in words. A fire has the number that it has in charts and pictures: the first is fire 1.
+        A description. Fires are numbered from 1, as in charts and pictures.
     """
 
     step: int
@@ -277,12 +275,12 @@ class Event:
 
 
 def events_of(frames: Iterable) -> list[Event]:
-    """Return the events of frames, oldest first; what was not recorded tells of none.
+    """Return the events of frames, oldest first; a table or column that was not recorded has no events.
 
     Parameters
     ----------
     frames : iterable of Frame
-        In the order of time; it is gone through up to three times.
+        In the order of steps; iterated over up to three times.
     """
     found = [*_fires_out(frames), *_bursts(frames), *_merges(frames)]
     return sorted(found, key=lambda event: (event.step, event.kind, event.ids))

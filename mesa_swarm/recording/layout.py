@@ -1,4 +1,4 @@
-"""What a row of a recording holds, as NumPy arrays while it is gathered and as Arrow lists in the file."""
+"""The content of a row of a recording, as NumPy arrays in memory and as Arrow lists in the file."""
 
 from collections.abc import Sequence
 
@@ -12,17 +12,17 @@ from mesa_swarm.world.statics import BORDER, FIRE, ROBOT
 DEFAULT = ("position", "heading", "command", "layer", "distance", "kind", "temperature", "fires", "contacts", "loads")
 # Columns of the swarm from which the contacts are made when a chunk is written.
 CONTACT = ("collided", "contact_kind", "contact_index", "contact_normal", "contact_depth")
-# Columns that sensing writes.
+# Columns written by sensing.
 READINGS = frozenset({"distance", "kind", "error", "radiation", "line"})
-# Lists of things that are not robots, one field after the other; whole numbers are ids, counts and kinds.
+# Fields of tables, which are not by robot; integers are ids, counts and kinds.
 TABLES = {
     "fires": ("fire", "x", "y", "radius", "temperature", "robots", "out"),
     "contacts": ("robot", "kind", "other", "normal_x", "normal_y", "depth"),
     "loads": ("load", "x", "y", "heading"),
 }
-# What a row begins with.
-OF_ROWS = ("step", "state_hash", "robot")
 WHOLE = frozenset({"fire", "robots", "robot", "kind", "other", "load"})
+# The first fields of a row.
+FIRST_COLUMNS = {"step": pa.int64(), "state_hash": pa.string(), "robot": pa.list_(pa.int32())}
 
 
 class Layout:
@@ -30,16 +30,15 @@ class Layout:
 
     Parameters
     ----------
-    model : FireModel
     columns : sequence of str
         Names of the swarm's columns, and of "fires", "contacts", "loads".
     exact : bool
-        Whether real numbers are kept with all their bits instead of 24.
+        Whether real numbers are stored as float64 instead of float32.
 
     Raises
     ------
     InvalidValueError, UnknownNameError
-        If a name is not one of them.
+        If a name is unknown.
     """
 
     def __init__(self, model: FireModel, columns: Sequence[str], exact: bool) -> None:
@@ -52,36 +51,38 @@ class Layout:
         self.schema = self._schema(model, widths)
 
     def prepare(self, model: FireModel) -> None:
-        """Have sensors read what there is now, as whoever looks sees it; the next step then need not read them."""
+        """Update sensor readings for the current poses, if they are recorded; the next step reuses them."""
         if self.has_readings:
             model.sense()
 
     def stored_type(self, dtype: np.dtype) -> np.dtype:
-        """Return the type in which a column is kept: fewer bits where that loses nothing or is asked for."""
+        """Return the type in which a column is stored: fewer bits where that is lossless or requested."""
         if dtype.kind == "f":
             return np.dtype(self.real)
         return np.dtype(np.int32) if dtype == np.int64 else dtype
 
     def _schema(self, model: FireModel, widths: dict[str, tuple]) -> pa.Schema:
-        fields = [("step", pa.int64()), ("state_hash", pa.string()), ("robot", pa.list_(pa.int32()))]
+        fields = list(FIRST_COLUMNS.items())
         for name in self.columns:
             value = _arrow_type(name, self.stored_type(model.swarm.columns[name].dtype))
             for width in reversed(widths[name]):
                 value = pa.list_(value, width)
             fields.append((name, pa.list_(value)))
-        return pa.schema([*fields, *((name, pa.list_(self._struct(name))) for name in self.tables)])
+        real = pa.from_numpy_dtype(self.real)
+        return pa.schema([*fields, *((name, pa.list_(table_type(name, real))) for name in self.tables)])
 
-    def _struct(self, table: str) -> pa.DataType:
-        return pa.struct([(field, pa.from_numpy_dtype(field_type(field, self.real))) for field in TABLES[table]])
+
+def table_type(table: str, real: pa.DataType) -> pa.DataType:
+    """Return the Arrow type of a row of a table."""
+    dtype = real.to_pandas_dtype()
+    return pa.struct([(field, pa.from_numpy_dtype(field_type(field, dtype))) for field in TABLES[table]])
 
 
 class Chunk:
-    """Rows on their way into the file, gathered while nothing is added to the model or removed from it.
+    """A buffer of rows, between two changes of the population.
 
     Parameters
     ----------
-    layout : Layout
-    model : FireModel
     capacity : int
         Rows.
 
@@ -97,7 +98,8 @@ class Chunk:
         self.steps = np.zeros(capacity, np.int64)
         self.hashes: list[str | None] = [None] * capacity
         self._robots = _ids(model.swarm.agents)
-        self._obstacles, self._fires, self._loads = (_ids(things) for things in _things(model))
+        self._obstacles, self._fires = _ids(model.obstacle_list), _ids(model.fires.agents)
+        self._loads = _ids(list(model.loads))
         self._places = model.fires.discs.astype(layout.real)
         self._bodies = list(model.loads) if "loads" in layout.tables else []
         self._load_poses = np.zeros((capacity, len(self._bodies), 3), layout.real)
@@ -110,11 +112,11 @@ class Chunk:
 
     @property
     def row_bytes(self) -> int:
-        """How much a row takes in memory."""
+        """Bytes of a row in memory."""
         return sum(rows.nbytes for _, rows in self._pairs) // self.capacity + 1
 
     def put(self, row: int, step: int, state_hash: str | None) -> None:
-        """Keep the model as it is now."""
+        """Store the present state of the model as a row."""
         for source, rows in self._pairs:
             rows[row] = source
         for place, load in enumerate(self._bodies):
@@ -123,10 +125,10 @@ class Chunk:
         self.hashes[row] = state_hash
 
     def batch(self, rows: int) -> pa.RecordBatch:
-        """Return the first rows as Arrow has them."""
+        """Return the first rows as an Arrow batch."""
         arrays = [pa.array(self.steps[:rows]), pa.array(self.hashes[:rows], pa.string())]
         arrays.append(_listed(np.broadcast_to(self._robots, (rows, len(self._robots)))))
-        arrays += [_listed(kept[:rows]) for _, kept in self._robot_rows.values()]
+        arrays += [_listed(values[:rows]) for _, values in self._robot_rows.values()]
         makers = {"fires": self._fire_table, "contacts": self._contact_table, "loads": self._load_table}
         arrays += [makers[name](rows) for name in self.layout.tables]
         return pa.record_batch(arrays, schema=self.layout.schema)
@@ -134,7 +136,7 @@ class Chunk:
     def _buffers(self, columns: dict[str, np.ndarray], names: Sequence[str]) -> dict[str, tuple]:
         missing = [name for name in names if name not in columns]
         if missing:
-            raise RecordingError(f"column {missing[0]!r} is gone since the recording began; start another recording")
+            raise RecordingError(f"column {missing[0]!r} was removed after the recording began; start another one")
         stored = self.layout.stored_type
         return {
             name: (columns[name], np.zeros((self.capacity, *columns[name].shape), stored(columns[name].dtype)))
@@ -146,41 +148,41 @@ class Chunk:
             wanted = self.layout.schema.field(name).type.value_type
             if source.ndim == 2 and source.shape[1] != wanted.list_size:
                 raise RecordingError(
-                    f"{name} has {source.shape[1]} values a robot now and had {wanted.list_size} when the recording "
+                    f"{name} has {source.shape[1]} values a robot; expected {wanted.list_size} as when the recording "
                     "began; add robots of all designs before model.record(...)"
                 )
 
     def _fire_table(self, rows: int) -> pa.Array:
         count = len(self._fires)
-        kept = {name: values[:rows].ravel() for name, (_, values) in self._fire_rows.items()}
+        columns = {name: values[:rows].ravel() for name, (_, values) in self._fire_rows.items()}
         x, y, radius = (np.tile(self._places[:, i], rows) for i in range(3))
-        values = {"fire": np.tile(self._fires, rows), "x": x, "y": y, "radius": radius, **kept}
+        values = {"fire": np.tile(self._fires, rows), "x": x, "y": y, "radius": radius, **columns}
         return self._table("fires", np.full(rows, count), values)
 
     def _contact_table(self, rows: int) -> pa.Array:
-        kept = {name: values[:rows] for name, (_, values) in self._contact_rows.items()}
-        met = np.nonzero(kept["collided"])
-        kind, index, normal = kept["contact_kind"][met], kept["contact_index"][met], kept["contact_normal"][met]
+        columns = {name: values[:rows] for name, (_, values) in self._contact_rows.items()}
+        met = np.nonzero(columns["collided"])
+        kind, index, normal, depth = (columns[name][met] for name in CONTACT[1:])
         values = {
             "robot": self._robots[met[1]],
             "kind": kind,
             "other": self._ids_of(kind, index),
             "normal_x": normal[:, 0],
             "normal_y": normal[:, 1],
-            "depth": kept["contact_depth"][met],
+            "depth": depth,
         }
-        return self._table("contacts", np.count_nonzero(kept["collided"], axis=1), values)
+        return self._table("contacts", np.count_nonzero(columns["collided"], axis=1), values)
 
     def _ids_of(self, kind: np.ndarray, index: np.ndarray) -> np.ndarray:
-        """Return the unique_ids of what robots met: -1 for the border."""
+        """Return the unique_ids of the objects in contact: -1 for the border."""
         ids = np.full(len(kind), -1, np.int32)
         known = index != BORDER
-        for things, chosen in (
+        for of_kind, chosen in (
             (self._robots, known & (kind == ROBOT)),
             (self._fires, known & (kind == FIRE)),
             (self._obstacles, known & (kind != ROBOT) & (kind != FIRE)),
         ):
-            ids[chosen] = things[index[chosen]]
+            ids[chosen] = of_kind[index[chosen]]
         return ids
 
     def _load_table(self, rows: int) -> pa.Array:
@@ -196,9 +198,9 @@ class Chunk:
 
 
 def population_of(model: FireModel) -> tuple:
-    """Return what changes whenever a robot, obstacle or fire is added or removed, or columns come or go.
+    """Return what changes whenever a robot, obstacle or fire is added or removed, or a column.
 
-    Ids only grow and what is added stands last, so length and last id tell of every change.
+    Ids only grow and new objects are appended, so that length and last id differ after every change.
     """
     obstacles, fires = model.obstacle_list, model.fires.agents
     return (
@@ -228,12 +230,8 @@ def _arrow_type(name: str, dtype: np.dtype) -> pa.DataType:
         raise RecordingError(f"column {shortened(name)} is of type {dtype}; expected numbers or booleans") from None
 
 
-def _things(model: FireModel) -> tuple:
-    return model.obstacle_list, model.fires.agents, list(model.loads)
-
-
-def _ids(things: Sequence) -> np.ndarray:
-    return np.array([thing.unique_id for thing in things], np.int32)
+def _ids(agents: Sequence) -> np.ndarray:
+    return np.array([agent.unique_id for agent in agents], np.int32)
 
 
 def _listed(rows: np.ndarray) -> pa.Array:
@@ -251,6 +249,6 @@ def _checked_names(columns: Sequence[str], known: Sequence[str]) -> tuple[str, .
     for name in columns:
         if name not in known:
             raise UnknownNameError(unknown_name("column", name, known))
-        if name in OF_ROWS:
-            raise InvalidValueError(f"column {name} has the name of what each row holds; give it another one")
+        if name in FIRST_COLUMNS:
+            raise InvalidValueError(f"column {name} has the name of a field of every row; give it another one")
     return tuple(dict.fromkeys(columns))

@@ -1,11 +1,11 @@
-"""Parts, robots, obstacles, fires and loads as recordings describe them."""
+"""Parts, robots, obstacles, fires and loads as stored in recordings."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import fields, is_dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
-import shapely
 from mesa.agent import Agent
 from shapely import Point, Polygon
 
@@ -27,11 +27,12 @@ from mesa_swarm.control import (
     Subsumption,
     VectorSum,
 )
-from mesa_swarm.errors import RecordingError, SwarmError, shortened
+from mesa_swarm.errors import RecordingError, SwarmError, check_flag, in_words, shortened
 from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.fires import Fire
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.fire.strategy import FightFire
+from mesa_swarm.recording.container import ATOMS
 from mesa_swarm.robots.design import DesignTable, RobotDesign
 from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections
@@ -39,7 +40,7 @@ from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSensor
 from mesa_swarm.world.bodies import Form, Load, Obstacle
-from mesa_swarm.world.shapes import Shape, disc, polygon
+from mesa_swarm.world.shapes import Shape, outline_to_json, shape_from_json
 
 LAYERS = (Align, Avoid, Cohere, Cruise, Explore, Follow, Gather, HeadOn, MatchVelocity, Perimeter, Push, Respond,
           Separate, FightFire)  # fmt: skip
@@ -47,18 +48,18 @@ SENSORS = (ProximitySensor, RadiationSensor, LineSensor)
 IMPERFECT = (Imperfection, Imperfections)
 DRIVES = (DifferentialDrive, HolonomicDrive)
 PARTS = {part.__name__: part for part in (RobotDesign, *SENSORS, *DRIVES, FireConstants, Radio, *IMPERFECT, *LAYERS)}
-OWN_CODE = "code of one's own"
+OWN_CODE = "code of one's own"  # a key of stored states
 ARBITERS = {"Subsumption": Subsumption, "VectorSum": VectorSum}
-PLAIN = (bool, int, float, str, type(None))
+MOST_OBJECTS = 10_000_000
 
 
 def part_to_json(part: Any) -> object:
-    """Return a part as ``{class: fields}``, its own parts likewise; plain values are what they are.
+    """Return a part as ``{class: fields}``, its own parts likewise; plain values as they are.
 
     Raises
     ------
     RecordingError
-        If it is, or holds, an object of another class.
+        If it is, or contains, an object of another class.
 
     Examples
     --------
@@ -67,13 +68,13 @@ def part_to_json(part: Any) -> object:
     """
     if isinstance(part, np.generic):
         part = part.item()
-    if type(part) in PLAIN:
+    if type(part) in ATOMS:
         return part
     if type(part) in (tuple, list):
         return [part_to_json(item) for item in part]
     name = type(part).__name__
     if PARTS.get(name) is not type(part):
-        raise RecordingError(f"{shortened(part)} is of class {name}, which a recording cannot tell")
+        raise RecordingError(f"{shortened(part)} is of class {name}, which cannot be recorded")
     own = fields(part) if is_dataclass(part) else ()
     return {name: {field.name: part_to_json(getattr(part, field.name)) for field in own}}
 
@@ -84,7 +85,7 @@ def part_from_json(value: object) -> Any:
     Raises
     ------
     RecordingError
-        If it tells of no such part, or of one that cannot be.
+        If the part is unknown, or its fields are invalid.
 
     Examples
     --------
@@ -92,64 +93,62 @@ def part_from_json(value: object) -> Any:
     >>> part_from_json(part_to_json(AGENT_FIRE)) == AGENT_FIRE
     True
     """
-    if type(value) in PLAIN:
+    if type(value) in ATOMS:
         return value
     if isinstance(value, list):
         return tuple(part_from_json(item) for item in value)
     name, given = _only_item(value)
     if name not in PARTS or not isinstance(given, dict):
-        raise RecordingError(f"there is no part {shortened(name)} that a recording may tell of")
+        raise RecordingError(f"unknown part {shortened(name)} in recording")
     arguments = {field: part_from_json(item) for field, item in given.items()}
     return _made(name, PARTS[name], arguments)
 
 
-def shape_to_json(shape: Shape) -> dict:
-    """Return a shape as JSON, its coordinates exactly.
+def stored_shape(shape: Shape) -> dict:
+    """Return a shape as stored states have it: `stored_outline`, and whether bodies bump into it.
 
     Examples
     --------
-    >>> shape_to_json(disc((10, 20), 5))
+    >>> from mesa_swarm import disc
+    >>> stored_shape(disc((10, 20), 5))
     {'centre': [10.0, 20.0], 'radius': 5.0, 'contact': True}
     """
-    return {**outline_to_json(shape.geometry, shape.radius), "contact": shape.contact}
+    return {**stored_outline(shape.geometry, shape.radius), "contact": shape.contact}
 
 
-def outline_to_json(geometry: Point | Polygon, radius: float) -> dict:
-    """Return a centre and radius, or the rings of a polygon."""
-    if isinstance(geometry, Point):
-        return {"centre": [geometry.x, geometry.y], "radius": float(radius)}
-    return {"rings": [shapely.get_coordinates(ring).tolist() for ring in (geometry.exterior, *geometry.interiors)]}
+def stored_outline(geometry: Point | Polygon, radius: float) -> dict:
+    """Return the centre and radius of a disc, or the closed rings of a polygon."""
+    outline = outline_to_json(geometry, radius)
+    if "disc" in outline:
+        *centre, radius = outline["disc"]
+        return {"centre": centre, "radius": float(radius)}
+    return {"rings": [[*ring, ring[0]] for ring in outline["rings"]]}
 
 
-def shape_from_json(value: object) -> Shape:
-    """Return the shape that `shape_to_json` wrote.
+def restored_shape(value: Any) -> Shape:
+    """Return the shape that `stored_shape` wrote.
 
     Raises
     ------
     RecordingError
-        If it is none.
+        If it cannot be made.
 
     Examples
     --------
-    >>> shape_from_json({"centre": [10, 20], "radius": 5, "contact": False}).contact
+    >>> restored_shape({"centre": [10, 20], "radius": 5, "contact": False}).contact
     False
     """
-    given = _checked_shape(value)
-    contact = given.get("contact", True)
-    if "rings" in given:
-        outline, *holes = [np.array(ring, dtype=float) for ring in given["rings"]] or [np.empty((0, 2))]
-        return _made("polygon", polygon, {"outline": outline, "holes": holes, "contact": contact})
-    return _made("disc", disc, {"centre": given["centre"], "radius": given["radius"], "contact": contact})
+
+    def make() -> Shape:
+        outline = {"rings": value["rings"]} if "rings" in value else {"disc": [*value["centre"], value["radius"]]}
+        return shape_from_json({**outline, "mark": not check_flag("contact", value.get("contact", True))})
+
+    return _made("shape", make, {})
 
 
-def outline_from_json(value: Any) -> tuple[Point | Polygon, float]:
-    """Return the geometry and radius that `outline_to_json` wrote, every bit of it, also of what is about the origin.
-
-    Raises
-    ------
-    RecordingError
-    """
-    shape = shape_from_json(value)
+def restored_outline(value: Any) -> tuple[Point | Polygon, float]:
+    """Return the geometry and radius that `stored_outline` wrote, every bit of it, also of what is about the origin."""
+    shape = restored_shape(value)
     if shape.is_disc:
         return Point(*value["centre"]), shape.radius
     outline, *holes = value["rings"]
@@ -157,7 +156,7 @@ def outline_from_json(value: Any) -> tuple[Point | Polygon, float]:
 
 
 def control_to_json(control: Arbiter | None) -> object:
-    """Return what an arbiter is made of; of layers that are code of one's own only what they are called.
+    """Return the layers and weights of an arbiter; of custom rules only their names.
 
     Examples
     --------
@@ -183,17 +182,17 @@ def control_from_json(value: object) -> Any:
         return None
     name, given = _only_item(value)
     if name not in ARBITERS or not isinstance(given, dict) or not isinstance(given.get("layers"), list):
-        raise RecordingError(f"there is no arbiter {shortened(name)} that a recording may tell of")
+        raise RecordingError(f"unknown arbiter {shortened(name)} in recording")
     own = own_code(value)
     if own:
-        raise RecordingError(f"the control has code of one's own in it ({shortened(own[0])}), which no recording holds")
+        raise RecordingError(f"the control has a custom rule ({shortened(own[0])}), which cannot be recorded")
     layers = [part_from_json(layer) for layer in given["layers"]]
     more = {} if given.get("weights") is None else {"weights": given["weights"]}
     return _made(name, lambda: ARBITERS[name](*layers, **more), {})
 
 
 def own_code(control: Any) -> list[str]:
-    """Return what is called of the layers that are code of one's own in what `control_to_json` returned.
+    """Return the names of the custom rules in what `control_to_json` returned.
 
     Examples
     --------
@@ -212,19 +211,9 @@ def _layer_to_json(layer: object) -> object:
         return {OWN_CODE: " ".join([type(layer).__name__, str(getattr(layer, "name", "")), *values])}
 
 
-def _checked_shape(value: object) -> dict:
-    if isinstance(value, dict) and isinstance(value.get("contact", True), bool):
-        rings = value.get("rings")
-        if isinstance(rings, list) and all(isinstance(ring, list) for ring in rings):
-            return value
-        if {"centre", "radius"} <= value.keys():
-            return value
-    raise RecordingError(f"{shortened(value)} is no shape")
-
-
 def _only_item(value: object) -> tuple[object, object]:
     if not isinstance(value, dict) or len(value) != 1:
-        raise RecordingError(f"{shortened(value)} is no part; expected a class and its fields")
+        raise RecordingError(f"{shortened(value)} is not a part; expected a class and its fields")
     ((name, given),) = value.items()
     return name, given
 
@@ -232,28 +221,24 @@ def _only_item(value: object) -> tuple[object, object]:
 def _made(name: str, maker: Callable, arguments: dict) -> Any:
     try:
         return maker(**arguments)
-    except (SwarmError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        words = " ".join(str(error).split())
-        raise RecordingError(f"{name} of the recording cannot be made: {words[:200]}") from None
+    except (SwarmError, TypeError, ValueError, AttributeError, LookupError, OverflowError) as error:
+        raise RecordingError(f"{name} of the recording cannot be made: {in_words(error)}") from None
 
 
-MOST_THINGS = 10_000_000
-
-
-def things_to_json(model: FireModel) -> dict:
-    """Return what there is in a world, in the order of unique_ids.
+def objects_to_json(model: FireModel) -> dict:
+    """Return the robots, obstacles, loads and fires of a model, in the order of unique_ids.
 
     Raises
     ------
     RecordingError
-        If there is anything that is none of these, or a design that cannot be told.
+        If there are other agents, or a design that cannot be recorded.
 
     Examples
     --------
     >>> from mesa_swarm import SwarmModel, disc
     >>> model = SwarmModel(rng=1)
     >>> mark = model.add_obstacle(disc((100, 100), 20, contact=False))
-    >>> things_to_json(model)["obstacles"][-1]["shape"]
+    >>> objects_to_json(model)["obstacles"][-1]["shape"]
     {'centre': [100.0, 100.0], 'radius': 20.0, 'contact': False}
     """
     swarm = model.swarm
@@ -271,47 +256,49 @@ def things_to_json(model: FireModel) -> dict:
     }
 
 
-def lay_things(model: FireModel, told: dict) -> None:
-    """Make a model have the robots, obstacles, loads and fires that were told: take out what is gone, add what came.
+def restore_objects(model: FireModel, stored: dict) -> None:
+    """Give a model the stored robots, obstacles, loads and fires: remove those that are not stored, add the others.
 
-    What has the same unique_id is the same thing and stays, with all that refers to it.
+    An object with a stored unique_id stays, with all references to it.
 
     Raises
     ------
     RecordingError
-        If a thing is another than the one of the same unique_id.
+        If an object differs from the stored one with its unique_id.
     """
-    obstacles = {_id(body["id"]): body for body in told["obstacles"]}
-    _check_ids(told, obstacles)
-    _take_out(model, {*told["robots"], *obstacles, *told["fires"]})
-    designs = _designs(model, told["designs"])
-    makers = {row: _robot_maker(model, designs[d]) for row, d in _rows(told, len(designs))}
-    makers |= {row: _obstacle_maker(model, body) for row, body in obstacles.items()}
-    makers |= {row: _fire_maker(model) for row in told["fires"]}
-    there = {agent.unique_id for agent in model.agents}
-    for unique_id in sorted(makers.keys() - there):
-        set_next_id(model, unique_id)
+    obstacles = {_id(body["id"]): body for body in stored["obstacles"]}
+    _check_ids(stored, obstacles)
+    _remove_others(model, {*stored["robots"], *obstacles, *stored["fires"]})
+    designs = _designs(model, stored["designs"])
+    makers: dict[int, Callable] = {}
+    for unique_id, design in zip(stored["robots"], stored["designs_of_robots"], strict=True):
+        if not 0 <= _id(design) < len(designs):
+            raise RecordingError(f"robot {unique_id} has design {design}; expected one of {len(designs)}")
+        makers[unique_id] = partial(_make_robot, model, designs[design])
+    makers |= {unique_id: partial(_make_obstacle, model, body) for unique_id, body in obstacles.items()}
+    makers |= {unique_id: partial(_make_fire, model) for unique_id in stored["fires"]}
+    present = {agent.unique_id for agent in model.agents}
+    for unique_id in sorted(makers.keys() - present):
+        _set_next_id(model, unique_id)
         makers[unique_id]()
-    set_next_id(model, _id(told["next_id"]))
-    _check_same(model, told, obstacles)
+    _set_next_id(model, _id(stored["next_id"]))
+    _check_same(model, stored, obstacles)
     model.swarm.table = DesignTable.of(designs)
-    model.swarm._created = _id(told["created"])
+    model.swarm._created = _id(stored["created"])
     model.swarm._resize(np.arange(len(model.swarm)), 0)
-    for obstacle in model.obstacle_list:
-        if isinstance(obstacle, Load):
-            _lay_load(obstacle, obstacles[obstacle.unique_id], model.map.bounds)
+    for load in model._loads:
+        _restore_load(load, obstacles[load.unique_id], model.map.bounds)
     model.obstacles_changed()
 
 
 def next_id(model: FireModel) -> int:
-    """Return the unique_id that the next agent gets: Mesa 3.5 counts in the model, 3.3 with a counter beside it."""
+    """Return the unique_id of the next agent: Mesa 3.5 counts in the model, 3.3 with a counter beside it."""
     if hasattr(model, "agent_id_counter"):
         return model.agent_id_counter
     return int(repr(Agent._ids[model]).removeprefix("count(").removesuffix(")"))
 
 
-def set_next_id(model: FireModel, unique_id: int) -> None:
-    """Let the next agent have this unique_id."""
+def _set_next_id(model: FireModel, unique_id: int) -> None:
     if hasattr(model, "agent_id_counter"):
         model.agent_id_counter = unique_id
         return
@@ -320,114 +307,100 @@ def set_next_id(model: FireModel, unique_id: int) -> None:
 
 
 def summary(model: FireModel) -> list[list[int]]:
-    """Return what differs once anything came or went: how many there are of each, and the last unique_id."""
+    """Return the number of robots, obstacles and fires, and the last unique_id of each: any addition changes them."""
     kinds = (model.swarm.agents, model.obstacle_list, model.fires.agents)
-    return [[len(things), things[-1].unique_id if things else 0] for things in kinds]
+    return [[len(agents), agents[-1].unique_id if agents else 0] for agents in kinds]
 
 
 def _obstacle_to_json(obstacle: Obstacle) -> dict:
     if isinstance(obstacle, Load):
-        lies = {"pose": list(obstacle.pose), "resistance": float(obstacle.resistance)}
-        felt = {"moved": bool(obstacle.moved), "pushers": int(obstacle.pushers)}
-        outline = outline_to_json(obstacle.form.outline, obstacle.form.radius)
-        return {"id": obstacle.unique_id, "load": outline, **lies, **felt}
-    return {"id": obstacle.unique_id, "shape": shape_to_json(obstacle.shape)}
+        return {
+            "id": obstacle.unique_id,
+            "load": stored_outline(obstacle.form.outline, obstacle.form.radius),
+            "pose": list(obstacle.pose),
+            "resistance": float(obstacle.resistance),
+            "moved": bool(obstacle.moved),
+            "pushers": int(obstacle.pushers),
+        }
+    return {"id": obstacle.unique_id, "shape": stored_shape(obstacle.shape)}
 
 
-def _check_ids(told: dict, obstacles: dict) -> None:
-    ids = [*told["robots"], *obstacles, *told["fires"]]
-    orderly = all(list(kind) == sorted(kind) for kind in (told["robots"], obstacles, told["fires"]))
-    first_free = _id(told["next_id"])
-    if not orderly or len(set(ids)) != len(ids) or not all(0 < _id(one) < first_free for one in ids):
-        raise RecordingError("its unique_ids are in no order, or stand for two things")
+def _check_ids(stored: dict, obstacles: dict) -> None:
+    kinds = (stored["robots"], list(obstacles), stored["fires"])
+    ids = [one for kind in kinds for one in kind]
+    first_free = _id(stored["next_id"])
+    if any(kind != sorted(kind) for kind in kinds) or len(set(ids)) != len(ids):
+        raise RecordingError("unique_ids are not ascending, or not unique")
+    if not all(0 < _id(one) < first_free for one in ids):
+        raise RecordingError("invalid unique_id: not below that of the next agent")
 
 
-def _take_out(model: FireModel, kept: set[int]) -> None:
-    model.remove_robots([robot for robot in model.swarm.agents if robot.unique_id not in kept])
-    for thing in [*model.obstacle_list, *model.fires.agents]:
-        if thing.unique_id not in kept:
-            thing.remove()
+def _remove_others(model: FireModel, ids: set[int]) -> None:
+    model.remove_robots([robot for robot in model.swarm.agents if robot.unique_id not in ids])
+    for agent in [*model.obstacle_list, *model.fires.agents]:
+        if agent.unique_id not in ids:
+            agent.remove()
 
 
-def _designs(model: FireModel, told: list) -> list[RobotDesign]:
-    """Return the designs, those that the model has already as they are: a drive may be of one's own."""
-    there = [(part_to_json(design), design) for design in model.swarm.designs]
-    parts = [
-        next((d for words, d in there if words == told_one), None) or part_from_json(told_one) for told_one in told
-    ]
-    designs = [part for part in parts if isinstance(part, RobotDesign)]
-    if len(designs) < len(parts):
-        raise RecordingError("its designs are none")
-    return designs
+def _designs(model: FireModel, stored: list) -> list[RobotDesign]:
+    """Return the designs; those that the model has already unchanged, since a drive may be custom."""
+    present = [(part_to_json(design), design) for design in model.swarm.designs]
+    parts = [next((d for fields, d in present if fields == one), None) or part_from_json(one) for one in stored]
+    if not all(isinstance(part, RobotDesign) for part in parts):
+        raise RecordingError("invalid stored designs")
+    return parts
 
 
-def _rows(told: dict, designs: int) -> Iterator[tuple[int, int]]:
-    for unique_id, design in zip(told["robots"], told["designs_of_robots"], strict=True):
-        if not 0 <= _id(design) < designs:
-            raise RecordingError(f"robot {unique_id} is of design {design}, of {designs}")
-        yield unique_id, design
+def _make_robot(model: FireModel, design: RobotDesign) -> None:
+    x_min, y_min, *_ = model.map.bounds
+    row = int(model.swarm.add(design, np.array([[x_min, y_min]]), np.zeros(1), np.ones(1))[0])
+    model.swarm.agents.append(Robot(model.space, model, model.swarm, row))
 
 
-def _robot_maker(model: FireModel, design: RobotDesign) -> Callable:
-    def make() -> None:
-        x_min, y_min, *_ = model.map.bounds
-        row = int(model.swarm.add(design, np.array([[x_min, y_min]]), np.zeros(1), np.ones(1))[0])
-        model.swarm.agents.append(Robot(model.space, model, model.swarm, row))
-
-    return make
-
-
-def _obstacle_maker(model: FireModel, body: dict) -> Callable:
-    def make() -> None:
-        if "load" not in body:
-            model._obstacles.append(Obstacle(model.space, model, shape_from_json(body["shape"])))
-            return
-        outline, radius = outline_from_json(body["load"])
-        form = Form.about_origin(outline, radius)
-        load = Load(model.space, model, form.shape_at((0.0, 0.0, 0.0)), body["resistance"])
-        load.form = form
-        model._obstacles.append(load)
-        model._loads.append(load)
-
-    return make
+def _make_obstacle(model: FireModel, body: dict) -> None:
+    if "load" not in body:
+        model._obstacles.append(Obstacle(model.space, model, restored_shape(body["shape"])))
+        return
+    form = Form.about_origin(*restored_outline(body["load"]))
+    load = Load(model.space, model, form.shape_at((0.0, 0.0, 0.0)), body["resistance"])
+    load.form = form
+    model._obstacles.append(load)
+    model._loads.append(load)
 
 
-def _fire_maker(model: FireModel) -> Callable:
-    def make() -> None:
-        row = model.fires.add(np.array(model.map.bounds[:2]), 1.0, 1.0, 1.0)
-        model.fires.agents.append(Fire(model.space, model, model.fires, row))
-        model._burns = True
-
-    return make
+def _make_fire(model: FireModel) -> None:
+    row = model.fires.add(np.array(model.map.bounds[:2]), 1.0, 1.0, 1.0)
+    model.fires.agents.append(Fire(model.space, model, model.fires, row))
+    model._burns = True
 
 
-def _check_same(model: FireModel, told: dict, obstacles: dict) -> None:
-    """Refuse things that are others than those of the same unique_id, as another constructor would make them."""
-    there = {
+def _check_same(model: FireModel, stored: dict, obstacles: dict) -> None:
+    """Refuse objects that differ from those stored with their unique_ids, as another constructor would make them."""
+    present = {
         "robots": [robot.unique_id for robot in model.swarm.agents],
         "obstacles": [obstacle.unique_id for obstacle in model.obstacle_list],
         "fires": [fire.unique_id for fire in model.fires.agents],
     }
-    if there != {"robots": told["robots"], "obstacles": list(obstacles), "fires": told["fires"]}:
-        raise RecordingError("the model's constructor makes other things than it did")
+    if present != {"robots": stored["robots"], "obstacles": list(obstacles), "fires": stored["fires"]}:
+        raise RecordingError("the objects that the model's constructor makes do not match the recording")
     for obstacle in model.obstacle_list:
         now, then = _obstacle_to_json(obstacle), obstacles[obstacle.unique_id]
         form = "load" if "load" in now else "shape"
         if now[form] != then.get(form):
-            raise RecordingError(f"obstacle {obstacle.unique_id} is another than it was")
+            raise RecordingError(f"obstacle {obstacle.unique_id} does not match the recording")
 
 
-def _lay_load(load: Load, told: dict, bounds: tuple[float, float, float, float]) -> None:
-    load.resistance = told["resistance"]
-    x, y, heading = map(float, told["pose"])
+def _restore_load(load: Load, stored: dict, bounds: tuple[float, float, float, float]) -> None:
+    load.resistance = stored["resistance"]
+    x, y, heading = map(float, stored["pose"])
     x_min, y_min, x_max, y_max = bounds
     if not (x_min <= x <= x_max and y_min <= y <= y_max and abs(heading) <= np.pi):
-        raise RecordingError(f"load {load.unique_id} lies outside the map")
-    load.lay((x, y, heading))
-    load.moved, load.pushers = bool(told["moved"]), _id(told["pushers"])
+        raise RecordingError(f"load {load.unique_id} has out-of-range values: its pose is outside the map")
+    load.move_to((x, y, heading))
+    load.moved, load.pushers = bool(stored["moved"]), _id(stored["pushers"])
 
 
 def _id(value: object) -> int:
-    if type(value) is not int or not 0 <= value <= MOST_THINGS * 1000:
-        raise RecordingError(f"{value!r:.40} is no number of a thing")
+    if type(value) is not int or not 0 <= value <= MOST_OBJECTS * 1000:
+        raise RecordingError(f"invalid unique_id: {value!r:.40}")
     return value

@@ -10,9 +10,8 @@ from importlib.metadata import version
 from typing import Any, cast
 
 import numpy as np
-from shapely import Point, Polygon
 
-from mesa_swarm.errors import InvalidValueError, RecordingError, SwarmError, shortened
+from mesa_swarm.errors import InvalidValueError, RecordingError, SwarmError, in_words, shortened
 from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.recording.schema import checked_provenance, read_json
@@ -21,11 +20,21 @@ from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.sensors import mount_of
 from mesa_swarm.world.bodies import Load
 from mesa_swarm.world.map import Map
-from mesa_swarm.world.shapes import Shape
+from mesa_swarm.world.shapes import outline_to_json, shape_to_json
+
+# Since format 2 readings are those of the row's own poses, and interventions and changes of scenery are stored.
+FORMAT = 2
+READABLE = (1, FORMAT)
+# Modules of classes that older versions had elsewhere.
+MOVED = {("mesa_swarm.model", "SwarmModel"): "mesa_swarm.swarm_model"}
+PACKAGES = ("mesa-swarm", "mesa", "numpy", "numba", "shapely", "pyarrow")
+# Objects that parameters may be, besides plain values: written as {name: fields}.
+PARTS = {"FireConstants": FireConstants, "Radio": Radio}
+CURE = "record a subclass of SwarmModel that makes it in its constructor from numbers and names, or use rerun=False"
 
 
 def scenery_of(model: FireModel) -> dict:
-    """Return what one must know to draw a model, besides what changes from step to step, as JSON has it.
+    """Return what is needed to draw a model, besides what changes from step to step, as JSON.
 
     Parameters
     ----------
@@ -37,8 +46,8 @@ def scenery_of(model: FireModel) -> dict:
     dict
         ``designs``; ``robots``, rows [first id, last id, index of their design]; ``shapes`` of obstacles and
         ground marks on the map; ``loads``, shapes about their own centres; ``layers``, names in the order of
-        the column `layer`; ``leave``, the temperature at which a robot is too hot, and ``join``, down to which it
-        is until it has cooled.
+        the column `layer`; ``leave``, the temperature above which a robot is too hot, and ``join``, below which it
+        has cooled.
 
     Examples
     --------
@@ -54,8 +63,10 @@ def scenery_of(model: FireModel) -> dict:
     return {
         "designs": [_written_design(design) for design in model.swarm.designs],
         "robots": _runs([robot.unique_id for robot in model.swarm.agents], model.swarm.design.tolist()),
-        "shapes": [written_shape(shape) for shape in still],
-        "loads": [{"id": load.unique_id, **_written_form(load)} for load in model.loads],
+        "shapes": [shape_to_json(shape) for shape in still],
+        "loads": [
+            {"id": load.unique_id, **outline_to_json(load.form.outline, load.form.radius)} for load in model.loads
+        ],
         "layers": [layer.name for layer in layers],
         "leave": model.fire_constants.leave,
         "join": model.fire_constants.join,
@@ -63,7 +74,7 @@ def scenery_of(model: FireModel) -> dict:
 
 
 def shows(scenery: dict, other: dict) -> bool:
-    """Tell whether a scenery says all that a later one of the same model does: robots may only have gone.
+    """Return whether a scenery includes a later one of the same model, from which only robots may be missing.
 
     Examples
     --------
@@ -77,9 +88,9 @@ def shows(scenery: dict, other: dict) -> bool:
 
 
 def joined(sceneries: Sequence[tuple[int, dict]]) -> tuple[tuple[int, dict], ...]:
-    """Return sceneries of one model, each of which knows all robots, designs and loads that any of them knows.
+    """Return sceneries of one model, each with the robots, designs and loads of all of them.
 
-    Obstacles, layers and heat are each one's own.
+    Obstacles, layers and temperatures remain those of each.
 
     Parameters
     ----------
@@ -108,30 +119,6 @@ def joined(sceneries: Sequence[tuple[int, dict]]) -> tuple[tuple[int, dict], ...
     return tuple((step, {**scenery, **same}) for step, scenery in sceneries)
 
 
-def written_shape(shape: Shape) -> dict:
-    """Return a disc as x, y and radius, a polygon as its rings.
-
-    Examples
-    --------
-    >>> from mesa_swarm.world.shapes import disc
-    >>> written_shape(disc((1, 2), 3, contact=False))
-    {'disc': [1.0, 2.0, 3.0], 'mark': True}
-    """
-    return {**_written_geometry(shape.geometry, shape.radius), **({} if shape.contact else {"mark": True})}
-
-
-def _written_form(load: Load) -> dict:
-    return _written_geometry(load.form.outline, load.form.radius)
-
-
-def _written_geometry(geometry: Point | Polygon, radius: float) -> dict:
-    """Return a Shapely point with its radius, or a polygon, as JSON has it."""
-    if geometry.geom_type == "Point":
-        return {"disc": [geometry.x, geometry.y, radius]}
-    rings = (geometry.exterior, *geometry.interiors)
-    return {"rings": [np.asarray(ring.coords)[:-1].tolist() for ring in rings]}
-
-
 def _written_design(design: RobotDesign) -> dict:
     return {
         "name": design.name,
@@ -151,7 +138,7 @@ def _written_design(design: RobotDesign) -> dict:
 
 
 def _runs(ids: list[int], designs: list[int]) -> list[list[int]]:
-    """Return stretches of robots of one design: [first id, last id, design]."""
+    """Return ranges of robots of one design: [first id, last id, design]."""
     runs: list[list[int]] = []
     for one, design in zip(ids, designs, strict=True):
         if runs and runs[-1][2] == design:
@@ -161,33 +148,18 @@ def _runs(ids: list[int], designs: list[int]) -> list[list[int]]:
     return runs
 
 
-# Since 2 readings are of the row's own poses, interventions are told, and scenery wherever it changes.
-FORMAT = 2
-# Where classes live that older versions had elsewhere.
-MOVED = {("mesa_swarm.model", "SwarmModel"): "mesa_swarm.swarm_model"}
-READABLE = (1, FORMAT)
-PACKAGES = ("mesa-swarm", "mesa", "numpy", "numba", "shapely", "pyarrow")
-# Objects that parameters may be, besides plain values: written as {name: fields}.
-PARTS = {"FireConstants": FireConstants, "Radio": Radio}
-LONGEST_REASON = 120
-WHAT_TO_DO = (
-    "record a subclass of SwarmModel that makes it in its constructor from numbers and names, or give rerun=False"
-)
-
-
 def provenance_of(model: FireModel, rerun: bool) -> dict:
-    """Return all that a recording says of its origin, as JSON has it.
+    """Return the origin of a recording as JSON.
 
     Parameters
     ----------
-    model : FireModel
     rerun : bool
-        Whether it must suffice to run the model again.
+        Whether it must be sufficient to run the model again.
 
     Raises
     ------
     RecordingError
-        If a parameter cannot be written down.
+        If a parameter cannot be recorded.
 
     Examples
     --------
@@ -213,7 +185,7 @@ def provenance_of(model: FireModel, rerun: bool) -> dict:
 
 
 def parameters_of_run(model: FireModel) -> dict:
-    """Return what the model's constructor was given, and the defaults of what it was not given."""
+    """Return the arguments of the model's constructor, defaults included."""
     given, named = model.given
     bound = inspect.signature(type(model)).bind(*given, **named)
     bound.apply_defaults()
@@ -230,32 +202,23 @@ def rebuilt(provenance: dict, model_class: type, **changes: object) -> FireModel
     Raises
     ------
     RecordingError
-        If the recording is of another model, or does not say enough.
+        If the recording is of another model, or its provenance is not sufficient.
     """
     check_class(provenance, model_class)
     if not provenance["rerun"]:
-        raise RecordingError("the recording was made with rerun=False and does not tell how to run its model again")
+        raise RecordingError("the recording was made with rerun=False: its model cannot be run again")
     arguments = {name: _read(value) for name, value in provenance["parameters"].items()}
     if provenance["takes_map"]:
         arguments["map"] = map_of(provenance)
-    seed = provenance["seed"]
-    arguments["rng"] = (
-        np.random.SeedSequence(seed["entropy"], spawn_key=seed["spawn_key"]) if isinstance(seed, dict) else seed
-    )
+    arguments["rng"] = _read_seed(provenance["seed"])
     try:
         return model_class(**{**arguments, **changes})
-    except Exception as error:  # whatever a constructor raises that is given what it never was
-        if changes and isinstance(error, SwarmError):  # about what the user asks for
+    except Exception as error:  # anything that a constructor may raise on unexpected arguments
+        if changes and isinstance(error, SwarmError):  # about the user's own arguments
             raise
-        words = f"{type(error).__name__}: {' '.join(str(error).split()):.{LONGEST_REASON}}"
         raise RecordingError(
-            f"{model_class.__name__} cannot be made from the recording's parameters: {words}"
+            f"{model_class.__name__} cannot be made from the recording's parameters: {in_words(error)}"
         ) from error
-
-
-def reason_of(error: Exception) -> str:
-    """Return what went wrong in a recorded model, in a few words."""
-    return f"{type(error).__name__}: {' '.join(str(error).split()):.{LONGEST_REASON}}"
 
 
 def map_of(provenance: dict) -> Map:
@@ -264,7 +227,7 @@ def map_of(provenance: dict) -> Map:
     Raises
     ------
     RecordingError
-        If its text is none.
+        If its text cannot be decoded.
     """
     try:
         return Map.from_toml(provenance["map"], "the recording's map")
@@ -288,20 +251,15 @@ def as_metadata(facts: dict) -> dict[str, str]:
 
 
 def from_metadata(metadata: dict[bytes, bytes] | None, source: object) -> dict:
-    """Return what `as_metadata` wrote, or say that this is no recording.
-
-    Raises
-    ------
-    RecordingError
-    """
-    facts, wrong = {}, ""
+    """Return what `as_metadata` wrote, checked."""
+    facts, name = {}, ""
     try:
-        for name, text in (metadata or {}).items():
-            wrong = name.decode()
-            facts[wrong] = read_json(text)
+        for key, text in (metadata or {}).items():
+            name = key.decode()
+            facts[name] = read_json(text)
     except ValueError:
         if facts.get("format") in READABLE:
-            raise RecordingError(f"{source} has {shortened(wrong)} that cannot be read, or are too long") from None
+            raise RecordingError(f"{source}: {shortened(name)} cannot be decoded, or is too long") from None
         facts = {}
     if facts.get("format") not in READABLE:
         shown, known = shortened(facts.get("format")), " or ".join(map(str, READABLE))
@@ -313,18 +271,17 @@ def from_metadata(metadata: dict[bytes, bytes] | None, source: object) -> dict:
 
 
 def _written(name: str, value: object, rerun: bool) -> object:
-    """Return a value as JSON has it."""
+    """Return a parameter as JSON."""
     if isinstance(value, np.generic):
         value = value.item()
-    for title, part in PARTS.items():
-        if type(value) is part:
-            return {title: asdict(cast(Any, value))}
+    if type(value) in PARTS.values():
+        return {type(value).__name__: asdict(cast(Any, value))}
     try:
         return json.loads(json.dumps(value))
     except (TypeError, ValueError):
         if not rerun:
             return {"not recorded": shortened(value)}
-        raise RecordingError(f"{name} is {shortened(value)}, which a recording cannot tell; {WHAT_TO_DO}") from None
+        raise RecordingError(f"{name} is {shortened(value)}, which cannot be recorded; {CURE}") from None
 
 
 def _read(value: object) -> object:
@@ -335,9 +292,7 @@ def _read(value: object) -> object:
             try:
                 return PARTS[title](**fields)
             except (TypeError, ValueError) as error:
-                raise InvalidValueError(
-                    f"{title} of the recording cannot be made: {error!s:.{LONGEST_REASON}}"
-                ) from None
+                raise InvalidValueError(f"{title} of the recording cannot be made: {in_words(error)}") from None
     return value
 
 
@@ -350,8 +305,8 @@ def _written_seed(model: FireModel, seed: object, rerun: bool) -> object:
     if isinstance(seed, (int, np.integer)):
         return int(seed)
     if isinstance(seed, (np.random.Generator, np.random.BitGenerator)) and rerun:
-        raise RecordingError(f"rng is {shortened(seed)}, which a recording cannot tell; give rng a whole number")
+        raise RecordingError(f"rng is {shortened(seed)}, which cannot be recorded; expected a whole number")
     grown = model.streams.seed
-    given: Any = grown.entropy  # never None: a SeedSequence that is given none draws some
+    given: Any = grown.entropy  # never None: a SeedSequence without entropy draws some
     entropy = given if isinstance(given, int) else [int(word) for word in given]
     return {"entropy": entropy, "spawn_key": [int(word) for word in grown.spawn_key]}

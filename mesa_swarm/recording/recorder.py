@@ -1,4 +1,4 @@
-"""The recorder, and its row buffer."""
+"""The recorder, its row buffer and its checkpoints."""
 
 import json
 import os
@@ -14,11 +14,11 @@ from typing import Any
 
 import pyarrow as pa
 
-from mesa_swarm.errors import RecordingError, check_count, shortened
+from mesa_swarm.errors import RecordingError, shortened
 from mesa_swarm.files import shown_path
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.model import Observer
-from mesa_swarm.recording.changes import Mark, intervention_to_json
+from mesa_swarm.recording.changes import ChangeDetector, intervention_to_json
 from mesa_swarm.recording.checkpoint import checkpoint_of
 from mesa_swarm.recording.collected import Path as SeriesPath
 from mesa_swarm.recording.collected import check_collected, lengths_of, size_of_collected
@@ -30,24 +30,32 @@ from mesa_swarm.recording.schema import (
     MOST_EVERY,
     check_columns,
     check_values,
-    checked_change,
+    checked_content,
     checked_scenery,
     longest_gap,
 )
 from mesa_swarm.recording.sealed_stream import CHANGE, CHECKPOINT, INTERVENTION, Sealed, SealedWriter
+from mesa_swarm.trigger import Trigger
 
 HASH_EVERY = 100
-# A chunk ends with whichever comes first. Larger ones make finding a frame slow, smaller ones make the file large.
+# Limits of a chunk. Larger ones make finding a frame slow, smaller ones make the file large.
 MOST_ROWS = 256
 MOST_BYTES = 2_000_000
 MOST_SECONDS = 1.0
+CHECKPOINT_EVERY = 1000
+# A chunk has 6 kB of metadata, which would be most of the file after many shorter runs.
+STEPS_WORTH_A_CHUNK = 10
+# Suffixes of recordings, which are Arrow streams; and of other files, besides those that have a MIME type.
+KINDS = (".arrow", ".arrows", ".ipc", ".bin")
+OTHER_KINDS = {".map", ".toml", ".npz", ".parquet", ".feather", ".jsonl", ".ipynb", ".md", ".webm", ".docx", ".xlsx"}
+NO_CHECKPOINTS = "checkpoint_every is 0"
 
 
-class Tape:
-    """Rows gathered in a chunk, and the file they go to.
+class RowBuffer:
+    """The rows of a chunk, before they are written to a file.
 
-    What is pending follows from two counts, rows put and rows sealed, so that Ctrl-C between any two
-    instructions neither loses a row nor writes one twice.
+    The pending rows follow from two counts, rows added and rows sealed, so that Ctrl-C between any two instructions
+    neither loses a row nor writes one twice.
     """
 
     def __init__(self, layout: Layout, writer: SealedWriter, model: FireModel, every: int = 1) -> None:
@@ -61,7 +69,7 @@ class Tape:
         self._written_at = self._synced_at = perf_counter()
 
     def put(self, model: FireModel) -> None:
-        """Keep the model as it is now."""
+        """Add a row with the present state of the model."""
         chunk, step = self._chunk, model.completed
         self._check_gap(step)
         self._layout.prepare(model)
@@ -69,7 +77,7 @@ class Tape:
         if chunk is None or seen != self._seen:
             self.flush()
             if seen != self._seen:
-                self._tell_change(model)
+                self._attach_change(model)
                 self._seen = seen
             chunk = self._chunk = self._new_chunk(model)
         state_hash = None
@@ -82,7 +90,7 @@ class Tape:
             self.flush()
 
     def attach(self, name: str, content: bytes, step: int) -> None:
-        """Write what is no row, after all rows before it."""
+        """Write a piece without rows, after all rows before it."""
         self.flush()
         self.writer.attach(name, content, step)
 
@@ -97,7 +105,7 @@ class Tape:
             self._synced_at = self._written_at
 
     def close(self, broken_off: bool = False) -> None:
-        """Write what is left and end the file; one without rows replaces no other if it was broken off."""
+        """Write the pending rows and end the file; one without rows replaces no other if it was broken off."""
         if self.writer.closed:
             return
         try:
@@ -110,7 +118,7 @@ class Tape:
             raise
 
     def _write(self, chunk: Chunk, rows: int) -> None:
-        """Write the first rows of a chunk; if no reader would take one of them, those before it, and say so."""
+        """Write the first rows of a chunk; if one has out-of-range values, write those before it and raise."""
         batch, first = chunk.batch(rows), int(chunk.steps[0])
         try:
             check_values(batch, first, shown_path(self.writer.path))
@@ -121,26 +129,26 @@ class Tape:
             raise
         self.writer.write(batch, first)
 
-    def _tell_change(self, model: FireModel) -> None:
-        """Write what there is since the last row, and what it looks like if that is news."""
-        told: dict[str, Any] = {"there": summary(model)}
+    def _attach_change(self, model: FireModel) -> None:
+        """Write the present population, and the scenery if it has changed."""
+        change: dict[str, Any] = {"there": summary(model)}
         scenery = scenery_of(model)
         if not shows(self._scenery, scenery):
-            told["scenery"] = self._scenery = scenery
-        text = json.dumps(told).encode()
+            change["scenery"] = self._scenery = scenery
+        content = json.dumps(change).encode()
         try:
-            checked_scenery(checked_change(text).get("scenery", scenery))
+            checked_scenery(checked_content(CHANGE, content).get("scenery", scenery))
         except (RecordingError, ValueError) as error:
             raise RecordingError(
-                f"{shown_path(self.writer.path)} cannot hold what came or went at step {model.completed}: {error}"
+                f"{shown_path(self.writer.path)} cannot store the objects of step {model.completed}: {error}"
             ) from None
-        self.attach(CHANGE, text, model.completed)
+        self.attach(CHANGE, content, model.completed)
 
     def _check_gap(self, step: int) -> None:
         if step > self._newest + self._gap:
             raise RecordingError(
-                f"{shown_path(self.writer.path)} cannot go on at step {step}: the last row is of step {self._newest}, "
-                f"and at most {self._gap:,} steps may lie between two; start another recording"
+                f"{shown_path(self.writer.path)} cannot continue at step {step} after step {self._newest}; "
+                f"expected at most {self._gap:,} steps from row to row; start another recording"
             )
 
     def _new_chunk(self, model: FireModel) -> Chunk:
@@ -149,7 +157,7 @@ class Tape:
 
 
 def _seen(model: FireModel) -> tuple:
-    """Return what differs whenever the model may look other than it did, besides what rows hold."""
+    """Return what changes whenever the scenery may change."""
     return population_of(model), model.fire_constants
 
 
@@ -161,24 +169,15 @@ def _is_readable(batch: pa.RecordBatch) -> bool:
     return True
 
 
-CHECKPOINT_EVERY = 1000
-# A chunk takes 6 kB beside its rows: in a loop of shorter runs these would be most of the file.
-STEPS_WORTH_A_CHUNK = 10
-# Endings of recordings, which are Arrow streams; and those of files that are none, besides what MIME types there are.
-KINDS = (".arrow", ".arrows", ".ipc", ".bin")
-OTHER_KINDS = {".map", ".toml", ".npz", ".parquet", ".feather", ".jsonl", ".ipynb", ".md", ".webm", ".docx", ".xlsx"}
-NO_CHECKPOINTS = "checkpoint_every is 0"
-
-
 class Recorder(Observer):
-    """Writes down the model after its steps; made by `record`, and closed by `close`, at exit, or as a context.
+    """Writes the model to a file after its steps; made by `record`, and closed by `close`, at exit, or as a context.
 
     Parameters
     ----------
     model : FireModel
     path : Path
-    every : int
-        Steps from one row to the next.
+    trigger : Trigger
+        When a row is due.
     layout : Layout
     writer : SealedWriter
     checkpoint_every : int
@@ -187,39 +186,42 @@ class Recorder(Observer):
     Attributes
     ----------
     path : Path
+    every : int
+        Steps from one row to the next.
     """
 
     def __init__(
         self,
         model: FireModel,
         path: Path,
-        every: int,
+        trigger: Trigger,
         layout: Layout,
         writer: SealedWriter,
         checkpoint_every: int = 0,
     ) -> None:
         self.path = path
-        self.every = every
-        self._tape = Tape(layout, writer, model, every)
-        self._checkpoints = _Checkpoints(self._tape, checkpoint_every, model)
+        self.every = trigger.every
+        self._trigger = trigger
+        self._buffer = RowBuffer(layout, writer, model, self.every)
+        self._checkpoints = _Checkpoints(self._buffer, checkpoint_every, model)
         try:
             if checkpoint_every:
                 self._checkpoints.put(model)
         except BaseException:
             writer.abandon()
             raise
-        self._mark = Mark(model)
+        self._detector = ChangeDetector(model)
         self._unwritten: FireModel | None = None
         self._observers = model.observers
         self._observers.append(self)
-        self._finish = weakref.finalize(self, _close_silently, self._tape)
+        self._finish = weakref.finalize(self, _close_silently, self._buffer)
 
     def __repr__(self) -> str:
         return f"<Recorder of {len(self)} rows to {self.path}{', closed' if self.closed else ''}>"
 
     def __len__(self) -> int:
-        """How many rows were recorded, those that are not yet in the file included."""
-        return self._tape.rows
+        """Return the number of recorded rows, including those that are not yet in the file."""
+        return self._buffer.rows
 
     def __enter__(self) -> "Recorder":
         return self
@@ -230,45 +232,45 @@ class Recorder(Observer):
     @property
     def closed(self) -> bool:
         """Whether nothing more is recorded."""
-        return self._tape.writer.closed
+        return self._buffer.writer.closed
 
     def before_step(self, model: FireModel) -> None:
-        """Store the state if somebody changed it since the last step; called by the model before each step."""
+        """Store the state if it was changed by hand since the last step; called by the model before each step."""
         if self.closed:
             return
-        what = self._mark.changes(model)
+        what = self._detector.changes(model)
         if what:
-            model._sensed = None  # columns that are written directly do not tell: without us, they were read now
+            model._sensed = None  # as without a recorder: columns may have been written directly
             self._guarded(self._checkpoints.put_intervention, model, what)
 
     def after_step(self, model: FireModel, step: int) -> None:
-        """Take note that a row is due; called by the model when its class may still have more to do in this step."""
-        if not step % self.every and not self.closed:
+        """Note that a row is due; called by the model before a derived class may do more in this step."""
+        if self._trigger.is_due(step) and not self.closed:
             self._unwritten = model
 
     def after_failure(self, model: FireModel) -> None:
-        """Record the row of a step that failed when only the class's own part was left; called by the model."""
+        """Record the row of a step that failed in the part of a derived class; called by the model."""
         if not self.closed:
             self._put_row()
 
     def between_steps(self, model: FireModel) -> None:
-        """Record what is due; called by the model when nothing of the step is left to do."""
+        """Record what is due; called by the model at the very end of a step."""
         if self.closed:
             return
         self._put_row()
         if model.completed >= self._checkpoints.due:
             self._guarded(self._checkpoints.put, model)
-        self._mark = Mark(model)
+        self._detector = ChangeDetector(model)
 
     def after_run(self, model: FireModel, steps: int) -> None:
-        """Write what is pending, so that it can be read, unless the run was short; called at the end of `run`."""
+        """Write the pending rows, so that they can be read, unless the run was short; called at the end of `run`."""
         if steps >= STEPS_WORTH_A_CHUNK and not self.closed:
-            self._guarded(self._tape.flush)
+            self._guarded(self._buffer.flush)
 
     def _put_row(self) -> None:
         model, self._unwritten = self._unwritten, None
         if model is not None:
-            self._guarded(self._tape.put, model)
+            self._guarded(self._buffer.put, model)
 
     def _guarded(self, write: Callable, *given: object) -> None:
         """Write, and stop recording if that fails."""
@@ -285,30 +287,30 @@ class Recorder(Observer):
 
     @property
     def why_no_checkpoint(self) -> str:
-        """Why the last checkpoint that was due was not stored; an empty text if it was."""
+        """Why the last due checkpoint was not stored; empty if it was."""
         return self._checkpoints.why_not
 
     @property
     def written(self) -> Sealed:
-        """How many bytes were written, and how many rows stand under the recording's name: none beside an older one."""
-        writer = self._tape.writer
+        """The bytes written, and the rows in the file of this name: none while it is a draft beside another."""
+        writer = self._buffer.writer
         return writer.sealed if writer.is_in_place else writer.sealed._replace(rows=0)
 
     def flush(self) -> None:
-        """Write what was recorded so far into the file and have the system put it on the disk."""
+        """Write all pending rows to the file and synchronise it to disk."""
         if not self.closed:
-            self._guarded(self._tape.flush)
-            self._guarded(self._tape.writer.sync)
+            self._guarded(self._buffer.flush)
+            self._guarded(self._buffer.writer.sync)
 
     def close(self) -> None:
-        """Write what is left and end the file; a second time does nothing.
+        """Write the pending rows and end the file; a second call does nothing.
 
-        A recording without rows replaces an older one too: somebody asked for it.
+        A recording without rows replaces an older one too, as requested.
         """
         self._end(broken_off=False)
 
     def break_off(self) -> None:
-        """Close after an error or Ctrl-C: a recording that has no rows by then does not replace an older one."""
+        """Close after an error or Ctrl-C: a recording without rows does not replace an older one."""
         self._end(broken_off=True)
 
     def _end(self, broken_off: bool) -> None:
@@ -316,48 +318,48 @@ class Recorder(Observer):
             self._observers.remove(self)
         if not self.closed:
             self._put_row()
-        self._tape.close(broken_off)
+        self._buffer.close(broken_off)
         self._finish.detach()
 
     def _abandon(self) -> None:
-        """Stop where the file cannot be written: the model may go on, and every step would fail again."""
+        """Stop recording when the file cannot be written, so that the model can continue."""
         if self in self._observers:
             self._observers.remove(self)
-        self._tape.writer.abandon()
+        self._buffer.writer.abandon()
 
 
 class _Checkpoints:
-    """Complete states, stored every so many steps; what is collected over the steps is told from one to the next."""
+    """Complete states at intervals; each stores what was collected since the one before."""
 
-    def __init__(self, tape: Tape, every: int, model: FireModel) -> None:
+    def __init__(self, buffer: RowBuffer, every: int, model: FireModel) -> None:
         self.steps: list[int] = []
         self.why_not = "" if every else NO_CHECKPOINTS
         self.due = 0 if every else sys.maxsize
-        self._tape = tape
+        self._buffer = buffer
         self._every = every
         self._control = control_to_json(model.control)
         self._since: dict[SeriesPath, int] = {}
         self._collected = self._more = 0
 
     def put(self, model: FireModel) -> None:
-        """Store the model as it is now, unless it holds what cannot be stored."""
+        """Store the present state of the model, unless it cannot be stored."""
         self._attach(model, self._content(model, model.steps))
 
     def put_intervention(self, model: FireModel, what: list[str]) -> None:
-        """Tell what somebody changed before the step that Mesa has counted just now, and store what came of it."""
+        """Store what was changed before the step that Mesa has just counted, and the state after the change."""
         content = self._content(model, model.steps - 1) if self._every else b""
-        self._tape.attach(INTERVENTION, intervention_to_json(what, self.why_not), model.completed)
+        self._buffer.attach(INTERVENTION, intervention_to_json(what, self.why_not), model.completed)
         self._attach(model, content)
 
     def _content(self, model: FireModel, steps: int) -> bytes:
-        """Return a checkpoint as bytes; none, and why, if there is none."""
+        """Return a checkpoint as bytes; no bytes, and set `why_not`, if it cannot be stored."""
         self.due = model.completed + self._every
         try:
             self._check_control(model)
             checkpoint = checkpoint_of(model, self._since, steps=steps)
             content = to_bytes(checkpoint)
             self._more = size_of_collected(checkpoint)
-            check_collected(self._collected + self._more, self._tape.writer.sealed.end)
+            check_collected(self._collected + self._more, self._buffer.writer.sealed.end)
         except RecordingError as error:
             self.why_not = str(error)
             return b""
@@ -365,27 +367,27 @@ class _Checkpoints:
         return content
 
     def _check_control(self, model: FireModel) -> None:
-        """Refuse a control with code that the model's constructor, as far as is known, does not give it."""
+        """Refuse a control with custom rules that it did not have when the recording began."""
         now = control_to_json(model.control)
         own = own_code(now)
         if own and now != self._control:
             raise RecordingError(
-                f"its control has code of one's own in it ({own[0]}), which no recording holds: set it again by hand "
-                "after resuming from before, or record a model whose class has the rule"
+                f"its control has a custom rule ({own[0]}), which cannot be recorded: resume from an earlier "
+                "step and set it again, or record a model whose class has the rule"
             )
 
     def _attach(self, model: FireModel, content: bytes) -> None:
         if content:
-            self._tape.attach(CHECKPOINT, content, model.completed)
+            self._buffer.attach(CHECKPOINT, content, model.completed)
             self._since = lengths_of(model)
             self._collected += self._more
             self.steps.append(model.completed)
 
 
-def _close_silently(tape: Tape) -> None:
-    """Close at exit, when nobody is left whom an error would reach."""
+def _close_silently(buffer: RowBuffer) -> None:
+    """Close at exit, when an error can no longer be handled."""
     try:
-        tape.close(broken_off=True)
+        buffer.close(broken_off=True)
     except (RecordingError, OSError):
         return
 
@@ -394,25 +396,25 @@ def record(
     model: FireModel,
     path: str | os.PathLike[str],
     *,
-    every: int = 1,
+    every: int | Trigger = 1,
     columns: Sequence[str] | None = None,
     exact: bool = False,
     overwrite: bool = False,
     rerun: bool = True,
-    checkpoint_every: int = CHECKPOINT_EVERY,
+    checkpoint_every: int | Trigger = CHECKPOINT_EVERY,
 ) -> Recorder:
     """Write the model after each of the next steps to a file, from which `Recording` reads.
 
     The file is an Arrow IPC stream, compressed with zstd, one row a step, which any Arrow reader opens. Rows
     are written in chunks of at most 256 rows, 2 MB or a second; a program that is killed loses at most the
     chunk that was not written yet. At the end of a `model.run` of ten steps or more all rows are in the file and can be
-    read, though it is still open; after shorter ones, and after `model.step`, `Recorder.flush` puts them there.
+    read, though it is still open; after shorter runs, and after `model.step`, `Recorder.flush` writes them.
 
-    A row is the model when nothing of the step is left to do. Its readings are those of its own poses, as whoever looks
-    at the model sees them; those on which its commands and layers were decided stand in the row of the step before.
+    A row is the state of the model at the end of a step. Its readings are those for its own poses; those on which its
+    commands and layers were decided are in the row of the step before.
 
-    What somebody changes by hand between two steps is noticed before the next one, as far as `Mark` says, told in the
-    file, and followed by a checkpoint (`Recording.interventions`): each such change makes the file longer by one.
+    Manual changes between two steps are detected before the next one (see `ChangeDetector`), stored, and followed by a
+    checkpoint (`Recording.interventions`).
 
     Parameters
     ----------
@@ -420,23 +422,24 @@ def record(
         Any `SwarmModel`.
     path : str or Path
     every : int
-        Steps from one row to the next, 1 to 1,000,000: steps that are its multiples are recorded.
+        Steps from one row to the next, 1 to 1,000,000: its multiples are recorded. Or a `Trigger`.
     columns : sequence of str, optional
-        Of the swarm, and "fires", "contacts", "loads"; by default what one needs to look at the run. Columns
-        of sensors that no robot has are left out.
+        Of the swarm, and "fires", "contacts", "loads"; by default those needed to view the run. Columns of
+        sensors that no robot has are omitted.
     exact : bool
-        Whether real numbers keep all 64 bits. By default they keep the first 24 (float32), which is 3e-5 map
-        units at 800, and files are half as large; state hashes are always of all bits.
+        Whether real numbers are stored as float64. By default they are float32, which is 3e-5 map units at 800, and
+        files are half as large; state hashes are always of all bits.
     overwrite : bool
-        Whether a file that is there is replaced. It stays as it is until the first rows are on the disk, a second
-        after the first of them or at the next `Recorder.flush`; or until the recording is closed, also without rows.
-        What another process is recording is not replaced.
+        Whether an existing file is replaced. It is unchanged until the first rows are on disk, a second after the
+        first of them or at the next `Recorder.flush`; or until the recording is closed, even without rows. A file that
+        another process is recording is not replaced.
     rerun : bool
-        Whether the model must be one that can be run again from what the file says of it.
+        Whether to require that the model can be run again from its recorded parameters.
     checkpoint_every : int
-        Most steps from one checkpoint, the complete state, to the next; 0 stores none, also after changes by hand.
-        With them `resume` need not run all steps again, and goes on from models that were changed by hand. A model
-        that holds what cannot be stored, or much that is large, is recorded without, see `Recorder.why_no_checkpoint`.
+        Most steps from one checkpoint, the complete state, to the next, or a `Trigger`; 0 stores none, also after
+        changes by hand. With checkpoints `resume` need not run all steps again, and can continue models that were
+        changed by hand. A model whose state cannot be stored, or is too large, is recorded without, see
+        `Recorder.why_no_checkpoint`.
 
     Returns
     -------
@@ -446,8 +449,8 @@ def record(
     Raises
     ------
     RecordingError
-        If the file is there already or cannot be written, a parameter of the model cannot be told, or `Recording` would
-        refuse to read it.
+        If the file exists already or cannot be written, a parameter of the model cannot be recorded, or `Recording`
+        would refuse to read it.
     InvalidValueError, UnknownNameError
         If a parameter is not permitted.
 
@@ -464,35 +467,35 @@ def record(
     20
     """
     target = _checked_path(path)
-    every = check_count("every", every, minimum=1, maximum=MOST_EVERY)
-    checkpoint_every = check_count("checkpoint_every", checkpoint_every)
+    trigger = Trigger.of(every, minimum=1, maximum=MOST_EVERY)
+    most_steps = Trigger.of(checkpoint_every, "checkpoint_every").every
     layout = Layout(model, DEFAULT if columns is None else columns, exact)
     facts = provenance_of(model, rerun)
     facts |= {
-        "every": every,
+        "every": trigger.every,
         "exact": bool(exact),
         "hash_every": HASH_EVERY,
-        "checkpoint_every": checkpoint_every,
-        "why_no_checkpoint": _why_not(model) if checkpoint_every else NO_CHECKPOINTS,
+        "checkpoint_every": most_steps,
+        "why_no_checkpoint": _why_not(model) if most_steps else NO_CHECKPOINTS,
         "start": {"step": model.completed, "state_hash": model.state_hash()},
     }
     schema = layout.schema.with_metadata(as_metadata(facts))
     _check_readable(schema)
     writer = SealedWriter(target, schema, overwrite)
-    return Recorder(model, target, every, layout, writer, checkpoint_every)
+    return Recorder(model, target, trigger, layout, writer, most_steps)
 
 
 def _check_readable(schema: pa.Schema) -> None:
-    """Refuse to begin a recording that `Recording` would refuse to open or to show."""
+    """Refuse to begin a recording that `Recording` would refuse to open or to draw."""
     try:
         check_columns(schema, "the model")
         checked_scenery(from_metadata(schema.metadata, "the model")["scenery"])
     except RecordingError as error:
-        raise RecordingError(f"no reader would take this recording: {error}") from None
+        raise RecordingError(f"this recording would be unreadable: {error}") from None
 
 
 def _why_not(model: FireModel) -> str:
-    """Return what cannot be stored of a model, an empty text if all can."""
+    """Return why the state of a model cannot be stored, an empty text if it can."""
     try:
         to_bytes(checkpoint_of(model, lengths_of(model)))
     except RecordingError as error:
@@ -504,11 +507,11 @@ def _checked_path(path: object) -> Path:
     if not isinstance(path, (str, os.PathLike)):
         raise RecordingError(f"path is {shortened(path)}; expected the name of a file such as 'run.arrow'")
     target = Path(path)
-    ending = target.suffix.lower()
-    kind, packed = MimeTypes().guess_type(f"_{ending}")
-    if ending in OTHER_KINDS or packed or (kind and ending not in KINDS):
+    suffix = target.suffix.lower()
+    kind, packed = MimeTypes().guess_type(f"_{suffix}")
+    if suffix in OTHER_KINDS or packed or (kind and suffix not in KINDS):
         raise RecordingError(
-            f"{shown_path(target)} has the ending of another kind of file; expected a name such as "
+            f"{shown_path(target)} has the suffix of another kind of file; expected a name such as "
             f"{shown_path(target.with_suffix('.arrow').name)}"
         )
     return target

@@ -1,4 +1,4 @@
-"""What reads a recording: frames, whole columns, tables, events."""
+"""Recordings as read: frames, whole columns, tables, events."""
 
 import os
 from bisect import bisect_right
@@ -19,17 +19,17 @@ from mesa_swarm.recording.container import Checkpoint, from_bytes
 from mesa_swarm.recording.frames import Event, Frame, Rows, events_of, table_of
 from mesa_swarm.recording.layout import TABLES
 from mesa_swarm.recording.provenance import from_metadata, joined
-from mesa_swarm.recording.schema import check_columns, checked_change, checked_rows, checked_scenery, misplaced
+from mesa_swarm.recording.schema import check_columns, checked_content, checked_rows, checked_scenery, misplaced
 from mesa_swarm.recording.sealed_stream import CHANGE, CHECKPOINT, INTERVENTION, Piece, SealedReader
 
-# Chunks that are kept decoded, of about 2 MB each.
+# Decoded chunks in memory, of about 2 MB each.
 MOST_CACHED = 8
-# A larger one is kept alone.
+# A larger one is cached alone.
 LARGEST_CACHED = 8_000_000
 
 
 class Recording:
-    """A recorded run. Nothing is decoded before it is asked for; a torn end is passed over.
+    """A recorded run. Nothing is decoded before it is read; a torn end is ignored.
 
     Parameters
     ----------
@@ -42,10 +42,10 @@ class Recording:
         model, parameters, map (as TOML), seed, versions, every, exact, start ...
     columns : tuple of str
     complete : bool
-        Whether the recording was closed and reaches to its end. If not, and there is no `damage`, its program was
-        killed or still runs.
+        Whether the recording was closed and is whole at its end. If not, and there is no `damage`, its program was
+        killed or is still running.
     lost : int
-        Bytes at the end that do not make a whole chunk and were passed over.
+        Bytes at the end that are not a whole chunk and were ignored.
 
     Raises
     ------
@@ -72,6 +72,7 @@ class Recording:
         self._reader = SealedReader(self.path)
         self.provenance = from_metadata(self._reader.schema.metadata, self.path)
         check_columns(self._reader.schema, self.path)
+        self._start = self.provenance["start"]["step"]
         self._check_order()
         self.columns = tuple(self._reader.schema.names[3:])
         self.complete = self._reader.complete
@@ -81,13 +82,13 @@ class Recording:
         self._chunks: OrderedDict[int, Rows] = OrderedDict()
 
     def _check_order(self) -> None:
-        """Refuse seals that cannot follow each other; where one is damaged, nothing after it is read."""
+        """Refuse seals that are out of order; nothing after a damaged one is read."""
         pieces = sorted((*self._reader.pieces, *self._reader.attached))
-        piece = misplaced(pieces, self.provenance["start"]["step"], self.provenance["every"])
+        piece = misplaced(pieces, self._start, self.provenance["every"])
         if piece is None:
             return
         if self._reader.is_whole(piece):
-            raise RecordingError(f"{self.path} has a step {piece.step} that cannot follow those before it")
+            raise RecordingError(f"{self.path} has step {piece.step} out of order")
         self._reader.cut(piece)
 
     def __repr__(self) -> str:
@@ -95,30 +96,30 @@ class Recording:
         return f"<Recording of {self.provenance['model']['name']}, {len(self)} rows{state}: {self.path}>"
 
     def __len__(self) -> int:
-        """How many steps were recorded."""
+        """Return the number of recorded steps."""
         return self._ends[-1] if self._ends else 0
 
     @cached_property
     def intact(self) -> int:
-        """How many rows can be read before the first that is damaged; all chunks are checked for it."""
+        """The number of rows before the first damaged one; reading it checks all chunks."""
         torn = (place for place, piece in enumerate(self._reader.pieces) if not self._reader.is_whole(piece))
         damaged = next(torn, len(self._ends))
         return self._ends[damaged - 1] if damaged else 0
 
     @cached_property
     def damage(self) -> str:
-        """What is damaged, in words that follow the file's name; empty if nothing is, also where it was not closed."""
+        """What is damaged, as text to follow the file's name; empty if nothing is, even if it was not closed."""
         if self.intact < len(self) or self._reader.broken:
-            step = self[self.intact - 1].step if self.intact else self.provenance["start"]["step"]
-            return f"is damaged after step {step}: {_counted(self.intact)} whole to there, what follows is not read"
+            step = self[self.intact - 1].step if self.intact else self._start
+            return f"is damaged after step {step}: {_counted(self.intact)} whole, the rest is not read"
         torn = next((piece for piece in self._reader.attached if not self._reader.is_whole(piece)), None)
         if torn is None:
             return ""
-        return f"is damaged at what it carries for step {torn.step}: {_counted(self.intact)} whole"
+        return f"is damaged at the piece of step {torn.step}: {_counted(self.intact)} whole"
 
     @property
     def why_short(self) -> str:
-        """Why there may be less than one looks for, in words that end a sentence; empty if it was closed or damaged."""
+        """Why rows may be missing, as text to end a sentence; empty if it was closed or is damaged."""
         return "" if self.complete or self._reader.broken else "; it is not closed: call close() of its recorder"
 
     def __iter__(self) -> Iterator[Frame]:
@@ -143,9 +144,9 @@ class Recording:
         Raises
         ------
         IndexError
-            If there are not so many rows.
+            If there is no such row.
         UnknownNameError, InvalidValueError
-            If there is no such column, or robots came or went, so that it has no shape.
+            If there is no such column, or robots were added or removed, so that it has no shape.
         """
         if isinstance(which, str):
             return self._whole(which)
@@ -166,8 +167,8 @@ class Recording:
         for frame in self._chunk(place) if place >= 0 else ():
             if frame.step == step:
                 return frame
-        there = f"recorded are {len(self)} from {self[0].step} to {self[-1].step}" if len(self) else "none is"
-        raise InvalidValueError(f"step {step} was not recorded; {there}{self.why_short}")
+        recorded = f"{len(self)} steps from {self[0].step} to {self[-1].step}" if len(self) else "no step"
+        raise InvalidValueError(f"step {step} was not recorded; the recording has {recorded}{self.why_short}")
 
     @cached_property
     def steps(self) -> np.ndarray:
@@ -181,7 +182,7 @@ class Recording:
 
     @cached_property
     def checkpoints(self) -> tuple[int, ...]:
-        """The steps of which the complete state was stored, from which `resume` goes on."""
+        """The steps of which the complete state was stored, from which `resume` continues."""
         return tuple(piece.step for piece in self._attached(CHECKPOINT))
 
     def checkpoint(self, place: int) -> Checkpoint:
@@ -195,23 +196,23 @@ class Recording:
         piece = self._attached(CHECKPOINT)[place]
         checkpoint = from_bytes(self._reader.content(piece))
         if checkpoint.step != piece.step:
-            raise RecordingError(f"{self.path} has a checkpoint of step {piece.step} that is of another step")
+            raise RecordingError(f"{self.path} has a checkpoint of step {checkpoint.step} instead of step {piece.step}")
         return checkpoint
 
     @cached_property
     def interventions(self) -> tuple[Intervention, ...]:
-        """What somebody changed by hand while it was recorded, oldest first. Older versions did not tell.
+        """Manual changes during the recording, oldest first; older versions did not store them.
 
         Raises
         ------
         RecordingError
-            If that is damaged.
+            If they are damaged.
         """
         found, states = [], 0
         for place, (name, piece) in enumerate(self._named):
             states += name == CHECKPOINT
             if name == INTERVENTION:
-                # A checkpoint of a later step has nothing to do with it.
+                # A checkpoint of a later step is not the state after it.
                 following = [(known, other.step) for known, other in self._named[place + 1 : place + 2]]
                 stored = following == [(CHECKPOINT, piece.step)]
                 content = self._reader.content(piece)
@@ -220,49 +221,49 @@ class Recording:
 
     @cached_property
     def changes(self) -> dict[int, list]:
-        """What there was when robots, obstacles or fires had come or gone, by the first recorded step after it.
+        """The population after robots, obstacles or fires were added or removed, by the next recorded step.
 
-        Of each three kinds how many, and the last unique_id.
+        For each of the three kinds the number, and the last unique_id.
 
         Raises
         ------
         RecordingError
-            If that is damaged.
+            If it is damaged.
         """
-        # Format 1 had nothing but this.
-        return {step: told["there"] if isinstance(told, dict) else told for step, told in self._changes.items()}
+        # Format 1 stored the population alone.
+        return {step: one["there"] if isinstance(one, dict) else one for step, one in self._changes.items()}
 
     @cached_property
     def sceneries(self) -> tuple[tuple[int, dict], ...]:
-        """What robots and things look like, see `scenery_of`, each with the first step of which it is true.
+        """The shapes of robots and other objects, see `scenery_of`, each with the first step for which it is valid.
 
-        Each knows all robots and loads. None if the recording does not tell; one if nothing came or went, or a
-        version wrote it that did not tell.
+        Each includes all robots and loads. Older versions stored no scenery, or only the first one.
 
         Raises
         ------
         RecordingError
-            If that is damaged.
+            If they are damaged.
         """
         first = self.provenance.get("scenery")
-        later = [(step, told["scenery"]) for step, told in self._changes.items() if "scenery" in told]
+        later = [(step, change["scenery"]) for step, change in self._changes.items() if "scenery" in change]
         if not first:
             return ()
         try:
-            told = [(step, checked_scenery(one)) for step, one in [(self.provenance["start"]["step"], first), *later]]
+            return joined([(step, checked_scenery(one)) for step, one in [(self._start, first), *later]])
         except RecordingError as error:
-            raise RecordingError(f"{self.path} does not say clearly what its world looks like: {error}") from None
-        return joined(told)
+            raise RecordingError(f"{self.path} has an invalid scenery: {error}") from None
 
     @cached_property
     def _changes(self) -> dict[int, Any]:
         try:
-            return {piece.step: checked_change(self._reader.content(piece)) for piece in self._attached(CHANGE)}
+            return {
+                piece.step: checked_content(CHANGE, self._reader.content(piece)) for piece in self._attached(CHANGE)
+            }
         except ValueError:
-            raise RecordingError(f"{self.path} is damaged where it tells what came and went") from None
+            raise RecordingError(f"{self.path} has a change of its population that cannot be decoded") from None
 
     def row_after(self, step: int) -> int:
-        """Return the first row of a later step, `len` if there is none."""
+        """Return the first row of a later step, or the number of rows."""
         return int(np.searchsorted(self.steps, step, side="right"))
 
     def to_pandas(self, table: str = "robots") -> pd.DataFrame:
@@ -283,14 +284,14 @@ class Recording:
         return table_of(self, self.checked_table(table))
 
     def checked_table(self, table: str) -> str:
-        """Return the name of a table if it was recorded, else say which were."""
+        """Return the name of a table if it was recorded, else raise UnknownNameError."""
         known = ("robots", *(name for name in self.columns if name in TABLES))
         if table not in known:
             raise UnknownNameError(unknown_name("recorded table", table, known))
         return table
 
     def events(self) -> list[Event]:
-        """Return what happened, oldest first: fires that went out, bursts of collisions, groups that merged."""
+        """Return the events, oldest first: fires that went out, bursts of collisions, groups that merged."""
         return events_of(self)
 
     def _attached(self, name: str) -> list[Piece]:
@@ -298,7 +299,7 @@ class Recording:
 
     @cached_property
     def _named(self) -> list[tuple[str, Piece]]:
-        """What is no row, each with its name, which is looked for among all that a piece carries: once is enough."""
+        """The pieces without rows, with their names, which take long to find."""
         return [(self._reader.name(piece), piece) for piece in self._reader.attached]
 
     def _frame(self, row: int) -> Frame:
@@ -314,10 +315,10 @@ class Recording:
             raise InvalidValueError(f"{name} is a table; read it with to_pandas({name!r}), or frame by frame")
         if name not in self.columns:
             raise UnknownNameError(unknown_name("recorded column", name, self.columns))
-        kept = [frame[name] for frame in self]
-        if len({values.shape for values in kept}) > 1:
-            raise InvalidValueError(f"robots came or went in {self.path}; read {name} frame by frame")
-        return np.stack(kept) if kept else np.empty((0, 0))
+        values = [frame[name] for frame in self]
+        if len({one.shape for one in values}) > 1:
+            raise InvalidValueError(f"robots were added or removed in {self.path}; read {name} frame by frame")
+        return np.stack(values) if values else np.empty((0, 0))
 
     def _chunk(self, place: int) -> Rows:
         if place in self._chunks:
@@ -326,7 +327,9 @@ class Recording:
         piece = self._reader.pieces[place]
         batch = self._reader.batch(piece)
         if batch.num_rows != piece.rows:
-            raise RecordingError(f"{self.path} has {batch.num_rows} rows from step {piece.step} on, not {piece.rows}")
+            raise RecordingError(
+                f"{self.path} has {batch.num_rows} rows from step {piece.step} on; expected {piece.rows}"
+            )
         chunk = checked_rows(batch, piece.step, self.provenance["every"], self.path)
         if batch.nbytes > LARGEST_CACHED:
             self._chunks.clear()

@@ -1,4 +1,4 @@
-"""Going on from any step of a recording, as it was or with other parameters."""
+"""Continuing a run from any step of its recording, unchanged or with other parameters."""
 
 import os
 from copy import deepcopy
@@ -11,30 +11,31 @@ from mesa_swarm.fire.model import FireModel
 from mesa_swarm.gallery import shipped_class
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.collected import reporters_of, set_clock
+from mesa_swarm.recording.container import ATOMS
 from mesa_swarm.recording.provenance import rebuilt
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.verify import Rerun, Watch, last_same, restored, run_to, started_again, states_to
 
-# What parameters decide; all other columns are the state of the run.
+# Columns that follow from parameters; all others are the state of the run.
 OF_PARAMETERS = frozenset({"number", "design", "radius", "max_speed"})
-# What a run changes besides columns, in any model: plain values that no longer are what the constructor made them.
-PLAIN = (bool, int, float, str, np.ndarray, np.generic, type(None))
-# Says which state the new model's own tables were made for.
+# Attributes that a run may change, in any model: plain values.
+PLAIN = (*ATOMS, np.ndarray, np.generic)
+# Attributes that belong to the new model.
 OWN = frozenset({"_senses_version", "given"})
 
 
 def resume(
     base: type, path: str | os.PathLike[str], *, step: int | None = None, progress: bool = False, **changes: object
 ) -> FireModel:
-    """Return the model as it was after a step of a recording, from which it goes on bit by bit as it did.
+    """Return the model as it was after a step of a recording, from which it continues with the same bits.
 
     The nearest checkpoint at or before the step is restored, and the model runs from there to the step, compared
-    with the recording on the way; where there is no checkpoint it is run again from its parameters. With other
-    parameters, a second model is made with these and takes over the first one's state: positions,
-    readings, temperatures, what layers remember (by the layer's name), random streams, counters. What was replaced by
-    hand before, such as `control` or `fire_constants`, is then again what the parameters say.
+    with the recording on the way; without a checkpoint it is run again from its parameters. With other parameters, a
+    second model is made with these and takes over the first one's state: positions, readings, temperatures, the memory
+    of layers (by the layer's name), random streams, counters. Attributes that were replaced by hand before, such as
+    `control` or `fire_constants`, then follow from the parameters again.
 
-    Where somebody changed the model by hand after that very step, it is returned with that change, if the state after
+    If the model was changed by hand after that very step, it is returned with the change, provided that the state after
     it was stored (`Recording.interventions`).
 
     Parameters
@@ -47,14 +48,13 @@ def resume(
     progress : bool
         Whether to show a bar of the steps that are run again.
     **changes
-        Parameters of the model that are other from then on. They must leave the same robots, fires, obstacles
-        and loads.
+        New values of the model's parameters, which must leave the same robots, fires, obstacles and loads.
 
     Raises
     ------
     RecordingError
-        If running again does not give what was recorded, as with other code, or after a change by hand of which no
-        state was stored; the nearest steps that work are named.
+        If running again does not match the recording, as with other code, or after a manual change without a stored
+        state; the nearest steps that work are named.
     InvalidValueError, UnknownNameError
         If there is no such step or parameter, or a change makes another world.
 
@@ -80,14 +80,14 @@ def resume(
 def resumed(
     recording: Recording, base: type, step: int, changes: dict[str, Any], watch: Watch = lambda _: None
 ) -> FireModel:
-    """Return what `resume` does, and call `watch` with the model after each step that is run again."""
+    """Return the same as `resume`, and call `watch` with the model after each step that is run again."""
     model_class = class_of(recording, base)
     unknown = sorted(set(changes) - {*recording.provenance["parameters"], "map"})
     if unknown:
         known = recording.provenance["parameters"]
         raise UnknownNameError(unknown_name(f"parameter of {model_class.__name__}", unknown[0], known))
     if "map" in changes:
-        raise InvalidValueError("map cannot be changed on the way; resume with other parameters")
+        raise InvalidValueError("map cannot be changed during a run; resume with other parameters")
     model = state_at(recording, model_class, step, watch)
     if not changes:
         return model
@@ -98,14 +98,12 @@ def resumed(
 
 
 def state_at(recording: Recording, model_class: type, step: int, watch: Watch = lambda _: None) -> FireModel:
-    """Return the model as it was after a step of a recording: from the last checkpoint before it that is whole.
-
-    Without any the model is run again from its parameters.
+    """Return the model as it was after a step of a recording: from the last whole checkpoint, or its parameters.
 
     Raises
     ------
     RecordingError
-        If what was recorded does not come out; the nearest steps from which one can go on are named.
+        If running again does not match the recording; the nearest steps that work are named.
     """
     rerun = _nearest(recording, model_class, step, watch)
     begin = rerun.model.completed
@@ -113,46 +111,46 @@ def state_at(recording: Recording, model_class: type, step: int, watch: Watch = 
         run_to(rerun, step)
     except RecordingError as error:
         steps = [last_same(_nearest(recording, model_class, begin, watch), step)]
-        steps = [*steps, *(kept for kept in recording.checkpoints if kept > step)][:2]
-        there = " and ".join(map(str, steps))
-        raise RecordingError(f"{recording.path}: {error}; the nearest steps to resume from are {there}") from None
+        steps = [*steps, *(one for one in recording.checkpoints if one > step)][:2]
+        nearest = " and ".join(map(str, steps))
+        raise RecordingError(f"{recording.path}: {error}; the nearest steps to resume from are {nearest}") from None
     return rerun.model
 
 
 def _nearest(recording: Recording, model_class: type, step: int, watch: Watch) -> Rerun:
     """Return a model with the state of the last whole checkpoint at or before a step, or one started again."""
-    usable = [place for place, kept in enumerate(recording.checkpoints) if kept <= step]
+    usable = [place for place, one in enumerate(recording.checkpoints) if one <= step]
     for place in reversed(usable):
         try:
             states = states_to(recording, place)
-        except RecordingError:  # damaged: an earlier one, or running again, gives the same, only later
+        except RecordingError:  # damaged: an earlier one, or running again, gives the same state, but slower
             continue
         return Rerun(recording, restored(recording, model_class, states), place, watch)
     return started_again(recording, model_class, watch)
 
 
 def take_over(new: FireModel, old: FireModel, fresh: FireModel) -> None:
-    """Give a model that has taken no step yet the state of another.
+    """Copy the state of a model to one that has taken no step yet.
 
     Parameters
     ----------
     new : FireModel
-        With the parameters that count from now on.
+        With the new parameters.
     old : FireModel
-        Whose state it is to have.
+        With the state.
     fresh : FireModel
-        What `old` was before its first step: what differs from it is state, all else came from parameters.
+        `old` before its first step: values of `old` that differ from it are state.
 
     Raises
     ------
     InvalidValueError
         If the two do not have the same robots, fires, obstacles and loads.
     """
-    _check_same_things(new, old)
+    _check_same_objects(new, old)
     set_clock(new, old.steps)
     new.obstacles_changed()
     for load, moved in zip(new.loads, old.loads, strict=True):
-        load.lay(moved.pose)
+        load.move_to(moved.pose)
         load.moved, load.pushers = moved.moved, moved.pushers
     _take_columns(new, old)
     _take_fires(new, old)
@@ -162,13 +160,13 @@ def take_over(new: FireModel, old: FireModel, fresh: FireModel) -> None:
     new.swarm.disturbed = old.swarm.disturbed
 
 
-def _check_same_things(new: FireModel, old: FireModel) -> None:
+def _check_same_objects(new: FireModel, old: FireModel) -> None:
     for name in ("robots", "fires", "obstacles", "loads"):
-        there, was = ([thing.unique_id for thing in getattr(model, name)] for model in (new, old))
-        if there != was:
+        ids, was = ([agent.unique_id for agent in getattr(model, name)] for model in (new, old))
+        if ids != was:
             raise InvalidValueError(
-                f"the change makes a world with {len(there)} {name} instead of the {len(was)} that there were; "
-                "change parameters that leave them as they are"
+                f"the change makes a world with {len(ids)} {name} instead of the {len(was)} recorded; "
+                "change only parameters that leave them as they are"
             )
 
 
@@ -182,7 +180,7 @@ def _take_columns(new: FireModel, old: FireModel) -> None:
 
 
 def _without_place(name: str) -> str:
-    """Return the name of a layer's column without the layer's place: another layer may have come before it."""
+    """Return the name of a layer's column without the index of the layer, which may have changed."""
     place, dot, rest = name.partition(".")
     return rest if dot and place.isdigit() else name
 
@@ -200,7 +198,7 @@ def _take_randomness(new: FireModel, old: FireModel) -> None:
         new.streams[name].bit_generator.state = state
     new.rng.bit_generator.state = old.rng.bit_generator.state
     new.random.setstate(old.random.getstate())
-    new.__dict__["_noise"] = old.__dict__["_noise"]  # this step's errors of sensors, which may be drawn already
+    new.__dict__["_noise"] = old.__dict__["_noise"]  # this step's sensor errors, which may have been drawn already
 
 
 def _take_plain_values(new: FireModel, old: FireModel, fresh: FireModel) -> None:
@@ -211,14 +209,14 @@ def _take_plain_values(new: FireModel, old: FireModel, fresh: FireModel) -> None
 
 
 def _take_collected(new: FireModel, old: FireModel) -> None:
-    """Take what Mesa collected, unless other parameters collect something else."""
+    """Copy collected data, unless the new parameters collect other data."""
     if new.datacollector.model_vars.keys() == old.datacollector.model_vars.keys():
         for name, values in old.datacollector.model_vars.items():
             new.datacollector.model_vars[name] = list(values)
-        kept = reporters_of(old)
+        reporters = reporters_of(old)
         for name, reporter in reporters_of(new).items():
-            if name in kept:
-                reporter.restore(kept[name].checkpoint())
+            if name in reporters:
+                reporter.restore(reporters[name].checkpoint())
 
 
 def _checked_step(recording: Recording, step: int | None) -> int:
@@ -233,37 +231,37 @@ def _checked_step(recording: Recording, step: int | None) -> int:
 
 
 def class_of(recording: Recording, base: type) -> type:
-    """Return the recorded class: `base`, one derived from it that is loaded, or one that comes with mesa_swarm.
+    """Return the recorded class: `base`, a loaded class derived from it, or one that is part of mesa_swarm.
 
     Raises
     ------
     RecordingError
-        If it is another one.
+        If it is another class.
     """
     module, name = recording.provenance["model"]["module"], recording.provenance["model"]["name"]
-    shipped_class(module, name)  # imports it, so that it is among those that are loaded
+    shipped_class(module, name)  # imports it
     for model_class in _family(base):
         if (model_class.__module__, model_class.__qualname__) == (module, name):
             return model_class
     raise RecordingError(
-        f"{recording.path} is of {shortened(name)}, which is neither {base.__name__} nor derived from it and loaded; "
+        f"{recording.path} is of {shortened(name)}, which is neither {base.__name__} nor a loaded subclass of it; "
         "import its class and call its resume"
     )
 
 
 def shipped_class_of(recording: Recording) -> type:
-    """Return the recorded class, which has to be one that comes with mesa_swarm: importing any other is running it.
+    """Return the recorded class, which must be part of mesa_swarm: importing any other would run its code.
 
     Raises
     ------
     RecordingError
-        If it is another one.
+        If it is another class.
     """
     recorded = recording.provenance["model"]
     model_class = shipped_class(recorded["module"], recorded["name"])
     if model_class is None:
         raise RecordingError(
-            f"{recording.path} is of {shortened(recorded['name'])}, which does not come with mesa_swarm; "
+            f"{recording.path} is of {shortened(recorded['name'])}, which is not part of mesa_swarm; "
             "call mesa_swarm.recording.verify(recording, its_class)"
         )
     return model_class

@@ -1,6 +1,6 @@
-"""What a recording must hold: its provenance, its columns and what it carries, checked before anything is believed.
+"""The content that a recording must have: provenance, columns, rows and other pieces, checked before they are used.
 
-A checksum that fits proves that a file was not damaged, not that mesa_swarm wrote it. Whatever a recording holds is
+A matching checksum proves that a file was not damaged, not that mesa_swarm wrote it. The content of a recording is
 therefore checked here once, when it is opened, and its rows where they are decoded.
 """
 
@@ -16,63 +16,64 @@ import pyarrow as pa
 
 from mesa_swarm.errors import RecordingError, shortened
 from mesa_swarm.recording.frames import Rows
-from mesa_swarm.recording.layout import TABLES, WHOLE
-from mesa_swarm.recording.sealed_stream import Piece
+from mesa_swarm.recording.layout import FIRST_COLUMNS, TABLES, table_type
+from mesa_swarm.recording.sealed_stream import CHANGE, INTERVENTION, Piece
 from mesa_swarm.robots.swarm import COLUMNS
 
-# In what a recording begins with. A text of JSON takes up to twenty times as much memory once it is read.
+# Of the metadata of a recording. A JSON text takes up to twenty times as much memory once it is read.
 LONGEST_TEXT = 1 << 25
 MOST_LISTS = 2_000_000
 DEEPEST = 50
 MOST_EVERY = 1_000_000
-# Rows that may be missing between two, where steps failed, and so many steps at most.
+# Between two rows, where steps failed: missing rows, and steps in all.
 MOST_MISSING = 100
 MOST_UNSEEN = 100_000
 MOST_STEPS = 10**15
 MOST_IDS = 2**31 - 1
 MOST_ROBOTS = 10_000_000
 LARGEST = 1e12
-# Of a chunk; those that mesa_swarm writes have at most 256.
+# Of a chunk; mesa_swarm writes at most 256.
 MOST_ROWS = 100_000
 # Values of one robot in one column.
 WIDEST = 100_000
-FIRST_COLUMNS = {"step": pa.int64(), "state_hash": pa.string(), "robot": pa.list_(pa.int32())}
-# Columns that are never NaN nor infinite, with their largest value; messages are NaN where there are none.
+# Columns that are never NaN or infinite, with their largest value; absent messages are NaN.
 FINITE = {name: LARGEST for name in ("position", "heading", "command", *TABLES)} | {"temperature": sys.float_info.max}
 SHOWN = 60
+# Raises an error if a value at a place of a JSON text does not have the form.
+Check = Callable[[Any, str], None]
 
 
 def checked_provenance(facts: dict, source: object) -> dict:
-    """Return what a recording says of its origin, if it is complete and of the types that mesa_swarm writes.
+    """Return the provenance of a recording if it is complete and of the types that mesa_swarm writes.
 
     Raises
     ------
     RecordingError
-        With the first place at which it is not.
+        Naming the first field that is not.
     """
     try:
         _check(facts, PROVENANCE, "")
         if {"map", "rng"} & facts["parameters"].keys():
-            raise _FaultError("parameters", "names a map or a seed, which a recording holds itself")
+            raise _FaultError("parameters", "contains a map or a seed, which a recording stores separately")
         _check_depth(facts["parameters"])
     except _FaultError as fault:
-        raise RecordingError(f"{_end_of(source)} has no provenance that can be used: its {fault}") from None
+        raise RecordingError(f"{_shown(source)} has invalid provenance: {fault}") from None
     return facts
 
 
 def checked_scenery(scenery: Any) -> dict:
-    """Return what a world looks like if a drawing can be made of it.
+    """Return a scenery if it can be drawn.
 
     Raises
     ------
     RecordingError
-        With the first place at which it cannot.
+        Naming the first field that is invalid.
 
     Examples
     --------
     >>> checked_scenery({"designs": [], "robots": [[1, 2, 0]], "shapes": [], "loads": [], "layers": [], "leave": 9})
     Traceback (most recent call last):
-    mesa_swarm.errors.RecordingError: its scenery has robots [1, 2, 0]; expected ascending ids, and one of its designs
+    mesa_swarm.errors.RecordingError: scenery has robots [1, 2, 0]; expected ascending ids, and one of 0 designs
     """
     try:
         _check(scenery, SCENERY, "scenery")
@@ -80,45 +81,37 @@ def checked_scenery(scenery: Any) -> dict:
         for first, last, which in scenery["robots"]:
             if not newest < first <= last or which >= len(scenery["designs"]):
                 raise RecordingError(
-                    f"its scenery has robots {[first, last, which]}; expected ascending ids, and one of its designs"
+                    f"scenery has robots {[first, last, which]}; expected ascending ids, and one of "
+                    f"{len(scenery['designs'])} designs"
                 )
             newest = last
         if sum(last - first + 1 for first, last, _ in scenery["robots"]) > MOST_ROBOTS:
-            raise RecordingError(f"its scenery has more than {MOST_ROBOTS:,} robots")
+            raise RecordingError(f"scenery has more than {MOST_ROBOTS:,} robots")
     except _FaultError as fault:
-        raise RecordingError(f"its {fault}") from None
+        raise RecordingError(str(fault)) from None
     return scenery
 
 
-def checked_change(text: bytes) -> Any:
-    """Return what a recording tells of what came and went: how many there are now, and what it looks like.
+def checked_content(name: str, content: bytes) -> Any:
+    """Return the JSON of a piece of this name: a `CHANGE` of the population or an `INTERVENTION`.
 
     Raises
     ------
     ValueError
-        If it does not tell that.
+        If it cannot be decoded.
     """
-    return _told(text, CHANGE)
-
-
-def checked_intervention(text: bytes) -> dict:
-    """Return what a recording tells of a change by hand.
-
-    Raises
-    ------
-    ValueError
-        If it does not tell that.
-    """
-    return _told(text, INTERVENTION)
+    value = read_json(content)
+    _check(value, CONTENTS[name], "")
+    return value
 
 
 def read_json(text: bytes) -> Any:
-    """Return what a text of JSON says, if it is neither too long nor too deep.
+    """Return the value of a JSON text, unless it is too long or nested too deeply.
 
     Raises
     ------
     ValueError
-        If it is none.
+        If it cannot be decoded.
 
     Examples
     --------
@@ -127,73 +120,60 @@ def read_json(text: bytes) -> Any:
     """
     lists = 0 if text.startswith(b'"') else text.count(b"[") + text.count(b"{")
     if len(text) > LONGEST_TEXT or lists > MOST_LISTS:
-        raise ValueError("a text too long to be believed")
+        raise ValueError("JSON text is too long")
     try:
         return json.loads(text)
     except RecursionError:
-        raise ValueError("a text nested too deeply") from None
+        raise ValueError("JSON text is nested too deeply") from None
 
 
 def check_columns(schema: pa.Schema, source: object) -> None:
-    """Refuse columns that are not of the types in which mesa_swarm records.
-
-    Raises
-    ------
-    RecordingError
-    """
+    """Refuse columns that are not of the types in which mesa_swarm records."""
     names = schema.names
     first = {field.name: field.type for field in list(schema)[: len(FIRST_COLUMNS)]}
     if first != FIRST_COLUMNS or len(set(names)) < len(names):
-        raise RecordingError(f"{_end_of(source)} has other columns than a recording: {shortened(names)}")
+        raise RecordingError(
+            f"{_shown(source)} has columns {shortened(names)}; expected {', '.join(FIRST_COLUMNS)} first, no repeats"
+        )
     for field in list(schema)[len(FIRST_COLUMNS) :]:
         if not _is_known(field.name, field.type):
             shown = " ".join(str(field.type).split())
-            raise RecordingError(f"{_end_of(source)} has column {shortened(field.name)} of type {shown:.{SHOWN}}")
+            raise RecordingError(f"{_shown(source)} has invalid column {shortened(field.name)}: type {shown:.{SHOWN}}")
 
 
 def checked_rows(batch: pa.RecordBatch, first: int, every: int, source: object) -> Rows:
-    """Return the rows of a chunk whose form is what its columns promise.
+    """Return the rows of a chunk if they match the schema and each other.
 
     Parameters
     ----------
-    batch : RecordBatch
     first : int
         The step of the first row.
     every : int
         Steps from one row to the next.
     source : object
-        What errors begin with.
-
-    Raises
-    ------
-    RecordingError
+        Named first in errors.
     """
     try:
         batch.validate()
         wrong = _wrong_in(batch, first, every)
         rows = None if wrong else Rows(batch)
     except (pa.ArrowException, ValueError, MemoryError, OverflowError):
-        wrong = "lists that do not fit together"
+        wrong = "inconsistent lists"
     if wrong or rows is None:
-        raise RecordingError(f"{_end_of(source)} has {wrong} in its rows from step {first} on")
+        raise RecordingError(f"{_shown(source)} has {wrong} in its rows from step {first} on")
     check_values(batch, first, source)
     return rows
 
 
 def check_values(batch: pa.RecordBatch, first: int, source: object) -> None:
-    """Refuse rows from this step on that hold numbers which no reader takes; the writer asks too.
-
-    Raises
-    ------
-    RecordingError
-    """
+    """Refuse rows from this step on with out-of-range values; the writer checks them too."""
     for name in FINITE.keys() & set(batch.schema.names):
         if not _all_finite(batch.column(name).values, FINITE[name]):
-            raise RecordingError(f"{_end_of(source)} has out-of-range values of {name} from step {first} on")
+            raise RecordingError(f"{_shown(source)} has out-of-range values of {name} from step {first} on")
 
 
 def longest_gap(every: int) -> int:
-    """Return how many steps there are at most from one row to the next: some are missing where steps failed.
+    """Return the largest number of steps from one row to the next: rows are missing where steps failed.
 
     Examples
     --------
@@ -204,15 +184,14 @@ def longest_gap(every: int) -> int:
 
 
 def misplaced(pieces: Sequence[Piece], start: int, every: int) -> Piece | None:
-    """Return the first piece whose seal gives a number of rows or a step that cannot follow those before it.
+    """Return the first piece whose seal has a number of rows or a step that cannot follow those before it.
 
     Parameters
     ----------
     pieces : sequence of Piece
-        In the order of the file, those without rows included.
+        In the order of the file, including those without rows.
     start : int
         The step at which the recording began.
-    every : int
 
     Examples
     --------
@@ -233,26 +212,20 @@ def misplaced(pieces: Sequence[Piece], start: int, every: int) -> Piece | None:
     return None
 
 
-def _told(text: bytes, form: Any) -> Any:
-    told = read_json(text)
-    _check(told, form, "")
-    return told
-
-
 def _wrong_in(batch: pa.RecordBatch, first: int, every: int) -> str:
-    """Return in words what of a chunk is wrong, an empty text if nothing is."""
+    """Return what is wrong with a chunk, an empty text if nothing is."""
     names = batch.schema.names
     steps, _, robots, *columns = batch.columns
     if any(_has_nulls(column) for name, column in zip(names, batch.columns, strict=True) if name != "state_hash"):
         return "missing values"
     if not _follow(steps.to_numpy(), first, every):
-        return "steps that do not follow each other"
+        return "steps out of order"
     begins = robots.offsets
     for name, column in (("robot", robots), *zip(names[3:], columns, strict=True)):
         if (name == "robot" or name in TABLES) and not _grow(column):
-            return f"lists of {name} that do not fit together"
+            return f"inconsistent lists of {name}"
         if name not in TABLES and not column.offsets.equals(begins):
-            return f"not as many values of {name} as robots"
+            return f"a number of values of {name} other than that of robots"
     return "" if _ascends(robots) else "unique_ids that do not ascend"
 
 
@@ -264,7 +237,7 @@ def _follow(steps: np.ndarray, first: int, every: int) -> bool:
 
 
 def _grow(lists: pa.ListArray) -> bool:
-    """Tell whether lists lie one after the other within their values; others need not be looked at again."""
+    """Return whether lists follow each other within their values."""
     offsets = lists.offsets.to_numpy()
     return bool(offsets[0] >= 0 and offsets[-1] <= len(lists.values) and (np.diff(offsets) >= 0).all())
 
@@ -273,7 +246,7 @@ def _ascends(robots: pa.ListArray) -> bool:
     begins, ids = robots.offsets.to_numpy(), robots.values.to_numpy()[: robots.offsets[-1].as_py()]
     grows = np.diff(ids) > 0
     inner = begins[(begins > 0) & (begins < len(ids))]
-    grows[inner - 1] = True  # from one row to the next they may begin again
+    grows[inner - 1] = True  # each row starts again
     return bool(grows[begins[0] :].all()) and not (len(ids) and ids[begins[0] :].min(initial=1) < 1)
 
 
@@ -298,12 +271,13 @@ def _all_finite(values: pa.Array, largest: float) -> bool:
 
 @lru_cache(maxsize=256)  # most recordings that are opened have the same columns
 def _is_known(name: str, kind: pa.DataType) -> bool:
-    known = _is_table if name in TABLES else _is_column
-    return pa.types.is_list(kind) and known(name, kind.value_type)
+    if not pa.types.is_list(kind):
+        return False
+    return kind.value_type in TABLE_TYPES[name] if name in TABLES else _is_column(name, kind.value_type)
 
 
 def _is_column(name: str, kind: pa.DataType) -> bool:
-    """Tell whether a robot's values of this type can be in a column of this name; those of layers may be any."""
+    """Return whether a column of this name may have this type; columns of layers may have any."""
     widths = []
     while pa.types.is_fixed_size_list(kind):
         widths.append(kind.list_size)
@@ -320,42 +294,27 @@ def _is_column(name: str, kind: pa.DataType) -> bool:
     return fits and is_kind(kind)
 
 
-def _is_table(name: str, kind: pa.DataType) -> bool:
-    return kind in TABLE_TYPES[name]
-
-
-def _table_type(table: str, real: pa.DataType) -> pa.DataType:
-    whole = dict.fromkeys(WHOLE, pa.int32()) | {"out": pa.bool_()}
-    return pa.struct([(field, whole.get(field, real)) for field in TABLES[table]])
-
-
 def _is_real(kind: pa.DataType) -> bool:
     return kind in REALS
 
 
-# ---- forms of JSON: a type; a dict of forms by key, those with a question mark may be missing; a list of one form;
-# a tuple of forms, which is a list of as many; a function that judges; or a set of forms, of which one must fit.
-
-
 class _FaultError(ValueError):
-    """What is wrong at a place of a JSON text."""
+    """An invalid field of a JSON value."""
 
     def __init__(self, where: str, what: str) -> None:
         super().__init__(f"{where or 'content'} {what}")
 
 
 def _check(value: Any, form: Any, where: str) -> None:
-    """Refuse a value that does not have a form."""
-    if isinstance(form, frozenset):
-        if not any(_fits(value, one, where) for one in form):
-            raise _unexpected(where, value)
-    elif isinstance(form, type):
+    """Refuse a value that has not the form: a type, a set of alternative forms, or a function that raises."""
+    if isinstance(form, type):
         if type(value) is not form:
             raise _unexpected(where, value)
-    elif isinstance(form, _Items | _Each | _Exactly):
-        form.check(value, where)
-    elif not form(value):
-        raise _unexpected(where, value)
+    elif isinstance(form, frozenset):
+        if not any(_fits(value, one, where) for one in form):
+            raise _unexpected(where, value)
+    else:
+        form(value, where)
 
 
 def _fits(value: Any, form: Any, where: str) -> bool:
@@ -374,71 +333,63 @@ def _is_flat(value: Any) -> bool:
     return not isinstance(value, (dict, list))
 
 
-class _Items:
-    """The form of a JSON object: of each key its own."""
+def _items(**forms: Any) -> Check:
+    """Return the form of a JSON object by key; a key with a trailing underscore is optional."""
+    named = [(name.removesuffix("_"), form, name.endswith("_")) for name, form in forms.items()]
 
-    def __init__(self, **forms: Any) -> None:
-        self.forms = {name.removesuffix("_"): (form, name.endswith("_")) for name, form in forms.items()}
-
-    def check(self, value: Any, where: str) -> None:
+    def check(value: Any, where: str) -> None:
         if not isinstance(value, dict):
             raise _unexpected(where, value)
-        for name, (form, optional) in self.forms.items():
+        for name, form, optional in named:
             place = f"{where}.{name}" if where else name
             if name in value:
                 _check(value[name], form, place)
             elif not optional:
                 raise _FaultError(place, "is missing")
 
+    return check
 
-class _Each:
-    """The form of a JSON list, or of the values of an object, that are all alike."""
 
-    def __init__(self, kind: type[list] | type[dict], form: Any, most: int = MOST_LISTS) -> None:
-        self.kind, self.form, self.most = kind, form, most
+def _each(kind: type[list] | type[dict], form: Any, *, least: int = 0, most: int = MOST_LISTS) -> Check:
+    """Return the form of a JSON list, or of an object, whose values have one form."""
 
-    def check(self, value: Any, where: str) -> None:
-        if type(value) is not self.kind or len(value) > self.most:
+    def check(value: Any, where: str) -> None:
+        if type(value) is not kind or not least <= len(value) <= most:
             raise _unexpected(where, value)
         for one in value.values() if isinstance(value, dict) else value:
-            _check(one, self.form, where)
-
-
-class _Exactly:
-    """The form of a JSON list that has one form for each of its items."""
-
-    def __init__(self, *forms: Any) -> None:
-        self.forms = forms
-
-    def check(self, value: Any, where: str) -> None:
-        if type(value) is not list or len(value) != len(self.forms):
-            raise _unexpected(where, value)
-        for one, form in zip(value, self.forms, strict=True):
             _check(one, form, where)
 
-
-def _whole(most: int, least: int = 0) -> Callable[[Any], bool]:
-    return lambda value: type(value) is int and least <= value <= most
+    return check
 
 
-def _number(value: Any) -> bool:
-    return type(value) in (int, float) and -LARGEST <= value <= LARGEST
+def _exactly(*forms: Any) -> Check:
+    """Return the form of a JSON list with one form for each of its items."""
+
+    def check(value: Any, where: str) -> None:
+        if type(value) is not list or len(value) != len(forms):
+            raise _unexpected(where, value)
+        for one, form in zip(value, forms, strict=True):
+            _check(one, form, where)
+
+    return check
 
 
-def _positive(value: Any) -> bool:
-    return _number(value) and value > 0
+def _number(least: float, most: float = LARGEST, kinds: tuple[type, ...] = (int, float)) -> Check:
+    """Return the form of a number within inclusive limits."""
+
+    def check(value: Any, where: str) -> None:
+        if type(value) not in kinds or not least <= value <= most:
+            raise _unexpected(where, value)
+
+    return check
 
 
-def _not_negative(value: Any) -> bool:
-    return _number(value) and value >= 0
-
-
-def _some_seed(value: Any) -> bool:
-    return type(value) is int and 0 <= value < 1 << 4096
+def _whole(most: int, least: int = 0) -> Check:
+    return _number(least, most, (int,))
 
 
 def _check_depth(value: Any) -> None:
-    """Refuse what is nested so deeply that writing or comparing it might fail."""
+    """Refuse values nested so deeply that writing or comparing them might fail."""
     level: Sequence[Any] = [value]
     for _ in range(DEEPEST):
         level = [inner for one in level if not _is_flat(one) for inner in _inside(one)]
@@ -450,56 +401,54 @@ def _inside(value: dict | list) -> Iterable[Any]:
     return value.values() if isinstance(value, dict) else value
 
 
-def _end_of(source: object) -> str:
+def _shown(source: object) -> str:
     text = str(source)
     return text if len(text) <= SHOWN * 2 else f"...{text[-2 * SHOWN :]}"
 
 
 REALS = (pa.float32(), pa.float64())
-TABLE_TYPES = {name: [_table_type(name, real) for real in REALS] for name in TABLES}
-STEP = _whole(MOST_STEPS)
-POINT = _Exactly(_number, _number)
-RINGS = _Each(list, _Each(list, POINT))
-SHAPE = frozenset(
-    {
-        _Items(disc=_Exactly(_number, _number, _positive), mark_=bool),
-        _Items(rings=lambda rings: bool(rings) and _fits(rings, RINGS, ""), mark_=bool),
-    }
-)
-DESIGN = _Items(
+TABLE_TYPES = {name: [table_type(name, real) for real in REALS] for name in TABLES}
+NUMBER, NOT_NEGATIVE, POSITIVE = _number(-LARGEST), _number(0), _number(math.ulp(0.0))
+STEP, ID = _whole(MOST_STEPS), _whole(MOST_IDS)
+RINGS = _each(list, _each(list, _exactly(NUMBER, NUMBER)), least=1)
+
+
+def _shape(**more: Any) -> frozenset:
+    disc = _items(disc=_exactly(NUMBER, NUMBER, POSITIVE), mark_=bool, **more)
+    return frozenset({disc, _items(rings=RINGS, mark_=bool, **more)})
+
+
+DESIGN = _items(
     name=str,
-    radius=_positive,
-    max_speed=_not_negative,
+    radius=POSITIVE,
+    max_speed=NOT_NEGATIVE,
     holonomic=bool,
-    sensors=_Each(list, _Exactly(_number, _number, _number, _not_negative, _positive), most=WIDEST),
+    sensors=_each(list, _exactly(NUMBER, NUMBER, NUMBER, NOT_NEGATIVE, POSITIVE), most=WIDEST),
 )
-# Indices of designs and layers are bytes where they are drawn.
-SCENERY = _Items(
-    designs=_Each(list, DESIGN),
-    robots=_Each(list, _Exactly(_whole(MOST_IDS), _whole(MOST_IDS), _whole(MOST_IDS))),
-    shapes=_Each(list, SHAPE),
-    loads=_Each(list, lambda load: _fits(load, SHAPE, "") and _fits(load.get("id"), _whole(MOST_IDS), "")),
-    layers=_Each(list, str),
-    leave=_number,
-    join_=_number,
+SCENERY = _items(
+    designs=_each(list, DESIGN),
+    robots=_each(list, _exactly(ID, ID, ID)),
+    shapes=_each(list, _shape()),
+    loads=_each(list, _shape(id=ID)),
+    layers=_each(list, str),
+    leave=NUMBER,
+    join_=NUMBER,
 )
-THERE = _Exactly(*[_Exactly(_whole(MOST_IDS), _whole(MOST_IDS))] * 3)
-CHANGE = frozenset({THERE, _Items(there=THERE, scenery_=dict)})  # format 1 had nothing but what there is
-INTERVENTION = _Items(what=_Each(list, str), why_not=str)
-SEED = frozenset(
-    {
-        _some_seed,
-        _Items(entropy=frozenset({_some_seed, _Each(list, _some_seed)}), spawn_key=_Each(list, _some_seed)),
-    }
-)
-PROVENANCE = _Items(
-    model=_Items(module=str, name=str),
+POPULATION = _exactly(*[_exactly(ID, ID)] * 3)
+CONTENTS = {
+    CHANGE: frozenset({POPULATION, _items(there=POPULATION, scenery_=dict)}),  # in format 1 the population alone
+    INTERVENTION: _items(what=_each(list, str), why_not=str),
+}
+ENTROPY = _whole((1 << 4096) - 1)
+SEED = frozenset({ENTROPY, _items(entropy=frozenset({ENTROPY, _each(list, ENTROPY)}), spawn_key=_each(list, ENTROPY))})
+PROVENANCE = _items(
+    model=_items(module=str, name=str),
     parameters=dict,
     takes_map=bool,
     map=str,
-    scenery_=lambda scenery: scenery is None or isinstance(scenery, dict),
+    scenery_=frozenset({dict, type(None)}),
     seed=SEED,
-    versions=_Each(dict, str),
+    versions=_each(dict, str),
     platform=str,
     rerun=bool,
     every=_whole(MOST_EVERY, 1),
@@ -507,5 +456,5 @@ PROVENANCE = _Items(
     hash_every_=_whole(MOST_STEPS, 1),
     checkpoint_every_=STEP,
     why_no_checkpoint_=str,
-    start=_Items(step=STEP, state_hash=str),
+    start=_items(step=STEP, state_hash=str),
 )

@@ -1,10 +1,9 @@
-"""Arrow IPC streams whose pieces are sealed: what was torn or flipped is found before it is believed.
+"""Arrow IPC streams whose pieces are sealed: torn or flipped bytes are found before they are used.
 
 A sealed stream is an ordinary Arrow IPC stream, which any tool reads. After the schema, and after each record
-batch, stands a batch of no rows whose metadata are the seal: a CRC-32 of all bytes since the last seal began, the
-number of rows, and the step of the first one. A seal is written with what it seals, so whatever is followed by
-a seal that fits is whole. What is no row, a checkpoint for example, is carried by the metadata of a batch of no
-rows, sealed likewise.
+batch, stands an empty batch whose metadata are the seal: a CRC-32 of all bytes since the last seal began, the number
+of rows, and the step of the first one. A seal is written with what it seals, so whatever is followed by a matching
+seal is whole. Other content, a checkpoint for example, is in the metadata of an empty batch, sealed likewise.
 """
 
 import base64
@@ -38,20 +37,20 @@ from mesa_swarm.files import (
 )
 
 SEAL = re.compile(rb"crc32=([0-9a-f]{8}) rows=(\d{1,18}) step=(-?\d{1,18});")
-# What pieces without rows carry.
+# Names of pieces without rows.
 CHECKPOINT, CHANGE, INTERVENTION = "checkpoint", "change", "intervention"
 NAME = re.compile(rb"\0(checkpoint|change|intervention)\0")
 BEGIN_OF_MESSAGE = b"\xff\xff\xff\xff"
 END_OF_STREAM = BEGIN_OF_MESSAGE + b"\x00\x00\x00\x00"
-# Places in flatbuffers: of a message its header; of a record batch its buffers, and how they are compressed.
+# Fields of flatbuffers: the header of a message; the buffers of a record batch, and their compression.
 HEADER, BUFFERS, PACKED = 2, 2, 3
-# Before a compressed buffer stand so many bytes with its length.
+# Bytes before a compressed buffer, with its length.
 CLAIM = 8
-# A batch may take so many bytes in memory, or so many times as many as in the file.
-LEAST_BELIEVED, MOST_PACKED = 1 << 25, 64
-# By so much what a batch takes may be misjudged when it is written.
+# Limit in bytes of a batch in memory, or as a multiple of its size in the file.
+ALWAYS_ALLOWED, MOST_PACKED = 1 << 25, 64
+# Uncertainty of that size when a batch is written.
 SLACK = 1 << 16
-# The files that this process writes: a recorder that was left open, as in a notebook, gives way to the next.
+# The files that this process writes: a recorder that was left open, as in a notebook, yields to the next.
 OWN: set[tuple[int, int]] = set()
 # Level 1: higher ones cost a step more than they save on disk.
 ZSTD = pa.ipc.IpcWriteOptions(compression=pa.Codec("zstd", compression_level=1))
@@ -59,14 +58,14 @@ PLAIN = pa.ipc.IpcWriteOptions()
 
 
 class Sealed(NamedTuple):
-    """How far a stream is sealed."""
+    """The sealed length of a stream, and its rows."""
 
     end: int
     rows: int
 
 
 class Piece(NamedTuple):
-    """A sealed piece of a stream: where its bytes are, and what its seal says."""
+    """A sealed piece of a stream: the offsets of its bytes, and the content of its seal."""
 
     begin: int
     batch: int
@@ -78,7 +77,7 @@ class Piece(NamedTuple):
 
 
 class SealedWriter:
-    """Writes a sealed stream, piece by piece; a piece that fails to be written leaves no trace.
+    """Writes a sealed stream, piece by piece; a piece that cannot be written leaves no trace.
 
     A stream that replaces a file is written beside it, and takes its name when its first piece with rows is on the
     disk, or when it is closed: until then the old file is untouched. As long as it is open no other process can
@@ -86,15 +85,13 @@ class SealedWriter:
 
     Parameters
     ----------
-    path : Path
-    schema : pyarrow.Schema
     overwrite : bool
-        Whether a file that is there is replaced.
+        Whether an existing file is replaced.
 
     Attributes
     ----------
     sealed : Sealed
-        Replaced in one go when a piece is on disk, so that an interrupt cannot leave half the news.
+        Replaced at once when a piece is on disk, so that an interrupt cannot leave half an update.
     """
 
     def __init__(self, path: Path, schema: pa.Schema, overwrite: bool) -> None:
@@ -121,7 +118,7 @@ class SealedWriter:
 
     @property
     def is_in_place(self) -> bool:
-        """Whether what is written stands under the stream's name, and not yet beside an older file of that name."""
+        """Whether the file has the stream's name, and is not a draft beside an older file of that name."""
         return self._place is None
 
     def write(self, batch: pa.RecordBatch, step: int) -> None:
@@ -130,13 +127,13 @@ class SealedWriter:
         Raises
         ------
         RecordingError
-            If it cannot be written; what was sealed before stays.
+            If it cannot be written; sealed pieces remain.
         """
         self._append(self._message(batch), batch.num_rows, step)
         self._take_name()
 
     def attach(self, name: str, content: bytes, step: int) -> None:
-        """Write a piece of no rows that carries these bytes, which tools that know nothing of them pass over.
+        """Write a piece without rows that contains these bytes, which other tools ignore.
 
         Raises
         ------
@@ -147,24 +144,14 @@ class SealedWriter:
         self._append(self._message(self._empty, {name: words}), 0, step)
 
     def sync(self) -> None:
-        """Have the system put what was written on the disk, where a power cut cannot reach it.
-
-        Raises
-        ------
-        RecordingError
-        """
+        """Synchronise the file to disk, so that it survives a power cut."""
         try:
             os.fsync(self._file.fileno())
         except OSError as error:
             raise unwritable(self.path, error, RecordingError, "its last rows may be lost") from None
 
     def close(self) -> None:
-        """End the stream; a second time does nothing.
-
-        Raises
-        ------
-        RecordingError
-        """
+        """End the stream; a second time does nothing."""
         if self.closed:
             return
         try:
@@ -174,16 +161,16 @@ class SealedWriter:
         except BaseException:
             self.abandon()
             raise
-        self._let_go()
+        self._release()
 
     def abandon(self) -> None:
         """Close the file as it is, with everything sealed so far; one without rows is deleted."""
         if not self.closed and not (self.is_in_place and self.sealed.rows):
             discard(self._file)
-        self._let_go()
+        self._release()
 
-    def _let_go(self) -> None:
-        # A child that was forked meanwhile shares the lock: this process ends it, and no child does.
+    def _release(self) -> None:
+        # A forked child shares the lock: only this process may end it.
         if os.getpid() == self._owner:
             unlock(self._file)
         self._file.close()
@@ -199,12 +186,12 @@ class SealedWriter:
 
     def _message(self, batch: pa.RecordBatch, metadata: dict | None = None) -> bytes:
         message = _stream_of(self._bare, batch, metadata)[self._head :]
-        if batch is not None and batch.nbytes > _believed(message):  # readers take so much only if it is all there
+        if batch is not None and batch.nbytes > _allowed(message):  # readers accept that much only uncompressed
             return _stream_of(self._bare, batch, metadata, PLAIN)[self._head :]
         return message
 
     def _put(self, content: bytes) -> None:
-        """Write after what is sealed; whatever an earlier attempt left there is cut off."""
+        """Write after the last sealed piece; the rest of a failed attempt is cut off."""
         try:
             self._file.seek(self.sealed.end)
             self._file.truncate()
@@ -213,16 +200,16 @@ class SealedWriter:
                 left = left[self._file.write(left) :]
         except OSError as error:
             self._cut()
-            raise unwritable(self.path, error, RecordingError, self._what_is_left()) from None
+            raise unwritable(self.path, error, RecordingError, self._remaining()) from None
 
-    def _what_is_left(self) -> str:
-        """Return what stands under the name when nothing more can be written."""
+    def _remaining(self) -> str:
+        """Return what remains under the name when no more can be written."""
         if not self.is_in_place:
-            return "the file that it would have replaced is untouched"
-        return f"its {self.sealed.rows} rows so far are kept" if self.sealed.rows else "no row was written"
+            return "the older file is untouched"
+        return f"its {self.sealed.rows} rows so far remain" if self.sealed.rows else "no row was written"
 
     def _take_name(self) -> None:
-        """Take the place of the older file, once: what replaces it is on the disk by then."""
+        """Replace the older file, once: the new one is on disk by then."""
         place = self._place
         if place is None:
             return
@@ -230,13 +217,13 @@ class SealedWriter:
             if is_named(self._file, Path(self._file.name)):
                 _check_unused(self.path, place)
                 put_in_place(self._file, place)
-            elif not is_named(self._file, place):  # it is where Ctrl-C came just after it was renamed
+            elif not is_named(self._file, place):  # it is after Ctrl-C just after the renaming
                 raise RecordingError(
-                    f"{shown_path(self.path)} was not replaced: somebody deleted the draft beside it, and with it all "
-                    "rows of this recording; record again"
+                    f"{shown_path(self.path)} was not replaced: the draft beside it, with all rows of this recording, "
+                    "was deleted; record again"
                 )
         except OSError as error:
-            raise unwritable(self.path, error, RecordingError, self._what_is_left()) from None
+            raise unwritable(self.path, error, RecordingError, self._remaining()) from None
         self._place = None
         if self._file.closed:  # on Windows, for renaming
             self._file = open(place, "r+b", buffering=0)  # noqa: SIM115 - closed by close
@@ -244,18 +231,18 @@ class SealedWriter:
     def _cut(self) -> None:
         try:
             self._file.truncate(self.sealed.end)
-        except OSError:  # a tail without a seal is passed over by readers
+        except OSError:  # readers ignore a tail without a seal
             return
 
 
 def _opened(path: Path, overwrite: bool) -> tuple[FileIO, Path | None]:
-    """Return a new file, and the place that it is to take if it stands beside an older one for now."""
+    """Return a new file, and the path of the older file that it is to replace."""
     try:
         place = checked_place(path)
         if overwrite and place.exists():
             _check_unused(path, place)
             return opened_draft(place), place
-        file = open(place if overwrite else path, "xb", buffering=0)  # noqa: SIM115 - it stays open
+        file = open(place if overwrite else path, "xb", buffering=0)  # noqa: SIM115 - closed by close
     except FileExistsError:
         raise RecordingError(
             f"{shown_path(path)} exists already; choose another name, or replace it with overwrite=True (--force)"
@@ -278,9 +265,9 @@ def _identity(status: os.stat_result) -> tuple[int, int]:
     return status.st_dev, status.st_ino
 
 
-def _believed(message: bytes) -> int:
-    """Return how many bytes a batch may take in memory for what is surely its length in the file."""
-    return max(LEAST_BELIEVED, MOST_PACKED * len(message)) - SLACK
+def _allowed(message: bytes) -> int:
+    """Return the bytes that a batch may take in memory, given its length in the file."""
+    return max(ALWAYS_ALLOWED, MOST_PACKED * len(message)) - SLACK
 
 
 def _stream_of(
@@ -298,11 +285,7 @@ def _stream_of(
 
 
 class SealedReader:
-    """Finds the sealed pieces of a stream without decoding them; each is checked when it is first read.
-
-    Parameters
-    ----------
-    path : Path
+    """Finds the sealed pieces of a stream without decoding them; each is checked when it is read.
 
     Attributes
     ----------
@@ -310,14 +293,14 @@ class SealedReader:
     pieces : list of Piece
         With rows.
     attached : list of Piece
-        Without rows: `content` returns what they carry.
+        Without rows, see `content`.
     complete : bool
         Whether the stream was closed and nothing is missing at its end.
 
     Raises
     ------
     RecordingError
-        If it cannot be read, or is damaged so early that nothing can be told.
+        If it cannot be read, or is damaged at its beginning.
     """
 
     def __init__(self, path: Path) -> None:
@@ -329,7 +312,7 @@ class SealedReader:
         try:
             self.schema = pa.ipc.read_schema(self._message(0))
         except (pa.ArrowException, OSError, ValueError, MemoryError):
-            raise RecordingError(f"{path} does not begin with what its columns are; choose another file") from None
+            raise RecordingError(f"{path} does not begin with an Arrow schema; choose another file") from None
         if len(found) > 1 and not self.is_whole(found[-1]):  # a power cut may leave holes before the end
             found.pop()
         self.pieces = [piece for piece in found[1:] if piece.rows]
@@ -339,16 +322,16 @@ class SealedReader:
         self.complete = self._bytes[self._end :].to_pybytes() == END_OF_STREAM
 
     def cut(self, piece: Piece) -> None:
-        """Take a piece and all that follows it as damaged."""
-        kept = [one for one in (*self.pieces, *self.attached) if one.begin < piece.begin]
-        self.pieces = [one for one in kept if one.rows]
-        self.attached = [one for one in kept if not one.rows]
+        """Treat a piece and all that follow it as damaged."""
+        self.pieces, self.attached = (
+            [one for one in pieces if one.begin < piece.begin] for pieces in (self.pieces, self.attached)
+        )
         self._end = piece.batch
         self.lost, self.complete = self._bytes.size - self._end, False
 
     @cached_property
     def broken(self) -> bool:
-        """Whether what follows the last piece was once more than the torn end of a stream that nobody closed."""
+        """Whether the bytes after the last piece are more than the torn end of a stream that was not closed."""
         if self.complete:
             return False
         rest = memoryview(self._bytes)[self._end :].tobytes()
@@ -360,7 +343,7 @@ class SealedReader:
         Raises
         ------
         RecordingError
-            If its bytes are not what was sealed.
+            If its bytes do not match its seal.
         """
         if not self.is_whole(piece):
             raise RecordingError(f"{self.path} is damaged from step {piece.step} on; earlier rows are whole")
@@ -368,28 +351,28 @@ class SealedReader:
             return pa.ipc.read_record_batch(self._checked_message(piece), self.schema)
         except (pa.ArrowException, OSError, ValueError, MemoryError):
             raise RecordingError(
-                f"{self.path} has rows from step {piece.step} on that are not those of its columns"
+                f"{self.path} has rows from step {piece.step} on that do not match its columns"
             ) from None
 
     def is_whole(self, piece: Piece) -> bool:
-        """Tell whether the bytes of a piece are what was sealed."""
+        """Return whether the bytes of a piece match its seal."""
         crc = zlib.crc32(self._bytes[piece.begin : piece.seal])
         return zlib.crc32(f"{piece.rows} {piece.step}".encode(), crc) == piece.crc
 
     def name(self, piece: Piece) -> str:
-        """Return what a piece without rows carries; read without being checked."""
+        """Return the name of a piece without rows, unchecked."""
         names = NAME.findall(self._message(piece.batch).metadata.to_pybytes())
         return names[0].decode() if names else ""
 
     def content(self, piece: Piece) -> bytes:
-        """Return the bytes that a piece without rows carries.
+        """Return the bytes that a piece without rows contains.
 
         Raises
         ------
         RecordingError
-            If they are not what was sealed.
+            If they do not match its seal.
         """
-        damage = f"{self.path} is damaged at what it carries for step {piece.step}"
+        damage = f"{self.path} is damaged at the piece of step {piece.step}"
         if not self.is_whole(piece):
             raise RecordingError(damage)
         try:
@@ -401,14 +384,14 @@ class SealedReader:
 
     @cached_property
     def _bare(self) -> bytes:
-        """The schema as bytes, without the metadata, which may be long."""
+        """The schema as bytes, without its metadata."""
         return self.schema.remove_metadata().serialize().to_pybytes()
 
     def _checked_message(self, piece: Piece) -> pa.Message:
-        """Return the batch of a piece, unless it asks for more memory than its bytes can stand for."""
+        """Return the batch of a piece, unless it claims more memory than its bytes permit."""
         message = self._message(piece.batch)
-        if unpacked_bytes(message) > max(LEAST_BELIEVED, MOST_PACKED * (piece.seal - piece.batch)):
-            raise ValueError("unbelievably large")
+        if unpacked_bytes(message) > max(ALWAYS_ALLOWED, MOST_PACKED * (piece.seal - piece.batch)):
+            raise ValueError("a batch that is too large")
         return message
 
     def _found(self) -> Iterator[Piece]:
@@ -425,7 +408,7 @@ class SealedReader:
                 begin, batch = at, None
 
     def _messages(self) -> Iterator[tuple[int, int, bytes]]:
-        """Iterate over messages: where each begins and ends, and its metadata; the first that is torn ends it."""
+        """Iterate over the offsets and metadata of messages, up to the first that is torn."""
         source = pa.BufferReader(self._bytes)
         while True:
             at = source.tell()
@@ -440,15 +423,15 @@ class SealedReader:
 
 
 def unpacked_bytes(message: pa.Message) -> int:
-    """Return how many bytes a record batch says that it takes once it is decompressed, which Arrow would believe.
+    """Return the bytes that a record batch claims to take once it is decompressed, which Arrow does not check.
 
-    They stand in front of each compressed buffer; where these are stands in the message's flatbuffer:
+    They precede each compressed buffer, whose offset is in the message's flatbuffer:
     https://arrow.apache.org/docs/format/Columnar.html#recordbatch-message.
 
     Raises
     ------
     ValueError
-        If it is no record batch.
+        If it is not a record batch.
     """
     content, body = message.metadata.to_pybytes(), message.body
     try:
@@ -460,12 +443,12 @@ def unpacked_bytes(message: pa.Message) -> int:
         buffers = np.frombuffer(content, "<i8", 2 * count, begin + 4).reshape(-1, 2)
         claims = [struct.unpack_from("<q", body, at)[0] for at, length in buffers.tolist() if length >= CLAIM]
     except (struct.error, TypeError):
-        raise ValueError("no record batch") from None
+        raise ValueError("not a record batch") from None
     return sum(max(claim, 0) for claim in claims) if _field(content, batch, PACKED) else 0
 
 
 def _field(content: bytes, table: int, number: int) -> int:
-    """Return where a field of a flatbuffer's table is, 0 if the table does not have it."""
+    """Return the offset of a field of a flatbuffer's table, 0 if the table does not have it."""
     vtable = table - struct.unpack_from("<i", content, table)[0]
     place = 4 + 2 * number
     if place >= struct.unpack_from("<H", content, vtable)[0]:
@@ -475,9 +458,9 @@ def _field(content: bytes, table: int, number: int) -> int:
 
 
 def _holds_whole_piece(rest: bytes) -> bool:
-    """Tell whether a seal fits what stands between it and the one before, wherever the two are."""
+    """Return whether a seal matches the bytes between it and the one before, wherever the two are."""
     seals, after = [], 0
-    for seal in SEAL.finditer(rest):  # looked for between two seals only, else it took the square of their number
+    for seal in SEAL.finditer(rest):  # only between two seals, else the time is the square of their number
         seals.append((max(rest.rfind(BEGIN_OF_MESSAGE, after, seal.start()), after), seal))
         after = seal.end()
     return any(_fits(rest[begin:end], seal) for (begin, _), (end, seal) in pairwise(seals))

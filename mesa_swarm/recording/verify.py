@@ -1,4 +1,4 @@
-"""Running a recording again, and the first step and robot that differ."""
+"""Running a recording again, to find the first step and robot that differ."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -7,24 +7,27 @@ from itertools import islice
 
 import numpy as np
 
-from mesa_swarm.errors import RecordingError, SwarmError
+from mesa_swarm.errors import RecordingError, SwarmError, in_words
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.progress import progress_bar
-from mesa_swarm.recording.changes import Intervention, in_words
+from mesa_swarm.recording.changes import Intervention, as_remark
 from mesa_swarm.recording.checkpoint import restore
 from mesa_swarm.recording.collected import check_collected, size_of_collected, without_rest
 from mesa_swarm.recording.container import Checkpoint
 from mesa_swarm.recording.frames import Frame, Rows
 from mesa_swarm.recording.layout import TABLES, Chunk, Layout
 from mesa_swarm.recording.parts import summary
-from mesa_swarm.recording.provenance import LONGEST_REASON, reason_of, rebuilt
+from mesa_swarm.recording.provenance import rebuilt
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.schema import MOST_UNSEEN
 
-# Called after each step that is run again: shows how far it is, and raises what ends it.
+# Called after each step that is run again: shows the progress, and raises an error to stop.
 Watch = Callable[[FireModel], None]
-# In recordings of this format readings are those from which a step began, except in rows with a fingerprint.
+# In recordings of this format readings are those before the step, except in rows with a state hash.
 LATE_READINGS = 1
+MOST_NAMED = 3
+# Characters of the description of an intervention in an error.
+LONGEST_DESCRIPTION = 120
 
 
 class Rerun:
@@ -36,7 +39,7 @@ class Rerun:
     model : FireModel
         As it was at some step.
     checkpoint : int
-        The place of the stored state that it has; -1 if it was started again.
+        Index of the stored state that it has; -1 if it was started again.
     watch : callable
         Called with the model after each step.
 
@@ -45,9 +48,9 @@ class Rerun:
     model : FireModel
         Another one after each intervention.
     taken : tuple of Intervention
-        Those after which it went on from a stored state.
+        Those after which it continued from a stored state.
     begin : str
-        If it is not what the parameters alone make, from what it began, in words that follow a verdict.
+        The state from which it began, as text to follow a verdict; empty if the parameters alone make it.
     """
 
     def __init__(
@@ -59,7 +62,7 @@ class Rerun:
         self._states: list[Checkpoint] = []
         self._layout = _layout_of(recording, model)
         first, has = model.completed, checkpoint
-        # Where a step failed and was taken again there are several: the last one knows all that is other.
+        # Where a step failed and was taken again there are several: the last one includes all changes.
         last = {one.step: one for one in recording.interventions}.values()
         self._ahead = [one for one in last if one.step >= first and (one.checkpoint is None or one.checkpoint > has)]
 
@@ -69,15 +72,15 @@ class Rerun:
         Raises
         ------
         RecordingError
-            If the model was changed by hand in between, and what came of it is not stored.
+            If the model was changed by hand in between, and the state after it is not stored.
         """
         while self._ahead and self._ahead[0].step < step:
-            self._run(self._ahead[0].step)
+            run_on(self.model, self._ahead[0].step, self._watch)
             self._take(self._ahead[0])
-        self._run(step)
+        run_on(self.model, step, self._watch)
 
     def frame(self, frame: Frame) -> Frame:
-        """Run to the step of a frame and return what it is now."""
+        """Run to the step of a frame and return the frame of the model then."""
         self.to(frame.step)
         if self.recording.provenance["format"] > LATE_READINGS:
             self._layout.prepare(self.model)
@@ -87,30 +90,27 @@ class Rerun:
         return Rows(chunk.batch(1))[0]
 
     def check_change(self, step: int) -> None:
-        """If other robots, obstacles or fires were recorded at a step than before, run to it and look for them.
+        """If robots, obstacles or fires were added or removed before a recorded step, run to it and compare them.
 
         Raises
         ------
         RecordingError
-            If they are not there.
+            If they do not match.
         """
         if step not in self.recording.changes:
             return
         self.to(step)
         if summary(self.model) != self.recording.changes[step]:
             raise RecordingError(
-                f"does not come out the same when run again: step {step} is the first with robots, obstacles or fires "
-                "that were added or removed"
+                f"does not match the recording when run again: before step {step} robots, obstacles or fires were "
+                "added or removed"
             )
 
-    def _run(self, step: int) -> None:
-        run_on(self.model, step, self._watch)
-
     def _take(self, intervention: Intervention) -> None:
-        """Go on from the state that was stored after an intervention."""
+        """Continue from the state that was stored after an intervention."""
         if intervention.checkpoint is None:
-            why = f"{intervention.why_not:.{2 * LONGEST_REASON}}"
-            raise RecordingError(f"{intervention!s:.{LONGEST_REASON}}, and what came of it is not stored ({why})")
+            why = f"{intervention.why_not:.{2 * LONGEST_DESCRIPTION}}"
+            raise RecordingError(f"{intervention!s:.{LONGEST_DESCRIPTION}}; the state then was not stored ({why})")
         self._states = states_to(self.recording, intervention.checkpoint, self._states)
         self.model = restored(self.recording, type(self.model), self._states)
         self.taken += (self._ahead.pop(0),)
@@ -129,23 +129,23 @@ def run_on(model: FireModel, step: int, watch: Watch) -> None:
     Raises
     ------
     RecordingError
-        If a step fails, as it did not when it was recorded.
+        If a step fails.
     """
     while model.completed < step:
         before = model.completed
         try:
             model.step()
-        except Exception as error:  # whatever a model raises whose parameters or state are not its own
-            raise RecordingError(f"step {before + 1} cannot be run again: {reason_of(error)}") from error
+        except Exception as error:  # anything that a model may raise with a forged state
+            raise RecordingError(f"step {before + 1} cannot be run again: {in_words(error)}") from error
         if model.completed <= before:
             raise RecordingError(f"step {before + 1} cannot be run again: {type(model).__name__} took no step")
         watch(model)
 
 
 def started_again(recording: Recording, model_class: type, watch: Watch = lambda _: None) -> Rerun:
-    """Return the model as the recording began with it: from its parameters, else from the state stored then.
+    """Return the model at the start of a recording: from its parameters, else from the state stored then.
 
-    A recording that began late is not run again from step 0: its rows do not bear out that there were so many steps.
+    A recording that began late is not run again from step 0: its rows do not prove that there were that many steps.
 
     Raises
     ------
@@ -165,26 +165,26 @@ def started_again(recording: Recording, model_class: type, watch: Watch = lambda
             return Rerun(recording, model, 0, watch)
     if not is_near:
         raise RecordingError(
-            f"{recording.path} begins at step {start['step']} without a stored state of it, more than the "
-            f"{MOST_UNSEEN:,} steps that are run again unseen; record with checkpoint_every"
+            f"{recording.path} begins at step {start['step']} without a stored state; expected at most "
+            f"{MOST_UNSEEN:,} steps before it; record with checkpoint_every"
         )
     raise RecordingError(
         f"{recording.path} began with a model that {model_class.__name__}'s parameters alone do not make: "
-        "it was changed by hand, or other versions made it; build it in a constructor to run it again"
+        "it was changed by hand, or made by other versions; build it in a constructor to run it again"
     )
 
 
 def states_to(recording: Recording, checkpoint: int, known: Sequence[Checkpoint] = ()) -> list[Checkpoint]:
-    """Return the stored states up to one of `Recording.checkpoints`, by its place: each goes on from those before.
+    """Return the stored states up to one of `Recording.checkpoints`, by index: each builds on those before.
 
-    Only the last one is whole. Of the others there is what they collected: memory holds one state at a time.
+    Only the last one is whole. The others are reduced to their collected data: memory has room for one state.
 
     Parameters
     ----------
     recording : Recording
     checkpoint : int
     known : sequence of Checkpoint
-        The first ones, as this has returned them.
+        The first ones, as returned before.
 
     Raises
     ------
@@ -200,12 +200,12 @@ def states_to(recording: Recording, checkpoint: int, known: Sequence[Checkpoint]
             check_collected(size, file)
             states.append(state if place == checkpoint else without_rest(state))
     except (LookupError, TypeError, RecursionError):
-        raise RecordingError(f"{recording.path} has a stored state that is none") from None
+        raise RecordingError(f"{recording.path} has a stored state that cannot be decoded") from None
     return states
 
 
 def restored(recording: Recording, model_class: type, states: list[Checkpoint]) -> FireModel:
-    """Return a model with the last of these states.
+    """Return a new model with the last of these states.
 
     Raises
     ------
@@ -215,28 +215,25 @@ def restored(recording: Recording, model_class: type, states: list[Checkpoint]) 
     return restore(rebuilt(recording.provenance, model_class), states[-1], states[:-1])
 
 
-MOST_NAMED = 3
-
-
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Verification:
-    """What running a recording again has shown; as a text one sentence.
+    """The result of running a recording again; as a text one sentence.
 
     Parameters
     ----------
     same : bool
         Whether nothing differs and nothing of the recording is damaged.
     rows : int
-        How many rows were compared before the first that differs.
+        Rows compared before the first that differs.
     step : int or None
         The first step that differs.
     robots : tuple of int
-        unique_ids of the robots that differ in it; none if something else does.
+        unique_ids of the robots that differ in it; empty if something else does.
     column : str or None
         The first recorded column that differs.
     text : str
     interventions : tuple of Intervention
-        What was changed by hand up to there. It is not verified but taken from the recording.
+        Manual changes up to there, which are taken from the recording and not verified.
     """
 
     same: bool
@@ -248,31 +245,31 @@ class Verification:
     interventions: tuple[Intervention, ...] = ()
 
     def __str__(self) -> str:
-        return self.text + in_words(self.interventions)
+        return self.text + as_remark(self.interventions)
 
 
 def verify(recording: Recording | str | os.PathLike[str], model_class: type, progress: bool = False) -> Verification:
     """Run the model of a recording again from its parameters and compare every row.
 
     A model that its parameters alone do not make, such as one to which robots were added from outside, is run from the
-    state that was stored when the recording began; the verdict says so, and tells nothing of how that state came about.
+    state that was stored when the recording began; the verdict names that state, which is not verified.
 
-    Where somebody changed the model by hand, it goes on from the state that was stored after that; the verdict names
-    these places. Of a damaged recording the rows before the damage are compared, and the verdict names it.
+    After a manual change it continues from the state that was stored then; the verdict names these steps. Of a damaged
+    recording the rows before the damage are compared, and the verdict names the damage.
 
     Parameters
     ----------
     recording : Recording or path
     model_class : type
-        The class of the model that was recorded. It is given and not looked up: opening a file runs no code.
+        The class of the recorded model. It is not looked up, so that opening a file runs no code.
     progress : bool
         Whether to show a bar.
 
     Raises
     ------
     RecordingError
-        If the recording is of another class, or of a model that its parameters alone do not make and whose state was
-        not stored.
+        If the recording is of another class, or of a model that its parameters alone do not make and whose state
+        was not stored.
 
     Examples
     --------
@@ -298,14 +295,14 @@ def verify(recording: Recording | str | os.PathLike[str], model_class: type, pro
 
 
 def run_to(rerun: Rerun, step: int) -> None:
-    """Run what is as it was at some step of a recording to a later one, compared with what was recorded.
+    """Run a model to a later step of its recording, and compare the two.
 
-    Rows are compared where they have fingerprints, and the last one; what came and went in between, always.
+    Compared are the rows with state hashes and the last one, and all additions and removals in between.
 
     Raises
     ------
     RecordingError
-        If what was recorded does not come out.
+        If they do not match.
     """
     recording = rerun.recording
     for row in range(recording.row_after(rerun.model.completed), len(recording)):
@@ -316,12 +313,12 @@ def run_to(rerun: Rerun, step: int) -> None:
         if frame.state_hash is not None or frame.step == step:
             difference = _difference(row, frame, rerun.frame(frame))
             if difference is not None:
-                raise RecordingError(f"does not come out the same when run again: {difference}")
+                raise RecordingError(f"does not match the recording when run again: {difference}")
     rerun.to(step)
 
 
 def last_same(rerun: Rerun, step: int) -> int:
-    """Run beside a recording, and return the last step, at most the given one, at which all is the same."""
+    """Run beside a recording, and return the last step, at most the given one, before the first difference."""
     recording, same = rerun.recording, rerun.model.completed
     for row in range(recording.row_after(same), len(recording)):
         frame = recording[row]
@@ -338,41 +335,38 @@ def last_same(rerun: Rerun, step: int) -> int:
 
 def _all_compared(rerun: Rerun, rows: int) -> Verification:
     for row, frame in enumerate(islice(rerun.recording, rows)):
-        difference = _compared(rerun, row, frame)
+        try:
+            difference = _difference(row, frame, rerun.frame(frame))
+        except RecordingError as error:
+            text = f"step {frame.step} is the first that cannot be compared: {error}"
+            difference = Verification(same=False, rows=row, step=frame.step, text=text)
         if difference is not None:
             return difference
     last = f" to step {rerun.recording[rows - 1].step}" if rows else ""
     return Verification(same=True, rows=rows, text=f"all {rows} rows{last} are the same")
 
 
-def _compared(rerun: Rerun, row: int, frame: Frame) -> Verification | None:
-    """Return how a frame differs from what is now, None if it does not."""
-    try:
-        return _difference(row, frame, rerun.frame(frame))
-    except RecordingError as error:
-        text = f"step {frame.step} is the first that cannot be compared: {error}"
-        return Verification(same=False, rows=row, step=frame.step, text=text)
-
-
 def _difference(row: int, frame: Frame, again: Frame) -> Verification | None:
     if not np.array_equal(frame.robots, again.robots):
-        return _verdict(row, frame, "robots", f"{len(frame.robots)} robots were recorded, now {len(again.robots)} are")
+        return _verdict(
+            row, frame, "robots", f"{len(frame.robots)} robots recorded, {len(again.robots)} when run again"
+        )
     for name in frame.columns:
         differing = _differing(name, frame, again)
         if differing is not None:
             return _verdict(row, frame, name, f"{name} differs{_named(differing)}", differing)
     if frame.state_hash != again.state_hash:
-        text = "the state differs in something that was not recorded, since the last state hash"
+        text = "the state differs in a value that was not recorded, since the last state hash"
         return _verdict(row, frame, None, text)
     return None
 
 
 def _differing(name: str, frame: Frame, again: Frame) -> tuple[int, ...] | None:
-    """Return which robots differ in a column; none of them if a table differs of which robots are no part."""
+    """Return the robots that differ in a column; no robots if it is a table; None if nothing differs."""
     old, new = frame[name], again[name]
     if name in TABLES:
         return None if old.tobytes() == new.tobytes() else ()
-    same = (old == new) | ((old != old) & (new != new))  # noqa: PLR0124 - NaN is as good as NaN
+    same = (old == new) | ((old != old) & (new != new))  # noqa: PLR0124 - NaN equals NaN here
     wrong = ~same.all(axis=tuple(range(1, same.ndim)))
     return tuple(frame.robots[wrong].tolist()) if wrong.any() else None
 

@@ -15,7 +15,7 @@ from mesa_swarm.reproduction.registry import Item
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.swarm_model import SwarmModel
 
-# Steps until as many robots meet as ever will.
+# Steps until the number of meetings no longer grows.
 WARM_UP = 50
 BATCHES = 5
 # Without control robots drive in circles: straight on, all would end in heaps at the border.
@@ -23,7 +23,7 @@ CIRCLE = (1.0, 0.8)
 
 
 def timing_run(rng: int, *, robots: int, map: str, sensors: int, milliseconds: float) -> dict[str, float]:
-    """Return the processor time of a step: the least mean of five batches, which others disturb least.
+    """Return the processor time of a step: the least mean of five batches, which other programs disturb least.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def timing_run(rng: int, *, robots: int, map: str, sensors: int, milliseconds: f
     robots : int
     map : str
     sensors : int
-        3, 6 or 9 and robots that avoid and explore; 0 and robots that are moved, and nothing but contact.
+        3, 6 or 9 of robots that avoid and explore; with 0, robots move in circles, and only contact is computed.
     milliseconds : float
         Of processor time for each batch, about.
 
@@ -66,7 +66,7 @@ def timed_world(rng: int, robots: int, map: str, sensors: int) -> SwarmModel:
 
 
 def batch_seconds(model: SwarmModel, steps: int) -> float:
-    """Return the mean processor time of so many steps."""
+    """Return the mean processor time of a step."""
     started = process_time()
     for _ in range(steps):
         model.step()
@@ -78,7 +78,7 @@ MAPS = ("original", "sparse", "openspace")
 ROBOTS = (6, 12, 18, 24, 30, 36, 42, 48)
 SENSORS = (3, 6, 9)
 SEEDS = 8
-# Beyond so few robots the time of a step is hardly that of robots.
+# With fewer robots the time of a step hardly depends on them.
 FEWEST = 6
 DENSE_TO = 42
 SETTINGS = (
@@ -100,12 +100,7 @@ def step_times(laboratory: Laboratory, maps: Sequence[str], sensors: Sequence[in
 
 
 def exponents(times: np.ndarray, robots: Sequence[int] = ROBOTS) -> np.ndarray:
-    """Return for every seed the b of t = a n^b, by least squares of the logarithms.
-
-    Parameters
-    ----------
-    times : ndarray, shape (robots, seeds)
-    robots : sequence of int
+    """Return for every seed the b of t = a n^b, by least squares of the logarithms of times (robots, seeds).
 
     Examples
     --------
@@ -156,7 +151,7 @@ def whole_step(laboratory: Laboratory) -> Result:
 
 
 def contact_share(laboratory: Laboratory) -> Result:
-    """Make figure 4.14: which share of a step is contact."""
+    """Make figure 4.14: the share of contact in a step."""
     contact, whole = step_times(laboratory, MAPS, (0,)), step_times(laboratory, MAPS, (3,))
     shares = {(name, 3): contact[name, 0] / whole[name, 3] for name in MAPS}
     checks = tuple(
@@ -194,7 +189,7 @@ def by_sensors(laboratory: Laboratory) -> Result:
         for a, b in ((3, 6), (6, 9))
     ]
     steeper = judged_difference(
-        "what nine sensors take more grows with robots: ms",
+        "extra time of nine sensors grows with robots: ms",
         "grows",
         times["original", 9][0] - times["original", 3][0],
         times["original", 9][-1] - times["original", 3][-1],
@@ -230,7 +225,7 @@ def linear_in_sensors(laboratory: Laboratory) -> Result:
     return Result(
         checks=checks,
         pictures={"": figure},
-        settings=f"{SETTINGS}; the bend is ((t9 - t6) - (t6 - t3)) / (t9 - t3), each of t of so many sensors",
+        settings=f"{SETTINGS}; the bend is ((t9 - t6) - (t6 - t3)) / (t9 - t3), t3 being the time with 3 sensors",
         remarks=(
             "The designs AGENT3, AGENT6 and AGENT9 differ in where their sensors look as well, so that their robots "
             "crowd differently and each sensor costs differently.",
@@ -250,7 +245,7 @@ def times_figure(times: Times, what: str) -> Figure:
 
 
 ITEMS = (
-    Item(figure="4.12", title="time of contact alone on three maps", section="4.8", make=contact_alone),
+    Item(figure="4.12", title="time of contact resolution on three maps", section="4.8", make=contact_alone),
     Item(figure="4.13", title="time of a step on three maps", section="4.8", make=whole_step),
     Item(figure="4.14", title="share of contact in a step", section="4.8", make=contact_share),
     Item(figure="4.15", title="time of a step with 3, 6 and 9 sensors", section="4.8", make=by_sensors),

@@ -1,4 +1,4 @@
-"""What the pictures of all results share: figures with plain axes, means with their spread, files."""
+"""Drawing for all results: figures with plain axes, means with their spread, files."""
 
 import io
 from collections.abc import Iterable, Sequence
@@ -19,7 +19,7 @@ from mesa_swarm.viewing.palette import LIGHT
 from mesa_swarm.viewing.pictures import draw_world, legend_of, literal
 from mesa_swarm.viewing.scene import scene_of
 
-# Long lines are drawn by so many points: more cannot be seen.
+# Points of long lines: more cannot be seen.
 MOST_POINTS = 1000
 FAINT = 0.18
 
@@ -47,7 +47,7 @@ def plain_axes(
 
 
 def count_steps(axes: Axes) -> None:
-    """Write steps as 10,000."""
+    """Format steps as 10,000."""
     axes.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
 
 

@@ -28,14 +28,14 @@ from mesa_swarm.world.map import Map
 MOST_STEPS = 15_000
 # The second fire of the map, large and in the middle.
 LARGEST = 1
-# A robot works so many steps for every one that it rests, at the largest fire: of the default constants.
+# Steps of work per step of rest, at the largest fire: of the default constants.
 WORK_TO_REST = 100.0 / 60.0
 
 
 def fire_run(
     rng: int, *, strategy: str, robots: int = 10, size: float = 1.0, rest: float = 60.0, steps: int = MOST_STEPS
 ) -> dict[str, Any]:
-    """Let robots fight the seven fires; return how many they put out, when, and who was at the largest.
+    """Let robots fight the seven fires; return how many they put out, when, and how many robots were at the largest.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def fire_run(
         "A" or "B".
     robots : int
     size : float
-        All fires' areas are so many times those of the map; robots and constants are the same.
+        Factor of all fires' areas; robots and constants are the same.
     rest : float
         Steps that a hot robot rests. It can work 5/3 times as long, as with the default constants, so that
         only the rhythm changes.
@@ -84,7 +84,7 @@ def fire_model(rng: int, strategy: str, robots: int = 10, size: float = 1.0, res
 
 
 def grown_map(size: float) -> Map | str:
-    """Return the map with fires of so many times the area; areas are (radius / 10)^2.
+    """Return the map with the area of its fires times a factor; areas are (radius / 10)^2.
 
     Examples
     --------
@@ -99,7 +99,7 @@ def grown_map(size: float) -> Map | str:
 
 
 def rhythm(rest: float) -> Mapping[str, float]:
-    """Return the constants of robots that rest so long, and work in proportion.
+    """Return the constants of robots that rest for this many steps, and work in proportion.
 
     Examples
     --------
@@ -116,7 +116,7 @@ SIZES = (0.5, 1.0, 2.0)
 REST = 60.0
 RESTS = (15.0, REST, 240.0)
 SEEDS = 6
-# Half of what the thesis's two runs are given: who is done is done by then.
+# Half of the steps of the thesis's two runs, which are enough for those that finish.
 MOST_STEPS_OF_MAP = 8_000
 SIDES = ("A", "B")
 
@@ -136,7 +136,7 @@ class Cell:
     sooner : Interval
         Steps by which B was done sooner, over pairs in which both put out all fires.
     pairs : int
-        How many such pairs there are.
+        The number of such pairs.
     """
 
     robots: int
@@ -149,12 +149,12 @@ class Cell:
 
     @property
     def winner(self) -> str:
-        """Who puts out clearly more fires, or, if nobody does, is clearly done sooner; "" for nobody."""
+        """The strategy that puts out clearly more fires, or else is clearly done sooner; "" for neither."""
         return sign(self.more) or sign(self.sooner)
 
 
 def sign(difference: Interval) -> str:
-    """Return whose favour the interval of a difference, B less A, is in: "A", "B" or "".
+    """Return which strategy the interval of a difference, B less A, favours: "A", "B" or "".
 
     Examples
     --------
@@ -202,12 +202,12 @@ def cells_figure(cells: Sequence[Cell]) -> Figure:
         axes.set_title(f"fires {size:g} times as large", fontsize=10)
     panels[0].set_ylabel("rest, steps")
     figure.colorbar(shown, ax=list(panels), label="fires more that B puts out")
-    figure.suptitle("who wins: more fires out, or all out sooner", fontsize=11)
+    figure.suptitle("better strategy: more fires out, or all out sooner", fontsize=11)
     return figure
 
 
 def draw_panel(axes: Axes, cells: Sequence[Cell]) -> AxesImage:
-    """Draw the cells of one size, each with who wins and by how many fires."""
+    """Draw the cells of one size, each with the winner and by how many fires."""
     robots, rests = sorted({cell.robots for cell in cells}), sorted({cell.rest for cell in cells})
     place = {(cell.rest, cell.robots): cell for cell in cells}
     table = [[place[rest, n].more.estimate for n in robots] for rest in rests]
@@ -225,29 +225,29 @@ def draw_panel(axes: Axes, cells: Sequence[Cell]) -> AxesImage:
 
 
 def winners_in_words(cells: Sequence[Cell]) -> tuple[str, ...]:
-    """Say where each strategy wins, and how the difference changes over robots, sizes and rest times."""
+    """Return where each strategy wins, and how the difference changes over robots, sizes and rest times."""
     of = {side: [cell for cell in cells if cell.winner == side] for side in ("A", "B", "")}
-    told = [
+    remarks = [
         f"Over robots, sizes of fires and rest times, {len(cells)} cells of paired seeds: B is clearly better in "
         f"{len(of['B'])}, A in {len(of['A'])}, neither in {len(of[''])}. At most {MOST_STEPS_OF_MAP:,} steps and "
-        f"{SEEDS} seeds a cell; the intervals are not corrected for so many comparisons: about one cell in forty "
-        "may go to either by chance."
+        f"{SEEDS} seeds a cell; the intervals are not corrected for multiple comparisons: about one cell in forty "
+        "may favour either by chance."
     ]
-    told += [f"A is clearly better {named(cell)}." for cell in of["A"]]
+    remarks += [f"A is clearly better {named(cell)}." for cell in of["A"]]
     plain = [cell for cell in cells if cell.size == 1.0 and cell.rest == REST]
-    told.append("On the map as it is: " + "; ".join(over_robots(cell) for cell in plain) + ".")
-    return tuple(told)
+    remarks.append("On the map as it is: " + "; ".join(over_robots(cell) for cell in plain) + ".")
+    return tuple(remarks)
 
 
 def over_robots(cell: Cell) -> str:
-    """Say how the strategies compare with this number of robots."""
+    """Return how the strategies compare with this number of robots."""
     gain = with_limits(cell.sooner, signed=True)
     sooner = f", B sooner by {gain} steps in {cell.pairs} pairs that both ended" if cell.pairs > 1 else ""
     return f"{cell.robots} robots, {cell.out[0]:.1f} fires out with A and {cell.out[1]:.1f} with B{sooner}"
 
 
 def named(cell: Cell) -> str:
-    """Say where a cell is, and by how much A is better there."""
+    """Return the settings of a cell, and by how much A is better there."""
     by = with_limits(cell.more, signed=True)
     what = f"{by} fires" if sign(cell.more) else f"{with_limits(cell.sooner, signed=True)} steps sooner"
     return (
@@ -258,13 +258,14 @@ def named(cell: Cell) -> str:
 PAIRS = 200
 FIRES = 7
 FIGHTING = (
-    "map openspace_fire, AGENT_FIRE, 10 robots, the default constants (growth 2,000 steps, two robots put the largest "
-    "fire out in 1,600, stay 100, rest 60), at most 15,000 steps; the thesis gives no constants and no number of robots"
+    "map openspace_fire, AGENT_FIRE, 10 robots, the default constants (growth 2,000 steps, two robots extinguish "
+    "the largest fire in 1,600, stay 100, rest 60), at most 15,000 steps; the thesis gives no constants and no number "
+    "of robots"
 )
 
 
 def fires(laboratory: Laboratory) -> Result:
-    """Make figure 9.1: fires as they are drawn, and the requirements that their rules meet (9.2)."""
+    """Make figure 9.1: fires as they are drawn, and the requirements of their rules (9.2)."""
     model = fire_model(1, "B").run(laboratory.pick(600, 60))
     area = model.fires.area
     drawn = model.fires.radius**2 / area
@@ -282,7 +283,7 @@ def fires(laboratory: Laboratory) -> Result:
 
 
 def requirements() -> list[Check]:
-    """Return whether the rules of fires meet the thesis's requirements, each tried on its own."""
+    """Return whether the rules of fires meet the thesis's requirements, each on its own."""
     chosen = design_constants()
     k = (chosen.k1, chosen.k2, chosen.k3, chosen.k4, chosen.leave, chosen.join)
     needed = [robots_needed(chosen, area, t) for area, t in ((4, 0.5), (16, 0.5), (16, 1.0))]
@@ -292,7 +293,7 @@ def requirements() -> list[Check]:
             needed[0] < needed[1] < needed[2],
             ", ".join(f"{n:.2f}" for n in needed),
         ),
-        "a fire left alone grows with time": (next_temperature(0.5, 4.0, 0, k) > 0.5, f"{-fall[0]:+.5f} a step"),
+        "an unattended fire grows with time": (next_temperature(0.5, 4.0, 0, k) > 0.5, f"{-fall[0]:+.5f} a step"),
         "there is a terminal temperature": (next_temperature(1.0, 4.0, 0, k) == 1.0, "1"),
         "capacity is additive in robots, each at a constant rate": (
             bool(np.allclose(np.diff(fall), k[1] / 4.0)),
@@ -309,7 +310,7 @@ def requirements() -> list[Check]:
 
 
 def heat_is_near() -> tuple[bool, str]:
-    """Return whether in a run only robots within reach of a fire took heat, and how many robot-steps were looked at."""
+    """Return whether in a run only robots within reach of a fire took heat, and of how many robot-steps."""
     model, wrong, seen = fire_model(1, "B"), 0, 0
     reach = 10.0
     for _ in range(300):
@@ -350,7 +351,7 @@ def strategy_a(laboratory: Laboratory) -> Result:
             main=False,
         ),
         judged_mean(
-            "share of the time in which two or more are there",
+            "share of the time with two or more robots there",
             "0",
             column(leaving, "together at the largest"),
             high=0.05,
@@ -361,7 +362,7 @@ def strategy_a(laboratory: Laboratory) -> Result:
         checks=checks,
         pictures={"": history_figure(laboratory, "A")},
         settings=f"{FIGHTING}; {len(leaving)} seeds",
-        remarks=(f"At most {max(most)} robots were at the large fire at once in any of the runs.",),
+        remarks=(f"In no run were more than {max(most)} robots at the large fire at once.",),
     )
 
 
@@ -401,21 +402,21 @@ def strategy_b(laboratory: Laboratory) -> Result:
 
 
 def everywhere(claim: str, cells: list[Cell], wanted: Callable[[Cell], bool]) -> Check:
-    """Judge whether A is clearly better in none of the cells that are wanted."""
+    """Judge whether A is clearly better in none of the wanted cells."""
     chosen = [cell for cell in cells if wanted(cell)]
     count = {side: sum(cell.winner == side for cell in chosen) for side in ("A", "B", "")}
     return judged_fact(
         claim,
-        "not looked at",
+        "not examined",
         count["A"] == 0,
-        measured=f"A better in {count['A']}, B in {count['B']}, neither clearly in {count['']} of {len(chosen)} cells",
+        measured=f"A clearly better in {count['A']}, B in {count['B']}, neither in {count['']} of {len(chosen)} cells",
         criterion="A clearly better in no cell",
         main=False,
     )
 
 
 def paired_in_words(leaving: list[dict], waiting: list[dict]) -> str:
-    """Say what paired runs say of one run each."""
+    """Return what paired runs add to one run of each strategy."""
     more = sum(b > a for a, b in zip(column(leaving, "out"), column(waiting, "out"), strict=True))
     fewer = sum(b < a for a, b in zip(column(leaving, "out"), column(waiting, "out"), strict=True))
     times = [time for time in column(waiting, "all out at") if time is not None]
@@ -423,7 +424,7 @@ def paired_in_words(leaving: list[dict], waiting: list[dict]) -> str:
     quick = with_limits(bootstrap_mean(times)) if times else "-"
     return (
         f"Of {len(leaving)} pairs B put out more fires in {more} and fewer in {fewer}. A put out the large fire in "
-        f"{large} of {len(leaving)} runs. B was done after {quick} steps, in {len(times)} runs."
+        f"{large} of {len(leaving)} runs. B finished after {quick} steps, in {len(times)} runs."
     )
 
 
@@ -434,7 +435,7 @@ def history_figure(laboratory: Laboratory, strategy: str) -> Figure:
 
 
 ITEMS = (
-    Item(figure="9.1", title="fires, and what is required of them", section="9.2, 9.3", make=fires),
+    Item(figure="9.1", title="fires, and their requirements", section="9.2, 9.3", make=fires),
     Item(figure="9.2", title="robots at each fire, strategy A", section="9.4", make=strategy_a),
     Item(figure="9.3", title="robots at each fire, strategy B", section="9.4", make=strategy_b),
 )

@@ -1,4 +1,4 @@
-"""Figure B.1: how a fire grows, and how robots put it out, beside the thesis's equations."""
+"""Figure B.1: how a fire grows, and how robots extinguish it, beside the thesis's equations."""
 
 import math
 import warnings
@@ -21,7 +21,7 @@ LONGEST = 5_000
 
 
 def growth(laboratory: Laboratory) -> Result:
-    """Make figure B.1: the temperature of a fire that is left alone, and of one that robots put out."""
+    """Make figure B.1: the temperature of an unattended fire, and of one that robots extinguish."""
     chosen = example()
     alone = course(chosen, 0.0, robots=0, steps=1_500)
     law = np.minimum(np.exp(chosen.k1 * np.arange(len(alone))) - 1.0, 1.0)
@@ -29,19 +29,19 @@ def growth(laboratory: Laboratory) -> Result:
     return Result(
         checks=(*left_alone(alone, law), *put_out(chosen, fought), *as_printed(chosen)),
         pictures={"": growth_figure(alone, law, fought)},
-        settings="growth time 1,000, area 1, T = 1; here a fire is out for ever once T is 0, and T stays within [0, 1]",
+        settings="growth time 1,000, area 1, T = 1; here T = 0 is absorbing, and T stays within [0, 1]",
         remarks=(
             f"k2 is {chosen.k2:.7f} by (B.9) corrected and {printed_k2(chosen.k1):.4f} as printed, which adds an area "
-            "over a time to a pure number.",
+            "per time to a dimensionless number.",
         ),
     )
 
 
 def left_alone(alone: np.ndarray, law: np.ndarray) -> tuple[Check, ...]:
-    """Judge whether a fire that is left alone grows as the thesis says."""
+    """Judge whether an unattended fire grows as in the thesis."""
     return (
         judged_number(
-            "left alone, T follows e^(k1 t) - 1 (B.1): largest difference", "exact", float(np.abs(alone - law).max()),
+            "unattended, T follows e^(k1 t) - 1 (B.1): largest difference", "exact", float(np.abs(alone - law).max()),
             high=0.001,
         ),
         judged_number("T reaches 1 after the growth time of 1,000: steps", "1,000", first(alone >= 1.0), high=1_001),
@@ -49,11 +49,11 @@ def left_alone(alone: np.ndarray, law: np.ndarray) -> tuple[Check, ...]:
 
 
 def put_out(chosen: FireConstants, fought: np.ndarray) -> tuple[Check, ...]:
-    """Judge whether robots put a fire out as the thesis's equations say, once (B.9) is corrected."""
+    """Judge whether robots extinguish a fire as in the thesis's equations, once (B.9) is corrected."""
     exact = np.maximum(solution(chosen, np.arange(len(fought))), 0.0)
     return (
         judged_number(
-            "three robots put it out in 200 steps, constants by (B.9) corrected: steps", "200", first(fought <= 0.0),
+            "three robots extinguish it in 200 steps, constants by (B.9) corrected: steps", "200", first(fought <= 0.0),
             low=199, high=202,
         ),
         judged_number(
@@ -64,7 +64,7 @@ def put_out(chosen: FireConstants, fought: np.ndarray) -> tuple[Check, ...]:
 
 
 def as_printed(chosen: FireConstants) -> tuple[Check, ...]:
-    """Judge what comes of the equations as they are printed."""
+    """Judge the equations as they are printed."""
     fought = course(with_k2(chosen, printed_k2(chosen.k1)), 1.0, robots=ROBOTS, steps=LONGEST)
     return (
         judged_number(
@@ -95,7 +95,7 @@ def growth_figure(alone: np.ndarray, law: np.ndarray, fought: np.ndarray) -> Fig
 
 
 def example() -> FireConstants:
-    """Return the constants of the example; that one robot would suffice for it is beside the point here.
+    """Return the constants of the example; that one robot would suffice for it does not matter here.
 
     Examples
     --------
@@ -128,7 +128,7 @@ def with_k2(chosen: FireConstants, k2: float) -> FireConstants:
 
 
 def course(chosen: FireConstants, start: float, *, robots: int, steps: int) -> np.ndarray:
-    """Return a fire's temperature at steps 0, 1, ..., by the rule of the simulator; once out it stays out.
+    """Return a fire's temperature at steps 0, 1, ..., by the rule of the simulator, in which 0 is absorbing.
 
     Examples
     --------
@@ -139,7 +139,7 @@ def course(chosen: FireConstants, start: float, *, robots: int, steps: int) -> n
 
 
 def temperatures(chosen: FireConstants, start: float, robots: int, steps: int) -> Iterator[float]:
-    """Yield a fire's temperature, from its start to so many steps later."""
+    """Yield a fire's temperature, from its start on, for a number of steps."""
     k = (chosen.k1, chosen.k2, chosen.k3, chosen.k4, chosen.leave, chosen.join)
     now = start
     yield now
@@ -155,7 +155,7 @@ def solution(chosen: FireConstants, times: np.ndarray) -> np.ndarray:
 
 
 def first(happened: np.ndarray) -> float:
-    """Return the first step at which something is so, infinity if it never is.
+    """Return the first step at which something is true, infinity if it never is.
 
     Examples
     --------

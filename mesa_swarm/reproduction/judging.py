@@ -10,17 +10,17 @@ from mesa_swarm.errors import check_choice
 from mesa_swarm.experiments.statistics import Interval, mean_interval, paired_difference, share_interval
 from mesa_swarm.experiments.tables import csv_text, with_limits
 
-# Of a check: the data say so, they do not settle it, they say the opposite.
-HOLDS, UNSETTLED, FAILS = "holds", "unsettled", "fails"
-OUTCOMES = (HOLDS, UNSETTLED, FAILS)
+# Of a check: its interval is within what is required, includes the limit, or is outside.
+PASSED, UNDECIDED, FAILED = "passed", "undecided", "failed"
+OUTCOMES = (PASSED, UNDECIDED, FAILED)
 CONFIRMED, LIMITED, NOT_CONFIRMED = "confirmed", "confirmed with limits", "not confirmed"
 VERDICTS = (CONFIRMED, LIMITED, NOT_CONFIRMED)
-HEADER = ("claim", "the thesis", "here", "criterion", "outcome")
+HEADER = ("claim", "thesis", "measured", "required", "outcome")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Check:
-    """One claim of the thesis beside what came out.
+    """One claim of the thesis beside the result.
 
     Parameters
     ----------
@@ -29,17 +29,17 @@ class Check:
     reported : str
         What the thesis reports of it.
     measured : str
-        What came out.
+        The result.
     criterion : str
-        When it holds.
+        What is required.
     outcome : str
-        "holds", "unsettled" or "fails".
+        "passed", "undecided" or "failed".
     main : bool
-        Whether the result stands and falls with it.
+        Whether the verdict depends on it.
 
     Examples
     --------
-    >>> Check(claim="a", reported="1", measured="1", criterion="equal", outcome="holds").main
+    >>> Check(claim="a", reported="1", measured="1", criterion="equal", outcome="passed").main
     True
     """
 
@@ -62,7 +62,7 @@ class Check:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Result:
-    """What came of one result of the thesis.
+    """One result of the thesis, reproduced.
 
     Parameters
     ----------
@@ -71,9 +71,9 @@ class Result:
     pictures : dict of matplotlib Figure
         The result's own under "", others by a word.
     settings : str
-        Of what was run, in words: what the thesis leaves open and we have chosen.
+        In words: what the thesis leaves open and we have chosen.
     remarks : tuple of str
-        What else came out.
+        Further findings.
     """
 
     checks: tuple[Check, ...]
@@ -88,8 +88,8 @@ class Result:
 
     @property
     def limits(self) -> list[str]:
-        """The claims that do not hold."""
-        return [check.claim for check in self.checks if check.outcome != HOLDS]
+        """The claims whose checks have not passed."""
+        return [check.claim for check in self.checks if check.outcome != PASSED]
 
     def csv(self) -> str:
         """Return the checks for other programs."""
@@ -97,45 +97,45 @@ class Result:
 
 
 def verdict(checks: Iterable[Check]) -> str:
-    """Return what follows from checks: nothing but their outcomes counts.
+    """Return the verdict, which depends on the outcomes of checks only.
 
-    Confirmed if all hold; not confirmed if a main one does not; else confirmed with limits.
+    Confirmed if all have passed; not confirmed if a main one has not; else confirmed with limits.
 
     Examples
     --------
     >>> same = dict(claim="a", reported="1", measured="2", criterion="equal")
-    >>> verdict([Check(**same, outcome="holds"), Check(**same, outcome="fails", main=False)])
+    >>> verdict([Check(**same, outcome="passed"), Check(**same, outcome="failed", main=False)])
     'confirmed with limits'
-    >>> verdict([Check(**same, outcome="unsettled")])
+    >>> verdict([Check(**same, outcome="undecided")])
     'not confirmed'
     """
     listed = list(checks)
-    if all(check.outcome == HOLDS for check in listed):
+    if all(check.outcome == PASSED for check in listed):
         return CONFIRMED
-    return LIMITED if all(check.outcome == HOLDS for check in listed if check.main) else NOT_CONFIRMED
+    return LIMITED if all(check.outcome == PASSED for check in listed if check.main) else NOT_CONFIRMED
 
 
 def placed(interval: Interval, low: float = -math.inf, high: float = math.inf) -> str:
-    """Return whether an interval lies within limits (holds), wholly outside (fails), or across one (unsettled).
+    """Return whether an interval lies within limits (passed), wholly outside (failed), or across one (undecided).
 
-    Unknown limits of the interval settle nothing, unless all that was seen are the same number.
+    With unknown limits of the interval it is undecided.
 
     Examples
     --------
     >>> placed(Interval(2.0, 1.0, 3.0), low=0.5), placed(Interval(2.0, 1.0, 3.0), low=1.5)
-    ('holds', 'unsettled')
+    ('passed', 'undecided')
     >>> placed(Interval(2.0, 1.0, 3.0), high=0.5)
-    'fails'
+    'failed'
     """
     if math.isnan(interval.low) or math.isnan(interval.high):
-        return UNSETTLED
+        return UNDECIDED
     if low <= interval.low and interval.high <= high:
-        return HOLDS
-    return FAILS if interval.high < low or interval.low > high else UNSETTLED
+        return PASSED
+    return FAILED if interval.high < low or interval.low > high else UNDECIDED
 
 
 def limits_in_words(low: float, high: float) -> str:
-    """Return limits as a reader would say them.
+    """Return limits in words.
 
     Examples
     --------
@@ -161,7 +161,7 @@ def judged_mean(
     Examples
     --------
     >>> judged_mean("groups", "many", [5.0, 6.0, 7.0], low=1).outcome
-    'holds'
+    'passed'
     """
     seen = [value for value in values if value is not None]
     mean = mean_interval(seen)
@@ -186,14 +186,14 @@ def judged_share(
 ) -> Check:
     """Judge whether the share of runs in which something happened lies within limits (Wilson's interval).
 
-    A share that is to be at most or at least so much has one-sided limits: 0 and 1 are no limits.
+    Limits of 0 and 1 are not limits.
 
     Examples
     --------
     >>> judged_share("all out", "always", [True] * 40, low=0.9).outcome
-    'holds'
+    'passed'
     >>> judged_share("all out", "always", [True] * 3, low=0.9).outcome
-    'unsettled'
+    'undecided'
     """
     count = sum(map(bool, happened))
     share = share_interval(count, len(happened))
@@ -231,7 +231,7 @@ def judged_difference(
     --------
     >>> check = judged_difference("grow", "longer", [1, 2, 3], [3, 4, 5.5], names=("before", "after"))
     >>> check.outcome, check.measured
-    ('holds', 'before 2, after 4.17: +2.17 [+1.45, +2.88], 3 pairs')
+    ('passed', 'before 2, after 4.17: +2.17 [+1.45, +2.88], 3 pairs')
     """
     difference, pairs = paired_difference(first, second)
     means = [mean_interval([value for value in side if value is not None]).estimate for side in (first, second)]
@@ -247,16 +247,16 @@ def judged_difference(
 
 
 def above_zero(difference: Interval) -> str:
-    """Return whether a difference is above 0 (holds), below (fails) or its interval holds 0 (unsettled).
+    """Return whether a difference is above 0 (passed), below (failed) or its interval holds 0 (undecided).
 
     Examples
     --------
     >>> above_zero(Interval(1.0, 0.0, 2.0)), above_zero(Interval(-1.0, -2.0, -0.5))
-    ('unsettled', 'fails')
+    ('undecided', 'failed')
     """
     if difference.low > 0:
-        return HOLDS
-    return FAILS if difference.high < 0 else UNSETTLED
+        return PASSED
+    return FAILED if difference.high < 0 else UNDECIDED
 
 
 def judged_number(
@@ -269,32 +269,32 @@ def judged_number(
     unit: str = "",
     main: bool = True,
 ) -> Check:
-    """Judge a number that chance has no part in.
+    """Judge a number that does not depend on chance.
 
     Examples
     --------
     >>> judged_number("q", "4.2957", 4.29570457, low=4.29565, high=4.29575).outcome
-    'holds'
+    'passed'
     """
     return Check(
         claim=claim,
         reported=reported,
         measured=f"{value:.6g}{unit}",
         criterion=limits_in_words(low, high),
-        outcome=HOLDS if low <= value <= high else FAILS,
+        outcome=PASSED if low <= value <= high else FAILED,
         main=main,
     )
 
 
 def judged_fact(
-    claim: str, reported: str, held: bool, *, measured: str, criterion: str = "exactly so", main: bool = True
+    claim: str, reported: str, held: bool, *, measured: str, criterion: str = "exact", main: bool = True
 ) -> Check:
-    """Judge what is so or not.
+    """Judge a fact.
 
     Examples
     --------
     >>> judged_fact("four walls", "4", True, measured="4").outcome
-    'holds'
+    'passed'
     """
-    outcome = HOLDS if held else FAILS
+    outcome = PASSED if held else FAILED
     return Check(claim=claim, reported=reported, measured=measured, criterion=criterion, outcome=outcome, main=main)

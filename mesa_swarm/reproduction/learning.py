@@ -22,7 +22,7 @@ from mesa_swarm.swarm_model import SwarmModel
 STEPS = 33_000
 # Of the whole run: the first 1,000 steps of 33,000, the last 3,000, a third.
 FIRST, LAST, THIRD = 1 / 33, 1 / 11, 1 / 3
-# What is kept of a curve that is smoothed over about 1,000 steps, or over 11.
+# Points that are stored of a curve smoothed over about 1,000 steps, or over 11.
 POINTS, ONE_POINTS = 330, 3300
 # Windows of the thesis, for many robots and for one.
 MANY_WINDOW, ONE_WINDOW = 1001, 11
@@ -53,19 +53,19 @@ def learning_run(rng: int, *, steps: int = STEPS, **settings: Any) -> dict[str, 
         "last third": float(rate[-third:].sum()) / 1000,
         "total": float(rate.sum()) / 1000,
         "with temperature": correlation(central_moving_average(rate, MANY_WINDOW), warmth),
-        "curve": kept(smooth, POINTS if robots > 1 else ONE_POINTS),
-        "sum": kept(np.cumsum(rate) / 1000),
-        "temperature": kept(warmth),
+        "curve": thinned(smooth, POINTS if robots > 1 else ONE_POINTS),
+        "sum": thinned(np.cumsum(rate) / 1000),
+        "temperature": thinned(warmth),
         "speed": float(np.mean(model.datacollector.model_vars["forward_speed"][-round(LAST * steps) :])),
     }
 
 
-def kept(values: np.ndarray, points: int = POINTS) -> list[float]:
-    """Return so many values at equal steps, the last one too, with six digits.
+def thinned(values: np.ndarray, points: int = POINTS) -> list[float]:
+    """Return values at equal steps, the last one too, with six digits.
 
     Examples
     --------
-    >>> kept(np.arange(660.0))[-1]
+    >>> thinned(np.arange(660.0))[-1]
     659.0
     """
     places = np.linspace(0, len(values) - 1, points).round().astype(int)
@@ -86,9 +86,9 @@ def correlation(a: np.ndarray, b: np.ndarray) -> float | None:
 
 
 def avoidance_run(rng: int, *, steps: int = STEPS, gamma: float, **settings: Any) -> dict[str, float | None]:
-    """Let one robot learn; return at which distance from a wall ahead it no longer goes on, map units.
+    """Let one robot learn; return at which distance from a wall ahead it no longer drives forward, map units.
 
-    It is asked what every action is worth, from far to near: the distance is the one from which forward is
+    The value of every action is computed from far to near: the distance is the one from which forward is
     no longer the best. None if forward never is.
 
     Examples
@@ -120,7 +120,7 @@ def turning_distance(forward: np.ndarray) -> float | None:
 
 @cache
 def readings_before_a_wall() -> tuple[np.ndarray, np.ndarray]:
-    """Return what an AGENT9 that faces a long wall reads at each of `PLACES`: distances and kinds (110, 9).
+    """Return the readings of an AGENT9 in front of a long wall at each of `PLACES`: distances and kinds (110, 9).
 
     Examples
     --------
@@ -143,7 +143,7 @@ SLOW, FAST = 1e-4, 5e-3
 CRITICAL = 0.4
 LEARNING = (
     "map original, AGENT9, alpha 0.4, eta 0.1, gamma 0.7, T from 1 to 0.2, reward (b), four actions, readings as "
-    "shares of the range 50; all other distances and speeds are ours"
+    "shares of the range 50; we chose all other distances and speeds"
 )
 GAMMAS = (0.0, 0.3, 0.5, 0.7, 0.9)
 ROUNDING = 1e-9
@@ -182,7 +182,7 @@ def temperatures(laboratory: Laboratory) -> Result:
         checks=checks,
         pictures={"": figure},
         settings="T from 1 to 0.2",
-        remarks=(f"Within 5 % of its end T is after {needed:,.0f} steps at beta 1e-4.",),
+        remarks=(f"At beta 1e-4, T is within 5 % of its end after {needed:,.0f} steps.",),
     )
 
 
@@ -194,15 +194,15 @@ def rewards(laboratory: Laboratory) -> Result:
         judged_number("q for d_crit 0.4", "4.2957", (math.e - 1) / CRITICAL, low=4.29565, high=4.29575),
         judged_number("reward when touching", "-1", reward("b", 0.0, 1, 1), low=-1, high=-1),
         judged_number("reward just below d_crit", "0", reward("b", CRITICAL - 1e-12, 1, 1), low=-1e-9, high=1e-9),
-        judged_number("leap of (b) at d_crit, driving ahead", "discontinuity (8.3)", leaps["b"], low=0.99, high=1.01),
-        judged_number("leap of (c), its cure", "proposed", leaps["c"], low=-1e-6, high=1e-6),
+        judged_number("jump of (b) at d_crit, driving ahead", "discontinuity (8.3)", leaps["b"], low=0.99, high=1.01),
+        judged_number("jump of (c), its remedy", "proposed", leaps["c"], low=-1e-6, high=1e-6),
         judged_number("largest Q at gamma 0.7 (8.4)", "3.3", 1 / (1 - 0.7), low=3.25, high=3.35),
         judged_number("largest Q at gamma 0.9 (8.4)", "10", 1 / (1 - 0.9), low=9.99, high=10.01),
         judged_fact(
-            "(8.5) has a value where nothing is seen, if that reads -1 as in the thesis",
-            "-1 for nothing",
+            "(8.5) is defined without a detection, if that reads -1 as in the thesis",
+            "-1 for no detection",
             (math.e - 1) / CRITICAL * -1 + 1 > 0,
-            measured=f"ln({(math.e - 1) / CRITICAL * -1 + 1:.2f}): none; here nothing seen reads as the range",
+            measured=f"ln({(math.e - 1) / CRITICAL * -1 + 1:.2f}): undefined; here no detection reads as the range",
             criterion="the logarithm's argument is above 0",
             main=False,
         ),
@@ -226,7 +226,7 @@ def falling(rows: list[dict], share: float) -> Check:
     """Judge whether collisions of the end are at most a share of those of the start, in the mean of runs."""
     early, late = column(rows, "early"), column(rows, "late")
     return judged_difference(
-        f"collisions fall to {share:.0%} or less: a robot and 1,000 steps",
+        f"collisions fall to {share:.0%} or less: per robot and 1,000 steps",
         "to about 0",
         late,
         [share * value for value in early],
@@ -235,9 +235,9 @@ def falling(rows: list[dict], share: float) -> Check:
 
 
 def with_temperature(rows: list[dict]) -> Check:
-    """Judge whether collisions go with T over a run."""
+    """Judge whether collisions correlate with T over a run."""
     values = column(rows, "with temperature")
-    return judged_mean("collisions go with T: correlation over a run", "correlate", values, low=0.0)
+    return judged_mean("collisions correlate with T: correlation over a run", "correlate", values, low=0.0)
 
 
 def frequency(laboratory: Laboratory, robots: int, beta: float, share: float) -> Result:
@@ -277,11 +277,11 @@ def many_fast(laboratory: Laboratory) -> Result:
 
 
 def totals(laboratory: Laboratory) -> Result:
-    """Make figure 8.6: collisions so far, for both rates."""
+    """Make figure 8.6: cumulative collisions, for both rates."""
     slow, fast = (runs_of(laboratory, 15, beta) for beta in (SLOW, FAST))
     flat = [
         judged_difference(
-            f"the total flattens, beta {beta:g}: collisions a robot",
+            f"the total flattens, beta {beta:g}: collisions per robot",
             "plateau",
             column(rows, "last third"),
             [value / 2 for value in column(rows, "first third")],
@@ -292,7 +292,7 @@ def totals(laboratory: Laboratory) -> Result:
     checks = (
         *flat,
         judged_difference(
-            "fast cooling: more collisions early, a robot and 1,000 steps",
+            "fast cooling: more collisions early, per robot and 1,000 steps",
             "more early",
             column(slow, "early"),
             column(fast, "early"),
@@ -300,7 +300,7 @@ def totals(laboratory: Laboratory) -> Result:
             main=False,
         ),
         judged_difference(
-            "fast cooling: fewer collisions in all, a robot",
+            "fast cooling: fewer collisions in all, per robot",
             "fewer in all",
             column(fast, "total"),
             column(slow, "total"),
@@ -347,7 +347,7 @@ def avoidance(laboratory: Laboratory) -> Result:
             high=25.0,
         ),
         judged_difference(
-            "with gamma they turn farther off: distance",
+            "with gamma they turn at a larger distance: distance",
             "farther than d_crit",
             distances[0.0],
             distances[0.7],
@@ -367,12 +367,12 @@ def avoidance(laboratory: Laboratory) -> Result:
     axes.axhline(50 * CRITICAL, color=COLOURS[1], linestyle="--", label="d_crit")
     axes.legend(frameon=False)
     never = {gamma: values.count(None) for gamma, values in distances.items() if None in values}
-    told = ", ".join(f"{n} of {len(seeds)} at gamma {gamma:g}" for gamma, n in never.items())
+    counted = ", ".join(f"{n} of {len(seeds)} at gamma {gamma:g}" for gamma, n in never.items())
     return Result(
         checks=checks,
         pictures={"": figure},
-        settings=f"{LEARNING}; one robot, beta 1e-4; asked before a wall, from far to near, without chance",
-        remarks=(f"In some runs forward is not the best action far from everything: {told}.",) if told else (),
+        settings=f"{LEARNING}; one robot, beta 1e-4; measured facing a wall, from far to near, greedy",
+        remarks=(f"In some runs forward is not the best action far from everything: {counted}.",) if counted else (),
     )
 
 
@@ -382,6 +382,6 @@ ITEMS = (
     Item(figure="8.3", title="collisions of one learning robot", section="8.3", make=one_robot),
     Item(figure="8.4", title="collisions of 15, temperature falling slowly", section="8.3", make=many_slowly),
     Item(figure="8.5", title="collisions of 15, temperature falling fast", section="8.3", make=many_fast),
-    Item(figure="8.6", title="collisions so far, for both", section="8.3", make=totals),
+    Item(figure="8.6", title="cumulative collisions, for both", section="8.3", make=totals),
     Item(figure="8.7", title="distance at which robots turn, over gamma", section="8.4", make=avoidance),
 )

@@ -3,7 +3,7 @@
 import numpy as np
 
 from mesa_swarm.reproduction.drawing import world_picture
-from mesa_swarm.reproduction.judging import UNSETTLED, Check, Result, judged_fact, judged_number
+from mesa_swarm.reproduction.judging import PASSED, UNDECIDED, Check, Result, judged_fact, judged_number
 from mesa_swarm.reproduction.laboratory import Laboratory
 from mesa_swarm.reproduction.registry import Item
 from mesa_swarm.swarm_model import SwarmModel
@@ -23,12 +23,12 @@ FIRES = 7
 
 
 def boxes(shapes: tuple[Shape, ...]) -> set[tuple[float, ...]]:
-    """Return each shape as what the listing would say of it, with y upwards, rounded."""
+    """Return each shape as in the listing, with y upwards, rounded."""
     return {tuple(round(value, 6) for value in shape.bounds) for shape in shapes}
 
 
 def listed_boxes() -> set[tuple[float, ...]]:
-    """Return the bounds of all that the listing has, with y upwards.
+    """Return the bounds of all shapes of the listing, with y upwards.
 
     Examples
     --------
@@ -41,7 +41,7 @@ def listed_boxes() -> set[tuple[float, ...]]:
 
 
 def original(laboratory: Laboratory) -> Result:
-    """Make figure D.1: the map of which the thesis lists every number."""
+    """Make figure D.1: the map whose every number the thesis lists."""
     drawn = Map.load("original")
     discs = sum(shape.is_disc for shape in drawn.obstacles)
     same = boxes(drawn.obstacles) & listed_boxes()
@@ -62,7 +62,7 @@ def sparse(laboratory: Laboratory) -> Result:
     covered = [share_covered(Map.load(name)) for name in ("openspace", "sparse", "original")]
     checks = (
         judged_fact(
-            "less of it is covered than of original, more than of openspace",
+            "covered area between those of original and openspace",
             "low complexity",
             covered[0] < covered[1] < covered[2],
             measured=", ".join(f"{100 * share:.1f} %" for share in covered),
@@ -74,7 +74,7 @@ def sparse(laboratory: Laboratory) -> Result:
             measured=", ".join(sorted(kinds)),
         ),
         judged_fact(
-            "the text's other name, maze, opens it too",
+            "the text's other name, maze, loads it too",
             "maze.map",
             boxes(Map.load("maze").obstacles) == boxes(drawn.obstacles),
             measured="the same map",
@@ -89,7 +89,7 @@ def openspace(laboratory: Laboratory) -> Result:
     """Make figure D.3: four walls."""
     drawn = Map.load("openspace")
     count = len(inside(drawn))
-    checks = (four_walls(drawn), judged_fact("nothing stands within them", "nothing", count == 0, measured=str(count)))
+    checks = (four_walls(drawn), judged_fact("no obstacle within them", "nothing", count == 0, measured=str(count)))
     return result_of(drawn, checks)
 
 
@@ -105,7 +105,7 @@ def openspace_fire(laboratory: Laboratory) -> Result:
             "the second is the largest", "a large central one", int(radii.argmax()) == 1,
             measured=f"radius {radii[1]:g}, others at most {np.delete(radii, 1).max():g}",
         ),
-        judged_number("it is in the middle: distance from there", "central", float(centre), high=WALL),
+        judged_number("it is central: distance from the centre", "central", float(centre), high=WALL),
         numbers_known(drawn),
     )  # fmt: skip
     return result_of(drawn, checks)
@@ -119,21 +119,21 @@ def four_walls(drawn: Map) -> Check:
 
 
 def numbers_known(drawn: Map) -> Check:
-    """Return that the rest cannot be compared, where the thesis prints a picture and no numbers."""
+    """Return that other parts cannot be compared, where the thesis prints a picture and no numbers."""
     parts = len(inside(drawn)) + len(drawn.fires)
     known = max(LISTED.get(drawn.name, 0) - 4, 0)
     return Check(
-        claim="every part is where the thesis has it",
+        claim="every part is positioned as in the thesis",
         reported="a picture, no numbers",
-        measured=f"{known} of {parts} parts can be compared; the map was drawn anew",
+        measured=f"{known} of {parts} parts can be compared; the map was redrawn",
         criterion="all can be compared",
-        outcome="holds" if known == parts else UNSETTLED,
+        outcome=PASSED if known == parts else UNDECIDED,
         main=False,
     )
 
 
 def inside(drawn: Map) -> list[Shape]:
-    """Return the obstacles that are no walls at the border."""
+    """Return the obstacles without the walls at the border."""
     walls = {(0.0, 0.0), (WIDTH, HEIGHT)}
     return [s for s in drawn.obstacles if not {s.bounds[:2], s.bounds[2:]} & walls or s.is_disc]
 
@@ -151,7 +151,7 @@ def share_covered(drawn: Map) -> float:
 
 
 def result_of(drawn: Map, checks: tuple[Check, ...]) -> Result:
-    """Return the result of a map, with what holds for all of them."""
+    """Return the result of a map, with the checks that all of them share."""
     again = Map.from_svg(drawn.to_svg())
     from_svg = judged_fact(
         "its SVG is the same map",

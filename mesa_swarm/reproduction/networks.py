@@ -3,33 +3,20 @@
 from collections.abc import Callable
 
 import numpy as np
-from matplotlib.figure import Figure
 
+from mesa_swarm.experiments.learning_figures import NOISE, demonstrated, regression_figure
 from mesa_swarm.learning.actions import boltzmann, chosen
 from mesa_swarm.learning.networks import fit
 from mesa_swarm.reproduction.drawing import column, plain_axes
 from mesa_swarm.reproduction.judging import Result, judged_fact, judged_mean, judged_number
 from mesa_swarm.reproduction.laboratory import Laboratory
 from mesa_swarm.reproduction.registry import Item
-from mesa_swarm.viewing.palette import LIGHT
 
 POINTS = 30
-NOISE = 0.05
-# So many times the noise is a bad fit: the thesis calls it bias.
+# An error of this many times the noise is a bad fit: the thesis calls it bias.
 BAD = 3.0
 
 Curve = Callable[[np.ndarray], np.ndarray]
-
-
-def our_curve(x: np.ndarray) -> np.ndarray:
-    """Return a curve that a 1-2-1 network can say exactly (6.1).
-
-    Examples
-    --------
-    >>> round(float(our_curve(np.array([0.0]))[0]), 3)
-    0.843
-    """
-    return 0.6 * np.tanh(4 * x + 1) - 0.4 * np.tanh(3 * x - 2)
 
 
 def drawn_curve(rng: np.random.Generator) -> Curve:
@@ -45,7 +32,7 @@ def noisy_points(rng: np.random.Generator, curve: Curve) -> tuple[np.ndarray, np
 
     Examples
     --------
-    >>> noisy_points(np.random.default_rng(1), our_curve)[0].shape
+    >>> noisy_points(np.random.default_rng(1), demonstrated)[0].shape
     (30,)
     """
     x = np.linspace(-1, 1, POINTS)
@@ -53,7 +40,7 @@ def noisy_points(rng: np.random.Generator, curve: Curve) -> tuple[np.ndarray, np
 
 
 def regression_run(rng: int, *, networks: int, curve: str) -> dict[str, float]:
-    """Fit networks to points of one curve; return which share fits badly, and the middle one's error over the noise.
+    """Fit networks to points of one curve; return the share that fits badly, and the median error over the noise.
 
     Examples
     --------
@@ -61,16 +48,16 @@ def regression_run(rng: int, *, networks: int, curve: str) -> dict[str, float]:
     ['bad', 'median']
     """
     random = np.random.default_rng(rng)
-    true = our_curve if curve == "ours" else drawn_curve(random)
+    true = demonstrated if curve == "ours" else drawn_curve(random)
     x, y = noisy_points(random, true)
     fitted = fit(x, y, rng=random, networks=networks)
-    said = np.array([fitted.outputs(np.full((networks, 1), at)) for at in x])
-    errors = np.sqrt(((said - true(x)[:, None]) ** 2).mean(axis=0)) / NOISE
+    outputs = np.array([fitted.outputs(np.full((networks, 1), at)) for at in x])
+    errors = np.sqrt(((outputs - true(x)[:, None]) ** 2).mean(axis=0)) / NOISE
     return {"bad": float(np.mean(errors > BAD)), "median": float(np.median(errors))}
 
 
 def choice_run(rng: int, *, draws: int) -> dict[str, float]:
-    """Let chance choose among Q = (3, 2, 1) at T = 1; return how much oftener than it should the best was chosen.
+    """Let chance choose among Q = (3, 2, 1) at T = 1; return by how much the share of the best exceeds its probability.
 
     Examples
     --------
@@ -84,7 +71,7 @@ def choice_run(rng: int, *, draws: int) -> dict[str, float]:
 
 SEEDS = 40
 VALUES = (3.0, 2.0, 1.0)
-# So small a difference comes from rounding.
+# Smaller differences come from rounding.
 ROUNDING = 1e-12
 
 
@@ -103,13 +90,13 @@ def regression(laboratory: Laboratory) -> Result:
             high=0.1,
         ),
         judged_mean(
-            "error of the middle network, of the noise",
+            "error of the median network, relative to the noise",
             "good fit in the picture",
             column(same, "median"),
             high=1.5,
         ),
         judged_mean(
-            "the same share for curves drawn at random",
+            "the same share for random curves",
             "less than 10 %",
             column(drawn, "bad"),
             high=0.1,
@@ -118,28 +105,12 @@ def regression(laboratory: Laboratory) -> Result:
     )
     return Result(
         checks=checks,
-        pictures={"": regression_figure(laboratory.pick(100, 20))},
+        pictures={"": regression_figure(rng=6, networks=laboratory.pick(100, 20))},
         settings=(
             "1-2-1 networks of tanh units, eta 0.5, 200 presentations of each of 30 points in random order, noise "
-            "0.05; the thesis's own points are not known: ours follow 0.6 tanh(4x + 1) - 0.4 tanh(3x - 2)"
+            "0.05; the thesis's points are unknown; ours follow 0.6 tanh(4x + 1) - 0.4 tanh(3x - 2)"
         ),
     )
-
-
-def regression_figure(networks: int) -> Figure:
-    """Return a figure of the points, the best and the worst of some networks."""
-    rng = np.random.default_rng(6)
-    x, y = noisy_points(rng, our_curve)
-    fitted = fit(x, y, rng=rng, networks=networks)
-    fine = np.linspace(-1, 1, 100)
-    said = np.array([fitted.outputs(np.full((networks, 1), at)) for at in fine])
-    errors = np.sqrt(((said - our_curve(fine)[:, None]) ** 2).mean(axis=0))
-    figure, (axes,) = plain_axes("x", "y")
-    axes.plot(x, y, "o", color=LIGHT.faint, markersize=4, label="points that were shown")
-    for which, label, style in ((errors.argmin(), "best", "-"), (errors.argmax(), "worst", "--")):
-        axes.plot(fine, said[:, which], style, linewidth=1.8, label=f"{label} of {networks} networks")
-    axes.legend(frameon=False)
-    return figure
 
 
 def choice(laboratory: Laboratory) -> Result:
@@ -156,15 +127,17 @@ def choice(laboratory: Laboratory) -> Result:
             high=ROUNDING,
         ),
         judged_number("cold, the best action is certain: its probability at T = 0.05", "1", shares[0, 0], low=0.999),
-        judged_number("hot, all are alike: largest less least at T = 20", "0", float(np.ptp(shares[-1])), high=0.05),
+        judged_number(
+            "hot, all are similar: largest minus smallest at T = 20", "0", float(np.ptp(shares[-1])), high=0.05
+        ),
         judged_fact(
-            "the best action's probability falls with T all the way",
+            "the best action's probability falls monotonically with T",
             "falls",
             bool((np.diff(shares[:, 0]) < 0).all()),
             measured=f"{shares[0, 0]:.3f} to {shares[-1, 0]:.3f}",
         ),
         judged_mean(
-            "robots choose so: share of the best action at T = 1 less its probability",
+            "robots choose accordingly: share of the best action at T = 1 minus its probability",
             "0",
             column(rows, "excess"),
             low=-0.005,

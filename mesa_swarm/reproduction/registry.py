@@ -28,7 +28,7 @@ class Item:
     title : str
         What it shows.
     section : str
-        Where the thesis tells of it.
+        Of the thesis.
     make : callable
         Takes a `Laboratory` and returns a `Result`.
     """
@@ -69,34 +69,27 @@ def find_item(figure: str) -> Item:
 
 
 INTRODUCTION = """\
-# What of the thesis comes out again
+# Reproduced results
 
-This page is written by `mesa-swarm reproduce --all --report docs/reproduction.md`; a figure of it is made again by
-`mesa-swarm reproduce --figure 8.3`, with its picture and table. The thesis reports one run of each behaviour. Here
-each is run over many seeds, and what is compared is compared on the same seeds: the same places and noise on both
-sides. Intervals are 95 % (Student's t for means and differences, Wilson's for shares).
+This page is written by `mesa-swarm reproduce --all --report docs/reproduction.md`; `mesa-swarm reproduce --figure 8.3`
+reproduces a single figure, with its picture and table. The thesis reports one run of each behaviour. Here each is
+repeated over many seeds, and comparisons are paired by seed: same start positions and same noise. Intervals are 95 %
+(Student's t for means and differences, Wilson's for shares).
 
-Verdicts are computed. A check *holds* if its interval lies wholly where the criterion says, *fails* if wholly
-elsewhere, and is *unsettled* if it meets the limit. A result is **confirmed** if all its checks hold, **confirmed
-with limits** if all main ones do, else **not confirmed**. Claims in italics are not main ones. No setting was tuned
-to make a claim come true; the thesis gives few distances, speeds and constants, so that settings are ours, and are
-named. Two criteria were changed after figures had been seen: 5.5 asks for most runs and has the mean as a side claim,
-and in 8.3 to 8.5 speed, for which the thesis has no number, became one; both made a verdict milder. It reports many
-results as pictures: what is written here under "the thesis" is what its text says of them. Which of several pictures
-of a section has which number (4.12 to 4.16, 5.6 to 5.10, 8.1 to 8.6, 9.1 to 9.3) is our reading of that text.
+Verdicts are computed. A check is *passed* if its interval lies entirely within what is required, *failed* if entirely
+outside, and *undecided* if it includes the limit. A result is **confirmed** if all its checks are passed, **confirmed
+with limits** if all main checks are, otherwise **not confirmed**. Side claims are in italics. No setting was tuned to
+confirm a claim; the thesis gives few distances, speeds and constants, so that we chose the settings, which are listed.
+Two criteria were changed after the results were known: 5.5 requires most runs and has the mean as a side claim, and in
+8.3 to 8.5 speed, for which the thesis gives no number, became a side claim; both made a verdict milder. The thesis
+reports many results as pictures: the column "thesis" quotes its text about them. The numbering of the pictures within a
+section (4.12 to 4.16, 5.6 to 5.10, 8.1 to 8.6, 9.1 to 9.3) is our reading of that text.
 """
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Made:
-    """A result that was made, and the seconds that it took.
-
-    Parameters
-    ----------
-    item : Item
-    result : Result
-    seconds : float
-    """
+    """A reproduced result, and the seconds that it took."""
 
     item: Item
     result: Result
@@ -110,20 +103,20 @@ def report(made: Sequence[Made], *, quick: bool = False) -> str:
     ----------
     made : sequence of Made
     quick : bool
-        Whether few seeds were enough, which the page then says.
+        Whether few seeds were enough, which is then stated on the page.
     """
     parts = [INTRODUCTION, surroundings(made, quick), summary(made), *map(section, made)]
     return "\n".join(part.rstrip() + "\n" for part in parts)
 
 
 def surroundings(made: Sequence[Made], quick: bool) -> str:
-    """Return when it was made, with what, and how busy the machine was."""
+    """Return the versions, the time that it took, and the load of the machine."""
     load = f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores" if hasattr(os, "getloadavg") else "load unknown"
     minutes = sum(one.seconds for one in made) / 60
     few = "\n**Few seeds, short runs (`--quick`): these verdicts mean nothing.**\n" if quick else ""
     with_what = f"NumPy {np.__version__} and Numba {numba.__version__}"
     return (
-        f"{few}\nMade with {with_what}. The last call took {minutes:.0f} minutes; {load}. Runs made before were kept.\n"
+        f"{few}\nMade with {with_what}. The last call took {minutes:.0f} minutes; {load}. Earlier runs were reused.\n"
     )
 
 
@@ -132,7 +125,7 @@ def summary(made: Sequence[Made]) -> str:
     count = {name: sum(one.result.verdict == name for one in made) for name in VERDICTS}
     counted = ", ".join(f"{number} {name}" for name, number in count.items())
     lines = [row_of(one) for one in made]
-    table = table_of(("figure", "shows", "verdict", "what does not hold"), lines)
+    table = table_of(("figure", "shows", "verdict", "not passed"), lines)
     return f"## All results\n\n{counted}.\n\n{table}"
 
 
@@ -142,8 +135,8 @@ def row_of(one: Made) -> tuple[str, ...]:
 
 
 def section(one: Made) -> str:
-    """Return what is told of one result."""
-    rows = [(told(check), *check.row[1:]) for check in one.result.checks]
+    """Return the section of one result."""
+    rows = [(claim_of(check), *check.row[1:]) for check in one.result.checks]
     remarks = "".join(f"\n- {remark}" for remark in one.result.remarks)
     return (
         f"## {one.item.figure}: {one.item.title}\n\n"
@@ -152,7 +145,7 @@ def section(one: Made) -> str:
     )
 
 
-def told(check: Check) -> str:
+def claim_of(check: Check) -> str:
     """Return a claim, in italics if it is not a main one."""
     return check.claim if check.main else f"*{check.claim}*"
 

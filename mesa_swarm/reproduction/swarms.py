@@ -23,9 +23,9 @@ from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.run_pictures import trace
 
 Numbers = dict[str, float | None]
-# Who stands within this distance of another is in one group with it, whatever made the group.
+# Robots within this distance of each other are in one group, whatever made the group.
 GROUP = 40.0
-# Steps after which one looks who is still together.
+# Steps after which robots that are still together are counted.
 WINDOW = 200
 FRAME = 5
 EARLY, LATE = 1_000, 3_000
@@ -33,7 +33,7 @@ EARLY, LATE = 1_000, 3_000
 SMALL = 3
 # Of the map openspace, within its walls.
 INNER_AREA = 760.0 * 560.0
-# A robot that sees all that is ahead of it, is quick, and turns on the spot where it would else touch something.
+# A robot that senses the full front, is quick, and turns on the spot before contact.
 EXPLORER = {
     "n_robots": 1,
     "map": "original",
@@ -47,8 +47,8 @@ EXPLORER = {
 def exploration_run(rng: int, steps: int = 60_000, **settings: Any) -> Numbers:
     """Let one robot explore the map `original`; return which share of the cells within its reach it visited.
 
-    Cells are those of a 40 x 40 grid in which the robot's centre can be. The robot is the `EXPLORER`, if the
-    settings of `CollisionAvoidance` do not say otherwise.
+    Cells are those of a 40 x 40 grid in which the robot's centre can be. The robot is the `EXPLORER`, unless
+    settings of `CollisionAvoidance` are given.
 
     Examples
     --------
@@ -59,16 +59,16 @@ def exploration_run(rng: int, steps: int = 60_000, **settings: Any) -> Numbers:
     solids = [(obstacle.shape.geometry, obstacle.shape.radius) for obstacle in model.obstacles if obstacle.contact]
     radius, start = float(model.swarm.radius[0]), model.swarm.position[0].copy()
     cells = reachable_cells(model.map.bounds, solids, radius, start)
-    kept = model.watch(last=None, columns=("position",))
+    watched = model.watch(last=None, columns=("position",))
     model.run(steps)
     return {
-        "coverage": coverage(kept["position"], cells, model.map.bounds),
+        "coverage": coverage(watched["position"], cells, model.map.bounds),
         "collisions": float(model.total_collisions),
     }
 
 
 def agglomeration_run(rng: int, **settings: Any) -> Numbers:
-    """Let robots agglomerate; return their spacing relative to the start, groups, and who keeps together.
+    """Let robots agglomerate; return their spacing relative to the start, groups, and the pairs that stay together.
 
     Examples
     --------
@@ -79,7 +79,7 @@ def agglomeration_run(rng: int, **settings: Any) -> Numbers:
     spacing = nearest_neighbour_distances(model.swarm.position).mean()
     numbers: Numbers = {"randomness at 0": float(clark_evans(model.swarm.position, INNER_AREA))}
     for step in (EARLY, LATE):
-        kept = kept_while(model, step)
+        together = together_until(model, step)
         groups = clusters(model.swarm.position, GROUP)
         numbers[f"spacing at {step}"] = float(nearest_neighbour_distances(model.swarm.position).mean() / spacing)
         numbers[f"groups at {step}"] = float(groups.count)
@@ -87,11 +87,11 @@ def agglomeration_run(rng: int, **settings: Any) -> Numbers:
         numbers[f"small groups at {step}"] = float(np.count_nonzero(groups.sizes <= SMALL))
         numbers[f"largest at {step}"] = float(groups.sizes.max(initial=0))
         numbers[f"local convergence at {step}"] = groups.local_convergence
-        numbers[f"kept together at {step}"] = kept
+        numbers[f"kept together at {step}"] = together
     return known(numbers)
 
 
-def kept_while(model: SwarmModel, until: int) -> float:
+def together_until(model: SwarmModel, until: int) -> float:
     """Run a model until a step; return the share of pairs in one group that still were after the last 200 steps."""
     model.run(until - WINDOW - model.steps)
     before = clusters(model.swarm.position, GROUP).label
@@ -100,7 +100,7 @@ def kept_while(model: SwarmModel, until: int) -> float:
 
 
 def chain_run(rng: int, **settings: Any) -> Numbers:
-    """Let robots form chains; return how long they are, what became of head-on meetings, and who keeps together.
+    """Let robots form chains; return their lengths, the outcomes of head-on meetings, and the pairs that stay together.
 
     Lengths and shares are means over the 200 steps before step 1,000 and before step 3,000.
 
@@ -110,14 +110,14 @@ def chain_run(rng: int, **settings: Any) -> Numbers:
     True
     """
     model = find_model("chain_formation")(rng=rng, **settings)
-    kept = model.watch(last=None, every=FRAME, columns=("position", "heading"))
-    together = {f"kept together at {step}": kept_while(model, step) for step in (EARLY, LATE)}
+    watched = model.watch(last=None, every=FRAME, columns=("position", "heading"))
+    together = {f"kept together at {step}": together_until(model, step) for step in (EARLY, LATE)}
     history = follow_chains(
-        kept["position"], kept["heading"], kept.steps, link_distance=model.link_distance, patience=3
+        watched["position"], watched["heading"], watched.steps, link_distance=model.link_distance, patience=3
     )
     numbers: Numbers = dict(together)
     for step in (EARLY, LATE):
-        frames = (kept.steps > step - WINDOW) & (kept.steps <= step)
+        frames = (watched.steps > step - WINDOW) & (watched.steps <= step)
         numbers[f"length at {step}"] = mean_or_one(history.mean_length[frames])
         numbers[f"chained at {step}"] = float(history.chained[frames].mean())
     outcomes = history.outcomes()
@@ -136,7 +136,7 @@ def mean_or_one(lengths: np.ndarray) -> float:
 
 
 def known(numbers: Numbers) -> Numbers:
-    """Return the same with None for what could not be measured, which JSON has no word for.
+    """Return the same with None for what could not be measured: JSON has no NaN.
 
     Examples
     --------
@@ -153,7 +153,7 @@ EXPLORING_STEPS = 60_000
 TRACED_STEPS = 20_000
 # Nearly all: the rest is a cell that is entered only just.
 NEARLY_ALL = 0.95
-# The robot of the other figures, which falls into an orbit.
+# The robot of the other figures, which enters a closed orbit.
 SLOW = {"design": "AGENT9", "max_speed": 1.0, "distance": 15.0, "spot_distance": 0.0}
 GATHERING = "AGENT9, sight 50, stop_distance 12, avoid_distance 4, map openspace, 50 robots"
 CHAINING = "AGENT3, sight 50, gap 15, cruise speed 0.7, map openspace, 50 robots"
@@ -173,14 +173,14 @@ def exploration(laboratory: Laboratory) -> Result:
             "40 x 40 grid counts where the robot's centre can be"
         ),
         remarks=(
-            "A robot sees nearly everything if it sees all that is ahead, turns on the spot before it would touch "
-            "something, and has way enough. A plain one falls into an orbit.",
+            "A robot covers nearly the whole map if it senses the full front, turns on the spot before contact, and "
+            "travels far enough. A standard robot enters a closed orbit.",
         ),
     )
 
 
 def explorer_checks(rows: list[dict]) -> list[Check]:
-    """Return what is claimed of the one robot."""
+    """Return the checks of the one robot."""
     return [
         judged_share(
             "one robot reaches all areas of the map (95 % of the cells), in most runs",
@@ -188,23 +188,23 @@ def explorer_checks(rows: list[dict]) -> list[Check]:
             [share >= NEARLY_ALL for share in column(rows, "coverage")],
             low=0.5,
         ),
-        judged_mean("in the mean of runs it does", "one run", column(rows, "coverage"), low=NEARLY_ALL, main=False),
-        judged_mean("it collides with nothing", "no collisions", column(rows, "collisions"), high=0),
+        judged_mean("mean over runs", "one run", column(rows, "coverage"), low=NEARLY_ALL, main=False),
+        judged_mean("it has no collisions", "no collisions", column(rows, "collisions"), high=0),
     ]
 
 
 def plain_robot_checks(slow: list[dict], turning: list[dict]) -> list[Check]:
-    """Return whether a robot like those of the other figures reaches as much, without and with random turns."""
+    """Return the checks of a robot like those of the other figures, without and with random turns."""
     return [
         judged_mean(
-            "so does a plain robot (AGENT9, speed 1, distance 15)",
+            "a standard robot does the same (AGENT9, speed 1, distance 15)",
             "trace through all areas",
             column(slow, "coverage"),
             low=NEARLY_ALL,
             main=False,
         ),
         judged_difference(
-            "random turns let a plain robot reach more",
+            "with random turns a standard robot reaches more",
             "proposed (5.3.1)",
             column(slow, "coverage"),
             column(turning, "coverage"),
@@ -245,7 +245,7 @@ def gathering_late(laboratory: Laboratory) -> Result:
         "fewer, larger groups at 3,000",
         column(rows, f"size at {EARLY}"),
         column(rows, f"size at {LATE}"),
-        names=("robots a group at 1,000", "at 3,000"),
+        names=("robots per group at 1,000", "at 3,000"),
         main=False,
     )
     return Result(
@@ -256,10 +256,10 @@ def gathering_late(laboratory: Laboratory) -> Result:
 
 
 def gathering_checks(rows: list[dict], step: int) -> list[Check]:
-    """Return what is claimed of the groups at a step."""
+    """Return the checks of the groups at a step."""
     return [
         judged_mean(
-            "robots agglomerate: mean distance to the nearest, of what it was at the start",
+            "robots agglomerate: mean distance to the nearest robot, relative to the start",
             "groups in the picture",
             column(rows, f"spacing at {step}"),
             high=0.5,
@@ -280,7 +280,7 @@ def gathering_checks(rows: list[dict], step: int) -> list[Check]:
 
 
 def gathering_picture(step: int) -> Figure:
-    """Return a picture of agglomerating robots at a step, with lines to what each perceives."""
+    """Return a picture of agglomerating robots at a step, with lines to what each robot perceives."""
     model = find_model("agglomeration")(rng=1).run(step)
     return world_picture(model, f"Agglomeration, step {model.steps:,}", perceived=True)
 
@@ -292,22 +292,22 @@ def chains_early(laboratory: Laboratory) -> Result:
     checks = (
         judged_mean("most robots are in chains", "chains in the picture", column(rows, f"chained at {EARLY}"), low=0.5),
         judged_difference(
-            "chains have a higher cohesion than clusters: pairs in a group that are in one 200 steps later",
+            "chains have a higher cohesion than clusters: share of grouped pairs still in one group 200 steps later",
             "higher",
             column(groups, f"kept together at {LATE}"),
             column(rows, f"kept together at {LATE}"),
             names=("clusters", "chains"),
         ),
-        judged_mean("chains merge, times a run", "seen", column(rows, "merges"), low=1, main=False),
-        judged_mean("chains split, times a run", "seen", column(rows, "splits"), low=1, main=False),
+        judged_mean("chains merge, times per run", "seen", column(rows, "merges"), low=1, main=False),
+        judged_mean("chains split, times per run", "seen", column(rows, "splits"), low=1, main=False),
     )
     return Result(
         checks=checks,
         pictures={"": chain_picture(laboratory.pick(EARLY, 100))},
         settings=CHAINING,
         remarks=(
-            "Clusters that have come to rest hold together by standing still. Cohesion may be meant as keeping "
-            "together while moving, which clusters never have to.",
+            "Clusters at rest stay together because they do not move. The thesis may mean cohesion while moving, "
+            "which clusters never need.",
         ),
     )
 
@@ -321,10 +321,10 @@ def chains_late(laboratory: Laboratory) -> Result:
         "longer later",
         column(rows, f"length at {EARLY}"),
         column(rows, f"length at {LATE}"),
-        names=("robots a chain at 1,000", "at 3,000"),
+        names=("robots per chain at 1,000", "at 3,000"),
     )
     hurrying = judged_difference(
-        "the rule that followers hurry makes chains longer",
+        "the gap rule makes chains longer",
         "without it chains break",
         column(loose, f"length at {LATE}"),
         column(rows, f"length at {LATE}"),
@@ -339,7 +339,7 @@ def chains_late(laboratory: Laboratory) -> Result:
 
 
 def head_on_checks(rows: list[dict], leading: list[dict]) -> list[Check]:
-    """Return what is claimed of chains that meet head-on, without and with the rule that one of them leads."""
+    """Return the checks of chains that meet head-on, without and with random turning speeds."""
     return [
         judged_mean(
             "head-on pairs approach, then disperse: share of meetings",
@@ -357,7 +357,7 @@ def head_on_checks(rows: list[dict], leading: list[dict]) -> list[Check]:
             main=False,
         ),
         judged_difference(
-            "that rule makes chains longer",
+            "random turning speeds make chains longer",
             "hoped for",
             column(rows, f"length at {LATE}"),
             column(leading, f"length at {LATE}"),
@@ -379,5 +379,5 @@ ITEMS = (
     Item(figure="5.7", title="agglomeration after 1,000 steps", section="5.3.2", make=gathering_early),
     Item(figure="5.8", title="agglomeration after 3,000 steps", section="5.3.2", make=gathering_late),
     Item(figure="5.9", title="chains have formed", section="5.3.3", make=chains_early),
-    Item(figure="5.10", title="chains have merged, and what their rules do", section="5.3.3", make=chains_late),
+    Item(figure="5.10", title="merged chains, and the effect of their rules", section="5.3.3", make=chains_late),
 )

@@ -13,7 +13,7 @@ from mesa_swarm.robots.drive import DifferentialDrive, Drive
 from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSensor, Sensor, mount_of
 
 LARGEST_RADIUS = 1e6
-# A step is cut into pieces of half a radius: faster robots than this would take for ever.
+# A step is cut into pieces of half a radius: faster robots than this would take too long.
 FASTEST_IN_RADII = 1000
 MOST_SENSORS = 360
 
@@ -95,8 +95,8 @@ class RobotDesign:
     @property
     def turns(self) -> bool | None:
         """What a command is: speeds of wheels left and right (True), forward and sideways (False); see `Drive`."""
-        told = getattr(self.drive, "turns", True)
-        return None if told is None else bool(told)
+        turns = getattr(self.drive, "turns", True)
+        return None if turns is None else bool(turns)
 
     @property
     def front(self) -> int:
@@ -107,12 +107,12 @@ class RobotDesign:
 
     @property
     def left(self) -> int:
-        """Index of the forward proximity sensor next to `front` on the left, -1 if there is none."""
+        """Index of the forward proximity sensor next to `front` on the left, -1 without one."""
         return self._beside(1)
 
     @property
     def right(self) -> int:
-        """Index of the forward proximity sensor next to `front` on the right, -1 if there is none."""
+        """Index of the forward proximity sensor next to `front` on the right, -1 without one."""
         return self._beside(-1)
 
     def with_proximity(self, **changes: Any) -> "RobotDesign":

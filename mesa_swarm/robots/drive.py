@@ -16,9 +16,9 @@ class Drive(Protocol):
     Attributes
     ----------
     turns : bool or None, optional
-        True if a command is the speeds of wheels left and right, which turn the body (taken to be so where it is
-        not said), each limited to max_speed; False if it is speeds forward and sideways, of which the speed of the
-        body is limited; None if it is neither: each number is limited, and layers of all kinds may command it.
+        True (the default) if a command is the speeds of wheels left and right, each limited to max_speed; False if
+        it is speeds forward and sideways, where the speed of the body is limited; None if it is neither: each number
+        is limited, and layers of all kinds may command it.
     """
 
     def motion(self, wheels: np.ndarray, radius: np.ndarray, motion: np.ndarray) -> None:
@@ -28,7 +28,31 @@ class Drive(Protocol):
         """Write into `wheels` (n, 2) which wheel speeds would have made these motions (n, 3)."""
 
 
-class DifferentialDrive:
+class _EqualByValues:
+    """Base of drives, which are equal if they are of one class and hold the same values, which may be arrays.
+
+    Examples
+    --------
+    >>> class Geared(DifferentialDrive):
+    ...     def __init__(self, ratio):
+    ...         self.ratio = ratio
+    >>> Geared(2.0) == Geared(2.0), Geared(2.0) == Geared(3.0), Geared(2.0) == DifferentialDrive()
+    (True, False, False)
+    """
+
+    def __eq__(self, other: object) -> bool:
+        """Compare as equal to drives of the same class that hold the same values."""
+        if type(self) is not type(other):
+            return False
+        mine, theirs = vars(self), vars(other)
+        return mine.keys() == theirs.keys() and all(np.array_equal(mine[name], theirs[name]) for name in mine)
+
+    def __hash__(self) -> int:
+        """Hash as all drives of the same class do."""
+        return hash(type(self))
+
+
+class DifferentialDrive(_EqualByValues):
     """Two wheels at the rim, left and right, on one axle (track = 2 r).
 
     v = (v_R + v_L) / 2 (A.4) and omega = (v_R - v_L) / (2 r) (A.2).
@@ -51,20 +75,12 @@ class DifferentialDrive:
         """Write the rim speeds (n, 2) that would have made the motion (n, 3)."""
         motion_to_wheels(motion, radius, wheels)
 
-    def __eq__(self, other: object) -> bool:
-        """Compare as equal to drives of the same class that hold the same values."""
-        return alike(self, other)
 
-    def __hash__(self) -> int:
-        """Hash as all drives of the same class do."""
-        return hash(type(self))
-
-
-class HolonomicDrive:
+class HolonomicDrive(_EqualByValues):
     """Rollers that move the body in any direction, forward and sideways, and never turn it.
 
     A command's two numbers are the speeds forward and to the left, in the robot's own frame: a velocity. One that is
-    longer than max_speed is made as long as that, and keeps its direction.
+    longer than max_speed is shortened to it in the same direction.
 
     Examples
     --------
@@ -84,31 +100,6 @@ class HolonomicDrive:
     def wheels(self, motion: np.ndarray, radius: np.ndarray, wheels: np.ndarray) -> None:
         """Write the speeds forward and sideways (n, 2) that would have made the motion (n, 3)."""
         wheels[:] = motion[:, :2]
-
-    def __eq__(self, other: object) -> bool:
-        """Compare as equal to drives of the same class that hold the same values."""
-        return alike(self, other)
-
-    def __hash__(self) -> int:
-        """Hash as all drives of the same class do."""
-        return hash(type(self))
-
-
-def alike(one: object, other: object) -> bool:
-    """Tell whether two drives are of the same class and hold the same values, which may be arrays.
-
-    Examples
-    --------
-    >>> class Geared(DifferentialDrive):
-    ...     def __init__(self, ratio):
-    ...         self.ratio = ratio
-    >>> Geared(2.0) == Geared(2.0), Geared(2.0) == Geared(3.0), Geared(2.0) == DifferentialDrive()
-    (True, False, False)
-    """
-    if type(one) is not type(other):
-        return False
-    mine, theirs = vars(one), vars(other)
-    return mine.keys() == theirs.keys() and all(np.array_equal(mine[name], theirs[name]) for name in mine)
 
 
 @compiled
@@ -177,7 +168,7 @@ def limit_command(command, max_speed, design, sideways):
 
 @compiled
 def no_longer(x: float, y: float, most: float) -> tuple[float, float]:
-    """Return a vector in the same direction that is at most so long; infinities count as equally large.
+    """Return a vector in the same direction of at most this length; infinities count as equally large.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""How far real sensors and wheels are from ideal ones: one schema for all of them, and a dial from 0 to 1."""
+"""Errors of real sensors and wheels: one schema for all of them, and a dial from 0 to 1."""
 
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -12,10 +12,10 @@ LONGEST_LAG = 1e6
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Imperfection:
-    """What becomes of one value, of a sensor on its way to the controller or of a controller on its way to a wheel.
+    """Error of one value between sensor and controller, or between controller and wheel.
 
-    Of what is told in a step, with probability `dropout` nothing comes through (a sensor sees nothing, a wheel
-    stands); with probability `outliers` anything within the range does; else the value x becomes
+    In a step, the value is lost with probability `dropout` (a sensor sees nothing, a wheel stands); with probability
+    `outliers` it is replaced by any value within the range; else the value x becomes
     ``x (1 + error z)``, z from a normal distribution, within the range.
 
     Parameters
@@ -145,7 +145,7 @@ class Imperfections:
 
 # Of the Robotarium's robots: seven distance sensors, 3 % error, 3.5 % dropout, 1.4 % outliers.
 ROBOTARIUM = Imperfections(sensing=Imperfection(error=0.03, dropout=0.035, outliers=0.014))
-# All that may be wrong at once, of the order of what small robots show: a choice, not a measurement of one robot.
+# All errors at once, of the order of those of small robots: a choice, not a measurement of one robot.
 MEASURED = Imperfections(
     sensing=Imperfection(error=0.03, dropout=0.035, outliers=0.014, hold=2, period=2),
     driving=Imperfection(error=0.05, dropout=0.02, lag=2.0),

@@ -1,4 +1,4 @@
-"""Radio: what robots tell each other, how far it carries, and what stops it."""
+"""Radio: what robots broadcast, its range, and what blocks it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -14,22 +14,22 @@ THINGS = {OBSTACLE: "an obstacle", ROBOT: "a robot", FIRE: "a fire", LOAD: "a lo
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moment:
-    """What one robot knew in one step, and what it was told to do.
+    """What one robot knew in one step, and its command.
 
     Parameters
     ----------
     distance, kind : ndarrays, shape (s,)
     sensors : ndarray, shape (s, 9)
-        Of its design, see `robots.table`.
+        Of its design, see `DesignTable`.
     bearing : ndarray, shape (s,), rad
     forward : (int, int, int)
         Indices of its front, left and right sensor, -1 for none.
     command : ndarray, shape (2,)
-        What it was told to do in this step.
+        In this step.
     turns : bool
         Whether the command is wheel speeds left and right; else it is speeds forward and sideways.
     columns : dict
-        All else that was kept of this robot, by name: heat, hot, fire, ...
+        Its other stored columns, by name: heat, hot, fire, ...
     """
 
     distance: np.ndarray
@@ -60,7 +60,7 @@ class Moment:
 
     @property
     def motion(self) -> str:
-        """What it was told to do, in words, such as "turns left on the spot", "goes ahead at 0.7", "stays"."""
+        """Its command in words, such as "turns left on the spot", "goes ahead at 0.7", "stays"."""
         left, right = self.command
         if abs(left) + abs(right) < TINY:
             return "stays"

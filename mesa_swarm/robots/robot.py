@@ -105,7 +105,7 @@ class Robot(ArenaAgent):
 
     @property
     def task(self) -> int:
-        """What its layers say that it works at, -1 for nothing."""
+        """Its task, as its layers number it, -1 for nothing."""
         return int(self._read("task"))
 
     @property
@@ -163,7 +163,7 @@ class Robot(ArenaAgent):
         remove_together([self])
 
     def alive(self) -> int:
-        """Return its row, or say that it was removed."""
+        """Return its row; a removed robot raises an error."""
         if self.row < 0:
             raise RemovedRobotError(f"robot {self.unique_id} was removed; take a handle from model.robots")
         return self.row

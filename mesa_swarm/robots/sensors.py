@@ -17,7 +17,7 @@ def _check_sector(sensor: "ProximitySensor | RadiationSensor") -> None:
     check_number("range", sensor.range, minimum=0, maximum=LARGEST_RANGE)
     check_number("field_of_view_degrees", sensor.field_of_view_degrees, minimum=0, maximum=360)
     check_mount(sensor.mount)
-    _keep_mount(sensor)
+    _store_mount(sensor)
 
 
 def check_mount(mount: Mount | None) -> None:
@@ -37,15 +37,15 @@ def check_mount(mount: Mount | None) -> None:
         check_number("mount", value, minimum=-LARGEST_RANGE, maximum=LARGEST_RANGE)
 
 
-def _keep_mount(sensor: "Sensor") -> None:
-    """Keep a checked mount as a tuple of floats, so that equal sensors compare and hash as equal."""
+def _store_mount(sensor: "Sensor") -> None:
+    """Store a checked mount as a tuple of floats, so that equal sensors compare and hash as equal."""
     if sensor.mount is not None:
         object.__setattr__(sensor, "mount", tuple(map(float, sensor.mount)))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ProximitySensor:
-    """An infrared sensor that tells how near the nearest body in its sector is, and of what kind.
+    """An infrared sensor of the distance and kind of the nearest body in its sector.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class ProximitySensor:
     hold : int
         One draw of the error stays for this many steps, at least 1.
     period : int
-        The reading is refreshed every so many steps, at least 1.
+        The reading is refreshed after every `period` steps, at least 1.
     rays : int
         0 measures the exact distance; k > 0 looks along k evenly spread rays only, as the thesis did.
 
@@ -120,7 +120,7 @@ class RadiationSensor:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LineSensor:
-    """A downward sensor that tells whether a point of the robot is over a ground mark.
+    """A downward sensor: whether a point of the robot is over a ground mark.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ class LineSensor:
         if self.mount is None:
             raise InvalidValueError("mount is None; expected (x, y) in the robot's frame")
         check_mount(self.mount)
-        _keep_mount(self)
+        _store_mount(self)
 
 
 Sensor = ProximitySensor | RadiationSensor | LineSensor

@@ -1,4 +1,4 @@
-"""Snapshots: columns of the swarm kept over the last steps, as arrays."""
+"""Snapshots: columns of the swarm over the last steps, as arrays."""
 
 from collections import deque
 from collections.abc import Iterable
@@ -32,16 +32,16 @@ HEAT = ("temperature", "heat", "hot", "fire")
 class Snapshots:
     """Columns of a swarm as they were after each of the last steps; made by `SwarmModel.watch`.
 
-    ``snapshots["position"]`` is an array of shape (k, n, 2): one row a step that was kept, oldest first. The
+    ``snapshots["position"]`` is an array of shape (k, n, 2): one row a stored step, oldest first. The
     readings, the heat (`temperature`, `heat`, `hot`, `fire`), the command and the layer in a row are what robots
-    knew and did in that step, the position is where it took them. When robots are added or removed, or are given
-    another control, what was kept before is dropped: rows would no longer be the same robots, nor the same layers.
+    knew and did in that step, the position is where they were after it. When robots are added or removed, or are given
+    another control, earlier steps are dropped: rows would no longer be the same robots, nor the same layers.
 
     Parameters
     ----------
     swarm : Swarm
     last : int or None
-        How many to keep, at least 1; None keeps all.
+        How many to store, at least 1; None stores all.
     every : int
         Steps from one to the next, at least 1.
     columns : tuple of str
@@ -58,8 +58,8 @@ class Snapshots:
     >>> from mesa_swarm.robots.design import AGENT9
     >>> model = SwarmModel(rng=1)
     >>> robots = model.add_robots(AGENT9, 5)
-    >>> kept = model.watch(last=10, columns=("position",))
-    >>> kept.steps.tolist(), model.run(20) and kept["position"].shape
+    >>> snapshots = model.watch(last=10, columns=("position",))
+    >>> snapshots.steps.tolist(), model.run(20) and snapshots["position"].shape
     ([], (10, 5, 2))
     """
 
@@ -74,13 +74,13 @@ class Snapshots:
             if name not in swarm.columns:
                 raise UnknownNameError(unknown_name("column", name, swarm.columns))
         self.trigger = Trigger.of(every, minimum=1)
-        self._kept: deque = deque(maxlen=None if last is None else check_count("last", last, minimum=1))
+        self._stored: deque = deque(maxlen=None if last is None else check_count("last", last, minimum=1))
         self._numbers = swarm.number
         self._version = swarm.version
         self._noted: dict[str, np.ndarray] = {}
 
     def __len__(self) -> int:
-        """How many steps are kept."""
+        """How many steps are stored."""
         return len(self._rows)
 
     @property
@@ -89,96 +89,96 @@ class Snapshots:
         return self.trigger.every
 
     def note(self) -> None:
-        """Take note of the heat that robots decided on, before burning overwrites it."""
+        """Store the heat that robots decided on, before burning overwrites it."""
         self._noted = {name: self._swarm.columns[name].copy() for name in HEAT if name in self.columns}
 
     def forget(self) -> None:
-        """Drop what was kept."""
-        self._kept.clear()
+        """Drop all steps."""
+        self._stored.clear()
 
     def append(self, step: int) -> None:
-        """Keep the swarm as it is now."""
+        """Store the swarm as it is now."""
         now, noted = self._swarm.columns, self._noted
         self._rows.append((step, [noted[name] if name in noted else now[name].copy() for name in self.columns]))
         self._noted = {}
 
     @property
     def steps(self) -> np.ndarray:
-        """The steps that are kept, oldest first, shape (k,)."""
+        """The stored steps, oldest first, shape (k,)."""
         return np.array([step for step, _ in self._rows], np.int64)
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """Return a column at all kept steps, shape (k, n, ...)."""
+        """Return a column at all stored steps, shape (k, n, ...)."""
         place = self._place(name)
         if not self._rows:
             return np.empty((0, *self._swarm.columns[name].shape), self._swarm.columns[name].dtype)
         return np.stack([columns[place] for _, columns in self._rows])
 
     def at(self, step: int) -> dict[str, np.ndarray]:
-        """Return all kept columns after one step, by name.
+        """Return all stored columns after one step, by name.
 
         Raises
         ------
         InvalidValueError
-            If that step was not kept.
+            If that step is not stored.
         """
-        for kept, columns in reversed(self._rows):
-            if kept == step:
+        for stored, columns in reversed(self._rows):
+            if stored == step:
                 return dict(zip(self.columns, columns, strict=True))
         steps = self.steps
-        there = f"kept are {len(steps)} from {steps[0]} to {steps[-1]}" if len(steps) else "nothing is kept yet"
-        raise InvalidValueError(f"step {shortened(step)} was not kept; {there}; keep more with watch(last=...)")
+        there = f"stored are {len(steps)} from {steps[0]} to {steps[-1]}" if len(steps) else "none are stored yet"
+        raise InvalidValueError(f"step {shortened(step)} is not stored; {there}; store more with watch(last=...)")
 
     @property
     def _rows(self) -> deque:
-        """What was kept of the robots that there are now."""
+        """The stored steps of the present robots."""
         swarm = self._swarm
         if self._version != swarm.version:
             if not np.array_equal(self._numbers, swarm.number):
                 self.forget()
             self._version, self._numbers = swarm.version, swarm.number
-        return self._kept
+        return self._stored
 
     def _place(self, name: str) -> int:
         if name not in self.columns:
-            raise UnknownNameError(unknown_name("column that is watched", name, self.columns))
+            raise UnknownNameError(unknown_name("watched column", name, self.columns))
         return self.columns.index(name)
 
 
-def check_kept(kept: Snapshots | None, needed: Iterable[str], purpose: str, call: str = "watch()") -> Snapshots:
-    """Return what was kept if it is enough, or say what is wanting.
+def check_watched(snapshots: Snapshots | None, needed: Iterable[str], purpose: str, call: str = "watch()") -> Snapshots:
+    """Return snapshots that suffice for a purpose; others are refused.
 
     Parameters
     ----------
-    kept : Snapshots or None
-        What `SwarmModel.watch` keeps.
+    snapshots : Snapshots or None
+        Of `SwarmModel.watched`.
     needed : iterable of str
         Columns.
     purpose, call : str
-        What it is wanted for, and how to watch for that.
+        What for, and how to watch for that.
 
     Raises
     ------
     InvalidValueError
-        If nobody watches, columns are missing, or no step is kept.
+        If there are none, columns are missing, or no step is stored.
 
     Examples
     --------
-    >>> check_kept(None, ["layer"], "explain")
+    >>> check_watched(None, ["layer"], "explain")
     Traceback (most recent call last):
-    mesa_swarm.errors.InvalidValueError: nothing was kept to explain; call model.watch() before the steps in question
+    mesa_swarm.errors.InvalidValueError: no steps are stored to explain; call model.watch() before the steps in question
     """
-    if kept is None:
-        raise InvalidValueError(f"nothing was kept to {purpose}; call model.{call} before the steps in question")
-    missing = [name for name in needed if name not in kept.columns]
+    if snapshots is None:
+        raise InvalidValueError(f"no steps are stored to {purpose}; call model.{call} before the steps in question")
+    missing = [name for name in needed if name not in snapshots.columns]
     if missing:
         names = ", ".join(missing)
         raise InvalidValueError(
-            f"columns that it takes to {purpose} are not kept: {names}; add them to those that model.watch is given"
+            f"columns needed to {purpose} are not stored: {names}; add them to model.watch(columns=...)"
         )
-    if not len(kept):
+    if not len(snapshots):
         raise InvalidValueError(
-            f"no step is kept to {purpose}: none was taken since watch() was called, or since robots came or went "
+            f"no step is stored to {purpose}: none was taken since watch() was called, robots were added or removed, "
             "or the control was changed; run the model on"
         )
-    return kept
+    return snapshots

@@ -45,9 +45,9 @@ COLUMNS: dict[str, tuple[tuple, type, object]] = {
     "hot": ((), np.bool_, False),
     "fire": ((), np.int64, -1),
 }
-# Columns with names that begin so are kept when the layers' are dropped: they belong to the robots' bodies.
+# Columns with names that begin so stay when those of layers are dropped: they belong to the robots' bodies.
 LASTING = "body."
-# What robots say and hear.
+# What robots send and hear.
 MESSAGES = ("task", "goal", "sent_goal", "heard_layer", "heard_task", "heard_from", "heard_goal")
 
 
@@ -67,12 +67,11 @@ class Swarm:
     layer : int64 ndarray, shape (n,)
         Index of the layer that won, -1 if none was active.
     task : int64 ndarray, shape (n,)
-        What the layers say that the robot works at, as they number it, -1 for nothing.
+        The robot's task, as its layers number it, -1 for nothing.
     goal : ndarray, shape (n, 2)
-        The position that the layers say it works at, in its own frame when it decided (x ahead, y left), NaN
-        for none.
+        The position of that task, in its own frame when it decided (x ahead, y left), NaN for none.
     sent_goal : ndarray, shape (n, 2)
-        Where that is on the map; NaN while there is no communication.
+        Where that is on the map; NaN without communication.
     heard_layer, heard_task : int64 ndarrays, shape (n,)
         Of the nearest robot heard that has a task, -1 for none.
     heard_from, heard_goal : ndarrays, shape (n, 2)
@@ -155,7 +154,7 @@ class Swarm:
         return f"<Swarm of {len(self)} robots{f' ({names})' if names else ''}>"
 
     def __setattr__(self, name: str, value: object) -> None:
-        """Keep the columns: another array in the place of a view would change no robot."""
+        """Refuse to replace a column: another array in the place of a view would change no robot."""
         if name in COLUMNS:
             raise InvalidValueError(
                 f"swarm.{name} cannot be replaced; change a robot by its handle, as in model.robots[0].heading = 0.5"
@@ -198,8 +197,8 @@ class Swarm:
         return rows
 
     def remove(self, rows: Sequence[int]) -> None:
-        """Drop rows; the handles of the robots that stay are told their new rows."""
-        kept = np.delete(np.arange(len(self.agents)), rows)
+        """Drop rows; the handles of the other robots get their new rows."""
+        others = np.delete(np.arange(len(self.agents)), rows)
         gone = set(map(int, rows))
         for row in sorted(gone, reverse=True):
             self.forget_contact(ROBOT, row)
@@ -208,16 +207,16 @@ class Swarm:
         self.agents = [agent for row, agent in enumerate(self.agents) if row not in gone]
         for row, agent in enumerate(self.agents):
             agent.row = row
-        self._resize(kept, 0)
+        self._resize(others, 0)
 
     def forget_contact(self, kind: int, index: int) -> None:
-        """Take note that a robot, obstacle or fire is gone: what a robot met in the last step keeps its index."""
+        """Adapt the indices of what robots met in the last step: a robot, obstacle or fire was removed."""
         kinds, met = self.columns["contact_kind"], self.columns["contact_index"]
         met[(kinds == kind) & (met == index)] = BORDER
         met[(kinds == kind) & (met > index)] -= 1
 
     def remember(self, name: str, shape: tuple[int | str, ...], dtype: type, initial: object) -> np.ndarray:
-        """Return the column in which a layer keeps what it remembers of each robot, made if it is new."""
+        """Return the column of a layer's memory of each robot, made if it is new."""
         if name not in self.columns:
             self._memory[name] = (shape, dtype, initial)
             self._resize(np.arange(len(self.columns["position"])), 0)
@@ -229,31 +228,31 @@ class Swarm:
             del self.columns[name], self._memory[name]
         self.version += 1
 
-    def shed(self) -> None:
+    def drop_body_columns(self) -> None:
         """Drop the columns that belong to the robots' bodies."""
         for name in [name for name in self._memory if name.startswith(LASTING)]:
             del self.columns[name], self._memory[name]
         self.version += 1
 
-    def hush(self) -> None:
-        """Drop all that robots have said and heard."""
+    def clear_messages(self) -> None:
+        """Clear all that robots have sent and heard."""
         for name in MESSAGES:
             self.columns[name].fill(COLUMNS[name][2])
 
-    def _resize(self, kept: np.ndarray, new: int) -> None:
-        """Make every column anew: the kept rows in order, then `new` rows of initial values."""
+    def _resize(self, rows: np.ndarray, new: int) -> None:
+        """Make every column again: these rows in order, then `new` rows of initial values."""
         widths = {
             "proximity": self.table.proximity.shape[1],
             "radiation": self.table.radiation.shape[1],
             "line": self.table.line.shape[1],
         }
         for name, (shape, dtype, initial) in {**COLUMNS, **self._memory}.items():
-            full = (len(kept) + new, *(widths.get(w, w) for w in shape))
+            full = (len(rows) + new, *(widths.get(w, w) for w in shape))
             column = np.full(full, initial, dtype)
             old = self.columns.get(name)
-            if old is not None and len(kept):
+            if old is not None and len(rows):
                 shared = tuple(slice(0, w) for w in old.shape[1:])
-                column[(slice(0, len(kept)), *shared)] = old[kept]
+                column[(slice(0, len(rows)), *shared)] = old[rows]
             self._publish(name, column)
         self.version += 1
 

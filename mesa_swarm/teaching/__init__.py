@@ -1,4 +1,4 @@
-"""What notebooks need: exercises that check themselves, pictures, and runs that are small where there is no time."""
+"""For notebooks: exercises that check themselves, pictures, and small runs for a quick pass."""
 
 from mesa_swarm.teaching.checks import (
     Verdict,

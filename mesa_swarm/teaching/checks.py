@@ -22,7 +22,7 @@ LIBRARIES = ("site-packages", "dist-packages", "<frozen")
 
 
 def in_words(error: BaseException) -> str:
-    """Return in one sentence what an error says, and at which line of the learner's own code it happened.
+    """Return an error as one sentence, with the line of the learner's own code at which it happened.
 
     Examples
     --------
@@ -34,11 +34,11 @@ def in_words(error: BaseException) -> str:
         return message
     line = own_line(error)
     where = f", at the line: {line}" if line else ""
-    return f"it stopped with {type(error).__name__}: {message or 'no more is known'}{where}"
+    return f"it stopped with {type(error).__name__}: {message or 'no details'}{where}"
 
 
 def own_line(error: BaseException) -> str:
-    """Return the last line of code that is the learner's own on the way to an error, "" if there is none."""
+    """Return the last line of the learner's own code in the traceback, or ""."""
     for frame in reversed(traceback.extract_tb(error.__traceback__)):
         foreign = frame.filename.startswith(PACKAGE) or any(part in frame.filename for part in LIBRARIES)
         line = (frame.line or linecache.getline(frame.filename, frame.lineno or 0)).strip()
@@ -48,7 +48,7 @@ def own_line(error: BaseException) -> str:
 
 
 def is_missing(answer: object) -> bool:
-    """Tell whether an answer is only a place for one: None or dots.
+    """Return whether an answer is still its placeholder: None or dots.
 
     Examples
     --------
@@ -58,32 +58,21 @@ def is_missing(answer: object) -> bool:
     return answer is None or answer is ...
 
 
-def told(what: str, got: object, expected: str) -> str:
-    """Return one sentence: what was got and what was expected.
-
-    Examples
-    --------
-    >>> told("your answer", "ten", "a number")
-    "your answer is 'ten'; expected a number"
-    """
-    return f"{what} is {shortened(got)}; expected {expected}"
-
-
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """What is asked of one number of every run.
+    """A criterion for one number of every run.
 
     Parameters
     ----------
     what : str
         Name of the number: of a model's `results`, of an attribute of it, or of an entry of a mapping. With
-        `measure` it only names it.
+        `measure` it is only a label.
     at_least, at_most : float
         Limits, both included; at least one of them is given.
     measure : callable, optional
         Takes what a run gave, such as the model, and returns the number.
     misses : int
-        On so many seeds it may be missed, at least 0.
+        The number of seeds on which it may fail, at least 0.
 
     Raises
     ------
@@ -106,19 +95,19 @@ class Wish:
     misses: int = 0
 
     def __post_init__(self) -> None:
-        """Check that something is asked."""
+        """Check that there is a limit."""
         check_count("misses", self.misses)
         if self.at_least == -math.inf and self.at_most == math.inf:
-            raise InvalidValueError(f"wish {self.what!r} has no limit; give at_least, at_most or both")
+            raise InvalidValueError(f"{self.what!r} has no limit; give at_least, at_most or both")
 
     def __str__(self) -> str:
-        """Return what is asked in words."""
+        """Return the criterion in words."""
         low = f"at least {self.at_least:,g}" if self.at_least > -math.inf else ""
         high = f"at most {self.at_most:,g}" if self.at_most < math.inf else ""
         return f"{self.what}: {' and '.join(part for part in (low, high) if part)}"
 
     def is_met(self, number: float | None) -> bool:
-        """Tell whether a number is as asked; None says that it did not happen."""
+        """Return whether a number is within the limits; None is not."""
         return number is not None and self.at_least <= number <= self.at_most
 
     def number_of(self, outcome: Any) -> float | None:
@@ -139,13 +128,13 @@ class Wish:
         raise UnknownNameError(unknown_name("result", self.what, results))
 
 
-PASSED = "Well done: what was asked for came."
+PASSED = "Well done: all criteria met."
 NOT_YET = "Not yet."
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Verdict:
-    """Whether an answer passes, and what is said of it.
+    """Whether an answer passes, and why.
 
     Parameters
     ----------
@@ -155,8 +144,8 @@ class Verdict:
 
     Examples
     --------
-    >>> Verdict(False, "there is no answer so far", hint="look at the left wheel")
-    Not yet. There is no answer so far.
+    >>> Verdict(False, "there is no answer yet", hint="look at the left wheel")
+    Not yet. There is no answer yet.
     Hint: look at the left wheel.
     """
 
@@ -168,8 +157,8 @@ class Verdict:
         """Return what a notebook shows."""
         if self.passed:
             return f"{PASSED}\n{self.text}"
-        said = f"{NOT_YET}\n{self.text}" if "\n" in self.text or self.text.startswith(" ") else self._sentence()
-        return f"{said}\nHint: {self.hint}{'' if self.hint.endswith(('.', '?')) else '.'}" if self.hint else said
+        text = f"{NOT_YET}\n{self.text}" if "\n" in self.text or self.text.startswith(" ") else self._sentence()
+        return f"{text}\nHint: {self.hint}{'' if self.hint.endswith(('.', '?')) else '.'}" if self.hint else text
 
     __str__ = __repr__
 
@@ -177,40 +166,43 @@ class Verdict:
         return f"{NOT_YET} {self.text[:1].upper()}{self.text[1:].rstrip('.')}."
 
 
+def _refused(answer: object, expected: str, hint: str) -> Verdict:
+    return Verdict(False, f"your answer is {shortened(answer)}; expected {expected}", hint)
+
+
 def verdict_on(
-    wishes: Sequence[Wish], numbers: Sequence[Sequence[float | None]], seeds: Sequence[int], hint: str
+    criteria: Sequence[Wish], numbers: Sequence[Sequence[float | None]], seeds: Sequence[int], hint: str
 ) -> Verdict:
-    """Return the verdict on the numbers that came, a row a wish.
+    """Return the verdict on measured numbers, a row a criterion.
 
     Examples
     --------
     >>> verdict_on([Wish("turns", at_most=3)], [[2, 5]], seeds=[1, 2], hint="")
     Not yet.
-      turns: at most 3 was asked for; with seeds 1 and 2 came 2, 5: as asked with 1 of 2 seeds
+      turns: at most 3 required; got 2, 5 with seeds 1 and 2; 1 of 2 seeds pass
     """
-    rows = list(zip(wishes, numbers, strict=True))
-    passed = all(sum(not wish.is_met(number) for number in row) <= wish.misses for wish, row in rows)
-    return Verdict(passed, "\n".join(_line(wish, row, seeds) for wish, row in rows), hint)
+    rows = list(zip(criteria, numbers, strict=True))
+    passed = all(sum(not criterion.is_met(number) for number in row) <= criterion.misses for criterion, row in rows)
+    return Verdict(passed, "\n".join(_line(criterion, row, seeds) for criterion, row in rows), hint)
 
 
-def _line(wish: Wish, row: Sequence[float | None], seeds: Sequence[int]) -> str:
-    met, runs = sum(map(wish.is_met, row)), len(row)
-    came = ", ".join(map(shown, row))
-    enough = f" ({runs - wish.misses} are enough)" if wish.misses else ""
-    score = f"all {runs}" if met == runs else f"{met} of {runs}"
-    return f"  {wish} was asked for; with {seeds_in_words(seeds)} came {came}: as asked with {score} seeds{enough}"
+def _line(criterion: Wish, row: Sequence[float | None], seeds: Sequence[int]) -> str:
+    met, runs = sum(map(criterion.is_met, row)), len(row)
+    measured = ", ".join(map(shown, row))
+    enough = f" ({runs - criterion.misses} required)" if criterion.misses else ""
+    return f"  {criterion} required; got {measured} with {seeds_in_words(seeds)}; {met} of {runs} seeds pass{enough}"
 
 
 def shown(number: float | None) -> str:
-    """Return a number as a reader wants it, or that it never came.
+    """Return a number for a reader, "undefined" for None and NaN.
 
     Examples
     --------
     >>> shown(1234.5678), shown(None), shown(True)
-    ('1,235', 'never', '1')
+    ('1,235', 'undefined', '1')
     """
     if number is None or math.isnan(number):
-        return "never"
+        return "undefined"
     return f"{float(number):,.4g}" if abs(number) < 1000 else f"{number:,.0f}"
 
 
@@ -229,57 +221,57 @@ def seeds_in_words(seeds: Sequence[int]) -> str:
     return f"seeds {names} and {last}" if count > 1 else f"seed {first}"
 
 
-# Not those that the notebooks show: an answer is to be good on seeds that it was not made for.
+# Other seeds than the notebooks show: an answer is tested on seeds that it was not made for.
 SEEDS = (101, 102, 103, 104, 105)
-NO_ANSWER = "there is no answer so far; put yours where the dots are"
+NO_ANSWER = "there is no answer yet; put yours where the dots are"
 
 
 def check_model(
-    make: Callable[[int], Any], *wishes: Wish, steps: int = 0, seeds: Sequence[int] = SEEDS, hint: str = ""
+    make: Callable[[int], Any], *criteria: Wish, steps: int = 0, seeds: Sequence[int] = SEEDS, hint: str = ""
 ) -> Verdict:
-    """Run what a function makes with several seeds, and say whether it does as asked.
+    """Run what a function makes with several seeds, and check the results.
 
     Parameters
     ----------
     make : callable
         Takes a seed; returns a SwarmModel, which is then run, or a mapping of numbers by name.
-    *wishes : Wish
-        What is asked.
+    *criteria : Wish
+        The criteria.
     steps : int
         That each model is run.
     seeds : sequence of int
     hint : str
-        Said if the answer does not pass.
+        Shown if the answer does not pass.
 
     Examples
     --------
     >>> check_model(lambda rng: {"seed": rng}, Wish("seed", at_most=4), seeds=[3, 4])
-    Well done: what was asked for came.
-      seed: at most 4 was asked for; with seeds 3 and 4 came 3, 4: as asked with all 2 seeds
+    Well done: all criteria met.
+      seed: at most 4 required; got 3, 4 with seeds 3 and 4; 2 of 2 seeds pass
     """
     if is_missing(make):
         return Verdict(False, NO_ANSWER, hint)
     if not callable(make):
-        return Verdict(False, told("your answer", make, "a function that takes a seed"), hint)
+        return _refused(make, "a function that takes a seed", hint)
     try:
-        rows = [_numbers(make, wishes, steps, seed) for seed in seeds]
-    except Exception as error:  # whatever it is, a learner is told in words
+        rows = [_numbers(make, criteria, steps, seed) for seed in seeds]
+    except Exception as error:  # every error of a learner becomes a sentence
         return Verdict(False, in_words(error), hint)
-    return verdict_on(wishes, list(zip(*rows, strict=True)), seeds, hint)
+    return verdict_on(criteria, list(zip(*rows, strict=True)), seeds, hint)
 
 
-def _numbers(make: Callable[[int], Any], wishes: Sequence[Wish], steps: int, seed: int) -> list[float | None]:
+def _numbers(make: Callable[[int], Any], criteria: Sequence[Wish], steps: int, seed: int) -> list[float | None]:
     outcome = make(seed)
     if is_missing(outcome):
         raise ValueError(f"it returned {outcome}; return what you made")
     if not isinstance(outcome, Mapping):
         outcome.run(steps)
-    return [wish.number_of(outcome) for wish in wishes]
+    return [criterion.number_of(outcome) for criterion in criteria]
 
 
 def check_rule(
     rule: Any,
-    *wishes: Wish,
+    *criteria: Wish,
     world: Callable[[int], Any],
     above: Sequence = (),
     below: Sequence = (Explore(),),
@@ -287,16 +279,16 @@ def check_rule(
     seeds: Sequence[int] = SEEDS,
     hint: str = "",
 ) -> Verdict:
-    """Let robots follow a rule in several worlds, and say whether they do as asked.
+    """Let robots follow a rule in several worlds, and check the results.
 
     Parameters
     ----------
     rule : function of me, or layer
-    *wishes : Wish
+    *criteria : Wish
     world : callable
         Takes a seed; returns a model with robots and no control.
     above, below : sequences of layers
-        What has its say before the rule, and what drives robots that the rule leaves alone.
+        Layers before the rule, and layers that drive robots for which the rule passes.
     steps, seeds, hint
         See `check_model`.
 
@@ -309,7 +301,7 @@ def check_rule(
     ...     model.add_robots(AGENT3, 2)
     ...     return model
     >>> print(check_rule(..., Wish("total_collisions", at_most=0), world=world))
-    Not yet. There is no answer so far; put yours where the dots are.
+    Not yet. There is no answer yet; put yours where the dots are.
     """
     if is_missing(rule):
         return Verdict(False, NO_ANSWER, hint)
@@ -319,7 +311,7 @@ def check_rule(
         model.control = Subsumption(*above, _layer(rule), *below)
         return model
 
-    return check_model(make, *wishes, steps=steps, seeds=seeds, hint=hint)
+    return check_model(make, *criteria, steps=steps, seeds=seeds, hint=hint)
 
 
 def _layer(rule: Any) -> Any:
@@ -330,13 +322,13 @@ def _layer(rule: Any) -> Any:
 def check_settings(
     model: Callable[..., Any],
     settings: Mapping[str, Any],
-    *wishes: Wish,
+    *criteria: Wish,
     only: Sequence[str] = (),
     steps: int = 1_000,
     seeds: Sequence[int] = SEEDS,
     hint: str = "",
 ) -> Verdict:
-    """Run a model with a learner's settings, and say whether it does as asked.
+    """Run a model with a learner's settings, and check the results.
 
     Parameters
     ----------
@@ -344,7 +336,7 @@ def check_settings(
         Of the gallery, one of your own, or a function that makes one; with keyword-only parameters and `rng`.
     settings : mapping
         Its parameters by name.
-    *wishes : Wish
+    *criteria : Wish
     only : sequence of str
         The parameters that may be set; any of them by default.
     steps, seeds, hint
@@ -360,11 +352,11 @@ def check_settings(
         return Verdict(False, NO_ANSWER, hint)
     known = [name for name in parameters_of(model) if not only or name in only]
     if not isinstance(settings, Mapping):
-        return Verdict(False, told("your answer", settings, f"settings by name, such as dict({known[0]}=...)"), hint)
+        return _refused(settings, f"settings by name, such as dict({known[0]}=...)", hint)
     for name in settings:
         if name not in known:
             return Verdict(False, unknown_name("parameter", name, known), hint)
-    return check_model(lambda rng: model(**settings, rng=rng), *wishes, steps=steps, seeds=seeds, hint=hint)
+    return check_model(lambda rng: model(**settings, rng=rng), *criteria, steps=steps, seeds=seeds, hint=hint)
 
 
 def check_estimate(
@@ -382,9 +374,9 @@ def check_estimate(
     ----------
     guess : float
     run : callable
-        Takes a seed, returns the number that came.
+        Takes a seed, returns the measured number.
     within : float
-        The guess passes if it is as near as this to the mean.
+        The largest difference from the mean with which the guess passes.
     what : str
         What is guessed, in words.
     seeds, hint
@@ -393,21 +385,21 @@ def check_estimate(
     Examples
     --------
     >>> check_estimate(3, float, within=1, what="it", seeds=[1, 2])
-    Not yet. You expected 3 for it, and 1.5 came in the mean of seeds 1 and 2, from 1 to 2; within 1 is near enough.
+    Not yet. You expected 3 for it; the mean of seeds 1 and 2 is 1.5 (1 to 2); required: within 1.
     """
     if is_missing(guess):
         return Verdict(False, NO_ANSWER, hint)
     try:
-        wanted, came = float(guess), np.array([run(seed) for seed in seeds], dtype=float)
+        expected, measured = float(guess), np.array([run(seed) for seed in seeds], dtype=float)
     except (TypeError, ValueError):
-        return Verdict(False, told("your answer", guess, "a number"), hint)
-    if not np.isfinite(wanted):
-        return Verdict(False, told("your answer", guess, "a number"), hint)
+        return _refused(guess, "a number", hint)
+    if not np.isfinite(expected):
+        return _refused(guess, "a number", hint)
     text = (
-        f"you expected {shown(wanted)} for {what}, and {shown(came.mean())} came in the mean of "
-        f"{seeds_in_words(seeds)}, from {shown(came.min())} to {shown(came.max())}; within {within:g} is near enough"
+        f"you expected {shown(expected)} for {what}; the mean of {seeds_in_words(seeds)} is {shown(measured.mean())} "
+        f"({shown(measured.min())} to {shown(measured.max())}); required: within {within:g}"
     )
-    near = bool(abs(wanted - came.mean()) <= within)
+    near = bool(abs(expected - measured.mean()) <= within)
     return Verdict(near, f"  {text}" if near else text, hint)
 
 
@@ -420,11 +412,12 @@ def check_function(
     seeds: Sequence[int] = SEEDS,
     hint: str = "",
 ) -> Verdict:
-    """Compare a learner's function with one that is right, on several inputs.
+    """Compare a learner's function with a correct one, on several inputs.
 
     Parameters
     ----------
     function, twin : callable
+        The learner's, and the correct one.
     inputs : callable
         Takes a seed, returns the arguments.
     tolerance : float
@@ -440,14 +433,14 @@ def check_function(
     if is_missing(function):
         return Verdict(False, NO_ANSWER, hint)
     if not callable(function):
-        return Verdict(False, told("your answer", function, "a function"), hint)
+        return _refused(function, "a function", hint)
     for seed in seeds:
         expected = twin(*inputs(seed))
         try:
             got = function(*inputs(seed))
             same = not is_missing(got) and np.shape(got) == np.shape(expected)
             same = same and np.allclose(got, expected, rtol=0, atol=tolerance, equal_nan=True)
-        except Exception as error:  # whatever it is, a learner is told in words
+        except Exception as error:  # every error of a learner becomes a sentence
             return Verdict(False, in_words(error), hint)
         if not same:
             text = f"it returned {_short(got)} where {_short(expected)} was expected, with {seeds_in_words([seed])}"

@@ -18,15 +18,18 @@ from mesa_swarm.viewing.pictures import USUAL
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
 from mesa_swarm.world.shapes import Shape
 
+# The caption is so high, as a share of the map's longer side.
+CAPTION = 0.045
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Clock:
-    """When the values of an animation count.
+    """When the values of an animation are shown.
 
     Parameters
     ----------
     moments : int
-        How many values there are, at least 2: the first at the beginning, the last at the end.
+        Number of values, at least 2: the first at the beginning, the last at the end.
     seconds : float
         From the beginning to the end, whereupon it begins again.
     """
@@ -62,12 +65,12 @@ class Clock:
         >>> Clock(moments=3, seconds=2.0).jumping("fill", ["red", "red", "blue"])[50:81]
         'values="red;blue" keyTimes="0;1'
         """
-        kept = [i for i in range(len(values)) if i == 0 or values[i] != values[i - 1]]
-        if len(kept) == 1:
+        changes = [i for i in range(len(values)) if i == 0 or values[i] != values[i - 1]]
+        if len(changes) == 1:
             return ""
-        # Rounded down: at its moment a value counts already, as it does in what moves.
-        times = ";".join(f"{floor(1e5 * i / (self.moments - 1)) / 1e5:.5g}" for i in kept)
-        shown = ";".join(values[i] for i in kept)
+        # Rounded down: a value is shown from its own time on, as moving elements are.
+        times = ";".join(f"{floor(1e5 * i / (self.moments - 1)) / 1e5:.5g}" for i in changes)
+        shown = ";".join(values[i] for i in changes)
         return (
             f'<{tag} attributeName="{name}"{more} calcMode="discrete" values="{shown}" keyTimes="{times}" '
             f"{self._repeat}/>"
@@ -75,7 +78,7 @@ class Clock:
 
 
 def number_row(numbers: Iterable[float], digits: int) -> str:
-    """Return numbers rounded to so many digits, with blanks between them and no zeros at their ends.
+    """Return numbers rounded to some digits, separated by blanks, without trailing zeros.
 
     Examples
     --------
@@ -86,8 +89,8 @@ def number_row(numbers: Iterable[float], digits: int) -> str:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Track:
-    """One thing over time.
+class ObjectTrack:
+    """One object over time.
 
     Parameters
     ----------
@@ -103,8 +106,8 @@ class Track:
     present: np.ndarray
 
 
-def tracks(moments: Iterable[tuple[np.ndarray, np.ndarray]]) -> Iterator[Track]:
-    """Yield the track of everything, by unique_id.
+def tracks(moments: Iterable[tuple[np.ndarray, np.ndarray]]) -> Iterator[ObjectTrack]:
+    """Yield the track of every object, by unique_id.
 
     Parameters
     ----------
@@ -127,26 +130,13 @@ def tracks(moments: Iterable[tuple[np.ndarray, np.ndarray]]) -> Iterator[Track]:
         present = np.zeros(len(found), bool)
         present[[moment for moment, _ in places[number]]] = True
         latest = np.maximum(np.cumsum(present) - 1, 0)
-        yield Track(number=number, values=values[latest], present=present)
-
-
-# The caption is so high, as a share of the map's longer side.
-CAPTION = 0.045
+        yield ObjectTrack(number=number, values=values[latest], present=present)
 
 
 def export_animation(drawn: PicturedSteps, path: Path, steps: Sequence[int], *, fps: float, progress: bool) -> None:
     """Write steps as an animated SVG that repeats, whole or not at all.
 
-    Parameters
-    ----------
-    drawn : PicturedSteps
-    path : Path
-    steps : sequence of int
-        At least two; step i is shown i / fps seconds after the beginning, and between two robots move evenly.
-    fps : float
-        Steps shown a second.
-    progress : bool
-        Whether to show a bar.
+    Step i is shown i / fps seconds after the beginning, and between two steps robots move evenly.
 
     Raises
     ------
@@ -166,14 +156,7 @@ def _noted(frame: Frame, bar: Progress) -> Frame:
 
 
 class Animation:
-    """The drawing of some frames.
-
-    Parameters
-    ----------
-    drawn : PicturedSteps
-    frames : list of Frame
-    fps : float
-    """
+    """The drawing of some frames."""
 
     def __init__(self, drawn: PicturedSteps, frames: list[Frame], fps: float) -> None:
         self._drawn, self._frames = drawn, frames
@@ -274,7 +257,7 @@ class Animation:
             look = f'class="robot" data-robot="{track.number}" fill="{colours[0]}"'
             yield self._body(track, look, self._clock.jumping("fill", colours), body)
 
-    def _body(self, track: Track, look: str, changes: str, drawn: str) -> str:
+    def _body(self, track: ObjectTrack, look: str, changes: str, drawn: str) -> str:
         """Return something that moves and turns."""
         places, degrees = track.values[:, :2], np.degrees(np.unwrap(track.values[:, 2]))[:, None]
         start = f"translate({self._numbers(*places[0])}) rotate({number_row(degrees[0], 0)})"
@@ -282,10 +265,10 @@ class Animation:
         turns = self._clock.moving("rotate", degrees, 0, added=True)
         return f'<g {look} transform="{start}">{moves}{turns}{changes}{self._shown(track)}{drawn}</g>'
 
-    def _shown(self, track: Track) -> str:
+    def _shown(self, track: ObjectTrack) -> str:
         return self._clock.jumping("visibility", ["visible" if there else "hidden" for there in track.present])
 
-    def _tracks_of(self, table: str, number: str, names: Sequence[str]) -> Iterator[Track]:
+    def _tracks_of(self, table: str, number: str, names: Sequence[str]) -> Iterator[ObjectTrack]:
         if any(table not in frame.columns for frame in self._frames):
             return iter(())
         rows = (frame[table] for frame in self._frames)
@@ -314,7 +297,7 @@ class Animation:
         look = f'font-size="{size:.4g}" fill="{LIGHT.ink}"'
         yield f'<text x="{size / 2:.4g}" y="{0.7 * height:.4g}" {look}>{escape(self._drawn.scene.name)}</text>'
         jumps = [f"0 {-height * place:.6g}" for place in range(len(self._frames))]
-        # Clipped by a group: a drawing within the drawing would have a clock of its own, which nobody can set.
+        # Clipped by a group: a drawing within the drawing would have a clock of its own, which cannot be set.
         yield f'<clipPath id="line"><rect width="{width:.6g}" height="{height:.6g}"/></clipPath>'
         yield f'<g clip-path="url(#line)"><g {look} text-anchor="end">'
         yield self._clock.jumping("transform", jumps, "animateTransform", ' type="translate"')

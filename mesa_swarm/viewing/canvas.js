@@ -14,7 +14,7 @@
 
    The wheel zooms, dragging pans, a click selects. The canvas is drawn at the size that CSS gives it.
 
-   world (JSON, made by `world_of_model` and `worlds_of_recording` in viewing/worlds.py):
+   world (JSON, made by `Scene.world` in viewing/scene.py):
      bounds      [x_min, y_min, x_max, y_max], map units, y up
      shapes      [{ disc: [x, y, r] } or { rings: [[[x, y], ...], ...] }, each with mark: true on the ground]
      loads       the same about their own centres
@@ -51,7 +51,7 @@ const ROBOT = 1;
 const MOST_DETAILED = 2000;
 // More sectors in sight than this, and only those that see something are drawn.
 const MOST_BLIND = 2000;
-// All trails in sight together have so many points: of many robots they are shorter.
+// Points of all trails in sight together: trails of many robots are shorter.
 const MOST_TRAIL = 6000;
 const BATCH = 32;
 // Points of a trail nearer to each other than this are left out, px.
@@ -60,7 +60,7 @@ const TRAIL_APART = 2;
 // unless their radius is larger than this, px of the screen.
 const MOST_DRAWN = 100;
 const LARGEST_COPIED = 8;
-// On a sheet there are robots at so many places a pixel, along and across, and at so many headings a pixel of rim.
+// Robots on a sheet: places per pixel, along and across, and headings per pixel of rim.
 const PLACES = 3;
 const TURNS = 1.5;
 const TRAIL_POINTS = 48;
@@ -186,7 +186,7 @@ export class Stage {
     this.#look({ x: x + (px - this.#width / 2) * shift, y: y - (py - this.#height / 2) * shift, scale: next });
   }
 
-  /** Keep the robot with this id in the middle from now on, or null for none. */
+  /** Follow the robot with this id, or null for none. */
   follow(id) {
     this.#followed = id;
     this.onFollow(id);
@@ -663,7 +663,7 @@ export class Stage {
     }
   }
 
-  /** Keep where robots were: of earlier frames only, and of the same robots. */
+  /** Store where robots were: of earlier frames only, and of the same robots. */
   #remember(frame) {
     const last = this.#frame;
     if (last === null || last.step === frame.step) return;

@@ -19,13 +19,15 @@ from mesa_swarm.viewing.pictures import png, world_figure
 from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES
 from mesa_swarm.viewing.player import PackedFrame, Past, Played, Player
 
+# Frames on their way to the browser: one is drawn while the next is made.
+MOST_AHEAD = 2
+SPEEDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 250.0, 500.0, 1000.0, AS_FAST_AS_IT_GOES)
+# Interval at which steps that a program takes are shown, s.
+EVERY = 0.05
+
 
 def text_of(*names: str) -> str:
     """Return files of the package, one after the other: a widget is one module.
-
-    Parameters
-    ----------
-    *names : str
 
     Examples
     --------
@@ -36,13 +38,8 @@ def text_of(*names: str) -> str:
     return "".join((here / name).read_text(encoding="utf-8") for name in names)
 
 
-# Pictures on their way to the browser: one is drawn while the next is made.
-MOST_AHEAD = 2
-SPEEDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 250.0, 500.0, 1000.0, AS_FAST_AS_IT_GOES)
-
-
 def script() -> str:
-    """Return the widget's one module: the colours, the canvas, and what stands around it.
+    """Return the widget's one module: the colours, the canvas and its buttons.
 
     Examples
     --------
@@ -53,26 +50,26 @@ def script() -> str:
 
 
 class SwarmCanvas(anywidget.AnyWidget):
-    """A world drawn in the browser, picture after picture.
+    """A world drawn in the browser, frame after frame.
 
-    Pictures are numbered when they are sent, and the browser says which one it has drawn: no more than
-    `MOST_AHEAD` are on their way, and of those that wait only the latest is kept.
+    Frames are numbered when they are sent, and the browser answers with the number that it has drawn: at most
+    `MOST_AHEAD` are on their way, and of those that wait all but the latest are dropped.
 
     Parameters
     ----------
     options : dict
         ``bar``: whether there are buttons; ``keys``: "page" where keys pressed anywhere play and step, "own"
         where only those pressed in the widget do, "" for none; ``toggles``: what is drawn, by name; ``head``:
-        whether a caption and the readings stand above it; ``stage``: False for buttons without a picture.
+        whether a caption and the readings stand above it; ``stage``: False for buttons without a canvas.
     selected : int or None
-        Id of the robot that is marked.
+        unique_id of the selected robot.
 
     Attributes
     ----------
     commands : dict
-        What is called, by name, when a button or a key is pressed.
+        Functions by name, called when a button or a key is pressed.
     still : function or None
-        Returns a PNG, for places where no widget can live.
+        Returns a PNG, for places that show no widgets.
     caught_up : function
         Called when the browser has drawn what it was sent.
 
@@ -94,7 +91,7 @@ class SwarmCanvas(anywidget.AnyWidget):
         self.still: Callable[[], bytes] | None = None
         self.caught_up: Callable[[], None] = lambda: None
         self._lock = threading.RLock()
-        self._picture: PackedFrame | None = None
+        self._frame: PackedFrame | None = None
         self._beside: dict = {}
         self._state: dict = {}
         self._world: dict | None = None
@@ -104,26 +101,26 @@ class SwarmCanvas(anywidget.AnyWidget):
 
     @property
     def ready(self) -> bool:
-        """Whether a browser shows it and has room for another picture."""
+        """Whether a browser shows it and has room for another frame."""
         return self._seen and self._sent - self._drawn < MOST_AHEAD
 
-    def push(self, number: int, picture: PackedFrame, **beside: object) -> None:
-        """Show a picture as soon as the browser has room, unless it was given one of a higher number.
+    def push(self, number: int, frame: PackedFrame, **beside: object) -> None:
+        """Show a frame as soon as the browser has room, unless one of a higher number was received.
 
         Parameters
         ----------
         number : int
-        picture : PackedFrame
+        frame : PackedFrame
         **beside
-            What else is told with it.
+            More fields of the same message.
         """
         with self._lock:
             if number > self._pushed:
-                self._pushed, self._picture, self._beside, self._waits = number, picture, beside, True
-                self._send_picture()
+                self._pushed, self._frame, self._beside, self._waits = number, frame, beside, True
+                self._send_frame()
 
-    def tell(self, **state: object) -> None:
-        """Tell the browser whether it is played, how fast, and the like, and which picture belongs to that."""
+    def set_state(self, **state: object) -> None:
+        """Send the browser the fields that have changed (playing, speed, ...), and the number of the newest frame."""
         with self._lock:
             state["newest"] = self._pushed
             changed = {name: value for name, value in state.items() if self._state.get(name) != value}
@@ -132,42 +129,42 @@ class SwarmCanvas(anywidget.AnyWidget):
                 self.send({"kind": "state", "state": changed})
 
     def _hear(self, message: dict) -> None:
-        """Do what the browser asks for."""
+        """Handle a message of the browser."""
         name, value = message.get("do"), message.get("value")
         if name == "ready":
             self._begin()
         elif name == "drawn":
             with self._lock:
                 self._drawn = max(self._drawn, message["value"])
-                self._send_picture()
+                self._send_frame()
             if self._drawn == self._sent:
                 self.caught_up()
         elif name in self.commands:
             self.commands[name](*(() if value is None else (value,)))
 
     def _begin(self) -> None:
-        """Tell a view that has just been opened all that it must know."""
+        """Send everything to a view that was just opened."""
         with self._lock:
             self._seen, self._drawn, self._world = True, self._sent, None
-            self._waits = self._picture is not None
+            self._waits = self._frame is not None
             self.send({"kind": "state", "state": self._state})
-            self._send_picture()
+            self._send_frame()
 
-    def _send_picture(self) -> None:
-        picture = self._picture
-        if picture is None or not self._waits or not self.ready:
+    def _send_frame(self) -> None:
+        frame = self._frame
+        if frame is None or not self._waits or not self.ready:
             return
         self._waits = False
-        if picture.world is not self._world:
-            self._world = picture.world
-            self.send({"kind": "world", "world": picture.world})
+        if frame.world is not self._world:
+            self._world = frame.world
+            self.send({"kind": "world", "world": frame.world})
         self._sent += 1
-        told = {"step": picture.step, "readings": picture.readings, "fingerprint": picture.fingerprint}
+        fields = {"step": frame.step, "readings": frame.readings, "fingerprint": frame.fingerprint}
         numbers = {"number": self._sent, "pushed": self._pushed}
-        self.send({"kind": "picture", **numbers, **told, **self._beside}, [picture.content])
+        self.send({"kind": "picture", **numbers, **fields, **self._beside}, [frame.content])
 
     def _repr_mimebundle_(self, **wanted: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]] | None:
-        """Return the widget, and beside it a picture."""
+        """Return the widget, and a PNG for places that show no widgets."""
         bundle = super()._repr_mimebundle_(**wanted)
         if bundle is not None and self.still is not None:
             bundle[0]["image/png"] = self.still()
@@ -175,15 +172,15 @@ class SwarmCanvas(anywidget.AnyWidget):
 
 
 class Connection:
-    """Lets a canvas show a player, and the canvas's buttons play it.
+    """Shows a player on a canvas, whose buttons control it.
 
     Parameters
     ----------
     canvas : SwarmCanvas
     player : Played
-        Of a pair only the buttons are shown: there is no robot to select.
+        For a pair only the buttons are shown, and no robot can be selected.
     reset : function, optional
-        What the button of this name does; without, there is none.
+        Called by the button of this name; without it there is no such button.
     """
 
     def __init__(self, canvas: SwarmCanvas, player: Played, reset: Callable[[], None] | None = None) -> None:
@@ -192,27 +189,27 @@ class Connection:
         canvas.commands |= {"look": player.look, "speed": lambda index: player.set_speed(SPEEDS[index])}
         if reset is not None:
             canvas.commands["reset"] = reset
-        self._leaves = [player.changed.add(self.tell)]
+        self._leaves = [player.changed.add(self.send_state)]
         if isinstance(player, Player):
             self._let_select(player)
-        self.tell()
+        self.send_state()
         player.add_viewer(self)
 
     @property
     def ready(self) -> bool:
-        """Whether the canvas has room for another picture."""
+        """Whether the canvas has room for another frame."""
         return self.canvas.ready
 
-    def push(self, number: int, picture: PackedFrame) -> None:
-        """Hand a picture on, with what the player says of itself."""
+    def push(self, number: int, frame: PackedFrame) -> None:
+        """Send a frame, with the achieved rate and the extent of the past."""
         player = self.player
         rate, rest = rate_text(player.loop.rate), not player.playing
-        self.canvas.push(number, picture, rate=rate, rest=rest, **extent_of(player.past))
+        self.canvas.push(number, frame, rate=rate, rest=rest, **extent_of(player.past))
 
-    def tell(self) -> None:
-        """Hand on whether it is played, and how fast."""
+    def send_state(self) -> None:
+        """Send whether it is played, and how fast."""
         player = self.player
-        self.canvas.tell(
+        self.canvas.set_state(
             playing=player.playing,
             finished=player.finished,
             error=player.error,
@@ -222,7 +219,7 @@ class Connection:
         )
 
     def close(self) -> None:
-        """Part them."""
+        """Disconnect them."""
         self.canvas.commands = {}
         for leave in self._leaves:
             leave()
@@ -230,16 +227,16 @@ class Connection:
         self.player.remove_viewer(self)
 
     def _let_select(self, player: Player) -> None:
-        def mark() -> None:
+        def show_selection() -> None:
             self.canvas.selected = player.selected
 
-        self._leaves.append(player.selection.add(mark))
+        self._leaves.append(player.selection.add(show_selection))
         self.canvas.observe(lambda change: player.select(change["new"]), "selected")
-        mark()
+        show_selection()
 
 
 def use_connection(canvas: Element, player: Played, reset: Callable[[], None]) -> None:
-    """Let a canvas of a Solara page show a player while it stands there, and pause it after that."""
+    """Show a player on a canvas of a Solara page, and pause it when the canvas is removed."""
 
     def connect() -> Callable[[], None]:
         connection = Connection(solara.get_widget(canvas), player, reset)
@@ -254,7 +251,7 @@ def use_connection(canvas: Element, player: Played, reset: Callable[[], None]) -
 
 
 def extent_of(past: Past) -> dict[str, int]:
-    """Return what the time line is told of the pictures that one can go back to."""
+    """Return the extent of the time line."""
     return {"index": past.index, "length": len(past), "first": past.first_step, "last": past.last_step}
 
 
@@ -293,14 +290,10 @@ def rate_text(rate: float) -> str:
     return f"{rate:.2g}" if rate < 10 else f"{rate:,.0f}"
 
 
-# Steps that a program takes are shown so often, s.
-EVERY = 0.05
-
-
 class Watcher(Observer):
     """Shows steps that a program takes, not those of the player itself.
 
-    While a cell is executed the browser cannot say what it has drawn: the last step is shown when it can.
+    While a cell is executed the browser cannot report what it has drawn; the last step is shown afterwards.
     """
 
     def __init__(self, player: Player) -> None:
@@ -346,10 +339,6 @@ def _WorldView(model: FireModel, occasion: object) -> None:
 
 def swarm_canvas(model: FireModel) -> Element:
     """Return the canvas of a model, as a component of Mesa's `SolaraViz`.
-
-    Parameters
-    ----------
-    model : SwarmModel
 
     Examples
     --------

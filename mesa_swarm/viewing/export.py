@@ -1,4 +1,4 @@
-"""A recording as what the file's ending says: picture, film, page or table."""
+"""Export of a recording to the format of the file's ending: picture, film, page or table."""
 
 import os
 import warnings
@@ -29,10 +29,30 @@ from mesa_swarm.viewing.films import check_even, export_film, export_gif, ffmpeg
 from mesa_swarm.viewing.pictures import Look, export_stills, still_paths
 from mesa_swarm.viewing.recorded_steps import PicturedSteps, RecordedSteps
 
+STEPS_AT_ONCE = 256
+RANGE = ("every", "first", "last")
+DRAWN = ("sectors", "trails")
+# Options of each kind of file.
+PERMITTED = {
+    ".png": {"steps", *RANGE, "sheet", "size", *DRAWN},
+    ".svg": {"steps", *RANGE, "sheet", "animate", *DRAWN},
+    ".gif": {*RANGE, "fps", "size", *DRAWN},
+    ".mp4": {*RANGE, "fps", "size", *DRAWN},
+    ".html": set(),
+    ".csv": {"steps", *RANGE, "table"},
+    ".parquet": {"steps", *RANGE, "table"},
+}
+ANIMATED = {*RANGE, "fps", "animate"}
+# Frames a second, and how many frames there are at most unless `every` is given.
+FPS = {".svg": 20.0, ".gif": 25.0, ".mp4": 30.0}
+MOST_FRAMES = {".svg": 300, ".gif": 300, ".mp4": 900}
+# Browsers play faster GIFs too slowly.
+FASTEST = {".svg": 120.0, ".gif": 50.0, ".mp4": 120.0}
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Choice:
-    """Which steps are wanted.
+class StepChoice:
+    """Which steps to export.
 
     Parameters
     ----------
@@ -41,7 +61,7 @@ class Choice:
     every : int, optional
         All that are multiples of it, at least 1.
     first, last : int, optional
-        None before and none after these.
+        The range of steps, both included.
 
     Raises
     ------
@@ -66,7 +86,7 @@ class Choice:
 
     @property
     def is_made(self) -> bool:
-        """Whether anything was asked for."""
+        """Whether any restriction is given."""
         return (self.steps, self.every, self.first, self.last) != (None, None, None, None)
 
     def _check_steps(self, steps: Sequence[int]) -> None:
@@ -78,18 +98,18 @@ class Choice:
             check_count("step", step)
 
     def among(self, there: np.ndarray) -> list[int]:
-        """Return the wanted ones of the steps that there are, ascending.
+        """Return the chosen ones of the recorded steps, ascending.
 
         Raises
         ------
         InvalidValueError
-            If one of them is not there, or none is.
+            If one of them was not recorded, or none of the recorded steps is chosen.
 
         Examples
         --------
-        >>> Choice(every=10, first=5).among(np.arange(1, 31))
+        >>> StepChoice(every=10, first=5).among(np.arange(1, 31))
         [10, 20, 30]
-        >>> Choice(steps=[3, 1]).among(np.arange(1, 31))
+        >>> StepChoice(steps=[3, 1]).among(np.arange(1, 31))
         [1, 3]
         """
         if self.steps is not None:
@@ -102,14 +122,14 @@ class Choice:
         return wanted.tolist()
 
     def thinned(self, there: np.ndarray, most: int) -> list[int]:
-        """Return the wanted ones; if `every` was not given, so that they are at most `most`, evenly spaced."""
+        """Return the chosen steps; without `every`, at most `most` of them, evenly spaced."""
         if self.every is not None:
             return self.among(there)
         all_steps = self.among(there)
         gap = _gap(there)
         stride = -(-len(all_steps) // most) * gap
-        kept = [step for step in all_steps if step % stride == 0]
-        return kept if len(kept) > 1 else all_steps[:: stride // gap]
+        thinned = [step for step in all_steps if step % stride == 0]
+        return thinned if len(thinned) > 1 else all_steps[:: stride // gap]
 
 
 def _checked_step(step: int, there: np.ndarray) -> int:
@@ -121,7 +141,7 @@ def _checked_step(step: int, there: np.ndarray) -> int:
 
 
 def _checked_every(every: int | None, there: np.ndarray) -> int:
-    """Refuse intervals that would silently become longer ones."""
+    """Return the interval; raise if it is not a multiple of the recorded one, as it would silently become longer."""
     gap = _gap(there)
     if every is not None and every % gap:
         raise InvalidValueError(f"every is {every}; every {gap} steps were recorded, so give a multiple of {gap}")
@@ -144,30 +164,15 @@ def _in_words(there: np.ndarray) -> str:
     return f"there are {len(there)} steps from {there[0]} to {there[-1]}"
 
 
-STEPS_AT_ONCE = 256
-
-
 def export_csv(rows: RecordedSteps, path: Path, steps: Sequence[int], table: str, progress: bool) -> None:
-    """Write a table as CSV, whole or not at all.
-
-    Parameters
-    ----------
-    rows : RecordedSteps
-    path : Path
-    steps : sequence of int
-        Which ones.
-    table : str
-        "robots", "fires", "contacts" or "loads".
-    progress : bool
-        Whether to show a bar.
-    """
+    """Write a table as CSV, whole or not at all."""
     with draft_of(path, ExportError) as draft, draft.open("w", newline="", encoding="utf-8") as file:
         for number, piece in enumerate(pieces(rows, steps, table, progress)):
             piece.to_csv(file, index=False, header=number == 0, lineterminator="\n")
 
 
 def export_parquet(rows: RecordedSteps, path: Path, steps: Sequence[int], table: str, progress: bool) -> None:
-    """Write a table as Parquet, whole or not at all; parameters as for `export_csv`."""
+    """Write a table as Parquet, whole or not at all."""
     found = pieces(rows, steps, table, progress)
     first = pa.Table.from_pandas(next(found), preserve_index=False)
     with draft_of(path, ExportError) as draft, parquet.ParquetWriter(draft, first.schema, compression="zstd") as writer:
@@ -205,26 +210,6 @@ def export_page(recording: Recording, path: Path) -> None:
     write_whole(path, replay_page(recording), ExportError)
 
 
-RANGE = ("every", "first", "last")
-DRAWN = ("sectors", "trails")
-# What may be asked for of each kind of file.
-PERMITTED = {
-    ".png": {"steps", *RANGE, "sheet", "size", *DRAWN},
-    ".svg": {"steps", *RANGE, "sheet", "animate", *DRAWN},
-    ".gif": {*RANGE, "fps", "size", *DRAWN},
-    ".mp4": {*RANGE, "fps", "size", *DRAWN},
-    ".html": set(),
-    ".csv": {"steps", *RANGE, "table"},
-    ".parquet": {"steps", *RANGE, "table"},
-}
-ANIMATED = {*RANGE, "fps", "animate"}
-# Frames a second, and how many frames there are at most unless `every` is given.
-FPS = {".svg": 20.0, ".gif": 25.0, ".mp4": 30.0}
-MOST_FRAMES = {".svg": 300, ".gif": 300, ".mp4": 900}
-# Faster GIFs are played slower than they should.
-FASTEST = {".svg": 120.0, ".gif": 50.0, ".mp4": 120.0}
-
-
 def export(
     recording: Recording | str | os.PathLike[str],
     path: str | os.PathLike[str],
@@ -243,13 +228,13 @@ def export(
     overwrite: bool = False,
     progress: bool = False,
 ) -> list[Path]:
-    """Write a recording as what the ending of the path says: .png .svg .gif .mp4 .html .csv .parquet.
+    """Write a recording in the format of the path's ending: .png .svg .gif .mp4 .html .csv .parquet.
 
     Parameters
     ----------
     recording : Recording, or the path of one
     path : str or Path
-        If several stills are wanted, they are named by their steps too: out_500.png.
+        Of several stills each is named by its step too: out_500.png.
     steps : sequence of int, optional
         Of stills and tables. Stills show the last step by default, tables all.
     every : int, optional
@@ -278,12 +263,12 @@ def export(
     Returns
     -------
     list of Path
-        What was written, each whole.
+        The files that were written, each whole.
 
     Raises
     ------
     InvalidValueError, UnknownNameError
-        If something is asked for that this kind of file cannot show, or steps that are not there.
+        If an option does not apply to this kind of file, or steps were not recorded.
     ExportError
         If a file exists already or cannot be written, its folder is not there, or nothing was recorded.
     RecordingError
@@ -307,7 +292,7 @@ def export(
     _check_permitted(target, {name for name, value in asked.items() if value is not None}, animate)
     job = _Job(
         target,
-        Choice(steps=steps, every=every, first=first, last=last),
+        StepChoice(steps=steps, every=every, first=first, last=last),
         Look(size=size, sectors=sectors, trails=trails),
         None if fps is None else check_number("fps", fps, minimum=1, maximum=FASTEST[target.suffix.lower()]),
         overwrite,
@@ -322,9 +307,9 @@ def export(
 
 
 class _Job:
-    """What is to be written where, once it has been checked."""
+    """A checked export: what to write, and where."""
 
-    def __init__(self, path: Path, choice: Choice, look: Look, fps: float | None, overwrite: bool, progress: bool):
+    def __init__(self, path: Path, choice: StepChoice, look: Look, fps: float | None, overwrite: bool, progress: bool):
         self.path, self.kind = path, path.suffix.lower()
         self.choice, self.look = choice, look
         self.fps = fps or FPS.get(self.kind, 0.0)
@@ -355,7 +340,7 @@ class _Job:
         writer(rows, self.path, self.choice.among(rows.steps), table, self.progress)
 
     def _moving(self, recording: Recording) -> None:
-        if self.kind == ".mp4":  # said before the work begins
+        if self.kind == ".mp4":  # checked before the work begins
             ffmpeg()
             check_even(self.look)
         drawn = PicturedSteps(recording)
@@ -396,5 +381,5 @@ def _check_free(paths: Sequence[Path] | dict, overwrite: bool) -> None:
             )
     for folder in {path.parent for path in paths}:
         if not folder.is_dir():
-            raise ExportError(f"there is no folder {shown_path(folder)}; make it first, or choose another place")
+            raise ExportError(f"folder {shown_path(folder)} does not exist; make it first, or choose another place")
         check_writable(folder)

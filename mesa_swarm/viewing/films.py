@@ -32,15 +32,18 @@ from mesa_swarm.viewing.recorded_steps import PicturedSteps
 from mesa_swarm.viewing.scene import Scene
 
 DOTS_PER_INCH = 100
+END = b";"
+# GIF: the next frame is drawn over this one.
+IN_PLACE = 1
+# Shares of a colour in the steps between it and paper or ink, for smooth edges.
+BETWEEN = (0.25, 0.5, 0.75)
+# yuv420p is the one that every player shows; faststart lets browsers begin before all is loaded.
+ENCODING = ["-c:v", "libx264", "-preset", "veryfast", "-crf", "20", "-pix_fmt", "yuv420p"]
+CONTAINER = ["-movflags", "+faststart", "-f", "mp4"]
 
 
 class Screen:
     """A canvas of the film's size on which its steps are drawn.
-
-    Parameters
-    ----------
-    drawn : PicturedSteps
-    look : Look
 
     Attributes
     ----------
@@ -127,29 +130,10 @@ def film_frames(screen: Screen, steps: Sequence[int], progress: bool) -> Iterato
             bar.update(1)
 
 
-END = b";"
-KEEP = 1
-# Colours that touch the ground or an outline get so many steps in between, for smooth edges.
-BETWEEN = (0.25, 0.5, 0.75)
-
-
 def export_gif(
     drawn: PicturedSteps, path: Path, steps: Sequence[int], *, fps: float, look: Look, progress: bool
 ) -> None:
-    """Write steps as an animated GIF that repeats, whole or not at all.
-
-    Parameters
-    ----------
-    drawn : PicturedSteps
-    path : Path
-    steps : sequence of int
-        One a frame.
-    fps : float
-        Frames a second; the format rounds to hundredths of a second a frame.
-    look : Look
-    progress : bool
-        Whether to show a bar.
-    """
+    """Write steps as an animated GIF that repeats, whole or not at all; frames last whole hundredths of a second."""
     screen = Screen(drawn, look)
     with draft_of(path, ExportError) as draft, draft.open("wb") as file:
         for part in _parts(film_frames(screen, steps, progress), 10 * round(100 / fps)):
@@ -165,7 +149,7 @@ def _parts(frames: Iterator[np.ndarray], milliseconds: int) -> Iterator[bytes]:
         if last is None:
             yield from GifImagePlugin.getheader(image.copy(), info={"loop": 0})[0]
         box = _changed(last, image)
-        yield from GifImagePlugin.getdata(image.crop(box), box[:2], duration=milliseconds, disposal=KEEP)
+        yield from GifImagePlugin.getdata(image.crop(box), box[:2], duration=milliseconds, disposal=IN_PLACE)
         last = image
     yield END
 
@@ -205,28 +189,10 @@ def _mixed(colour: str, ground: np.ndarray) -> np.ndarray:
     return np.array([share * rgb(colour) + (1 - share) * ground for share in BETWEEN])
 
 
-# yuv420p is the one that every player shows; faststart lets browsers begin before all is loaded.
-ENCODING = ["-c:v", "libx264", "-preset", "veryfast", "-crf", "20", "-pix_fmt", "yuv420p"]
-CONTAINER = ["-movflags", "+faststart", "-f", "mp4"]
-
-
 def export_film(
     drawn: PicturedSteps, path: Path, steps: Sequence[int], *, fps: float, look: Look, progress: bool
 ) -> None:
     """Write steps as a film, whole or not at all.
-
-    Parameters
-    ----------
-    drawn : PicturedSteps
-    path : Path
-    steps : sequence of int
-        One a frame.
-    fps : float
-        Frames a second.
-    look : Look
-        Its size must be even.
-    progress : bool
-        Whether to show a bar.
 
     Raises
     ------
@@ -244,7 +210,13 @@ def export_film(
 
 
 def ffmpeg() -> str:
-    """Return the program, or say how to get it."""
+    """Return the path of ffmpeg.
+
+    Raises
+    ------
+    InvalidValueError
+        If imageio-ffmpeg is not installed.
+    """
     try:
         import imageio_ffmpeg  # noqa: PLC0415 - an extra, which only films need
 
@@ -267,7 +239,7 @@ def _input(size: tuple[int, int], fps: float) -> list[str]:
 
 
 def _encode(command: list[str], frames: Iterable[np.ndarray], path: Path) -> None:
-    """Send frames to the program and wait for it; Ctrl-C reaches us and not it, so that we may tidy up."""
+    """Send frames to ffmpeg and wait for it; Ctrl-C reaches only this process, which then cleans up."""
     with TemporaryFile() as complaints:
         process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=complaints, start_new_session=True)
         try:
@@ -279,7 +251,7 @@ def _encode(command: list[str], frames: Iterable[np.ndarray], path: Path) -> Non
         if status:
             complaints.seek(0)
             reason = complaints.read(2000).decode(errors="replace").strip().splitlines() or [f"status {status}"]
-            raise ExportError(f"{path} cannot be written: ffmpeg says: {reason[-1]:.200}")
+            raise ExportError(f"{path} cannot be written: ffmpeg reports: {reason[-1]:.200}")
 
 
 def _send(pipe: IO[bytes], frames: Iterable[np.ndarray]) -> None:
@@ -287,5 +259,5 @@ def _send(pipe: IO[bytes], frames: Iterable[np.ndarray]) -> None:
         with pipe:
             for pixels in frames:
                 pipe.write(pixels.data)
-    except BrokenPipeError:  # it has ended, and its status says why
+    except BrokenPipeError:  # ffmpeg has ended; its status shows why
         return

@@ -31,11 +31,6 @@ class FinalState:
     series: dict[str, np.ndarray]
     collect_every: int
 
-    @property
-    def world(self) -> tuple[Frame, Scene]:
-        """What `world_figure` draws."""
-        return self.frame, self.scene
-
 
 def final_state_of(model: FireModel) -> FinalState:
     """Return the state of a model as it is now, with what was collected until then.

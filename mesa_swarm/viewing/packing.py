@@ -73,11 +73,6 @@ def drawn_columns(frame: Frame, scene: Scene) -> Columns:
     """Return the columns of a frame that the browser draws, shapes (rows, values), in their types.
 
     `heat` is a share of the temperature at which a robot is too hot, `heard` a place on the map.
-
-    Parameters
-    ----------
-    frame : Frame
-    scene : Scene
     """
     known, n = frame.columns, len(frame.robots)
     position, heading = known["position"], known.get("heading", np.zeros(n))
@@ -142,12 +137,6 @@ def _turned(vector: np.ndarray, heading: np.ndarray) -> np.ndarray:
 
 def packed_chunk(frames: Iterable[Frame], scene: Scene) -> bytes:
     """Return frames in the order of time as one chunk.
-
-    Parameters
-    ----------
-    frames : iterable of Frame
-    scene : Scene
-        The one behind all of them.
 
     Examples
     --------

@@ -26,6 +26,7 @@ from mesa_swarm.fire.model import FireModel
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.frames import NO_ROWS, Frame, frame_of
 from mesa_swarm.robots.sensors import ProximitySensor, mount_of
+from mesa_swarm.viewing.final_state import FinalState
 from mesa_swarm.viewing.palette import LIGHT, fire_colour
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
 from mesa_swarm.viewing.scene import Scene, scene_of
@@ -37,13 +38,16 @@ SMALLEST, LARGEST = 64, 4096
 USUAL = 800
 # Above the world of a film stands its name and step; around it is a margin.
 CAPTION, MARGIN = 32, 4
-# What can be drawn: a model as it is now, or a frame and the scene behind it.
-Shown = FireModel | tuple[Frame, Scene]
+# What can be drawn: a model as it is now, a stored final state, or a frame and the scene behind it.
+Shown = FireModel | FinalState | tuple[Frame, Scene]
+# Most points of a trail: films draw them in every frame.
+MOST_POINTS = 60
+DOTS_PER_INCH = 200
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Look:
-    """How it is drawn.
+    """Options of a drawing.
 
     Parameters
     ----------
@@ -93,7 +97,7 @@ def _even(length: float) -> int:
 
 
 def parsed_size(text: str) -> tuple[int, int]:
-    """Return what was typed such as 800x600 as (width, height).
+    """Return a text such as 800x600 as (width, height).
 
     Examples
     --------
@@ -106,20 +110,8 @@ def parsed_size(text: str) -> tuple[int, int]:
     return int(parts[0]), int(parts[1])
 
 
-# So many points a trail at most: films draw them in every frame.
-MOST_POINTS = 60
-
-
 def trails_of(drawn: PicturedSteps, step: int, length: int) -> list[np.ndarray]:
-    """Return the places of each robot from `length` steps before until a step, oldest first.
-
-    Parameters
-    ----------
-    drawn : PicturedSteps
-    step : int
-        One of those that were recorded.
-    length : int
-        Steps, at least 1.
+    """Return the positions of each robot during the last `length` steps up to a step, oldest first.
 
     Returns
     -------
@@ -145,9 +137,6 @@ def draw_trails(axes: Axes, drawn: PicturedSteps, step: int, length: int) -> Non
     axes.add_collection(LineCollection(lines, colors=LIGHT.trail, linewidths=0.8, zorder=4.5, label="trails"))
 
 
-DOTS_PER_INCH = 200
-
-
 def draw_world(shown: Shown, axes: Axes, sectors: bool = False) -> None:
     """Draw a world, everything to scale, y up.
 
@@ -156,7 +145,7 @@ def draw_world(shown: Shown, axes: Axes, sectors: bool = False) -> None:
 
     Parameters
     ----------
-    shown : SwarmModel, or (Frame, Scene)
+    shown : SwarmModel, FinalState, or (Frame, Scene)
         A model is drawn as it is now.
     axes : matplotlib Axes
     sectors : bool
@@ -176,8 +165,10 @@ def draw_world(shown: Shown, axes: Axes, sectors: bool = False) -> None:
 
 
 def frame_and_scene(shown: Shown) -> tuple[Frame, Scene]:
-    """Return the frame and the scene of a model as it is now; a pair of them as it is."""
-    return shown if isinstance(shown, tuple) else (frame_of(shown), scene_of(shown))
+    """Return the frame and the scene of what is shown; a model's are those of now."""
+    if isinstance(shown, tuple):
+        return shown
+    return (shown.frame, shown.scene) if isinstance(shown, FinalState) else (frame_of(shown), scene_of(shown))
 
 
 def draw_scene(axes: Axes, scene: Scene, step: int) -> None:
@@ -339,7 +330,7 @@ def world_figure(shown: Mapping[str, Shown], sectors: bool = False) -> Figure:
 
     Parameters
     ----------
-    shown : mapping of str to SwarmModel, or to (Frame, Scene)
+    shown : mapping of str to SwarmModel, FinalState, or (Frame, Scene)
         Models are drawn as they are now.
     sectors : bool
         Whether to show where the robots' proximity sensors look.
@@ -375,7 +366,7 @@ def world_figure(shown: Mapping[str, Shown], sectors: bool = False) -> Figure:
 
 
 def literal(text: str) -> str:
-    """Return a text that Matplotlib shows as it is: between dollars it would read mathematics, and fail at most names.
+    """Return a text that Matplotlib shows as it is: between dollars it would parse mathematics.
 
     Examples
     --------
@@ -400,7 +391,7 @@ def png(figure: Figure) -> bytes:
 
 
 def still_paths(path: Path, steps: Sequence[int], sheet: bool) -> dict[Path, list[int]]:
-    """Return which steps each file shows: one file is named as it was asked for, several by their steps too.
+    """Return which steps each file shows: a single file has the given name, several have their steps added.
 
     Examples
     --------
@@ -413,17 +404,7 @@ def still_paths(path: Path, steps: Sequence[int], sheet: bool) -> dict[Path, lis
 
 
 def export_stills(drawn: PicturedSteps, files: dict[Path, list[int]], look: Look, progress: bool) -> None:
-    """Draw the pictures, each of which is written whole.
-
-    Parameters
-    ----------
-    drawn : PicturedSteps
-    files : dict
-        Steps by path, see `still_paths`; an ending .svg gives vectors, any other a PNG.
-    look : Look
-    progress : bool
-        Whether to show a bar.
-    """
+    """Draw the pictures, each of which is written whole."""
     with progress_bar(len(files), "pictures", progress) as bar:
         for path, steps in files.items():
             figure = still_figure(drawn, steps, look)

@@ -8,34 +8,45 @@ from collections.abc import Callable
 
 import solara
 
+# Steps are taken for this long before a frame is offered again, s.
+BATCH_TIME = 1 / 40
+# Pause after a batch in which clicks are served, s.
+BREATH = 0.001
+# A thread that was delayed does not make up for more than this, s.
+LONGEST_DEBT = 0.1
+# Window of the achieved rate, s.
+RATE_TIME = 1.0
+AS_FAST_AS_IT_GOES = math.inf
+
 
 class Listeners:
-    """Functions that are called with whatever is told.
+    """Functions that are called when something changes.
+
+    Never notify while holding a lock: a listener may draw a page, whose lock may be held by a thread that waits for
+    yours.
 
     Attributes
     ----------
-    told : int
-        How often anything was told, also when nobody listened.
-
-    Never tell while holding a lock: a listener may draw a page, whose own lock somebody holds who waits for yours.
+    count : int
+        How often `notify` was called, also without listeners.
 
     Examples
     --------
     >>> heard, listeners = [], Listeners()
     >>> leave = listeners.add(heard.append)
-    >>> listeners.tell("hello")
+    >>> listeners.notify("hello")
     >>> leave()
-    >>> listeners.tell("still there?")
+    >>> listeners.notify("hello again")
     >>> heard
     ['hello']
-    >>> listeners.told
+    >>> listeners.count
     2
     """
 
     def __init__(self) -> None:
         self._functions: list[Callable] = []
         self._lock = threading.Lock()
-        self.told = 0
+        self.count = 0
 
     def __len__(self) -> int:
         return len(self._functions)
@@ -51,31 +62,31 @@ class Listeners:
 
         return leave
 
-    def tell(self, *news: object) -> None:
-        """Call all, in the order in which they came."""
+    def notify(self, *news: object) -> None:
+        """Call all functions in the order in which they were added."""
         with self._lock:
-            self.told += 1
+            self.count += 1
             functions = self._functions
         for function in functions:
             function(*news)
 
     def clear(self) -> None:
-        """Forget all."""
+        """Remove all functions."""
         with self._lock:
             self._functions = []
 
 
 def use_changes(listeners: Listeners) -> int:
-    """Draw a Solara component anew whenever these listeners are told; return how often that was."""
+    """Draw a Solara component anew whenever these listeners are notified; return how often that was."""
     count, set_count = solara.use_state(0)
-    drawn = solara.use_memo(lambda: listeners.told, [listeners])
+    drawn = solara.use_memo(lambda: listeners.count, [listeners])
 
     def hear(*_: object) -> None:
         set_count(lambda n: n + 1)
 
     def listen() -> Callable[[], None]:
         leave = listeners.add(hear)
-        if listeners.told != drawn:  # before anybody heard it, but after the component had looked
+        if listeners.count != drawn:  # between drawing and listening
             hear()
         return leave
 
@@ -83,27 +94,16 @@ def use_changes(listeners: Listeners) -> int:
     return count
 
 
-# Steps are taken for so long before a picture is offered again, s.
-BATCH_TIME = 1 / 40
-# So long nobody steps after a batch, so that clicks are served, s.
-BREATH = 0.001
-# A thread that was held up does not make up for more than this, s.
-LONGEST_DEBT = 0.1
-# The achieved rate is that of the last so many seconds.
-RATE_TIME = 1.0
-AS_FAST_AS_IT_GOES = math.inf
-
-
 class PlayLoop:
     """Steps at a given speed in a thread of its own.
 
-    A thread that has been told to stop takes no further step: `step` is handed the thread's own stop, to be
-    looked at with the lock held under which it steps.
+    A thread that is stopped takes no further step: `step` receives the thread's own stop event, to be checked while
+    holding the lock under which it steps.
 
     Parameters
     ----------
     step : function
-        Called with a `threading.Event`; takes one step unless that is set, and returns whether to go on.
+        Called with the `threading.Event`; takes one step unless that is set, and returns whether to go on.
     show : function
         Called after every batch of steps.
     ended : function
@@ -115,7 +115,7 @@ class PlayLoop:
     Attributes
     ----------
     speed : float
-        Steps a second wished for, above 0; `AS_FAST_AS_IT_GOES`.
+        Requested steps/s, above 0; `AS_FAST_AS_IT_GOES`.
 
     Examples
     --------
@@ -149,7 +149,7 @@ class PlayLoop:
 
     @property
     def playing(self) -> bool:
-        """Whether a thread steps that was not told to stop."""
+        """Whether a thread steps that was not stopped."""
         return not self._stop.is_set()
 
     @property

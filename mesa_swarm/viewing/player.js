@@ -1,10 +1,10 @@
 /* Plays a recording on a Stage. Frames come in chunks (see viewing/chunks.py), out of the page itself or from
-   `mesa-swarm replay`; which of the two, the page's element "about" says. `window.mesaSwarmReplay` is for tests. */
+   `mesa-swarm replay`; the page's element "about" has which of the two. `window.mesaSwarmReplay` is for tests. */
 
 import { Stage, TOGGLES } from "./canvas.js";
 
 const FRAMES_A_SECOND = 30;
-const CHUNKS_KEPT = 12;
+const MOST_DECODED = 12;
 const MOST_EVENTS = 1000;
 const FASTEST = 31;
 const BUDGET = 11;
@@ -152,9 +152,9 @@ class Segment {
   }
 }
 
-/** The frames of a recording by row; chunks are decoded when they are asked for, and the last few kept. */
+/** The frames of a recording by row; chunks are decoded on request, and the last few stay in memory. */
 class Film {
-  #kept = new Map();
+  #decoded = new Map();
   #asked = new Map();
 
   constructor(about, load) {
@@ -164,10 +164,10 @@ class Film {
 
   /** Return the frame of a row if its chunk is at hand, else null. */
   at(row) {
-    const place = Math.floor(row / this.about.chunk_rows), segments = this.#kept.get(place);
+    const place = Math.floor(row / this.about.chunk_rows), segments = this.#decoded.get(place);
     if (!segments) return null;
-    this.#kept.delete(place);
-    this.#kept.set(place, segments);
+    this.#decoded.delete(place);
+    this.#decoded.set(place, segments);
     let left = row - place * this.about.chunk_rows;
     for (const segment of segments) {
       if (left < segment.rows) return segment.frame(left);
@@ -179,7 +179,7 @@ class Film {
   /** Promise that the chunk of a row is at hand. */
   ready(row) {
     const place = Math.floor(row / this.about.chunk_rows);
-    if (row < 0 || row >= this.about.rows || this.#kept.has(place)) return Promise.resolve();
+    if (row < 0 || row >= this.about.rows || this.#decoded.has(place)) return Promise.resolve();
     if (!this.#asked.has(place)) this.#asked.set(place, this.#fetch(place).finally(() => this.#asked.delete(place)));
     return this.#asked.get(place);
   }
@@ -187,8 +187,8 @@ class Film {
   async #fetch(place) {
     const source = new Tracks(await inflated(await this.load(place))), segments = [];
     while (source.at < source.bytes.length) segments.push(new Segment(source, this.about.world));
-    this.#kept.set(place, segments);
-    if (this.#kept.size > CHUNKS_KEPT) this.#kept.delete(this.#kept.keys().next().value);
+    this.#decoded.set(place, segments);
+    if (this.#decoded.size > MOST_DECODED) this.#decoded.delete(this.#decoded.keys().next().value);
   }
 }
 
@@ -226,8 +226,8 @@ class Player {
     this.worlds = [about.world, ...about.later.map(({ step, ...own }) => ({ ...about.world, ...own }))];
     this.stage = new Stage(find("world"), about.world, {
       theme: this.theme,
-      onSelect: () => this.tell(true),
-      onFollow: () => this.tell(true),
+      onSelect: () => this.report(true),
+      onFollow: () => this.report(true),
     });
     this.describe();
     this.listen();
@@ -261,7 +261,7 @@ class Player {
     this.enter(this.worlds[this.about.later.findLastIndex(({ step }) => step <= frame.step) + 1]);
     this.stage.show(frame);
     this.film.ready(row + this.about.chunk_rows).catch((error) => this.complain(error));
-    this.tell(!this.playing);
+    this.report(!this.playing);
     return true;
   }
 
@@ -279,14 +279,14 @@ class Player {
     this.#due = 0;
     this.#shown = [];
     this.#then = performance.now();
-    this.tellState();
+    this.showState();
     requestAnimationFrame((now) => this.tick(now));
   }
 
   pause() {
     this.playing = false;
-    this.tellState();
-    this.tell(true);
+    this.showState();
+    this.report(true);
   }
 
   toggle() {
@@ -367,8 +367,8 @@ class Player {
     this.stage.legend().forEach(({ colour }, index) => (rings[index].style.borderColor = colour));
   }
 
-  /** Say how far it is, at once or now and then. */
-  tell(now) {
+  /** Show the progress, at once or now and then. */
+  report(now) {
     const scrub = find("scrub"), text = `step ${this.step.toLocaleString("en")}`;
     scrub.value = String(this.row);
     scrub.style.setProperty("--done", `${this.last > 0 ? (100 * this.row) / this.last : 0}%`);
@@ -382,26 +382,26 @@ class Player {
     const rows = this.#shown.reduce((sum, [, count]) => sum + count, 0), since = time - (this.#shown[0]?.[0] ?? time);
     const rate = since > 250 ? ((rows - this.#shown[0][1]) * this.about.every * 1000) / since : 0;
     find("rate").textContent = this.playing && rate ? `${rate < 10 ? rate.toFixed(1) : Math.round(rate)} steps/s` : "–";
-    this.tellLayers();
-    this.tellRobot();
-    this.tellEvent();
+    this.showLayers();
+    this.showRobot();
+    this.showEvent();
   }
 
-  tellState() {
+  showState() {
     const label = this.playing ? "Pause" : "Play";
     find("play").dataset.icon = label.toLowerCase();
     find("play").setAttribute("aria-label", label);
     find("play").title = `${label} (space)`;
   }
 
-  tellLayers() {
+  showLayers() {
     const { layer } = this.stage.frame ?? {}, counts = this.stage.world.layers.map(() => 0);
     if (!layer) return;
     for (const index of layer) if (index >= 0) counts[index] += 1;
     document.querySelectorAll("#layers li b").forEach((cell, index) => (cell.textContent = String(counts[index])));
   }
 
-  tellRobot() {
+  showRobot() {
     const { frame, selected: id, followed } = this.stage, row = id === null || !frame ? -1 : frame.ids.indexOf(id);
     find("robot").hidden = row < 0;
     if (row < 0) return;
@@ -415,7 +415,7 @@ class Player {
     find("follow").setAttribute("aria-pressed", String(followed === id));
   }
 
-  tellEvent() {
+  showEvent() {
     const rows = this.events.map((event) => this.rowOf(event.step)), now = rows.findLastIndex((row) => row <= this.row);
     document.querySelectorAll("#events button").forEach((button, index) => {
       button.toggleAttribute("aria-current", index === now);
@@ -483,7 +483,7 @@ class Player {
       find("marks").append(mark);
     }
     if (events.length > MOST_EVENTS) this.note(`Of ${events.length} events the first ${MOST_EVENTS} are listed.`);
-    this.tellEvent();
+    this.showEvent();
   }
 
   listen() {
@@ -504,7 +504,7 @@ class Player {
     for (const [id, act] of Object.entries(actions)) find(id).addEventListener("click", act);
     find("scrub").addEventListener("input", (event) => this.goTo(Number(event.target.value)));
     find("speed").addEventListener("input", (event) => this.setSpeed(Number(event.target.value)));
-    // After a click the keys are the player's again; who came by keyboard keeps the button.
+    // After a click the keys are the player's again; with the keyboard the focus stays on the button.
     document.addEventListener("click", (event) => event.detail && event.target.closest?.("button, label")?.blur());
     const keys = {
       " ": "play", ArrowLeft: "back", ArrowRight: "forth", Home: "first", End: "last", n: "next", p: "previous",
@@ -561,7 +561,7 @@ function spaced(name) {
 
 async function start() {
   const about = JSON.parse(find("about").textContent), player = new Player(about);
-  player.tellState();
+  player.showState();
   globalThis.mesaSwarmReplay = player;
   await player.goTo(0);
   player.hideIdleToggles();

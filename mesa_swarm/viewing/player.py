@@ -19,10 +19,14 @@ from mesa_swarm.viewing.readings import readings_of
 from mesa_swarm.viewing.scene import Scene, scene_of
 
 MOST_BYTES = 48_000_000
-# What a picture takes besides its frame: itself, its readings, its fingerprint.
-PICTURE_BYTES = 1000
-# Of a world, for each letter that it is written with.
+# Memory of a packed frame besides its content: itself, its readings, its fingerprint.
+FRAME_BYTES = 1000
+# Memory of a world per character of its text.
 WORLD_BYTES = 4
+# Played faster than this, steps/s, only frames that were shown are stored for stepping back.
+FASTEST_STORED = 100.0
+# Rows of collected values that remain at every multiple of this many steps; in between there are up to twice as many.
+MOST_COLLECTED = 10_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,12 +41,12 @@ class PackedFrame:
 
 
 class Past(ABC):
-    """Pictures in the order of time, and the one that is looked at.
+    """Packed frames in the order of time, one of which is shown.
 
     Attributes
     ----------
     index : int
-        Of the picture that is looked at.
+        Of the frame that is shown.
     """
 
     def __init__(self) -> None:
@@ -55,43 +59,43 @@ class Past(ABC):
     @property
     @abstractmethod
     def shown(self) -> PackedFrame | None:
-        """The picture that is looked at, None if there are none."""
+        """The frame that is shown, None if there are none."""
 
     @property
     @abstractmethod
     def first_step(self) -> int:
-        """The step of the earliest picture, 0 if there is none."""
+        """The step of the earliest frame, 0 without frames."""
 
     @property
     @abstractmethod
     def last_step(self) -> int:
-        """The step of the latest picture, 0 if there is none."""
+        """The step of the latest frame, 0 without frames."""
 
     @abstractmethod
     def clear(self) -> None:
-        """Forget everything."""
+        """Drop all frames."""
 
     @property
     def is_present(self) -> bool:
-        """Whether the picture that is looked at is the latest."""
+        """Whether the latest frame is shown."""
         return self.index >= len(self) - 1
 
     def look(self, index: int) -> None:
-        """Look at the picture with this index, the nearest one if there is none."""
+        """Show the frame with this index, or the nearest one."""
         self.index = min(max(index, 0), max(len(self) - 1, 0))
 
 
-class KeptPast(Past):
-    """The last pictures of a run, in memory.
+class RecentPast(Past):
+    """The last frames of a run, in memory.
 
     Parameters
     ----------
     most_bytes : int
-        The oldest go when they take more than this, with the worlds that they are drawn in; the last two always stay.
+        The oldest are dropped when frames and their worlds take more than this; the last two always remain.
 
     Examples
     --------
-    >>> past = KeptPast()
+    >>> past = RecentPast()
     >>> for step in range(3):
     ...     past.append(PackedFrame(step, b""))
     >>> past.look(past.index - 1)
@@ -102,76 +106,76 @@ class KeptPast(Past):
     def __init__(self, most_bytes: int = MOST_BYTES) -> None:
         super().__init__()
         self.most_bytes = most_bytes
-        self._pictures: deque[PackedFrame] = deque()
+        self._frames: deque[PackedFrame] = deque()
         self._sizes: deque[int] = deque()
         self._bytes = 0
 
     def __len__(self) -> int:
-        return len(self._pictures)
+        return len(self._frames)
 
     @property
     def shown(self) -> PackedFrame | None:
-        """The picture that is looked at, None before the first."""
-        return self._pictures[self.index] if self._pictures else None
+        """The frame that is shown, None before the first."""
+        return self._frames[self.index] if self._frames else None
 
     @property
     def first_step(self) -> int:
-        """The step of the earliest picture, 0 if there is none."""
-        return self._pictures[0].step if self._pictures else 0
+        """The step of the earliest frame, 0 without frames."""
+        return self._frames[0].step if self._frames else 0
 
     @property
     def last_step(self) -> int:
-        """The step of the latest picture, 0 if there is none."""
-        return self._pictures[-1].step if self._pictures else 0
+        """The step of the latest frame, 0 without frames."""
+        return self._frames[-1].step if self._frames else 0
 
-    def append(self, picture: PackedFrame) -> None:
-        """Keep a new picture, and look at it; it replaces one of the same step."""
-        if self._pictures and self._pictures[-1].step == picture.step:
-            self._pictures.pop()
+    def append(self, frame: PackedFrame) -> None:
+        """Add a frame and show it; it replaces one of the same step."""
+        if self._frames and self._frames[-1].step == frame.step:
+            self._frames.pop()
             self._bytes -= self._sizes.pop()
-        size = PICTURE_BYTES + len(picture.content) + self._size_of_world(picture)
-        self._pictures.append(picture)
+        size = FRAME_BYTES + len(frame.content) + self._size_of_world(frame)
+        self._frames.append(frame)
         self._sizes.append(size)
         self._bytes += size
-        while self._bytes > self.most_bytes and len(self._pictures) > 2:
-            self._pictures.popleft()
+        while self._bytes > self.most_bytes and len(self._frames) > 2:
+            self._frames.popleft()
             self._bytes -= self._sizes.popleft()
-        self.index = len(self._pictures) - 1
+        self.index = len(self._frames) - 1
 
-    def _size_of_world(self, picture: PackedFrame) -> int:
-        """Return about how much memory a world takes that the picture before was not drawn in."""
-        if self._pictures and self._pictures[-1].world is picture.world:
+    def _size_of_world(self, frame: PackedFrame) -> int:
+        """Return about how much memory the world of a frame takes, 0 if it is that of the frame before."""
+        if self._frames and self._frames[-1].world is frame.world:
             return 0
-        return WORLD_BYTES * len(repr(picture.world))
+        return WORLD_BYTES * len(repr(frame.world))
 
     def look_at(self, step: int) -> None:
-        """Look at the latest picture that is not of a later step, the first if there is none."""
-        self.look(bisect_right(self._pictures, step, key=lambda picture: picture.step) - 1)
+        """Show the latest frame that is not of a later step, or the first."""
+        self.look(bisect_right(self._frames, step, key=lambda frame: frame.step) - 1)
 
     def step_after(self) -> int:
-        """Return the step of the picture after the one that is looked at, of the last if there is none."""
-        return self._pictures[min(self.index + 1, len(self) - 1)].step
+        """Return the step of the frame after the one that is shown, or of the last."""
+        return self._frames[min(self.index + 1, len(self) - 1)].step
 
     def clear(self) -> None:
-        """Forget everything."""
-        self._pictures.clear()
+        """Drop all frames."""
+        self._frames.clear()
         self._sizes.clear()
         self._bytes = self.index = 0
 
 
 class Viewer(Protocol):
-    """Whoever is shown pictures."""
+    """Receives frames to show."""
 
     @property
     def ready(self) -> bool:
-        """Whether it has done with the last picture."""
+        """Whether it has shown the last frame that it received."""
 
-    def push(self, number: int, picture: PackedFrame) -> None:
-        """Show a picture, now or as soon as it can, unless it had one of a higher number."""
+    def push(self, number: int, frame: PackedFrame) -> None:
+        """Show a frame as soon as possible, unless one of a higher number was received."""
 
 
 class Played(ABC):
-    """What is played by buttons: in a thread, step by step, forth and back.
+    """Base class of players: plays in a thread, steps forth and back.
 
     Attributes
     ----------
@@ -179,12 +183,12 @@ class Played(ABC):
     lock : RLock
         Held while a model changes; hold it to look at a model that may be played.
     changed : Listeners
-        Told when something else than the picture changed: playing or not, an error, another model.
+        Notified when something else than the frame changed: playing or not, an error, another model.
     viewers : tuple of Viewer
     error : str
-        What went wrong, empty if nothing did.
+        Empty while there is no error.
     past : Past
-        The frames that one can return to.
+        Frames that can be shown again.
     """
 
     error: str
@@ -203,27 +207,27 @@ class Played(ABC):
         return self.loop.playing
 
     def add_viewer(self, viewer: Viewer) -> None:
-        """Show pictures to somebody from now on."""
+        """Send frames to a viewer from now on."""
         self.viewers = (*self.viewers, viewer)
         self.show()
 
     def remove_viewer(self, viewer: Viewer) -> None:
-        """Show pictures to somebody no longer."""
+        """Send no more frames to a viewer."""
         self.viewers = tuple(other for other in self.viewers if other is not viewer)
 
     def set_speed(self, speed: float) -> None:
-        """Play at so many steps a second from now on."""
+        """Set the speed, steps/s."""
         self.loop.speed = speed
-        self.changed.tell()
+        self.changed.notify()
 
     def play(self) -> None:
         """Step in a thread until paused, finished or broken."""
         if self._can_go_on():
             self.loop.play()
-            self.changed.tell()
+            self.changed.notify()
 
     def pause(self) -> None:
-        """Take no further step, and show how things are."""
+        """Take no further step, and show the present."""
         self.loop.pause()
         self.rest()
 
@@ -235,30 +239,30 @@ class Played(ABC):
             self.play()
 
     def show(self) -> None:
-        """Show viewers how things are now; while it plays, only if one of them is ready."""
+        """Show the present; while it plays, only if a viewer is ready."""
         playing = self.playing
         if not playing or any(viewer.ready for viewer in self._watching()):
             self.hand_over()
-        if playing and not self.playing:  # making the picture broke it
-            self.changed.tell()
+        if playing and not self.playing:  # packing the frame failed
+            self.changed.notify()
 
     def rest(self) -> None:
-        """Show how things are at rest, with a fingerprint of the state, and tell that something changed."""
+        """Show the present at rest, with a fingerprint of the state, and notify listeners."""
         self.hand_over(fingerprint=not self.playing)
-        self.changed.tell()
+        self.changed.notify()
 
     def _watching(self) -> tuple[Viewer, ...]:
-        """Return all for whom a picture would be made."""
+        """Return the viewers for which a frame would be packed."""
         return self.viewers
 
     def _push(self) -> None:
-        """Show viewers what is looked at."""
+        """Send viewers the frame that is shown."""
         with self.lock:
             self._number += 1
-            number, picture = self._number, self._shown()
-        if picture is not None:
+            number, frame = self._number, self._shown()
+        if frame is not None:
             for viewer in self.viewers:
-                viewer.push(number, picture)
+                viewer.push(number, frame)
 
     @property
     @abstractmethod
@@ -275,11 +279,11 @@ class Played(ABC):
 
     @abstractmethod
     def look(self, index: int) -> None:
-        """Pause, and look at the frame with this index in `past`."""
+        """Pause, and show the frame with this index in `past`."""
 
     @abstractmethod
     def hand_over(self, fingerprint: bool = False) -> None:
-        """Keep a picture of the present, and show what is looked at, whether or not anybody is ready."""
+        """Store a frame of the present, and show the frame in question, whether or not a viewer is ready."""
 
     @abstractmethod
     def _can_go_on(self) -> bool:
@@ -287,44 +291,33 @@ class Played(ABC):
 
     @abstractmethod
     def _play_step(self, stop: threading.Event) -> bool:
-        """Take a step in the thread, unless it was told to stop; return whether to go on."""
+        """Take a step in the thread unless `stop` is set; return whether to go on."""
 
     @abstractmethod
     def _shown(self) -> PackedFrame | None:
-        """Return the picture that is looked at, None if there is none."""
-
-
-# Played faster than this, steps a second, only what was shown is kept for stepping back.
-FASTEST_KEPT = 100.0
-# Of what a model that is played itself collects (Mesa's DataCollector, the history of fires), so many rows stay at
-# every multiple of so many steps, and fewer than twice as many between two of them.
-MOST_COLLECTED = 10_000
+        """Return the frame that is shown, None without frames."""
 
 
 class Player(Played):
     """Plays a model, step by step or in a thread.
 
-    Nothing here raises what a model raises: it is said in `error`, and the model is then left alone. While an
-    earlier picture is looked at, steps go through the pictures that are kept, up to the present.
+    An error that the model raises is shown in `error` instead of being raised, and the model is not touched again.
+    While an earlier frame is shown, steps go through the stored frames up to the present.
 
     Parameters
     ----------
     model : SwarmModel, optional
-        One of a program's own: what it has collected is all kept. Of models that a page makes, old rows are forgotten.
+        A model that is given here keeps all that it has collected; of models that a page makes, old rows are dropped.
 
     Attributes
     ----------
     model : SwarmModel or None
-    error : str
-        What went wrong, empty if nothing did.
-    past : Past
-        The pictures that one can go back to.
     stepping : bool
         Whether it is taking a step.
     selected : int or None
-        Id of the robot that is looked at closely.
+        unique_id of the selected robot.
     selection : Listeners
-        Told when that is another one.
+        Notified when another robot is selected.
 
     Examples
     --------
@@ -341,8 +334,8 @@ class Player(Played):
         super().__init__()
         self.model, self.error = model, ""
         self._is_own = model is not None
-        self.kept = KeptPast()
-        self.past: Past = self.kept
+        self.recent = RecentPast()
+        self.past: Past = self.recent
         self.selected: int | None = None
         self.selection = Listeners()
         self.stepping = False
@@ -352,54 +345,54 @@ class Player(Played):
 
     @property
     def finished(self) -> bool:
-        """Whether the model has stopped running, and nothing later is kept."""
+        """Whether the model has stopped running, and the latest frame is shown."""
         return self.model is not None and not self.model.running and self.past.is_present
 
     def step(self) -> None:
         """Pause, and take one step."""
         self.loop.pause()
-        with self.minding():
+        with self.capture_errors():
             self._advance()
         self.rest()
 
     def back(self) -> None:
-        """Pause, and look at the picture before."""
+        """Pause, and show the frame before."""
         self.look(self.past.index - 1)
 
     def look(self, index: int) -> None:
-        """Pause, and look at one of the pictures that are kept."""
+        """Pause, and show the frame with this index in `past`."""
         self.loop.pause()
         with self.lock:
             self.past.look(index)
         self.rest()
 
     def look_now(self) -> None:
-        """Look at the present."""
+        """Show the present."""
         with self.lock:
             self.past.look(len(self.past))
 
     def hand_over(self, fingerprint: bool = False) -> None:
-        """Keep a picture of the present, and show what is looked at, whether or not anybody is ready."""
-        with self.minding():
-            self._keep(fingerprint)
+        """Store a frame of the present, and show the frame in question, whether or not a viewer is ready."""
+        with self.capture_errors():
+            self._store(fingerprint)
         self._push()
 
     def retake(self) -> None:
-        """Look at the present, and show it anew: the model was changed by hand between two steps."""
-        with self.minding():
+        """Replace the frame of the present, because the model was changed by hand between two steps, and show it."""
+        with self.capture_errors():
             if self.model is not None and not self.error:
-                self.kept.append(self._picture(self.model, fingerprint=not self.playing))
+                self.recent.append(self._packed(self.model, fingerprint=not self.playing))
         self._push()
-        self.changed.tell()
+        self.changed.notify()
 
     def select(self, robot: int | None) -> None:
-        """Look closely at the robot with this id, or at none."""
+        """Select the robot with this unique_id, or none."""
         if robot != self.selected:
             self.selected = robot
-            self.selection.tell()
+            self.selection.notify()
 
     def close(self) -> None:
-        """Stop for good; let go of the model, the pictures and everybody who looks."""
+        """Stop for good, and drop the model, the frames, viewers and listeners."""
         self.loop.pause()
         self.viewers = ()
         self.changed.clear()
@@ -410,12 +403,12 @@ class Player(Played):
             self._scene, self._scene_key = None, ()
 
     @contextmanager
-    def minding(self) -> Iterator[None]:
-        """Hold the lock, and say what goes wrong within instead of raising it."""
+    def capture_errors(self) -> Iterator[None]:
+        """Hold the lock, and put errors into `error` instead of raising them."""
         with self.lock:
             try:
                 yield
-            except Exception as problem:  # whatever a model raises is shown, or the page would be dead
+            except Exception as problem:  # any error of a model is shown: a page must go on
                 self.loop.pause()
                 self.error = in_words(problem)
 
@@ -426,13 +419,13 @@ class Player(Played):
         return self.past.shown
 
     def _play_step(self, stop: threading.Event) -> bool:
-        with self.minding():
+        with self.capture_errors():
             return not stop.is_set() and not self.finished and self._advance()
-        self.rest()  # it broke, which has stopped the thread already
+        self.rest()  # an error has stopped the thread already
         return False
 
     def _advance(self) -> bool:
-        """Go on by one step, or by one picture that is kept, unless it is broken; return whether it did."""
+        """Go on by one step, or by one stored frame, unless there was an error; return whether it did."""
         if self.model is None or self.error:
             return False
         if self.past.is_present:
@@ -448,25 +441,25 @@ class Player(Played):
         finally:
             self.stepping = False
         if model.completed % MOST_COLLECTED == 0:
-            self._keep_window(model)
-        if self.loop.speed <= FASTEST_KEPT:
-            self._keep()
+            self._limit_collected(model)
+        if self.loop.speed <= FASTEST_STORED:
+            self._store()
 
-    def _keep_window(self, model: FireModel) -> None:
+    def _limit_collected(self, model: FireModel) -> None:
         if not self._is_own:
             forget_collected(model, MOST_COLLECTED)
 
-    def _keep(self, fingerprint: bool = False) -> None:
-        """Make a picture of the present, unless an earlier one is looked at or there is one."""
+    def _store(self, fingerprint: bool = False) -> None:
+        """Store a frame of the present, unless an earlier one is shown or it is stored already."""
         if self.model is None or self.error or not self.past.is_present:
             return
         known = self.past.shown
         if known is None or known.step != self.model.completed or (fingerprint and not known.fingerprint):
-            self.kept.append(self._picture(self.model, fingerprint))
+            self.recent.append(self._packed(self.model, fingerprint))
 
-    def _picture(self, model: FireModel, fingerprint: bool) -> PackedFrame:
+    def _packed(self, model: FireModel, fingerprint: bool) -> PackedFrame:
         standing = model.obstacle_list
-        last = standing[-1].unique_id if standing else 0  # ids only grow: with the number it tells of every change
+        last = standing[-1].unique_id if standing else 0  # ids only grow: with the number they identify every change
         key = id(model), model.swarm.version, len(standing), last, id(model.control), model.fire_constants.leave
         if self._scene is None or key != self._scene_key:
             self._scene, self._scene_key = scene_of(model), key
@@ -476,7 +469,7 @@ class Player(Played):
 
 
 def forget_collected(model: FireModel, rows: int) -> None:
-    """Keep the last so many rows of what a model collects in every step, unless they are being recorded.
+    """Drop all but the last rows of what a model collects in every step, unless they are being recorded.
 
     Examples
     --------
@@ -487,7 +480,7 @@ def forget_collected(model: FireModel, rows: int) -> None:
     5
     """
     if any(isinstance(observer, Recorder) for observer in model.observers):
-        return  # it stores what came since it looked last
+        return  # it stores the rows since it was last called
     collector = model.datacollector
     for values in collector.model_vars.values():
         del values[: max(0, len(values) - rows)]

@@ -23,10 +23,6 @@ NEEDED = ("position", "heading")
 class RecordedSteps:
     """The whole rows of a recording.
 
-    Parameters
-    ----------
-    recording : Recording
-
     Attributes
     ----------
     recording : Recording
@@ -56,13 +52,9 @@ class RecordedSteps:
 class PicturedSteps(RecordedSteps):
     """The steps of a recording that can be drawn: its rows and, if it is known, the state in which it began.
 
-    That state is known of models that come with mesa_swarm and were not changed by hand before: a file cannot
-    make anybody import other code. Robots and loads that recordings of old versions do not describe are taken from
+    That state is known of models that come with mesa_swarm and were not changed by hand before: a recording never
+    makes a program import other code. Robots and loads that recordings of old versions do not describe are taken from
     such a model too; of other models obstacles are those of the map, and robots have a radius of 5.
-
-    Parameters
-    ----------
-    recording : Recording
 
     Attributes
     ----------
@@ -189,7 +181,7 @@ def _picture_scene(recording: Recording, model: FireModel | None) -> Scene:
     try:
         scene.build()
     except SwarmError as error:
-        raise RecordingError(f"{recording.path} does not say clearly what its world looks like: {error}") from None
+        raise RecordingError(f"{recording.path} has an invalid scenery: {error}") from None
     return scene
 
 

@@ -19,14 +19,11 @@ from mesa_swarm.viewing.scene import Scene, scene_of_recording
 MOST_ROWS = 256
 FEWEST_ROWS = 8
 ROBOT_ROWS = 200_000
+IMPORT = 'import { Stage, TOGGLES } from "./canvas.js";\n'
 
 
 class Reel:
     """The rows of a recording before the first that is damaged; may be asked by several threads.
-
-    Parameters
-    ----------
-    recording : Recording
 
     Attributes
     ----------
@@ -58,7 +55,7 @@ class Reel:
         Raises
         ------
         InvalidValueError
-            If there is no such chunk.
+            If it does not exist.
         """
         if not 0 <= place < self.chunks:
             raise InvalidValueError(f"chunk is {place}; expected 0 to {self.chunks - 1}")
@@ -67,7 +64,7 @@ class Reel:
 
     @cached_property
     def about(self) -> dict:
-        """What the player must know first: the world, how it changes, and the run that was recorded in it."""
+        """What the player needs first: the world, its changes, and the run that was recorded in it."""
         facts = self.recording.provenance
         return {
             "world": self.scene.world(),
@@ -126,18 +123,11 @@ def _in_words(value: object) -> str:
     return f"{value:.6g}" if isinstance(value, float) else shortened(value) if isinstance(value, dict) else str(value)
 
 
-IMPORT = 'import { Stage, TOGGLES } from "./canvas.js";\n'
-
-
 def replay_page(recording: Recording) -> str:
     """Return a page that plays a recording; it is whole in itself and asks for nothing.
 
     What is drawn is rounded as `mesa_swarm.viewing.packing` describes: positions to within 1/65535 of the map.
     50 robots and 3,000 steps take less than 2 MB.
-
-    Parameters
-    ----------
-    recording : Recording
 
     Raises
     ------
@@ -162,15 +152,15 @@ def replay_page(recording: Recording) -> str:
 
 
 def page_of(about: dict, chunks: list[bytes]) -> str:
-    """Return the player's page with what it must know, and with chunks if it is to have them at hand.
+    """Return the player's page with its inputs, and with the chunks that are embedded.
 
     Parameters
     ----------
     about : dict
-        `Reel.about`; ``embedded`` says whether the chunks are in the page.
+        `Reel.about`; ``embedded``: whether the chunks are in the page.
     chunks : list of bytes
     """
-    # A "<" in a text would end the element; nobody but JSON reads it.
+    # A "<" in a text would end the element; JSON reads the escape as the same text.
     facts = json.dumps(about, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     data = [f'<script type="application/json" id="about">{facts}</script>']
     for place, chunk in enumerate(chunks):

@@ -1,4 +1,4 @@
-"""The replay page on a small server of this machine, which hands out chunks of frames as they are asked for."""
+"""The replay page on a small local server, which sends chunks of frames on request."""
 
 import json
 import secrets
@@ -17,10 +17,10 @@ HTML, JSON, BYTES, TEXT = "text/html; charset=utf-8", "application/json", "appli
 
 
 class ReplayServer(ThreadingHTTPServer):
-    """Serves one recording on 127.0.0.1, to those who know the address, which holds a random token.
+    """Serves one recording on 127.0.0.1, at an address with a random token.
 
-    Other sites cannot read it: they do not know the token, and a name of theirs that leads to this machine (DNS
-    rebinding) is not the one that is answered to. `serve_forever` serves until `shutdown` or Ctrl-C.
+    Other sites cannot read it: they do not know the token, and a foreign host name that resolves to this machine (DNS
+    rebinding) is refused. `serve_forever` serves until `shutdown` or Ctrl-C.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class ReplayServer(ThreadingHTTPServer):
     """
 
     daemon_threads = True
-    # Of those that connect at the same moment, the others would wait for seconds.
+    # With a shorter queue, simultaneous connections would wait for seconds.
     request_queue_size = 128
 
     def __init__(self, reel: Reel, port: int = 0) -> None:
@@ -64,7 +64,7 @@ class ReplayServer(ThreadingHTTPServer):
         return f"http://{self.host}/{self.token}/"
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """Say nothing of a browser that went away."""
+        """Ignore a browser that closed the connection."""
 
 
 class Handler(BaseHTTPRequestHandler):
@@ -77,7 +77,7 @@ class Handler(BaseHTTPRequestHandler):
     timeout = 60
 
     def do_GET(self) -> None:
-        """Send what is asked for."""
+        """Send the requested content."""
         try:
             status, kind, content = self._answer()
         except SwarmError as error:

@@ -15,7 +15,7 @@ from mesa_swarm.errors import InvalidValueError, check_count, shortened
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.frames import frame_of
-from mesa_swarm.robots.snapshots import check_kept
+from mesa_swarm.robots.snapshots import check_watched
 from mesa_swarm.viewing.palette import LIGHT, layer_colour
 from mesa_swarm.viewing.pictures import Shown, literal, world_figure
 from mesa_swarm.viewing.scene import scene_of
@@ -31,7 +31,7 @@ def stages(
     Parameters
     ----------
     model : SwarmModel
-        As it is: steps that it has taken already cannot be shown.
+        Steps that it has taken already cannot be shown.
     steps : sequence of int
         Ascending, none before the model's own.
     perceived : bool
@@ -93,7 +93,7 @@ def trace(model: FireModel, steps: int = 10_000, *, robots: int = 1, every: int 
 
 
 def _places(model: FireModel, last: int, every: int, progress: bool) -> np.ndarray:
-    """Run a model until a step; return where its robots were at the start, every so many steps, and at the end."""
+    """Run a model until a step; return the robots' positions at the start, every `every` steps, and at the end."""
     places = [model.swarm.position.copy()]
     with progress_bar(last - model.steps, "steps", progress) as bar:
         while model.steps < last and model.running:
@@ -111,7 +111,7 @@ def _draw_trace(axes: Axes, points: np.ndarray, colour: str) -> None:
 
 
 def ethogram(model: FireModel, *, robots: int | None = None) -> Figure:
-    """Return a figure of which layer drove which robot when, from what `model.watch()` has kept.
+    """Return a figure of the layer that drove each robot in each step, from the snapshots of `model.watch()`.
 
     Above, a row a robot, named by its unique_id; below, the share of robots that each layer drives.
 
@@ -119,29 +119,29 @@ def ethogram(model: FireModel, *, robots: int | None = None) -> Figure:
     ----------
     model : SwarmModel
     robots : int, optional
-        Only the first so many, at least 1.
+        Only the first ones, at least 1; all by default.
 
     Raises
     ------
     InvalidValueError
-        If nothing was kept, the column `layer` is missing, or there is no control.
+        If there are no snapshots, the column `layer` is missing, or there is no control.
 
     Examples
     --------
     >>> from mesa_swarm.gallery import find_model
     >>> model = find_model("collision_avoidance")(rng=1)
-    >>> kept = model.watch(last=None)
+    >>> snapshots = model.watch(last=None)
     >>> [axes.get_ylabel() for axes in ethogram(model.run(50)).axes]
     ['robot', 'share of robots']
     """
     if model.control is None:
-        raise InvalidValueError("there is no control to draw; set model.control")
-    kept = check_kept(model.watched, ("layer",), "draw", "watch(last=None)")
+        raise InvalidValueError("model.control is None; set it before the steps to draw")
+    snapshots = check_watched(model.watched, ("layer",), "draw", "watch(last=None)")
     if robots is not None:
         check_count("robots", robots, minimum=1)
     names = [layer.name for layer in model.control.layers]
     ids = [robot.unique_id for robot in model.swarm.agents[:robots]]
-    return ethogram_figure(kept.steps, kept["layer"][:, :robots], names, ids)
+    return ethogram_figure(snapshots.steps, snapshots["layer"][:, :robots], names, ids)
 
 
 def ethogram_figure(
@@ -157,7 +157,7 @@ def ethogram_figure(
     names : sequence of str
         Of the layers.
     ids : sequence of int, optional
-        What each robot is called, its unique_id in `ethogram`; by default 1, 2, ...
+        Names of the robots, unique_id in `ethogram`; by default 1, 2, ...
     """
     n = layer.shape[1]
     colours = [layer_colour(k) for k in range(-1, len(names))]
@@ -176,7 +176,7 @@ def ethogram_figure(
     above.set(ylabel="robot")
     _name_rows(above, range(1, n + 1) if ids is None else ids)
     shares = layer_shares(layer, len(names))
-    # A share is drawn back to the step before, the first one too.
+    # Each share is drawn from the step before to its own, the first one too.
     below.stackplot([edges[0], *steps], np.vstack([shares[:1], shares])[:, :-1].T, colors=colours[1:], step="pre")
     below.set(xlabel="step", ylabel="share of robots", xlim=edges, ylim=(0, 1))
     below.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
@@ -188,10 +188,10 @@ def ethogram_figure(
 
 
 def _name_rows(axes: Axes, ids: Sequence[int]) -> None:
-    """Write on the axis of the rows 1, 2, ... what each is called, as many as there is room for."""
+    """Label the rows 1, 2, ... of an axis with ids, as many as there is room for."""
 
-    def called(row: float, _: int | None) -> str:
+    def label(row: float, _: int | None) -> str:
         return str(ids[int(row) - 1]) if row == int(row) and 1 <= row <= len(ids) else ""
 
     axes.yaxis.set_major_locator(MaxNLocator(nbins="auto", integer=True, min_n_ticks=1))
-    axes.yaxis.set_major_formatter(FuncFormatter(called))
+    axes.yaxis.set_major_formatter(FuncFormatter(label))

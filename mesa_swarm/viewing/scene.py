@@ -12,13 +12,13 @@ import numpy as np
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.recording.frames import Frame
-from mesa_swarm.recording.provenance import map_of, scenery_of, written_shape
+from mesa_swarm.recording.provenance import map_of, scenery_of
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.sensors import ProximitySensor
 from mesa_swarm.world.bodies import Form
 from mesa_swarm.world.map_parts import Bounds
-from mesa_swarm.world.shapes import Shape, disc, polygon
+from mesa_swarm.world.shapes import Shape, shape_from_json, shape_to_json
 
 # name: (table, values a row, type). Wider types first: in a packed frame each array is then aligned.
 COLUMNS: dict[str, tuple[str, int | str, str]] = {
@@ -136,7 +136,7 @@ class Scene:
     @cached_property
     def forms(self) -> dict[int, Form]:
         """The loads' forms by unique_id."""
-        return {load["id"]: Form.of(_shape(load)) for load in self.changes[0][1]["loads"]}
+        return {load["id"]: Form.of(shape_from_json(load)) for load in self.changes[0][1]["loads"]}
 
     @cached_property
     def load_places(self) -> dict[int, int]:
@@ -148,7 +148,7 @@ class Scene:
         found: list[tuple[Shape, ...]] = []
         for place, (_, scenery) in enumerate(self.changes):
             same = place > 0 and scenery["shapes"] == self.changes[place - 1][1]["shapes"]
-            found.append(found[-1] if same else tuple(map(_shape, scenery["shapes"])))
+            found.append(found[-1] if same else tuple(map(shape_from_json, scenery["shapes"])))
         return found
 
     @cached_property
@@ -186,10 +186,6 @@ class Scene:
 
 def scene_of(model: FireModel) -> Scene:
     """Return the scene of a model; make it anew when robots, obstacles or loads were added or removed.
-
-    Parameters
-    ----------
-    model : SwarmModel
 
     Examples
     --------
@@ -237,21 +233,11 @@ def usual_scenery(recording: Recording) -> dict:
     return {
         "designs": [USUAL_DESIGN],
         "robots": [],
-        "shapes": [written_shape(shape) for shape in map_of(recording.provenance).obstacles],
+        "shapes": [shape_to_json(shape) for shape in map_of(recording.provenance).obstacles],
         "loads": [{"id": load, "disc": [0.0, 0.0, USUAL_RADIUS]} for load in loads],
         "layers": [],
         "leave": recording.provenance["parameters"].get("leave", USUAL_LEAVE),
     }
-
-
-def _shape(written: dict) -> Shape:
-    """Return the shape that `written_shape` wrote."""
-    contact = not written.get("mark", False)
-    if "disc" in written:
-        x, y, radius = written["disc"]
-        return disc((x, y), radius, contact=contact)
-    shell, *holes = written["rings"]
-    return polygon(shell, holes, contact=contact)
 
 
 def _design(written: dict) -> RobotDesign:

@@ -16,8 +16,8 @@ const TYPED_IN = "input, textarea, select, [contenteditable], [role=listbox]";
 const SLIDES = /^(Arrow|Home$|End$|Page)/, SLIDER = "input[type=range], [role=slider]";
 const PRESSED = "button, summary, a, input[type=checkbox]";
 
-// Numbers change so often at most, s: nobody reads faster, and drawing text takes as long as drawing robots.
-const TELL_EVERY = 0.15;
+// Shortest time between changes of numbers, s: faster is not readable, and drawing text takes as long as drawing robots.
+const WRITE_EVERY = 0.15;
 // A stage that is lower is all map, CSS pixels; and the gap between the map and what stands beside it.
 const LOW = 240, GAP = 8;
 
@@ -48,7 +48,7 @@ class PlayerView {
   #next = null;
   #asked = 0;
   #drawn = 0;
-  #told = 0;
+  #written = 0;
   #shown = { pushed: 0, fingerprint: "" };
   #staged = true;
   #leave = [];
@@ -83,12 +83,12 @@ class PlayerView {
     parts.back = iconButton("back", "Step back", act("back"));
     parts.step = iconButton("step", "Step", act("step"));
     parts.reset = iconButton("reset", "Reset", act("reset"));
-    const say = () => this.#send({ do: "speed", value: Number(parts.speed.value) });
-    parts.speed = make("input", { type: "range", min: 0, max: 12, step: 1, "aria-label": "Speed", input: say });
+    const send = () => this.#send({ do: "speed", value: Number(parts.speed.value) });
+    parts.speed = make("input", { type: "range", min: 0, max: 12, step: 1, "aria-label": "Speed", input: send });
     parts.wished = make("output", {});
     parts.readings = make("dl", { class: "swarm-readings" });
     const look = () => this.#send({ do: "look", value: Number(parts.past.value) });
-    parts.past = make("input", { type: "range", min: 0, max: 0, step: 1, "aria-label": "Steps kept in memory", input: look });
+    parts.past = make("input", { type: "range", min: 0, max: 0, step: 1, "aria-label": "Steps in memory", input: look });
     parts.when = make("span", { class: "swarm-when" });
     const buttons = make("div", { class: "swarm-buttons", role: "toolbar", "aria-label": "Play" });
     buttons.append(parts.back, parts.play, parts.step, parts.reset);
@@ -198,14 +198,14 @@ class PlayerView {
     this.#canvas.step = picture.step;
     this.#shown = picture;
     const now = performance.now();
-    if (picture.fingerprint || picture.rest || now - this.#told > 1000 * TELL_EVERY) {
-      this.#told = now;
-      this.#tell(picture);
+    if (picture.fingerprint || picture.rest || now - this.#written > 1000 * WRITE_EVERY) {
+      this.#written = now;
+      this.#write(picture);
     }
     this.#tellRest();
   }
 
-  #tell({ step, readings, rate, index, length, first, last, fingerprint }) {
+  #write({ step, readings, rate, index, length, first, last, fingerprint }) {
     const root = this.#root, parts = this.#parts;
     root.dataset.step = step;
     root.dataset.fingerprint = fingerprint;
@@ -220,12 +220,12 @@ class PlayerView {
     parts.past.value = index;
     parts.past.disabled = length < 2;
     parts.back.disabled = index <= 0;
-    const text = index < length - 1 ? `step ${step} of ${last}, kept from ${first} on` : `kept: steps ${first} to ${last}`;
+    const text = index < length - 1 ? `step ${step} of ${last}, in memory from ${first} on` : `in memory: steps ${first} to ${last}`;
     parts.when.textContent = fingerprint ? `${text} · state ${fingerprint.slice(0, 8)}` : text;
     parts.when.title = fingerprint ? `Fingerprint of the state: ${fingerprint}` : "";
   }
 
-  /** Say whether what is shown is at rest: that it is not played may be known before its last picture comes. */
+  /** Show whether it is at rest: this may be known before the last picture arrives. */
   #tellRest() {
     const { playing, newest } = this.#state, { pushed, fingerprint } = this.#shown;
     this.#root.dataset.rest = Boolean(!playing && fingerprint && pushed >= newest);

@@ -14,7 +14,7 @@ from mesa.experimental.continuous_space import ContinuousSpace, ContinuousSpaceA
 
 from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
 
-# Mesa grows its store by a fifth of what is there, which is nothing at all below three rows.
+# Mesa grows its store by a fifth, which is 0 below three rows.
 SMALLEST_STORE = 16
 Kind = TypeVar("Kind", bound="ArenaAgent")
 Point = Sequence[float] | np.ndarray
@@ -30,14 +30,14 @@ class ModelCounters(WeakKeyDictionary):
         return self.setdefault(model, count(1))
 
 
-# Mesa 3.3 counts agents in a plain dict on the class, which keeps every model that ever was in memory.
+# Mesa 3.3 counts agents in a plain dict on the class, which holds every model in memory for good.
 # Mesa 3.5 counts in the model and has no such dict.
 if hasattr(Agent, "_ids"):
     Agent._ids = ModelCounters(Agent._ids)
 
 
-class Bodies(Protocol):
-    """Agents whose positions live in a column of their own: a swarm, or fires."""
+class Positioned(Protocol):
+    """Agents whose positions are a column of their own: a swarm, or fires."""
 
     agents: list[Any]
     position: np.ndarray
@@ -52,7 +52,7 @@ class PositionTable(np.ndarray):
     arena: "Arena | None" = None
 
     def __getitem__(self, key: Any) -> Any:
-        """Return a copy of what is asked for."""
+        """Return a copy of the selected rows."""
         return np.array(super().__getitem__(key))
 
     def __setitem__(self, key: Any, value: Any) -> None:
@@ -70,9 +70,9 @@ class PositionTable(np.ndarray):
 class Arena(ContinuousSpace):
     """A bounded plane in which robots, obstacles, fires and any other Mesa agents have positions.
 
-    Everything that Mesa's class offers works, without what there goes wrong: it may be created for no
-    agents, a position out of bounds is refused before anything is written, and what is read is never a
-    stale view. Robots and fires keep their positions in their own columns, read when somebody asks.
+    Everything that Mesa's class offers works, without its defects: it may be created for no agents, a position
+    out of bounds is refused before anything is written, and positions that are read are never a stale view.
+    Robots and fires have their positions in their own columns, which are read on demand.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ class Arena(ContinuousSpace):
     random : random.Random
         Mesa's generator of the model.
     n_agents : int
-        How many agents to make room for; more may come.
+        Room for this number at first; more may come.
 
     Examples
     --------
@@ -97,10 +97,10 @@ class Arena(ContinuousSpace):
         self, dimensions: Sequence[Point], torus: bool = False, random: Random | None = None, n_agents: int = 100
     ) -> None:
         super().__init__(dimensions, torus=torus, random=random, n_agents=max(n_agents, SMALLEST_STORE))
-        self._bodies: list[Bodies] = []
+        self._bodies: list[Positioned] = []
         self._rows: list[list[int]] | None = None
 
-    def attach(self, bodies: Bodies) -> None:
+    def attach(self, bodies: Positioned) -> None:
         """Take the positions of these agents from their own column from now on."""
         self._bodies.append(bodies)
 
@@ -114,33 +114,26 @@ class Arena(ContinuousSpace):
 
     @agent_positions.setter
     def agent_positions(self, value: np.ndarray) -> None:
-        """Ignore the view that Mesa makes after each change: ours is made when it is read."""
+        """Ignore the view that Mesa makes after each change: this table is made when it is read."""
         if value.base is not self._agent_positions:
             raise InvalidValueError(ONE_AT_A_TIME)
 
     def place(self, agent: ContinuousSpaceAgent, position: Point) -> None:
-        """Write the position of an agent that the arena itself keeps, if it is within bounds.
+        """Write the position of an agent that is stored in the arena itself, if it is within bounds.
 
         Raises
         ------
         InvalidValueError
-            If the position is not finite or is out of bounds. Nothing is written then.
+            If the position is not finite or is out of bounds, before it is written.
         """
         self._agent_positions[self._agent_to_index[agent]] = self.checked_point(position)
 
     def checked_point(self, position: Point) -> np.ndarray:
-        """Return a position as an array of floats, or say why it is none of this arena.
-
-        Raises
-        ------
-        InvalidValueError
-        """
+        """Return a position as an array of floats, or raise InvalidValueError if it is not within this arena."""
         point = as_numbers(position)
         if point.shape != (self.ndims,) or not self.in_bounds(point):
-            within = self.dimensions.tolist()
-            raise InvalidValueError(
-                f"position {shortened(position)} is outside the arena; expected x and y within {within}"
-            )
+            expected = f"x and y within {self.dimensions.tolist()}"
+            raise InvalidValueError(f"position {shortened(position)} is outside the arena; expected {expected}")
         return point
 
     def calculate_difference_vector(self, point: Point, agents: Iterable[Agent] | None = None) -> np.ndarray:
@@ -179,7 +172,7 @@ class Arena(ContinuousSpace):
             moved._mesa_index = index
 
     def _refresh(self) -> None:
-        """Copy the positions that live in columns elsewhere into the store that Mesa's methods read."""
+        """Copy the positions in columns elsewhere into the store that Mesa's methods read."""
         if self._rows is None:
             index = self._agent_to_index
             self._rows = [[index[agent] for agent in bodies.agents] for bodies in self._bodies]
@@ -191,7 +184,7 @@ class Arena(ContinuousSpace):
 class Agents(AgentSet, Generic[Kind]):
     """Agents in order: Mesa's AgentSet, which may also be indexed, as it will not be from Mesa 4 on."""
 
-    if TYPE_CHECKING:  # what Mesa, which has no types, does
+    if TYPE_CHECKING:  # Mesa has no types
 
         def __iter__(self) -> Iterator[Kind]: ...
 
@@ -221,7 +214,7 @@ class ArenaAgent(ContinuousSpaceAgent):
             self.position = value
 
     def __copy__(self) -> "ArenaAgent":
-        """Return the agent itself: a second handle would not be told when its row moves."""
+        """Return the agent itself: a second handle would not be updated when its row moves."""
         return self
 
     def get_neighbors_in_radius(self, radius: float = 1) -> Neighbours:
@@ -240,14 +233,14 @@ class ArenaAgent(ContinuousSpaceAgent):
         return [agents[i] for i in nearest], distances[nearest]
 
     def _others(self) -> tuple[np.ndarray, list[Agent]]:
-        here = self.position  # first, for a removed agent says so here
+        here = self.position  # first: a removed agent raises here
         distances, agents = self.space.calculate_distances(here)
         mine = self.space._agent_to_index[self]
         return np.delete(distances, mine), [agent for agent in agents if agent is not self]
 
 
 def as_numbers(value: object) -> np.ndarray:
-    """Return what a user gave as an array of floats, an empty one if it does not hold numbers alone.
+    """Return a user's value as an array of floats, an empty one if it does not hold numbers alone.
 
     Examples
     --------

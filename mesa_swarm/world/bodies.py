@@ -1,6 +1,7 @@
-"""Obstacles and loads: bodies with a shape, as Mesa agents, and the form of those that move."""
+"""Obstacles and loads: bodies with a shape, as Mesa agents, and the form of loads at any pose."""
 
 import math
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,16 +18,17 @@ from mesa_swarm.world.shapes import Coordinates, Shape
 
 # Bodies may overlap by this share of their thickness, and by more at the tips of sharp corners: it is rounding.
 LOOSE = 1e-9
-# How deep the heart lies, as a share of the thickness: enough for lines from the outside to have a direction, and so
+# Depth of the heart, as a share of the thickness: enough for lines from the outside to have a direction, and so
 # little that corners of the heart are next to those of the body.
 PITH = 1e-3
+LARGEST_RESISTANCE = 1e9
 
 Pose = tuple[float, float, float]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Form:
-    """What a body is like wherever it lies, as Shapely geometries about its centre.
+    """The form of a body independent of its pose, as Shapely geometries about its centre.
 
     Parameters
     ----------
@@ -39,7 +41,7 @@ class Form:
     core_radius : float
         Radius of the core of a disc; 0 for a polygon.
     heart : shapely geometry
-        What is left below a thicker skin; never empty. Lines to it tell directions even where bodies touch.
+        The body without a thicker skin; never empty. Lines to it have a direction even where bodies touch.
     reach : float
         Distance of the centre from the farthest point.
     thickness : float
@@ -72,7 +74,7 @@ class Form:
 
     @classmethod
     def about_origin(cls, outline: Point | Polygon, radius: float) -> "Form":
-        """Return the form of an outline that lies about the origin already."""
+        """Return the form of an outline that is centred on the origin."""
         is_disc = isinstance(outline, Point)
         thickness = radius or shapely.maximum_inscribed_circle(outline).length
         skin = LOOSE * thickness
@@ -93,16 +95,16 @@ class Form:
         return Shape(shapely.normalize(placed(self.outline, pose)), self.radius)
 
     def body_at(self, pose: Pose) -> Shape:
-        """Return the same with its corners in the same order at every pose, not in normal form."""
+        """Return the same, its corners in the same order at every pose instead of in normal form."""
         return Shape(placed(self.outline, pose), self.radius)
 
     def overlaps(self, pose: Pose, shape: Shape) -> bool:
-        """Tell whether the body, lying there, overlaps a shape by more than rounding."""
+        """Return whether the body in this pose overlaps a shape by more than rounding."""
         gap = shapely.distance(placed(self.core, pose), shape.geometry)
         return bool(gap <= self.core_radius + shape.radius)
 
     def is_within(self, pose: Pose, bounds: tuple[float, float, float, float]) -> bool:
-        """Tell whether the body, lying there, is within a map."""
+        """Return whether the body in this pose is within a map."""
         x_min, y_min, x_max, y_max = placed(self.core, pose).bounds
         r = self.core_radius
         return bounds[0] <= x_min - r and bounds[1] <= y_min - r and x_max + r <= bounds[2] and y_max + r <= bounds[3]
@@ -165,16 +167,10 @@ def _antiderivative(tangent: float) -> float:
 
 
 class Obstacle(ArenaAgent):
-    """Something that stands in the world and never moves, or a mark painted on its ground.
+    """A static body, or a mark painted on the ground.
 
-    Created by `SwarmModel.add_obstacle`; take it out with `remove()`.
-
-    Parameters
-    ----------
-    space, model
-        Mesa's.
-    shape : Shape
-        From `disc`, `rectangle` or `polygon`.
+    Created by `SwarmModel.add_obstacle`; take it out with `remove()`. Its `shape` is from `disc`, `rectangle` or
+    `polygon`.
     """
 
     def __init__(self, space: Arena, model: Model, shape: Shape) -> None:
@@ -213,38 +209,26 @@ class Obstacle(ArenaAgent):
         model.obstacles_changed()
 
 
-LARGEST_RESISTANCE = 1e9
-
-
 class Load(Obstacle):
-    """A body that moves while robots push harder than it resists; an obstacle in all else.
+    """A body that moves while robots push harder than it resists; otherwise an obstacle.
 
     Created by `SwarmModel.add_load`; take it out with `remove()`. See `physics.loads` for how it moves.
-
-    Parameters
-    ----------
-    space, model
-        Mesa's.
-    shape : Shape
-        Where it lies at first.
-    resistance : float
-        How many robots' full pushes it withstands, above 0.
 
     Attributes
     ----------
     shape : Shape
-        As it lies now; a new one whenever it has moved.
+        At its present pose; a new one whenever it has moved.
     moved : bool
         Whether it moved in the last step.
     pushers : int
-        How many robots pushed it in the last step.
+        Number of robots that pushed it in the last step.
     """
 
     def __init__(self, space: Arena, model: Model, shape: Shape, resistance: float) -> None:
         super().__init__(space, model, shape)
         self.form = Form.of(shape)
         x, y = shape.position.tolist()
-        self.lay((x, y, 0.0))
+        self.move_to((x, y, 0.0))
         self.resistance = resistance
         self.moved = False
         self.pushers = 0
@@ -260,36 +244,41 @@ class Load(Obstacle):
 
     @property
     def heading(self) -> float:
-        """How far it has been turned since it was added, rad in [-pi, pi), counter-clockwise."""
+        """Its turn since it was added, rad in [-pi, pi), counter-clockwise."""
         return self.pose[2]
 
     @property
     def resistance(self) -> float:
-        """How many robots' full pushes it withstands; it moves only when pushed harder than that."""
+        """Number of robots' full pushes that it withstands; it moves only when pushed harder than that."""
         return self._resistance
 
     @resistance.setter
     def resistance(self, value: float) -> None:
         self._resistance = checked_resistance(value)
 
-    def lay(self, pose: Pose) -> None:
-        """Lay it at (x, y, heading)."""
+    def move_to(self, pose: Pose) -> None:
+        """Move it to (x, y, heading)."""
         x, y, heading = pose
         self.pose: Pose = (x, y, float(wrapped(heading)))
         self.shape = self.form.shape_at(self.pose)
         self.space._agent_positions[self.space._agent_to_index[self]] = x, y
+
+    def lay(self, pose: Pose) -> None:
+        """Move it to (x, y, heading); deprecated, see `move_to`."""
+        warnings.warn("Load.lay is called move_to now", DeprecationWarning, stacklevel=2)
+        self.move_to(pose)
 
     def rest(self) -> None:
         """Forget the last step."""
         self.moved, self.pushers = False, 0
 
     def farthest_from(self, pose: Pose) -> float:
-        """Return no less than the distance of any of its points from where it was at another pose."""
+        """Return an upper bound of the distance of its points from where they are at another pose."""
         x, y, heading = self.pose
         turned = 2.0 * abs(math.sin((heading - pose[2]) / 2.0))
         return math.hypot(x - pose[0], y - pose[1]) + self.form.reach * turned
 
 
 def checked_resistance(value: float) -> float:
-    """Return a resistance that is one, or say why it is not."""
+    """Return a resistance as a float if it is above 0 and at most 1e9."""
     return check_number("resistance", value, above=0, maximum=LARGEST_RESISTANCE)

@@ -1,11 +1,4 @@
-"""Maps: built in, loaded, stored; the thesis's `.map` text is parsed and never executed.
-
-The text looks like Python and is parsed as such, but nothing in it is ever run: only the listed calls with
-plain numbers are recognised, everything else is refused.
-
-The shapes stand in one group that turns y up, with the map's own coordinates: turning each of them instead
-would round (600 - (600 - 0.1) is not 0.1), and the map read back would not be equal.
-"""
+"""Maps: built in, loaded from TOML, SVG or the thesis's `.map` files, written as TOML or SVG."""
 
 import ast
 import os
@@ -30,6 +23,7 @@ from mesa_swarm.world.map_parts import (
     check_inside,
     checked_bounds,
     checked_name,
+    coordinate,
     file_content,
     first_points_within,
     naming,
@@ -38,13 +32,21 @@ from mesa_swarm.world.map_parts import (
 )
 from mesa_swarm.world.map_svg import read_svg
 from mesa_swarm.world.map_toml import number_text, read_toml, toml_text
-from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, disc, rectangle
+from mesa_swarm.world.shapes import Shape, disc, rectangle
+
+__all__ = ["RADIUS_OF_UNIT_AREA", "FireSpot", "Map", "builtin_maps"]
+
+BUILTIN = ("original", "sparse", "openspace", "openspace_fire")
+Part = TypeVar("Part", Shape, FireSpot)
+ALIASES = {"maze": "sparse"}  # it is maze in the thesis's text, sparse in its figure
+READABLE = (".toml", ".svg", ".map")
+WRITABLE = (".toml", ".svg")
 
 LARGEST_LEGACY_FILE = 1_000_000
-# Python's parser makes a kilobyte and more of each.
+# Python's parser uses a kilobyte or more for each.
 MOST_WORDS = 150_000
 _WORD = re.compile(r"\w+(?:\.\w*)?|[^\w \t]")
-# Remarks and strings, whole or cut off, with the letters before a string: f and t make it a text that is computed.
+# Comments and strings, whole or cut off, with the letters before a string: f and t make it a computed text.
 _STRING = re.compile(
     r"""
     \#[^\r\n]*+
@@ -57,164 +59,7 @@ _STRING = re.compile(
 DEEPEST_NESTING = 3
 NUMBERS_OF_KIND = {"rec": 4, "cir": 3, "fire": 3}
 
-
-class Entry(NamedTuple):
-    """One call of the file: what it makes, with which numbers, on which line."""
-
-    kind: str
-    numbers: list[float]
-    line: int
-
-    @property
-    def place(self) -> str:
-        """Where errors say it stands."""
-        return f"line {self.line}"
-
-    @property
-    def far_corner(self) -> tuple[float, float]:
-        """Its largest x and y."""
-        if self.kind == "rec":
-            x0, y0, x1, y1 = self.numbers
-            return max(x0, x1), max(y0, y1)
-        x, y, radius = self.numbers
-        return x + radius, y + radius
-
-
-def read_legacy(text: str, source: str, name: str) -> dict[str, Any]:
-    """Return what a `.map` file of the thesis says, as the keyword arguments of `Map`.
-
-    The map spans from (0, 0) to the far corner of all that stands in it; y is turned to point up.
-
-    Parameters
-    ----------
-    text : str
-        The file's text.
-    source : str
-        The name that errors begin with.
-    name : str
-        The map's name; the file has none.
-
-    Raises
-    ------
-    MapError
-        Naming the line of anything that is not a known call with plain numbers.
-
-    Examples
-    --------
-    >>> text = '[Obstacle("rec", [[0, 0], [20, 600]]), Obstacle("cir", [[650, 160], 30])]'
-    >>> parts = read_legacy(text, "hall.map", "hall")
-    >>> parts["bounds"], parts["obstacles"][1].position
-    ((0.0, 0.0, 680.0, 600.0), array([650., 440.]))
-    """
-    entries = []
-    for call in _calls(_tree(text, source), source):
-        with naming(source, f"line {call.lineno}"):
-            entries.append(_entry(call))
-    with naming(source):
-        bounds = _bounds(entries)
-    parts = [_part(entry, bounds, source) for entry in entries]
-    return {
-        "name": name,
-        "bounds": bounds,
-        "obstacles": tuple(part for part in parts if isinstance(part, Shape)),
-        "fires": tuple(part for part in parts if isinstance(part, FireSpot)),
-    }
-
-
-def _tree(text: str, source: str) -> ast.Module:
-    """Parse, which builds a tree and runs nothing."""
-    if len(text) > LARGEST_LEGACY_FILE:
-        raise refusal(source, "", f"has more than {LARGEST_LEGACY_FILE} characters")
-    words = sum(1 for _ in _WORD.finditer(text))
-    if words > MOST_WORDS:
-        raise refusal(source, "", f"has {words:,} words, brackets and lines; expected at most {MOST_WORDS:,}")
-    _refuse_computed_strings(text, source)
-    try:
-        return ast.parse(text)
-    except (RecursionError, MemoryError):  # what Python's parser says to bombs of nested brackets or signs
-        raise refusal(source, "", "is nested too deeply") from None
-    except (SyntaxError, ValueError) as error:
-        line = getattr(error, "lineno", None) or 1
-        raise refusal(source, f"line {line}", getattr(error, "msg", error)) from None
-
-
-def _refuse_computed_strings(text: str, source: str) -> None:
-    """Refuse f"..." and its like, which Python's parser may take the square of their length to read."""
-    for found in _STRING.finditer(text):
-        if set("fFtT") & set(found[1] or ""):
-            line = text.count("\n", 0, found.start()) + 1
-            raise refusal(source, f"line {line}", f'has a string that begins with {found[1]}; expected such as "rec"')
-
-
-def _calls(tree: ast.Module, source: str) -> Iterator[ast.expr]:
-    """Yield the items of the list, or of several lists or bare calls one after the other."""
-    for statement in tree.body:
-        if not isinstance(statement, ast.Expr):
-            raise refusal(source, f"line {statement.lineno}", "expected a list of Obstacle(...)")
-        value = statement.value
-        yield from value.elts if isinstance(value, (ast.List, ast.Tuple)) else [value]
-
-
-def _entry(call: ast.expr) -> Entry:
-    match call:
-        case ast.Call(func=ast.Name("Obstacle"), args=[ast.Constant(str(kind)), what], keywords=[]):
-            kind = check_choice("kind of obstacle", kind, NUMBERS_OF_KIND)
-        case ast.Call(func=ast.Name("Fire"), args=[what], keywords=[]):
-            kind = "fire"
-        case _:
-            raise InvalidValueError('expected Obstacle("rec", [[x, y], [x, y]]) or ("cir", [[x, y], radius])')
-    numbers = list(_numbers(what, DEEPEST_NESTING))
-    wanted = NUMBERS_OF_KIND[kind]
-    if len(numbers) != wanted:
-        raise InvalidValueError(f"{kind} has {len(numbers)} numbers; expected {wanted}")
-    if kind != "rec":
-        check_number("radius", numbers[2], above=0)
-    return Entry(kind, numbers, call.lineno)
-
-
-def _numbers(node: ast.expr, depth: int) -> Iterator[float]:
-    """Yield the numbers of nested lists in order: [[x, y], r] and [x, y, r] read alike."""
-    match node:
-        case ast.List(items) | ast.Tuple(items) if depth > 0:
-            for item in items:
-                yield from _numbers(item, depth - 1)
-        case ast.Constant(value):
-            yield _coordinate(value)
-        case ast.UnaryOp(ast.USub(), ast.Constant(value)):
-            yield -_coordinate(value)
-        case _:
-            raise InvalidValueError("expected plain numbers in lists")
-
-
-def _coordinate(value: object) -> float:
-    return check_number("coordinate", value, minimum=-LARGEST_COORDINATE, maximum=LARGEST_COORDINATE)
-
-
-def _bounds(entries: list[Entry]) -> Bounds:
-    if not entries:
-        raise InvalidValueError("has no obstacles, which alone say how large a .map is")
-    corners = [entry.far_corner for entry in entries]
-    return checked_bounds((0.0, 0.0, max(x for x, _ in corners), max(y for _, y in corners)))
-
-
-def _part(entry: Entry, bounds: Bounds, source: str) -> Shape | FireSpot:
-    with naming(source, entry.place):
-        part = _standing(entry, height=bounds[3])
-        check_inside(entry.kind, part, bounds)
-    return part
-
-
-def _standing(entry: Entry, height: float) -> Shape | FireSpot:
-    """Make the shape or fire, with y turned to point up."""
-    if entry.kind == "rec":
-        x0, y0, x1, y1 = entry.numbers
-        return rectangle((x0, height - y0), (x1, height - y1))
-    x, y, radius = entry.numbers
-    centre = (x, height - y)
-    return FireSpot(centre, radius) if entry.kind == "fire" else disc(centre, radius)
-
-
-# As in viewing/palette.py, which stands on a higher floor; a test compares them.
+# As in viewing/palette.py, which is on a higher floor; a test compares them.
 GROUND = "#faf9f6"
 SOLID = "#646b75"
 MARK = "#9c8858"
@@ -222,86 +67,9 @@ FLAME = "#e81c14"
 RIM = "#8a1710"
 
 
-def svg_text(name: str, bounds: Bounds, obstacles: Iterable[Shape], fires: Iterable[FireSpot]) -> str:
-    """Return the drawing of a map.
-
-    Marks on the ground are brown, obstacles grey, fires red, the paler the cooler.
-
-    Examples
-    --------
-    >>> from mesa_swarm.world.shapes import disc
-    >>> text = svg_text("hall", (0.0, 0.0, 80.0, 60.0), [disc((40, 20), 5)], [])
-    >>> print(text.splitlines()[4].strip())
-    <circle cx="40" cy="20" r="5"/>
-    """
-    width, height = number_text(bounds[2] - bounds[0]), number_text(bounds[3] - bounds[1])
-    moved = bounds[:2] != (0.0, 0.0)
-    where = f' data-bounds="{" ".join(map(number_text, bounds))}"' if moved else ""
-    size = f'width="{width}" height="{height}"'
-    # A group of its own for the move: in one transform the reader would round height + y_min.
-    shift = f'<g transform="translate({number_text(-bounds[0])} {number_text(-bounds[1])})">' if moved else ""
-    lines = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" {size} viewBox="0 0 {width} {height}"{where}>',
-        f"  <title>{escape(name)}</title>",
-        f'  <rect class="background" {size} fill="{GROUND}"/>',
-        f'  <g transform="translate(0 {height}) scale(1 -1)" fill="{SOLID}" fill-rule="evenodd">{shift}',
-        *(f"    {_shape_text(shape)}" for shape in obstacles),
-        *(f"    {_fire_text(fire)}" for fire in fires),
-        "  </g></g>" if moved else "  </g>",
-        "</svg>",
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def _shape_text(shape: Shape) -> str:
-    look = "" if shape.contact else f' class="mark" fill="{MARK}"'
-    if shape.is_disc:
-        return f"<circle{look}{_round_text(shape.position.tolist(), shape.radius)}/>"
-    if shape.kind == "rectangle" and _is_exact(shape.bounds):
-        return f"<rect{look}{_box_text(*shape.bounds)}/>"
-    rings = [shape.geometry.exterior, *shape.geometry.interiors]
-    texts = [" ".join(f"{number_text(x)},{number_text(y)}" for x, y in ring.coords[:-1]) for ring in rings]
-    if len(rings) == 1:
-        return f'<polygon{look} points="{texts[0]}"/>'
-    path = " ".join(f"M {text} Z" for text in texts)
-    return f'<path{look} d="{path}"/>'
-
-
-def _fire_text(fire: FireSpot) -> str:
-    heat = f'data-temperature="{number_text(fire.temperature)}"'
-    opacity = f"{0.35 + 0.65 * fire.temperature:.2f}"
-    paint = f'fill="{FLAME}" fill-opacity="{opacity}" stroke="{RIM}" stroke-width="3"'
-    return f'<circle class="fire"{_round_text(fire.position, fire.radius)} {heat} {paint}/>'
-
-
-def _box_text(x_min: float, y_min: float, x_max: float, y_max: float) -> str:
-    width, height = number_text(x_max - x_min), number_text(y_max - y_min)
-    return f' x="{number_text(x_min)}" y="{number_text(y_min)}" width="{width}" height="{height}"'
-
-
-def _round_text(centre: Iterable[float], radius: float) -> str:
-    x, y = map(number_text, centre)
-    return f' cx="{x}" cy="{y}" r="{number_text(radius)}"'
-
-
-def _is_exact(bounds: Bounds) -> bool:
-    """Return whether corner plus size gives back the other corner to the bit; if not, draw a polygon."""
-    x_min, y_min, x_max, y_max = bounds
-    return x_min + (x_max - x_min) == x_max and y_min + (y_max - y_min) == y_max
-
-
-__all__ = ["RADIUS_OF_UNIT_AREA", "FireSpot", "Map", "builtin_maps"]
-
-BUILTIN = ("original", "sparse", "openspace", "openspace_fire")
-Part = TypeVar("Part", Shape, FireSpot)
-ALIASES = {"maze": "sparse"}  # the thesis's text calls it maze, its figure sparse
-READABLE = (".toml", ".svg", ".map")
-WRITABLE = (".toml", ".svg")
-
-
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Map:
-    """The bounds of a world, and what stands and burns in it.
+    """The bounds of a world, its obstacles and its fires.
 
     Parameters
     ----------
@@ -335,7 +103,7 @@ class Map:
     fires: tuple[FireSpot, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check everything and keep the sequences as tuples."""
+        """Check everything and store the sequences as tuples."""
         bounds = checked_bounds(self.bounds)
         checked = {
             "name": checked_name(self.name),
@@ -369,7 +137,7 @@ class Map:
         Raises
         ------
         MapError
-            On one line: the file, the place in it, and what is wrong.
+            On one line: the file, the place in it, and the mistake.
 
         Examples
         --------
@@ -386,7 +154,7 @@ class Map:
 
     @classmethod
     def from_toml(cls, text: str, source: str = "TOML text") -> Self:
-        """Return the map that a TOML text describes; errors begin with `source`.
+        """Return the map of a TOML text; errors begin with `source`.
 
         Examples
         --------
@@ -399,7 +167,7 @@ class Map:
 
     @classmethod
     def from_svg(cls, content: str | bytes, source: str = "drawing.svg") -> Self:
-        """Return the map that an SVG drawing shows; a drawing without title is named after `source`.
+        """Return the map of an SVG drawing; a drawing without title is named after `source`.
 
         Examples
         --------
@@ -407,7 +175,7 @@ class Map:
         >>> Map.from_svg(drawing).obstacles[0].position
         array([40., 40.])
         """
-        with naming(source), np.errstate(all="ignore"):  # what overflows is refused as a shape, in the user's words
+        with naming(source), np.errstate(all="ignore"):  # overflows are refused as shapes
             return cls(**read_svg(bytes_of(content, source), source))
 
     def to_toml(self) -> str:
@@ -427,7 +195,7 @@ class Map:
         Parameters
         ----------
         path : str or Path
-            The suffix says which format.
+            Its suffix decides the format.
 
         Raises
         ------
@@ -509,3 +277,213 @@ def _known_suffix(path: Path, known: tuple[str, ...]) -> str:
     if suffix not in known:
         raise refusal(str(path), "", f"expected a file that ends in {', '.join(known)}")
     return suffix
+
+
+class Entry(NamedTuple):
+    """One call of a `.map` file: the kind of body, its numbers, and the line."""
+
+    kind: str
+    numbers: list[float]
+    line: int
+
+    @property
+    def far_corner(self) -> tuple[float, float]:
+        """Its largest x and y."""
+        if self.kind == "rec":
+            x0, y0, x1, y1 = self.numbers
+            return max(x0, x1), max(y0, y1)
+        x, y, radius = self.numbers
+        return x + radius, y + radius
+
+
+def read_legacy(text: str, source: str, name: str) -> dict[str, Any]:
+    """Return the contents of a `.map` file of the thesis, as the keyword arguments of `Map`.
+
+    The text looks like Python and is parsed as such, but never executed: only the listed calls with plain numbers
+    are recognised, everything else is refused. The map spans from (0, 0) to the far corner of all its bodies; y is
+    turned to point up. The file has no `name`; errors begin with `source`.
+
+    Raises
+    ------
+    MapError
+        Naming the line of anything that is not a known call with plain numbers.
+
+    Examples
+    --------
+    >>> text = '[Obstacle("rec", [[0, 0], [20, 600]]), Obstacle("cir", [[650, 160], 30])]'
+    >>> parts = read_legacy(text, "hall.map", "hall")
+    >>> parts["bounds"], parts["obstacles"][1].position
+    ((0.0, 0.0, 680.0, 600.0), array([650., 440.]))
+    """
+    entries = []
+    for call in _calls(_tree(text, source), source):
+        with naming(source, f"line {call.lineno}"):
+            entries.append(_entry(call))
+    with naming(source):
+        bounds = _bounds(entries)
+    parts = [_part(entry, bounds, source) for entry in entries]
+    return {
+        "name": name,
+        "bounds": bounds,
+        "obstacles": tuple(part for part in parts if isinstance(part, Shape)),
+        "fires": tuple(part for part in parts if isinstance(part, FireSpot)),
+    }
+
+
+def _tree(text: str, source: str) -> ast.Module:
+    """Parse the text, which builds a tree and executes nothing."""
+    if len(text) > LARGEST_LEGACY_FILE:
+        raise refusal(source, "", f"has more than {LARGEST_LEGACY_FILE} characters")
+    words = sum(1 for _ in _WORD.finditer(text))
+    if words > MOST_WORDS:
+        raise refusal(source, "", f"has {words:,} words, brackets and lines; expected at most {MOST_WORDS:,}")
+    _refuse_computed_strings(text, source)
+    try:
+        return ast.parse(text)
+    except (RecursionError, MemoryError):  # of Python's parser, for bombs of nested brackets or signs
+        raise refusal(source, "", "is nested too deeply") from None
+    except (SyntaxError, ValueError) as error:
+        line = getattr(error, "lineno", None) or 1
+        raise refusal(source, f"line {line}", getattr(error, "msg", error)) from None
+
+
+def _refuse_computed_strings(text: str, source: str) -> None:
+    """Refuse f"..." and the like, which may take Python's parser the square of their length."""
+    for found in _STRING.finditer(text):
+        if set("fFtT") & set(found[1] or ""):
+            line = text.count("\n", 0, found.start()) + 1
+            raise refusal(source, f"line {line}", f'has a string that begins with {found[1]}; expected such as "rec"')
+
+
+def _calls(tree: ast.Module, source: str) -> Iterator[ast.expr]:
+    """Yield the items of the list, or of several lists or bare calls one after the other."""
+    for statement in tree.body:
+        if not isinstance(statement, ast.Expr):
+            raise refusal(source, f"line {statement.lineno}", "expected a list of Obstacle(...)")
+        value = statement.value
+        yield from value.elts if isinstance(value, (ast.List, ast.Tuple)) else [value]
+
+
+def _entry(call: ast.expr) -> Entry:
+    match call:
+        case ast.Call(func=ast.Name("Obstacle"), args=[ast.Constant(str(kind)), what], keywords=[]):
+            kind = check_choice("kind of obstacle", kind, NUMBERS_OF_KIND)
+        case ast.Call(func=ast.Name("Fire"), args=[what], keywords=[]):
+            kind = "fire"
+        case _:
+            raise InvalidValueError('expected Obstacle("rec", [[x, y], [x, y]]) or ("cir", [[x, y], radius])')
+    numbers = list(_numbers(what, DEEPEST_NESTING))
+    wanted = NUMBERS_OF_KIND[kind]
+    if len(numbers) != wanted:
+        raise InvalidValueError(f"{kind} has {len(numbers)} numbers; expected {wanted}")
+    if kind != "rec":
+        check_number("radius", numbers[2], above=0)
+    return Entry(kind, numbers, call.lineno)
+
+
+def _numbers(node: ast.expr, depth: int) -> Iterator[float]:
+    """Yield the numbers of nested lists in order: [[x, y], r] and [x, y, r] read alike."""
+    match node:
+        case ast.List(items) | ast.Tuple(items) if depth > 0:
+            for item in items:
+                yield from _numbers(item, depth - 1)
+        case ast.Constant(value):
+            yield coordinate("coordinate", value)
+        case ast.UnaryOp(ast.USub(), ast.Constant(value)):
+            yield -coordinate("coordinate", value)
+        case _:
+            raise InvalidValueError("expected plain numbers in lists")
+
+
+def _bounds(entries: list[Entry]) -> Bounds:
+    if not entries:
+        raise InvalidValueError("has no obstacles; expected at least one, for they define the size of a .map")
+    corners = [entry.far_corner for entry in entries]
+    return checked_bounds((0.0, 0.0, max(x for x, _ in corners), max(y for _, y in corners)))
+
+
+def _part(entry: Entry, bounds: Bounds, source: str) -> Shape | FireSpot:
+    with naming(source, f"line {entry.line}"):
+        part = _upright(entry, height=bounds[3])
+        check_inside(entry.kind, part, bounds)
+    return part
+
+
+def _upright(entry: Entry, height: float) -> Shape | FireSpot:
+    """Make the shape or fire, with y turned to point up."""
+    if entry.kind == "rec":
+        x0, y0, x1, y1 = entry.numbers
+        return rectangle((x0, height - y0), (x1, height - y1))
+    x, y, radius = entry.numbers
+    centre = (x, height - y)
+    return FireSpot(centre, radius) if entry.kind == "fire" else disc(centre, radius)
+
+
+def svg_text(name: str, bounds: Bounds, obstacles: Iterable[Shape], fires: Iterable[FireSpot]) -> str:
+    """Return the drawing of a map.
+
+    Marks on the ground are brown, obstacles grey, fires red, the paler the cooler. One group turns y up, with the
+    map's own coordinates in it: turning each shape instead would round (600 - (600 - 0.1) is not 0.1), and the map
+    would not read back equal.
+
+    Examples
+    --------
+    >>> from mesa_swarm.world.shapes import disc
+    >>> text = svg_text("hall", (0.0, 0.0, 80.0, 60.0), [disc((40, 20), 5)], [])
+    >>> print(text.splitlines()[4].strip())
+    <circle cx="40" cy="20" r="5"/>
+    """
+    width, height = number_text(bounds[2] - bounds[0]), number_text(bounds[3] - bounds[1])
+    moved = bounds[:2] != (0.0, 0.0)
+    where = f' data-bounds="{" ".join(map(number_text, bounds))}"' if moved else ""
+    size = f'width="{width}" height="{height}"'
+    # A separate group for the move: in one transform the reader would round height + y_min.
+    shift = f'<g transform="translate({number_text(-bounds[0])} {number_text(-bounds[1])})">' if moved else ""
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" {size} viewBox="0 0 {width} {height}"{where}>',
+        f"  <title>{escape(name)}</title>",
+        f'  <rect class="background" {size} fill="{GROUND}"/>',
+        f'  <g transform="translate(0 {height}) scale(1 -1)" fill="{SOLID}" fill-rule="evenodd">{shift}',
+        *(f"    {_shape_text(shape)}" for shape in obstacles),
+        *(f"    {_fire_text(fire)}" for fire in fires),
+        "  </g></g>" if moved else "  </g>",
+        "</svg>",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _shape_text(shape: Shape) -> str:
+    look = "" if shape.contact else f' class="mark" fill="{MARK}"'
+    if shape.is_disc:
+        return f"<circle{look}{_round_text(shape.position.tolist(), shape.radius)}/>"
+    if shape.kind == "rectangle" and _is_exact(shape.bounds):
+        return f"<rect{look}{_box_text(*shape.bounds)}/>"
+    rings = [shape.geometry.exterior, *shape.geometry.interiors]
+    texts = [" ".join(f"{number_text(x)},{number_text(y)}" for x, y in ring.coords[:-1]) for ring in rings]
+    if len(rings) == 1:
+        return f'<polygon{look} points="{texts[0]}"/>'
+    path = " ".join(f"M {text} Z" for text in texts)
+    return f'<path{look} d="{path}"/>'
+
+
+def _fire_text(fire: FireSpot) -> str:
+    heat = f'data-temperature="{number_text(fire.temperature)}"'
+    opacity = f"{0.35 + 0.65 * fire.temperature:.2f}"
+    paint = f'fill="{FLAME}" fill-opacity="{opacity}" stroke="{RIM}" stroke-width="3"'
+    return f'<circle class="fire"{_round_text(fire.position, fire.radius)} {heat} {paint}/>'
+
+
+def _box_text(x_min: float, y_min: float, x_max: float, y_max: float) -> str:
+    width, height = number_text(x_max - x_min), number_text(y_max - y_min)
+    return f' x="{number_text(x_min)}" y="{number_text(y_min)}" width="{width}" height="{height}"'
+
+
+def _round_text(centre: Iterable[float], radius: float) -> str:
+    x, y = map(number_text, centre)
+    return f' cx="{x}" cy="{y}" r="{number_text(radius)}"'
+
+
+def _is_exact(bounds: Bounds) -> bool:
+    """Return whether corner plus size gives back the other corner to the bit; if not, draw a polygon."""
+    x_min, y_min, x_max, y_max = bounds
+    return x_min + (x_max - x_min) == x_max and y_min + (y_max - y_min) == y_max

@@ -1,7 +1,7 @@
-"""What all map readers share: limits, checks, one-line errors, and the work that a file may ask for.
+"""Shared parts of map readers: limits, checks, one-line errors, and the work that a file may cause.
 
-What makes geometry expensive is not how many corners there are but how many pairs of edges come near each other: a
-file of some kilobytes can hold millions of such pairs, and each of its crossings becomes a corner of what is made.
+The cost of geometry grows not with the number of corners but with the number of pairs of edges near each other: a
+file of some kilobytes can hold millions of such pairs, and each crossing becomes a corner of the result.
 """
 
 import stat
@@ -24,7 +24,6 @@ from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape
 RADIUS_OF_UNIT_AREA = 10.0
 LARGEST_FILE = 20_000_000
 LONGEST_NAME = 200
-# Of a path in errors, and of the errors.
 
 Bounds = tuple[float, float, float, float]
 
@@ -58,16 +57,11 @@ class FireSpot:
     temperature: float = 1.0
 
     def __post_init__(self) -> None:
-        """Check the numbers and keep them as floats."""
-        limit = LARGEST_COORDINATE
-        x, y = _listed("position of a fire", self.position, 2)
+        """Check the numbers and store them as floats."""
+        x, y = listed("position of a fire", self.position, 2)
         checked = {
-            # adding 0 turns -0.0 into 0.0, which every file format keeps
-            "position": (
-                check_number("x of a fire", x, minimum=-limit, maximum=limit) + 0.0,
-                check_number("y of a fire", y, minimum=-limit, maximum=limit) + 0.0,
-            ),
-            "radius": check_number("radius of a fire", self.radius, above=0, maximum=limit),
+            "position": (coordinate("x of a fire", x), coordinate("y of a fire", y)),
+            "radius": check_number("radius of a fire", self.radius, above=0, maximum=LARGEST_COORDINATE),
             "temperature": check_number("temperature of a fire", self.temperature, above=0, maximum=1),
         }
         for name, value in checked.items():
@@ -79,8 +73,19 @@ class FireSpot:
         return (self.radius / RADIUS_OF_UNIT_AREA) ** 2
 
 
+def coordinate(name: str, value: object) -> float:
+    """Return a number within the limits of coordinates as a float, -0.0 as 0.0, which every file format preserves.
+
+    Examples
+    --------
+    >>> coordinate("x", -0.0)
+    0.0
+    """
+    return check_number(name, value, minimum=-LARGEST_COORDINATE, maximum=LARGEST_COORDINATE) + 0.0
+
+
 def checked_bounds(bounds: object) -> Bounds:
-    """Return `(x_min, y_min, x_max, y_max)` as floats, or say what is wrong with them.
+    """Return `(x_min, y_min, x_max, y_max)` as floats if they span an area.
 
     Examples
     --------
@@ -88,13 +93,10 @@ def checked_bounds(bounds: object) -> Bounds:
     (0.0, 0.0, 800.0, 600.0)
     """
     names = ("x_min", "y_min", "x_max", "y_max")
-    limit = LARGEST_COORDINATE
-    x_min, y_min, x_max, y_max = (
-        check_number(f"{name} of the bounds", value, minimum=-limit, maximum=limit) + 0.0
-        for name, value in zip(names, _listed("bounds", bounds, 4), strict=True)
-    )
-    check_number("width of the map", x_max - x_min, above=0, maximum=limit)
-    check_number("height of the map", y_max - y_min, above=0, maximum=limit)
+    given = zip(names, listed("bounds", bounds, 4), strict=True)
+    x_min, y_min, x_max, y_max = (coordinate(f"{name} of the bounds", value) for name, value in given)
+    check_number("width of the map", x_max - x_min, above=0, maximum=LARGEST_COORDINATE)
+    check_number("height of the map", y_max - y_min, above=0, maximum=LARGEST_COORDINATE)
     return x_min, y_min, x_max, y_max
 
 
@@ -115,17 +117,11 @@ def checked_name(name: object) -> str:
 
 
 def check_inside(what: str, part: Shape | FireSpot, bounds: Bounds) -> None:
-    """Refuse an obstacle or fire of which nothing lies within the bounds.
-
-    Raises
-    ------
-    InvalidValueError
-        Naming `what`, where it is and what the bounds are.
-    """
+    """Raise InvalidValueError for an obstacle or fire of which no part is within the bounds."""
     if first_points_within([part], bounds).all():
         return  # a tenth of the work
     geometry = part.geometry if isinstance(part, Shape) else shapely.Point(part.position)
-    with np.errstate(all="ignore"):  # of a map of almost no width, the geometry library divides by it
+    with np.errstate(all="ignore"):  # the geometry library divides by the width of a map, which may be tiny
         distance = shapely.distance(geometry, shapely.box(*bounds))
     if distance > part.radius:
         x, y = geometry.centroid.coords[0]
@@ -134,7 +130,7 @@ def check_inside(what: str, part: Shape | FireSpot, bounds: Bounds) -> None:
 
 
 def first_points_within(parts: Sequence[Shape | FireSpot], bounds: Bounds) -> np.ndarray:
-    """Return for each obstacle or fire whether the first of its points is within the bounds, as it nearly always is.
+    """Return for each obstacle or fire whether its first point is within the bounds, as it nearly always is.
 
     Examples
     --------
@@ -153,23 +149,16 @@ def first_points_within(parts: Sequence[Shape | FireSpot], bounds: Bounds) -> np
 
 
 def refusal(source: str, place: str, why: object) -> MapError:
-    """Return the error that says on one line which file, where in it, and why.
+    """Return the error that names, on one line, the file, the place in it, and the reason.
 
     Examples
     --------
     >>> refusal("arena.svg", "<rect> on line 7", "width is -5")
     MapError('arena.svg: <rect> on line 7: width is -5')
     """
-    text = ": ".join(str(part) for part in (_last(source), place, why) if part)
-    return MapError(_cut(" ".join(text.split())))
-
-
-def _last(text: str) -> str:
-    return text if len(text) <= LONGEST_SHOWN + 3 else f"...{text[-LONGEST_SHOWN:]}"
-
-
-def _cut(text: str) -> str:
-    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
+    shown = source if len(source) <= LONGEST_SHOWN + 3 else f"...{source[-LONGEST_SHOWN:]}"
+    text = " ".join(": ".join(str(part) for part in (shown, place, why) if part).split())
+    return MapError(text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}...")
 
 
 @contextmanager
@@ -179,12 +168,12 @@ def naming(source: str, place: str = "") -> Iterator[None]:
         yield
     except (InvalidValueError, UnknownNameError) as error:
         raise refusal(source, place, error) from None
-    except GEOSException as error:  # rounding that the geometry library finds no way around
-        raise refusal(source, place, f"is beyond what geometry can compute: {error}") from None
+    except GEOSException as error:  # rounding that the geometry library cannot handle
+        raise refusal(source, place, f"cannot be computed by the geometry library: {error}") from None
 
 
 def file_content(path: Path, limit: int = LARGEST_FILE) -> bytes:
-    """Return a file's bytes; look at its kind and size before reading it.
+    """Return a file's bytes; check its kind and size before reading it.
 
     Raises
     ------
@@ -224,28 +213,34 @@ def bytes_of(content: str | bytes, source: str) -> bytes:
         raise refusal(source, f"character {error.start + 1}", "not Unicode text") from None
 
 
-def _listed(name: str, value: Any, length: int) -> tuple:
-    """Return the items of a list, tuple or array of the wanted length."""
+def listed(name: str, value: Any, length: int, expected: str = "") -> tuple:
+    """Return the items of a list, tuple or array of a given length.
+
+    Examples
+    --------
+    >>> listed("origin", [0, 10], 2)
+    (0, 10)
+    """
     try:
         items = () if isinstance(value, (str, bytes)) or not hasattr(value, "__len__") else tuple(value)
-    except Exception:  # whatever a class of the user's raises instead of being a list
+    except Exception:  # of a user's class that is not a list
         items = ()
     if len(items) != length:
-        raise InvalidValueError(f"{name} is {shortened(value)}; expected {length} numbers")
+        raise InvalidValueError(f"{name} is {shortened(value)}; expected {expected or f'{length} numbers'}")
     return items
 
 
-# All work is counted in microseconds of an ordinary processor. This is what a file up to a megabyte may take; a
-# larger one, which no page takes, may take as much for each megabyte.
+# All work is counted in microseconds of an ordinary processor. Limit of a file up to a megabyte; of a larger one, which
+# the page does not accept, for each megabyte.
 MOST_WORK = 1_100_000.0
-# And of it any single shape, of which less is known beforehand.
+# Limit of a single shape, of which less is known beforehand.
 MOST_ON_SHAPE = 850_000.0
-# Bytes of a file that is given no more than the least.
+# Bytes of a file that may cause the least work only.
 SMALL_FILE = 1_000_000
 TOO_MUCH = "brings the map to more work than its file may make; draw fewer, simpler shapes"
 LINE_TOO_CLOSE = "is a line that crosses itself, or comes near itself, too often; simplify it"
 
-# Of a drawing, before it is known what it is.
+# Of any element of a drawing.
 ELEMENT = 20.0
 DISC = 25.0
 POLYGON = 40.0
@@ -258,27 +253,27 @@ ROUNDED_CORNER = 25.0
 PATH = 90.0
 PATH_WORD = 12.0
 TRANSFORM = 20.0
-# A hole is looked for in its outline corner by corner.
+# A hole is compared with its outline corner by corner.
 HOLE = 15.0
 HOLE_CORNER = 0.003
 # Of one path's outlines whose boxes touch, and of their corners; each edge near an edge of another one counts more.
 RELATION = 40.0
 RELATED_CORNER = 0.2
 RELATED_PAIR = 1.0
-# Of a line, of one that is looked through for crossings, of its points, of edges near each other, and that cross.
+# Of a line, of one that is searched for crossings, of its points, of edges near each other, and of edges that cross.
 BAND = 50.0
-LOOKED_THROUGH = 60.0
+SEARCHED = 60.0
 BAND_CORNER = 10.0
 BAND_PAIR = 0.2
 CROSSING = 25.0
 # Sides of a line that is wider than this share of its length and breadth cross where rounding is tried again.
 WIDE = 0.25
 WIDE_CROSSING = 150.0
-# Joins of a line's sides that are shorter than this share of half its width are where it goes straight on.
+# Where joins of a line's sides are shorter than this share of half its width, the line is straight.
 STRAIGHT = 0.01
-# Outlines of which each edge may lie near each other one for less than this are not looked at.
+# Outlines are not searched for near edges if even all pairs of edges would cost less than this.
 UNSEEN = 200.0
-# Sixteen bytes each, and some more for what is computed of them: at most, and enough to go on with.
+# Sixteen bytes each, and some more for intermediate results: at most, and enough at a time.
 MOST_PAIRS_AT_ONCE = 1_000_000
 ENOUGH_PAIRS = 100_000
 
@@ -287,12 +282,7 @@ _given_up: ContextVar[Callable[[], bool]] = ContextVar("given_up", default=lambd
 
 @contextmanager
 def stopping_when(given_up: Callable[[], bool]) -> Iterator[None]:
-    """Have maps that are read within, in this thread, stop at their next shape once this returns True.
-
-    Parameters
-    ----------
-    given_up : callable
-        Asked before each shape.
+    """Stop reading maps within the block, in this thread, at the next shape once `given_up` returns True.
 
     Raises
     ------
@@ -314,17 +304,7 @@ def stopping_when(given_up: Callable[[], bool]) -> Iterator[None]:
 
 
 class Work:
-    """What may still be spent on reading one map file.
-
-    Parameters
-    ----------
-    size : int
-        Bytes, or characters, of the file.
-
-    Attributes
-    ----------
-    left : float
-        Microseconds.
+    """Work that reading one map file of `size` bytes or characters may still cause: `left`, in microseconds.
 
     Examples
     --------
@@ -339,7 +319,7 @@ class Work:
         self._given_up = _given_up.get()
 
     def spend(self, cost: float) -> None:
-        """Take the cost of work that is about to begin from what is left.
+        """Subtract the cost of work that is about to begin.
 
         Raises
         ------
@@ -355,19 +335,9 @@ class Work:
         self.left -= cost
 
     def spend_on_outlines(self, rings: Sequence[np.ndarray], are_apart: bool = False) -> None:
-        """Spend what it takes to check and keep a polygon: an outline, and holes in it.
+        """Spend the cost of checking and storing a polygon: an outline, then its holes, (n, 2) arrays.
 
-        Parameters
-        ----------
-        rings : list of (n, 2) arrays
-            The outline, then the holes.
-        are_apart : bool
-            Whether the pairs of their edges that come near each other are paid for already.
-
-        Raises
-        ------
-        InvalidValueError
-            If that is more than is left.
+        `are_apart` means that the pairs of edges near each other are paid for already.
         """
         corners = sum(map(len, rings))
         holes = HOLE_CORNER * (len(rings) - 1) * len(rings[0])
@@ -376,7 +346,7 @@ class Work:
             self._spend_on_pairs(rings, PAIR)
 
     def spend_on_parts(self, rings: Sequence[np.ndarray]) -> None:
-        """Spend what it takes to find out which of a path's outlines lie in which."""
+        """Spend the cost of finding which of a path's outlines contain which."""
         if len(rings) < 2:
             return
         low, high = (np.array([end(ring, axis=0) for ring in rings]) for end in (np.min, np.max))
@@ -389,17 +359,11 @@ class Work:
         self._spend_on_pairs(rings, RELATED_PAIR)
 
     def spend_on_band(self, at: np.ndarray, width: float) -> None:
-        """Spend what it takes to draw a line with a thick pen: both its sides are laid over each other.
-
-        Raises
-        ------
-        InvalidValueError
-            If the line crosses itself, or comes near itself, too often.
-        """
+        """Spend the cost of a thick line, whose sides are overlaid; refuse one that crosses itself too often."""
         self.spend(BAND + BAND_CORNER * len(at))
         if len(at) <= 3:
             return
-        self.spend(LOOKED_THROUGH)
+        self.spend(SEARCHED)
         sides = _sides(at, width / 2)
         rank = np.concatenate([np.arange(len(sides) // 2), np.arange(len(sides) // 2) - 2 * len(sides)])
         long = np.hypot(*(sides[:, 2:] - sides[:, :2]).T) > STRAIGHT * width / 2
@@ -415,11 +379,11 @@ class Work:
 
     @property
     def _affordable(self) -> float:
-        """What any single shape may take: no more in a large file than in a small one."""
+        """The limit of any single shape: no more in a large file than in a small one."""
         return max(0.0, min(self.left, MOST_ON_SHAPE))
 
     def _spend_on_pairs(self, rings: Sequence[np.ndarray], price: float) -> None:
-        """Spend on all pairs of edges that come near each other; a few edges are not worth counting their pairs."""
+        """Spend the price of all pairs of edges near each other; the pairs of a few edges need not be counted."""
         count = sum(map(len, rings))
         at_most = price * count * (count - 1) / 2
         if at_most <= min(UNSEEN, self.left):
@@ -446,7 +410,7 @@ class Work:
             found += len(one)
             if found > most:
                 raise InvalidValueError(refusal)
-            self.spend(0.0)  # asks whether the map is still waited for
+            self.spend(0.0)  # stops if reading is cancelled
             yield one, other
 
 
@@ -456,7 +420,7 @@ def _touching(boxes: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         return
     solid = shapely.box(*boxes.T)
     tree = shapely.STRtree(solid)
-    # A box may touch all others, wherever they lie in the file: only so many can be asked for at once.
+    # A box may touch all others, wherever they are in the file: only this number can be queried at once.
     batch = max(1, MOST_PAIRS_AT_ONCE // len(boxes))
     parts: list[np.ndarray] = []
     count = 0
@@ -473,7 +437,7 @@ def _touching(boxes: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
 
 
 def _most_pairs(boxes: np.ndarray) -> int:
-    """Return how many pairs of boxes overlap in x, or in y if those are fewer: sorting is quicker than looking."""
+    """Return the number of pairs of boxes that overlap in x, or in y if fewer: sorting is quicker than searching."""
     fewest = len(boxes) ** 2
     for low, high in (boxes[:, [0, 2]].T, boxes[:, [1, 3]].T):
         begun = np.searchsorted(np.sort(low), high, side="right")
@@ -505,7 +469,7 @@ def _sides(at: np.ndarray, half: float) -> np.ndarray:
 
 
 def _crossings(one: np.ndarray, other: np.ndarray) -> int:
-    """Return how many of the pairs of edges cross or touch."""
+    """Return the number of pairs of edges that cross or touch."""
     apart = (_side_of(one, other[:, :2]) * _side_of(one, other[:, 2:]) > 0) | (
         _side_of(other, one[:, :2]) * _side_of(other, one[:, 2:]) > 0
     )

@@ -1,15 +1,15 @@
 """SVG maps: a safe walk through the drawing, one element at a time.
 
-Curves are replaced by chords that stray from them by at most `tolerance`, in map units. The stroke does not
-count, except where there is nothing else: a line, or an open outline without fill, is as thick as its stroke.
-
 The drawing is first walked by defusedxml with document types, entities and external references forbidden;
-the shapes are made only once the whole of it has passed. svgelements parses transforms and path data; it is
-given no document, because it follows `<use>` and is lenient where a map must be exact.
+the shapes are made only once the whole of it has passed. svgelements parses transforms and path data, but never
+the document, because it follows `<use>` and is lenient where a map must be exact.
 
-What counts: rect, circle, ellipse, line, polyline, polygon and path, in groups, with transforms. y is turned
-to point up. A class or `data-kind` of `fire` makes a circle a fire, `mark` a mark on the ground, `background`
-nothing. Text, definitions and whatever has `display:none` are passed over. Style sheets are not read.
+Shapes are rect, circle, ellipse, line, polyline, polygon and path, in groups, with transforms. y is turned
+to point up. A class or `data-kind` of `fire` makes a circle a fire, `mark` a mark on the ground; `background`,
+text, definitions and elements with `display:none` are ignored. Style sheets are not read.
+
+Curves are replaced by chords that stray from them by at most `tolerance`, in map units. The stroke counts only
+where there is no area: a line, or an open outline without fill, is as thick as its stroke.
 """
 
 import io
@@ -67,6 +67,22 @@ from mesa_swarm.world.svg_paths import (
 )
 
 MOST_SUBPATHS = 2_000
+MOST_ELEMENTS = 10_000
+DEEPEST_ELEMENT = 100
+LONGEST_ATTRIBUTE = 5_000
+LONGEST_NAMESPACE = 500
+# Curves may stray by this share of the map's longer side: 0.04 units on 800.
+TOLERANCE_OF_SIDE = 5e-5
+
+SVG = "http://www.w3.org/2000/svg"
+ROLES = ("obstacle", "mark", "fire", "background")
+SHAPES = ("rect", "circle", "ellipse", "line", "polyline", "polygon", "path")
+GROUPS = ("g", "a")
+REFUSED = ("use", "image", "script", "foreignObject", "svg", "switch")
+IGNORED = (
+    *("title", "desc", "metadata", "defs", "style", "text", "view"),
+    *("symbol", "marker", "pattern", "clipPath", "mask", "filter", "linearGradient", "radialGradient"),
+)
 
 
 class Drawn(NamedTuple):
@@ -86,21 +102,12 @@ class Drawn(NamedTuple):
 
 
 def shapes_of(drawn: Drawn, tolerance: float, work: Work) -> list[Shape]:
-    """Return the shapes that an element stands for.
-
-    Parameters
-    ----------
-    drawn : Drawn
-        A rect, circle, ellipse, line, polyline, polygon or path.
-    tolerance : float
-        Largest distance between a curve and the chords it is replaced by, map units.
-    work : Work
-        What may still be spent.
+    """Return the shapes of a rect, circle, ellipse, line, polyline, polygon or path.
 
     Raises
     ------
     InvalidValueError
-        If an attribute is wrong or what is drawn is not a simple shape.
+        If an attribute is wrong or the element is not a simple shape.
 
     Examples
     --------
@@ -112,7 +119,7 @@ def shapes_of(drawn: Drawn, tolerance: float, work: Work) -> list[Shape]:
 
 
 def fire_of(drawn: Drawn) -> FireSpot:
-    """Return the fire that a circle stands for; `data-temperature` says how hot, 1 if it says nothing.
+    """Return the fire of a circle, of the temperature `data-temperature`, by default 1.
 
     Examples
     --------
@@ -131,7 +138,7 @@ def fire_of(drawn: Drawn) -> FireSpot:
 
 
 def _round(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
-    """Yield a disc for what is round in the map, a polygon for what is not."""
+    """Yield a disc if the element is round in the map, else a polygon."""
     round_part = _disc(drawn)
     work.spend(CURVE if round_part is None else DISC)
     yield round_part or _solid(drawn, work, _ellipse(drawn, tolerance))
@@ -175,7 +182,7 @@ def _rect(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
 
 
 def _corner_radii(drawn: Drawn, width: float, height: float) -> tuple[float, float]:
-    """Return the radii of rounded corners: one given stands for both, and half the side is the most."""
+    """Return the radii of rounded corners: a single one holds for both, and half the side is the limit."""
     given = [drawn.attributes.get(name, "auto") for name in ("rx", "ry")]
     known = [None if text == "auto" else check_number("rx", length("rx", text), minimum=0) for text in given]
     rx, ry = (own if own is not None else other or 0.0 for own, other in (known, known[::-1]))
@@ -265,38 +272,15 @@ _READERS: dict[str, Callable[[Drawn, float, Work], Iterator[Shape]]] = {
 }
 
 
-MOST_ELEMENTS = 10_000
-DEEPEST_ELEMENT = 100
-LONGEST_ATTRIBUTE = 5_000
-LONGEST_NAMESPACE = 500
-# Curves may stray by this share of the map's longer side: 0.04 units on 800.
-TOLERANCE_OF_SIDE = 5e-5
-
-SVG = "http://www.w3.org/2000/svg"
-ROLES = ("obstacle", "mark", "fire", "background")
-SHAPES = ("rect", "circle", "ellipse", "line", "polyline", "polygon", "path")
-GROUPS = ("g", "a")
-REFUSED = ("use", "image", "script", "foreignObject", "svg", "switch")
-PASSED_OVER = (
-    *("title", "desc", "metadata", "defs", "style", "text", "view"),
-    *("symbol", "marker", "pattern", "clipPath", "mask", "filter", "linearGradient", "radialGradient"),
-)
-
-
 def read_svg(content: bytes, source: str) -> dict[str, Any]:
-    """Return what an SVG drawing shows, as the keyword arguments of `Map`.
+    """Return the contents of an SVG drawing, as the keyword arguments of `Map`.
 
-    Parameters
-    ----------
-    content : bytes
-        The file.
-    source : str
-        The name that errors begin with; its stem names a drawing without title.
+    Errors begin with `source`; its stem names a drawing without title.
 
     Raises
     ------
     MapError
-        Naming the element, with its id and line, and what is wrong with it.
+        Naming the element, with its id and line, and the mistake in it.
 
     Examples
     --------
@@ -318,9 +302,9 @@ def read_svg(content: bytes, source: str) -> dict[str, Any]:
 
 
 class _Walk(ContentHandler):
-    """What a drawing contains, collected element by element while nothing in it is built yet."""
+    """The contents of a drawing, collected element by element before any shape is built."""
 
-    _locator: Locator  # which ContentHandler.setDocumentLocator keeps
+    _locator: Locator  # set by ContentHandler.setDocumentLocator
 
     def __init__(self, source: str, work: Work) -> None:
         super().__init__()
@@ -341,7 +325,7 @@ class _Walk(ContentHandler):
         return title if title.isprintable() else " ".join(title.split())
 
     def startPrefixMapping(self, prefix: str | None, uri: str | None) -> None:  # noqa: N802 (SAX's name)
-        """Refuse a long name of a namespace: it is written out for each element in it. `xmlns=""` is None."""
+        """Refuse a long name of a namespace: it is repeated for each element in it. `xmlns=""` is None."""
         self.begun = True
         if uri is not None and len(uri) > LONGEST_NAMESPACE:
             where = f"line {self._locator.getLineNumber()}"
@@ -364,7 +348,7 @@ class _Walk(ContentHandler):
         self._open.pop()
 
     def characters(self, content: str) -> None:
-        """Keep the text of the drawing's own title."""
+        """Collect the text of the drawing's own title."""
         if len(self._open) == 2 and self._open[1][0] == "title":
             self._titles.append(content)
 
@@ -373,13 +357,13 @@ class _Walk(ContentHandler):
         return f"<{tag[:40]}>{identity} on line {self._locator.getLineNumber()}"
 
     def _entered(self, tag: str, attributes: dict[str, str], place: str) -> Drawn | None:
-        """Return what the children inherit; None where nothing counts any more."""
+        """Return what the children inherit; None where they are ignored."""
         if not self._open:
             return self._root(tag, attributes, place)
         if tag in REFUSED:
             raise InvalidValueError(f"<{tag}> is not allowed in a map; draw plain shapes")
         parent = self._open[-1][1]
-        if parent is None or tag in PASSED_OVER:
+        if parent is None or tag in IGNORED:
             return None
         if tag not in SHAPES and tag not in GROUPS:
             raise InvalidValueError(f"is not a shape that maps know: {', '.join(SHAPES)}")
@@ -397,7 +381,7 @@ class _Walk(ContentHandler):
 
     def _root(self, tag: str, attributes: dict[str, str], place: str) -> Drawn | None:
         if tag != "svg":
-            raise InvalidValueError("is no drawing; expected <svg>")
+            raise InvalidValueError("is not a drawing; expected <svg>")
         width, height = _size(attributes)
         self.bounds = _bounds(attributes, width, height)
         turned = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, height], [0.0, 0.0, 1.0]])
@@ -423,9 +407,9 @@ def _walked(content: bytes, source: str, work: Work) -> _Walk:
         raise refusal(source, place, f"not XML: {error.getMessage()}") from None
     except MapError:
         raise
-    except (LookupError, ValueError, TypeError) as error:  # encodings that Python has, and XML's parser cannot use
+    except (LookupError, ValueError, TypeError) as error:  # encodings that Python has but the XML parser cannot use
         if walk.begun:
-            raise  # not one of them, which are named before the first element
+            raise  # another error: encodings are named before the first element
         raise refusal(source, "", f"not XML in an encoding such as UTF-8: {error}") from None
     return walk
 
@@ -457,7 +441,7 @@ def _side(attributes: Mapping[str, str], name: str, from_viewbox: float | None) 
 
 
 def _bounds(attributes: Mapping[str, str], width: float, height: float) -> Bounds:
-    """Return the bounds: from (0, 0), unless `data-bounds` says where the drawing lies in the world."""
+    """Return the bounds: from (0, 0), unless `data-bounds` places the drawing elsewhere in the world."""
     if "data-bounds" not in attributes:
         return checked_bounds((0.0, 0.0, width, height))
     bounds = checked_bounds(numbers("data-bounds", attributes["data-bounds"]))
@@ -469,7 +453,7 @@ def _bounds(attributes: Mapping[str, str], width: float, height: float) -> Bound
 
 
 def _inherited(parent: Drawn, tag: str, attributes: dict[str, str], place: str, work: Work) -> Drawn | None:
-    """Return an element with what it takes from its parent; None if it is not to be seen."""
+    """Return an element with what it inherits from its parent; None if it is invisible."""
     style = {key: value for key, value in properties(attributes).items() if value != "inherit"}
     role = _role(attributes) or parent.role
     if style.get("display") == "none" or role == "background":
@@ -500,7 +484,7 @@ def _role(attributes: Mapping[str, str]) -> str | None:
 
 
 def _obstacles(walk: _Walk, tolerance: float, work: Work) -> Iterator[Shape]:
-    """Make the obstacles one by one, refusing the drawing as soon as it grows too large."""
+    """Make the obstacles one by one, and refuse the drawing as soon as it becomes too large."""
     vertices = 0
     for drawn in _placed(walk):
         if drawn.role == "fire":
@@ -524,7 +508,7 @@ def _fires(walk: _Walk) -> Iterator[Any]:
 
 
 def _placed(walk: _Walk) -> Iterator[Drawn]:
-    """Yield what is drawn where its bounds lie; done last, where it cancels what `to_svg` wrote to the bit."""
+    """Yield all elements, moved to the bounds; done last, where it undoes the move of `to_svg` to the bit."""
     move = np.array([[1.0, 0.0, walk.bounds[0]], [0.0, 1.0, walk.bounds[1]], [0.0, 0.0, 1.0]])
     before = after = move
     for drawn in walk.drawn:

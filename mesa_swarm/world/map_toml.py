@@ -1,4 +1,4 @@
-"""Map files in TOML: reading them with the place of every mistake, and writing them exactly.
+"""Map files in TOML: read with the place of every mistake, and written exactly.
 
 The format: `name`, `width` and `height` (or `bounds`), an optional `origin`, then `[[obstacle]]` and
 `[[fire]]` tables in map units, y up. Floats are written with all their digits: a map reads back equal.
@@ -12,7 +12,18 @@ from functools import partial
 from typing import Any
 
 from mesa_swarm.errors import InvalidValueError, check_choice, check_number, shortened, unknown_name
-from mesa_swarm.world.map_parts import DISC, POLYGON, Bounds, FireSpot, Work, checked_bounds, naming, refusal
+from mesa_swarm.world.map_parts import (
+    DISC,
+    POLYGON,
+    Bounds,
+    FireSpot,
+    Work,
+    checked_bounds,
+    coordinate,
+    listed,
+    naming,
+    refusal,
+)
 from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, checked_rings, disc, polygon, rectangle
 
 TOP_KEYS = ("name", "width", "height", "origin", "bounds", "obstacle", "fire")
@@ -30,27 +41,16 @@ _DOTTED = re.compile(
     """,
     re.VERBOSE | re.DOTALL,
 )
-SHAPE_KEYS = {
-    "rectangle": ("corners",),
-    "disc": ("centre", "radius"),
-    "polygon": ("outline", "holes"),
-}
+SHAPE_KEYS = {"rectangle": ("corners",), "disc": ("centre", "radius"), "polygon": ("outline", "holes")}
 
 
 def read_toml(text: str, source: str) -> dict[str, Any]:
-    """Return what a TOML map says, as the keyword arguments of `Map`.
-
-    Parameters
-    ----------
-    text : str
-        The file's text.
-    source : str
-        The name that errors begin with.
+    """Return the contents of a TOML map, as the keyword arguments of `Map`; errors begin with `source`.
 
     Raises
     ------
     MapError
-        Naming line and column of a slip in the syntax, else the table, such as `obstacle 3`.
+        Naming line and column of a syntax error, else the table, such as `obstacle 3`.
 
     Examples
     --------
@@ -106,12 +106,12 @@ def number_text(value: float) -> str:
     >>> number_text(20.0), number_text(0.1)
     ('20', '0.1')
     """
-    # Beyond 2**53 a whole number's digits say more than the float knows.
+    # Beyond 2**53 a whole number has more digits than the float is exact to.
     return str(int(value)) if value.is_integer() and abs(value) < 2**53 else repr(value)
 
 
 def parsed_toml(text: str, source: str) -> dict[str, Any]:
-    """Return what any TOML text says, or name line and column of the slip in its syntax.
+    """Return the contents of any TOML text, or name line and column of an error in its syntax.
 
     Examples
     --------
@@ -123,14 +123,14 @@ def parsed_toml(text: str, source: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except RecursionError:
         raise refusal(source, "", "lists are nested too deeply") from None
-    except ValueError as error:  # tomllib's own error, and Python's on numbers of more than 4300 digits
+    except ValueError as error:  # of tomllib, or of Python for numbers of more than 4300 digits
         raise refusal(source, "", error) from None
 
 
 def _refuse_long_keys(text: str, source: str) -> None:
-    """Refuse what takes Python's reader the square of its length: dotted names of thousands of parts.
+    """Refuse dotted names of thousands of parts, which take Python's reader the square of their length.
 
-    The reader stops at a string that is cut off, so that what follows it does not matter.
+    The reader stops at a string that is cut off: the text after it does not matter.
     """
     dots = on_line = 0
     next_line = 0
@@ -152,13 +152,11 @@ def _bounds(table: dict[str, Any]) -> Bounds:
         if {"width", "height", "origin"} & table.keys():
             raise InvalidValueError("bounds and width, height or origin are both given; keep one of them")
         return checked_bounds(table["bounds"])
-    limit = LARGEST_COORDINATE
-    width = check_number("width", _needed(table, "width"), above=0, maximum=limit)
-    height = check_number("height", _needed(table, "height"), above=0, maximum=limit)
-    origin = table.get("origin", [0.0, 0.0])
-    if not isinstance(origin, list) or len(origin) != 2:
-        raise InvalidValueError(f"origin is {shortened(origin)}; expected two numbers [x, y]")
-    x, y = (check_number("origin", value, minimum=-limit, maximum=limit) for value in origin)
+    width, height = (
+        check_number(side, _needed(table, side), above=0, maximum=LARGEST_COORDINATE) for side in ("width", "height")
+    )
+    origin = listed("origin", table.get("origin", [0.0, 0.0]), 2, "two numbers [x, y]")
+    x, y = (coordinate("origin", value) for value in origin)
     return checked_bounds((x, y, x + width, y + height))
 
 
@@ -184,7 +182,8 @@ def _obstacle(work: Work, entry: dict[str, Any]) -> Shape:
         raise InvalidValueError(f"mark is {shortened(mark)}; expected true or false")
     if shape == "rectangle":
         work.spend(POLYGON)
-        return rectangle(*_corners(entry), contact=not mark)
+        corners = listed("corners", _needed(entry, "corners"), 2, "two points [[x, y], [x, y]]")
+        return rectangle(*corners, contact=not mark)
     if shape == "disc":
         work.spend(DISC)
         return disc(_needed(entry, "centre"), _needed(entry, "radius"), contact=not mark)
@@ -197,13 +196,6 @@ def _fire(work: Work, entry: dict[str, Any]) -> FireSpot:
     work.spend(DISC)
     _refuse_unknown_keys(entry, FIRE_KEYS)
     return FireSpot(_needed(entry, "centre"), _needed(entry, "radius"), entry.get("temperature", 1.0))
-
-
-def _corners(entry: dict[str, Any]) -> list:
-    corners = _needed(entry, "corners")
-    if not isinstance(corners, list) or len(corners) != 2:
-        raise InvalidValueError(f"corners is {shortened(corners)}; expected two points [[x, y], [x, y]]")
-    return corners
 
 
 def _needed(table: dict[str, Any], key: str) -> Any:

@@ -1,4 +1,4 @@
-"""Free random places for robots: within the free space, never overlapping."""
+"""Random free places for robots: within the free space, never overlapping."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -14,7 +14,7 @@ from mesa_swarm.world.shapes import Shape
 
 # A buffer is a polygon, of this many corners a quarter.
 QUARTER_SEGMENTS = 16
-# Random places that are tried for each robot before a lattice is laid out.
+# Random places that are tried for each robot before a lattice is used.
 TRIES = 200
 MOST_CANDIDATES = 2_000_000
 MOST_ROBOTS = 10_000_000
@@ -23,7 +23,7 @@ SPARSE = 0.01
 # Points that fill what a lattice leaves free, and offsets of the lattice that are tried.
 FILLING = 20_000
 OFFSETS = 8
-# The same, and the most points of a lattice, where it takes long to see whether a point is free.
+# The same, and the most points of a lattice, where testing a point takes long.
 FILLING_CROWD = 2_000
 MOST_LATTICE_IN_CROWD = 2_000
 
@@ -31,13 +31,13 @@ MOST_LATTICE_IN_CROWD = 2_000
 def free_space(
     bounds: tuple[float, float, float, float], shapes: Sequence[Shape], fires: np.ndarray, radius: float
 ) -> shapely.Geometry:
-    """Return where the centre of a disc may be without overlapping anything that stands still.
+    """Return where the centre of a disc may be without overlapping any static body.
 
     Parameters
     ----------
     bounds : (x_min, y_min, x_max, y_max)
     shapes : sequence of Shape
-        Marks are passed over.
+        Marks are ignored.
     fires : ndarray, shape (f, 3)
         x, y, radius.
     radius : float
@@ -53,10 +53,10 @@ def free_space(
 def free_places(
     bounds: tuple[float, float, float, float], shapes: Sequence[Shape], fires: np.ndarray, radius: float
 ) -> shapely.Geometry | Crowded:
-    """Return what `free_space` does, or what tries points where that would take very long, for `place_apart`.
+    """Return what `free_space` does, or for `place_apart` a `Crowded` room where that would take very long.
 
-    Among more than 2000 solid shapes, or 50,000 pairs of them that overlap, places are found by trying alone: a map
-    that is all but full may then count as full.
+    Among more than 2000 solid shapes, or 50,000 pairs of them that overlap, places are found only by trying: a map
+    that is nearly full may then count as full.
 
     Examples
     --------
@@ -80,26 +80,23 @@ def place_apart(
     rng: np.random.Generator,
     where: str = "the map",
 ) -> np.ndarray:
-    """Return n random places, shape (n, 2), at which discs overlap neither each other nor anybody else.
+    """Return n random places, shape (n, 2), at which discs overlap neither each other nor others.
 
     Places are drawn one after the other; where that gets stuck, from a triangular lattice.
 
     Parameters
     ----------
-    n : int
-    radius : float
     space : shapely geometry or Crowded
         From `free_space` or `free_places` for this radius.
     others, other_radius : ndarrays, shapes (k, 2), (k,)
         Discs that are there already.
-    rng : numpy.random.Generator
     where : str
         For the message.
 
     Raises
     ------
     PlacementError
-        If they do not fit; the message says how many would. Nothing large is allocated before.
+        If they do not fit; the message states how many would. No large array is allocated before.
     """
     room = _most_that_fit(space, radius)
     if n > room:
@@ -116,7 +113,7 @@ def place_apart(
         number = min(max(2 * table.missing, 64), MOST_CANDIDATES)
         candidates = draw(number, rng)
         table.take(candidates)
-        # Points drawn in a crowd count also where none of them is free, for that may go on for ever.
+        # In a crowd all points drawn count, even if none of them is free: the loop has to end.
         table.tried += number if isinstance(space, Crowded) else len(candidates)
     if not table.missing:
         return table.new
@@ -129,7 +126,7 @@ def place_apart(
 def _packed(
     space: shapely.Geometry | Crowded, radius: float, others: np.ndarray, other_radius: np.ndarray, room: int
 ) -> np.ndarray:
-    """Return places, packed densely: always the same ones, so that what a message promises is kept."""
+    """Return densely packed places: always the same ones, so that a message's number holds."""
     if not room:
         return np.empty((0, 2))
     rng = np.random.default_rng(0)
@@ -158,7 +155,7 @@ class _Placed:
         self._link(others)
 
     def _link(self, others: np.ndarray) -> None:
-        """List those who are there already, whatever they overlap."""
+        """List the discs that are there already, whatever they overlap."""
         x0, y0, per_unit, columns, rows = self._grid.numbers
         column = np.clip(((others[:, 0] - x0) * per_unit).astype(int), 0, columns - 1)
         row = np.clip(((others[:, 1] - y0) * per_unit).astype(int), 0, rows - 1)
@@ -177,25 +174,17 @@ class _Placed:
 
     def take(self, candidates: np.ndarray) -> None:
         radius = self._radius[-1] if len(self._radius) else 0.0
-        self._taken = take_apart(
-            candidates,
-            radius,
-            self._position,
-            self._radius,
-            self._taken,
-            self._grid.numbers,
-            self._head,
-            self._following,
-        )
+        placed = self._position, self._radius, self._taken
+        self._taken = take_apart(candidates, radius, *placed, self._grid.numbers, self._head, self._following)
 
 
 def _outline(space: shapely.Geometry | Crowded) -> shapely.Geometry:
-    """Return the free space, or in a crowd what it lies within."""
+    """Return the free space, or in a crowd the area that contains it."""
     return space.inner if isinstance(space, Crowded) else space
 
 
 def _points_of(space: shapely.Geometry | Crowded) -> Callable[[int, np.random.Generator], np.ndarray]:
-    """Return what draws uniform points of the free space: from its box, or its triangles if that is mostly full."""
+    """Return a function that draws uniform points of the free space, from its box or, if that is sparse, triangles."""
     x_min, y_min, x_max, y_max = _outline(space).bounds
     if not isinstance(space, Crowded) and space.area < SPARSE * (x_max - x_min) * (y_max - y_min):
         return _points_of_triangles(shapely.constrained_delaunay_triangles(space))
@@ -235,7 +224,7 @@ def _lattice_in(space: shapely.Geometry | Crowded, radius: float, rng: np.random
 
 
 def _most_that_fit(space: shapely.Geometry | Crowded, radius: float) -> int:
-    """Return more than can fit: the bodies' area cannot exceed the free space grown by a radius."""
+    """Return an upper bound: the bodies' area cannot exceed the free space grown by a radius."""
     space = _outline(space)
     # Also of a box as wide as the robot but for rounding, which has no area to draw from.
     if not space.area:

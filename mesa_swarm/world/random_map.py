@@ -1,14 +1,14 @@
-"""Random maps: walls all round, and discs and tilted walls inside that close nothing off."""
+"""Random maps: walls all round, and discs and tilted walls inside that leave the free space connected."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 import shapely
 
-from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
+from mesa_swarm.errors import check_count, check_number
 from mesa_swarm.streams import Streams
 from mesa_swarm.world.map import Map
+from mesa_swarm.world.map_parts import listed
 from mesa_swarm.world.placement import free_space
 from mesa_swarm.world.shapes import Shape, disc, polygon, rectangle
 
@@ -27,7 +27,7 @@ def random_map(
     passage: float = 30.0,
     size: tuple[float, float] = (WIDTH, HEIGHT),
 ) -> Map:
-    """Return a map on which one can get from everywhere to everywhere; the same arguments give the same.
+    """Return a map whose free space is connected; the same arguments return an equal map.
 
     Parameters
     ----------
@@ -39,10 +39,6 @@ def random_map(
         A disc of this diameter can get from any place where it fits to any other, above 0, at most 200.
     size : (width, height)
         Map units, 200 to 10,000 each.
-
-    Raises
-    ------
-    InvalidValueError
 
     Examples
     --------
@@ -63,9 +59,8 @@ def random_map(
 
 
 def _checked_size(size: object) -> tuple[float, float]:
-    if not isinstance(size, Sequence) or isinstance(size, str) or len(size) != 2:
-        raise InvalidValueError(f"size is {shortened(size)}; expected (width, height)")
-    width, height = (check_number("size", side, minimum=200, maximum=10_000) for side in size)
+    sides = listed("size", size, 2, "(width, height)")
+    width, height = (check_number("size", side, minimum=200, maximum=10_000) for side in sides)
     return width, height
 
 
@@ -81,7 +76,7 @@ def _outer_walls(width: float, height: float) -> list[Shape]:
 def _one_more(
     shapes: list[Shape], extent: tuple[float, float], passage: float, rng: np.random.Generator
 ) -> list[Shape]:
-    """Return an obstacle that leaves free space in one piece, or none if chance does not find one."""
+    """Return one obstacle that leaves the free space in one piece, or an empty list if none is found."""
     for _ in range(TRIES):
         drawn = _drawn(extent, rng)
         if drawn is not None and _is_whole([*shapes, drawn], extent, passage):
@@ -104,6 +99,6 @@ def _drawn(extent: tuple[float, float], rng: np.random.Generator) -> Shape | Non
 
 
 def _is_whole(shapes: list[Shape], extent: tuple[float, float], passage: float) -> bool:
-    """Whether where a disc as wide as the passage may be is one piece."""
+    """Return whether the places of a disc as wide as the passage are one piece."""
     space = free_space((0, 0, *extent), shapes, np.empty((0, 3)), passage / 2)
     return not space.is_empty and len(shapely.get_parts(space)) == 1

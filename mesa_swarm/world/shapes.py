@@ -1,4 +1,4 @@
-"""Shapes of things that stand in the world: discs, rectangles and polygons, held as Shapely geometries."""
+"""Shapes of bodies and marks: discs, rectangles and polygons, as Shapely geometries."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -20,17 +20,17 @@ Coordinates = Sequence[float] | np.ndarray
 class Shape:
     """A disc or a simple polygon with holes, solid or a mark on the ground.
 
-    Build one with `disc`, `rectangle` or `polygon`, which check what they are given.
+    Build one with `disc`, `rectangle` or `polygon`, which check their arguments.
 
     Parameters
     ----------
     geometry : shapely Point or Polygon
-        A Point is the centre of a disc. Polygons are kept in Shapely's normal form, so that equal shapes
-        have equal coordinates. y points up.
+        A Point is the centre of a disc. Polygons are in Shapely's normal form, so that equal shapes have equal
+        coordinates. y points up.
     radius : float
         Radius of the disc; 0 for a polygon.
     contact : bool
-        False makes it a ground mark: line sensors see it, nothing bumps into it.
+        False makes it a ground mark: line sensors see it, robots drive over it.
     """
 
     geometry: Point | Polygon
@@ -98,11 +98,8 @@ def disc(centre: Coordinates, radius: float, *, contact: bool = True) -> Shape:
     'disc'
     """
     x, y = _checked_points("centre", [centre])[0]
-    return Shape(
-        Point(x, y),
-        check_number("radius", radius, above=0, maximum=LARGEST_COORDINATE),
-        contact=bool(contact),
-    )
+    checked = check_number("radius", radius, above=0, maximum=LARGEST_COORDINATE)
+    return Shape(Point(x, y), checked, contact=bool(contact))
 
 
 def rectangle(corner: Coordinates, opposite: Coordinates, *, contact: bool = True) -> Shape:
@@ -120,9 +117,8 @@ def rectangle(corner: Coordinates, opposite: Coordinates, *, contact: bool = Tru
     """
     (x0, y0), (x1, y1) = _checked_points("rectangle's corners", [corner, opposite])
     if (x1 - x0) * (y1 - y0) == 0:
-        raise InvalidValueError(
-            f"rectangle from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g}) has no area; give opposite corners"
-        )
+        corners = f"({x0:g}, {y0:g}) to ({x1:g}, {y1:g})"
+        raise InvalidValueError(f"rectangle from {corners} has no area; give opposite corners")
     box = shapely.box(min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1))
     return Shape(shapely.normalize(box), contact=bool(contact))
 
@@ -155,7 +151,7 @@ def polygon(
     'polygon'
     """
     shell, *rings = checked_rings(outline, holes)
-    is_plain = not rings and (shell[0] != shell[-1]).any()  # as a rule, and then made in a fifth of the time
+    is_plain = not rings and (shell[0] != shell[-1]).any()  # as most are, and then made in a fifth of the time
     geometry = shapely.polygons(shell) if is_plain else Polygon(shell, rings)
     if not geometry.is_valid:
         reason = shapely.is_valid_reason(geometry)
@@ -165,13 +161,47 @@ def polygon(
     return Shape(shapely.normalize(geometry), contact=bool(contact))
 
 
-def checked_rings(outline: Iterable[Coordinates], holes: Iterable[Iterable[Coordinates]] = ()) -> list[np.ndarray]:
-    """Return the outline of a polygon and its holes as (n, 2) arrays, of which nothing is built yet.
+def shape_to_json(shape: Shape) -> dict:
+    """Return a disc as x, y and radius, a polygon as its rings, from which `shape_from_json` makes the same again.
+
+    Examples
+    --------
+    >>> shape_to_json(disc((1, 2), 3, contact=False))
+    {'disc': [1.0, 2.0, 3.0], 'mark': True}
+    """
+    return {**outline_to_json(shape.geometry, shape.radius), **({} if shape.contact else {"mark": True})}
+
+
+def outline_to_json(geometry: Point | Polygon, radius: float) -> dict:
+    """Return the same of a bare geometry: a Point with its radius, or a Polygon."""
+    if isinstance(geometry, Point):
+        return {"disc": [geometry.x, geometry.y, radius]}
+    return {"rings": [shapely.get_coordinates(ring)[:-1].tolist() for ring in (geometry.exterior, *geometry.interiors)]}
+
+
+def shape_from_json(value: dict) -> Shape:
+    """Return the shape that `shape_to_json` wrote.
 
     Raises
     ------
-    InvalidValueError
-        If one of them has fewer than 3 or too many points, or one that is not a pair of finite numbers.
+    InvalidValueError, TypeError, ValueError, LookupError
+        If there is no such shape: the JSON is not checked before.
+
+    Examples
+    --------
+    >>> shape_from_json({"rings": [[[0, 0], [10, 0], [0, 10]]]}).kind
+    'polygon'
+    """
+    contact = not value.get("mark", False)
+    if "disc" in value:
+        x, y, radius = value["disc"]
+        return disc((x, y), radius, contact=contact)
+    outline, *holes = [np.array(ring, dtype=float) for ring in value["rings"]]
+    return polygon(outline, holes, contact=contact)
+
+
+def checked_rings(outline: Iterable[Coordinates], holes: Iterable[Iterable[Coordinates]] = ()) -> list[np.ndarray]:
+    """Return the outline of a polygon and its holes as (n, 2) arrays of 3 to 200,000 finite points, not yet a polygon.
 
     Examples
     --------
@@ -206,7 +236,7 @@ def _checked_points(name: str, points: Iterable[Coordinates]) -> np.ndarray:
 
 
 def _is_table(points: Iterable[Coordinates]) -> TypeGuard[np.ndarray]:
-    """Tell whether the points are an array of pairs of floats, which can be checked at one go."""
+    """Return whether the points are an array of pairs of floats, which can be checked at once."""
     return isinstance(points, np.ndarray) and points.dtype == float and points.ndim == 2 and points.shape[1] == 2
 
 

@@ -1,4 +1,4 @@
-"""Everything that stands still during a step, as the arrays that the compiled engine works on."""
+"""All bodies that do not move during a step, as arrays for the compiled engine."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ MOST_LISTED = 3_000_000
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Statics:
-    """Edges and discs of all that stands still, listed by the cells of a grid.
+    """Edges and discs of all static bodies, listed by the cells of a grid.
 
     An item is an edge (its index below ``len(edges)``) or a disc (the rest).
 
@@ -35,13 +35,13 @@ class Statics:
     kind : int8 ndarray, shape (m + k,)
         As sensors see it: 0 obstacle, 2 burning fire, 3 load.
     body : int8 ndarray, shape (m + k,)
-        What it is, burning or not: 0 obstacle, 2 fire, 3 load.
+        Of the body, burning or not: 0 obstacle, 2 fire, 3 load.
     rings : int64 ndarray, shape (p, 2)
         First edge, and one past the last, of every solid polygon.
     bounds : ndarray, shape (4,)
         x_min, y_min, x_max, y_max of the map.
     grid : Grid
-        Its cells list what can be seen, or touched, from them.
+        Its cells list the items that can be seen, or touched, from them.
     seen_start, seen_items, touched_start, touched_items : int64 ndarrays
         See `list_boxes_by_cell`.
     first_fire : int
@@ -81,18 +81,18 @@ class Statics:
         ----------
         bounds : (x_min, y_min, x_max, y_max)
         shapes : sequence of Shape
-            Marks on the ground are passed over.
+            Marks on the ground are ignored.
         fires : ndarray, shape (f, 3)
             x, y, radius.
         burning : bool ndarray, shape (f,)
         sight : float
-            How far from a robot's centre its sensors reach.
+            Reach of sensors from the robot's centre.
         touch : float
-            How near to a robot's centre something must be to be touched within a step.
+            Largest distance from a robot's centre at which a body can be touched within a step.
         loads : sequence of int
             Indices of the shapes that are loads.
         slack : float
-            How far loads may move before they have to be listed anew.
+            Loads may move this far before they have to be listed anew.
         """
         solid = [(i, shape) for i, shape in enumerate(shapes) if shape.contact]
         edges, edge_owner, rings = _edges_of(solid, _border(bounds))
@@ -128,11 +128,11 @@ class Statics:
         )
 
     def mark_burning(self, burning: np.ndarray) -> None:
-        """Show fires that are out as the obstacles that they have become."""
+        """Update the kinds that sensors see: fires that are out are obstacles."""
         self.kind[len(self.edges) + self.first_fire :] = np.where(burning, FIRE, OBSTACLE)
 
     def follow(self, index: int, shape: Shape) -> None:
-        """Write where a load lies now, in the rows that it has; its corners are in the order that they had."""
+        """Write the present shape of a load into its rows; its corners must be in the same order as before."""
         rows = np.flatnonzero((self.owner == index) & (self.body == LOAD))
         if shape.is_disc:
             self.discs[rows - len(self.edges)] = _discs_of([(index, shape)])[0]
@@ -150,14 +150,14 @@ class Marks:
 
     @classmethod
     def of(cls, shapes: Sequence[Shape]) -> "Marks":
-        """Collect the shapes that are marks; solid ones are passed over."""
+        """Collect the shapes that are marks."""
         marks = [(i, shape) for i, shape in enumerate(shapes) if not shape.contact]
         edges, _, rings = _edges_of(marks, np.empty((0, 4)))
         return cls(edges=edges, rings=rings, discs=_discs_of(marks)[0])
 
 
 def _grid_for(boxes: np.ndarray, bounds: tuple[float, float, float, float], sight: float, touch: float) -> Grid:
-    """Return a grid of about as many cells as fit the number of items, fewer if they would be listed too often."""
+    """Return a grid whose cell count suits the number of items, smaller if they would be listed too often."""
     most = FEWEST_CELLS + CELLS_PER_ITEM * len(boxes)
     low, high = np.array(bounds[:2]), np.array(bounds[2:])
     while True:
@@ -170,7 +170,7 @@ def _grid_for(boxes: np.ndarray, bounds: tuple[float, float, float, float], sigh
 
 
 def _border(bounds: Sequence[float]) -> np.ndarray:
-    """Return the border's four edges, clockwise, for what is solid about a border lies outside."""
+    """Return the border's four edges, clockwise: its solid side is outside."""
     x_min, y_min, x_max, y_max = bounds
     corners = [(x_min, y_min), (x_min, y_max), (x_max, y_max), (x_max, y_min), (x_min, y_min)]
     return _segments(np.array(corners, dtype=float))

@@ -1,7 +1,7 @@
 """SVG numbers, lengths and transforms, and paths flattened with their holes.
 
 Every reader here is strict where browsers are lenient: an attribute that is not understood is refused,
-because a map that is silently misread is worse than one that is not read.
+because a silently misread map is worse than an error.
 """
 
 import math
@@ -36,6 +36,15 @@ _TRANSFORM_ARGUMENTS = {
     "skewX": {1},
     "skewY": {1},
 }
+MOST_CHORDS = 10_000
+MOST_PATH_WORDS = 40_000
+
+_PATH_TEXT = re.compile(r"\s*[Mm][MmZzLlHhVvCcSsQqTtAa\d\s,.eE+-]*", re.ASCII)
+_STRAIGHT_PATH = re.compile(r"\s*(M[\d\s,.eE+-]+Z\s*)+", re.ASCII)
+_COMMAND = re.compile(r"([MmZzLlHhVvCcSsQqTtAa])([^MmZzLlHhVvCcSsQqTtAa]*)")
+# Numbers that each command takes; an arc's 7 cannot be counted, because its flags need no space between them.
+_COMMAND_ARGUMENTS = {"m": 2, "l": 2, "h": 1, "v": 1, "c": 6, "s": 4, "q": 4, "t": 2, "a": 1}
+_PATH_WORD = re.compile(r"[a-zA-Z]|[\d.]+")
 
 
 def length(name: str, text: str) -> float:
@@ -44,7 +53,7 @@ def length(name: str, text: str) -> float:
     Raises
     ------
     InvalidValueError
-        If it is not a number with a unit that has a fixed size: %, em and the like have none.
+        If it is not a number with a unit of fixed size; %, em and the like are not.
 
     Examples
     --------
@@ -113,7 +122,7 @@ def transform(text: str) -> np.ndarray:
 
 
 def checked_matrix(matrix: np.ndarray) -> np.ndarray:
-    """Return a matrix if its numbers are within reason and it keeps areas above 0.
+    """Return a matrix if its numbers are at most 1e12 and areas stay above 0.
 
     Examples
     --------
@@ -129,7 +138,7 @@ def checked_matrix(matrix: np.ndarray) -> np.ndarray:
 
 
 def viewbox(text: str, aspect: str, width: float, height: float) -> np.ndarray:
-    """Return the matrix from view box to viewport, as SVG 2 section 8.2 has it.
+    """Return the matrix from view box to viewport (SVG 2, section 8.2).
 
     Parameters
     ----------
@@ -138,7 +147,7 @@ def viewbox(text: str, aspect: str, width: float, height: float) -> np.ndarray:
     aspect : str
         The preserveAspectRatio attribute; empty for `xMidYMid meet`.
     width, height : float
-        The viewport, in pixels.
+        Of the viewport, pixels.
 
     Examples
     --------
@@ -176,7 +185,7 @@ def viewbox_numbers(text: str) -> list[float]:
 
 
 def properties(attributes: Mapping[str, str]) -> dict[str, str]:
-    """Return the attributes with the declarations of the style attribute laid over them, as CSS has it.
+    """Return the attributes, overridden by the declarations of the style attribute as in CSS.
 
     Examples
     --------
@@ -223,7 +232,7 @@ def moved(at: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     >>> moved(np.array([[1.0, 2.0]]), transform("translate(10)")).tolist()
     [[11.0, 2.0]]
     """
-    with np.errstate(all="ignore"):  # what overflows is refused as a shape, in the user's words
+    with np.errstate(all="ignore"):  # overflows are refused as shapes
         return at @ matrix[:2, :2].T + matrix[:2, 2]
 
 
@@ -234,25 +243,14 @@ def _tight_numbers(name: str, text: str) -> list[float]:
 
 
 def _without_dust(matrix: np.ndarray) -> np.ndarray:
-    """Set what rotate(90) leaves of a cosine to 0, so that rectangles stay rectangles."""
+    """Set the rounding error of the cosine of rotate(90) to 0, so that rectangles stay rectangles."""
     linear = matrix[:2, :2]
     linear[np.abs(linear) < NEGLIGIBLE * np.abs(linear).max()] = 0.0
     return matrix
 
 
-MOST_CHORDS = 10_000
-MOST_PATH_WORDS = 40_000
-
-_PATH_TEXT = re.compile(r"\s*[Mm][MmZzLlHhVvCcSsQqTtAa\d\s,.eE+-]*", re.ASCII)
-_STRAIGHT_PATH = re.compile(r"\s*(M[\d\s,.eE+-]+Z\s*)+", re.ASCII)
-_COMMAND = re.compile(r"([MmZzLlHhVvCcSsQqTtAa])([^MmZzLlHhVvCcSsQqTtAa]*)")
-# Numbers that each command takes; an arc's 7 cannot be counted, because its flags need no space between them.
-_COMMAND_ARGUMENTS = {"m": 2, "l": 2, "h": 1, "v": 1, "c": 6, "s": 4, "q": 4, "t": 2, "a": 1}
-_PATH_WORD = re.compile(r"[a-zA-Z]|[\d.]+")
-
-
 def path_words(text: str) -> int:
-    """Return how many numbers and commands svgelements would have to read: each takes it some 10 us.
+    """Return the number of numbers and commands that svgelements would have to read: each takes it some 10 us.
 
     Examples
     --------
@@ -265,14 +263,9 @@ def path_words(text: str) -> int:
 
 
 def subpaths(text: str, tolerance: float) -> Iterator[tuple[bool, np.ndarray]]:
-    """Yield (is closed, points) of each subpath, curves replaced by chords.
+    """Yield (is closed, points) of each subpath of a d attribute, curves replaced by chords.
 
-    Parameters
-    ----------
-    text : str
-        The d attribute.
-    tolerance : float
-        Largest distance between a curve and its chords, in the units of the path.
+    A curve is at most `tolerance` away from its chords, in the units of the path.
 
     Raises
     ------
@@ -286,7 +279,7 @@ def subpaths(text: str, tolerance: float) -> Iterator[tuple[bool, np.ndarray]]:
     """
     if not _PATH_TEXT.fullmatch(text):
         raise InvalidValueError(f"d is {shortened(text)}; expected path data that begins with M")
-    if _STRAIGHT_PATH.fullmatch(text):  # what we write ourselves, and a hundred times faster than svgelements
+    if _STRAIGHT_PATH.fullmatch(text):  # as `to_svg` writes them; a hundred times faster than svgelements
         for part in text.split("M")[1:]:
             yield True, points("d", part.strip()[:-1])
     else:
@@ -294,7 +287,7 @@ def subpaths(text: str, tolerance: float) -> Iterator[tuple[bool, np.ndarray]]:
 
 
 def nested(rings: list[np.ndarray], even_odd: bool, work: Work) -> Iterator[tuple[np.ndarray, list[np.ndarray]]]:
-    """Yield each outline with its holes, as the fill rule has it: rings may nest but not cross.
+    """Yield each outline with its holes according to the fill rule: rings may nest but not cross.
 
     Parameters
     ----------
@@ -303,7 +296,7 @@ def nested(rings: list[np.ndarray], even_odd: bool, work: Work) -> Iterator[tupl
     even_odd : bool
         Whether every ring inside another changes solid to hole; else opposite directions do.
     work : Work
-        What may still be spent.
+        Limits the cost.
 
     Raises
     ------
@@ -334,7 +327,7 @@ def nested(rings: list[np.ndarray], even_odd: bool, work: Work) -> Iterator[tupl
 def elliptic_arc(
     centre: tuple[float, float], radii: tuple[float, float], start: float, sweep: float, tolerance: float
 ) -> np.ndarray:
-    """Return ends of chords on an upright ellipse from angle `start` over `sweep` radians.
+    """Return ends of chords on an upright ellipse from azimuth `start` over `sweep` radians.
 
     Examples
     --------
@@ -342,21 +335,21 @@ def elliptic_arc(
     [[1.0, 0.0], [0.707, 1.414], [0.0, 2.0]]
     """
     count = chord_count(sweep * math.sqrt(max(radii) / (8 * tolerance)))
-    angles = start + np.linspace(0, sweep, max(count, math.ceil(sweep)) + 1)
-    return np.column_stack([centre[0] + radii[0] * np.cos(angles), centre[1] + radii[1] * np.sin(angles)])
+    azimuths = start + np.linspace(0, sweep, max(count, math.ceil(sweep)) + 1)
+    return np.column_stack([centre[0] + radii[0] * np.cos(azimuths), centre[1] + radii[1] * np.sin(azimuths)])
 
 
-def chord_count(wished: float) -> int:
-    """Return a whole number of chords, at least 1; refuse what would flood the memory.
+def chord_count(required: float) -> int:
+    """Return a whole number of chords, at least 1; refuse a number that would fill the memory.
 
     Examples
     --------
     >>> chord_count(3.2)
     4
     """
-    if not wished <= MOST_CHORDS:
+    if not required <= MOST_CHORDS:
         raise InvalidValueError("has a curve far larger than the map")
-    return max(1, math.ceil(wished))
+    return max(1, math.ceil(required))
 
 
 def _curved_subpaths(text: str, tolerance: float) -> Iterator[tuple[bool, np.ndarray]]:
@@ -396,7 +389,7 @@ def _is_complete(command: str, arguments: str) -> bool:
 
 
 def _subpath(parts: list[np.ndarray], is_closed: bool) -> Iterator[tuple[bool, np.ndarray]]:
-    """Yield the joined segments without repeated points; nothing for a pen that was only set down."""
+    """Yield the joined segments without repeated points, unless they are a single point."""
     if parts:
         at = np.concatenate(parts)
         fresh = np.append(True, (np.diff(at, axis=0) != 0).any(axis=1))
@@ -419,18 +412,12 @@ def _chords(segment: Line | Curve, tolerance: float) -> np.ndarray:
 
 def _bezier(segment: CubicBezier | QuadraticBezier, tolerance: float) -> np.ndarray:
     """Return ends of chords of equal parameter steps; second differences bound how far they stray."""
-    control = np.array([(point.x, point.y) for point in _control_points(segment)])
+    inner = (segment.control,) if isinstance(segment, QuadraticBezier) else (segment.control1, segment.control2)
+    control = np.array([(point.x, point.y) for point in (segment.start, *inner, segment.end)])
     degree = len(control) - 1
     bend = np.linalg.norm(np.diff(control, n=2, axis=0), axis=1).max()
     count = chord_count(math.sqrt(degree * (degree - 1) / 8 * bend / tolerance))
-    inner = segment.npoint(np.linspace(0, 1, count + 1)[1:-1])
-    return np.vstack([control[0], inner, control[-1]])
-
-
-def _control_points(segment: CubicBezier | QuadraticBezier) -> tuple:
-    if isinstance(segment, QuadraticBezier):
-        return segment.start, segment.control, segment.end
-    return segment.start, segment.control1, segment.control2, segment.end
+    return np.vstack([control[0], segment.npoint(np.linspace(0, 1, count + 1)[1:-1]), control[-1]])
 
 
 def _area(ring: np.ndarray, work: Work) -> shapely.Polygon:

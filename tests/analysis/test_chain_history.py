@@ -22,7 +22,7 @@ def followed(x, heading=0.0, y=0.0, **options):
     return follow_chains(position, headings, np.arange(len(x)), **{"link_distance": LINK, "patience": 1, **options})
 
 
-def told(history, *kinds):
+def events_of(history, *kinds):
     """Return kind, step, robots and chains of the events, of these kinds if any are named."""
     return [(e.kind, e.step, e.robots, e.chains) for e in history.events if not kinds or e.kind in kinds]
 
@@ -43,14 +43,14 @@ def test_a_chain_that_goes_on_is_no_event_and_keeps_its_number():
 def test_robots_that_were_alone_and_line_up_are_a_birth_and_their_parting_is_an_end():
     x = columns(6, 0, 40)
     x[2:4, 1] = 10
-    assert told(followed(x)) == [("birth", 2, (1, 0), (0,)), ("end", 4, (1, 0), (0,))]
+    assert events_of(followed(x)) == [("birth", 2, (1, 0), (0,)), ("end", 4, (1, 0), (0,))]
 
 
 def test_two_chains_that_become_one_are_a_merger_and_the_longer_one_keeps_its_number():
     x = columns(4, 100, 90, 60, 50, 40)
     x[2:, 2:] += 20
     history = followed(x)
-    assert told(history) == [("merge", 2, (0, 1, 2, 3, 4), (0, 1))]
+    assert events_of(history) == [("merge", 2, (0, 1, 2, 3, 4), (0, 1))]
     assert history.chain[0].tolist() == [1, 1, 0, 0, 0]
     assert history.chain[2].tolist() == [0] * 5
 
@@ -58,14 +58,14 @@ def test_two_chains_that_become_one_are_a_merger_and_the_longer_one_keeps_its_nu
 def test_three_chains_that_become_one_at_a_time_are_one_merger():
     x = columns(3, 100, 90, 70, 60, 40, 30)
     x[1:] = [100, 90, 80, 70, 60, 50]
-    assert told(followed(x)) == [("merge", 1, (0, 1, 2, 3, 4, 5), (0, 1, 2))]
+    assert events_of(followed(x)) == [("merge", 1, (0, 1, 2, 3, 4, 5), (0, 1, 2))]
 
 
 def test_a_chain_that_becomes_two_is_a_split_and_the_longer_part_keeps_the_number():
     x = columns(4, 40, 30, 20, 10, 0)
     x[2:, :2] += 20
     history = followed(x)
-    assert told(history) == [("split", 2, (0, 1, 2, 3, 4), (0, 1))]
+    assert events_of(history) == [("split", 2, (0, 1, 2, 3, 4), (0, 1))]
     assert history.chain[2].tolist() == [1, 1, 0, 0, 0]
 
 
@@ -82,7 +82,7 @@ def test_two_chains_that_exchange_their_hind_parts_split_and_merge():
     y = columns(2, 0, 0, 0, 0, 50, 50, 50, 50)
     y[1, [2, 3]], y[1, [6, 7]] = 50, 0
     history = followed(x, y=y)
-    assert told(history) == [
+    assert events_of(history) == [
         ("merge", 1, (0, 1, 6, 7), (0, 1)),
         ("merge", 1, (4, 5, 2, 3), (0, 1)),
         ("split", 1, (0, 1, 2, 3), (0, 1)),
@@ -125,7 +125,7 @@ def test_a_chain_whose_robots_all_turn_round_is_reversed():
     heading = np.zeros((10, 3))
     heading[5:] = math.pi
     history = followed(columns(10, 20, 10, 0), heading)
-    assert told(history) == [("reversal", 5, (2, 1, 0), (0,))]
+    assert events_of(history) == [("reversal", 5, (2, 1, 0), (0,))]
     assert history.place[9].tolist() == [2, 1, 0]
 
 
@@ -174,7 +174,7 @@ def test_a_chain_whose_head_leads_it_round_a_bend_is_not_reversed():
 def test_a_chain_that_backs_up_is_reversed_where_it_had_come_farthest():
     way = np.concatenate([np.arange(20), np.arange(20, -1, -1), np.arange(30)])
     history = followed(way[:, None] + [20, 10, 0])
-    assert told(history) == [("reversal", 20, (0, 1, 2), (0,)), ("reversal", 41, (0, 1, 2), (0,))]
+    assert events_of(history) == [("reversal", 20, (0, 1, 2), (0,)), ("reversal", 41, (0, 1, 2), (0,))]
 
 
 def test_a_chain_that_wavers_by_less_than_the_reversal_distance_is_not_reversed():
@@ -191,7 +191,7 @@ def head_on(frames=60, speed=1.0):
 def test_two_robots_that_drive_at_each_other_meet_once_when_they_are_near():
     x, heading = head_on(46)
     history = followed(x, heading, meeting_distance=50)
-    assert told(history) == [("meeting", 25, (0, 1), ())]
+    assert events_of(history) == [("meeting", 25, (0, 1), ())]
     assert history.outcome(history.events[0]) == "unresolved"
 
 
@@ -249,7 +249,7 @@ def test_heads_of_chains_meet_and_those_behind_them_do_not():
     t = np.arange(45)[:, None]
     x = np.hstack([t, t - 10, 100 - t, 110 - t])
     history = followed(x, np.tile([0, 0, math.pi, math.pi], (45, 1)), meeting_distance=60)
-    assert told(history) == [("meeting", 20, (0, 2), (0, 1))]
+    assert events_of(history) == [("meeting", 20, (0, 2), (0, 1))]
 
 
 def scene(seed, frames=60, n=20):
@@ -383,7 +383,7 @@ def test_only_meetings_of_the_same_history_have_an_outcome():
     x = columns(6, 0, 40)
     x[2:, 1] = 10
     history = followed(x)
-    with pytest.raises(InvalidValueError, match="no meeting of this history"):
+    with pytest.raises(InvalidValueError, match="not a meeting of this history"):
         history.outcome(history.events[0])
     with pytest.raises(UnknownNameError, match="did you mean 'merge'"):
         history.of("merg")

@@ -29,7 +29,7 @@ def test_diagnose_finds_robots_that_turn_on_the_spot_in_a_corridor(typed):
     assert ["corridor", "flip", "2"] in [word.split() for word in out.splitlines()]
     sentences = out.splitlines()[-2:]
     assert sorted(int(sentence.split()[1]) for sentence in sentences) == ids
-    assert all("turned away from what was near on its left and on its right by turns" in s for s in sentences)
+    assert all("turned alternately away from things near on its left and right" in s for s in sentences)
     assert all(s.endswith("to 500 (layer 0).") for s in sentences)
     assert "layers                         0 Avoid, 1 Explore" in out
     assert typed(f"{line} --quiet")[1].endswith("No pathology was found.\n")
@@ -42,7 +42,7 @@ def test_bench_prints_its_report_and_the_paths(typed, tmp_path, monkeypatch):
     monkeypatch.setattr(bench, "start_times", lambda: [0.1, 0.2, 0.3])
     status, out, _ = typed("bench --quick")
     assert status == 0
-    assert "growth exponent from 200 to 10,000 robots: 0 (target" in out
+    assert "growth exponent from 200 to 10,000 robots: 0 (required" in out
     assert {path.name for path in (tmp_path / "results" / "bench").iterdir()} == {"step.csv", "complexity.png"}
 
 
@@ -53,9 +53,9 @@ def stuck(first, last, *robots):
 def test_the_longest_episodes_come_first_with_unique_ids():
     found = Pathologies((stuck(1, 40, 0), stuck(5, 99, 1), stuck(7, 46, 0)))
     assert described_episodes(found, [11, 12]) == [
-        "Robot 12 drove and did not move, in steps 5 to 99.",
-        "Robot 11 drove and did not move, in steps 1 to 40.",
-        "Robot 11 drove and did not move, in steps 7 to 46.",
+        "Robot 12 was commanded forwards but did not move, in steps 5 to 99.",
+        "Robot 11 was commanded forwards but did not move, in steps 1 to 40.",
+        "Robot 11 was commanded forwards but did not move, in steps 7 to 46.",
     ]
 
 

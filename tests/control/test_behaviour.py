@@ -24,7 +24,7 @@ def chatty(me):
     return me.max_speed, 0.0
 
 
-def test_a_rule_drives_the_robot_where_it_has_something_to_say_and_passes_otherwise():
+def test_a_rule_drives_the_robot_where_it_is_active_and_passes_otherwise():
     model, _ = facing_a_disc()
     model.control = Subsumption(timid, Explore())
     model.step()
@@ -55,7 +55,7 @@ def test_a_rule_that_cannot_be_compiled_runs_as_plain_python_with_one_warning():
     assert model.swarm.command.tolist() == [[1.0, 0.0]]
 
 
-def test_the_warning_says_in_one_line_why_and_points_to_the_rule():
+def test_the_warning_gives_the_reason_in_one_line_and_points_to_the_rule():
     def slow(me):
         SEEN.append(f"{me.radius}")
         return me.max_speed, 0.0
@@ -97,8 +97,8 @@ def test_a_model_with_rules_goes_on_in_another_process(tmp_path):
     code = "import pickle, sys; print(pickle.load(open(sys.argv[1], 'rb')).run(3).state_hash())"
     places = [str(Path(__file__).parents[1]), str(Path(__file__).parents[2])]
     command = [sys.executable, "-c", f"import sys; sys.path[:0] = {places}; {code}", str(stored)]
-    said = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert said.stdout.strip() == model.run(3).state_hash()
+    printed = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert printed.stdout.strip() == model.run(3).state_hash()
 
 
 def test_a_rule_that_pickle_cannot_find_by_its_name_is_refused_in_one_line_but_can_be_copied():
@@ -116,7 +116,7 @@ def test_a_rule_that_pickle_cannot_find_by_its_name_is_refused_in_one_line_but_c
 # ---- parameters
 
 
-def test_parameters_keep_the_type_that_the_rule_was_written_for():
+def test_parameters_have_the_type_that_the_rule_was_written_for():
     @behaviour
     def choosy(me, sensor=0, eager=True, share=1.0):
         if eager and me.distance[sensor] >= 0:

@@ -52,7 +52,7 @@ def test_chance_is_drawn_only_for_rules_that_ask_for_it():
 
 
 def has_drawn(generator):
-    """Tell whether a generator is not where its seed put it."""
+    """Return whether a generator is not where its seed put it."""
     seeds = generator.bit_generator.seed_seq
     return np.random.PCG64(seeds).state != generator.bit_generator.state
 

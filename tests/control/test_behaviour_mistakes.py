@@ -59,10 +59,12 @@ def test_what_no_wheel_can_do_is_refused_with_robot_rule_step_what_was_got_and_w
     model.control = Subsumption(behaviour(slow if plain else function))
     with pytest.raises(BehaviourError) as caught:
         model.step()
-    said = str(caught.value)
+    message = str(caught.value)
     rule = "slow" if plain else "<lambda>"
-    assert said.startswith(f"rule {rule} failed for robot {robot.unique_id} in step 1: it {words}; expected two finite")
-    assert "\n" not in said
+    assert message.startswith(
+        f"rule {rule} failed for robot {robot.unique_id} in step 1: it {words}; expected two finite"
+    )
+    assert "\n" not in message
 
 
 def test_a_branch_that_no_robot_has_come_to_is_refused_too():
@@ -83,14 +85,14 @@ def test_a_branch_that_no_robot_has_come_to_is_refused_too():
 
     with pytest.raises(BehaviourError, match="step 1: it does not return two wheel speeds in every branch"):
         step_with(behaviour(three_when_hot))
-    with pytest.raises(BehaviourError, match="step 1: it changes what it sees"):
+    with pytest.raises(BehaviourError, match="step 1: it changes its readings"):
         step_with(behaviour(writes_when_hot))
     with pytest.raises(BehaviourError, match=r"step 1: it uses an unknown field of me 'maxspeed'.* mean 'max_speed'"):
         step_with(behaviour(misspelt_when_hot))
 
 
 @pytest.mark.parametrize("plain", [False, True], ids=["compiled", "plain"])
-def test_an_error_of_the_rule_is_reported_with_the_robot_and_kept_as_its_cause(plain):
+def test_an_error_of_the_rule_is_reported_with_the_robot_and_attached_as_its_cause(plain):
     def careful(me, slow=plain):
         if slow:
             SEEN.append("")

@@ -37,7 +37,7 @@ class TestWhatARuleSees:
             assert "\n" not in str(caught.value)
             assert np.array_equal(model.swarm.distance, before)
 
-    def test_is_nothing_where_there_is_no_such_sensor(self, form):
+    def test_is_nothing_where_a_sensor_is_missing(self, form):
         def looks_ahead(me):
             nothing = me.distance[me.front] == -1 and me.kind[me.front] == -1 and math.isnan(me.bearing[me.front])
             dark = me.radiation[-1] == 0 and not me.line[-1]

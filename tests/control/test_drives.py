@@ -73,7 +73,7 @@ class TestTheOtherDrive:
         assert model.state_hash() == twin.state_hash()
 
 
-def test_the_message_is_one_line_that_says_what_to_do():
+def test_the_message_is_one_line_with_the_cure():
     model = empty()
     model.add_robots(GLIDER, 1)
     with pytest.raises(InvalidValueError) as caught:
@@ -96,7 +96,7 @@ def test_one_robot_of_the_other_drive_is_enough_and_one_that_is_gone_does_not_co
 
 
 @pytest.mark.parametrize("layer", [ahead, Commanded(2)])
-def test_layers_that_do_not_say_what_they_are_for_drive_everything(layer):
+def test_layers_without_a_declared_kind_of_command_drive_everything(layer):
     model = empty()
     for design in (AGENT9, GLIDER):
         model.add_robots(design, 1)

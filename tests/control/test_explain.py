@@ -24,12 +24,12 @@ def test_a_rule_of_ones_own_is_explained_by_its_readings():
     assert why.reason == "front sensor 10.0 (an obstacle)"
 
 
-def test_a_rule_whose_robot_sees_nothing_says_so():
+def test_the_reason_of_a_rule_whose_robot_sees_nothing():
     assert explanation(watched(ahead, design=AGENT3).run(1)).reason == "its sensors see nothing"
     assert explanation(watched(ahead, design=blind()).run(1)).reason == "its sensors see nothing"
 
 
-def test_a_layer_of_ones_own_may_say_its_reason():
+def test_a_layer_of_ones_own_may_have_its_reason():
     class Loud(Explore):
         def reason(self, moment):
             assert isinstance(moment, Moment)
@@ -39,7 +39,7 @@ def test_a_layer_of_ones_own_may_say_its_reason():
     assert (why.layer, why.reason) == ("Loud", "it likes to be heard")
 
 
-def test_where_no_layer_was_active_it_says_so():
+def test_the_explanation_where_no_layer_was_active():
     @behaviour
     def silent(me):
         return PASS if me.max_speed >= 0 else (0.0, 0.0)
@@ -50,7 +50,7 @@ def test_where_no_layer_was_active_it_says_so():
     assert str(why) == f"step 1: robot {first(model).unique_id} stays; no layer was active"
 
 
-def test_a_design_with_fewer_sensors_than_others_is_told_by_its_own():
+def test_a_design_with_fewer_sensors_than_others_is_explained_by_its_own():
     model = watched(ahead, design=AGENT3, obstacles=[AHEAD])
     model.add_robots(AGENT9, poses=[(100, 100, 0.0)])
     model.add_robots(blind(), poses=[(100, 250, 0.0)])
@@ -70,7 +70,7 @@ def test_a_design_with_fewer_sensors_than_others_is_told_by_its_own():
         (1, 0, "turns right while moving"),
     ],
 )
-def test_wheel_speeds_are_told_in_words(left, right, words):
+def test_wheel_speeds_in_words(left, right, words):
     nothing = np.empty(0)
     moment = Moment(nothing, nothing, nothing, nothing, (-1, -1, -1), np.array([left, right]), True, {})
     assert moment.motion == words
@@ -82,15 +82,15 @@ def test_wheel_speeds_are_told_in_words(left, right, words):
 @pytest.mark.parametrize("name", model_names())
 def test_in_every_model_every_robot_can_be_explained_in_every_step(name):
     model = find_model(name)(rng=1)
-    kept = model.watch(last=None)
+    stored = model.watch(last=None)
     model.run(120)
     layers = {""} | {layer.name for layer in model.control.layers}
-    for step in kept.steps[::7]:
+    for step in stored.steps[::7]:
         for row, robot in enumerate(model.robots):
             why = model.explain(robot, int(step))
             assert why.layer in layers
-            assert (why.layer == "") == (kept.at(step)["layer"][row] < 0)
-            assert set(why.sensors) <= set(np.flatnonzero(kept.at(step)["kind"][row] >= 0).tolist())
+            assert (why.layer == "") == (stored.at(step)["layer"][row] < 0)
+            assert set(why.sensors) <= set(np.flatnonzero(stored.at(step)["kind"][row] >= 0).tolist())
             assert len(str(why)) < 1500
             assert "\n" not in str(why)
 
@@ -106,12 +106,12 @@ def test_a_step_in_the_past_is_explained_by_what_was_known_then():
     assert "Avoid" in layers
 
 
-NOTHING = r"nothing was kept to explain; call model\.watch\(\) before"
-COLUMNS = r"not kept: position, heading, command, d.*; add"
+NOTHING = r"no steps are stored to explain; call model\.watch\(\) before"
+COLUMNS = r"not stored: position, heading, command, d.*; add"
 
 
 @pytest.mark.parametrize(("columns", "words"), [(None, NOTHING), (("layer",), COLUMNS)])
-def test_where_nothing_was_kept_it_says_what_to_do(columns, words):
+def test_where_nothing_is_stored_the_error_names_the_cure(columns, words):
     model = empty()
     model.add_robots(AGENT3, poses=[(200, 150, 0.0)])
     model.control = Subsumption(Explore())
@@ -123,7 +123,7 @@ def test_where_nothing_was_kept_it_says_what_to_do(columns, words):
 
 
 @pytest.mark.parametrize("change", ["come", "go", "control", "nothing"])
-def test_to_whoever_watches_and_lost_what_was_kept_it_is_said_why(change):
+def test_where_stored_steps_were_dropped_the_error_gives_the_reason(change):
     model = watched(Explore(), poses=[(200, 150, 0.0), (100, 100, 0.0)])
     if change != "nothing":
         model.run(2)
@@ -133,7 +133,7 @@ def test_to_whoever_watches_and_lost_what_was_kept_it_is_said_why(change):
         model.robots[1].remove()
     elif change == "control":
         model.control = Subsumption(Avoid())
-    words = r"no step is kept to explain: .* robots came or went .* run the model on"
+    words = r"no step is stored to explain: .* robots were added or removed, .* run the model on"
     with pytest.raises(InvalidValueError, match=words):
         model.explain(first(model))
     assert explanation(model.run(1)).step == model.steps
@@ -147,7 +147,7 @@ def test_an_explanation_is_plain_values_whatever_kind_of_number_the_step_is():
         assert json.loads(json.dumps(asdict(why)))["step"] == 20
 
 
-def test_a_layer_that_writes_an_index_that_is_none_is_told_of():
+def test_a_layer_that_writes_an_unknown_index_is_reported():
     class Stray:
         name = "Stray"
 
@@ -162,16 +162,16 @@ def test_a_layer_that_writes_an_index_that_is_none_is_told_of():
 
 
 @pytest.mark.parametrize("step", [0, 3, "x", None])
-def test_a_step_that_was_not_kept_is_refused(step):
+def test_a_step_that_is_not_stored_is_refused(step):
     model = watched(Explore())
     if step is not None:
         model.run(2)
-    with pytest.raises(InvalidValueError, match=r"was not kept|no step is kept|a whole number") as caught:
+    with pytest.raises(InvalidValueError, match=r"is not stored|no step is stored|a whole number") as caught:
         model.explain(first(model), step)
     assert "\n" not in str(caught.value)
 
 
-def test_what_is_no_robot_of_this_model_is_refused():
+def test_other_objects_than_robots_of_this_model_are_refused():
     model, other = watched(Explore()).run(1), watched(Explore()).run(1)
     for wrong in (first(other), 0, None, "robot"):
         with pytest.raises(InvalidValueError, match="expected one of this model's robots"):
@@ -189,7 +189,7 @@ def test_a_removed_robot_is_refused():
 def test_the_robots_that_stay_are_not_mistaken_for_those_that_went():
     model = watched(Avoid(), Explore(), poses=[(200, 150, 0.0), (100, 100, 0.0)], obstacles=[AHEAD]).run(1)
     first(model).remove()
-    with pytest.raises(InvalidValueError, match="no step is kept"):
+    with pytest.raises(InvalidValueError, match="no step is stored"):
         model.explain(first(model))
     assert explanation(model.run(1)).layer == "Explore"
 
@@ -197,7 +197,7 @@ def test_the_robots_that_stay_are_not_mistaken_for_those_that_went():
 def test_another_control_is_not_asked_about_steps_of_the_former():
     model = watched(Avoid(), Explore()).run(2)
     model.control = Subsumption(Explore(name="Other"))
-    with pytest.raises(InvalidValueError, match="no step is kept"):
+    with pytest.raises(InvalidValueError, match="no step is stored"):
         explanation(model)
     assert explanation(model.run(1)).layer == "Other"
 
@@ -206,11 +206,11 @@ def test_without_control_there_is_nothing_to_explain():
     model = watched(Explore())
     model.control = None
     model.run(1)
-    with pytest.raises(InvalidValueError, match=r"there is no control to explain; set model\.control"):
+    with pytest.raises(InvalidValueError, match=r"control is None, which explains nothing; set model\.control"):
         model.explain(first(model))
 
 
-def test_under_a_sum_the_largest_share_is_told_and_not_that_nothing_else_drives():
+def test_under_a_sum_the_largest_share_is_reported_and_not_that_nothing_else_drives():
     model = empty()
     model.add_robots(AGENT9, poses=[(380, 150, 0.0)])
     model.control = VectorSum(Avoid(distance=40), Explore(), weights=(1, 2))

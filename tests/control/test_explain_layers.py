@@ -47,7 +47,7 @@ class TestAvoid:
         assert (why.layer, why.does, why.sensors) == ("Avoid", does, (index,))
         assert why.reason == f"{name} sensor {reading:.1f} (an obstacle) < 15"
 
-    def test_of_several_tells_the_one_that_decided_and_marks_all(self):
+    def test_of_several_names_the_one_that_decided_and_marks_all(self):
         why = explanation(watched(Avoid(), design=AGENT3, obstacles=[AHEAD, *BESIDE.values()]).run(1))
         assert why.sensors == (0, 1, 2)
         assert why.reason.startswith("right sensor")
@@ -60,7 +60,7 @@ class TestAvoid:
         model.add_fire((222, 150), radius=4)
         assert explanation(model.run(1)).sensors == (1,)
 
-    def test_tells_a_load_and_a_fire_from_an_obstacle(self):
+    def test_distinguishes_a_load_and_a_fire_from_an_obstacle(self):
         model = watched(Avoid(), design=AGENT3)
         model.add_load(disc((220, 150), 5), resistance=100)
         assert "(a load)" in explanation(model.run(1)).reason
@@ -80,13 +80,13 @@ class TestAvoid:
 
 
 class TestExplore:
-    def test_says_that_nothing_else_wants_to_drive(self):
+    def test_reports_that_no_other_layer_is_active(self):
         why = explanation(watched(Explore(speed=0.5)).run(1))
         assert (why.layer, why.does, why.reason, why.sensors) == (
             "Explore", "goes ahead at 0.5", "nothing else wants to drive", (),
         )  # fmt: skip
 
-    def test_says_when_it_turns_by_chance(self):
+    def test_reports_when_it_turns_by_chance(self):
         model = watched(Explore(turn_interval=5))
         named = set()
         for _ in range(40):
@@ -113,7 +113,7 @@ class TestFollow:
         assert (why.sensors, why.does) == ((0,), does)
         assert why.reason == f"nearest robot ahead: front sensor {x - 210:.1f} {sign} gap 15"
 
-    def test_without_a_gap_tells_none(self):
+    def test_without_a_gap_names_none(self):
         why = explanation(watched(Follow(gap=None), poses=[(200, 150, 0.0), (240, 150, 0.0)]).run(1))
         assert why.reason == "nearest robot ahead: front sensor 30.0"
 
@@ -126,17 +126,17 @@ class TestFollow:
 
 
 class TestGather:
-    def test_tells_where_the_centroid_is(self):
+    def test_reports_where_the_centroid_is(self):
         why = explanation(watched(Gather(), poses=[(200, 150, 0.0), (200, 190, 0.0)]).run(1))
         assert (why.layer, why.does, why.sensors) == ("Gather", "turns left on the spot", (5,))
         assert why.reason == "the centroid of the robots it sees is 35.0 away at +90 degrees"
 
-    def test_says_stays_when_it_is_near(self):
+    def test_reports_that_it_stays_when_it_is_near(self):
         why = explanation(watched(Gather(stop_distance=40), poses=[(200, 150, 0.0), (225, 150, 0.0)]).run(1))
         assert why.does == "stays"
 
 
-def test_head_on_names_whom_it_meets_or_says_that_it_met_one():
+def test_head_on_names_the_robot_that_it_meets_or_has_met():
     poses = [(150, 150, 0.0), (230, 150, math.pi)]
     model = watched(HeadOn(distance=40), Explore(), poses=poses)
     reasons = []
@@ -149,7 +149,7 @@ def test_head_on_names_whom_it_meets_or_says_that_it_met_one():
     assert reasons[0].endswith("(a robot)): it turns round to lead or to follow")
 
 
-def test_match_velocity_tells_how_many_sensors_see_robots():
+def test_match_velocity_reports_how_many_sensors_see_robots():
     model = watched(MatchVelocity(), Explore(), poses=[(100, 150, 0.0), (130, 150, 0.0)])
     why = explanation(model.run(30))
     seeing = np.flatnonzero(model.watched["kind"][-1, 0] == ROBOT)
@@ -161,7 +161,7 @@ def test_match_velocity_tells_how_many_sensors_see_robots():
 @pytest.mark.parametrize(
     ("x", "where"), [(300, "outside"), (246, "on"), (251, "at the edge of"), (239, "at the edge of"), (225, "inside")]
 )
-def test_perimeter_tells_the_side_of_the_ring(x, where):
+def test_perimeter_reports_the_side_of_the_ring(x, where):
     why = explanation(
         watched(Perimeter(ring=40, tolerance=4), design=ROUND, poses=[(200, 150, 0.0), (x, 150, 0.0)]).run(1)
     )
@@ -175,7 +175,7 @@ class TestPush:
         model.add_load(disc((200, 150), 25), resistance=100)
         return explanation(model.run(1))
 
-    def test_says_without_a_radio_what_is_true_without_one(self):
+    def test_without_a_radio_the_reason_is_the_one_without_a_call(self):
         model = watched(Push(), design=ROUND, poses=[(100, 150, 0.0)])
         model.add_load(disc((200, 150), 25), resistance=100)
         assert explanation(model.run(1)).reason.endswith("no goal is to be heard here, so it pushes")
@@ -190,12 +190,12 @@ class TestPush:
         assert why.reason.endswith("it hears the goal, so it goes round")
         assert "turns" in why.does
 
-    def test_says_that_it_pushes_from_anywhere(self):
+    def test_reports_that_it_pushes_from_anywhere(self):
         assert self.model(100, [(20, 150)], side="anywhere").reason.endswith("it pushes from anywhere")
 
 
 @pytest.mark.parametrize(("to", "what"), [("goal", "a goal"), ("state", "a robot at work")])
-def test_respond_tells_where_the_call_came_from(to, what):
+def test_respond_reports_where_the_call_came_from(to, what):
     model = watched(
         FightFire(), Respond(to=to), design=AGENT_FIRE, poses=[(300, 150, 0.0), (136, 150, math.pi)],
         communication=Radio(range=300, state=to == "state", goal=to == "goal"),
@@ -243,7 +243,7 @@ class TestBoids:
     POSES = ((200, 150, 0.0), (217, 150, 0.0))
 
     @pytest.mark.parametrize(("what", "things"), [("robots", {ROBOT}), ("others", {OBSTACLE}), ("everything", {0, 1})])
-    def test_separate_names_only_what_it_keeps_away_from(self, what, things):
+    def test_separate_names_only_what_it_separates_from(self, what, things):
         model = watched(Separate(what=what), design=GLIDER, poses=self.POSES, obstacles=[disc((183, 150), 5)])
         why = explanation(model.run(1))
         assert set(model.watched["kind"][-1, 0, list(why.sensors)].tolist()) == things
@@ -251,12 +251,12 @@ class TestBoids:
         assert why.reason.startswith("near: ")
         assert ("(a robot)" in why.reason, "(an obstacle)" in why.reason) == (ROBOT in things, OBSTACLE in things)
 
-    def test_cohere_tells_how_far_the_centroid_is(self):
+    def test_cohere_reports_how_far_the_centroid_is(self):
         why = explanation(watched(Cohere(), design=GLIDER, poses=[(200, 150, 0.0), (240, 150, 0.0)]).run(1))
         assert re.fullmatch(r"the centroid of the robots it sees is 3\d\.\d away", why.reason)
         assert re.fullmatch(r"moves at 0\.\d+ towards [+-]0 degrees", why.does)
 
-    def test_align_tells_how_many_sensors_see_robots(self):
+    def test_align_reports_how_many_sensors_see_robots(self):
         model = watched(Align(), Cruise(), design=GLIDER, poses=[(100, 150, 0.0), (130, 150, 0.0)])
         assert explanation(model.run(1)).layer == "Cruise"
         why = explanation(model.run(9))

@@ -23,7 +23,7 @@ def decision(layer, other, *, obstacle=None):
 
 
 class TestGather:
-    def test_is_not_active_when_it_sees_nobody(self):
+    def test_is_not_active_when_it_sees_no_robot(self):
         assert decision(Gather(), None) == ([0.5, 0.5], 1)
 
     def test_does_not_gather_round_obstacles(self):
@@ -49,7 +49,7 @@ class TestGather:
 
 
 class TestFollow:
-    def test_is_not_active_when_it_sees_nobody_ahead(self):
+    def test_is_not_active_when_it_sees_no_robot_ahead(self):
         assert decision(Follow(), (-30, 20)) == ([0.5, 0.5], 1)
 
     def test_does_not_follow_obstacles(self):

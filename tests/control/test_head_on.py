@@ -23,7 +23,7 @@ def meeting(rng: int, *layers, offset: float = 0.0):
 
 
 def leads_the_other(model) -> bool:
-    """Tell whether one of two robots sees the other ahead, and is not seen ahead by it."""
+    """Return whether one of two robots sees the other ahead, and is not seen ahead by it."""
     (ax, ay), (bx, by) = model.swarm.position
     bearings = np.array([math.atan2(by - ay, bx - ax), math.atan2(ay - by, ax - bx)]) - model.swarm.heading
     ahead = np.cos(bearings) > 0.7

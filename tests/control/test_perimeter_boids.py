@@ -25,7 +25,7 @@ def decision(layer, other, *, heading=0.0, obstacle=None, drive=None):
 
 
 class TestPerimeter:
-    def test_is_not_active_when_it_sees_nobody(self):
+    def test_is_not_active_when_it_sees_no_robot(self):
         assert decision(Perimeter(), None) == ([0.5, 0.5], 1)
 
     def test_approaches_from_outside_the_ring(self):
@@ -67,7 +67,7 @@ class TestSeparate:
     @pytest.mark.parametrize(
         ("what", "from_robot", "from_obstacle"), [("robots", 0, 1), ("others", 1, 0), ("everything", 0, 0)]
     )
-    def test_keeps_away_only_from_what_it_is_told_to(self, what, from_robot, from_obstacle):
+    def test_separates_only_from_the_kinds_that_are_chosen(self, what, from_robot, from_obstacle):
         layer = Separate(distance=20, what=what)
         assert decision(layer, (220, 150), drive=HolonomicDrive())[1] == from_robot
         assert decision(layer, None, obstacle=(220, 150), drive=HolonomicDrive())[1] == from_obstacle

@@ -73,7 +73,7 @@ def test_of_two_loads_the_nearer_is_pushed():
     assert model.swarm.command[0].tolist() == [1.0, 1.0]
 
 
-def test_a_layer_above_keeps_its_robots():
+def test_a_layer_above_drives_its_robots():
     model = empty()
     model.add_load(disc(LOAD, 25), resistance=100)
     model.add_robots(EYES, poses=[(100, 150, 0.0)])
@@ -103,7 +103,7 @@ def test_the_way_round_on_the_left_is_the_mirror_image_of_that_on_the_right(bear
     assert math.remainder(apart, 2 * math.pi) == pytest.approx(0, abs=1e-9)
 
 
-def test_a_robot_that_goes_round_keeps_its_clearance_and_comes_behind_the_load():
+def test_a_robot_that_goes_round_holds_its_clearance_and_comes_behind_the_load():
     model = empty(communication=Radio(range=2000, state=False, occlusion=True, beacons=[GOAL]))
     model.add_load(disc(LOAD, 25), resistance=100)
     model.add_robots(EYES, poses=[(250, 150, math.pi / 2)], tendency="left")
@@ -138,7 +138,7 @@ def test_an_unknown_side_suggests_the_nearest():
         Push(side="behnd")
 
 
-def test_a_sensor_may_be_told_by_any_bearing_that_means_its_direction():
+def test_a_sensor_may_be_given_by_any_bearing_that_means_its_direction():
     commands = []
     for bearing in (-60, 300):
         eye = ProximitySensor(bearing_degrees=bearing, range=150, field_of_view_degrees=20)

@@ -44,7 +44,7 @@ def test_small_commands_are_added_up(a, b, c, d):
 
 
 @given(st.floats(0.1, 5), st.floats(-5, 5))
-def test_sums_that_no_wheel_can_do_are_slowed_and_keep_their_direction(left, right):
+def test_sums_beyond_what_a_wheel_can_do_are_slowed_in_the_same_direction(left, right):
     command, _ = summed(wheels(left=1.0, right=0.0), wheels(left=0.0, right=1.0), weights=(left, right))
     most = max(1.0, abs(left), abs(right))
     assert command == pytest.approx([left / most, right / most])
@@ -116,7 +116,7 @@ class Asks:
 
 
 @pytest.mark.parametrize("order", list(permutations(["A", "B", "Lost"])))
-def test_nan_is_said_to_be_of_the_layer_that_asked_for_it(order):
+def test_nan_is_attributed_to_the_layer_that_commanded_it(order):
     model = empty()
     model.add_robots(AGENT3, 3)
     model.control = VectorSum(*(Asks(name, math.nan if name == "Lost" else 1.0) for name in order))
@@ -125,7 +125,7 @@ def test_nan_is_said_to_be_of_the_layer_that_asked_for_it(order):
 
 
 @pytest.mark.parametrize("wrong", [math.nan, math.inf])
-def test_a_layer_of_weight_nought_is_not_heard_whatever_it_says(wrong):
+def test_a_layer_of_weight_zero_has_no_effect_whatever_it_commands(wrong):
     command, _ = summed(Asks("Lost", wrong), wheels(left=0.25, right=0.5), weights=(0, 1))
     assert command == [0.25, 0.5]
 

@@ -29,8 +29,8 @@ def body_frame(vector, heading):
 
 
 @pytest.mark.parametrize(("left", "right"), [(0.9, 0.9), (0.0, 1.0), (-0.5, 1.0), (1.0, -1.0)])
-def test_a_point_that_moves_steadily_is_told_exactly_however_the_robot_turns(left, right):
-    """Against a twin that knows the world: the point's place is told in the turning robot's frame."""
+def test_a_point_that_moves_steadily_is_estimated_exactly_however_the_robot_turns(left, right):
+    """Against a twin that knows the world: the point's place is in the turning robot's frame."""
     start, heading, radius = np.array([3.0, -2.0]), 0.4, np.array([5.0])
     point, velocity = np.array([30.0, 10.0]), np.array([0.3, -0.4])
     turn = (right - left) / 10.0

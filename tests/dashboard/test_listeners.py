@@ -25,7 +25,7 @@ def drawn_while(change) -> list[str]:
 def test_what_was_told_before_a_component_listened_is_shown_all_the_same():
     def change(state, listeners):
         state[0] = "found"
-        listeners.tell()
+        listeners.notify()
 
     assert drawn_while(change)[-1] == "found"
 

@@ -22,14 +22,14 @@ def sent(monkeypatch):
 @pytest.fixture
 def canvases(monkeypatch):
     """All canvases that were connected with a model."""
-    known, tell = [], SwarmCanvas.tell
+    known, set_state = [], SwarmCanvas.set_state
 
     def noting(self, **state):
         if self not in known:
             known.append(self)
-        tell(self, **state)
+        set_state(self, **state)
 
-    monkeypatch.setattr(SwarmCanvas, "tell", noting)
+    monkeypatch.setattr(SwarmCanvas, "set_state", noting)
     return known
 
 

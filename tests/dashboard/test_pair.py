@@ -4,7 +4,7 @@ from mesa_swarm.dashboard.pair import Pair
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES
-from mesa_swarm.viewing.player import KeptPast, PackedFrame
+from mesa_swarm.viewing.player import PackedFrame, RecentPast
 from support.waiting import threads, wait_until
 
 
@@ -31,10 +31,10 @@ class Spectator:
     def __init__(self, ready: bool = True) -> None:
         self.ready, self.steps, self._latest = ready, [], 0
 
-    def push(self, number: int, picture: PackedFrame) -> None:
+    def push(self, number: int, frame: PackedFrame) -> None:
         if number > self._latest:
             self._latest = number
-            self.steps.append(picture.step)
+            self.steps.append(frame.step)
 
 
 def pair_of(first, second) -> Pair:
@@ -52,7 +52,7 @@ def shown_by(pair: Pair) -> list[int]:
 
 
 def test_the_past_is_looked_at_by_step():
-    past = KeptPast()
+    past = RecentPast()
     for step in (0, 2, 4, 8):
         past.append(PackedFrame(step, b""))
     shown = []

@@ -7,7 +7,7 @@ from mesa_swarm import disc
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES, BREATH, LONGEST_DEBT, PlayLoop
-from mesa_swarm.viewing.player import KeptPast, PackedFrame, Player
+from mesa_swarm.viewing.player import PackedFrame, Player, RecentPast
 from support.clock import Clock
 from support.waiting import threads, wait_until
 
@@ -18,9 +18,9 @@ class Spectator:
     def __init__(self, ready: bool = True) -> None:
         self.ready, self.seen = ready, []
 
-    def push(self, number: int, picture: PackedFrame) -> None:
+    def push(self, number: int, frame: PackedFrame) -> None:
         if not self.seen or number > self.seen[-1][0]:
-            self.seen.append((number, picture.step))
+            self.seen.append((number, frame.step))
 
 
 class Breaks(CollisionAvoidance):
@@ -33,7 +33,7 @@ class Breaks(CollisionAvoidance):
 
 
 def test_what_is_kept_is_bounded_and_the_oldest_goes_first():
-    past, world = KeptPast(most_bytes=11_000), {}
+    past, world = RecentPast(most_bytes=11_000), {}
     for step in range(50):
         past.append(PackedFrame(step, b"x" * 100, world))
     assert (len(past), past.first_step, past.last_step, past.shown.step) == (10, 40, 49, 49)
@@ -42,7 +42,7 @@ def test_what_is_kept_is_bounded_and_the_oldest_goes_first():
 
 
 def test_worlds_and_empty_frames_take_room_in_the_past_too():
-    past = KeptPast(most_bytes=1_000_000)
+    past = RecentPast(most_bytes=1_000_000)
     for step in range(3000):
         past.append(PackedFrame(step, b""))
     assert 500 < len(past) <= 1000
@@ -52,7 +52,7 @@ def test_worlds_and_empty_frames_take_room_in_the_past_too():
 
 
 def test_a_picture_replaces_one_of_the_same_step():
-    past = KeptPast()
+    past = RecentPast()
     past.append(PackedFrame(0, b"a"))
     past.append(PackedFrame(0, b"b", fingerprint="mark"))
     assert (len(past), past.shown.fingerprint) == (1, "mark")

@@ -11,7 +11,7 @@ from mesa_swarm.dashboard.session import MOST_WATCHED_STEPS, Session
 from mesa_swarm.errors import UnknownNameError
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
-from mesa_swarm.viewing.player import MOST_BYTES, MOST_COLLECTED, PICTURE_BYTES
+from mesa_swarm.viewing.player import FRAME_BYTES, MOST_BYTES, MOST_COLLECTED
 
 MODULE = "mesa_swarm.dashboard.series"
 
@@ -131,7 +131,7 @@ def test_a_link_to_a_later_step_has_all_that_was_measured_until_then():
 def test_a_run_on_the_page_keeps_a_window_of_all_that_grows_with_the_steps(monkeypatch):
     monkeypatch.setattr("mesa_swarm.viewing.player.MOST_COLLECTED", 50)
     session, alone = Session("fire_fighting", seed=3), FireFighting(rng=3)
-    session.kept.most_bytes, session.series.most_numbers = 40_000, 1000
+    session.recent.most_bytes, session.series.most_numbers = 40_000, 1000
     for _ in range(330):
         session.step()
         alone.step()
@@ -196,7 +196,7 @@ def test_millions_of_robot_steps_on_the_page_leave_its_memory_flat(amount):
     for _ in range(steps):
         with session.lock:
             session._take_step(model)
-    assert len(session.past) <= MOST_BYTES / PICTURE_BYTES
+    assert len(session.past) <= MOST_BYTES / FRAME_BYTES
     assert len(session.series) <= MOST_NUMBERS
     assert max(len(values) for values in model.datacollector.model_vars.values()) <= 2 * MOST_COLLECTED
     assert model.completed == steps

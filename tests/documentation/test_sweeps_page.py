@@ -1,4 +1,4 @@
-"""docs/sweeps.md does what it says."""
+"""The examples of docs/sweeps.md run as described."""
 
 import re
 import subprocess
@@ -38,9 +38,9 @@ def test_the_commands_on_the_page_run(tmp_path):
     written_jobs(tmp_path)
     lines = [line.split() for block in blocks("sh") for line in block.splitlines()]
     assert len(lines) == 4
-    said = [run(tmp_path, "-m", "mesa_swarm.cli", *words) for _, *words in lines]
+    printed = [run(tmp_path, "-m", "mesa_swarm.cli", *words) for _, *words in lines]
     assert len(Recording(tmp_path / "runs" / "2.arrow")) == 400
-    assert "0 done, 12 to do" in said[1]
+    assert "0 done, 12 to do" in printed[1]
     assert (tmp_path / "results" / "grid" / "runs.parquet").exists()
     assert len(list((tmp_path / "results" / "sample" / "recordings").iterdir())) == 8
 

@@ -25,13 +25,13 @@ def test_a_thousand_steps_are_the_same_bits_for_the_same_seed_and_others_for_ano
     def heard(seed: int, steps: int) -> bytes:
         env = gymnasium.make(name, n_robots=3, max_steps=400)
         rng = np.random.default_rng(0)
-        told = [env.reset(seed=seed)[0].tobytes()]
+        outputs = [env.reset(seed=seed)[0].tobytes()]
         for _ in range(steps):
             observation, reward, terminated, truncated, _ = env.step(rng.uniform(-0.2, 1, 2).astype(np.float32))
-            told += [observation.tobytes(), repr((reward, terminated, truncated)).encode()]
+            outputs += [observation.tobytes(), repr((reward, terminated, truncated)).encode()]
             if terminated or truncated:
-                told.append(env.reset()[0].tobytes())
-        return b"".join(told)
+                outputs.append(env.reset()[0].tobytes())
+        return b"".join(outputs)
 
     assert heard(3, 1000) == heard(3, 1000)
     assert heard(3, 20) != heard(4, 20)
@@ -100,7 +100,7 @@ def test_all_robots_of_a_world_whose_task_is_done_end_and_no_others():
     assert not truncated.any()
 
 
-def test_the_commanded_robot_is_told_from_the_others_in_the_picture():
+def test_the_picture_distinguishes_the_commanded_robot():
     env = RobotEnv(CollisionAvoidance(n_robots=3), render_mode="rgb_array")
     env.reset(seed=1)
     assert (env.render() == (34, 34, 34)).all(axis=2).any()

@@ -43,7 +43,7 @@ def test_a_typed_observation_has_a_block_for_each_kind(kind):
     assert row[4] == (0.25 if kind == FIRE else 0.0)
 
 
-def test_a_line_sensor_is_told_as_0_or_1():
+def test_a_line_sensor_is_observed_as_0_or_1():
     model = empty()
     model.add_robots(EYE, poses=[(100, 100, 0.0), (200, 200, 0.0)])
     model.add_obstacle(disc((100, 100), 3, contact=False))
@@ -77,7 +77,7 @@ def test_observations_agree_with_numpy_and_lie_within_0_and_1(seed, encoding):
     assert (out <= 1).all()
 
 
-def test_robots_are_told_no_pose_and_no_slip():
+def test_pose_and_slip_are_not_observed():
     task = ExtinguishFires(n_robots=5)
     world = TaskWorld(task=task, commanded=5, rng=1)
     before, after = np.empty((2, 5, 41), np.float32)

@@ -25,12 +25,12 @@ def test_it_passes_pettingzoo_s_test(module, actions, capsys):
 def test_a_thousand_steps_are_the_same_bits_for_the_same_seed_and_others_for_another(module):
     def heard(seed: int, steps: int) -> bytes:
         env = module.parallel_env(n_robots=6, max_steps=400)
-        rng, told = np.random.default_rng(0), [env.reset(seed=seed)]
+        rng, outputs = np.random.default_rng(0), [env.reset(seed=seed)]
         for _ in range(steps):
-            told.append(env.step(sampled(env, rng)))
+            outputs.append(env.step(sampled(env, rng)))
             if not env.agents:
-                told.append(env.reset())
-        return b"".join(np.stack(list(row[0].values())).tobytes() + repr(row[1:]).encode() for row in told)
+                outputs.append(env.reset())
+        return b"".join(np.stack(list(row[0].values())).tobytes() + repr(row[1:]).encode() for row in outputs)
 
     assert heard(3, 1000) == heard(3, 1000)
     assert heard(3, 20) != heard(4, 20)
@@ -102,7 +102,7 @@ def test_wrong_actions_are_refused_by_name():
     for actions, message in [
         ({}, "actions are {}; expected a dict of one for each agent"),
         ([(0, 0), (0, 0)], "actions are .*; expected a dict"),
-        ({"robot_0": (0, 0), "robot_7": (0, 0)}, "actions have none for robot_1"),
+        ({"robot_0": (0, 0), "robot_7": (0, 0)}, "actions lack robot_1"),
         ({"robot_0": (0, 0), "robot_1": (0, 1.5)}, r"the action of robot 1 is \[0.0, 1.5\]; expected two wheel"),
         ({"robot_0": (0, 0), "robot_1": (0, 0, 0)}, "actions are .*; expected two wheel speeds for each robot"),
     ]:

@@ -130,7 +130,7 @@ def test_a_learner_can_be_asked_why():
     world = world_of(CollisionAvoidance(map="openspace"), [(100, 100, 0.0)])
     world.watch()
     rewarded(world, [(1, 1)])
-    assert "told so from outside" in str(world.explain(world.robots[0]))
+    assert "commanded from outside" in str(world.explain(world.robots[0]))
 
 
 def test_millions_of_steps_take_no_memory():
@@ -169,7 +169,7 @@ def test_a_policy_that_is_a_rule_does_what_the_rule_does_as_a_layer():
         (lambda: FindFires(map="original"), "map original has no fires; choose one with fires"),
         (lambda: FindFires(arrival=-1), "arrival is -1; expected a finite number at least 0"),
         (lambda: CollisionAvoidance(collision_cost=float("nan")), "collision_cost is nan"),
-        (lambda: ExtinguishFires(fire_constants=3), "fire_constants is 3; expected what design_constants"),
+        (lambda: ExtinguishFires(fire_constants=3), "fire_constants is 3; expected a FireConstants"),
         (lambda: CollisionAvoidance(critical=0), "critical is 0; expected"),
         (lambda: CollisionAvoidance(max_steps=0), "max_steps is 0; expected a whole number at least 1"),
         (lambda: CollisionAvoidance(design="AGENT9"), "design is 'AGENT9'; expected a RobotDesign"),

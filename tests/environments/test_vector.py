@@ -11,7 +11,7 @@ TASKS = [
 ]
 
 
-def told(env: VectorSwarmEnv, steps: int, seed: int = 0) -> np.ndarray:
+def random_actions(env: VectorSwarmEnv, steps: int, seed: int = 0) -> np.ndarray:
     return np.random.default_rng(seed).uniform(-0.2, 1, (steps, env.n_worlds, env.commanded, 2))
 
 
@@ -31,7 +31,7 @@ def same(one: list[np.ndarray], other: list[np.ndarray]) -> bool:
 @pytest.mark.parametrize("task", TASKS, ids=lambda task: type(task).__name__)
 def test_a_thousand_steps_are_the_same_bits_for_the_same_seed_and_others_for_another(task):
     env, twin = (VectorSwarmEnv(task, n_worlds=2) for _ in range(2))
-    actions = told(env, 1000)
+    actions = random_actions(env, 1000)
     first = played(env, actions, 5)
     assert same(first, played(twin, actions, 5))
     assert same(first, played(env, actions, 5))
@@ -53,7 +53,7 @@ def test_without_any_seed_two_environments_differ():
 
 def test_a_world_is_the_same_alone_and_among_others():
     many, alone = VectorSwarmEnv(TASKS[0], n_worlds=3), VectorSwarmEnv(TASKS[0], n_worlds=1)
-    actions = told(many, 320)
+    actions = random_actions(many, 320)
     together, one = played(many, actions, 10), played(alone, actions[:, 2:], 12)
     assert same([array[2:] for array in together], one)
     assert same(together, played(VectorSwarmEnv(TASKS[0], n_worlds=3), actions, [10, 11, 12]))
@@ -80,11 +80,11 @@ def test_only_the_world_whose_task_is_done_starts_anew():
     env = VectorSwarmEnv(FindFires(n_robots=1, max_steps=50), n_worlds=2)
     env.reset(seed=1)
     env.worlds[0]._score.found[:] = True
-    kept = env.worlds[1]
+    unended = env.worlds[1]
     _, _, terminated, truncated, infos = env.step(np.zeros((2, 1, 2)))
     assert terminated.tolist() == [True, False]
     assert truncated.tolist() == [False, False]
-    assert env.worlds[1] is kept
+    assert env.worlds[1] is unended
     assert env.worlds[0].steps == 0
     assert infos["final_obs"].shape == (2, 1, 37)
 
@@ -101,10 +101,10 @@ def test_what_was_handed_out_does_not_change_later():
     first = env.reset(seed=1)
     copy = first.copy()
     second = env.step(np.ones((2, 8, 2)))
-    kept = [array.copy() for array in second[:4]]
+    before = [array.copy() for array in second[:4]]
     env.step(np.ones((2, 8, 2)))
     assert np.array_equal(first, copy)
-    assert same(list(second[:4]), kept)
+    assert same(list(second[:4]), before)
 
 
 @pytest.mark.parametrize("seed", [-1, "a", 1.5, [1], [1, -2], True])

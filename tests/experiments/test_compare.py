@@ -12,14 +12,15 @@ import pytest
 
 import mesa_swarm
 from mesa_swarm.errors import SwarmError
-from mesa_swarm.experiments.compare import Comparison, compare, run_plan
+from mesa_swarm.experiments.compare import compare, run_plan
 from mesa_swarm.experiments.figures import comparison_figure
-from mesa_swarm.experiments.plan import PairedOutcome, Plan, checked_plan
+from mesa_swarm.experiments.plan import checked_plan
 from mesa_swarm.experiments.tables import WIDEST, finding, fitting, runs_csv, summary_csv, summary_rows
 from mesa_swarm.files import check_writable, write_whole
 from mesa_swarm.gallery import class_name, description, find_model, model_names
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.pictures import png
+from support.comparisons import comparison_of, plan_of
 
 FIRE = find_model("fire_fighting")
 AVOID = find_model("collision_avoidance")
@@ -31,34 +32,7 @@ def comparison():
 
 
 def made_up(columns, model_class=FIRE, parameter="strategy"):
-    """A comparison of results that are given by value and measure."""
-    values = tuple(columns)
-    seeds = range(1, 1 + len(next(iter(columns[values[0]].values()))))
-    runs = [
-        PairedOutcome(
-            steps=100,
-            state_hash="hash",
-            results={name: column[rng - 1] for name, column in columns[value].items()},
-            value=value,
-            rng=rng,
-        )
-        for rng in seeds
-        for value in values
-    ]
-    return Comparison(plan_of(model_class, parameter, values, seeds, 100), tuple(runs))
-
-
-def plan_of(model_class, parameter, values, seeds, steps):
-    points = [{parameter: value} for value in values]
-    return Plan(
-        model_class=model_class,
-        settings={},
-        points=points,
-        seeds=seeds,
-        steps=steps,
-        parameter=parameter,
-        values=values,
-    )
+    return comparison_of(columns, model_class, parameter)
 
 
 def test_every_value_meets_the_same_seeds(comparison):
@@ -74,9 +48,9 @@ def test_each_run_is_what_the_model_does_alone(comparison):
 
 
 def test_a_comparison_that_was_interrupted_goes_on_in_its_folder_and_ends_in_the_same_files(comparison, tmp_path):
-    heard = []
+    outcomes = []
     with pytest.raises(KeyboardInterrupt):
-        run_plan(comparison.plan, heard=lambda run: heard.append(run) or stop_after(4, heard), folder=tmp_path)
+        run_plan(comparison.plan, heard=lambda run: outcomes.append(run) or stop_after(4, outcomes), folder=tmp_path)
     went_on = []
     again = run_plan(comparison.plan, heard=went_on.append, folder=tmp_path)
     assert (again.done_before, again.runs) == (4, comparison.runs)
@@ -86,8 +60,8 @@ def test_a_comparison_that_was_interrupted_goes_on_in_its_folder_and_ends_in_the
     assert [path.read_bytes() for path in again.save(tmp_path)] == whole
 
 
-def stop_after(count, heard):
-    if len(heard) == count:
+def stop_after(count, outcomes):
+    if len(outcomes) == count:
         raise KeyboardInterrupt
 
 
@@ -108,12 +82,12 @@ def test_the_outcome_does_not_depend_on_the_number_of_jobs(comparison):
     assert runs_csv(two) == runs_csv(comparison)
 
 
-def test_portraits_are_kept_of_the_first_seed_only(comparison):
+def test_portraits_are_drawn_of_the_first_seed_only(comparison):
     assert [run.portrait is not None for run in comparison.runs] == [True, True, False, False, False, False]
     assert list(comparison.portraits) == ["A", "B"]
 
 
-def test_steps_and_values_are_by_default_what_the_model_says():
+def test_steps_and_values_are_by_default_those_that_the_model_declares():
     plan = checked_plan(FIRE)
     assert (plan.parameter, plan.values, plan.steps, plan.seeds) == ("strategy", ("A", "B"), 15_000, range(1, 31))
     assert checked_plan(AVOID, seeds=1).steps == 3_000
@@ -129,7 +103,7 @@ def test_settings_reach_the_model():
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
+    ("wrong", "message"),
     [
         ({"seeds": 0}, "seeds is 0"),
         ({"seeds": float("nan")}, "seeds is nan"),
@@ -156,17 +130,17 @@ def test_settings_reach_the_model():
         ({"settings": {"k1": float("inf")}}, "k1 is inf"),
     ],
 )
-def test_a_wrong_comparison_is_refused_in_one_line_before_it_is_run(wrong, said):
-    with pytest.raises(SwarmError, match=said) as caught:
+def test_a_wrong_comparison_is_refused_in_one_line_before_it_is_run(wrong, message):
+    with pytest.raises(SwarmError, match=message) as caught:
         compare(FIRE, **wrong)
     assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    ("model", "said"), [("fire_figting", "did you mean 'fire_fighting'"), (7, "model is 7; expected a class")]
+    ("model", "message"), [("fire_figting", "did you mean 'fire_fighting'"), (7, "model is 7; expected a class")]
 )
-def test_what_is_not_a_model_is_refused_in_one_line(model, said):
-    with pytest.raises(SwarmError, match=said):
+def test_what_is_not_a_model_is_refused_in_one_line(model, message):
+    with pytest.raises(SwarmError, match=message):
         compare(model)
 
 
@@ -192,7 +166,7 @@ def test_a_model_without_results_is_refused():
 
     with pytest.raises(SwarmError, match=r"Mute has no method results"):
         compare(Mute, parameter="speed", values=[1.0, 2.0])
-    with pytest.raises(SwarmError, match="does not say what to compare"):
+    with pytest.raises(SwarmError, match="has no attribute compares"):
         compare(Mute)
 
 
@@ -270,15 +244,15 @@ def test_the_finding_about_fires_counts_runs_and_calls_a_clear_difference_clear(
     assert "\n" not in text
 
 
-def test_the_finding_does_not_claim_what_the_intervals_do_not_bear_out():
+def test_the_finding_claims_only_what_the_intervals_support():
     first = {"all fires out at": [1, 2, None, None] * 2}
     second = {"all fires out at": [1, 2, 3, None] * 2}
-    assert "do not settle which is larger" in finding(made_up({"A": first, "B": second}))
+    assert "inconclusive with these seeds" in finding(made_up({"A": first, "B": second}))
 
 
-def test_few_seeds_are_said_to_be_too_few():
+def test_few_seeds_are_inconclusive():
     few = made_up({"a": {"hits": [1, 2, 3]}, "b": {"hits": [5, 6, 7]}}, AVOID, "turn")
-    assert "3 seeds are too few to tell which is larger" in finding(few)
+    assert "inconclusive with 3 seeds, 6 are required" in finding(few)
     assert "Means and differences of fewer than 6 have no interval." in few.table()
 
 
@@ -322,16 +296,16 @@ def test_the_same_runs_give_the_same_table_and_pictures_byte_for_byte():
     assert png(comparison_figure(first, ["a at"])) == png(comparison_figure(second, ["a at"]))
 
 
-def test_the_finding_says_when_there_is_no_difference():
+def test_the_finding_states_no_difference():
     same = {"all fires out at": [1, 2, 3]}
-    assert "no difference was seen" in finding(made_up({"A": same, "B": same}))
+    assert ": no difference" in finding(made_up({"A": same, "B": same}))
     same = {"collisions": [1, 2, 3]}
-    assert "no difference was seen" in finding(made_up({"a": same, "b": same}, AVOID, "turn"))
+    assert ": no difference" in finding(made_up({"a": same, "b": same}, AVOID, "turn"))
 
 
 def test_the_finding_about_one_seed_claims_nothing():
     one = made_up({"a": {"collisions": [1]}, "b": {"collisions": [5]}}, AVOID, "turn")
-    assert "one seed says nothing about others" in finding(one)
+    assert "inconclusive with one seed" in finding(one)
 
 
 def test_the_finding_about_numbers_uses_the_paired_difference():

@@ -1,23 +1,20 @@
-"""The picture of a comparison: what never came is no number, and steps are whole."""
+"""The picture of a comparison: times that did not occur have no number, and steps are whole."""
 
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from mesa_swarm.experiments.compare import Comparison
 from mesa_swarm.experiments.figures import comparison_figure
-from mesa_swarm.experiments.plan import Plan, Run
 from mesa_swarm.gallery import find_model
+from support.comparisons import comparison_of
 
 STEPS, MEASURE = 15_000, "all fires out at"
 
 
 def panels_of(first, second):
     """Return both panels of a comparison whose fires were out at these steps."""
-    columns, seeds = {"A": first, "B": second}, range(1, len(first) + 1)
-    runs = [Run(name, rng, STEPS, "hash", {MEASURE: columns[name][rng - 1]}) for rng in seeds for name in columns]
-    plan = Plan(find_model("fire_fighting"), "strategy", tuple(columns), seeds, STEPS, {})
-    figure = comparison_figure(Comparison(plan, tuple(runs)), [MEASURE])
+    columns = {"A": {MEASURE: first}, "B": {MEASURE: second}}
+    figure = comparison_figure(comparison_of(columns, find_model("fire_fighting"), "strategy", STEPS), [MEASURE])
     FigureCanvasAgg(figure).draw()
     return figure.axes
 

@@ -66,13 +66,13 @@ def test_only_what_is_needed_must_be_watched():
     assert len(pathologies_of(in_corridor("stationary", columns=NEEDED).run(200))) == 1
 
 
-def test_where_nothing_was_kept_it_says_what_to_do():
+def test_where_no_step_is_watched_the_error_has_the_cure():
     unwatched = find_model("collision_avoidance")(n_robots=2, rng=1).run(5)
     unstepped, layers = in_corridor("stationary"), in_corridor("stationary", columns=("layer",)).run(5)
     for model, words in (
-        (unwatched, r"nothing was kept to diagnose; call model\.watch\(last=None\)"),
-        (unstepped, "no step is kept to diagnose"),
-        (layers, "not kept: position, heading, command, distance, kind; add them"),
+        (unwatched, r"no steps are stored to diagnose; call model\.watch\(last=None\)"),
+        (unstepped, "no step is stored to diagnose"),
+        (layers, "not stored: position, heading, command, distance, kind; add them"),
     ):
         with pytest.raises(InvalidValueError, match=words):
             pathologies_of(model)

@@ -43,7 +43,7 @@ def test_a_recording_on_a_disk_that_fills_up_keeps_its_rows_and_the_model_may_go
     disk, _ = full
     model = FIRE(n_robots=2, rng=1)
     model.record(disk / "run.arrow")
-    with pytest.raises(RecordingError, match=r"No space left on device; its [0-9]+ rows so far are kept"):
+    with pytest.raises(RecordingError, match=r"No space left on device; its [0-9]+ rows so far remain"):
         model.run(5_000)
     recording = Recording(disk / "run.arrow")
     assert recording.steps.tolist() == list(range(1, len(recording) + 1))
@@ -76,7 +76,7 @@ def test_the_table_on_a_full_disk_is_not_half_written_and_no_run_is_done_again(f
     assert sorted(path.name for path in (disk / "out").iterdir()) == ["ledger.jsonl", "runs.parquet"]
 
 
-def test_commands_on_a_full_disk_say_so_in_one_line(full, tmp_path, capsys, monkeypatch):
+def test_commands_on_a_full_disk_fail_in_one_line(full, tmp_path, capsys, monkeypatch):
     disk, fill = full
     fill(0)
     monkeypatch.chdir(tmp_path)
@@ -122,17 +122,17 @@ def test_a_drawing_of_a_map_on_a_full_disk_names_its_file(full, capsys):
     assert [path.name for path in disk.iterdir()] == ["ballast"]
 
 
-def test_commands_in_a_read_only_folder_say_so_in_one_line_before_anything_is_run(tmp_path, capsys, monkeypatch):
+def test_commands_in_a_read_only_folder_fail_in_one_line_before_anything_is_run(tmp_path, capsys, monkeypatch):
     folder = tmp_path / "folder"
     folder.mkdir()
     (folder / "job.toml").write_text("model = 'fire_fighting'\nsteps = 5\nrecord = 'runs/{seed}.arrow'\n")
     with read_only(folder):
         monkeypatch.chdir(folder)
-        said = [
+        printed = [
             typed(capsys, *words, "--quiet")
             for words in (("sweep", "job.toml"), ("run", "job.toml"), ("run", "boids", "--record", "run.arrow"))
         ]
         monkeypatch.chdir(tmp_path)
-    assert [(status, err.count("\n")) for status, err in said] == [(2, 1), (1, 1), (2, 1)]
-    assert all("Read-only file system" in err or "Permission denied" in err for _, err in said)
+    assert [(status, err.count("\n")) for status, err in printed] == [(2, 1), (1, 1), (2, 1)]
+    assert all("Read-only file system" in err or "Permission denied" in err for _, err in printed)
     assert [path.name for path in folder.iterdir()] == ["job.toml"]

@@ -125,7 +125,7 @@ def test_a_file_of_another_evolution_is_refused(tmp_path, other):
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "reason"),
     [
         ("", "not JSON"),
         ("[" * 100_000, "not JSON"),
@@ -133,12 +133,12 @@ def test_a_file_of_another_evolution_is_refused(tmp_path, other):
         ('{"format": "mesa_swarm evolution 1"}', "no settings"),
     ],
 )
-def test_a_file_that_is_no_evolution_is_refused_in_one_line(tmp_path, text, says):
+def test_a_file_that_is_not_an_evolution_is_refused_in_one_line(tmp_path, text, reason):
     file = tmp_path / "mine.json"
     file.write_text(text)
     with pytest.raises(LearningError) as caught:
         evolve(BRIEF, **SMALL, file=file)
-    assert says in str(caught.value)
+    assert reason in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
@@ -146,13 +146,13 @@ def test_a_file_that_is_no_evolution_is_refused_in_one_line(tmp_path, text, says
 def test_a_file_with_other_things_than_fitnesses_is_refused(tmp_path, fitness):
     file = tmp_path / "mine.json"
     evolve(BRIEF, **SMALL, file=file)
-    kept = json.loads(file.read_text())
-    file.write_text(json.dumps({**kept, "fitness": fitness}))
-    with pytest.raises(LearningError, match="no evolution that can be gone on with"):
+    stored = json.loads(file.read_text())
+    file.write_text(json.dumps({**stored, "fitness": fitness}))
+    with pytest.raises(LearningError, match="is not an evolution that can be continued"):
         evolve(BRIEF, **SMALL, file=file)
 
 
-def test_a_fitness_that_is_no_number_ends_it_with_candidate_and_generation(tmp_path):
+def test_a_fitness_that_is_not_a_number_ends_it_with_candidate_and_generation(tmp_path):
     sick = Sphere(worth=math.nan, units=0, steps=5, robots=2)
     with pytest.raises(LearningError, match="the fitness of candidate 0 in generation 0 is nan"):
         evolve(sick, **SMALL)
@@ -249,31 +249,31 @@ class Slotted:
         wheels[:] = 0
 
 
-class Kept(Slotted):
-    """One that keeps its values as most objects do."""
+class Dictated(Slotted):
+    """One whose values are in a __dict__, as those of most objects."""
 
 
-def design_told(drive):
+def described_design(drive):
     return settings_of(Trial(design=replace(AGENT3, drive=drive)), [])["design"]
 
 
-@pytest.mark.parametrize("kind", [Slotted, Kept])
-def test_what_a_drive_of_ones_own_holds_decides_too_wherever_it_keeps_it(kind):
-    assert design_told(kind(1.0)) == design_told(kind(1.0)) != design_told(kind(2.0))
+@pytest.mark.parametrize("kind", [Slotted, Dictated])
+def test_the_values_of_a_custom_drive_count_in_slots_and_in_a_dict(kind):
+    assert described_design(kind(1.0)) == described_design(kind(1.0)) != described_design(kind(2.0))
 
 
 def test_an_evolution_goes_on_from_a_file_that_names_the_place_of_its_drive_in_memory(tmp_path):
     file = tmp_path / "mine.json"
     whole = evolve(BRIEF, **SMALL, file=file)
-    told = json.loads(file.read_text())
-    told["settings"]["design"] = repr(BRIEF.design)  # as versions did that told nothing of what a drive holds
-    told["fitness"] = told["fitness"][:2]
-    file.write_text(json.dumps(told))
+    stored = json.loads(file.read_text())
+    stored["settings"]["design"] = repr(BRIEF.design)  # as in versions that did not describe the values of a drive
+    stored["fitness"] = stored["fitness"][:2]
+    file.write_text(json.dumps(stored))
     assert " at 0x" in repr(BRIEF.design)
     assert (evolve(BRIEF, **SMALL, file=file).fitness == whole.fitness).all()
 
 
-def test_what_decides_a_fitness_reads_the_same_in_each_process():
-    said = str(settings_of(Trial(), []))
-    assert "Differential" in said
-    assert " at 0x" not in said
+def test_the_settings_of_a_fitness_are_the_same_in_each_process():
+    described = str(settings_of(Trial(), []))
+    assert "Differential" in described
+    assert " at 0x" not in described

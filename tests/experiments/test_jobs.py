@@ -75,7 +75,7 @@ def test_a_job_names_model_map_robots_parameters_steps_seeds_recordings_and_meas
     assert all(5 <= point["distance"] <= 20 and point["n_robots"] in range(2, 7) for point in second.points)
 
 
-def test_steps_are_by_default_what_the_model_says(read):
+def test_steps_are_by_default_those_that_the_model_declares(read):
     assert read(MODEL).experiments[0].steps == find_model("fire_fighting").steps_to_compare
 
 
@@ -92,7 +92,7 @@ def test_a_file_of_ones_own_comes_before_the_sample_of_its_name(tmp_path, monkey
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "reason"),
     [
         ('modl = "boids"', "unknown key 'modl'; did you mean 'model'?"),
         ("steps = 3", "model is missing"),
@@ -114,10 +114,10 @@ def test_a_file_of_ones_own_comes_before_the_sample_of_its_name(tmp_path, monkey
         (MODEL + 'record = "a.arrow"\nseeds = 2', "put {seed} into its name"),
         (MODEL + 'record = "a_{sed}.arrow"', "did you mean 'seed'?"),
         (MODEL + 'record = "{seed.real}.arrow"', "unknown place"),
-        (MODEL + 'record = "{{seed}}.arrow"', "is no name for a recording"),
+        (MODEL + 'record = "{{seed}}.arrow"', "is not a name for a recording"),
         (MODEL + 'record = "job.toml"', "does not end in .arrow"),
-        (MODEL + 'record = "a/.arrow"', "is no name for a recording"),
-        (MODEL + 'record = "-rf.arrow"', "is no name for a recording"),
+        (MODEL + 'record = "a/.arrow"', "is not a name for a recording"),
+        (MODEL + 'record = "-rf.arrow"', "is not a name for a recording"),
         (MODEL + 'record = "{seed}.arrow"\nseeds = 20_000', "number of recordings is 20000"),
         (f"[[run]]\n{MODEL}record = 'a.arrow'\n" * 2, "two runs are recorded to"),
         (f"[[run]]\n{MODEL}record = 'a.arrow'\n[[run]]\n{MODEL}record = 'A.arrow'", "two runs are recorded to"),
@@ -135,7 +135,7 @@ def test_a_file_of_ones_own_comes_before_the_sample_of_its_name(tmp_path, monkey
         (MODEL + '[sample]\nkind = "sobol"\npoints = 5\nranges = { k1 = [0, 1] }', "such as 8"),
         (MODEL + '[sample]\nkind = "sobl"\npoints = 4\nranges = { k1 = [0, 1] }', "did you mean 'sobol'?"),
         (MODEL + '[sample]\nkind = "sobol"\npoints = 4\nranges = { k1 = [1, 0] }', "width of the range of k1"),
-        (MODEL + '[sample]\nkind = "sobol"\npoints = 4\nranges = { strategy = [1, 0] }', "strategy is no number"),
+        (MODEL + '[sample]\nkind = "sobol"\npoints = 4\nranges = { strategy = [1, 0] }', "strategy is not a number"),
         (MODEL + 'name = "a/b"', "it names a folder"),
         (f"{MODEL}[[run]]\n{MODEL}", "'model' stands beside [[run]]"),
         ("run = 3", "double brackets"),
@@ -149,8 +149,8 @@ def test_a_file_of_ones_own_comes_before_the_sample_of_its_name(tmp_path, monkey
         (MODEL + "steps = " + "9" * 5_000, "4300"),
     ],
 )
-def test_a_wrong_job_is_refused_in_one_line_that_names_file_and_place(read, text, said):
-    assert said in refused(read, text)
+def test_a_wrong_job_is_refused_in_one_line_that_names_file_and_place(read, text, reason):
+    assert reason in refused(read, text)
 
 
 def test_a_map_in_the_jobs_folder_is_read_and_kept(read, tmp_path):
@@ -254,7 +254,7 @@ def replaced(text, chance):
 def check_mutated(read, count, first):
     bases = [RICH, *(Path(jobs.__file__).with_name("jobs").joinpath(name).read_text() for name in sample_jobs())]
     fine = 0
-    read(RICH)  # what is imported and compiled only once is no part of the second
+    read(RICH)  # imports and compilation are not part of the second
     for number in range(first, first + count):
         chance = random.Random(number)
         text = mutated(chance.choice(bases), chance)

@@ -1,4 +1,4 @@
-"""The benchmark of learning: measures what it says, goes on where it was, and refuses what is wrong."""
+"""The benchmark of learning: its measures, its continuation after an interruption, and its refusals."""
 
 import ast
 import json
@@ -179,10 +179,10 @@ def test_lines_are_interquartile_means_over_seeds_and_maps():
     )
 
 
-def test_tables_hold_everybody_and_are_read_back(runs):
+def test_tables_hold_all_contestants_and_are_read_back(runs):
     text = markdown(brief(), runs)
     assert all(name in text for name in TWO)
-    assert "On generated maps that nobody was trained on, still learning" in text
+    assert "On generated maps that were not used for training, still learning" in text
     rows = runs_csv(runs).splitlines()
     assert rows[0] == "contestant,seed,map,group,mode,collisions,worst robot,speed ahead,coverage"
     assert len(rows) == 1 + 2 * 6 * 1 + 2 * 6 * 2

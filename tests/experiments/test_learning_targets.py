@@ -20,22 +20,22 @@ SEED = 1
 
 @pytest.mark.slow
 def test_a_bred_reflex_frozen_hardly_collides_is_fast_and_sees_no_less_than_the_rule_on_twenty_unseen_maps(monkeypatch):
-    contestants()["evolved reflex"](SEED, 33)  # what is compiled, or read from a cache, is no breeding
-    slow, tell = [], Evolution.tell
-    monkeypatch.setattr(Evolution, "tell", lambda self, worth: slow.append(slowness()) or tell(self, worth))
+    contestants()["evolved reflex"](SEED, 33)  # compiles, or reads a cache
+    slow, usual = [], Evolution.tell
+    monkeypatch.setattr(Evolution, "tell", lambda self, worth: slow.append(slowness()) or usual(self, worth))
     bred = []
     used = processor_seconds(lambda: bred.append(contestants()["evolved reflex"](SEED, 33_000)))
     (trained,) = bred
     rule = contestants()[RULE](SEED, 0)
     reflex, mark = (on_every_map(each, SEED, 5000) for each in (trained, rule))
-    told = f"{used:.0f} s on a processor {mean(slow):.2f} times slower than usual"
-    print(f"\n{trained.robot_steps:,} robot-steps in {told}; reflex {reflex}; rule {mark}")
+    time_used = f"{used:.0f} s on a processor {mean(slow):.2f} times slower than usual"
+    print(f"\n{trained.robot_steps:,} robot-steps in {time_used}; reflex {reflex}; rule {mark}")
     assert not set(UNSEEN) & {*BREEDING, *CHOOSING}
     assert trained.robot_steps <= 10_000_000
     assert reflex["collisions"] <= 0.5
     assert reflex["speed ahead"] >= 0.6
     assert reflex["coverage"] >= mark["coverage"]
-    assert used / mean(slow) <= 60, told
+    assert used / mean(slow) <= 60, time_used
 
 
 @pytest.mark.slow

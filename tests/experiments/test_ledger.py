@@ -17,7 +17,7 @@ from support.forks import forked
 
 
 def ended(steps):
-    """Return the outcome of a run of so many steps."""
+    """Return the outcome of a run of this many steps."""
     return Outcome(steps=steps, results={})
 
 
@@ -25,7 +25,7 @@ def key(number):
     return hashlib.blake2b(str(number).encode(), digest_size=16).hexdigest()
 
 
-def test_what_a_second_try_says_takes_the_place_of_the_error(tmp_path):
+def test_the_outcome_of_a_second_try_replaces_the_error(tmp_path):
     path, good = tmp_path / "ledger.jsonl", Outcome(steps=1, state_hash="", results={})
     with Ledger(path) as ledger:
         ledger.append(key(1), Outcome(error="it broke"))
@@ -51,7 +51,7 @@ def test_the_ledger_gives_back_what_it_took_whatever_the_order(tmp_path):
 
 
 @pytest.mark.parametrize("ending", ["00", "0000", "ab00"])
-def test_keys_that_end_in_zeros_are_told_apart(tmp_path, ending):
+def test_keys_that_end_in_zeros_are_distinguished(tmp_path, ending):
     keys = ["11" * (16 - len(end) // 2) + end for end in (ending, "00" * 3, "0a", "")]
     with Ledger(tmp_path / "l") as ledger:
         for steps, one in enumerate(dict.fromkeys(keys)):
@@ -174,7 +174,7 @@ def test_what_stands_at_the_end_of_a_ledger_and_is_none_of_its_lines_is_not_cut(
         assert (key(1) in ledger, key(2) in ledger) == (True, True)
 
 
-def test_a_ledger_that_is_only_read_is_not_changed_and_locks_nobody_out(tmp_path):
+def test_a_ledger_that_is_only_read_is_not_changed_and_locks_no_process_out(tmp_path):
     with Ledger(tmp_path / "l") as writer:
         writer.append(key(1), ended(1))
         with (tmp_path / "l").open("ab") as file:

@@ -74,13 +74,13 @@ def test_batch_run_of_mesa_3_3_repeats_one_run_if_the_seed_is_fixed():
     assert len({row["place"] for row in rows}) == 1
 
 
-def test_batch_run_without_a_seed_gives_runs_that_nobody_can_have_again():
+def test_batch_run_without_a_seed_gives_runs_that_no_caller_can_have_again():
     twice = [mesa.batch_run(Counted, {}, max_steps=3, **QUIET)[0] for _ in range(2)]
     assert twice[0]["place"] != twice[1]["place"]
     assert twice[0].get("rng") is None
 
 
-def test_sweep_gives_different_runs_that_anybody_can_have_again(tmp_path):
+def test_sweep_gives_different_runs_that_any_caller_can_have_again(tmp_path):
     first, second = (sweep(Counted, seeds=3, steps=3, out=tmp_path / name, jobs=1).frame() for name in "ab")
     assert len(set(first["place"])) == 3
     assert first.equals(second)
@@ -112,7 +112,7 @@ def test_batch_run_keeps_every_row_of_every_run_in_memory_and_sweep_none(tmp_pat
         odd = {"odd": list(range(runs))}
         return sweep(Counted, odd, seeds=1, steps=20, out=tmp_path / str(runs), jobs=1)
 
-    few, many = 20, 120
+    few, many = 20, 320
     grown = {}
     for work in (batch, swept):
         work(2)

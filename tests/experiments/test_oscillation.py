@@ -1,4 +1,4 @@
-"""How robots that learned dither beside and before a wall: what is counted, and what the rewards do."""
+"""Oscillation of trained robots beside and before a wall: what is counted, and the effect of rewards."""
 
 import numpy as np
 import pytest
@@ -9,18 +9,18 @@ from mesa_swarm.experiments.diagnosis import MEASURES, SCENES, flips, oscillatio
 from mesa_swarm.learning import Networks, QPolicy, SensorLayout
 
 
-def kept(commands, nearest):
-    """What a robot with one sensor kept that was told this and read that."""
+def watched(commands, nearest):
+    """The watched steps of a robot with one sensor, these commands and these readings."""
     command = np.array(commands, dtype=float)[:, None, :]
     return {"command": command, "distance": np.array(nearest, dtype=float)[:, None, None]}
 
 
 def test_flips_are_counted_where_something_is_in_sight_and_per_100_such_steps():
-    told = [(1, -1), (-1, 1), (1, 1), (1, -1), (-1, -1), (1, 1)]
-    found = flips(kept(told, [10, 10, 10, 10, -1, 10]), 50.0)
+    commands = [(1, -1), (-1, 1), (1, 1), (1, -1), (-1, -1), (1, 1)]
+    found = flips(watched(commands, [10, 10, 10, 10, -1, 10]), 50.0)
     assert found["turns to and fro"] == pytest.approx(100 * 2 / 5)  # left after right, and right again after ahead
     assert found["back and forth"] == pytest.approx(100 * 1 / 5)  # the flip to backwards was out of sight
-    assert flips(kept(told, [-1] * 6), 50.0) == {"turns to and fro": 0.0, "back and forth": 0.0}
+    assert flips(watched(commands, [-1] * 6), 50.0) == {"turns to and fro": 0.0, "back and forth": 0.0}
 
 
 def always(action):

@@ -82,11 +82,11 @@ def test_a_recording_that_cannot_be_written_stops_the_sweep_and_is_no_fault_of_t
 
 
 @pytest.mark.parametrize(
-    ("record", "said"),
+    ("record", "message"),
     [({"evry": 2}, "did you mean 'every'"), ({"every": 0}, "every is 0"), ({"columns": ["x"]}, "unknown column")],
 )
-def test_wrong_options_are_refused_before_anything_is_run(tmp_path, record, said):
-    with pytest.raises(SwarmError, match=said):
+def test_wrong_options_are_refused_before_anything_is_run(tmp_path, record, message):
+    with pytest.raises(SwarmError, match=message):
         sweep(FIRE, seeds=2, steps=5, out=tmp_path, record=record)
     assert list(tmp_path.iterdir()) == []
 

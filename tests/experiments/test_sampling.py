@@ -86,12 +86,12 @@ def test_lists_and_dicts_that_are_equal_are_refused_as_values_that_are_there_twi
         grid(Listing, {name: values})
 
 
-def test_many_lists_are_told_apart_in_little_time():
+def test_many_lists_are_distinguished_in_little_time():
     with work_within(2.0):
         assert len(grid(Listing, {"sizes": [[k] for k in range(20_000)]})) == 20_000
 
 
-def test_lists_that_hold_what_can_only_be_compared_are_told_apart():
+def test_lists_that_hold_what_can_only_be_compared_are_distinguished():
     with pytest.raises(InvalidValueError, match=r"sizes has .* twice"):
         grid(Listing, {"sizes": [[bytearray(b"a")], [bytearray(b"b")], [bytearray(b"a")]]})
 
@@ -106,7 +106,7 @@ def test_points_are_equal_if_they_are_the_same_one_by_one():
     assert sample.points_of(FIRE) == sample.settings(FIRE)
 
 
-def test_points_say_in_one_short_line_what_they_are():
+def test_points_show_in_one_short_line_what_they_are():
     assert repr(Points({"a": [1, 2]}, crossed=True)) == "Points({'a': [1, 2]}, crossed=True)"
     sample = Sample("sobol", {"k1": (0.0, 1.0)}, points=1024).points_of(FIRE)
     text = repr([Points({"a": [[0.5] * 10_000] * 10_000}, crossed=True), sample])

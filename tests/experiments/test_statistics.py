@@ -119,12 +119,12 @@ def test_bootstrap_of_nothing_is_nan():
     assert math.isnan(bootstrap_mean([]).estimate)
 
 
-def test_six_is_the_first_number_of_pairs_whose_signs_can_tell():
+def test_six_is_the_first_number_of_pairs_whose_signs_can_be_significant():
     all_alike = [stats.binomtest(n, n, 0.5).pvalue for n in (FEWEST - 1, FEWEST)]
     assert all_alike[0] > 0.05 > all_alike[1]
 
 
-def test_where_the_bootstrap_hands_over_to_student_both_say_the_same():
+def test_where_the_bootstrap_hands_over_to_student_both_agree():
     sample = np.random.default_rng(4).exponential(size=MOST_RESAMPLED + 1)
     before, after = bootstrap_mean(sample[:-1]), bootstrap_mean(sample)
     assert after == mean_interval(sample)
@@ -211,8 +211,8 @@ def test_pair_differences_are_second_minus_first():
 
 @given(st.integers(1, 200), st.data())
 @settings(max_examples=100, deadline=None)
-def test_share_interval_is_scipys_wilson_interval(runs, data):
-    happened = data.draw(st.integers(0, runs))
+def test_share_interval_is_scipys_wilson_interval(runs, drawn):
+    happened = drawn.draw(st.integers(0, runs))
     expected = stats.binomtest(happened, runs).proportion_ci(0.95, method="wilson")
     interval = share_interval(happened, runs)
     assert (interval.low, interval.high) == pytest.approx((expected.low, expected.high), abs=1e-9)

@@ -80,7 +80,7 @@ def test_points_that_a_sample_has_twice_are_run_once(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
+    ("wrong", "message"),
     [
         ({"varied": {"n_robotz": [1]}}, "did you mean 'n_robots'"),
         ({"varied": [{"n_robots": 1}, {"k1": 0.1}]}, "expected the same parameters"),
@@ -91,8 +91,8 @@ def test_points_that_a_sample_has_twice_are_run_once(tmp_path):
         ({"varied": {"n_robots": [10**6]}}, "do not fit"),
     ],
 )
-def test_a_wrong_sweep_is_refused_before_anything_is_run(tmp_path, wrong, said):
-    with pytest.raises(SwarmError, match=said):
+def test_a_wrong_sweep_is_refused_before_anything_is_run(tmp_path, wrong, message):
+    with pytest.raises(SwarmError, match=message):
         sweep(FIRE, **{"steps": 5, "out": tmp_path, **wrong})
     assert list(tmp_path.iterdir()) == []
 
@@ -227,7 +227,7 @@ def test_an_error_with_half_a_surrogate_is_an_outcome_that_can_be_written():
     assert error_in_words(ValueError("name \udcff")) == r"ValueError: name \udcff"
 
 
-class Telling(SwarmModel):
+class Named(SwarmModel):
     """Its results have any names; some only in the end."""
 
     def __init__(self, *, names: str = "", late: str = "", rng=None) -> None:
@@ -241,7 +241,7 @@ class Telling(SwarmModel):
 
 @pytest.mark.parametrize("names", ["recording", ",".join(f"r{k}" for k in range(5_001))])
 def test_runs_are_remembered_whatever_their_results_are_called_and_however_many_there_are(tmp_path, names):
-    made, again = (sweep(Telling, seeds=2, steps=1, settings={"names": names}, out=tmp_path, jobs=1) for _ in range(2))
+    made, again = (sweep(Named, seeds=2, steps=1, settings={"names": names}, out=tmp_path, jobs=1) for _ in range(2))
     assert (made.done_before, again.done_before) == (0, 2)
     assert len((tmp_path / "ledger.jsonl").read_text().splitlines()) == 2
     assert set(names.split(",")) <= set(again.frame().columns)
@@ -249,7 +249,7 @@ def test_runs_are_remembered_whatever_their_results_are_called_and_however_many_
 
 def test_a_result_that_is_called_recording_is_refused_where_runs_are_recorded(tmp_path):
     with pytest.raises(InvalidValueError, match="result 'recording' is named as another column; rename it"):
-        sweep(Telling, seeds=2, steps=1, settings={"names": "recording"}, out=tmp_path, jobs=1, record=True)
+        sweep(Named, seeds=2, steps=1, settings={"names": "recording"}, out=tmp_path, jobs=1, record=True)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -257,7 +257,7 @@ def test_a_result_that_is_called_recording_is_refused_where_runs_are_recorded(tm
 def test_a_run_that_ends_with_a_result_named_as_another_column_is_an_error_that_is_remembered(tmp_path, late, record):
     settings = {"names": "a", "late": late}
     made, again = (
-        sweep(Telling, seeds=2, steps=1, settings=settings, out=tmp_path, jobs=1, record=record) for _ in range(2)
+        sweep(Named, seeds=2, steps=1, settings=settings, out=tmp_path, jobs=1, record=record) for _ in range(2)
     )
-    said = f"InvalidValueError: result '{late}' is named as another column; rename it in results()"
-    assert (made.failed, again.done_before, again.errors) == (2, 2, (said,))
+    message = f"InvalidValueError: result '{late}' is named as another column; rename it in results()"
+    assert (made.failed, again.done_before, again.errors) == (2, 2, (message,))

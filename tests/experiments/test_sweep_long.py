@@ -64,7 +64,7 @@ sweep(find_model("fire_fighting"), seeds=3, steps=5, out={out!r}, jobs=1, progre
 """
 
 
-def said_by(tmp_path, program, *words):
+def printed_by(tmp_path, program, *words):
     script = tmp_path / "program.py"
     script.write_text(program)
     tests = Path(__file__).parents[1]
@@ -79,33 +79,33 @@ def said_by(tmp_path, program, *words):
 @pytest.mark.skipif(find_spec("psutil") is None, reason="needs psutil, which comes with the extra [cluster]")
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_memory_does_not_grow_with_the_number_of_runs(tmp_path, jobs):
-    few, many = map(int, said_by(tmp_path, MEMORY, tmp_path, jobs))
+    few, many = map(int, printed_by(tmp_path, MEMORY, tmp_path, jobs))
     assert many - few < 2_000 * 2_000, "2 kB a run: a model has a hundred times as much"
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(find_spec("distributed") is None, reason="needs the extra [cluster]")
 def test_a_dask_worker_that_falls_silent_is_noticed_and_its_runs_are_done_by_others(tmp_path):
-    noticed, ended = said_by(tmp_path, VANISHED, tmp_path)
+    noticed, ended = printed_by(tmp_path, VANISHED, tmp_path)
     assert (noticed, ended) == ("True", "16 0")
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(find_spec("ipykernel") is None, reason="needs a Jupyter kernel")
 def test_a_notebook_shows_the_time_left_and_when_it_will_be_done(tmp_path):
-    from jupyter_client.manager import start_new_kernel  # noqa: PLC0415 - comes with the kernel
+    from jupyter_client.kernel import start_new_kernel  # noqa: PLC0415 - comes with the kernel
 
-    said = []
-    manager, client = start_new_kernel(kernel_name="python3", cwd=str(Path(__file__).parents[2]))
+    contents = []
+    kernel, client = start_new_kernel(kernel_name="python3", cwd=str(Path(__file__).parents[2]))
     try:
         code = CELL.format(out=str(tmp_path / "out"))
         reply = client.execute_interactive(
-            code, timeout=300, output_hook=lambda message: said.append(message["content"])
+            code, timeout=300, output_hook=lambda message: contents.append(message["content"])
         )
     finally:
         client.stop_channels()
-        manager.shutdown_kernel(now=True)
-    assert reply["content"]["status"] == "ok", said
-    text = "".join(content.get("text", "") for content in said if isinstance(content.get("text"), str))
+        kernel.shutdown_kernel(now=True)
+    assert reply["content"]["status"] == "ok", contents
+    text = "".join(content.get("text", "") for content in contents if isinstance(content.get("text"), str))
     assert "3/3 runs" in text
     assert "left, done at" in text

@@ -122,7 +122,7 @@ def test_as_many_robots_as_needed_just_hold_a_fire():
     assert held == pytest.approx(0.5, abs=1e-15)
 
 
-def test_the_history_has_a_row_every_so_many_steps():
+def test_the_history_has_a_row_after_the_steps_that_are_due():
     model = SwarmModel(map="openspace_fire", rng=1, history_every=5)
     model.run(23)
     assert model.fires.history.steps.tolist() == [5, 10, 15, 20]

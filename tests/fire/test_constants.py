@@ -1,4 +1,4 @@
-"""From wished-for properties to constants, and the words that go with them."""
+"""From required properties to constants, and their remarks."""
 
 import math
 import warnings
@@ -12,10 +12,10 @@ from mesa_swarm.fire import FireConstants, design_constants, robots_needed
 from mesa_swarm.fire.burning import next_temperature
 
 
-def quiet(**wishes):
+def quiet(**required):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FireConstantsWarning)
-        return design_constants(**wishes)
+        return design_constants(**required)
 
 
 def steps_until_out(constants, area, robots, temperature):
@@ -91,21 +91,21 @@ def test_the_defaults_come_without_a_warning():
 
 
 @pytest.mark.parametrize(
-    ("wishes", "words"),
+    ("required", "words"),
     [
         ({"robots": 1, "extinguish_time": 100}, "one robot suffices"),
-        ({"robots": 5000, "extinguish_time": 1e5}, "nobody will put it out"),
+        ({"robots": 5000, "extinguish_time": 1e5}, "the robots cannot put it out"),
         ({"rest_time": 1e6}, "join is 0"),
     ],
 )
-def test_wishes_that_defeat_the_task_are_said_in_words(wishes, words):
+def test_requirements_that_defeat_the_task_are_remarked_on(required, words):
     with pytest.warns(FireConstantsWarning, match=words):
-        constants = design_constants(**wishes)
+        constants = design_constants(**required)
     assert any(words in remark for remark in constants.remarks)
 
 
 @pytest.mark.parametrize(
-    "wishes",
+    "required",
     [
         {"growth_time": 0},
         {"growth_time": math.nan},
@@ -115,9 +115,9 @@ def test_wishes_that_defeat_the_task_are_said_in_words(wishes, words):
         {"stay_time": math.inf},
     ],
 )
-def test_wishes_out_of_range_are_refused_by_name(wishes):
-    with pytest.raises(InvalidValueError, match=next(iter(wishes))):
-        design_constants(**wishes)
+def test_requirements_out_of_range_are_refused_by_name(required):
+    with pytest.raises(InvalidValueError, match=next(iter(required))):
+        design_constants(**required)
 
 
 def test_leaving_and_joining_at_the_same_heat_is_refused():

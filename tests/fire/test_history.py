@@ -5,7 +5,7 @@ import numpy as np
 from mesa_swarm import SwarmModel
 
 
-def test_every_fire_keeps_its_column_when_another_is_removed():
+def test_every_fire_has_the_same_column_when_another_is_removed():
     model = SwarmModel(map="openspace_fire", rng=1)
     for k, fire in enumerate(model.fires):
         fire.temperature = 0.1 * (k + 1)

@@ -47,7 +47,7 @@ def test_under_b_the_robot_returns_to_the_same_fire_when_it_has_cooled():
 
 
 @pytest.mark.parametrize("steps", [5, 150], ids=["that extinguishes", "that waits until it has cooled"])
-def test_a_robot_at_a_fire_says_so_and_where_it_sees_the_fire(steps):
+def test_a_robot_at_a_fire_broadcasts_where_it_sees_the_fire(steps):
     model = at_the_large_fire("B", 1, steps)
     assert model.swarm.task.tolist() == [0]
     (x, y), (ahead, left), heading = model.swarm.position[0], model.swarm.goal[0], model.swarm.heading[0]
@@ -57,7 +57,7 @@ def test_a_robot_at_a_fire_says_so_and_where_it_sees_the_fire(steps):
 
 
 @pytest.mark.parametrize("strategy", ["A", "B"])
-def test_robots_that_neither_extinguish_nor_wait_say_nothing(strategy):
+def test_robots_that_neither_extinguish_nor_wait_broadcast_nothing(strategy):
     model = FireFighting(strategy=strategy, rng=2)
     for _ in range(600):
         before = model.swarm.fire >= 0, model.swarm.hot.copy()

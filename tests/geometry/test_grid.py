@@ -20,7 +20,7 @@ def grids(draw):
 
 
 def cell_of(x, y, grid):
-    """Return the cell of a point as the words say it: the nearest cell if it is outside."""
+    """Return the cell of a point, the nearest cell if it is outside."""
     column = min(max(int(np.floor((x - grid.x) / grid.cell)), 0), grid.columns - 1)
     row = min(max(int(np.floor((y - grid.y) / grid.cell)), 0), grid.rows - 1)
     return column + grid.columns * row

@@ -44,16 +44,16 @@ def test_what_is_no_geometry_is_refused():
 
 
 @pytest.mark.parametrize("crowd", [1, 400, 3000])
-def test_each_of_many_solids_that_is_no_geometry_is_refused(crowd):
+def test_each_of_many_solids_that_is_not_a_geometry_is_refused(crowd):
     with pytest.raises(InvalidValueError, match="solids holds None; expected valid Shapely geometries"):
         room_to_try((0, 0, 9, 9), [(None, 1.0)] * crowd, 1.0, 16)
 
 
 def spiked(spikes, inner, outer):
-    """Return a star of so many spikes about (50, 50)."""
-    angle = np.arange(2 * spikes) * math.pi / spikes
+    """Return a star about (50, 50)."""
+    azimuth = np.arange(2 * spikes) * math.pi / spikes
     far = np.where(np.arange(2 * spikes) % 2, inner, outer)
-    return shapely.Polygon(50 + np.column_stack([np.cos(angle), np.sin(angle)]) * far[:, None])
+    return shapely.Polygon(50 + np.column_stack([np.cos(azimuth), np.sin(azimuth)]) * far[:, None])
 
 
 def test_a_star_of_thousands_of_spikes_is_grown_within_seconds_and_nothing_is_called_free_that_is_not():
@@ -70,7 +70,7 @@ def test_a_star_of_thousands_of_spikes_is_grown_within_seconds_and_nothing_is_ca
 
 
 def test_a_round_outline_of_very_many_corners_is_grown_whole():
-    angle = np.linspace(0, math.tau, 50_000, endpoint=False)
-    ring = shapely.Polygon(50 + 20 * np.column_stack([np.cos(angle), np.sin(angle)]))
+    azimuth = np.linspace(0, math.tau, 50_000, endpoint=False)
+    ring = shapely.Polygon(50 + 20 * np.column_stack([np.cos(azimuth), np.sin(azimuth)]))
     room = room_to_try((0, 0, 100, 100), [(ring, 0.0)], 5.0, 16)
     assert room.area == pytest.approx(90**2 - math.pi * 25**2, rel=1e-3)

@@ -183,14 +183,14 @@ def test_rays_never_see_a_disc_nearer_than_the_sector_does(x, y, radius, width, 
 
 
 @given(coordinates, coordinates, radii, st.integers(1, 20))
-def test_rays_look_where_ray_azimuth_says(x, y, radius, rays):
+def test_rays_look_along_ray_azimuth(x, y, radius, rays):
     azimuths = [ray_azimuth(k, rays, 0.7) for k in range(rays)]
     hits = [ray_to_disc(x, y, radius, math.cos(a), math.sin(a)) for a in azimuths]
     assert rays_to_disc(x, y, radius, 0.7, rays, RANGE) == within(min(hits))
 
 
 @given(coordinates, coordinates, coordinates, coordinates, st.integers(1, 20))
-def test_rays_meet_a_segment_where_shapely_says(ax, ay, bx, by, rays):
+def test_rays_meet_a_segment_where_shapelys_do(ax, ay, bx, by, rays):
     azimuths = [ray_azimuth(k, rays, 0.7) for k in range(rays)]
     lines = [LineString([(0, 0), (200 * math.cos(a), 200 * math.sin(a))]) for a in azimuths]
     line = LineString([(ax, ay), (bx, by)])
@@ -208,7 +208,7 @@ def test_rays_meet_a_segment_where_shapely_says(ax, ay, bx, by, rays):
 
 @settings(max_examples=400)
 @given(coordinates, coordinates, radii, widths)
-def test_a_disc_is_as_far_as_shapely_says(x, y, radius, width):
+def test_a_disc_is_as_far_as_shapelys(x, y, radius, width):
     eye, centre = view(width), Point(x, y)
     # Where an edge of the sector only just grazes the rim, whether it is seen is a matter of rounding.
     assume(all(abs(ray.distance(centre) - radius) > 1e-6 for ray in eye.rays))
@@ -219,7 +219,7 @@ def test_a_disc_is_as_far_as_shapely_says(x, y, radius, width):
 
 @settings(max_examples=400)
 @given(coordinates, coordinates, coordinates, coordinates, widths)
-def test_a_segment_is_as_far_as_shapely_says(ax, ay, bx, by, width):
+def test_a_segment_is_as_far_as_shapelys(ax, ay, bx, by, width):
     eye, line = view(width), LineString([(ax, ay), (bx, by)])
     # An end on an edge of the sector, or the apex on the segment: in or out is a matter of rounding.
     assume(all(ray.distance(Point(end)) > 1e-6 for ray in eye.rays for end in line.coords))
@@ -246,7 +246,7 @@ def test_thousands_of_rays_see_a_disc_no_nearer_and_hardly_farther_than_the_sect
 
 @settings(max_examples=100)
 @given(st.integers(0, 2**32 - 1), widths)
-def test_thousands_of_points_of_a_segment_are_no_nearer_and_hardly_farther_than_the_sector_says(seed, width):
+def test_thousands_of_points_of_a_segment_are_no_nearer_and_hardly_farther_than_the_sector(seed, width):
     rng = np.random.default_rng(seed)
     a, b = rng.uniform(-50, 50, (2, 2))
     points = a + np.linspace(0, 1, 100_001)[:, None] * (b - a)

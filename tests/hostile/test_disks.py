@@ -33,7 +33,7 @@ pytestmark = pytest.mark.slow
 
 DISK_KILOBYTES = 4096
 OLD = b"what stood there before\n" * 400
-KEPT = re.compile(r"its (\d+) rows so far are kept")
+REMAINING = re.compile(r"its (\d+) rows so far remain")
 JOB = "model = 'fire_fighting'\nsteps = 12\nseeds = 2\nrobots = 2\n"
 WORKING = (
     "experiments.compare",
@@ -282,7 +282,7 @@ def check(writer, out, status, lines):
     for name in found:
         if name.endswith(".arrow") and (content := (out / name).read_bytes()) != OLD:
             rows = len(Recording(out / name))
-            kept = [int(number) for line in lines for number in KEPT.findall(line)]
+            kept = [int(number) for line in lines for number in REMAINING.findall(line)]
             assert Recording(out / name).complete or rows in kept or not writer.files, f"{name}: {rows} rows, {lines}"
             assert rows, f"{name} has no rows, {len(content)} bytes"
     if not status:

@@ -1,4 +1,4 @@
-"""Whatever stands in a recording, each reader of it answers, or refuses in one line, with bounded time and memory."""
+"""Whatever a recording contains, each reader of it answers, or refuses in one line, with bounded time and memory."""
 
 import json
 import warnings
@@ -35,7 +35,7 @@ def whole_columns(path, place):
     for name in recording.columns:
         try:
             recording[name]
-        except ValueError:  # a table, or robots came and went
+        except ValueError:  # a table, or robots were added or removed
             recording.to_pandas(name) if name in ("fires", "contacts", "loads") else None
     recording.to_pandas()
 
@@ -90,9 +90,9 @@ def resumed_early(path, place):
         SwarmModel.resume(path, step=recording[0].step)
 
 
-def written(ending, **asked):
+def written(ending, **options):
     def reader(path, place):
-        export(path, place / f"out{ending}", overwrite=True, **asked)
+        export(path, place / f"out{ending}", overwrite=True, **options)
 
     reader.__name__ = f"export_{ending[1:]}"
     return reader
@@ -104,7 +104,7 @@ RARE = (*READERS, written(".html"), written(".svg", animate=True), written(".gif
 
 
 def read_all(path, place, readers=READERS):
-    """Let each reader have its turn, and raise what none of them may raise; or that all have refused."""
+    """Call each reader; raise what none of them may raise, or that all have refused."""
     refused = None
     for reader in readers:
         try:
@@ -119,8 +119,8 @@ def read_all(path, place, readers=READERS):
         raise refused
 
 
-def by_hand(model, change, path, **asked):
-    with model.record(path, **asked):
+def by_hand(model, change, path, **options):
+    with model.record(path, **options):
         model.run(STEPS // 3)
         change(model)
         model.run(STEPS - STEPS // 3)
@@ -147,7 +147,8 @@ def recordings(tmp_path_factory):
         "loads": (CooperativeTransport(n_robots=2, rng=1), nothing, {"checkpoint_every": 1000, "exact": True}),
     }
     paths = {
-        name: by_hand(model, change, home / f"{name}.arrow", **asked) for name, (model, change, asked) in made.items()
+        name: by_hand(model, change, home / f"{name}.arrow", **options)
+        for name, (model, change, options) in made.items()
     }
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

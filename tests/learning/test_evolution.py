@@ -1,4 +1,4 @@
-"""The search: it finds what is known, is told from a diary to the bit, and refuses what is no fitness."""
+"""The search: it finds a known optimum, is repeated from its history bit for bit, and refuses bad fitnesses."""
 
 import math
 
@@ -13,9 +13,9 @@ def sphere(x):
     return -float(((x - 1.5) ** 2).sum())
 
 
-def searched(generations, seed=1, told=()):
+def searched(generations, seed=1, history=()):
     search = Evolution(np.zeros(6), sigma=0.5, population=10, seed=seed)
-    for fitness in told:
+    for fitness in history:
         search.tell(fitness)
     while search.generations < generations:
         search.tell([sphere(x) for x in search.ask()])
@@ -27,15 +27,15 @@ def test_finds_the_middle_of_a_sphere(seed):
     assert np.abs(searched(120, seed).mean - 1.5).max() < 1e-5
 
 
-def test_a_search_that_is_told_the_same_again_goes_on_to_the_bit():
+def test_a_search_with_the_same_history_continues_bit_for_bit():
     whole = searched(12)
-    again = searched(12, told=whole.told[:7])
-    assert again.told == whole.told
+    again = searched(12, history=whole.history[:7])
+    assert again.history == whole.history
     assert (again.mean == whole.mean).all()
     assert all((a == b).all() for a, b in zip(again.means, whole.means, strict=True))
 
 
-def test_asks_the_same_until_it_is_told():
+def test_asks_the_same_until_tell():
     search = searched(2)
     first = search.ask()
     first[:] = 0
@@ -54,7 +54,7 @@ def test_a_fitness_that_is_no_number_is_refused_with_candidate_and_generation_an
 
 
 def test_a_wrong_number_of_fitnesses_is_refused():
-    with pytest.raises(LearningError, match="3 fitnesses were told; expected 10"):
+    with pytest.raises(LearningError, match="3 fitnesses given; expected 10"):
         searched(0).tell([1.0, 2.0, 3.0])
 
 

@@ -142,7 +142,7 @@ def test_learns_of_its_own_actions_only():
     assert driven.run(3).steps == 3
 
 
-def test_divergence_is_told_with_robot_and_step_and_what_was_learned_is_kept():
+def test_divergence_names_robot_and_step_and_leaves_what_was_learned():
     model = learning(20)
     kept = weights(model)
     column(model, "expected")[1] = math.inf
@@ -153,10 +153,10 @@ def test_divergence_is_told_with_robot_and_step_and_what_was_learned_is_kept():
     assert (weights(model)[1] == kept[1]).all()
 
 
-def test_expectations_that_grow_beyond_all_bounds_are_told_of_before_they_overflow():
+def test_diverging_expectations_are_refused_before_they_overflow():
     model = learning(20)
     column(model, "usual")[1] = 1e12
-    with pytest.raises(LearningError, match="grows beyond all bounds; lower average or gamma") as caught:
+    with pytest.raises(LearningError, match="grow beyond all bounds; lower average or gamma") as caught:
         model.step()
     assert "\n" not in str(caught.value)
     assert column(model, "usual")[1] == 1e12

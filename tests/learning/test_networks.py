@@ -131,12 +131,12 @@ ROW = np.linspace(-1, 1, 50)
 @pytest.mark.parametrize(
     ("x", "y", "rng", "says"),
     [
-        (ROW[:3], ROW[:4], np.random.default_rng(1), "^x has 3 numbers and y 4; expected as many of both"),
+        (ROW[:3], ROW[:4], np.random.default_rng(1), "^x has 3 numbers and y 4; expected equal lengths"),
         ([], [], np.random.default_rng(1), "^x is .*; expected a row of finite numbers"),
         (ROW, ROW[:, None], np.random.default_rng(1), "^y is .*; expected a row"),
         ("far", ROW, np.random.default_rng(1), "^x is .*; expected a row"),
         (ROW, np.full(50, np.nan), np.random.default_rng(1), "^y is .*; expected a row"),
-        (ROW, ROW, 1, "^rng is 1; expected numpy.random.default_rng"),
+        (ROW, ROW, 1, "^rng is 1; expected a generator such as numpy.random.default_rng"),
     ],
 )
 def test_what_cannot_be_fitted_is_refused_by_name(x, y, rng, says):

@@ -1,4 +1,4 @@
-"""Policies: act, by which set each robot does, what they are told and return; what is refused, in one line."""
+"""Policies: actions, sets of weights, inputs and outputs of a layer; what is refused, in one line."""
 
 from dataclasses import replace
 
@@ -159,7 +159,7 @@ def test_chances_that_are_not_a_number_a_robot_are_refused(policy, chance):
         policy.act(readings, kinds, chance)
 
 
-def test_an_untrained_policy_refuses_unless_told_to_explore():
+def test_an_untrained_policy_refuses_to_drive_without_explore():
     policy = QPolicy.untrained(AGENT9, rng=np.random.default_rng(1))
     with pytest.raises(LearningError, match="the policy is untrained"):
         PolicyLayer(policy=policy)

@@ -26,8 +26,8 @@ def file(policy, tmp_path):
 
 def same_policy(one, other):
     weights = zip(one.networks.weights, other.networks.weights, strict=True)
-    told = [(policy.sensors, policy.steps, policy.settings()) for policy in (one, other)]
-    return all((a == b).all() for a, b in weights) and told[0] == told[1]
+    fields = [(policy.sensors, policy.steps, policy.settings()) for policy in (one, other)]
+    return all((a == b).all() for a, b in weights) and fields[0] == fields[1]
 
 
 def test_a_file_gives_back_all_of_it(policy, file):
@@ -45,21 +45,21 @@ def test_learning_goes_on_where_a_saved_policy_left_off(policy, file):
 
 
 def test_numpys_numbers_among_the_figures_are_kept_as_numbers(tmp_path):
-    told = {
+    figures = {
         "seen": np.int64(3),
         "share": np.float32(0.5),
         "good": np.True_,
         "long": np.longdouble(2),
         "name": np.str_("Ada"),
     }
-    policy = learned(trained(steps=2), **told)
+    policy = learned(trained(steps=2), **figures)
     kept = load_policy(save_policy(policy, tmp_path / "a.npz")).training
     assert {"seen": 3, "share": 0.5, "good": True, "long": 2.0}.items() <= kept.items()
 
 
 @pytest.mark.parametrize("figure", [np.float32("nan"), np.datetime64("2020-01-01"), np.complex64(1), np.clongdouble(1)])
 def test_numpys_other_figures_are_refused(tmp_path, figure):
-    with pytest.raises(LearningError, match="no text or finite number"):
+    with pytest.raises(LearningError, match="may only hold texts and finite numbers"):
         save_policy(learned(trained(steps=2), figure=figure), tmp_path / "a.npz")
 
 
@@ -71,7 +71,7 @@ def test_what_is_no_path_is_refused(policy):
 
 @pytest.mark.parametrize("policy", ["x", QPolicy, None])
 def test_what_is_no_policy_cannot_be_saved(tmp_path, policy):
-    with pytest.raises(InvalidValueError, match=r"^policy is .*; expected what load_policy\(\) returns"):
+    with pytest.raises(InvalidValueError, match=r"^policy is .*; expected a policy such as from load_policy\(\)"):
         save_policy(policy, tmp_path / "a.npz")
 
 
@@ -107,7 +107,7 @@ def refused(file):
         ({"family": ["q"]}, "family"),
         ({"sensors": {"bearings": [0]}}, "incomplete"),
         ({"sensors": None}, "incomplete"),
-        ({"sensors": {"bearings": [0], "ranges": [1, 2], "fields_of_view": [1]}}, "not as many"),
+        ({"sensors": {"bearings": [0], "ranges": [1, 2], "fields_of_view": [1]}}, "differ in number"),
         ({"sensors": {"bearings": [0], "ranges": [1], "fields_of_view": [1]}}, "expected 1 inputs"),
         ({"steps": -1}, "steps is -1"),
         ({"training": 5}, "incomplete"),
@@ -119,8 +119,8 @@ def refused(file):
         ({"outer": None}, "q policy has"),
         ({"outer": np.zeros(3)}, "outer is an array of float64, shape (3,)"),
         ({"outer": np.full((24, 18), np.nan)}, "finite"),
-        ({"outer": np.zeros((24, 18), complex)}, "finite numbers"),
-        ({"outer": np.array(["a"])}, "finite numbers"),
+        ({"outer": np.zeros((24, 18), complex)}, "finite float64 numbers"),
+        ({"outer": np.array(["a"])}, "finite float64 numbers"),
         ({"header": None}, "no header"),
         ({"header": np.zeros(3)}, "no header"),
         ({"header": np.frombuffer(b"[" * 10_000, np.uint8)}, "not JSON"),
@@ -180,7 +180,7 @@ def test_members_of_one_name_twice_are_refused(file):
     np.save(buffer, np.zeros(3))
     with pytest.warns(UserWarning, match="Duplicate"), zipfile.ZipFile(file, "a") as archive:
         archive.writestr("outer.npy", buffer.getvalue())
-    assert "two arrays of one name" in refused(file)
+    assert "two arrays of the same name" in refused(file)
 
 
 @pytest.mark.parametrize(
@@ -217,6 +217,6 @@ def test_a_file_that_cannot_be_written_is_refused(policy, tmp_path, name):
 
 def test_training_figures_that_json_does_not_know_are_refused(policy, tmp_path):
     wrong = learned(trained(steps=2), curve=np.zeros(3))
-    with pytest.raises(LearningError, match="no text or finite number"):
+    with pytest.raises(LearningError, match="may only hold texts and finite numbers"):
         save_policy(wrong, tmp_path / "a.npz")
     assert not list(tmp_path.iterdir())

@@ -264,16 +264,16 @@ def test_what_a_learner_knew_when_it_diverged_can_be_had_and_driven_by(options):
 
 
 def test_every_step_after_a_divergence_stays_finite_and_tells_of_it_or_learns():
-    model, told = learning(robots=5, rng=3, **HASTY), 0
+    model, diverged = learning(robots=5, rng=3, **HASTY), 0
     for _ in range(1500):
         lessons = columns(model, "lessons")[0].sum()
         try:
             model.step()
         except LearningError:
-            told += 1
+            diverged += 1
         else:
             assert columns(model, "lessons")[0].sum() == lessons + (5 if model.steps > 1 else 0)
-    assert told > 1
+    assert diverged > 1
     assert all(np.isfinite(part).all() for part in columns(model, *PARTS))
 
 

@@ -187,9 +187,9 @@ def test_what_is_no_policy_is_refused_in_one_line(changed):
     ],
 )
 def test_what_it_cannot_act_on_is_refused_in_one_line(given_):
-    told = {"readings": np.zeros((2, 9)), "kinds": np.zeros((2, 9)), **given_}
+    inputs = {"readings": np.zeros((2, 9)), "kinds": np.zeros((2, 9)), **given_}
     with pytest.raises(SwarmError) as caught:
-        drawn().act(**told)
+        drawn().act(**inputs)
     assert "\n" not in str(caught.value)
 
 

@@ -92,7 +92,7 @@ def test_a_policy_of_it_is_saved_drives_and_is_gone_on_with(tmp_path):
         QLearning(start=policy)
 
 
-def test_divergence_is_told_and_nothing_is_lost():
+def test_divergence_is_an_error_and_nothing_is_lost():
     model = learning().run(3)
     model.swarm.columns["0.WireFittedQ.reward"][:] = 0.0
     model.swarm.columns["0.WireFittedQ.outer_bias"][1, 2] = np.nan

@@ -19,7 +19,7 @@ GLIDER = RobotDesign(name="glider", drive=HolonomicDrive())
 
 
 @given(speed=st.floats(0, 1), azimuth=st.floats(-3, 3), heading=st.floats(-3, 3))
-def test_a_holonomic_robot_goes_exactly_where_it_is_told_in_its_own_frame_and_does_not_turn(speed, azimuth, heading):
+def test_a_holonomic_robot_moves_exactly_as_commanded_in_its_own_frame_and_does_not_turn(speed, azimuth, heading):
     x, y = 0.999 * speed * math.cos(azimuth), 0.999 * speed * math.sin(azimuth)
     model = alone(x, y, 7, (200, 150, heading), GLIDER)
     cosine, sine = math.cos(heading), math.sin(heading)
@@ -71,7 +71,7 @@ def test_the_slip_of_a_holonomic_robot_at_a_wall_is_all_of_what_goes_into_it_and
 
 
 @pytest.mark.parametrize("heading", [0.3, -0.7, 0.9])
-def test_slip_is_told_in_the_frame_of_a_holonomic_robot(heading):
+def test_slip_is_measured_in_the_frame_of_a_holonomic_robot(heading):
     # It asks for (0.8, 0.5) in its own frame; of that the wall leaves what is along it, the direction +y.
     model = alone(0.8, 0.5, 1, (395, 150, heading), GLIDER, turn_angle_degrees=90)
     along = 0.8 * math.sin(heading) + 0.5 * math.cos(heading)

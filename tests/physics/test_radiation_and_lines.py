@@ -59,7 +59,7 @@ def test_a_fire_whose_temperature_is_set_is_felt_at_the_new_one_even_after_a_loo
 # ---- ground marks
 
 
-def test_a_line_sensor_tells_whether_its_point_is_over_a_mark():
+def test_a_line_sensor_reads_whether_its_point_is_over_a_mark():
     model, robot = looker(LineSensor(mount=(5, 0)), LineSensor(mount=(-5, 0)), LineSensor(mount=(0, 5)))
     model.add_obstacle(rectangle((203, 140), (210, 160), contact=False))
     model.add_obstacle(disc((200, 158), 3.5, contact=False))

@@ -20,7 +20,7 @@ def slipping(probability, magnitude, n=1, steps=1, rng=1):
     return model.run(steps), start
 
 
-def test_wheels_that_always_slip_roll_at_the_rest_and_say_so():
+def test_wheels_that_always_slip_roll_at_the_rest_which_slip_reports():
     model, start = slipping(1.0, 0.25, n=20, steps=4)
     assert (model.swarm.slip == 0.25).all()
     assert np.hypot(*(model.swarm.position - start).T) == pytest.approx(np.full(20, 3.0), abs=1e-9)

@@ -116,7 +116,7 @@ def test_a_load_that_is_under_way_goes_on_bit_by_bit():
 
 
 class Counting:
-    """A layer of one's own that keeps a plain value and draws random numbers."""
+    """A custom layer that has a plain value and draws random numbers."""
 
     name = "Counting"
 
@@ -125,13 +125,13 @@ class Counting:
 
     def bind(self, swarm, prefix, rng):
         self._swarm, self._rng = swarm, rng
-        self.kept = swarm.remember(f"{prefix}.kept", (), np.float64, 0.0)
+        self.sum = swarm.remember(f"{prefix}.sum", (), np.float64, 0.0)
 
     def decide(self, senses, command, layer, index):
         self.count += 1
         free = layer < 0
         command[free] = self._rng.uniform(-1, 1, (int(free.sum()), 2)) * (self.count % 3)
-        self.kept[:] += command[:, 0]
+        self.sum[:] += command[:, 0]
         layer[free] = index
 
 
@@ -164,7 +164,7 @@ class Own(SwarmModel):
         self.add_robots(AGENT9, 4)
         self.control = Subsumption(timid, Counting())
         self.learner, self.dice = Learner(), self.streams["dice"]
-        self.seen = {"steps": deque(maxlen=5), (1, 2): {3, 4}, "far": np.inf, "nobody": None}
+        self.seen = {"steps": deque(maxlen=5), (1, 2): {3, 4}, "far": np.inf, "nothing": None}
         self.leader, self.after = self.robots[2], 0
 
     def step(self):
@@ -196,35 +196,35 @@ def test_attributes_layers_and_learners_of_ones_own_go_on(tmp_path):
 
 def test_what_cannot_be_stored_is_named():
     model = FireFighting(rng=1)
-    for value, said in (
+    for value, message in (
         (object(), "friend is <object"),
         (lambda: 1, "friend is <function"),
         ([[object()]], "friend is"),
     ):
         model.friend = value
-        with pytest.raises(RecordingError, match=said):
+        with pytest.raises(RecordingError, match=message):
             checkpoint_of(model)
     model.friend = deque()
     model.friend.append(model.friend)
     with pytest.raises(RecordingError, match="nested more than"):
         checkpoint_of(model)
     model.friend = np.random.Generator(np.random.MT19937(1))
-    with pytest.raises(RecordingError, match="take PCG64"):
+    with pytest.raises(RecordingError, match="use PCG64"):
         checkpoint_of(model)
 
 
-def test_a_control_that_is_code_of_ones_own_and_was_set_by_hand_is_refused():
+def test_a_control_with_a_custom_rule_that_was_set_by_hand_is_refused():
     model = SwarmModel(rng=1)
     model.add_robots(AGENT9, 2)
     model.control = Subsumption(timid)
-    with pytest.raises(RecordingError, match=r"checkpoint of step 3 cannot be restored: .*code of one's own"):
+    with pytest.raises(RecordingError, match=r"checkpoint of step 3 cannot be restored: .*custom rule"):
         restore(SwarmModel(rng=1), checkpoint_of(model.run(3)))
 
 
 def test_a_state_that_comes_out_otherwise_is_refused():
     checkpoint = stored(FireFighting(rng=1).run(5))
     checkpoint.state_hash = "0" * 32
-    with pytest.raises(RecordingError, match="does not give the state that was stored"):
+    with pytest.raises(RecordingError, match="does not match its state hash"):
         restore(FireFighting(rng=1), checkpoint)
 
 
@@ -256,12 +256,12 @@ def check_hostile(seed, count):
     assert refused > count / 3
 
 
-def test_facts_that_somebody_changed_are_refused_or_do_no_harm():
+def test_forged_facts_are_refused_or_do_no_harm():
     check_hostile(1, 60)
 
 
 @pytest.mark.slow
-def test_facts_that_somebody_changed_are_refused_or_do_no_harm_in_many_tries():
+def test_forged_facts_are_refused_or_do_no_harm_in_many_tries():
     check_hostile(2, 2000)
 
 
@@ -286,7 +286,7 @@ def test_a_single_event_in_the_schedule_is_seen_between_steps_and_while_one_is_t
         model.run(4)
         model.schedule_event(model.sense, at=50.0)
         model.run(2)
-        assert "schedule holds events" in recorder.why_no_checkpoint
+        assert "schedule has events" in recorder.why_no_checkpoint
     assert recorder.checkpoints == (0,)
 
 

@@ -30,8 +30,8 @@ VALUES = st.recursive(
 
 def through_bytes(value):
     packed = Packed()
-    kept = Checkpoint(step=7, state_hash="ab", facts={"value": packed.pack(value)}, arrays=packed.arrays)
-    again = from_bytes(to_bytes(kept))
+    checkpoint = Checkpoint(step=7, state_hash="ab", facts={"value": packed.pack(value)}, arrays=packed.arrays)
+    again = from_bytes(to_bytes(checkpoint))
     assert (again.step, again.state_hash) == (7, "ab")
     return Packed(again.arrays).unpack(again.facts["value"])
 

@@ -10,7 +10,7 @@ from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.models.learning_fires import LearningFires
 from mesa_swarm.recording import Recording, verify
-from mesa_swarm.recording.changes import Mark
+from mesa_swarm.recording.changes import ChangeDetector
 from mesa_swarm.robots.imperfections import ROBOTARIUM
 from support.other_code import other_code
 
@@ -87,12 +87,12 @@ CHANGES = {
     slow_down: "max_speed of robots",
     cool: "temperature of robots",
     write_column: "heading of robots",
-    take_out: "which robots, obstacles or fires there are",
-    add_robots: "which robots, obstacles or fires there are",
-    add_obstacle: "which robots, obstacles or fires there are",
-    add_fire: "which robots, obstacles or fires there are",
+    take_out: "set of robots, obstacles or fires",
+    add_robots: "set of robots, obstacles or fires",
+    add_obstacle: "set of robots, obstacles or fires",
+    add_fire: "set of robots, obstacles or fires",
     feed_fire: "temperature of fires",
-    put_out: "which robots, obstacles or fires there are",
+    put_out: "set of robots, obstacles or fires",
     change_constants: "fire_constants",
     spoil: "imperfect",
     replace_control: "control",
@@ -116,9 +116,9 @@ def recorded(path, change, **how):
 @pytest.mark.parametrize("change", CHANGES, ids=lambda change: change.__name__)
 def test_a_run_that_was_changed_by_hand_resumes_at_any_step_and_is_verified(change, tmp_path):
     recording, hashes = recorded(tmp_path / "run.arrow", change)
-    (told,) = recording.interventions
-    assert (told.step, told.checkpoint, recording.checkpoints) == (HAND, 1, (0, HAND))
-    assert CHANGES[change] in told.what
+    (intervention,) = recording.interventions
+    assert (intervention.step, intervention.checkpoint, recording.checkpoints) == (HAND, 1, (0, HAND))
+    assert CHANGES[change] in intervention.what
     for step in (HAND - 1, HAND, HAND + 1, LAST - 1):
         again = SwarmModel.resume(recording.path, step=step)
         assert (again.steps, again.completed) == (step, step)
@@ -129,12 +129,12 @@ def test_a_run_that_was_changed_by_hand_resumes_at_any_step_and_is_verified(chan
                 assert again.state_hash() == hashes[later]
     verification = verify(recording, FireFighting)
     assert verification.same
-    assert verification.interventions == (told,)
-    assert f"all {LAST} rows to step {LAST} are the same; by hand were changed" in str(verification)
+    assert verification.interventions == (intervention,)
+    assert f"all {LAST} rows to step {LAST} are the same; changed by hand: " in str(verification)
     assert f"after step {HAND}" in str(verification)
 
 
-def test_looking_at_a_model_is_no_intervention(tmp_path):
+def test_reading_a_model_is_not_an_intervention(tmp_path):
     model = FireFighting(n_robots=4, rng=1)
     with model.record(tmp_path / "run.arrow"):
         for _ in range(10):
@@ -158,30 +158,30 @@ def test_the_same_with_other_observers_and_a_class_that_does_more_after_the_step
     assert verify(recording, LearningFires).same
 
 
-def test_what_was_set_to_what_it_was_is_told_too(tmp_path):
+def test_an_attribute_that_is_set_to_the_value_that_it_had_is_detected_too(tmp_path):
     model = FireFighting(n_robots=3, rng=1)
-    mark = Mark(model.run(3))
+    detector = ChangeDetector(model.run(3))
     model.robots[0].heading = model.robots[0].heading
-    assert mark.changes(model) == ["something that was set to what it was"]
+    assert detector.changes(model) == ["an attribute set to the value that it had"]
 
 
-def test_a_load_that_is_laid_elsewhere_is_noticed():
+def test_a_load_that_is_moved_is_detected():
     model = CooperativeTransport(n_robots=3, load="box", rng=2)
-    mark = Mark(model.run(2))
-    model.loads[0].lay((400.0, 200.0, 0.5))
-    assert mark.changes(model) == ["pose or resistance of loads"]
+    detector = ChangeDetector(model.run(2))
+    model.loads[0].move_to((400.0, 200.0, 0.5))
+    assert detector.changes(model) == ["pose or resistance of loads"]
 
 
-def test_an_attribute_that_came_or_went_is_noticed():
+def test_an_attribute_that_is_added_or_deleted_is_detected():
     model = FireFighting(n_robots=3, rng=1)
     model.old = 1
-    mark = Mark(model)
+    detector = ChangeDetector(model)
     del model.old
     model.new = 2
-    assert mark.changes(model) == ["old", "new"]
+    assert detector.changes(model) == ["old", "new"]
 
 
-def test_a_change_before_the_first_step_is_told(tmp_path):
+def test_a_change_before_the_first_step_is_stored(tmp_path):
     model = FireFighting(n_robots=3, rng=1)
     with model.record(tmp_path / "run.arrow"):
         model.add_robots(AGENT9, 2)
@@ -194,7 +194,7 @@ def test_a_change_before_the_first_step_is_told(tmp_path):
     assert SwarmModel.resume(recording.path, step=2).run(3).state_hash() == model.state_hash()
 
 
-def test_changes_at_each_step_are_all_kept(tmp_path):
+def test_changes_at_each_step_are_all_stored(tmp_path):
     model = FireFighting(n_robots=3, rng=1)
     with model.record(tmp_path / "run.arrow"):
         for step in range(8):
@@ -204,7 +204,7 @@ def test_changes_at_each_step_are_all_kept(tmp_path):
     assert [one.step for one in recording.interventions] == list(range(1, 8))
     verification = verify(recording, FireFighting)
     assert verification.same
-    assert "heading of robots after step 5, and more after 2 other steps, each time" in str(verification)
+    assert "heading of robots after step 5, and more after 2 other steps (continued" in str(verification)
     assert SwarmModel.resume(recording.path, step=3).completed == 3
 
 
@@ -230,27 +230,27 @@ def test_each_stored_state_is_read_once(tmp_path, monkeypatch):
     assert places == list(range(7))
 
 
-def test_without_checkpoints_it_is_said_where_the_run_cannot_be_followed(tmp_path):
+def test_without_checkpoints_a_verdict_names_the_step_after_which_the_run_cannot_be_repeated(tmp_path):
     recording, _ = recorded(tmp_path / "run.arrow", turn, checkpoint_every=0)
     verification = verify(recording, FireFighting)
     assert (verification.same, verification.step, verification.rows) == (False, HAND + 1, HAND)
     assert str(verification) == (
-        f"step {HAND + 1} is the first that cannot be compared: after step {HAND} somebody changed heading of robots, "
-        "and what came of it is not stored (checkpoint_every is 0)"
+        f"step {HAND + 1} is the first that cannot be compared: after step {HAND}, changed by hand: heading of robots; "
+        "the state then was not stored (checkpoint_every is 0)"
     )
     with pytest.raises(RecordingError, match=f"not stored .*; the nearest steps to resume from are {HAND}$"):
         SwarmModel.resume(recording.path, step=HAND + 3)
     assert SwarmModel.resume(recording.path, step=HAND).completed == HAND
 
 
-def test_what_cannot_be_stored_is_said(tmp_path):
+def test_a_value_that_cannot_be_stored_is_named(tmp_path):
     def befriend(model):
         model.friend = object()
 
     recording, _ = recorded(tmp_path / "run.arrow", befriend)
-    (told,) = recording.interventions
-    assert told.what == ("friend",)
-    assert told.why_not.startswith("friend is <object")
+    (intervention,) = recording.interventions
+    assert intervention.what == ("friend",)
+    assert intervention.why_not.startswith("friend is <object")
     assert "not stored (friend is <object" in str(verify(recording, FireFighting))
 
 
@@ -266,10 +266,10 @@ def test_a_later_checkpoint_is_not_taken_for_the_state_after_what_could_not_be_s
         model.friend = object()
         model.run(8)
     recording = Recording(path)
-    (told,) = recording.interventions
-    assert (told.step, told.checkpoint, recording.checkpoints) == (4, None, (0, 9))
-    assert told.why_not.startswith("friend is <object")
-    assert "step 5 is the first that cannot be compared: after step 4 somebody" in str(verify(recording, Forgetful))
+    (intervention,) = recording.interventions
+    assert (intervention.step, intervention.checkpoint, recording.checkpoints) == (4, None, (0, 9))
+    assert intervention.why_not.startswith("friend is <object")
+    assert "step 5 is the first that cannot be compared: after step 4, changed" in str(verify(recording, Forgetful))
     assert Forgetful.resume(path).state_hash() == model.state_hash()
     with pytest.raises(RecordingError, match=r"the nearest steps to resume from are 4 and 9$"):
         Forgetful.resume(path, step=7)
@@ -305,12 +305,14 @@ def test_a_design_with_more_sensors_than_the_file_has_room_for_is_still_refused(
     assert len(Recording(tmp_path / "run.arrow")) == 3
 
 
-def test_the_command_line_says_what_was_changed_by_hand(tmp_path, capsys):
+def test_the_command_line_names_manual_changes(tmp_path, capsys):
     recorded(tmp_path / "run.arrow", turn)
     with pytest.raises(SystemExit) as ended:
         main(["verify", str(tmp_path / "run.arrow"), "--quiet"])
     assert ended.value.code == 0
-    assert "by hand were changed heading of robots after step 12, where the stored state" in capsys.readouterr().out
+    assert (
+        "changed by hand: heading of robots after step 12 (continued from the stored state)" in capsys.readouterr().out
+    )
 
 
 def test_readings_of_a_row_are_those_of_its_own_poses(tmp_path):

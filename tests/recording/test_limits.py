@@ -1,4 +1,4 @@
-"""What is recorded can be read: the writer keeps to the limits of the reader, and says so where it cannot."""
+"""All that is recorded can be read: the writer has the limits of the reader, and refuses what exceeds them."""
 
 import tracemalloc
 
@@ -17,7 +17,7 @@ from support.forging import put_together, taken_apart
 
 
 class Collecting(SwarmModel):
-    """Robots of which the same two things are collected in each step."""
+    """Robots of which the same two values are collected in each step."""
 
     def __init__(self, *, n=200, rng=None):
         super().__init__(rng=rng, agent_reporters={"on": lambda agent: 1, "x": lambda agent: 0.0})
@@ -128,21 +128,21 @@ def test_a_state_that_is_stored_is_not_too_large_to_be_read(monkeypatch, packs_b
         try:
             content = to_bytes(checkpoint)
         except RecordingError as error:
-            assert "more than the 100,000 of a checkpoint; keep large arrays out of it" in str(error)
+            assert "more than the 100,000 of a checkpoint; use smaller arrays" in str(error)
             continue
         stored.append(size)
         assert from_bytes(content).arrays[0].tobytes() == array
     assert len(stored) == (10 if packs_badly else 3)
 
 
-def test_a_state_that_is_too_large_is_not_stored_and_it_is_said(tmp_path, monkeypatch):
+def test_a_state_that_is_too_large_is_not_stored_and_the_reason_is(tmp_path, monkeypatch):
     monkeypatch.setattr(container, "MOST_MEMORY", 1_000_000)
     path, model = tmp_path / "run.arrow", small()
     with model.record(path, checkpoint_every=5) as recorder:
         model.run(12)
     assert recorder.checkpoints == ()
-    assert "bytes and takes about" in recorder.why_no_checkpoint
-    assert "bytes and takes about" in Recording(path).provenance["why_no_checkpoint"]
+    assert "bytes and needs about" in recorder.why_no_checkpoint
+    assert "bytes and needs about" in Recording(path).provenance["why_no_checkpoint"]
     assert Grid.resume(path).state_hash() == model.state_hash()
 
 
@@ -153,12 +153,12 @@ def test_states_that_have_collected_too_much_are_not_stored_and_the_others_can_b
     with model.record(path, every=100, checkpoint_every=20) as recorder:
         model.run(200)
     assert 2 <= len(recorder.checkpoints) < 11
-    assert "what was collected takes about" in recorder.why_no_checkpoint
+    assert "collected data need about" in recorder.why_no_checkpoint
     assert states_to(Recording(path), len(recorder.checkpoints) - 1)[-1].step == recorder.checkpoints[-1]
     assert Collecting.resume(path, step=190).steps == 190
     monkeypatch.setattr(collected, "MOST_COLLECTED", 10_000)
     monkeypatch.setattr(collected, "MOST_PACKED", 0)
-    with pytest.raises(RecordingError, match="what was collected") as error:
+    with pytest.raises(RecordingError, match="collected data need") as error:
         states_to(Recording(path), len(recorder.checkpoints) - 1)
     one_line(error)
 
@@ -181,16 +181,16 @@ def test_series_that_are_more_as_lists_than_as_arrays_are_refused(tmp_path, of, 
     state.arrays.append(array)
     state.facts["collected"][0][2] = {"of": of, "array": {"array": len(state.arrays) - 1}}
     forged = put_together(parts.with_item(place, content=to_bytes(state)), tmp_path / "forged.arrow")
-    with pytest.raises(RecordingError, match="what was collected takes") as error:
+    with pytest.raises(RecordingError, match="collected data need") as error:
         states_to(Recording(forged), 0)
     one_line(error)
 
 
 def test_an_array_that_two_values_name_is_refused():
     packed = Packed()
-    told = packed.pack(np.zeros(9))
-    with pytest.raises(RecordingError, match="not taken yet"):
-        Packed(packed.arrays).unpack([told, told])
+    content = packed.pack(np.zeros(9))
+    with pytest.raises(RecordingError, match="was read already"):
+        Packed(packed.arrays).unpack([content, content])
 
 
 # ---- what a recording begins with
@@ -208,7 +208,7 @@ def _deep():
 )
 def test_parameters_that_no_reader_takes_are_refused_before_a_file_is_made(tmp_path, given):
     model = Grid(**{"cells": 800, "rng": 1, **given})
-    with pytest.raises(RecordingError, match="no reader would take this recording") as error:
+    with pytest.raises(RecordingError, match="this recording would be unreadable") as error:
         model.record(tmp_path / "run.arrow")
     one_line(error)
     assert not list(tmp_path.iterdir())
@@ -273,7 +273,7 @@ def test_rows_of_the_same_chunk_before_a_value_that_no_reader_takes_stay_too(tmp
     read_whole(path)
 
 
-def test_more_steps_without_a_row_than_readers_believe_end_a_recording_whose_rows_before_stay(tmp_path, monkeypatch):
+def test_more_steps_without_a_row_than_readers_accept_end_a_recording_whose_rows_before_stay(tmp_path, monkeypatch):
     path, model = tmp_path / "run.arrow", small()
     recorder = model.record(path, checkpoint_every=0)
     model.run(10)

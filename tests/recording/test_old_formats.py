@@ -1,4 +1,4 @@
-"""Recordings that older versions wrote are opened, compared, resumed and drawn as they were."""
+"""Recordings written by older versions are opened, compared, resumed and drawn."""
 
 import json
 
@@ -10,13 +10,13 @@ from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording, provenance, recorder, verify
 from mesa_swarm.recording.layout import Layout
 from mesa_swarm.recording.parts import summary
-from mesa_swarm.recording.recorder import Tape
+from mesa_swarm.recording.recorder import RowBuffer
 from mesa_swarm.recording.sealed_stream import CHANGE
 from mesa_swarm.viewing.scene import scene_of_recording
 
 
-def tell_only_what_there_is(tape, model):
-    tape.attach(CHANGE, json.dumps(summary(model)).encode(), model.completed)
+def attach_the_population_only(buffer, model):
+    buffer.attach(CHANGE, json.dumps(summary(model)).encode(), model.completed)
 
 
 def recorded_in_format_1(path, change=None):
@@ -26,7 +26,7 @@ def recorded_in_format_1(path, change=None):
         patch.setattr(provenance, "FORMAT", 1)
         patch.setattr(Layout, "prepare", lambda layout, model: None)
         patch.setattr(recorder.Recorder, "before_step", lambda self, model: None)
-        patch.setattr(Tape, "_tell_change", tell_only_what_there_is)
+        patch.setattr(RowBuffer, "_attach_change", attach_the_population_only)
         with model.record(path, checkpoint_every=10):
             model.run(5)
             if change is not None:

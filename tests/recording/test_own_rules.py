@@ -1,4 +1,4 @@
-"""Rules of one's own that are set by hand while a run is recorded: no recording holds code."""
+"""Custom rules that are set by hand while a run is recorded: recordings contain no code."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ class Timid(SwarmModel):
 
 @pytest.fixture(scope="module")
 def ruled(tmp_path_factory):
-    """Return a recording in which a rule of one's own drives after step 12; steps 15 and 20 would have states."""
+    """Return a recording in which a custom rule drives after step 12; steps 15 and 20 would have states."""
     path = tmp_path_factory.mktemp("ruled") / "run.arrow"
     model = FireFighting(n_robots=3, rng=1)
     with model.record(path, checkpoint_every=5) as recorder:
@@ -32,25 +32,25 @@ def ruled(tmp_path_factory):
     return Recording(path), recorder
 
 
-def test_a_control_with_a_rule_of_ones_own_is_told_and_no_state_stored_that_nobody_could_restore(ruled):
+def test_a_control_with_a_custom_rule_is_an_intervention_without_a_state_that_could_not_be_restored(ruled):
     recording, recorder = ruled
-    (told,) = recording.interventions
-    assert (told.step, told.what[0], told.checkpoint) == (HAND, "control", None)
-    assert "code of one's own in it (Behaviour timid distance=20.0), which no recording holds" in told.why_not
+    (intervention,) = recording.interventions
+    assert (intervention.step, intervention.what[0], intervention.checkpoint) == (HAND, "control", None)
+    assert "a custom rule (Behaviour timid distance=20.0), which cannot be recorded" in intervention.why_not
     assert recording.checkpoints == (0, 5, 10)
-    assert recorder.why_no_checkpoint == told.why_not
+    assert recorder.why_no_checkpoint == intervention.why_not
 
 
 @pytest.mark.parametrize("step", [HAND + 1, LAST])
-def test_resuming_after_a_rule_of_ones_own_was_set_says_what_happened_and_what_to_do(ruled, step):
-    with pytest.raises(RecordingError, match="after step 12 somebody changed control") as refusal:
+def test_resuming_after_a_custom_rule_was_set_names_the_cause_and_the_cure(ruled, step):
+    with pytest.raises(RecordingError, match="after step 12, changed by hand: control") as refusal:
         FireFighting.resume(ruled[0].path, step=step)
     words = str(refusal.value)
-    assert "set it again by hand after resuming from before, or record a model whose class has the rule" in words
+    assert "resume from an earlier step and set it again, or record a model whose class has the rule" in words
     assert words.endswith("the nearest steps to resume from are 12")
 
 
-def test_where_a_rule_of_ones_own_was_set_a_run_resumes_and_goes_on_when_it_is_set_again(ruled):
+def test_where_a_custom_rule_was_set_a_run_resumes_and_goes_on_when_it_is_set_again(ruled):
     model = FireFighting.resume(ruled[0].path, step=HAND)
     model.control = Subsumption(timid, Explore())
     assert np.array_equal(model.run(LAST - HAND).swarm.position.astype(np.float32), ruled[0].at(LAST)["position"])

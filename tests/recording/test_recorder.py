@@ -15,6 +15,7 @@ from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording, record
 from mesa_swarm.recording.sealed_stream import SealedWriter
+from mesa_swarm.trigger import Trigger
 
 
 def small(**given):
@@ -57,10 +58,12 @@ def test_loads_are_recorded_as_they_lie(tmp_path):
     assert Recording(tmp_path / "run.arrow")[-1]["loads"].tolist() == [(load.unique_id, *load.pose)]
 
 
-def test_only_every_so_manieth_step_is_recorded(tmp_path):
+@pytest.mark.parametrize("every", [4, Trigger(every=4)])
+def test_only_multiples_of_every_are_recorded(tmp_path, every):
     model = small().run(3)
-    with model.record(tmp_path / "run.arrow", every=4):
+    with record(model, tmp_path / "run.arrow", every=every, checkpoint_every=every) as recorder:
         model.run(20)
+    assert (recorder.every, recorder.checkpoints) == (4, (3, 7, 11, 15, 19, 23))
     assert Recording(tmp_path / "run.arrow").steps.tolist() == [4, 8, 12, 16, 20]
 
 
@@ -87,7 +90,7 @@ def test_robots_obstacles_and_fires_may_come_and_go(tmp_path):
     assert len(recording[4]["fires"]) - len(recording[5]["fires"]) == 1
     assert recording[-1].robots.tolist() == [robot.unique_id for robot in model.robots]
     assert len(recording.to_pandas()) == 20 + 15 + 30
-    with pytest.raises(InvalidValueError, match="came or went"):
+    with pytest.raises(InvalidValueError, match="added or removed"):
         recording["position"]
 
 
@@ -139,7 +142,7 @@ def test_a_folder_that_is_read_only_is_refused_in_words(tmp_path):
 
 
 class FullDisk:
-    """A file on a disk that is full after so many bytes."""
+    """A file on a disk with room for a number of bytes."""
 
     def __init__(self, file, room):
         self._file, self._room = file, room
@@ -155,16 +158,16 @@ class FullDisk:
         return self._file.write(part)
 
 
-def test_on_a_full_disk_what_was_written_is_kept_and_the_model_may_go_on(tmp_path):
+def test_on_a_full_disk_what_was_written_remains_and_the_model_may_go_on(tmp_path):
     model = small()
     recorder = model.record(tmp_path / "run.arrow")
     model.run(20)
     recorder.flush()
-    writer = recorder._tape.writer
+    writer = recorder._buffer.writer
     writer._file = FullDisk(writer._file, 300)
     for _ in range(20):
         model.step()
-    with pytest.raises(RecordingError, match=r"No space left on device; its 20 rows so far are kept"):
+    with pytest.raises(RecordingError, match=r"No space left on device; its 20 rows so far remain"):
         recorder.flush()
     assert recorder.closed
     assert len(Recording(tmp_path / "run.arrow")) == 20
@@ -187,7 +190,7 @@ def test_ctrl_c_while_a_chunk_is_written_neither_loses_nor_doubles_a_row(tmp_pat
                 raise KeyboardInterrupt
             value = whole[name](self, *given)
             if name == "_put" and moment == 5:
-                raise KeyboardInterrupt  # after the bytes, before anybody knows
+                raise KeyboardInterrupt  # after the bytes, before the counts
             return value
 
         return call
@@ -205,14 +208,14 @@ def test_ctrl_c_while_a_chunk_is_written_neither_loses_nor_doubles_a_row(tmp_pat
 def test_ctrl_c_closes_the_recording_of_a_run(tmp_path, monkeypatch):
     model = small()
     recorder = model.record(tmp_path / "run.arrow")
-    burn = model._burn
+    process = model._process
 
     def interrupted():
         if model.steps == 8:
             raise KeyboardInterrupt
-        burn()
+        process()
 
-    monkeypatch.setattr(model, "_burn", interrupted)
+    monkeypatch.setattr(model, "_process", interrupted)
     with pytest.raises(KeyboardInterrupt):
         model.run(20)
     assert recorder.closed
@@ -220,7 +223,7 @@ def test_ctrl_c_closes_the_recording_of_a_run(tmp_path, monkeypatch):
     assert Recording(tmp_path / "run.arrow").steps.tolist() == list(range(1, 8))
 
 
-def test_a_recording_that_nobody_closes_is_closed_when_the_program_ends(tmp_path):
+def test_a_recording_that_is_not_closed_is_closed_when_the_program_ends(tmp_path):
     program = (
         "import sys; from mesa_swarm.models.fire_fighting import FireFighting; "
         "model = FireFighting(rng=1); model.record(sys.argv[1]); model.run(7)"
@@ -248,17 +251,17 @@ def test_two_recordings_of_one_model_do_not_disturb_each_other(tmp_path):
     assert len(Recording(tmp_path / "b.arrow")) == 5
 
 
-def test_a_parameter_that_cannot_be_told_is_refused_in_words_before_a_file_is_made(tmp_path):
+def test_a_parameter_that_cannot_be_recorded_is_refused_before_a_file_is_made(tmp_path):
     for given in ({"model_reporters": {"n": lambda model: 1}}, {"rng": np.random.default_rng(1)}):
         model = SwarmModel(**given)
-        with pytest.raises(RecordingError, match="which a recording cannot tell"):
+        with pytest.raises(RecordingError, match="which cannot be recorded"):
             model.record(tmp_path / "run.arrow")
         assert not (tmp_path / "run.arrow").exists()
         model.record(tmp_path / "run.arrow", rerun=False).close()
         (tmp_path / "run.arrow").unlink()
 
 
-def test_the_file_says_where_it_comes_from(tmp_path):
+def test_the_file_contains_its_provenance(tmp_path):
     model = FireFighting(n_robots=3, rng=7)
     record(model, tmp_path / "run.arrow").close()
     facts = Recording(tmp_path / "run.arrow").provenance
@@ -271,7 +274,7 @@ def test_the_file_says_where_it_comes_from(tmp_path):
     assert facts["start"] == {"step": 0, "state_hash": model.state_hash()}
 
 
-def test_parts_that_are_parameters_are_told(tmp_path):
+def test_parts_that_are_parameters_are_recorded(tmp_path):
     constants = FireConstants(0.001, 0.02, 0.08, 0.25, 250, 150)
     small(fire_constants=constants).record(tmp_path / "run.arrow").close()
     facts = Recording(tmp_path / "run.arrow").provenance

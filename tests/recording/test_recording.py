@@ -34,7 +34,7 @@ def test_rows_and_steps_that_are_not_there_are_refused(recorded):
         with pytest.raises(IndexError, match="of 600"):
             recording[row]
     for step in (0, 601):
-        with pytest.raises(InvalidValueError, match="recorded are 600 from 1 to 600"):
+        with pytest.raises(InvalidValueError, match="the recording has 600 steps from 1 to 600"):
             recording.at(step)
     with pytest.raises(UnknownNameError, match="did you mean 'position'"):
         recording["positio"]
@@ -83,7 +83,7 @@ def test_an_empty_recording_has_no_frames(tmp_path):
     model.record(tmp_path / "run.arrow").close()
     recording = Recording(tmp_path / "run.arrow")
     assert (len(recording), list(recording), recording.events(), len(recording.to_pandas())) == (0, [], [], 0)
-    with pytest.raises(InvalidValueError, match="none is"):
+    with pytest.raises(InvalidValueError, match="the recording has no step"):
         recording.at(1)
 
 
@@ -100,7 +100,7 @@ def test_a_recording_can_be_read_while_it_is_written(tmp_path):
     assert len(Recording(tmp_path / "run.arrow")) == 15
 
 
-@pytest.mark.skipif(os.name == "nt", reason="Windows lets nobody replace a file that is read")
+@pytest.mark.skipif(os.name == "nt", reason="Windows replaces no file that is open")
 def test_a_recording_that_is_replaced_while_it_is_read_stays_readable(tmp_path):
     path = tmp_path / "run.arrow"
     model = FireFighting(rng=1)
@@ -116,13 +116,13 @@ def test_fires_that_went_out_are_events(tmp_path):
     model = FireFighting(n_robots=30, rng=1)
     with model.record(tmp_path / "run.arrow"):
         model.run(3000)
-    told = {
+    found = {
         (event.ids[0], event.text): event.step
         for event in Recording(tmp_path / "run.arrow").events()
         if event.kind == "fire out"
     }
     assert [fire.unique_id for fire in model.fires] != list(range(1, len(model.fires) + 1))
-    assert told == {
+    assert found == {
         (fire.unique_id, f"fire {number} is out"): step
         for number, (fire, step) in enumerate(zip(model.fires, model.fires.out_step.tolist(), strict=True), start=1)
     }

@@ -97,7 +97,7 @@ def test_on_a_full_disk_the_old_recording_is_whole_or_the_new_one_has_the_rows_t
         if "is untouched" in text:
             assert path.read_bytes() == before
         else:
-            assert f"its {len(Recording(path))} rows so far are kept" in text
+            assert f"its {len(Recording(path))} rows so far remain" in text
         assert names_in(disk) == ["ballast", "run.arrow"]
 
 
@@ -108,13 +108,13 @@ def test_a_new_recording_without_rows_does_not_stay_on_a_full_disk(tmp_path, roo
         model = small()
         with pytest.raises(RecordingError, match=r"No space left on device; (no row|its \d+ rows)") as error:
             model.record(disk / "run.arrow") and model.run(20_000)
-        kept = "rows so far" in str(error.value)
-        assert names_in(disk) == (["ballast", "run.arrow"] if kept else ["ballast"])
-        assert not kept or len(Recording(disk / "run.arrow"))
+        has_rows = "rows so far" in str(error.value)
+        assert names_in(disk) == (["ballast", "run.arrow"] if has_rows else ["ballast"])
+        assert not has_rows or len(Recording(disk / "run.arrow"))
 
 
 def _fill(disk, room):
-    """Leave so many bytes on a disk."""
+    """Fill a disk except for a number of bytes."""
     with (disk / "ballast").open("wb", buffering=0) as ballast:
         try:
             while True:
@@ -188,7 +188,7 @@ def test_a_child_that_lets_go_of_a_recording_leaves_it_locked_for_who_records_it
     child = os.fork()
     if not child:
         try:
-            recorder._tape.writer._let_go()
+            recorder._buffer.writer._release()
         finally:
             os._exit(0)
     os.waitpid(child, 0)
@@ -199,15 +199,15 @@ def test_a_child_that_lets_go_of_a_recording_leaves_it_locked_for_who_records_it
 
 @POSIX
 @pytest.mark.parametrize("late", [False, True])
-def test_a_recording_whose_draft_was_deleted_says_so_and_leaves_the_old_one(seven, late):
+def test_a_recording_whose_draft_was_deleted_is_refused_and_the_old_one_remains(seven, late):
     path, before = seven
     model = small()
     recorder = model.record(path, overwrite=True)
     model.step()
     (path.parent / ".run.arrow.0.draft").unlink()
     if late:  # another file of that name is not ours either
-        (path.parent / ".run.arrow.0.draft").write_text("somebody's")
-    with pytest.raises(RecordingError, match=r"somebody deleted the draft .* record again") as error:
+        (path.parent / ".run.arrow.0.draft").write_text("other text")
+    with pytest.raises(RecordingError, match=r"was not replaced: the draft .* was deleted; record again") as error:
         recorder.close()
     assert len(str(error.value).splitlines()) == 1
     assert len(str(error.value)) <= 300
@@ -268,7 +268,7 @@ def _interrupted(take_name):
 
 @pytest.mark.parametrize("name", ["a.mp4", "a.CSV", "a.toml", "a.npz", "a.parquet", "a.svg", "a.arrow.gz", "a.py"])
 def test_endings_of_other_kinds_of_files_are_refused_before_a_file_is_made(tmp_path, name):
-    with pytest.raises(RecordingError, match=r"ending of another kind of file; expected a name such as a.*\.arrow"):
+    with pytest.raises(RecordingError, match=r"suffix of another kind of file; expected a name such as a.*\.arrow"):
         small().record(tmp_path / name)
     assert names_in(tmp_path) == []
 

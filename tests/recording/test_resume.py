@@ -70,9 +70,9 @@ def test_a_layer_that_another_comes_before_keeps_its_memory(tmp_path):
     with model.record(tmp_path / "run.arrow"):
         model.run(50)
     branch = SwarmModel.resume(tmp_path / "run.arrow", timid=True)
-    kept = [name for name in model.swarm.columns if name.startswith("1.Explore.")]
-    assert kept
-    for name in kept:
+    names = [name for name in model.swarm.columns if name.startswith("1.Explore.")]
+    assert names
+    for name in names:
         assert branch.swarm.columns[name.replace("1.", "2.", 1)].tolist() == model.swarm.columns[name].tolist()
     branch.run(20)
 
@@ -98,5 +98,5 @@ def test_a_run_of_other_code_is_not_resumed_as_if_it_were_the_same(tmp_path):
 
 
 def test_a_class_of_another_family_is_refused(path):
-    with pytest.raises(RecordingError, match="neither Boids nor derived"):
+    with pytest.raises(RecordingError, match="neither Boids nor a loaded subclass"):
         find_model("boids").resume(path)

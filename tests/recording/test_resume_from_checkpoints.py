@@ -85,7 +85,7 @@ def test_where_other_code_ran_the_nearest_steps_are_named(tmp_path):
     assert SwarmModel.resume(tmp_path / "run.arrow", step=205).steps == 205
 
 
-def test_if_the_state_after_a_change_is_damaged_it_is_said(changed, tmp_path):
+def test_a_damaged_state_after_a_change_is_reported(changed, tmp_path):
     content, path = bytearray(changed[0].read_bytes()), tmp_path / "run.arrow"
     reader = SealedReader(changed[0])
     states = [piece for piece in reader.attached if reader.name(piece) == "checkpoint"]
@@ -130,14 +130,14 @@ def test_without_checkpoints_a_run_is_resumed_from_its_beginning(tmp_path):
 
 
 class Befriended(FireFighting):
-    """A model that holds what cannot be stored."""
+    """A model with a value that cannot be stored."""
 
     def __init__(self, *, rng=None):
         super().__init__(rng=rng)
         self.friend = object()
 
 
-def test_a_model_that_cannot_be_stored_says_why_and_is_run_again(tmp_path):
+def test_of_a_model_that_cannot_be_stored_the_reason_is_and_it_is_run_again(tmp_path):
     model = Befriended(rng=1)
     with model.record(tmp_path / "run.arrow") as recorder:
         model.run(30)

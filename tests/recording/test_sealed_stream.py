@@ -110,7 +110,7 @@ def flipped(path, content, place):
     return Recording(path)
 
 
-def test_a_flipped_bit_of_a_closed_recording_is_told_as_damage_wherever_it_is(short, tmp_path):
+def test_a_flipped_bit_of_a_closed_recording_is_reported_as_damage_wherever_it_is(short, tmp_path):
     content, _ = short
     path = tmp_path / "flipped.arrow"
     path.write_bytes(content)
@@ -121,7 +121,7 @@ def test_a_flipped_bit_of_a_closed_recording_is_told_as_damage_wherever_it_is(sh
         # Bytes that only fill up the last seal are sealed by none.
         assert recording.damage or place > reader.pieces[-1].seal, place
     second = flipped(path, content, (rest.batch + rest.seal) // 2)
-    assert second.damage == "is damaged after step 5: 5 rows are whole to there, what follows is not read"
+    assert second.damage == "is damaged after step 5: 5 rows are whole, the rest is not read"
 
 
 def test_what_tears_a_closed_recording_apart_is_damage_and_not_the_end_of_a_killed_run(short, tmp_path):
@@ -187,20 +187,20 @@ def test_another_arrow_stream_is_refused_in_words(tmp_path):
 
 
 def kill_while_recording(path, seconds, flushes):
-    """Start a run, kill it so long after so many flushes, and return how many steps it said were on disk."""
+    """Start a run, kill it some seconds after a number of flushes, and return the steps that it printed as on disk."""
     with subprocess.Popen([sys.executable, "-c", ENDLESS, str(path)], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout.readline() == "begun\n"
-        said = ["0", *(process.stdout.readline() for _ in range(flushes))]
+        printed = ["0", *(process.stdout.readline() for _ in range(flushes))]
         time.sleep(seconds)
         process.send_signal(signal.SIGKILL)
-        said += process.stdout.read().split("\n")[:-1]
-    return int(said[-1])
+        printed += process.stdout.read().split("\n")[:-1]
+    return int(printed[-1])
 
 
 def check_killed(path, seconds, flushes=0):
-    said = kill_while_recording(path, seconds, flushes)
+    on_disk = kill_while_recording(path, seconds, flushes)
     recording = Recording(path)
-    assert len(recording) >= said
+    assert len(recording) >= on_disk
     assert recording.steps.tolist() == list(range(1, len(recording) + 1))
     assert not recording.complete
     return recording

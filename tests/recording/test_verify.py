@@ -17,7 +17,7 @@ from support.other_code import other_code
 
 
 class Own(SwarmModel):
-    """A model of one's own, whose constructor takes what only Python knows."""
+    """A custom model, whose constructor takes a function."""
 
     def __init__(self, *, map, n=3, constants=None, radio=None, rng=None):
         super().__init__(map=map, rng=rng, fire_constants=constants, communication=radio)
@@ -48,7 +48,7 @@ def test_a_run_without_a_seed_runs_again(tmp_path):
     assert verify(recorded(FireFighting(), tmp_path / "run.arrow"), FireFighting).same
 
 
-def test_maps_constants_and_radios_are_told_whole(tmp_path):
+def test_maps_constants_and_radios_are_recorded_whole(tmp_path):
     hall = Map(name="hall", bounds=(0, 0, 300, 200), obstacles=[disc((150, 100), 20.125)])
     model = Own(map=hall, constants=FireConstants(0.001, 0.02, 0.08, 0.25, 250, 150), radio=Radio(range=77), rng=3)
     assert verify(recorded(model, tmp_path / "run.arrow"), Own).same
@@ -122,7 +122,7 @@ def test_the_command_line_exits_with_1_if_a_recording_differs(tmp_path, capsys):
 def test_the_command_line_looks_up_no_class_but_its_own(tmp_path, capsys):
     recorded(Own(map="sparse", rng=1), tmp_path / "run.arrow")
     assert status_of("verify", tmp_path / "run.arrow", "--quiet") == 2
-    assert "does not come with mesa_swarm" in capsys.readouterr().err
+    assert "is not part of mesa_swarm" in capsys.readouterr().err
 
 
 def test_ctrl_c_on_the_command_line_keeps_what_was_recorded(tmp_path, capsys, monkeypatch):
@@ -149,7 +149,7 @@ def test_verify_compares_what_is_whole_of_a_damaged_recording_and_ends_with_stat
         assert status_of("verify", path, "--quiet") == 1
         assert capsys.readouterr().out == (
             f"all 256 rows to step 256 are the same; {path} is damaged after step 256: "
-            "256 rows are whole to there, what follows is not read\n"
+            "256 rows are whole, the rest is not read\n"
         )
 
 
@@ -159,20 +159,20 @@ def damaged_places(path):
     return (second.batch + second.seal) // 2, second.batch + 5
 
 
-def test_verify_says_of_a_recording_that_was_not_closed_what_it_always_said(recorded_run, tmp_path, capsys):
+def test_verify_compares_the_whole_rows_of_a_recording_that_was_not_closed(recorded_run, tmp_path, capsys):
     path = tmp_path / "run.arrow"
     path.write_bytes(recorded_run.read_bytes()[:-200])
     assert status_of("verify", path, "--quiet") == 0
     assert "run.arrow was not closed: 512 rows are whole, " in capsys.readouterr().out
 
 
-def test_a_state_that_is_damaged_is_told_though_all_rows_are_whole(recorded_run, tmp_path):
+def test_a_damaged_state_is_reported_though_all_rows_are_whole(recorded_run, tmp_path):
     content, state = recorded_run.read_bytes(), SealedReader(recorded_run).attached[0]
     place, path = (state.batch + state.seal) // 2, tmp_path / "run.arrow"
     path.write_bytes(content[:place] + bytes([content[place] ^ 4]) + content[place + 1 :])
     verification = verify(Recording(path), FireFighting)
     assert not verification.same
-    assert verification.text.endswith("is damaged at what it carries for step 0: 600 rows are whole")
+    assert verification.text.endswith("is damaged at the piece of step 0: 600 rows are whole")
 
 
 def test_a_recording_is_verified_by_its_path_and_by_any_class_above_its_model(recorded):

@@ -20,31 +20,31 @@ def check(outcome, main=True):
 
 
 class TestVerdict:
-    def test_all_that_holds_is_confirmed(self):
-        assert verdict([check("holds"), check("holds", main=False)]) == "confirmed"
+    def test_all_that_passed_is_confirmed(self):
+        assert verdict([check("passed"), check("passed", main=False)]) == "confirmed"
 
-    @pytest.mark.parametrize("outcome", ["unsettled", "fails"])
-    def test_a_side_claim_that_does_not_hold_is_a_limit(self, outcome):
-        assert verdict([check("holds"), check(outcome, main=False)]) == "confirmed with limits"
+    @pytest.mark.parametrize("outcome", ["undecided", "failed"])
+    def test_a_side_claim_that_is_not_passed_is_a_limit(self, outcome):
+        assert verdict([check("passed"), check(outcome, main=False)]) == "confirmed with limits"
 
-    @pytest.mark.parametrize("outcome", ["unsettled", "fails"])
-    def test_a_main_claim_that_does_not_hold_is_not_confirmed(self, outcome):
-        assert verdict([check("holds"), check(outcome)]) == "not confirmed"
+    @pytest.mark.parametrize("outcome", ["undecided", "failed"])
+    def test_a_main_claim_that_is_not_passed_is_not_confirmed(self, outcome):
+        assert verdict([check("passed"), check(outcome)]) == "not confirmed"
 
     def test_it_never_gets_better_when_an_outcome_gets_worse(self):
         for outcomes, mains in product(product(OUTCOMES, repeat=2), product((True, False), repeat=2)):
-            best = verdict(check("holds", main) for main in mains)
+            best = verdict(check("passed", main) for main in mains)
             worse = verdict(check(outcome, main) for outcome, main in zip(outcomes, mains, strict=True))
             assert VERDICTS.index(worse) >= VERDICTS.index(best)
 
-    def test_an_outcome_that_is_none_is_refused(self):
+    def test_an_unknown_outcome_is_refused(self):
         with pytest.raises(UnknownNameError, match="unknown outcome 'maybe'"):
             check("maybe")
 
-    def test_a_result_tells_its_verdict_and_limits_and_writes_plain_claims(self):
-        result = Result(checks=(check("holds"), check("fails", main=False)), pictures={}, settings="s")
+    def test_a_result_has_its_verdict_and_limits_and_writes_plain_claims(self):
+        result = Result(checks=(check("passed"), check("failed", main=False)), pictures={}, settings="s")
         assert (result.verdict, result.limits) == ("confirmed with limits", ["c"])
-        assert result.csv().splitlines()[1:] == ["c,r,m,k,holds,True", "c,r,m,k,fails,False"]
+        assert result.csv().splitlines()[1:] == ["c,r,m,k,passed,True", "c,r,m,k,failed,False"]
 
 
 class TestPlaced:
@@ -52,35 +52,35 @@ class TestPlaced:
     def test_an_interval_is_within_a_limit_or_beyond_it_or_meets_it(self, a, b, limit):
         low, high = sorted((a, b))
         interval = Interval((low + high) / 2, low, high)
-        told = judging.placed(interval, low=limit)
-        assert told == ("holds" if low >= limit else "fails" if high < limit else "unsettled")
+        outcome = judging.placed(interval, low=limit)
+        assert outcome == ("passed" if low >= limit else "failed" if high < limit else "undecided")
         mirrored = judging.placed(Interval(-interval.estimate, -high, -low), high=-limit)
-        assert mirrored == told
+        assert mirrored == outcome
 
-    def test_unknown_limits_settle_nothing(self):
-        assert judging.placed(Interval(5.0, math.nan, math.nan), low=1) == "unsettled"
+    def test_unknown_limits_are_undecided(self):
+        assert judging.placed(Interval(5.0, math.nan, math.nan), low=1) == "undecided"
 
 
 class TestChecks:
     def test_a_share_needs_enough_runs(self):
         few, many = (judging.judged_share("c", "r", [True] * n, low=0.9).outcome for n in (10, 40))
-        assert (few, many) == ("unsettled", "holds")
+        assert (few, many) == ("undecided", "passed")
 
-    def test_a_share_of_none_fails_and_is_counted(self):
-        told = judging.judged_share("c", "r", [False] * 40, low=0.9)
-        assert (told.outcome, told.measured) == ("fails", "0 of 40 runs [0 to 9 %]")
+    def test_a_share_of_zero_fails_and_is_counted(self):
+        check = judging.judged_share("c", "r", [False] * 40, low=0.9)
+        assert (check.outcome, check.measured) == ("failed", "0 of 40 runs [0 to 9 %]")
 
-    @pytest.mark.parametrize(("by", "outcome"), [(1.0, "holds"), (-1.0, "fails"), (0.0, "unsettled")])
+    @pytest.mark.parametrize(("by", "outcome"), [(1.0, "passed"), (-1.0, "failed"), (0.0, "undecided")])
     def test_a_difference_is_that_of_pairs(self, by, outcome):
         first = [1.0, 50.0, 100.0, 3.0]
         second = [value + by + wobble for value, wobble in zip(first, (0.1, -0.1, 0.1, -0.1), strict=True)]
         assert judging.judged_difference("c", "r", first, second, names=("a", "b")).outcome == outcome
 
     def test_what_was_not_measured_is_left_out_with_its_pair(self):
-        told = judging.judged_difference("c", "r", [1, None, 1, 1], [2, 5, None, 2.1], names=("a", "b"))
-        assert told.measured.endswith("2 pairs")
+        check = judging.judged_difference("c", "r", [1, None, 1, 1], [2, 5, None, 2.1], names=("a", "b"))
+        assert check.measured.endswith("2 pairs")
         assert judging.judged_mean("c", "r", [1.0, None, 1.0], low=0).measured == "1 [1, 1], 2 runs"
 
-    def test_a_number_without_chance_holds_at_its_limits(self):
-        told = [judging.judged_number("c", "r", value, low=1, high=2).outcome for value in (0.999, 1, 2, 2.001)]
-        assert told == ["fails", "holds", "holds", "fails"]
+    def test_a_number_without_chance_passes_at_its_limits(self):
+        outcomes = [judging.judged_number("c", "r", value, low=1, high=2).outcome for value in (0.999, 1, 2, 2.001)]
+        assert outcomes == ["failed", "passed", "passed", "failed"]

@@ -13,7 +13,7 @@ calls = []
 
 
 def noted(rng, *, offset=0):
-    """Return a number, and note that it was asked for."""
+    """Return a number, and note the call."""
     calls.append((rng, offset))
     return {"number": rng + offset, "list": [1.5, None]}
 
@@ -27,7 +27,7 @@ def interrupted_at_three(rng):
 
 
 @pytest.fixture(autouse=True)
-def nobody_called():
+def no_calls():
     calls.clear()
 
 
@@ -66,7 +66,7 @@ def test_two_processes_find_what_one_finds(tmp_path):
     assert rows[0] == rows[1]
 
 
-def test_a_key_tells_runs_settings_and_seeds_apart_and_not_the_order_of_settings():
+def test_a_key_distinguishes_runs_settings_and_seeds_and_not_the_order_of_settings():
     keys = {
         key_of(noted, {}, 1),
         key_of(noted, {}, 2),
@@ -85,7 +85,7 @@ def test_quick_is_a_few_seeds(tmp_path):
 
 
 @pytest.mark.parametrize("wrong", [{}, {"number": None}, {"number": [1.0]}])
-def test_a_figure_that_cannot_be_made_of_stored_runs_says_which_file_to_remove(tmp_path, monkeypatch, wrong):
+def test_a_figure_that_cannot_be_made_of_stored_runs_names_the_file_to_remove(tmp_path, monkeypatch, wrong):
     item = Item(figure="0", section="0", title="", make=lambda laboratory: laboratory.runs(noted, [1])[0]["number"] + 1)
     with Laboratory(tmp_path) as laboratory:
         assert [made.result for made in made_by(laboratory, [item])] == [2]

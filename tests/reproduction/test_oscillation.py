@@ -1,7 +1,7 @@
-"""The oscillations that the thesis reports of its learners (8.3): which happen, and what cures them.
+"""The oscillations that the thesis reports of its learners (8.3): which occur, and their remedies.
 
-Verdicts are what came out over 12 seeds, not what was wished for: neither eight actions nor the reward without a leap
-is shown to be the cure that the thesis hoped for.
+Verdicts are results over 12 seeds, not aims: neither eight actions nor the reward without a leap
+is shown to be the remedy that the thesis proposed.
 """
 
 import pytest

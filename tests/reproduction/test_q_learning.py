@@ -1,6 +1,6 @@
 """The thesis's results on learning (8.3): collisions fall with the temperature, and their total flattens.
 
-The seeds had no part in the choice of four actions over eight as the model's default. What was wished for is that
+The seeds had no part in the choice of four actions over eight as the model's default. The requirement is that
 collisions fall to a quarter in 9 of 10 runs with beta 1e-4, and to a half with 5e-3. It was 17 and 19 of 20: the
 second claim holds, the first is not borne out, though 20 runs do not refute it either (95 % interval 64 to 95 %).
 A run that hardly collides at first has nothing to fall from. With eight actions and 1e-4 it was 8 of 20.

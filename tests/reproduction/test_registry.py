@@ -57,7 +57,7 @@ def test_what_chance_has_no_part_in_does_not_fail_in_the_main(figure, laboratory
     assert find_item(figure).make(laboratory).verdict != "not confirmed"
 
 
-def test_the_page_tells_of_every_figure_once_with_its_verdict_and_was_made_with_all_seeds():
+def test_the_page_has_every_figure_once_with_its_verdict_and_was_made_with_all_seeds():
     page = PAGE.read_text()
     assert re.findall(r"^## ([4-9BD]\.\d+): ", page, re.M) == FIGURES
     assert re.findall(r"^\| ([4-9BD]\.\d+) \| ", page, re.M) == FIGURES

@@ -32,14 +32,14 @@ class TestCells:
         assert fire_fighting.cell_of(PLACE, first, second).winner == "B"
         assert fire_fighting.cell_of(PLACE, second, first).winner == "A"
 
-    def test_where_chance_is_larger_nobody_wins(self):
+    def test_where_chance_is_larger_neither_wins(self):
         assert fire_fighting.cell_of(PLACE, runs([7, 6, 7]), runs([6, 7, 7])).winner == ""
 
     def test_words_name_where_a_wins(self):
         cells = [fire_fighting.cell_of(PLACE, runs([7, 7, 7]), runs([6, 6, 6]))]
-        told = " ".join(fire_fighting.winners_in_words(cells))
-        assert "A in 1" in told
-        assert "with 5 robots, fires 1 times as large and a rest of 60" in told
+        remarks = " ".join(fire_fighting.winners_in_words(cells))
+        assert "A in 1" in remarks
+        assert "with 5 robots, fires 1 times as large and a rest of 60" in remarks
 
 
 class TestFires:

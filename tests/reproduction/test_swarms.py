@@ -1,6 +1,6 @@
-"""The thesis's results on swarms (5.3), over all seeds: what holds, and what does not.
+"""The thesis's results on swarms (5.3), over all seeds.
 
-Verdicts are what came out, not what was wished for. A change of the code that changes one is to be looked into.
+Verdicts are results, not aims. A change of the code that changes one is to be examined.
 """
 
 import pytest
@@ -31,7 +31,7 @@ def test_a_figure_has_the_verdict_that_was_reported(laboratory, figure, verdict,
     assert (result.verdict, len(result.limits)) == (verdict, limits), result.csv()
 
 
-def test_chains_hold_together_less_well_than_clusters_that_rest(laboratory):
+def test_chains_stay_together_less_than_clusters_at_rest(laboratory):
     cohesion = find_item("5.9").make(laboratory).checks[1]
     assert cohesion.claim.startswith("chains have a higher cohesion")
-    assert cohesion.outcome == "fails"
+    assert cohesion.outcome == "failed"

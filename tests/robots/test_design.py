@@ -33,7 +33,7 @@ PRESETS = [
 
 
 @pytest.mark.parametrize(("design", "name", "bearings", "view"), PRESETS, ids=[p[1] for p in PRESETS])
-def test_a_preset_is_built_as_the_contract_says(design, name, bearings, view):
+def test_a_preset_is_built_as_documented(design, name, bearings, view):
     assert (design.name, design.radius, design.max_speed) == (name, 5.0, 1.0)
     assert (design.slip_probability, design.slip_magnitude) == (0, 0)
     assert {s.bearing_degrees for s in design.proximity} == bearings
@@ -80,7 +80,7 @@ def test_front_left_and_right_are_the_most_forward_sensor_and_its_forward_neighb
     assert (design.front, design.left, design.right) == (front, left, right)
 
 
-def test_sensors_of_each_kind_keep_their_order():
+def test_sensors_of_each_kind_stay_in_their_order():
     front, line, heat, back = ProximitySensor(), LineSensor(), RadiationSensor(), ProximitySensor(bearing_degrees=180)
     design = RobotDesign(sensors=[heat, front, line, back])
     assert design.sensors == (heat, front, line, back)

@@ -40,7 +40,7 @@ def on_rollers(n):
 
 
 @given(st.lists(st.tuples(st.floats(allow_nan=False), st.floats(allow_nan=False)), min_size=1, max_size=5))
-def test_commands_are_limited_to_the_greatest_speed_with_their_sign_kept(rows):
+def test_commands_are_limited_to_the_greatest_speed_with_the_same_sign(rows):
     command = np.array(rows)
     asked, limit = command.copy(), np.arange(len(rows)) + 0.5
     assert limit_command(command, limit, *on_wheels(len(rows))) == -1
@@ -53,7 +53,7 @@ def test_the_first_robot_whose_command_is_nan_is_named():
 
 
 @given(st.lists(st.tuples(st.floats(allow_nan=False), st.floats(allow_nan=False)), min_size=1, max_size=5))
-def test_velocities_are_limited_as_a_whole_and_keep_their_direction(rows):
+def test_velocities_are_limited_as_a_whole_in_the_same_direction(rows):
     command = np.array(rows)
     asked, limit = command.copy(), np.arange(len(rows)) + 0.5
     assert limit_command(command, limit, *on_rollers(len(rows))) == -1
@@ -99,7 +99,7 @@ class Bicycle:
         motion[:, 2] = wheels[:, 0] * wheels[:, 1] / (2.0 * radius)
 
     def wheels(self, motion, radius, wheels):
-        """Write speed and steering; of a car that stands nobody knows how it steers."""
+        """Write speed and steering; the steering of a standing car is unknown."""
         speed = motion[:, 0]
         wheels[:, 0] = speed
         wheels[:, 1] = np.divide(2.0 * radius * motion[:, 2], speed, out=np.zeros_like(speed), where=speed != 0)
@@ -142,14 +142,14 @@ class Worn(DifferentialDrive):
     """Wheels of which each has lost a share of its size."""
 
     def __init__(self, left, right=0.0):
-        self.kept = 1.0 - np.array([left, right])
+        self.share = 1.0 - np.array([left, right])
 
     def motion(self, wheels, radius, motion):
-        super().motion(wheels * self.kept, radius, motion)
+        super().motion(wheels * self.share, radius, motion)
 
     def wheels(self, motion, radius, wheels):
         super().wheels(motion, radius, wheels)
-        wheels /= self.kept
+        wheels /= self.share
 
 
 @pytest.mark.parametrize("engine", ["compiled", "shapely"])
@@ -197,6 +197,6 @@ def test_a_drive_without_a_hash_drives_beside_others():
 
 
 @pytest.mark.parametrize("drive", [Bicycle, None, object(), "wheels"])
-def test_what_is_no_drive_is_refused(drive):
+def test_other_objects_than_drives_are_refused(drive):
     with pytest.raises(InvalidValueError, match=r"expected a drive such as DifferentialDrive\(\)"):
         RobotDesign(drive=drive)

@@ -1,4 +1,4 @@
-"""Handles never break though rows move, stale handles say so, and columns are read-only and move together."""
+"""Handles never break though rows move, stale handles raise, and columns are read-only and move together."""
 
 import math
 
@@ -57,7 +57,7 @@ def test_handles_never_break_however_robots_come_and_go(moves):
 
 
 @pytest.mark.parametrize("name", GETTERS)
-def test_a_removed_robot_says_so_whatever_is_read(name):
+def test_reading_anything_of_a_removed_robot_raises(name):
     _, robots = marked()
     robots[2].remove()
     with pytest.raises(RemovedRobotError, match="robot 3 was removed; take a handle from"):
@@ -66,7 +66,7 @@ def test_a_removed_robot_says_so_whatever_is_read(name):
 
 
 @pytest.mark.parametrize("name", SETTERS)
-def test_a_removed_robot_says_so_whatever_is_written_and_nobody_else_is_changed(name):
+def test_writing_anything_to_a_removed_robot_raises_and_changes_no_other(name):
     model, robots = marked()
     robots[2].remove()
     before = model.state_hash()
@@ -78,7 +78,7 @@ def test_a_removed_robot_says_so_whatever_is_written_and_nobody_else_is_changed(
 @pytest.mark.parametrize(
     "use", [lambda r: r.remove(), lambda r: r.get_neighbors_in_radius(9), lambda r: r.get_nearest_neighbors(2)]
 )
-def test_a_removed_robot_says_so_whatever_is_asked_of_it(use):
+def test_any_use_of_a_removed_robot_raises(use):
     model, robots = marked()
     model.remove_robots([robots[0]])
     with pytest.raises(RemovedRobotError):
@@ -131,18 +131,18 @@ def test_a_robot_reads_the_same_alone_and_among_designs_with_more_sensors():
     assert (readings[0][0] >= 0).any()
 
 
-def test_adding_and_removing_between_steps_keeps_the_columns_of_all_others():
+def test_adding_and_removing_between_steps_preserves_the_columns_of_all_others():
     model, robots = marked(6)
     model.control = Subsumption(Explore(turn_interval=1000))
     model.run(5)
     names = [n for n in model.swarm.columns if n not in {"number", "contact_index"}]
-    kept = {n: model.swarm.columns[n][[0, 1, 3, 5]].copy() for n in names}
+    stored = {n: model.swarm.columns[n][[0, 1, 3, 5]].copy() for n in names}
     model.remove_robots([robots[4], robots[2]])
     model.add_robots(AGENT_FIRE, poses=[(200, 200, 0.0)])
     for name in names:
         now = model.swarm.columns[name][:4]
-        np.testing.assert_array_equal(now[..., : kept[name].shape[-1]] if now.ndim > 1 else now, kept[name], name)
-    assert any(n.endswith(".straight") and (kept[n] > 0).any() for n in names)
+        np.testing.assert_array_equal(now[..., : stored[name].shape[-1]] if now.ndim > 1 else now, stored[name], name)
+    assert any(n.endswith(".straight") and (stored[n] > 0).any() for n in names)
 
 
 def test_what_layers_remember_moves_with_the_rows():
@@ -188,7 +188,7 @@ def test_a_robot_named_twice_in_a_list_to_remove_is_removed_once():
     assert [r.unique_id for r in model.robots] == [2, 3]
 
 
-def test_a_list_to_remove_with_a_robot_that_is_gone_already_removes_nobody():
+def test_a_list_to_remove_with_a_removed_robot_removes_none():
     model, robots = marked(3)
     robots[0].remove()
     with pytest.raises(RemovedRobotError):
@@ -252,7 +252,7 @@ def test_what_only_the_engine_writes_cannot_be_set(name):
 
 
 @given(st.floats(-1e6, 1e6))
-def test_headings_are_kept_between_minus_pi_and_pi(heading):
+def test_headings_are_wrapped_between_minus_pi_and_pi(heading):
     _, robots = marked(1)
     robots[0].heading = heading
     assert -math.pi <= robots[0].heading < math.pi

@@ -1,4 +1,4 @@
-"""Recordings taken apart and written again with right checksums, after one thing in them was changed."""
+"""Recordings taken apart and written again with right checksums, after one change."""
 
 import copy
 import json
@@ -30,7 +30,7 @@ def deep(depth: int = 400) -> list:
 
 @dataclass(frozen=True)
 class Item:
-    """One piece of a recording: rows, or the bytes that it carries; `rows` is what its seal says."""
+    """One piece of a recording: rows, or the bytes that it carries; `rows` is the number in its seal."""
 
     step: int
     batch: pa.RecordBatch | None = None
@@ -107,11 +107,11 @@ def changed(value: Any, path: tuple, new: Any) -> Any:
     return value
 
 
-# ---- changes at random: each takes parts and a generator, and returns other parts and what was done
+# ---- changes at random: each takes parts and a generator, and returns other parts and a description
 
 
 def forged(parts: Parts, rng: np.random.Generator) -> tuple[Parts, str]:
-    """Return parts in which one thing is changed, and what it is."""
+    """Return parts with one change, and its description."""
     kinds = [of_facts, of_facts, of_scenery, of_column, of_values, of_lists, of_seals, of_order, of_carried, of_state,
              of_state, of_arrays]  # fmt: skip
     return kinds[rng.integers(len(kinds))](parts, rng)
@@ -129,7 +129,7 @@ def of_facts(parts: Parts, rng: np.random.Generator) -> tuple[Parts, str]:
 
 
 def of_scenery(parts: Parts, rng: np.random.Generator) -> tuple[Parts, str]:
-    """Change a value of what the world looks like."""
+    """Change a value of the scenery."""
     others = {name: value for name, value in parts.facts.items() if name != "scenery"}
     return _of_json(parts, {"scenery": parts.facts["scenery"]}, others, rng)
 
@@ -189,7 +189,7 @@ def of_lists(parts: Parts, rng: np.random.Generator) -> tuple[Parts, str]:
 
 
 def of_seals(parts: Parts, rng: np.random.Generator) -> tuple[Parts, str]:
-    """Let a seal tell another number of rows or another step."""
+    """Give a seal another number of rows or another step."""
     place = int(rng.integers(len(parts.items)))
     number = (-5, -1, 0, 1, 2, 5, 100, 10**6, 10**12, 10**17)[rng.integers(10)]
     item = parts.items[place]
@@ -225,9 +225,9 @@ def of_carried(parts: Parts, rng: np.random.Generator) -> tuple[Parts, str]:
     if item.name == "checkpoint" or rng.random() < 0.2:
         contents = (b"", b"\0" * 1000, item.content[:-1], item.content[:40], item.content + b"\0", b"[" * 10**5)
         return parts.with_item(place, content=contents[rng.integers(6)]), f"bytes of a {item.name}"
-    told = json.loads(item.content)
-    path, new = _some_change(told, rng)
-    content = json.dumps(changed(told, path, new)).encode()
+    value = json.loads(item.content)
+    path, new = _some_change(value, rng)
+    content = json.dumps(changed(value, path, new)).encode()
     return parts.with_item(place, content=content), f"{item.name}.{_in_words(path)} is {new!r:.40}"
 
 

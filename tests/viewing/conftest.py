@@ -29,7 +29,7 @@ def pushed(tmp_path_factory):
     model = CooperativeTransport(n_robots=3, load="box", rng=2)
     with model.record(path):
         model.run(20)
-        model.loads[0].lay((400.0, 200.0, 0.5))
+        model.loads[0].move_to((400.0, 200.0, 0.5))
         model.run(20)
     return Recording(path)
 

@@ -110,7 +110,7 @@ def test_chunks_hold_rows_to_the_stated_precision_also_when_robots_come_and_go(r
     check(rows, unpacked_chunk(packed_rows(rows, WORLD), WORLD), WORLD)
 
 
-def test_chunks_of_recordings_keep_their_frames(fires, transport):
+def test_chunks_of_recordings_hold_their_frames(fires, transport):
     for path in (fires, transport):
         recording = Recording(path)
         scene = scene_of_recording(recording)

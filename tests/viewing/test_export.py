@@ -65,7 +65,7 @@ def test_the_same_recording_gives_the_same_bytes(run, tmp_path):
         ("a.csv", {"table": "robots", "animate": True}, "animate is given"),
     ],
 )
-def test_wrong_wishes_are_refused_in_one_line_and_leave_nothing(run, tmp_path, name, wanted, words):
+def test_wrong_options_are_refused_in_one_line_and_leave_nothing(run, tmp_path, name, wanted, words):
     with pytest.raises((InvalidValueError, UnknownNameError), match=words) as refused:
         export(run, tmp_path / name, **wanted)
     assert "\n" not in str(refused.value)
@@ -96,7 +96,7 @@ def test_one_of_several_stills_that_is_there_stops_all(run, tmp_path):
     assert names(tmp_path) == ["a_200.svg"]
 
 
-def test_a_folder_that_cannot_be_written_to_is_told_before_the_work(run):
+def test_a_folder_that_cannot_be_written_to_is_refused_before_the_work(run):
     with pytest.raises(InvalidValueError, match="cannot be written to"):
         export(run, "/proc/a.mp4")
 
@@ -117,7 +117,7 @@ def test_what_is_interrupted_leaves_no_file(run, tmp_path, monkeypatch, ending):
     assert names(tmp_path) == []
 
 
-def test_films_say_what_they_need_when_it_is_missing(run, tmp_path, monkeypatch):
+def test_films_name_the_missing_package(run, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(InvalidValueError, match=r"pip install 'mesa-swarm\[video\]'"):
         export(run, tmp_path / "a.mp4")
@@ -125,7 +125,7 @@ def test_films_say_what_they_need_when_it_is_missing(run, tmp_path, monkeypatch)
 
 def test_a_film_that_ffmpeg_cannot_make_is_one_line_and_no_file(run, tmp_path, monkeypatch):
     monkeypatch.setattr(films, "ENCODING", ["-c:v", "no_such_codec"])
-    with pytest.raises(ExportError, match=r"a\.mp4 cannot be written: ffmpeg says: .*no_such_codec|Error"):
+    with pytest.raises(ExportError, match=r"a\.mp4 cannot be written: ffmpeg reports: .*no_such_codec|Error"):
         export(run, tmp_path / "a.mp4", last=5)
     assert names(tmp_path) == []
 
@@ -152,10 +152,10 @@ def test_of_a_recording_that_is_damaged_on_the_way_the_rows_before_are_exported(
     pieces = run._reader.pieces
     content[pieces[1].batch + 400] ^= 1
     (tmp_path / "hurt.arrow").write_bytes(content)
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         export(tmp_path / "hurt.arrow", tmp_path / "a.csv")
-    assert any("256" in str(warning.message) for warning in told)
+    assert any("256" in str(warning.message) for warning in caught)
     assert len((tmp_path / "a.csv").read_text().splitlines()) == 256 * 15 + 1
 
 

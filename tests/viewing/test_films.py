@@ -102,8 +102,8 @@ def test_a_film_has_the_frames_and_the_size_that_were_asked_for(run, tmp_path):
 def test_films_have_an_even_size_whatever_the_map(tmp_path, run):
     program = imageio_ffmpeg.get_ffmpeg_exe()
     (path,) = export(run, tmp_path / "a.mp4", last=3)
-    told = subprocess.run([program, "-i", str(path)], capture_output=True, text=True, check=False).stderr
-    assert "808x640" in told
+    described = subprocess.run([program, "-i", str(path)], capture_output=True, text=True, check=False).stderr
+    assert "808x640" in described
 
 
 def test_a_gif_has_the_frames_the_speed_and_the_robots(run, tmp_path):
@@ -149,7 +149,7 @@ def drawing(path):
 
 
 def value_at(node, kind, seconds):
-    """Return what an animation of this type says at a time, as a browser computes it."""
+    """Return the value of an animation of this type at a time, as a browser computes it."""
     (animation,) = (a for a in node.findall(f"{SVG}animateTransform") if a.get("type") == kind)
     rows = np.array([[float(number) for number in row.split()] for row in animation.get("values").split(";")])
     whole = float(animation.get("dur").removesuffix("s"))

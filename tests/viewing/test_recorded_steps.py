@@ -68,7 +68,7 @@ def test_loads_are_shown_where_they_were(pushed):
     assert after.geometry.area == pytest.approx(2500)
 
 
-def test_robots_that_come_and_go_keep_their_own_bodies(tmp_path):
+def test_robots_that_come_and_go_have_their_own_bodies(tmp_path):
     hall = Map(name="hall", bounds=(0, 0, 200, 100), obstacles=[rectangle((0, 0), (10, 100))], fires=[])
     model = SwarmModel(map=hall, rng=1)
     first, _ = model.add_robots(AGENT9, poses=[(50, 50, 0.0), (90, 50, 1.0)])
@@ -93,9 +93,9 @@ def test_robots_that_come_and_go_keep_their_own_bodies(tmp_path):
     assert [trail[:, 0].tolist() for trail in trails_of(drawn, 5, 4)] == [[90] * 5, [150] * 2]
 
 
-def test_a_model_of_ones_own_is_drawn_as_its_recording_says(tmp_path):
+def test_a_model_of_ones_own_is_drawn_as_its_recording_describes(tmp_path):
     class Own(SwarmModel):
-        """A model that no file can make anybody import."""
+        """A model that no recording makes a program import."""
 
         def __init__(self, rng=None):
             super().__init__(map="sparse", rng=rng)

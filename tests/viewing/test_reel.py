@@ -28,7 +28,7 @@ def test_chunks_asked_for_in_any_order_are_those_of_playing_from_the_start(fires
             sought.chunk(wrong)
 
 
-def test_what_the_player_must_know_is_json_and_says_where_the_run_comes_from(fires):
+def test_the_inputs_of_the_player_are_json_and_name_the_origin_of_the_run(fires):
     about = json.loads(json.dumps(Reel(Recording(fires)).about, allow_nan=False))
     assert (about["model"], about["seed"], about["first"], about["rows"]) == ("FireFighting", "5", 1, 300)
     assert about["parameters"]["communication"] == "goal"
@@ -37,12 +37,12 @@ def test_what_the_player_must_know_is_json_and_says_where_the_run_comes_from(fir
 
 
 def test_events_are_those_of_the_recording(fires):
-    told = [(event["step"], event["kind"], event["text"]) for event in Reel(Recording(fires)).events]
-    assert told == [(event.step, event.kind, event.text) for event in Recording(fires).events()]
-    assert told
+    listed = [(event["step"], event["kind"], event["text"]) for event in Reel(Recording(fires)).events]
+    assert listed == [(event.step, event.kind, event.text) for event in Recording(fires).events()]
+    assert listed
 
 
-def test_of_a_torn_recording_the_whole_part_plays_and_the_page_says_so(fires, tmp_path):
+def test_of_a_torn_recording_the_whole_part_plays_with_a_note(fires, tmp_path):
     torn = tmp_path / "torn.arrow"
     torn.write_bytes(fires.read_bytes()[:-3000])
     reel = Reel(Recording(torn))
@@ -57,11 +57,11 @@ def test_of_a_damaged_recording_the_part_before_the_damage_plays(fires, tmp_path
     reel = Reel(Recording(damaged))
     assert steps_of(reel) == list(range(1, 257))
     (note,) = reel.about["notes"]
-    assert note.startswith("The recording is damaged after step 256: 256 rows are whole to there")
+    assert note.startswith("The recording is damaged after step 256: 256 rows are whole, the rest is not read")
     assert 0 < max(event["step"] for event in reel.events) <= 256
 
 
-def test_of_a_recording_that_is_damaged_in_the_middle_the_page_says_what_is_left_out(tmp_path):
+def test_of_a_recording_that_is_damaged_in_the_middle_the_page_names_what_is_left_out(tmp_path):
     path = tmp_path / "damaged.arrow"
     model = FireFighting(n_robots=3, rng=5)
     with model.record(path):
@@ -75,7 +75,7 @@ def test_of_a_recording_that_is_damaged_in_the_middle_the_page_says_what_is_left
     assert reel.about["notes"] == ["The recording is damaged after step 256; what follows is left out."]
 
 
-def test_recordings_of_older_versions_are_drawn_without_what_they_do_not_tell(transport, tmp_path, monkeypatch):
+def test_recordings_of_older_versions_are_drawn_without_what_they_lack(transport, tmp_path, monkeypatch):
     monkeypatch.setattr(written, "scenery_of", lambda model: {})
     monkeypatch.setattr(recorder, "_check_readable", lambda schema: None)  # older versions had no such check
     model = SwarmModel(map="openspace_fire", rng=1)
@@ -127,7 +127,7 @@ def test_robots_that_come_and_go_are_drawn_while_they_are_there(tmp_path):
     assert counts == [2] * 4 + [3] * 3 + [2] * 2
 
 
-def test_a_world_with_a_load_says_what_the_load_is_like(transport):
+def test_a_world_with_a_load_describes_the_load(transport):
     reel = Reel(Recording(transport))
     world = reel.about["world"]
     (load,) = world["loads"]
@@ -135,7 +135,7 @@ def test_a_world_with_a_load_says_what_the_load_is_like(transport):
     assert any(shape.get("mark") for shape in world["shapes"])
 
 
-def test_the_player_is_told_from_which_step_on_other_things_stand(tmp_path):
+def test_the_player_knows_from_which_step_on_obstacles_differ(tmp_path):
     model = FireFighting(n_robots=3, rng=1)
     with model.record(tmp_path / "run.arrow"):
         model.run(4)

@@ -37,7 +37,7 @@ def test_it_serves_the_page_the_chunks_and_the_events(server):
     assert ask(server, f"/{server.token}/events")[1].startswith(b"[{")
 
 
-def test_it_answers_only_who_knows_the_token_and_calls_it_by_its_own_name(server):
+def test_it_answers_only_requests_with_the_token_and_its_own_name(server):
     for path in (
         "/",
         "/chunk/0",

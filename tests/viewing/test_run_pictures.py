@@ -77,7 +77,7 @@ def test_a_line_leads_from_each_robot_that_sees_others_to_where_it_perceives_the
         return model
 
     (lines,) = perceived_lines(three())
-    (segment,) = lines.get_segments()  # the second looks away from the first, the third sees nobody
+    (segment,) = lines.get_segments()  # the second looks away from the first, the third sees no robot
     assert segment == pytest.approx(np.array([[100, 100], [125, 100]]))
     assert perceived_lines(three(), perceived=False) == []
     assert "perceived" not in frame_of(three()).columns
@@ -126,13 +126,13 @@ def test_as_many_robots_are_traced_as_asked_for_each_in_a_colour_of_its_own(aske
 
 def test_tracing_leaves_what_is_watched_alone():
     model = AVOIDANCE(n_robots=3, rng=1)
-    kept = model.watch(last=None)
+    snapshots = model.watch(last=None)
     trace(model, steps=20)
-    assert model.watched is kept
-    assert len(kept) == 20
+    assert model.watched is snapshots
+    assert len(snapshots) == 20
 
 
-def test_the_title_tells_how_many_steps_were_traced():
+def test_the_title_has_the_number_of_steps_traced():
     assert trace(AVOIDANCE(rng=1).run(30), steps=20).axes[0].get_title() == "CollisionAvoidance, 20 steps"
 
 
@@ -175,7 +175,7 @@ def test_the_shares_of_robots_are_stacked_below():
         assert tops == pytest.approx(shares)
 
 
-def test_no_layer_is_told_in_the_legend_only_where_it_was_so():
+def test_the_legend_has_no_layer_only_where_there_was_none():
     texts = []
     for layer in (LAYERS, np.maximum(LAYERS, 0)):
         (legend,) = ethogram_figure(np.arange(4), layer, ["Avoid", "Explore"]).legends
@@ -192,12 +192,12 @@ def test_an_ethogram_of_every_tenth_step_begins_ten_steps_before_its_first():
 
 
 @pytest.mark.parametrize(("robots", "rows"), [(None, 6), (2, 2), (99, 6)])
-def test_an_ethogram_shows_what_was_kept_of_so_many_robots(robots, rows):
+def test_an_ethogram_shows_the_snapshots_of_the_first_robots(robots, rows):
     model = AVOIDANCE(n_robots=6, map="sparse", rng=1)
-    kept = model.watch(last=None)
+    snapshots = model.watch(last=None)
     figure = ethogram(model.run(300), robots=robots)
     shown = np.asarray(figure.axes[0].images[0].get_array())
-    assert (shown == kept["layer"][:, :rows].T + 1).all()
+    assert (shown == snapshots["layer"][:, :rows].T + 1).all()
     assert set(np.unique(shown)) == {1, 2}
     (legend,) = figure.legends
     assert [text.get_text() for text in legend.get_texts()] == ["Avoid", "Explore"]
@@ -223,7 +223,7 @@ def test_an_ethogram_of_no_robots_is_refused(robots):
         ethogram(model.run(5), robots=robots)
 
 
-def test_where_nothing_was_kept_it_says_what_to_do():
+def test_without_snapshots_the_cure_is_named():
     unwatched = AVOIDANCE(n_robots=2, rng=1).run(2)
     unstepped, headings = AVOIDANCE(n_robots=2, rng=1), AVOIDANCE(n_robots=2, rng=1)
     unstepped.watch()
@@ -231,10 +231,10 @@ def test_where_nothing_was_kept_it_says_what_to_do():
     undriven = SwarmModel(rng=1)
     undriven.watch()
     for model, words in (
-        (unwatched, r"nothing was kept to draw; call model\.watch\(last=None\)"),
-        (unstepped, "no step is kept to draw"),
-        (headings.run(2), "not kept: layer; add them"),
-        (undriven.run(2), r"there is no control to draw; set model\.control"),
+        (unwatched, r"no steps are stored to draw; call model\.watch\(last=None\)"),
+        (unstepped, "no step is stored to draw"),
+        (headings.run(2), "not stored: layer; add them"),
+        (undriven.run(2), r"model\.control is None"),
     ):
         with pytest.raises(InvalidValueError, match=words):
             ethogram(model)

@@ -4,14 +4,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.viewing.export import Choice
+from mesa_swarm.viewing.export import StepChoice
 from mesa_swarm.viewing.pictures import Look, film_size, parsed_size
 
 
 @given(gap=st.integers(1, 7), count=st.integers(1, 200), most=st.integers(2, 50))
 def test_without_every_no_more_than_so_many_are_chosen_and_evenly_spaced(gap, count, most):
     there = gap * np.arange(1, count + 1)
-    chosen = Choice().thinned(there, most)
+    chosen = StepChoice().thinned(there, most)
     assert 1 <= len(chosen) <= most
     assert set(chosen) <= set(there.tolist())
     assert len(set(np.diff(chosen).tolist())) <= 1
@@ -23,7 +23,7 @@ def test_without_every_no_more_than_so_many_are_chosen_and_evenly_spaced(gap, co
 def test_chosen_are_all_multiples_between_the_ends(every, ends):
     first, last = ends
     wanted = [step for step in range(1, 101) if first <= step <= last and step % every == 0]
-    choice = Choice(every=every, first=first, last=last)
+    choice = StepChoice(every=every, first=first, last=last)
     if wanted:
         assert choice.among(np.arange(1, 101)) == wanted
     else:
@@ -32,12 +32,12 @@ def test_chosen_are_all_multiples_between_the_ends(every, ends):
 
 
 def test_what_was_asked_for_exactly_is_not_thinned():
-    assert len(Choice(every=1).thinned(np.arange(1, 1001), 10)) == 1000
+    assert len(StepChoice(every=1).thinned(np.arange(1, 1001), 10)) == 1000
 
 
 def test_a_step_between_two_rows_is_refused_with_its_neighbours():
     with pytest.raises(InvalidValueError, match="the nearest are 6 and 9"):
-        Choice(steps=[7]).among(np.arange(3, 100, 3))
+        StepChoice(steps=[7]).among(np.arange(3, 100, 3))
 
 
 @pytest.mark.parametrize("text", ["", "800", "800x", "ax9", "800x600x3", "-5x9", "9e9x3", "8x" + "9" * 99])

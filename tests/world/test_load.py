@@ -85,9 +85,7 @@ def test_a_load_that_overlaps_an_obstacle_a_load_or_a_fire_is_refused_and_so_is_
     model = empty()
     model.add_load(BOX, resistance=1)
     for add in (model.add_obstacle, lambda s: model.add_load(s, resistance=1)):
-        with pytest.raises(
-            InvalidValueError, match=r"overlaps .*load at \[220\.0, 150\.0\]; put it where there is room"
-        ):
+        with pytest.raises(InvalidValueError, match=r"overlaps .*load at \[220\.0, 150\.0\]; expected free space"):
             add(shape)
     with pytest.raises(InvalidValueError, match="fire overlaps a load"):
         model.add_fire((245, 150), radius=6)
@@ -159,9 +157,9 @@ def test_the_state_hash_tells_where_loads_are_and_which_way_they_point():
     before = model.state_hash()
     x, y, heading = load.pose
     for pose in ((x + 1e-9, y, heading), (x, y, heading + 1e-9)):
-        load.lay(pose)
+        load.move_to(pose)
         assert model.state_hash() != before
-    load.lay((x, y, heading))
+    load.move_to((x, y, heading))
     assert model.state_hash() == before
 
 

@@ -1,4 +1,4 @@
-"""The world around the robots as the engines need it, and the room that loads have."""
+"""The world around the robots as the engines need it, and the room for loads."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -14,9 +14,13 @@ from mesa_swarm.world.bodies import Load, Pose, placed
 from mesa_swarm.world.shapes import Shape
 from mesa_swarm.world.statics import LOAD, Marks, Statics
 
+# Loads may move this far before they are listed anew, in radii of the largest robot; and this far in one step.
+SLACK = 4.0
+STEP = 0.5
+
 
 class Stop(NamedTuple):
-    """Something that a load leans on: unit vector from it to the load, and its lever arm about the centre."""
+    """A point at which a load leans on a body: unit vector towards the load, and its lever arm about the centre."""
 
     x: float
     y: float
@@ -25,7 +29,7 @@ class Stop(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Room:
-    """The lines and discs that stand still, in a tree, and the loads.
+    """The static lines and discs, in a tree, and the loads.
 
     Parameters
     ----------
@@ -36,7 +40,7 @@ class Room:
     tree : STRtree
         Over the solids.
     loads : tuple of Load
-        All of them, as they lie now.
+        All of them, as they are now.
     """
 
     solids: np.ndarray
@@ -46,7 +50,7 @@ class Room:
 
     @classmethod
     def of(cls, statics: Statics, loads: tuple[Load, ...]) -> "Room":
-        """Collect what stands still and is no load."""
+        """Collect the static bodies other than loads."""
         still = statics.body != LOAD
         lines = shapely.linestrings(statics.edges[still[: len(statics.edges)]].reshape(-1, 2, 2))
         discs = statics.discs[still[len(statics.edges) :]]
@@ -55,18 +59,18 @@ class Room:
         return cls(solids=solids, radii=radii, tree=STRtree(solids), loads=loads)
 
     def has_room_for(self, load: Load, pose: Pose) -> bool:
-        """Tell whether a load, lying there, overlaps nothing by more than rounding."""
+        """Return whether a load in this pose overlaps no body by more than rounding."""
         core = placed(load.form.core, pose)
         return next(self._near(load, core, load.form.core_radius), None) is None
 
     def stops_of(self, load: Load, distance: float) -> list[Stop]:
-        """Return what a load leans on: all that is within a distance of it as it lies now."""
+        """Return the stops of a load: all that is within a distance of it as it is now."""
         core = placed(load.form.core, load.pose)
         near = self._near(load, core, load.form.core_radius + distance)
         return [stop for solid, radius in near for stop in _stops(load, solid, radius + distance)]
 
     def _near(self, load: Load, core: BaseGeometry, distance: float) -> Iterator[tuple[BaseGeometry, float]]:
-        """Yield all that is no farther from the core of a load than a distance, with the radii of discs."""
+        """Yield all that is at most this distance from the core of a load, with the radii of discs."""
         far = distance + self.radii.max(initial=0.0)
         rows = np.sort(self.tree.query(core, predicate="dwithin", distance=far))
         rows = rows[shapely.distance(core, self.solids[rows]) - self.radii[rows] <= distance]
@@ -78,9 +82,9 @@ class Room:
 
 
 def _stops(load: Load, solid: BaseGeometry, distance: float) -> list[Stop]:
-    """Return how a load leans on a solid: where corners of either are that near the other, or where it is nearest.
+    """Return the stops of a load on a solid: corners of either that are this near the other, or the nearest point.
 
-    The direction is that of the line to the load's heart, for bodies that touch have none between them.
+    The direction is that of the line to the load's heart: between bodies that touch it is undefined.
     """
     x, y, _ = load.pose
     line = shapely.shortest_line(solid, placed(load.form.heart, load.pose))
@@ -96,7 +100,7 @@ def _stops(load: Load, solid: BaseGeometry, distance: float) -> list[Stop]:
 
 
 def _touching_corners(a: BaseGeometry, b: BaseGeometry, distance: float) -> list[tuple[float, float]]:
-    """Return the corners of each of two geometries that are within a distance of the other, none of them twice.
+    """Return the corners of each of two geometries that are within a distance of the other, each once.
 
     Examples
     --------
@@ -111,13 +115,8 @@ def _touching_corners(a: BaseGeometry, b: BaseGeometry, distance: float) -> list
     return list(dict.fromkeys(found))
 
 
-# How far loads may move before they are listed anew, in radii of the largest robot; and how far in one step.
-SLACK = 4.0
-STEP = 0.5
-
-
 @dataclass(frozen=True, slots=True, eq=False)
-class Scene:
+class Surroundings:
     """The world without its robots.
 
     Parameters
@@ -135,11 +134,11 @@ class Scene:
     rows : tuple of int
         Index in `shapes` of each load.
     listed : tuple of Pose
-        Where each load was when it was listed.
+        Pose of each load when it was listed.
     slack : float
-        How far from there loads may move, map units.
+        Loads may move this far from there, map units.
     room : Room or None
-        What loads may not overlap; None where there are none.
+        What loads may not overlap; None without loads.
     """
 
     bounds: tuple[float, float, float, float]
@@ -165,8 +164,8 @@ class Scene:
         sight: float,
         touch: float,
         loads: Sequence[tuple[int, Load]] = (),
-    ) -> "Scene":
-        """Collect what stands still; `sight` and `touch` as `Statics.of` takes them, loads with their indices."""
+    ) -> "Surroundings":
+        """Collect all static bodies; `sight` and `touch` as `Statics.of` takes them, loads with their indices."""
         rows, bodies = tuple(row for row, _ in loads), tuple(load for _, load in loads)
         slack, solid = SLACK * touch, list(shapes)
         for row, load in loads:
@@ -188,12 +187,12 @@ class Scene:
 
     @property
     def is_worn(self) -> bool:
-        """Whether a load has moved so far that the scene has to be made anew before the next step."""
+        """Whether a load has moved so far that the tables have to be made anew before the next step."""
         moved = zip(self.loads, self.listed, strict=True)
         return any(load.farthest_from(pose) > self.slack for load, pose in moved)
 
     def follow(self, k: int) -> None:
-        """Take note that load k lies elsewhere now."""
+        """Update the tables to the present pose of load k."""
         row, load = self.rows[k], self.loads[k]
         self.shapes[row] = load.shape
         self.statics.follow(row, load.form.body_at(load.pose))

@@ -147,11 +147,11 @@ def test_copies_of_a_model_whose_control_was_taken_out_can_put_it_back():
 
 
 @pytest.mark.parametrize("learner", OF_POLICIES)
-def test_what_is_frozen_and_knows_nothing_is_refused(learner):
-    with pytest.raises(LearningError, match=rf"^{learner.__name__} is frozen and knows nothing; give it a trained"):
+def test_a_frozen_learner_without_training_is_refused(learner):
+    with pytest.raises(LearningError, match=rf"^{learner.__name__} is frozen and untrained; give it a trained"):
         learner(frozen=True)
     policy = learning(learner, 5).control.layers[0].policy()
-    with pytest.raises(LearningError, match="knows nothing"):
+    with pytest.raises(LearningError, match="is frozen and untrained"):
         learner(frozen=True, start=replace(policy, steps=0))
     model = learning(learner, 0)
     model.control = Subsumption(learner(frozen=True, start=policy))
@@ -164,10 +164,15 @@ def test_a_policy_tells_where_it_comes_from_and_what_it_started_from(learner, tm
     model = learning(learner, 0, start=load_policy(save_policy(first, tmp_path / "first.npz")))
     model.control = Subsumption(Avoid(distance=3), model.run(6).control.layers[0])
     again = load_policy(save_policy(model.control.layers[1].policy(), tmp_path / "again.npz"))
-    told = {"learner": learner.__name__, "mesa_swarm": version("mesa-swarm"), "design": "AGENT9", "map": "original"}
-    assert {**told, "model_steps": 9, "collisions": 0.5, "lessons": 32}.items() <= first.training.items()
+    provenance = {
+        "learner": learner.__name__,
+        "mesa_swarm": version("mesa-swarm"),
+        "design": "AGENT9",
+        "map": "original",
+    }
+    assert {**provenance, "model_steps": 9, "collisions": 0.5, "lessons": 32}.items() <= first.training.items()
     assert "started_from" not in first.training
-    assert {**told, "model_steps": 6, "lessons": 20}.items() <= again.training.items()
+    assert {**provenance, "model_steps": 6, "lessons": 20}.items() <= again.training.items()
     assert first.training.items() <= again.training["started_from"].items()
 
 
@@ -179,7 +184,7 @@ def test_a_learner_that_is_in_no_model_says_where_to_ask(learner, ask):
     model.add_robots(AGENT9, 2)
     model.control = Subsumption(layer)
     model.run(3)
-    with pytest.raises(LearningError, match=rf"^this {layer.name} is in no model: .* ask model\.control\.layers\[0\]"):
+    with pytest.raises(LearningError, match=rf"^this {layer.name} is in no model.* model\.control\.layers\[0\]"):
         ask(layer)
 
 
@@ -197,7 +202,7 @@ def test_so_does_worth():
 
 def test_so_do_the_wheels_of_commanded_robots():
     layer = Commanded(2)
-    with pytest.raises(LearningError, match=r"this Commanded is in no model: .* model\.control\.layers\[0\]"):
+    with pytest.raises(LearningError, match=r"this Commanded is in no model.* model\.control\.layers\[0\]"):
         _ = layer.wheels
     model = learning(QLearning, 0)
     model.control = Subsumption(layer)
