@@ -80,7 +80,7 @@ def test_what_is_kept_is_bounded_for_large_swarms():
     model.add_robots(AGENT9, poses=[(400, 300, 0.0)] * 10_000)
     watch_closely(model)
     a_step = sum(model.swarm.columns[name].nbytes for name in WATCHED)
-    assert model.watched._kept.maxlen * a_step <= MOST_WATCHED_BYTES
+    assert model.watched._stored.maxlen * a_step <= MOST_WATCHED_BYTES
 
 
 def test_watching_does_not_change_a_run():
