@@ -13,8 +13,8 @@ Bounds = tuple[float, float, float, float]
 # With more solids, or more pairs of them whose boxes overlap once grown, their union takes seconds or minutes.
 MOST_UNITED = 2_000
 MOST_OVERLAPS = 50_000
-# An outline of more corners than SIMPLE may be intricate. SAMPLED of its edges decide: if they have on average more than
-# MOST_NEAR others within reach, growing each edge alone is quicker than the whole, by far for a hostile outline.
+# An outline of more corners than SIMPLE may be intricate. SAMPLED of its edges decide: if on average more than
+# MOST_NEAR others are within reach, growing each edge alone is quicker than the whole, by far for a hostile outline.
 SIMPLE = 500
 SAMPLED = 32
 MOST_NEAR = 100

@@ -351,7 +351,8 @@ def _refuse_computed_strings(text: str, source: str) -> None:
     for found in _STRING.finditer(text):
         if set("fFtT") & set(found[1] or ""):
             line = text.count("\n", 0, found.start()) + 1
-            raise refusal(source, f"line {line}", f'has a string that begins with {found[1]}; expected a plain one such as "rec"')
+            why = f'has a string that begins with {found[1]}; expected a plain one such as "rec"'
+            raise refusal(source, f"line {line}", why)
 
 
 def _calls(tree: ast.Module, source: str) -> Iterator[ast.expr]:
