@@ -3,9 +3,8 @@
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from functools import wraps
 from hashlib import blake2b
-from typing import TYPE_CHECKING, Any, Protocol, Self, SupportsIndex, runtime_checkable
+from typing import TYPE_CHECKING, Any, Self
 
 import mesa
 import numpy as np
@@ -23,6 +22,7 @@ from mesa_swarm.errors import (
     shortened,
 )
 from mesa_swarm.moved import moved_name
+from mesa_swarm.observers import Observers
 from mesa_swarm.physics.contact import Contacts
 from mesa_swarm.physics.engine import CompiledEngine, Engine
 from mesa_swarm.physics.imperfect import Imperfect
@@ -43,141 +43,6 @@ from mesa_swarm.world_model import World
 ENGINES: dict[str, type[Engine]] = {"compiled": CompiledEngine, "shapely": ShapelyEngine}
 # Indices that depend on the order in which things were created are not part of the state.
 NOT_HASHED = frozenset({"number", "design", "contact_index"})
-# Methods of a list that change it.
-MUTATORS = (
-    *("append", "extend", "insert", "remove", "pop", "clear", "sort", "reverse"),
-    *("__setitem__", "__delitem__", "__iadd__", "__imul__"),
-)
-
-
-@runtime_checkable
-class Observer(Protocol):
-    """What a model calls around each step and each run; add one with ``model.observers.append(observer)``.
-
-    Derive from it and override what is needed: every method does nothing by default, but `break_off` closes.
-    An object of another class serves as well, with any of these methods.
-
-    ===============  =========================================================================================
-    method           called
-    ===============  =========================================================================================
-    `before_step`    before anything of a step; Mesa has counted the step already
-    `after_step`     at the end of the model's own step, to which a derived class may add more
-    `between_steps`  when nothing of the step is left to do; a difference found at the next `before_step` was
-                     made by hand
-    `after_failure`  after a step that raised an error
-    `after_run`      when `run` has taken its steps without an error
-    `break_off`      when an error or Ctrl-C ends `run`
-    ===============  =========================================================================================
-
-    Examples
-    --------
-    >>> from mesa_swarm import SwarmModel
-    >>> class Printer(Observer):
-    ...     def after_step(self, model, step):
-    ...         print(step, model.collisions)
-    >>> model = SwarmModel(rng=1)
-    >>> model.observers.append(Printer())
-    >>> model.run(2).steps
-    1 0
-    2 0
-    2
-    """
-
-    # Each body ends with a return: a type checker takes methods of a Protocol without one for abstract.
-
-    def before_step(self, model: Any) -> None:
-        """Notice that a step begins."""
-        return
-
-    def after_step(self, model: Any, step: int) -> None:
-        """Notice a step, counted from 1."""
-        return
-
-    def between_steps(self, model: Any) -> None:
-        """Notice that a step is over."""
-        return
-
-    def after_failure(self, model: Any) -> None:
-        """Notice that a step failed."""
-        return
-
-    def after_run(self, model: Any, steps: int) -> None:
-        """Notice that a run of this many steps is over."""
-        return
-
-    def break_off(self) -> None:
-        """Notice that a run failed."""
-        self.close()
-
-    def close(self) -> None:
-        """Release files and the like."""
-        return
-
-
-HOOKS = tuple(name for name in vars(Observer) if not name.startswith("_"))
-
-
-class _Adapted(Observer):
-    """An observer of a class of the user's, with every method: where it has none, that of `Observer`."""
-
-    def __init__(self, observer: object) -> None:
-        methods = {name: asked(observer, name) for name in HOOKS}
-        methods = {name: method for name, method in methods.items() if callable(method)}
-        if not methods:
-            raise InvalidValueError(
-                f"observer is {shortened(observer)}; expected an object with after_step(model, step), see Observer"
-            )
-        self.__dict__.update(methods)
-
-
-class Observers(list):
-    """The observers of a model, in the order in which they are called; a copy of a model has none.
-
-    The list holds the objects that were added. What is called is `complete`, their counterparts with all methods
-    of `Observer`, made when the list changes: a method that an object gets later is not found.
-
-    An observer that writes a file belongs to one model: a copy that also wrote there would damage it.
-
-    Raises
-    ------
-    InvalidValueError
-        If something is added that has no method of `Observer`.
-    """
-
-    complete: tuple[Observer, ...] = ()
-
-    def __init__(self, *observers: Any) -> None:
-        super().__init__(*observers)
-        self.complete = _completed(self)
-
-    def __reduce_ex__(self, protocol: SupportsIndex) -> tuple:
-        return Observers, ()
-
-
-def _completed(observers: list) -> tuple[Observer, ...]:
-    return tuple(each if isinstance(each, Observer) else _Adapted(each) for each in observers)
-
-
-def _completing(name: str) -> Callable:
-    """Return a method of a list that updates `complete` as well, and changes nothing if an object is refused."""
-    change = getattr(list, name)
-
-    @wraps(change)
-    def method(self: Observers, *given: Any, **named: Any) -> Any:
-        before = self[:]
-        result = change(self, *given, **named)
-        try:
-            self.complete = _completed(self)
-        except InvalidValueError:
-            list.__setitem__(self, slice(None), before)
-            raise
-        return result
-
-    return method
-
-
-for _name in MUTATORS:
-    setattr(Observers, _name, _completing(_name))
 
 
 class EngineModel(World):

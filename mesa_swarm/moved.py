@@ -45,6 +45,7 @@ MOVED = {
 HOMES = {ROOT + old: ROOT + new for new, olds in MOVED.items() for old in olds.split()}
 # Single names that moved or have another name now.
 NAMES = {
+    "mesa_swarm.analysis.Event": "mesa_swarm.analysis.ChainEvent",
     "mesa_swarm.environments.observation.Observer": "mesa_swarm.environments.scores.ObservationEncoder",
     "mesa_swarm.recording.marks.Mark": "mesa_swarm.recording.changes.ChangeDetector",
     "mesa_swarm.model.SwarmModel": "mesa_swarm.swarm_model.SwarmModel",

@@ -38,7 +38,7 @@ OUTSIDE = {
     "swarm_model.py": set(),
 }
 # What analysis measures is arrays, not models.
-ONLY = {"analysis": {"analysis", "errors.py", "geometry"}}
+ONLY = {"analysis": {"analysis", "errors.py", "moved.py", "geometry"}}
 HEAVY = {"solara", "matplotlib", "anywidget"}
 STANDARD = {"__future__", *sys.stdlib_module_names}
 

@@ -1,6 +1,6 @@
 """Measures of swarms on plain arrays: groups, chains, spacing, order, coverage, collisions, times, pathologies."""
 
-from mesa_swarm.analysis.chain_events import Event
+from mesa_swarm.analysis.chain_events import ChainEvent
 from mesa_swarm.analysis.chain_history import ChainHistory, follow_chains
 from mesa_swarm.analysis.chains import Chains, chains
 from mesa_swarm.analysis.clusters import Clusters, clusters, kept_together
@@ -21,13 +21,14 @@ from mesa_swarm.analysis.spacing import (
     nearest_neighbour_distances,
     random_nearest_neighbour_distance,
 )
+from mesa_swarm.moved import moved_name
 
 __all__ = [
+    "ChainEvent",
     "ChainHistory",
     "Chains",
     "Clusters",
     "Episode",
-    "Event",
     "Pathologies",
     "central_moving_average",
     "chains",
@@ -52,3 +53,8 @@ __all__ = [
     "time_to",
     "visited_cells",
 ]
+
+
+def __getattr__(name: str) -> object:
+    """Return a name that this module had before."""
+    return moved_name(__name__, name)

@@ -14,7 +14,7 @@ FEWEST = 2
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Event:
+class ChainEvent:
     """An event of chains.
 
     Parameters
@@ -31,7 +31,7 @@ class Event:
 
     Examples
     --------
-    >>> Event(kind="merge", step=7, robots=(2, 0, 1, 3), chains=(0, 1)).robots[0]
+    >>> ChainEvent(kind="merge", step=7, robots=(2, 0, 1, 3), chains=(0, 1)).robots[0]
     2
     """
 
@@ -95,7 +95,7 @@ class Lineage:
         self._together: dict[tuple[int, int], tuple[bool, int, int]] = {}
         self._reversed: dict[int, int] = {}
 
-    def advance(self, step: int, before: int, found: Chains) -> list[Event]:
+    def advance(self, step: int, before: int, found: Chains) -> list[ChainEvent]:
         """Return the events of the chains in `step`, given that the last ones existed until `before`."""
         old = self.chains
         shared = common(old, found.label)
@@ -134,7 +134,7 @@ class Lineage:
                     pair = min(ahead, behind), max(ahead, behind)
                     self._together[pair] = ahead < behind, step, chain.number
 
-    def _reversals(self, step: int, chain: NumberedChain) -> list[Event]:
+    def _reversals(self, step: int, chain: NumberedChain) -> list[ChainEvent]:
         """Return the reversals of earlier chains of which robots are in this one in the opposite order."""
         turned: dict[int, list[tuple[bool, int, int, int]]] = {}
         for ahead, behind in combinations(chain.robots, 2):
@@ -148,7 +148,7 @@ class Lineage:
                 changed = {robot for _, _, *both in pairs for robot in both}
                 robots = tuple(robot for robot in chain.robots if robot in changed)
                 chains = tuple(sorted({number, chain.number}))
-                events.append(Event(kind="reversal", step=step, robots=robots, chains=chains))
+                events.append(ChainEvent(kind="reversal", step=step, robots=robots, chains=chains))
                 self._reversed[number] = step
         return events
 
@@ -163,7 +163,7 @@ def common(old: tuple[NumberedChain, ...], label: np.ndarray) -> list[tuple[int,
     return shared
 
 
-def made(step: int, shared: list, old: tuple, new: tuple) -> list[Event]:
+def made(step: int, shared: list, old: tuple, new: tuple) -> list[ChainEvent]:
     """Return the births and mergers: new chains that come from none, or from several."""
     events = []
     for index, chain in enumerate(new):
@@ -171,11 +171,11 @@ def made(step: int, shared: list, old: tuple, new: tuple) -> list[Event]:
         if len(parents) != 1:
             chains = tuple(sorted({chain.number, *parents}))
             kind = "merge" if parents else "birth"
-            events.append(Event(kind=kind, step=step, robots=chain.robots, chains=chains))
+            events.append(ChainEvent(kind=kind, step=step, robots=chain.robots, chains=chains))
     return events
 
 
-def unmade(step: int, shared: list, old: tuple, new: tuple) -> list[Event]:
+def unmade(step: int, shared: list, old: tuple, new: tuple) -> list[ChainEvent]:
     """Return the ends and splits: old chains from which none comes, or several do."""
     events = []
     for index, chain in enumerate(old):
@@ -183,7 +183,7 @@ def unmade(step: int, shared: list, old: tuple, new: tuple) -> list[Event]:
         if len(children) != 1:
             chains = tuple(sorted({chain.number, *children}))
             kind = "split" if children else "end"
-            events.append(Event(kind=kind, step=step, robots=chain.robots, chains=chains))
+            events.append(ChainEvent(kind=kind, step=step, robots=chain.robots, chains=chains))
     return events
 
 
@@ -296,14 +296,14 @@ def first_run(mask: np.ndarray, length: int) -> int:
     return int(full.argmax()) if full.any() else len(mask)
 
 
-def meeting_event(meeting: tuple[int, int, int], steps: np.ndarray, chain: np.ndarray) -> Event:
+def meeting_event(meeting: tuple[int, int, int], steps: np.ndarray, chain: np.ndarray) -> ChainEvent:
     """Return a meeting as an event, with the chains of the two robots.
 
     Examples
     --------
     >>> meeting_event((0, 0, 1), np.array([7]), np.array([[4, -1]]))
-    Event(kind='meeting', step=7, robots=(0, 1), chains=(4,))
+    ChainEvent(kind='meeting', step=7, robots=(0, 1), chains=(4,))
     """
     frame, *robots = meeting
     chains = {int(chain[frame, robot]) for robot in robots} - {-1}
-    return Event(kind="meeting", step=int(steps[frame]), robots=tuple(robots), chains=tuple(sorted(chains)))
+    return ChainEvent(kind="meeting", step=int(steps[frame]), robots=tuple(robots), chains=tuple(sorted(chains)))

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from mesa_swarm.analysis.arrays import check_array, check_steps
-from mesa_swarm.analysis.chain_events import KINDS, OUTCOMES, Event, Lineage, Meetings, meeting_event
+from mesa_swarm.analysis.chain_events import KINDS, OUTCOMES, ChainEvent, Lineage, Meetings, meeting_event
 from mesa_swarm.analysis.chains import FARTHEST, Links, paths
 from mesa_swarm.errors import InvalidValueError, check_choice, check_number, shortened
 
@@ -25,9 +25,9 @@ class ChainHistory:
         Number of its chain, the same over time, -1 for robots alone.
     place : int64 ndarray, shape (k, n)
         Position in its chain, 0 for the head.
-    events : tuple of Event
+    events : tuple of ChainEvent
         By step, then kind, then robots.
-    fates : tuple of (Event, str)
+    fates : tuple of (ChainEvent, str)
         The meetings, and the outcome of each.
     """
 
@@ -35,8 +35,8 @@ class ChainHistory:
     leader: np.ndarray
     chain: np.ndarray
     place: np.ndarray
-    events: tuple[Event, ...]
-    fates: tuple[tuple[Event, str], ...]
+    events: tuple[ChainEvent, ...]
+    fates: tuple[tuple[ChainEvent, str], ...]
 
     @property
     def lengths(self) -> tuple[np.ndarray, ...]:
@@ -61,7 +61,7 @@ class ChainHistory:
         k, n = self.chain.shape
         return np.count_nonzero(self.chain >= 0, axis=1) / n if n else np.full(k, np.nan)
 
-    def of(self, kind: str) -> tuple[Event, ...]:
+    def of(self, kind: str) -> tuple[ChainEvent, ...]:
         """Return the events of one kind."""
         check_choice("kind", kind, KINDS)
         return tuple(event for event in self.events if event.kind == kind)
@@ -70,7 +70,7 @@ class ChainHistory:
         """Return the number of events of each kind."""
         return {kind: len(self.of(kind)) for kind in KINDS}
 
-    def outcome(self, meeting: Event) -> str:
+    def outcome(self, meeting: ChainEvent) -> str:
         """Return the outcome of a meeting: "merged", "dispersed" or "unresolved"; see `follow_chains`.
 
         Raises
@@ -173,7 +173,7 @@ def follow_chains(
     >>> track = np.stack([x, np.zeros_like(x)], axis=-1)
     >>> history = follow_chains(track, np.zeros((3, 4)), [0, 1, 2], link_distance=12, patience=1)
     >>> history.events
-    (Event(kind='merge', step=2, robots=(0, 1, 2, 3), chains=(0, 1)),)
+    (ChainEvent(kind='merge', step=2, robots=(0, 1, 2, 3), chains=(0, 1)),)
     >>> history.mean_length
     array([2., 2., 4.])
     """
@@ -257,7 +257,7 @@ def _followed(leader: np.ndarray, position: np.ndarray, steps: np.ndarray, windo
 
 def backings(
     position: np.ndarray, heading: np.ndarray, chain: np.ndarray, steps: np.ndarray, least: float
-) -> list[Event]:
+) -> list[ChainEvent]:
     """Return the reversals of chains that begin to drive backwards, or forwards again; see `follow_chains`."""
     if len(position) < 2:
         return []
@@ -270,7 +270,7 @@ def backings(
             rows = np.flatnonzero(chain[frames[turn]] == number)
             events.append((number, frames[turn], rows))
     return [
-        Event(kind="reversal", step=int(steps[frame]), robots=tuple(rows.tolist()), chains=(number,))
+        ChainEvent(kind="reversal", step=int(steps[frame]), robots=tuple(rows.tolist()), chains=(number,))
         for number, frame, rows in events
     ]
 

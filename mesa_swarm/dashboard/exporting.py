@@ -29,7 +29,7 @@ from mesa_swarm.errors import (
     in_words,
 )
 from mesa_swarm.experiments.pool import ending_with_us
-from mesa_swarm.model import Observer
+from mesa_swarm.observers import Observer
 from mesa_swarm.recording.recorder import Recorder, record
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.canvas_widget import text_of

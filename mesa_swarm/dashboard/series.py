@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mesa_swarm.errors import UnknownNameError, unknown_name
-from mesa_swarm.model import Observer
+from mesa_swarm.observers import Observer
 from mesa_swarm.swarm_model import SwarmModel
 
 # Numbers stored of a run, or of two compared ones, 16 MB; beyond that every second row is dropped.

@@ -17,7 +17,7 @@ import pyarrow as pa
 from mesa_swarm.errors import RecordingError, shortened
 from mesa_swarm.files import shown_path
 from mesa_swarm.fire.model import FireModel
-from mesa_swarm.model import Observer
+from mesa_swarm.observers import Observer
 from mesa_swarm.recording.changes import ChangeDetector, intervention_to_json
 from mesa_swarm.recording.checkpoint import checkpoint_of
 from mesa_swarm.recording.collected import Path as SeriesPath

@@ -13,7 +13,7 @@ from reacton.core import Element
 
 from mesa_swarm.errors import check_count, check_number
 from mesa_swarm.fire.model import FireModel
-from mesa_swarm.model import Observer
+from mesa_swarm.observers import Observer
 from mesa_swarm.viewing import palette
 from mesa_swarm.viewing.pictures import png, world_figure
 from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES
