@@ -116,7 +116,7 @@ def follow_chains(
     ========  ======================================================================================================
     event     what it is
     ========  ======================================================================================================
-    birth     a chain that is no successor: no two of its robots were in one chain in the frame before
+    birth     a chain without predecessor: no two of its robots were in one chain in the frame before
     end       a chain without a successor
     merge     a chain that is the successor of two or more
     split     a chain that has two or more successors

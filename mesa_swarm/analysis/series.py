@@ -118,7 +118,7 @@ def time_to(
     Returns
     -------
     int or None
-        None if it never is, or not at the end where it is asked for good.
+        None if it never is, or with `for_good` not at the end.
 
     Raises
     ------

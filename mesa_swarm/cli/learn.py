@@ -26,7 +26,7 @@ def reward_lab(
     out: Folder = Path("results", "reward_lab"),
     quiet: Quiet = False,
 ) -> None:
-    """Draw reward, learned values and choice over the distance ahead; measure where robots dither."""
+    """Draw reward, learned values and choice over the distance ahead; measure where robots oscillate."""
     from mesa_swarm.experiments.diagnosis import MEASURES, SCENES, oscillation, trained
     from mesa_swarm.experiments.learning_figures import reward_figure
     from mesa_swarm.experiments.tables import aligned, csv_text

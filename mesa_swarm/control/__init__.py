@@ -1,4 +1,4 @@
-"""Arbiters, layers and rules of one's own."""
+"""Arbiters, layers and custom rules."""
 
 from mesa_swarm.control.arbiter import Arbiter, Subsumption, VectorSum
 from mesa_swarm.control.avoid import Avoid

@@ -1,4 +1,4 @@
-"""Rules of one's own: the decorator, and what a rule's code uses, found without running it."""
+"""Custom rules: the decorator, and what a rule's code uses, found without running it."""
 
 import dis
 import inspect

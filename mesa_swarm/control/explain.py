@@ -55,13 +55,13 @@ def explanation(control: Arbiter, swarm: Swarm, snapshots: Snapshots, row: int, 
     Raises
     ------
     BehaviourError
-        If a layer of one's own wrote the index of a layer that does not exist.
+        If a custom layer wrote the index of a layer that does not exist.
     """
     moment, won = moment_of(swarm, snapshots.at(step), row)
     if won >= len(control.layers):
         raise BehaviourError(
             f"layer {won} drove robot {swarm.agents[row].unique_id} in step {step:,}, of {len(control.layers)} layers; "
-            "a layer of one's own must write the index that `decide` is given"
+            "a custom layer must write the index that `decide` is given"
         )
     layer = control.layers[won] if won >= 0 else None
     reason = Reason("") if layer is None else reason_of(layer, moment)

@@ -90,7 +90,7 @@ class Senses:
 class Layer(Protocol):
     """One rule of a subsumption, for all robots at once.
 
-    A rule about one robot is written more simply with `behaviour`. A layer of one's own is a class with
+    A rule about one robot is written more simply with `behaviour`. A custom layer is a class with
     these two; see `Explore`, which remembers something, and `Avoid`, which does not. It may have a third,
     ``reason(moment) -> Reason``, why it drove a robot (`SwarmModel.explain`), and a fourth, ``unbind()``,
     which is called before another control takes the place of the one that it is in, and all columns are dropped.

@@ -1,4 +1,4 @@
-"""A rule of one's own as a loop over all robots: its readings, and errors in it."""
+"""A custom rule as a loop over all robots: its readings, and errors in it."""
 
 import math
 import operator

@@ -25,7 +25,7 @@ LEVEL = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """A place on a curve where a robot may dither.
+    """A place on a curve where a robot may oscillate.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ from mesa_swarm.geometry.compiled import compiled
 class Drive(Protocol):
     """What turns wheels into motion. The motion of a body is (forward, sideways, turn) a step.
 
-    A drive of one's own is a class with these two methods; see `DifferentialDrive` and `HolonomicDrive`.
+    A custom drive is a class with these two methods; see `DifferentialDrive` and `HolonomicDrive`.
 
     Attributes
     ----------

@@ -162,13 +162,13 @@ def page_of(about: dict, chunks: list[bytes]) -> str:
     """
     # A "<" in a text would end the element; JSON reads the escape as the same text.
     facts = json.dumps(about, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
-    data = [f'<script type="application/json" id="about">{facts}</script>']
+    elements = [f'<script type="application/json" id="about">{facts}</script>']
     for place, chunk in enumerate(chunks):
-        data.append(f'<script type="text/plain" id="chunk-{place}">{b64encode(chunk).decode()}</script>')
+        elements.append(f'<script type="text/plain" id="chunk-{place}">{b64encode(chunk).decode()}</script>')
     page = asset("replay.html")
     parts = {"policy": policy(sources(), in_page=True), "style": style(), "script": script()}
     # Data last: what a recording holds is never searched for the names of the other parts.
-    for name, text in {**parts, "data": "\n".join(data)}.items():
+    for name, text in {**parts, "data": "\n".join(elements)}.items():
         page = page.replace(f"{{{{{name}}}}}", text, 1)
     return page
 

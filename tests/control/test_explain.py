@@ -157,7 +157,7 @@ def test_a_layer_that_writes_an_unknown_index_is_reported():
             layer[:] = 7
 
     model = watched(Stray()).run(1)
-    with pytest.raises(BehaviourError, match=r"layer 7 drove robot \d+ in step 1, of 1 layers; a layer of one's own"):
+    with pytest.raises(BehaviourError, match=r"layer 7 drove robot \d+ in step 1, of 1 layers; a custom layer"):
         model.explain(first(model))
 
 
