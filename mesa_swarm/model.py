@@ -204,7 +204,7 @@ class EngineModel(World):
         decide      what robots know (`control.Senses`)               command, layer, task, goal, sent_goal
         move        command, loads                                    loads, position, heading
         resolve     position, obstacles, fires                        position, heading, slip, collided, contacts
-        burn        position                                          fires' temperature, robots' temperature, fire
+        process     position                                          fires' temperature, robots' temperature, fire
         collect     everything                                        datacollector, history
         ==========  ================================================  ===========================================
 
