@@ -305,7 +305,7 @@ class SideView:
 
     def push(self, number: int, frame: PackedFrame) -> None:
         """Show a picture."""
-        self.canvas.set_state(caption=self._caption())
+        self.canvas.show_state(caption=self._caption())
         self.canvas.push(number, frame, rest=not self.side.playing, **extent_of(self.side.past))
 
     def close(self) -> None:

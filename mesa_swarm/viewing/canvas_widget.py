@@ -119,7 +119,7 @@ class SwarmCanvas(anywidget.AnyWidget):
                 self._pushed, self._frame, self._beside, self._waits = number, frame, beside, True
                 self._send_frame()
 
-    def set_state(self, **state: object) -> None:
+    def show_state(self, **state: object) -> None:
         """Send the browser the fields that have changed (playing, speed, ...), and the number of the newest frame."""
         with self._lock:
             state["newest"] = self._pushed
@@ -209,7 +209,7 @@ class Connection:
     def send_state(self) -> None:
         """Send whether it is played, and how fast."""
         player = self.player
-        self.canvas.set_state(
+        self.canvas.show_state(
             playing=player.playing,
             finished=player.finished,
             error=player.error,

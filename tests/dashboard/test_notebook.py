@@ -22,14 +22,14 @@ def sent(monkeypatch):
 @pytest.fixture
 def canvases(monkeypatch):
     """All canvases that were connected with a model."""
-    known, set_state = [], SwarmCanvas.set_state
+    known, show_state = [], SwarmCanvas.show_state
 
     def noting(self, **state):
         if self not in known:
             known.append(self)
-        set_state(self, **state)
+        show_state(self, **state)
 
-    monkeypatch.setattr(SwarmCanvas, "set_state", noting)
+    monkeypatch.setattr(SwarmCanvas, "show_state", noting)
     return known
 
 

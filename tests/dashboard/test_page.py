@@ -3,11 +3,18 @@
 import ipyvuetify
 import pytest
 import solara
+from anywidget import AnyWidget
 
 from mesa_swarm.dashboard import app
 from mesa_swarm.dashboard.app import PageBar
+from mesa_swarm.dashboard.charts import ChartBoard
+from mesa_swarm.dashboard.controls import ControlPanel
+from mesa_swarm.dashboard.exporting import Exporter
+from mesa_swarm.dashboard.inspector import Inspector
 from mesa_swarm.dashboard.session import Session
+from mesa_swarm.dashboard.widgets import FilePicker
 from mesa_swarm.models.fire_fighting import FireFighting
+from mesa_swarm.viewing.canvas_widget import SwarmCanvas
 
 
 @pytest.fixture
@@ -83,3 +90,10 @@ def test_the_address_bar_holds_a_run_that_was_built_elsewhere(session, drawn):
     settings = session.settings | {"strategy": "A", "n_robots": 10}
     session.adopt(FireFighting(strategy="A", rng=5).run(2), "fire_fighting", settings, 5)
     assert bar.query == "model=fire_fighting&strategy=A&seed=5"
+
+
+@pytest.mark.parametrize("widget", [SwarmCanvas, FilePicker, ChartBoard, ControlPanel, Exporter, Inspector, PageBar])
+def test_a_widget_replaces_no_method_of_ipywidgets(widget):
+    own = {name for kind in widget.__mro__ if kind.__module__.startswith("mesa_swarm") for name in vars(kind)}
+    methods = {name for name in own if callable(getattr(AnyWidget, name, None)) and not name.startswith("_")}
+    assert methods == set()

@@ -1,7 +1,6 @@
 """Recordings of sweeps: complete or not there, none lost, none twice."""
 
 import os
-from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -109,13 +108,14 @@ def test_a_run_whose_worker_dies_in_each_of_three_tries_is_given_up_and_the_rest
     tried = []
 
     def on_all(workers, work, tasks):
-        for (task,) in tasks:
-            tried.append(task.rng)
-            if task.rng == 2:
+        for task in tasks:
+            run = task[-1]
+            tried.append(run.rng)
+            if run.rng == 2:
                 raise WorkerDiedError
-            yield work(task)
+            yield work(*task)
 
-    monkeypatch.setattr(import_module("mesa_swarm.experiments.sweep"), "on_all", on_all)
+    monkeypatch.setattr("mesa_swarm.experiments.runs.on_all", on_all)
     settings = {"diary": str(tmp_path / "diary")}
     made = sweep(Counting, seeds=3, steps=1, settings=settings, out=tmp_path, jobs=2, record={})
     table = made.frame()
