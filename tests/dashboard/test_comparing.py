@@ -258,10 +258,10 @@ def test_closing_a_session_ends_its_runs_and_too_many_at_once_are_refused():
 
 PAGE = """
 import time
-from mesa_swarm.dashboard import many_runs
+from mesa_swarm.dashboard import comparing
 from mesa_swarm.experiments.plan import checked_plan
-many_runs.cpu_count = lambda: 3
-process = many_runs._begun(checked_plan("fire_fighting", seeds=2, steps=1_000_000))
+comparing.cpu_count = lambda: 3
+process = comparing._begun(checked_plan("fire_fighting", seeds=2, steps=1_000_000))
 print(process.pid, flush=True)
 time.sleep(1000)
 """
