@@ -93,7 +93,7 @@ def test_a_dask_worker_that_falls_silent_is_noticed_and_its_runs_are_done_by_oth
 @pytest.mark.slow
 @pytest.mark.skipif(find_spec("ipykernel") is None, reason="needs a Jupyter kernel")
 def test_a_notebook_shows_the_time_left_and_when_it_will_be_done(tmp_path):
-    from jupyter_client.kernel import start_new_kernel  # noqa: PLC0415 - comes with the kernel
+    from jupyter_client.manager import start_new_kernel  # noqa: PLC0415 - comes with the kernel
 
     contents = []
     kernel, client = start_new_kernel(kernel_name="python3", cwd=str(Path(__file__).parents[2]))
