@@ -8,9 +8,10 @@ import warnings
 import pytest
 
 import mesa_swarm
-from mesa_swarm import SwarmModel
+from mesa_swarm import AGENT9, DifferentialDrive, SwarmModel
 from mesa_swarm.gallery import shipped_class
 from mesa_swarm.moved import HOMES, NAMES, MovedFinder
+from mesa_swarm.robots.drive import alike
 
 # What README, docs and notebooks of version 0.1.0 import, and other public names, from where they were then.
 ADDRESSES = {
@@ -108,3 +109,19 @@ def test_the_finder_is_registered_once_and_last_of_ours():
 def test_recordings_of_before_name_the_class_of_models_by_its_old_module():
     assert shipped_class("mesa_swarm.model", "SwarmModel") is SwarmModel
     assert shipped_class("mesa_swarm.model", "EngineModel") is None
+
+
+def test_former_names_of_members_still_work_with_a_warning():
+    model = SwarmModel(rng=1)
+    model.add_robots(AGENT9, poses=[(100, 100, 0)])
+    swarm = model.swarm
+    swarm.remember("body.hit", (), bool, False)
+    swarm.columns["heard_task"][:] = 3
+    with pytest.warns(DeprecationWarning, match="called drop_body_columns now"):
+        swarm.shed()
+    with pytest.warns(DeprecationWarning, match="called clear_messages now"):
+        swarm.hush()
+    assert "body.hit" not in swarm.columns
+    assert swarm.heard_task.tolist() == [-1]
+    with pytest.warns(DeprecationWarning, match="one == other now"):
+        assert alike(AGENT9.drive, DifferentialDrive())

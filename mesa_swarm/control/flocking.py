@@ -244,7 +244,7 @@ def separate_from(distance, kind, sensors, design, max_speed, near, what, comman
 class Align:
     """Move as the neighbours move.
 
-    Active when robots have been seen for a few steps; see `Apparent` in `control.apparent`.
+    Active when robots have been seen for a few steps; see `Apparent`.
 
     Parameters
     ----------

@@ -118,7 +118,7 @@ class Trial:
     squash, encoding : str
         See `ReflexPolicy`.
     mirrored : bool
-        Whether controllers are their own mirror image, see `learning.mirror`: half as many weights to find.
+        Whether controllers are their own mirror image, see `learning.reflex_policy`: half as many weights to find.
     """
 
     design: RobotDesign = AGENT9

@@ -1,6 +1,7 @@
 """How wheels move a body, random slip, and the turn towards a target."""
 
 import math
+import warnings
 from typing import Protocol
 
 import numpy as np
@@ -50,6 +51,12 @@ class _EqualByValues:
     def __hash__(self) -> int:
         """Hash as all drives of the same class do."""
         return hash(type(self))
+
+
+def alike(one: object, other: object) -> bool:
+    """Return whether two drives are equal; deprecated, compare them by ``==``."""
+    warnings.warn("alike(one, other) is one == other now", DeprecationWarning, stacklevel=2)
+    return _EqualByValues.__eq__(one, other)  # type: ignore[operator]  # any two objects
 
 
 class DifferentialDrive(_EqualByValues):

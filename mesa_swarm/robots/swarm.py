@@ -1,6 +1,7 @@
 """The swarm: one array per property of the robots, one row per robot."""
 
 import math
+import warnings
 from collections.abc import Sequence
 
 import numpy as np
@@ -238,6 +239,16 @@ class Swarm:
         """Clear all that robots have sent and heard."""
         for name in MESSAGES:
             self.columns[name].fill(COLUMNS[name][2])
+
+    def shed(self) -> None:
+        """Drop the columns of bodies; deprecated, see `drop_body_columns`."""
+        warnings.warn("Swarm.shed is called drop_body_columns now", DeprecationWarning, stacklevel=2)
+        self.drop_body_columns()
+
+    def hush(self) -> None:
+        """Clear all messages; deprecated, see `clear_messages`."""
+        warnings.warn("Swarm.hush is called clear_messages now", DeprecationWarning, stacklevel=2)
+        self.clear_messages()
 
     def _resize(self, rows: np.ndarray, new: int) -> None:
         """Make every column again: these rows in order, then `new` rows of initial values."""

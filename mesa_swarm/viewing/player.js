@@ -1,4 +1,4 @@
-/* Plays a recording on a Stage. Frames come in chunks (see viewing/chunks.py), out of the page itself or from
+/* Plays a recording on a Stage. Frames come in chunks (see viewing/packing.py), out of the page itself or from
    `mesa-swarm replay`; the page's element "about" has which of the two. `window.mesaSwarmReplay` is for tests. */
 
 import { Stage, TOGGLES } from "./canvas.js";
@@ -13,7 +13,7 @@ const PREDICTED = { pose: 2, loads: 2 };
 const MARKS = { "fire out": "fire", "collision burst": "burst", merge: "merge" };
 const find = (id) => document.getElementById(id);
 
-/** Reads unsigned numbers that were written as differences, see `_coded` in viewing/chunks.py. */
+/** Reads unsigned numbers that were written as differences, see `_coded` in viewing/packing.py. */
 class Tracks {
   constructor(bytes) {
     this.bytes = bytes;
