@@ -53,7 +53,7 @@ def check_writable(folder: str | os.PathLike[str]) -> Path:
     except (OSError, ValueError) as error:  # ValueError: a null byte in the name
         reason = getattr(error, "strerror", None) or error
         raise InvalidValueError(
-            f"results cannot be written to {shortened(str(path))}: {reason}; choose another folder"
+            f"results cannot be written to '{shown_path(path)}': {reason}; choose another folder"
         ) from None
     finally:
         _remove_empty(missing)
