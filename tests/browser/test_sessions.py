@@ -22,9 +22,9 @@ GUARDED = LAUNCH.replace("open_browser=False", "open_browser=False, host='0.0.0.
 BREAKING = """
 import sys
 from mesa_swarm.dashboard import launch
-from mesa_swarm.dashboard.app import Places
+from mesa_swarm.dashboard.app import PLACES
 from mesa_swarm.models.boids import Boids
-step, Places.__init__.__defaults__ = Boids.step, (2,)
+step, PLACES.most = Boids.step, 2
 def breaking(self):
     if self.steps == 2:
         raise ZeroDivisionError("nothing left to share")
