@@ -11,6 +11,7 @@ import pytest
 
 from mesa_swarm.errors import ExportError, InvalidValueError
 from mesa_swarm.files import (
+    check_writable,
     checked_file,
     draft_name,
     draft_of,
@@ -206,3 +207,10 @@ def test_a_draft_is_free_when_it_is_done_with_though_a_child_that_was_forked_mea
             write(draft)
         assert lock(opened[0])
     opened[0].close()
+
+
+def test_a_folder_that_cannot_be_made_is_shown_by_the_end_of_its_path(tmp_path):
+    (tmp_path / "taken").touch()
+    folder = tmp_path / "taken" / ("a" * 60) / "the_end"
+    with pytest.raises(InvalidValueError, match=r"the_end': .*; choose another folder"):
+        check_writable(folder)

@@ -267,20 +267,36 @@ def evolve(
             search.tell(in_order(workers, trial.fitness_of, tried))
             diary.write(search)
             bar.update()
-    means, seeds = search.means[-finalists:], streams["final"].integers(2**63, size=final_trials).tolist()
-    tried = [(x, last_worlds[k % len(last_worlds)], seeds[k]) for x in means for k in range(final_trials)]
-    worth = np.reshape(in_order(workers, last.fitness_of, tried), (len(means), final_trials)).mean(axis=1)
+    seeds = streams["final"].integers(2**63, size=final_trials).tolist()
+    policy = _best(search, last, last_worlds, seeds, finalists, workers, trial.robots * trial.steps)
+    return Evolved(policy, np.array(search.history))
+
+
+def _best(
+    search: Evolution,
+    last: Trial,
+    worlds: Sequence[Map],
+    seeds: Sequence[int],
+    finalists: int,
+    workers: int,
+    robot_steps: int,
+) -> ReflexPolicy:
+    """Return the policy of the best of the last generations' means, tried with each seed in worlds that take turns.
+
+    `robot_steps` are those of a trial of the search.
+    """
+    means = search.means[-finalists:]
+    tried = [(x, worlds[k % len(worlds)], seed) for x in means for k, seed in enumerate(seeds)]
+    worth = np.reshape(in_order(workers, last.fitness_of, tried), (len(means), len(seeds))).mean(axis=1)
     best = int(np.argmax(worth))
-    policy = last.policy(
+    return last.policy(
         means[best],
-        steps=search.generations * search.population * trial.robots * trial.steps
-        + len(tried) * last.robots * last.steps,
+        steps=search.generations * search.population * robot_steps + len(tried) * last.robots * last.steps,
         learner="evolution",
         fitness=last.fitness.kind,
         generations=search.generations,
         worth=float(worth[best]),
     )
-    return Evolved(policy, np.array(search.history))
 
 
 def checked_trial(name: str, trial: object) -> Trial:
