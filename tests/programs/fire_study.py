@@ -86,7 +86,7 @@ def main() -> None:
 
     again = {"rng": [1, 2]} if "rng" in inspect.signature(mesa.batch_run).parameters else {"iterations": 2}
     rows = mesa.batch_run(CrowdedFires, {"n_robots": [2, 4]}, max_steps=20, display_progress=False, **again)
-    print("batch_run", len(rows), sorted(row["n_robots"] for row in rows), rows[0]["Step"])
+    print("batch_run", len(rows), sorted(row["n_robots"] for row in rows), int(rows[0]["Step"]))
 
     watched = FireFighting(n_robots=3, rng=1)
     watched.watch(last=None)
