@@ -19,6 +19,7 @@ FOLDERS = ["docs", "mesa_swarm", "models", "notebooks/solutions"]
 TEXTS = [
     *("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "mkdocs.yml", ".ci/run", "notebooks/*.md"),
     *("docs/**/*.md", "docs/*.css", "docs/pictures/step.svg"),
+    *("mesa_swarm/**/*.js", "mesa_swarm/**/*.css", "pyproject.toml"),
 ]
 NOTEBOOKS = ["notebooks/*.ipynb"]
 
@@ -93,6 +94,15 @@ def texts(path: Path) -> Iterator[Passage]:
             yield from python(inside) if cell["cell_type"] == "code" else [Passage(1, inside)]
     else:
         yield Passage(1, source)
+        if path.suffix == ".js":
+            yield from declared(source)
+
+
+def declared(source: str) -> Iterator[Passage]:
+    """Yield the names that JavaScript declares or assigns: variables, functions, methods, properties."""
+    for line, text in enumerate(source.splitlines(), 1):
+        for name in re.findall(r"(?:\b(?:const|let|function|class)|\.)\s*(#?\w+)(?=\s*[=({]|\s*$)|^\s*(#?\w+)\(", text):
+            yield Passage(line, "".join(name).lstrip("#"), is_name=True)
 
 
 def python(source: str) -> Iterator[Passage]:
@@ -205,6 +215,15 @@ def test_every_pattern_of_files_finds_some():
 )
 def test_a_forbidden_word_is_found_in_python(source):
     assert [line for passage in python(source) for line in forbidden(passage, [])]
+
+
+@pytest.mark.parametrize(
+    "source", ["const wished = 1;", "  #tellRest() {", "this.toldTwice = 2;", "// It was asked for."]
+)
+def test_a_forbidden_word_is_found_in_javascript(source, tmp_path):
+    path = tmp_path / "drawn.js"
+    path.write_text(source, encoding="utf-8")
+    assert [line for passage in texts(path) for line in forbidden(passage, [])]
 
 
 @pytest.mark.parametrize(

@@ -236,7 +236,7 @@ class Player {
   }
 
   get last() { return this.about.rows - 1; }
-  /** The row that was asked for last; keys go on from there, although it may not be at hand yet. */
+  /** The row last requested; keys go on from there, although it may not be at hand yet. */
   get wanted() { return this.#wanted; }
   get step() { return this.about.first + this.row * this.about.every; }
   rowOf(step) { return Math.round((step - this.about.first) / this.about.every); }

@@ -85,14 +85,14 @@ class PlayerView {
     parts.reset = iconButton("reset", "Reset", act("reset"));
     const send = () => this.#send({ do: "speed", value: Number(parts.speed.value) });
     parts.speed = make("input", { type: "range", min: 0, max: 12, step: 1, "aria-label": "Speed", input: send });
-    parts.wished = make("output", {});
+    parts.requested = make("output", {});
     parts.readings = make("dl", { class: "swarm-readings" });
     const look = () => this.#send({ do: "look", value: Number(parts.past.value) });
     parts.past = make("input", { type: "range", min: 0, max: 0, step: 1, "aria-label": "Steps in memory", input: look });
     parts.when = make("span", { class: "swarm-when" });
     const buttons = make("div", { class: "swarm-buttons", role: "toolbar", "aria-label": "Play" });
     buttons.append(parts.back, parts.play, parts.step, parts.reset);
-    const speed = make("label", { class: "swarm-speed" }, parts.speed, parts.wished);
+    const speed = make("label", { class: "swarm-speed" }, parts.speed, parts.requested);
     if (bar) this.#root.append(make("div", { class: "swarm-bar" }, buttons, speed, parts.readings));
     parts.caption = make("strong", { class: "swarm-caption" });
     if (head) this.#root.append(make("div", { class: "swarm-head" }, parts.caption, parts.readings));
@@ -202,7 +202,7 @@ class PlayerView {
       this.#written = now;
       this.#write(picture);
     }
-    this.#tellRest();
+    this.#describeRest();
   }
 
   #write({ step, readings, rate, index, length, first, last, fingerprint }) {
@@ -226,7 +226,7 @@ class PlayerView {
   }
 
   /** Show whether it is at rest: this may be known before the last picture arrives. */
-  #tellRest() {
+  #describeRest() {
     const { playing, newest } = this.#state, { pushed, fingerprint } = this.#shown;
     this.#root.dataset.rest = Boolean(!playing && fingerprint && pushed >= newest);
   }
@@ -236,14 +236,14 @@ class PlayerView {
     const { playing, speed, speeds, finished, error, can_reset: canReset, caption } = this.#state, parts = this.#parts;
     parts.caption.textContent = caption ?? "";
     this.#root.dataset.playing = playing;
-    this.#tellRest();
+    this.#describeRest();
     relabel(parts.play, playing ? "pause" : "play", playing ? "Pause" : "Play");
     parts.play.disabled = Boolean(error) || finished;
     parts.step.disabled = Boolean(error);
     parts.reset.hidden = !canReset;
     parts.speed.max = speeds.length - 1;
     if (document.activeElement !== parts.speed || !parts.speed.matches(":active")) parts.speed.value = speed;
-    parts.wished.textContent = speeds[speed] ?? "";
+    parts.requested.textContent = speeds[speed] ?? "";
     parts.speed.setAttribute("aria-valuetext", speeds[speed] ?? "");
   }
 
