@@ -44,13 +44,7 @@ Check = Callable[[Any, str], None]
 
 
 def checked_provenance(facts: dict, source: object) -> dict:
-    """Return the provenance of a recording if it is complete and of the types that mesa_swarm writes.
-
-    Raises
-    ------
-    RecordingError
-        Naming the first field that is not.
-    """
+    """Return the provenance of a recording if it is complete and of the types that mesa_swarm writes."""
     try:
         _check(facts, PROVENANCE, "")
         if {"map", "rng"} & facts["parameters"].keys():
@@ -62,19 +56,7 @@ def checked_provenance(facts: dict, source: object) -> dict:
 
 
 def checked_scenery(scenery: Any) -> dict:
-    """Return a scenery if it can be drawn.
-
-    Raises
-    ------
-    RecordingError
-        Naming the first field that is invalid.
-
-    Examples
-    --------
-    >>> checked_scenery({"designs": [], "robots": [[1, 2, 0]], "shapes": [], "loads": [], "layers": [], "leave": 9})
-    Traceback (most recent call last):
-    mesa_swarm.errors.RecordingError: scenery has robots [1, 2, 0]; expected ascending ids, and one of 0 designs
-    """
+    """Return a scenery if it can be drawn."""
     try:
         _check(scenery, SCENERY, "scenery")
         newest = -1
@@ -93,31 +75,14 @@ def checked_scenery(scenery: Any) -> dict:
 
 
 def checked_content(name: str, content: bytes) -> Any:
-    """Return the JSON of a piece of this name: a `CHANGE` of the population or an `INTERVENTION`.
-
-    Raises
-    ------
-    ValueError
-        If it cannot be decoded.
-    """
+    """Return the JSON of a piece of this name: a `CHANGE` of the population or an `INTERVENTION`."""
     value = read_json(content)
     _check(value, CONTENTS[name], "")
     return value
 
 
 def read_json(text: bytes) -> Any:
-    """Return the value of a JSON text, unless it is too long or nested too deeply.
-
-    Raises
-    ------
-    ValueError
-        If it cannot be decoded.
-
-    Examples
-    --------
-    >>> read_json(b'{"a": [1]}')
-    {'a': [1]}
-    """
+    """Return the value of a JSON text, unless it is too long or nested too deeply."""
     lists = 0 if text.startswith(b'"') else text.count(b"[") + text.count(b"{")
     if len(text) > LONGEST_TEXT or lists > MOST_LISTS:
         raise ValueError("JSON text is too long")
@@ -142,17 +107,7 @@ def check_columns(schema: pa.Schema, source: object) -> None:
 
 
 def checked_rows(batch: pa.RecordBatch, first: int, every: int, source: object) -> Rows:
-    """Return the rows of a chunk if they match the schema and each other.
-
-    Parameters
-    ----------
-    first : int
-        The step of the first row.
-    every : int
-        Steps from one row to the next.
-    source : object
-        Named first in errors.
-    """
+    """Return the rows of a chunk, from step `first` on, if they match the schema and each other."""
     try:
         batch.validate()
         wrong = _wrong_in(batch, first, every)
@@ -173,31 +128,14 @@ def check_values(batch: pa.RecordBatch, first: int, source: object) -> None:
 
 
 def longest_gap(every: int) -> int:
-    """Return the largest number of steps from one row to the next: rows are missing where steps failed.
-
-    Examples
-    --------
-    >>> longest_gap(1), longest_gap(10_000), longest_gap(500_000)
-    (100, 100000, 500000)
-    """
+    """Return the largest number of steps from one row to the next: rows are missing where steps failed."""
     return max(every, min(MOST_MISSING * every, MOST_UNSEEN))
 
 
 def misplaced(pieces: Sequence[Piece], start: int, every: int) -> Piece | None:
     """Return the first piece whose seal has a number of rows or a step that cannot follow those before it.
 
-    Parameters
-    ----------
-    pieces : sequence of Piece
-        In the order of the file, including those without rows.
-    start : int
-        The step at which the recording began.
-
-    Examples
-    --------
-    >>> misplaced([Piece(0, 0, 0, 0, 0, rows=2, step=10), Piece(0, 0, 0, 0, 0, rows=0, step=20)], 3, every=10)
-    >>> misplaced([Piece(0, 0, 0, 0, 0, rows=2, step=10**12)], 3, every=10).step
-    1000000000000
+    The pieces, those without rows included, are in the order of the file; the recording began at step `start`.
     """
     earliest, latest, gap = start, start, longest_gap(every)
     for piece in pieces:

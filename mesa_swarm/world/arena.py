@@ -119,13 +119,7 @@ class Arena(ContinuousSpace):
             raise InvalidValueError(ONE_AT_A_TIME)
 
     def place(self, agent: ContinuousSpaceAgent, position: Point) -> None:
-        """Write the position of an agent that is stored in the arena itself, if it is within bounds.
-
-        Raises
-        ------
-        InvalidValueError
-            If the position is not finite or is out of bounds, before it is written.
-        """
+        """Write the position of an agent that is stored in the arena itself, if it is within bounds."""
         self._agent_positions[self._agent_to_index[agent]] = self.checked_point(position)
 
     def checked_point(self, position: Point) -> np.ndarray:
@@ -240,13 +234,7 @@ class ArenaAgent(ContinuousSpaceAgent):
 
 
 def as_numbers(value: object) -> np.ndarray:
-    """Return a user's value as an array of floats, an empty one if it does not hold numbers alone.
-
-    Examples
-    --------
-    >>> as_numbers([1, 2]), as_numbers(["1", 2]), as_numbers([10**400, 0])
-    (array([1., 2.]), array([], dtype=float64), array([], dtype=float64))
-    """
+    """Return a user's value as an array of floats, an empty one if it does not hold numbers alone."""
     try:
         array = np.asarray(value)
         if array.dtype.kind in "iufO":

@@ -86,10 +86,7 @@ IGNORED = (
 
 
 class Drawn(NamedTuple):
-    """An element to be made into shapes: its tag, its attributes, and what it inherits.
-
-    `matrix` leads from its own coordinates to the map's; `place` is how errors name it.
-    """
+    """An element to be made into shapes: `matrix` leads from its coordinates to the map's, errors name its `place`."""
 
     tag: str
     attributes: Mapping[str, str]
@@ -119,13 +116,7 @@ def shapes_of(drawn: Drawn, tolerance: float, work: Work) -> list[Shape]:
 
 
 def fire_of(drawn: Drawn) -> FireSpot:
-    """Return the fire of a circle, of the temperature `data-temperature`, by default 1.
-
-    Examples
-    --------
-    >>> fire_of(Drawn("circle", {"cx": "40", "cy": "30", "r": "10"}, "", np.eye(3))).area
-    1.0
-    """
+    """Return the fire of a circle, of the temperature `data-temperature`, by default 1."""
     round_part = _disc(drawn) if drawn.tag in ("circle", "ellipse") else None
     if round_part is None:
         raise InvalidValueError("is a fire; fires are circles, and stay so when they are transformed")
@@ -275,19 +266,7 @@ _READERS: dict[str, Callable[[Drawn, float, Work], Iterator[Shape]]] = {
 def read_svg(content: bytes, source: str) -> dict[str, Any]:
     """Return the contents of an SVG drawing, as the keyword arguments of `Map`.
 
-    Errors begin with `source`; its stem names a drawing without title.
-
-    Raises
-    ------
-    MapError
-        Naming the element, with its id and line, and the mistake in it.
-
-    Examples
-    --------
-    >>> drawing = b'<svg width="80" height="60"><rect y="50" width="80" height="10"/></svg>'
-    >>> parts = read_svg(drawing, "hall.svg")
-    >>> parts["name"], parts["obstacles"][0].bounds
-    ('hall', (0.0, 0.0, 80.0, 10.0))
+    Errors name the element after `source`, with its id and line; the stem of `source` names a drawing without title.
     """
     work = Work(len(content))
     walk = _walked(content, source, work)
