@@ -122,7 +122,7 @@ def checkpoint_of(model: FireModel, since: dict[Path, int] | None = None, *, ste
         "history": [model.fires.history.every, list(model.fires.history._places), model.fires.history._fires],
         "constants": part_to_json(model.fire_constants),
         "radio": part_to_json(model.communication),
-        "imperfect": _imperfect_to_json(model),
+        "imperfect": model._imperfect and [part_to_json(model.imperfections), model._imperfect.key],
         "control": control_to_json(model.control),
         "control_state": _control_state(model, packed),
         "randomness": _randomness(model, packed),
@@ -246,10 +246,6 @@ def _layer_state(layer: Any, packed: _ModelPacked) -> object:
 def _inner(values: dict, what: str, packed: _ModelPacked) -> dict:
     swarm = packed.model.swarm
     return {n: _attribute(v, f"{what}'s {n}", packed) for n, v in values.items() if v is not swarm}
-
-
-def _imperfect_to_json(model: FireModel) -> list | None:
-    return None if model._imperfect is None else [part_to_json(model.imperfections), model._imperfect.key]
 
 
 def _restore_imperfect(model: FireModel, stored: list | None) -> None:

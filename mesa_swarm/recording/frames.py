@@ -144,14 +144,9 @@ class Rows:
         return len(self._steps)
 
     def __iter__(self) -> Iterator[Frame]:
-        return map(self._frame, range(len(self._steps)))
+        return map(self.__getitem__, range(len(self)))
 
     def __getitem__(self, row: int) -> Frame:
-        if row >= len(self):
-            raise IndexError(row)
-        return self._frame(row)
-
-    def _frame(self, row: int) -> Frame:
         own = slice(self._begins[row], self._begins[row + 1])
         columns = {name: values[own] for name, values in self._of_robots}
         for name, values, begins in self._tables:

@@ -9,24 +9,7 @@ import numpy as np
 from mesa.agent import Agent
 from shapely import Point, Polygon
 
-from mesa_swarm.control import (
-    Align,
-    Arbiter,
-    Avoid,
-    Cohere,
-    Cruise,
-    Explore,
-    Follow,
-    Gather,
-    HeadOn,
-    MatchVelocity,
-    Perimeter,
-    Push,
-    Respond,
-    Separate,
-    Subsumption,
-    VectorSum,
-)
+from mesa_swarm import control as controls
 from mesa_swarm.errors import RecordingError, SwarmError, check_flag, in_words, shortened
 from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.fires import Fire
@@ -42,14 +25,13 @@ from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSens
 from mesa_swarm.world.bodies import Form, Load, Obstacle
 from mesa_swarm.world.shapes import Shape, outline_to_json, shape_from_json
 
-LAYERS = (Align, Avoid, Cohere, Cruise, Explore, Follow, Gather, HeadOn, MatchVelocity, Perimeter, Push, Respond,
-          Separate, FightFire)  # fmt: skip
-SENSORS = (ProximitySensor, RadiationSensor, LineSensor)
-IMPERFECT = (Imperfection, Imperfections)
-DRIVES = (DifferentialDrive, HolonomicDrive)
-PARTS = {part.__name__: part for part in (RobotDesign, *SENSORS, *DRIVES, FireConstants, Radio, *IMPERFECT, *LAYERS)}
+LAYERS = "Align Avoid Cohere Cruise Explore Follow Gather HeadOn MatchVelocity Perimeter Push Respond Separate"
+OF_DESIGNS = (RobotDesign, ProximitySensor, RadiationSensor, LineSensor, DifferentialDrive, HolonomicDrive)
+OF_MODELS = (FireConstants, Radio, Imperfection, Imperfections)
+OF_CONTROLS = (*(getattr(controls, name) for name in LAYERS.split()), FightFire)
+PARTS: dict[str, Any] = {part.__name__: part for part in (*OF_DESIGNS, *OF_MODELS, *OF_CONTROLS)}
 OWN_CODE = "code of one's own"  # a key of stored states
-ARBITERS = {"Subsumption": Subsumption, "VectorSum": VectorSum}
+ARBITERS = {"Subsumption": controls.Subsumption, "VectorSum": controls.VectorSum}
 MOST_OBJECTS = 10_000_000
 
 
@@ -114,7 +96,7 @@ def restored_outline(value: Any) -> tuple[Point | Polygon, float]:
     return Polygon(outline, holes), 0.0
 
 
-def control_to_json(control: Arbiter | None) -> object:
+def control_to_json(control: controls.Arbiter | None) -> object:
     """Return the layers and weights of an arbiter; of custom rules only their names."""
     if control is None:
         return None

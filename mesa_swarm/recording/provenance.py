@@ -5,15 +5,15 @@ import json
 import math
 import platform
 from collections.abc import Sequence
-from dataclasses import asdict
 from importlib.metadata import version
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, RecordingError, SwarmError, in_words, shortened
+from mesa_swarm.errors import RecordingError, SwarmError, in_words, shortened
 from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.model import FireModel
+from mesa_swarm.recording.parts import part_from_json, part_to_json
 from mesa_swarm.recording.schema import checked_provenance, read_json
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.radio import Radio
@@ -28,8 +28,8 @@ READABLE = (1, FORMAT)
 # Modules of classes that older versions had elsewhere.
 MOVED = {("mesa_swarm.model", "SwarmModel"): "mesa_swarm.swarm_model"}
 PACKAGES = ("mesa-swarm", "mesa", "numpy", "numba", "shapely", "pyarrow")
-# Objects that parameters may be, besides plain values: written as {name: fields}.
-PARTS = {"FireConstants": FireConstants, "Radio": Radio}
+# Classes of parameters, besides plain values: written as {name: fields}.
+PARTS = (FireConstants, Radio)
 CURE = "record a subclass of SwarmModel that makes it in its constructor from numbers and names, or use rerun=False"
 
 
@@ -210,8 +210,8 @@ def _written(name: str, value: object, rerun: bool) -> object:
     """Return a parameter as JSON."""
     if isinstance(value, np.generic):
         value = value.item()
-    if type(value) in PARTS.values():
-        return {type(value).__name__: asdict(cast(Any, value))}
+    if type(value) in PARTS:
+        return part_to_json(value)
     try:
         return json.loads(json.dumps(value))
     except (TypeError, ValueError):
@@ -222,14 +222,8 @@ def _written(name: str, value: object, rerun: bool) -> object:
 
 def _read(value: object) -> object:
     """Return a value that `_written` wrote."""
-    if isinstance(value, dict) and len(value) == 1:
-        ((title, fields),) = value.items()
-        if title in PARTS and isinstance(fields, dict):
-            try:
-                return PARTS[title](**fields)
-            except (TypeError, ValueError) as error:
-                raise InvalidValueError(f"{title} of the recording cannot be made: {in_words(error)}") from None
-    return value
+    names = {part.__name__ for part in PARTS}
+    return part_from_json(value) if isinstance(value, dict) and len(value) == 1 and names >= value.keys() else value
 
 
 def _read_seed(seed: Any) -> int | np.random.SeedSequence:

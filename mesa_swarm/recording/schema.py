@@ -220,20 +220,15 @@ def _is_column(name: str, kind: pa.DataType) -> bool:
     while pa.types.is_fixed_size_list(kind):
         widths.append(kind.list_size)
         kind = kind.value_type
-    number = pa.types.is_integer(kind) or _is_real(kind) or pa.types.is_boolean(kind)
+    number = pa.types.is_integer(kind) or kind in REALS or pa.types.is_boolean(kind)
     if not number or not 0 < math.prod([1, *widths]) <= WIDEST or not all(width > 0 for width in widths):
         return False
     if name not in COLUMNS:
         return True
     shape, dtype, _ = COLUMNS[name]
-    fits = len(shape) == len(widths) and all(width in (own, width * isinstance(own, str)) for own, width in
-                                             zip(shape, widths, strict=True))  # fmt: skip
-    is_kind = {"f": _is_real, "i": pa.types.is_signed_integer, "b": pa.types.is_boolean}[np.dtype(dtype).kind]
-    return fits and is_kind(kind)
-
-
-def _is_real(kind: pa.DataType) -> bool:
-    return kind in REALS
+    fits = [isinstance(own, str) or own == width for own, width in zip(shape, widths, strict=False)]
+    is_kind = {"f": REALS.__contains__, "i": pa.types.is_signed_integer, "b": pa.types.is_boolean}
+    return len(shape) == len(widths) and all(fits) and is_kind[np.dtype(dtype).kind](kind)
 
 
 class _FaultError(ValueError):
@@ -264,11 +259,8 @@ def _fits(value: Any, form: Any, where: str) -> bool:
 
 
 def _unexpected(where: str, value: Any) -> _FaultError:
-    return _FaultError(where, f"is {shortened(value) if _is_flat(value) else f'a {type(value).__name__}'}")
-
-
-def _is_flat(value: Any) -> bool:
-    return not isinstance(value, (dict, list))
+    kind = type(value)
+    return _FaultError(where, f"is a {kind.__name__}" if kind in (dict, list) else f"is {shortened(value)}")
 
 
 def _items(**forms: Any) -> Check:
@@ -294,7 +286,7 @@ def _each(kind: type[list] | type[dict], form: Any, *, least: int = 0, most: int
     def check(value: Any, where: str) -> None:
         if type(value) is not kind or not least <= len(value) <= most:
             raise _unexpected(where, value)
-        for one in value.values() if isinstance(value, dict) else value:
+        for one in _inside(value):
             _check(one, form, where)
 
     return check
@@ -330,13 +322,14 @@ def _check_depth(value: Any) -> None:
     """Refuse values nested so deeply that writing or comparing them might fail."""
     level: Sequence[Any] = [value]
     for _ in range(DEEPEST):
-        level = [inner for one in level if not _is_flat(one) for inner in _inside(one)]
+        level = [inner for one in level for inner in _inside(one)]
     if level:
         raise _FaultError("parameters", f"are nested more than {DEEPEST} deep")
 
 
-def _inside(value: dict | list) -> Iterable[Any]:
-    return value.values() if isinstance(value, dict) else value
+def _inside(value: Any) -> Iterable[Any]:
+    """Return the values of a list or object, none of any other value."""
+    return value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
 
 
 def _shown(source: object) -> str:

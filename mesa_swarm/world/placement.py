@@ -63,8 +63,8 @@ def place_apart(
     """Return n random places, shape (n, 2), at which discs overlap neither each other nor those that are there already.
 
     `space` is from `free_space` or `free_places` for this radius. Places are drawn one after the other; where that gets
-    stuck, from a triangular lattice. If they do not fit, the message says how many would on `where`, and no large array
-    has been allocated.
+    stuck, from a triangular lattice. If they do not fit, the message states how many would on `where`, and no large
+    array has been allocated.
     """
     room = _most_that_fit(space, radius)
     if n > room:
