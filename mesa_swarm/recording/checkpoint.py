@@ -140,7 +140,7 @@ def checkpoint_of(model: FireModel, since: dict[Path, int] | None = None, *, ste
 def restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpoint] = ()) -> FireModel:
     """Restore the state of a checkpoint in a model that was just constructed, and return the model.
 
-    On the collected data of `earlier`, the checkpoints before it in the same recording, it builds. A result that is not
+    It builds on the collected data of `earlier`, the checkpoints before it in the same recording. A result that is not
     the state that was stored is refused.
     """
     where = f"the checkpoint of step {checkpoint.step}"

@@ -86,8 +86,6 @@ def frame_of(model: FireModel, columns: Sequence[str] = PICTURED, *, perceived: 
 
 def _live_fires(model: FireModel) -> np.ndarray:
     fires = model.fires
-    if not len(fires):
-        return NO_ROWS["fires"]
     table = np.empty(len(fires), TABLE_TYPES["fires"])
     table["fire"] = [fire.unique_id for fire in fires.agents]
     table["x"], table["y"] = fires.position.T
@@ -108,8 +106,7 @@ def _live_contacts(model: FireModel) -> np.ndarray:
 
 
 def _live_loads(model: FireModel) -> np.ndarray:
-    rows = [(load.unique_id, *load.pose) for load in model.loads]
-    return np.array(rows, TABLE_TYPES["loads"]) if rows else NO_ROWS["loads"]
+    return np.array([(load.unique_id, *load.pose) for load in model.loads], TABLE_TYPES["loads"])
 
 
 LIVE_TABLES: Mapping[str, Callable[[FireModel], np.ndarray]] = {

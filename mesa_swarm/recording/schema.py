@@ -9,6 +9,7 @@ import math
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from functools import lru_cache
+from types import FunctionType
 from typing import Any
 
 import numpy as np
@@ -37,7 +38,7 @@ MOST_ROWS = 100_000
 # Values of one robot in one column.
 WIDEST = 100_000
 # Columns that are never NaN or infinite, with their largest value; absent messages are NaN.
-FINITE = {name: LARGEST for name in ("position", "heading", "command", *TABLES)} | {"temperature": sys.float_info.max}
+FINITE = dict.fromkeys(("position", "heading", "command", *TABLES), LARGEST) | {"temperature": sys.float_info.max}
 SHOWN = 60
 # Raises an error if a value at a place of a JSON text does not have the form.
 Check = Callable[[Any, str], None]
@@ -239,15 +240,32 @@ class _FaultError(ValueError):
 
 
 def _check(value: Any, form: Any, where: str) -> None:
-    """Refuse a value that has not the form: a type, a set of alternative forms, or a function that raises."""
-    if isinstance(form, type):
-        if type(value) is not form:
-            raise _unexpected(where, value)
-    elif isinstance(form, frozenset):
-        if not any(_fits(value, one, where) for one in form):
-            raise _unexpected(where, value)
-    else:
+    """Refuse a value that has not the form.
+
+    A form is a function that raises, a type, a list of alternatives, a tuple with a form for each item of a list, or a
+    dict with one for each key of an object; a key with a trailing underscore is optional.
+    """
+    if isinstance(form, FunctionType):
         form(value, where)
+    elif isinstance(form, dict):
+        _check_items(value, form, where)
+    elif isinstance(form, tuple) and type(value) is list and len(value) == len(form):
+        for one, own in zip(value, form, strict=True):
+            _check(one, own, where)
+    elif type(value) is not form and not (isinstance(form, list) and any(_fits(value, one, where) for one in form)):
+        raise _unexpected(where, value)
+
+
+def _check_items(value: Any, forms: dict[str, Any], where: str) -> None:
+    if not isinstance(value, dict):
+        raise _unexpected(where, value)
+    for key, form in forms.items():
+        name = key.removesuffix("_")
+        place = f"{where}.{name}" if where else name
+        if name in value:
+            _check(value[name], form, place)
+        elif name == key:
+            raise _FaultError(place, "is missing")
 
 
 def _fits(value: Any, form: Any, where: str) -> bool:
@@ -263,23 +281,6 @@ def _unexpected(where: str, value: Any) -> _FaultError:
     return _FaultError(where, f"is a {kind.__name__}" if kind in (dict, list) else f"is {shortened(value)}")
 
 
-def _items(**forms: Any) -> Check:
-    """Return the form of a JSON object by key; a key with a trailing underscore is optional."""
-    named = [(name.removesuffix("_"), form, name.endswith("_")) for name, form in forms.items()]
-
-    def check(value: Any, where: str) -> None:
-        if not isinstance(value, dict):
-            raise _unexpected(where, value)
-        for name, form, optional in named:
-            place = f"{where}.{name}" if where else name
-            if name in value:
-                _check(value[name], form, place)
-            elif not optional:
-                raise _FaultError(place, "is missing")
-
-    return check
-
-
 def _each(kind: type[list] | type[dict], form: Any, *, least: int = 0, most: int = MOST_LISTS) -> Check:
     """Return the form of a JSON list, or of an object, whose values have one form."""
 
@@ -287,18 +288,6 @@ def _each(kind: type[list] | type[dict], form: Any, *, least: int = 0, most: int
         if type(value) is not kind or not least <= len(value) <= most:
             raise _unexpected(where, value)
         for one in _inside(value):
-            _check(one, form, where)
-
-    return check
-
-
-def _exactly(*forms: Any) -> Check:
-    """Return the form of a JSON list with one form for each of its items."""
-
-    def check(value: Any, where: str) -> None:
-        if type(value) is not list or len(value) != len(forms):
-            raise _unexpected(where, value)
-        for one, form in zip(value, forms, strict=True):
             _check(one, form, where)
 
     return check
@@ -341,51 +330,51 @@ REALS = (pa.float32(), pa.float64())
 TABLE_TYPES = {name: [table_type(name, real) for real in REALS] for name in TABLES}
 NUMBER, NOT_NEGATIVE, POSITIVE = _number(-LARGEST), _number(0), _number(math.ulp(0.0))
 STEP, ID = _whole(MOST_STEPS), _whole(MOST_IDS)
-RINGS = _each(list, _each(list, _exactly(NUMBER, NUMBER)), least=1)
+RINGS = _each(list, _each(list, (NUMBER, NUMBER)), least=1)
 
 
-def _shape(**more: Any) -> frozenset:
-    disc = _items(disc=_exactly(NUMBER, NUMBER, POSITIVE), mark_=bool, **more)
-    return frozenset({disc, _items(rings=RINGS, mark_=bool, **more)})
+def _shape(**more: Any) -> list:
+    disc = {"disc": (NUMBER, NUMBER, POSITIVE), "mark_": bool, **more}
+    return [disc, {"rings": RINGS, "mark_": bool, **more}]
 
 
-DESIGN = _items(
-    name=str,
-    radius=POSITIVE,
-    max_speed=NOT_NEGATIVE,
-    holonomic=bool,
-    sensors=_each(list, _exactly(NUMBER, NUMBER, NUMBER, NOT_NEGATIVE, POSITIVE), most=WIDEST),
-)
-SCENERY = _items(
-    designs=_each(list, DESIGN),
-    robots=_each(list, _exactly(ID, ID, ID)),
-    shapes=_each(list, _shape()),
-    loads=_each(list, _shape(id=ID)),
-    layers=_each(list, str),
-    leave=NUMBER,
-    join_=NUMBER,
-)
-POPULATION = _exactly(*[_exactly(ID, ID)] * 3)
+DESIGN = {
+    "name": str,
+    "radius": POSITIVE,
+    "max_speed": NOT_NEGATIVE,
+    "holonomic": bool,
+    "sensors": _each(list, (NUMBER, NUMBER, NUMBER, NOT_NEGATIVE, POSITIVE), most=WIDEST),
+}
+SCENERY = {
+    "designs": _each(list, DESIGN),
+    "robots": _each(list, (ID, ID, ID)),
+    "shapes": _each(list, _shape()),
+    "loads": _each(list, _shape(id=ID)),
+    "layers": _each(list, str),
+    "leave": NUMBER,
+    "join_": NUMBER,
+}
+POPULATION = ((ID, ID),) * 3
 CONTENTS = {
-    CHANGE: frozenset({POPULATION, _items(there=POPULATION, scenery_=dict)}),  # in format 1 the population alone
-    INTERVENTION: _items(what=_each(list, str), why_not=str),
+    CHANGE: [POPULATION, {"there": POPULATION, "scenery_": dict}],  # in format 1 the population alone
+    INTERVENTION: {"what": _each(list, str), "why_not": str},
 }
 ENTROPY = _whole((1 << 4096) - 1)
-SEED = frozenset({ENTROPY, _items(entropy=frozenset({ENTROPY, _each(list, ENTROPY)}), spawn_key=_each(list, ENTROPY))})
-PROVENANCE = _items(
-    model=_items(module=str, name=str),
-    parameters=dict,
-    takes_map=bool,
-    map=str,
-    scenery_=frozenset({dict, type(None)}),
-    seed=SEED,
-    versions=_each(dict, str),
-    platform=str,
-    rerun=bool,
-    every=_whole(MOST_EVERY, 1),
-    exact=bool,
-    hash_every_=_whole(MOST_STEPS, 1),
-    checkpoint_every_=STEP,
-    why_no_checkpoint_=str,
-    start=_items(step=STEP, state_hash=str),
-)
+SEED = [ENTROPY, {"entropy": [ENTROPY, _each(list, ENTROPY)], "spawn_key": _each(list, ENTROPY)}]
+PROVENANCE = {
+    "model": {"module": str, "name": str},
+    "parameters": dict,
+    "takes_map": bool,
+    "map": str,
+    "scenery_": [dict, type(None)],
+    "seed": SEED,
+    "versions": _each(dict, str),
+    "platform": str,
+    "rerun": bool,
+    "every": _whole(MOST_EVERY, 1),
+    "exact": bool,
+    "hash_every_": _whole(MOST_STEPS, 1),
+    "checkpoint_every_": STEP,
+    "why_no_checkpoint_": str,
+    "start": {"step": STEP, "state_hash": str},
+}

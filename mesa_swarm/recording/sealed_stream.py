@@ -13,6 +13,7 @@ import re
 import struct
 import zlib
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import cached_property
 from io import FileIO
 from itertools import pairwise
@@ -177,7 +178,8 @@ class SealedWriter:
             while left:
                 left = left[self._file.write(left) :]
         except OSError as error:
-            self._cut()
+            with suppress(OSError):  # readers ignore a tail without a seal
+                self._file.truncate(self.sealed.end)
             raise unwritable(self.path, error, RecordingError, self._remaining()) from None
 
     def _remaining(self) -> str:
@@ -205,12 +207,6 @@ class SealedWriter:
         self._place = None
         if self._file.closed:  # on Windows, for renaming
             self._file = open(place, "r+b", buffering=0)  # noqa: SIM115 - closed by close
-
-    def _cut(self) -> None:
-        try:
-            self._file.truncate(self.sealed.end)
-        except OSError:  # readers ignore a tail without a seal
-            return
 
 
 def _opened(path: Path, overwrite: bool) -> tuple[FileIO, Path | None]:

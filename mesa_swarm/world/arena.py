@@ -72,25 +72,8 @@ class Arena(ContinuousSpace):
 
     Everything that Mesa's class offers works, without its defects: it may be created for no agents, a position
     out of bounds is refused before anything is written, and positions that are read are never a stale view.
-    Robots and fires have their positions in their own columns, which are read on demand.
-
-    Parameters
-    ----------
-    dimensions : array-like, shape (d, 2)
-        Smallest and largest coordinate of every dimension.
-    torus : bool
-        Whether the space wraps around. The worlds of `SwarmModel` do not.
-    random : random.Random
-        Mesa's generator of the model.
-    n_agents : int
-        Room for this number at first; more may come.
-
-    Examples
-    --------
-    >>> import random
-    >>> arena = Arena([[0, 800], [0, 600]], random=random.Random(1), n_agents=0)
-    >>> bool(arena.in_bounds([800, 600]))
-    True
+    Robots and fires have their positions in their own columns, which are read on demand. The worlds of
+    `SwarmModel` do not wrap around.
     """
 
     def __init__(
