@@ -12,29 +12,11 @@ def burn(
     position, radius, fires, area, constants, extinguish_range, step,
     fire_temperature, out, out_step, fighters, temperature, heat, hot, fire,
 ):  # fmt: skip
-    """Assign robots to fires, then update every temperature once.
+    """Assign robots to fires, then update every temperature once; return whether a fire went out.
 
-    Parameters
-    ----------
-    position, radius : ndarrays
-        Of the robots.
-    fires : ndarray, shape (f, 3)
-        x, y, radius.
-    area : ndarray, shape (f,)
-    constants : tuple
-        k1, k2, k3, k4, leave, join.
-    extinguish_range : float
-        A robot's body within this distance of a fire's edge can fight it and takes its heat.
-    step : int
-    fire_temperature, out, out_step, fighters : ndarrays, shape (f,), written
-        The fires' temperatures; which are out, and since when; robots at each.
-    temperature, heat, hot, fire : ndarrays, shape (n,), written
-        The robots' temperatures, the heat that each took, which are too hot, and which fire each fights.
-
-    Returns
-    -------
-    bool
-        Whether a fire went out.
+    `constants` are k1, k2, k3, k4, leave, join. A robot whose body is within `extinguish_range` of a fire's edge can
+    fight it and takes its heat. Written are, of fires, the temperature, which are out, since when, and the robots at
+    each; of robots the temperature, the heat taken in this step, which are too hot, and which fire each fights.
     """
     fighters[:] = 0
     for i in range(position.shape[0]):
@@ -93,12 +75,6 @@ def is_hot(temperature, was_hot, constants):
 
 @compiled
 def next_temperature(temperature, area, robots, constants):
-    """Return a fire's next temperature: T + k1 (T + 1) - (k2 / A) n, within [0, 1] (B.3, corrected).
-
-    Examples
-    --------
-    >>> next_temperature(0.5, 1.0, 2, (0.0, 0.125, 0.0, 0.0, 1.0, 0.0))
-    0.25
-    """
+    """Return a fire's next temperature: T + k1 (T + 1) - (k2 / A) n, within [0, 1] (B.3, corrected)."""
     changed = temperature + constants[0] * (temperature + 1.0) - constants[1] / area * robots
     return min(max(changed, 0.0), 1.0)

@@ -144,20 +144,6 @@ def robots_needed(constants: FireConstants, area: float, temperature: float = 1.
     return constants.k1 * area * (temperature + 1.0) / constants.k2
 
 
-def window(constants: FireConstants, area: float, robots: float) -> float:
-    """Return the temperature below which this many robots, at it all the time, put out a fire of this area.
-
-    From n = k1 A (T + 1) / k2; at least 0 (they never can), above 1 where they always can. Fires that start
-    below it are put out by the first robots there, whatever the strategy: that bounds the window for experiments.
-
-    Examples
-    --------
-    >>> window(design_constants(), area=16, robots=1) < 1
-    True
-    """
-    return max(constants.k2 * robots / (constants.k1 * area) - 1.0, 0.0)
-
-
 def _remarks(
     k1: float, k2: float, k4: float, largest_area: float, balance: float, stay: float, rest: float, join: float
 ) -> tuple[str, ...]:

@@ -193,13 +193,7 @@ class Fire(ArenaAgent):
 
 
 class History:
-    """Temperature of every fire, and robots at it, after some steps.
-
-    Parameters
-    ----------
-    every : int
-        Steps between two rows; 0 for no rows.
-    """
+    """Temperature of every fire, and robots at it, after some steps."""
 
     def __init__(self, every: int | Trigger) -> None:
         self.trigger = Trigger.of(every, "history_every")

@@ -20,13 +20,7 @@ from mesa_swarm.world.statics import FIRE
 
 
 class FireModel(EngineModel):
-    """A world of robots, obstacles, loads and fires, advanced step by step; `SwarmModel` adds recordings.
-
-    Parameters
-    ----------
-    map, rng, engine, turn_angle_degrees, fire_constants, extinguish_range, history_every, collect_every
-        See `SwarmModel`, as for all others.
-    """
+    """A world of robots, obstacles, loads and fires; the parameters are those of `SwarmModel`, which records too."""
 
     def __init__(
         self,

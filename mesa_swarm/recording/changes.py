@@ -24,18 +24,12 @@ class Intervention:
 
     Parameters
     ----------
-    step : int
     what : tuple of str
         The changed attributes and columns, see `ChangeDetector`.
     why_not : str
         Why the state after it was not stored; empty if it was.
     checkpoint : int or None
         Index of that state in `Recording.checkpoints`, None if it was not stored.
-
-    Examples
-    --------
-    >>> print(Intervention(step=20, what=("control", "heading of robots")))
-    after step 20, changed by hand: control, heading of robots
     """
 
     step: int
@@ -48,24 +42,12 @@ class Intervention:
 
 
 def intervention_to_json(what: Sequence[str], why_not: str) -> bytes:
-    """Return an intervention as stored.
-
-    Examples
-    --------
-    >>> intervention_to_json(["control"], "")
-    b'{"what": ["control"], "why_not": ""}'
-    """
+    """Return an intervention as stored."""
     return json.dumps({"what": list(what), "why_not": why_not}).encode()
 
 
 def intervention_from_json(step: int, content: bytes, checkpoint: int | None) -> Intervention:
-    """Return a stored intervention.
-
-    Raises
-    ------
-    RecordingError
-        If it cannot be decoded.
-    """
+    """Return a stored intervention."""
     try:
         fields = checked_content(INTERVENTION, content)
     except ValueError:
@@ -75,15 +57,7 @@ def intervention_from_json(step: int, content: bytes, checkpoint: int | None) ->
 
 
 def as_remark(interventions: Sequence[Intervention]) -> str:
-    """Return what a verdict adds about interventions, an empty text if there were none.
-
-    Examples
-    --------
-    >>> as_remark([Intervention(step=20, what=("control",)), Intervention(step=30, what=("running",))])
-    '; changed by hand: control after step 20, running after step 30 (continued from the stored states)'
-    >>> as_remark([])
-    ''
-    """
+    """Return what a verdict adds about interventions, an empty text if there were none."""
     if not interventions:
         return ""
     listed = [f"{' and '.join(one.what)} after step {one.step}" for one in interventions[:MOST_NAMED]]
@@ -125,19 +99,6 @@ class ChangeDetector:
     model's random streams; changes within an attribute, such as a list, an array, a learner or the memory of a layer;
     other columns that were written directly; attributes of agents. What a failed step has left behind is reported like
     a change by hand.
-
-    Examples
-    --------
-    >>> from mesa_swarm import AGENT9, SwarmModel
-    >>> model = SwarmModel(rng=1)
-    >>> (robot,) = model.add_robots(AGENT9, 1)
-    >>> detector = ChangeDetector(model)
-    >>> model.sense()
-    >>> detector.changes(model)
-    []
-    >>> robot.heading, model.extinguish_range = 0.5, 20.0
-    >>> detector.changes(model)
-    ['extinguish_range', 'heading of robots']
     """
 
     __slots__ = ("_attributes", "_objects")

@@ -66,17 +66,6 @@ class Checkpointed(Protocol):
     """An attribute of the model, or a layer of its control, with a state of its own: a learner for example.
 
     A layer whose whole memory is in columns of the swarm (`Swarm.remember`) needs neither method.
-
-    Examples
-    --------
-    >>> class Counter:
-    ...     seen = 0
-    ...     def checkpoint(self):
-    ...         return {"seen": self.seen}
-    ...     def restore(self, state):
-    ...         self.seen = state["seen"]
-    >>> isinstance(Counter(), Checkpointed)
-    True
     """
 
     def checkpoint(self) -> dict:
@@ -112,32 +101,12 @@ class _ModelPacked(Packed):
 
 
 def checkpoint_of(model: FireModel, since: dict[Path, int] | None = None, *, steps: int | None = None) -> Checkpoint:
-    """Return the complete state of a model, between two steps.
+    """Return the complete state of a model, between two steps; an error names what cannot be stored.
 
     Stored are the swarm, obstacles, loads, fires, radio, control, all random streams, Mesa's counters, collected data,
     and all other attributes of the model that are plain, or have `checkpoint` and `restore`. Snapshots of `watch` are
-    not.
-
-    Parameters
-    ----------
-    since : dict, optional
-        Lengths of the collected series at the last checkpoint (`lengths_of`): only values added since then are stored.
-        By default all.
-    steps : int, optional
-        The steps that Mesa had counted, if it has already counted one that has not begun.
-
-    Raises
-    ------
-    RecordingError
-        If something cannot be stored; the message names it.
-
-    Examples
-    --------
-    >>> from mesa_swarm.models.fire_fighting import FireFighting
-    >>> model = FireFighting(rng=1).run(20)
-    >>> again = restore(FireFighting(rng=2), checkpoint_of(model))
-    >>> again.run(10).state_hash() == model.run(10).state_hash()
-    True
+    not. `since` has the lengths of the collected series at the last checkpoint (`lengths_of`): only values added since
+    then are stored. `steps` is what Mesa had counted, if it has already counted a step that has not begun.
     """
     state_hash = model.state_hash()  # reads the sensors, as their next use does
     if has_own_events(model):
@@ -153,7 +122,7 @@ def checkpoint_of(model: FireModel, since: dict[Path, int] | None = None, *, ste
         "history": [model.fires.history.every, list(model.fires.history._places), model.fires.history._fires],
         "constants": part_to_json(model.fire_constants),
         "radio": part_to_json(model.communication),
-        "imperfect": _imperfect_to_json(model),
+        "imperfect": model._imperfect and [part_to_json(model.imperfections), model._imperfect.key],
         "control": control_to_json(model.control),
         "control_state": _control_state(model, packed),
         "randomness": _randomness(model, packed),
@@ -171,17 +140,8 @@ def checkpoint_of(model: FireModel, since: dict[Path, int] | None = None, *, ste
 def restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpoint] = ()) -> FireModel:
     """Restore the state of a checkpoint in a model that was just constructed, and return the model.
 
-    Parameters
-    ----------
-    model : FireModel
-        Of the class that was stored.
-    earlier : sequence of Checkpoint
-        Those before it in the same recording, on whose collected data it builds.
-
-    Raises
-    ------
-    RecordingError
-        If it cannot be restored, or the result is not the state that was stored.
+    It builds on the collected data of `earlier`, the checkpoints before it in the same recording. A result that is not
+    the state that was stored is refused.
     """
     where = f"the checkpoint of step {checkpoint.step}"
     try:
@@ -286,10 +246,6 @@ def _layer_state(layer: Any, packed: _ModelPacked) -> object:
 def _inner(values: dict, what: str, packed: _ModelPacked) -> dict:
     swarm = packed.model.swarm
     return {n: _attribute(v, f"{what}'s {n}", packed) for n, v in values.items() if v is not swarm}
-
-
-def _imperfect_to_json(model: FireModel) -> list | None:
-    return None if model._imperfect is None else [part_to_json(model.imperfections), model._imperfect.key]
 
 
 def _restore_imperfect(model: FireModel, stored: list | None) -> None:

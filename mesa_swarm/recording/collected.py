@@ -27,16 +27,7 @@ Path = tuple[str, ...]
 
 
 def set_clock(model: FireModel, steps: int) -> None:
-    """Set the number of steps that Mesa has counted, without taking them.
-
-    Examples
-    --------
-    >>> from mesa_swarm import SwarmModel
-    >>> model = SwarmModel(rng=1)
-    >>> set_clock(model, 30)
-    >>> model.steps, model.completed
-    (30, 0)
-    """
+    """Set the number of steps that Mesa has counted, without taking them."""
     if type(steps) is not int or not model.steps <= steps <= MOST_STEPS:
         raise RecordingError(f"invalid number of steps: {steps!r:.40}")
     if has_own_events(model):
@@ -97,10 +88,7 @@ def reporters_of(model: FireModel) -> dict[str, Any]:
 def collected_to_json(model: FireModel, packed: Packed, since: dict[Path, int]) -> list:
     """Return for each series its path, the length that it had, and the values added since then.
 
-    Parameters
-    ----------
-    since : dict
-        From `lengths_of`; empty for all values. A series that is shorter now was started again.
+    A series that is shorter than in `since`, from `lengths_of`, was started again.
     """
     content = []
     for path, values in series_of(model).items():
@@ -139,13 +127,7 @@ def check_collected(size: int, file: int) -> None:
 
 
 def joined(parts: Sequence[tuple[list, Packed]]) -> dict[Path, list]:
-    """Return whole series from the parts in which they were stored, oldest first.
-
-    Raises
-    ------
-    RecordingError
-        If a part is missing.
-    """
+    """Return whole series from the parts in which they were stored, oldest first."""
     whole: dict[Path, list] = {}
     for content, packed in parts:
         before, whole = whole, {}
@@ -158,13 +140,7 @@ def joined(parts: Sequence[tuple[list, Packed]]) -> dict[Path, list]:
 
 
 def restore_collected(model: FireModel, series: dict[Path, list]) -> None:
-    """Replace the series of a model by these.
-
-    Raises
-    ------
-    RecordingError
-        If it collects other series.
-    """
+    """Replace the series of a model by these, if it collects the same ones."""
     mine = series_of(model)
     if mine.keys() != series.keys():
         raise RecordingError("the collected series do not match those of the model's constructor")

@@ -53,13 +53,7 @@ class Packed:
         self._taken: set[int] = set()
 
     def pack(self, value: Any, what: str = "a value", depth: int = 0) -> object:
-        """Return a value as JSON, in which numbers stand for arrays.
-
-        Raises
-        ------
-        RecordingError
-            If it is, or contains, anything else.
-        """
+        """Return a value as JSON, in which numbers stand for arrays."""
         kind = type(value)
         if depth > DEEPEST:
             raise RecordingError(f"{what} is nested more than {DEEPEST} deep, or contains itself")
@@ -86,13 +80,7 @@ class Packed:
         return {kind.__name__: items, **({"longest": value.maxlen} if kind is deque else {})}
 
     def unpack(self, content: Any) -> Any:
-        """Return the value for which `pack` returned this.
-
-        Raises
-        ------
-        RecordingError
-            If it cannot be decoded.
-        """
+        """Return the value for which `pack` returned this."""
         if type(content) in ATOMS:
             return content
         if isinstance(content, list):
@@ -139,11 +127,7 @@ class Packed:
 class Checkpoint:
     """The complete state of a model after a step: facts as JSON, and the arrays to which these refer by number.
 
-    Parameters
-    ----------
-    step : int
-    state_hash : str
-        Compared with that of the restored model.
+    The restored model must have the same `state_hash`.
     """
 
     step: int
@@ -153,19 +137,7 @@ class Checkpoint:
 
 
 def to_bytes(checkpoint: Checkpoint) -> bytes:
-    """Return a checkpoint as bytes.
-
-    Raises
-    ------
-    RecordingError
-        If it is too large for `from_bytes`.
-
-    Examples
-    --------
-    >>> checkpoint = Checkpoint(step=3, state_hash="ab", facts={"x": 0.1}, arrays=[np.arange(2)])
-    >>> from_bytes(to_bytes(checkpoint)).arrays
-    [array([0, 1])]
-    """
+    """Return a checkpoint as bytes, unless it is too large for `from_bytes`."""
     parts = [np.ascontiguousarray(array).tobytes() for array in checkpoint.arrays]
     head = {
         "step": checkpoint.step,
@@ -186,13 +158,7 @@ def to_bytes(checkpoint: Checkpoint) -> bytes:
 
 
 def memory_of(words: bytes | str) -> int:
-    """Return an upper estimate of the bytes that a JSON text takes once it is read.
-
-    Examples
-    --------
-    >>> memory_of("[1,[]]"), memory_of(b'{"x":[]}')
-    (258, 360)
-    """
+    """Return an upper estimate of the bytes that a JSON text takes once it is read."""
     count: Any = words.count
     objects, lists, values = (count(sign if isinstance(words, str) else sign.encode()) for sign in "{[,")
     # Texts with one rare letter take four bytes a letter, beside the JSON text itself.
@@ -204,13 +170,7 @@ def _allowed(packed: bytes) -> int:
 
 
 def from_bytes(content: bytes) -> Checkpoint:
-    """Return the checkpoint that `to_bytes` wrote; every size is checked before memory is allocated.
-
-    Raises
-    ------
-    RecordingError
-        If it cannot be decoded.
-    """
+    """Return the checkpoint that `to_bytes` wrote; every size is checked before memory is allocated."""
     try:
         return _read(content)
     except RecordingError:

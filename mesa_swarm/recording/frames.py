@@ -64,28 +64,9 @@ class Frame:
 def frame_of(model: FireModel, columns: Sequence[str] = PICTURED, *, perceived: bool = False) -> Frame:
     """Return the frame of a model as it is now; it does not change with the model.
 
-    Parameters
-    ----------
-    model : SwarmModel
-    columns : sequence of str
-        Names of the swarm's columns, and of "fires", "contacts", "loads". If readings are among them, the sensors
-        are read for the current poses.
-    perceived : bool
-        Whether to add a column `perceived`, shape (n, 2): where on the map each robot perceives the centroid of
-        the robots that it sees, nan where it sees none. All sensors are then read.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is no such column.
-
-    Examples
-    --------
-    >>> from mesa_swarm import AGENT9, SwarmModel
-    >>> model = SwarmModel(rng=1)
-    >>> robots = model.add_robots(AGENT9, poses=[(100, 200, 0.5)])
-    >>> frame_of(model)["position"]
-    array([[100., 200.]])
+    Columns are those of the swarm, and "fires", "contacts", "loads". If readings are among them, the sensors are read
+    for the current poses. `perceived` adds a column of that name, shape (n, 2): where on the map each robot perceives
+    the centroid of the robots that it sees, nan where it sees none.
     """
     if perceived or not READINGS.isdisjoint(columns):
         model.sense()
@@ -105,8 +86,6 @@ def frame_of(model: FireModel, columns: Sequence[str] = PICTURED, *, perceived: 
 
 def _live_fires(model: FireModel) -> np.ndarray:
     fires = model.fires
-    if not len(fires):
-        return NO_ROWS["fires"]
     table = np.empty(len(fires), TABLE_TYPES["fires"])
     table["fire"] = [fire.unique_id for fire in fires.agents]
     table["x"], table["y"] = fires.position.T
@@ -127,8 +106,7 @@ def _live_contacts(model: FireModel) -> np.ndarray:
 
 
 def _live_loads(model: FireModel) -> np.ndarray:
-    rows = [(load.unique_id, *load.pose) for load in model.loads]
-    return np.array(rows, TABLE_TYPES["loads"]) if rows else NO_ROWS["loads"]
+    return np.array([(load.unique_id, *load.pose) for load in model.loads], TABLE_TYPES["loads"])
 
 
 LIVE_TABLES: Mapping[str, Callable[[FireModel], np.ndarray]] = {
@@ -147,12 +125,7 @@ def _perceived(model: FireModel) -> np.ndarray:
 
 
 class Rows:
-    """The rows of a chunk as arrays; frames are slices of them.
-
-    Parameters
-    ----------
-    batch : RecordBatch
-    """
+    """The rows of a chunk as arrays; frames are slices of them."""
 
     def __init__(self, batch: pa.RecordBatch) -> None:
         steps, hashes, robots, *columns = batch.columns
@@ -168,14 +141,9 @@ class Rows:
         return len(self._steps)
 
     def __iter__(self) -> Iterator[Frame]:
-        return map(self._frame, range(len(self._steps)))
+        return map(self.__getitem__, range(len(self)))
 
     def __getitem__(self, row: int) -> Frame:
-        if row >= len(self):
-            raise IndexError(row)
-        return self._frame(row)
-
-    def _frame(self, row: int) -> Frame:
         own = slice(self._begins[row], self._begins[row + 1])
         columns = {name: values[own] for name, values in self._of_robots}
         for name, values, begins in self._tables:
@@ -209,12 +177,6 @@ def table_of(frames: Iterable[Frame], table: str) -> pd.DataFrame:
 
     Robots and loads have their unique_id. Fires are numbered 1, 2, ... as in pictures: in the column `fire` of fires
     and of robots (there -1 for no fire), and as what robots met in contacts, if fires were recorded as well.
-
-    Parameters
-    ----------
-    frames : iterable of Frame
-    table : str
-        "robots", "fires", "contacts" or "loads".
     """
     parts = [_robot_table(frame) if table == "robots" else _table(frame, table) for frame in frames]
     names = parts[0].keys() if parts else ("step",)
@@ -277,10 +239,7 @@ class Event:
 def events_of(frames: Iterable) -> list[Event]:
     """Return the events of frames, oldest first; a table or column that was not recorded has no events.
 
-    Parameters
-    ----------
-    frames : iterable of Frame
-        In the order of steps; iterated over up to three times.
+    The frames, in the order of steps, are iterated over up to three times.
     """
     found = [*_fires_out(frames), *_bursts(frames), *_merges(frames)]
     return sorted(found, key=lambda event: (event.step, event.kind, event.ids))

@@ -26,20 +26,7 @@ FIRST_COLUMNS = {"step": pa.int64(), "state_hash": pa.string(), "robot": pa.list
 
 
 class Layout:
-    """Which columns are recorded of a model, and how exactly.
-
-    Parameters
-    ----------
-    columns : sequence of str
-        Names of the swarm's columns, and of "fires", "contacts", "loads".
-    exact : bool
-        Whether real numbers are stored as float64 instead of float32.
-
-    Raises
-    ------
-    InvalidValueError, UnknownNameError
-        If a name is unknown.
-    """
+    """Which columns are recorded of a model, and whether real numbers are float64 (`exact`) or float32."""
 
     def __init__(self, model: FireModel, columns: Sequence[str], exact: bool) -> None:
         self.real = np.float64 if exact else np.float32
@@ -79,18 +66,7 @@ def table_type(table: str, real: pa.DataType) -> pa.DataType:
 
 
 class Chunk:
-    """A buffer of rows, between two changes of the population.
-
-    Parameters
-    ----------
-    capacity : int
-        Rows.
-
-    Raises
-    ------
-    RecordingError
-        If the swarm no longer has the columns that the file has.
-    """
+    """A buffer of rows, between two changes of the population."""
 
     def __init__(self, layout: Layout, model: FireModel, capacity: int) -> None:
         self.layout = layout
@@ -213,13 +189,7 @@ def population_of(model: FireModel) -> tuple:
 
 
 def field_type(field: str, real: type) -> np.dtype:
-    """Return the type of a field of a table.
-
-    Examples
-    --------
-    >>> field_type("x", np.float32), field_type("robots", np.float32)
-    (dtype('float32'), dtype('int32'))
-    """
+    """Return the type of a field of a table."""
     return np.dtype(np.bool_ if field == "out" else np.int32 if field in WHOLE else real)
 
 

@@ -9,24 +9,7 @@ import numpy as np
 from mesa.agent import Agent
 from shapely import Point, Polygon
 
-from mesa_swarm.control import (
-    Align,
-    Arbiter,
-    Avoid,
-    Cohere,
-    Cruise,
-    Explore,
-    Follow,
-    Gather,
-    HeadOn,
-    MatchVelocity,
-    Perimeter,
-    Push,
-    Respond,
-    Separate,
-    Subsumption,
-    VectorSum,
-)
+from mesa_swarm import control as controls
 from mesa_swarm.errors import RecordingError, SwarmError, check_flag, in_words, shortened
 from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.fires import Fire
@@ -42,30 +25,18 @@ from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSens
 from mesa_swarm.world.bodies import Form, Load, Obstacle
 from mesa_swarm.world.shapes import Shape, outline_to_json, shape_from_json
 
-LAYERS = (Align, Avoid, Cohere, Cruise, Explore, Follow, Gather, HeadOn, MatchVelocity, Perimeter, Push, Respond,
-          Separate, FightFire)  # fmt: skip
-SENSORS = (ProximitySensor, RadiationSensor, LineSensor)
-IMPERFECT = (Imperfection, Imperfections)
-DRIVES = (DifferentialDrive, HolonomicDrive)
-PARTS = {part.__name__: part for part in (RobotDesign, *SENSORS, *DRIVES, FireConstants, Radio, *IMPERFECT, *LAYERS)}
+LAYERS = "Align Avoid Cohere Cruise Explore Follow Gather HeadOn MatchVelocity Perimeter Push Respond Separate"
+OF_DESIGNS = (RobotDesign, ProximitySensor, RadiationSensor, LineSensor, DifferentialDrive, HolonomicDrive)
+OF_MODELS = (FireConstants, Radio, Imperfection, Imperfections)
+OF_CONTROLS = (*(getattr(controls, name) for name in LAYERS.split()), FightFire)
+PARTS: dict[str, Any] = {part.__name__: part for part in (*OF_DESIGNS, *OF_MODELS, *OF_CONTROLS)}
 OWN_CODE = "code of one's own"  # a key of stored states
-ARBITERS = {"Subsumption": Subsumption, "VectorSum": VectorSum}
+ARBITERS = {"Subsumption": controls.Subsumption, "VectorSum": controls.VectorSum}
 MOST_OBJECTS = 10_000_000
 
 
 def part_to_json(part: Any) -> object:
-    """Return a part as ``{class: fields}``, its own parts likewise; plain values as they are.
-
-    Raises
-    ------
-    RecordingError
-        If it is, or contains, an object of another class.
-
-    Examples
-    --------
-    >>> part_to_json(LineSensor(mount=(5, 0)))
-    {'LineSensor': {'mount': [5.0, 0.0]}}
-    """
+    """Return a part as ``{class: fields}``, its own parts likewise; plain values as they are."""
     if isinstance(part, np.generic):
         part = part.item()
     if type(part) in ATOMS:
@@ -80,19 +51,7 @@ def part_to_json(part: Any) -> object:
 
 
 def part_from_json(value: object) -> Any:
-    """Return the part that `part_to_json` wrote; lists become tuples.
-
-    Raises
-    ------
-    RecordingError
-        If the part is unknown, or its fields are invalid.
-
-    Examples
-    --------
-    >>> from mesa_swarm.robots.design import AGENT_FIRE
-    >>> part_from_json(part_to_json(AGENT_FIRE)) == AGENT_FIRE
-    True
-    """
+    """Return the part that `part_to_json` wrote; lists become tuples."""
     if type(value) in ATOMS:
         return value
     if isinstance(value, list):
@@ -105,14 +64,7 @@ def part_from_json(value: object) -> Any:
 
 
 def stored_shape(shape: Shape) -> dict:
-    """Return a shape as stored states have it: `stored_outline`, and whether bodies bump into it.
-
-    Examples
-    --------
-    >>> from mesa_swarm import disc
-    >>> stored_shape(disc((10, 20), 5))
-    {'centre': [10.0, 20.0], 'radius': 5.0, 'contact': True}
-    """
+    """Return a shape as stored states have it: `stored_outline`, and whether bodies bump into it."""
     return {**stored_outline(shape.geometry, shape.radius), "contact": shape.contact}
 
 
@@ -126,18 +78,7 @@ def stored_outline(geometry: Point | Polygon, radius: float) -> dict:
 
 
 def restored_shape(value: Any) -> Shape:
-    """Return the shape that `stored_shape` wrote.
-
-    Raises
-    ------
-    RecordingError
-        If it cannot be made.
-
-    Examples
-    --------
-    >>> restored_shape({"centre": [10, 20], "radius": 5, "contact": False}).contact
-    False
-    """
+    """Return the shape that `stored_shape` wrote."""
 
     def make() -> Shape:
         outline = {"rings": value["rings"]} if "rings" in value else {"disc": [*value["centre"], value["radius"]]}
@@ -155,14 +96,8 @@ def restored_outline(value: Any) -> tuple[Point | Polygon, float]:
     return Polygon(outline, holes), 0.0
 
 
-def control_to_json(control: Arbiter | None) -> object:
-    """Return the layers and weights of an arbiter; of custom rules only their names.
-
-    Examples
-    --------
-    >>> control_to_json(Subsumption(Avoid(distance=9)))["Subsumption"]["layers"][0]["Avoid"]["distance"]
-    9
-    """
+def control_to_json(control: controls.Arbiter | None) -> object:
+    """Return the layers and weights of an arbiter; of custom rules only their names."""
     if control is None:
         return None
     layers = [_layer_to_json(layer) for layer in control.layers]
@@ -171,13 +106,7 @@ def control_to_json(control: Arbiter | None) -> object:
 
 
 def control_from_json(value: object) -> Any:
-    """Return the arbiter that `control_to_json` wrote.
-
-    Raises
-    ------
-    RecordingError
-        If a layer, or the arbiter, is not one of mesa_swarm's.
-    """
+    """Return the arbiter that `control_to_json` wrote; custom rules and arbiters are refused."""
     if value is None:
         return None
     name, given = _only_item(value)
@@ -192,13 +121,7 @@ def control_from_json(value: object) -> Any:
 
 
 def own_code(control: Any) -> list[str]:
-    """Return the names of the custom rules in what `control_to_json` returned.
-
-    Examples
-    --------
-    >>> own_code(control_to_json(Subsumption(Avoid(distance=9))))
-    []
-    """
+    """Return the names of the custom rules in what `control_to_json` returned."""
     layers = [layer for given in (control or {}).values() for layer in given["layers"]]
     return [str(layer[OWN_CODE]) for layer in layers if isinstance(layer, dict) and OWN_CODE in layer]
 
@@ -226,21 +149,7 @@ def _made(name: str, maker: Callable, arguments: dict) -> Any:
 
 
 def objects_to_json(model: FireModel) -> dict:
-    """Return the robots, obstacles, loads and fires of a model, in the order of unique_ids.
-
-    Raises
-    ------
-    RecordingError
-        If there are other agents, or a design that cannot be recorded.
-
-    Examples
-    --------
-    >>> from mesa_swarm import SwarmModel, disc
-    >>> model = SwarmModel(rng=1)
-    >>> mark = model.add_obstacle(disc((100, 100), 20, contact=False))
-    >>> objects_to_json(model)["obstacles"][-1]["shape"]
-    {'centre': [100.0, 100.0], 'radius': 20.0, 'contact': False}
-    """
+    """Return the robots, obstacles, loads and fires of a model by unique_id; other agents are refused."""
     swarm = model.swarm
     known = len(swarm) + len(model.obstacle_list) + len(model.fires)
     if len(model.agents) != known:
@@ -259,12 +168,7 @@ def objects_to_json(model: FireModel) -> dict:
 def restore_objects(model: FireModel, stored: dict) -> None:
     """Give a model the stored robots, obstacles, loads and fires: remove those that are not stored, add the others.
 
-    An object with a stored unique_id stays, with all references to it.
-
-    Raises
-    ------
-    RecordingError
-        If an object differs from the stored one with its unique_id.
+    An object with a stored unique_id stays, with all references to it, if it does not differ from the stored one.
     """
     obstacles = {_id(body["id"]): body for body in stored["obstacles"]}
     _check_ids(stored, obstacles)

@@ -5,15 +5,15 @@ import json
 import math
 import platform
 from collections.abc import Sequence
-from dataclasses import asdict
 from importlib.metadata import version
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, RecordingError, SwarmError, in_words, shortened
+from mesa_swarm.errors import RecordingError, SwarmError, in_words, shortened
 from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.model import FireModel
+from mesa_swarm.recording.parts import part_from_json, part_to_json
 from mesa_swarm.recording.schema import checked_provenance, read_json
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.radio import Radio
@@ -28,18 +28,13 @@ READABLE = (1, FORMAT)
 # Modules of classes that older versions had elsewhere.
 MOVED = {("mesa_swarm.model", "SwarmModel"): "mesa_swarm.swarm_model"}
 PACKAGES = ("mesa-swarm", "mesa", "numpy", "numba", "shapely", "pyarrow")
-# Objects that parameters may be, besides plain values: written as {name: fields}.
-PARTS = {"FireConstants": FireConstants, "Radio": Radio}
+# Classes of parameters, besides plain values: written as {name: fields}.
+PARTS = (FireConstants, Radio)
 CURE = "record a subclass of SwarmModel that makes it in its constructor from numbers and names, or use rerun=False"
 
 
 def scenery_of(model: FireModel) -> dict:
     """Return what is needed to draw a model, besides what changes from step to step, as JSON.
-
-    Parameters
-    ----------
-    model : FireModel
-        Any `SwarmModel`.
 
     Returns
     -------
@@ -48,15 +43,6 @@ def scenery_of(model: FireModel) -> dict:
         ground marks on the map; ``loads``, shapes about their own centres; ``layers``, names in the order of
         the column `layer`; ``leave``, the temperature above which a robot is too hot, and ``join``, below which it
         has cooled.
-
-    Examples
-    --------
-    >>> from mesa_swarm import AGENT3, SwarmModel
-    >>> model = SwarmModel(rng=1)
-    >>> robots = model.add_robots(AGENT3, 2)
-    >>> scenery = scenery_of(model)
-    >>> scenery["robots"], scenery["designs"][0]["radius"], scenery["shapes"][0]["rings"][0][0]
-    ([[5, 6, 0]], 5.0, [0.0, 0.0])
     """
     layers = () if model.control is None else model.control.layers
     still = [obstacle.shape for obstacle in model.obstacle_list if not isinstance(obstacle, Load)]
@@ -74,36 +60,15 @@ def scenery_of(model: FireModel) -> dict:
 
 
 def shows(scenery: dict, other: dict) -> bool:
-    """Return whether a scenery includes a later one of the same model, from which only robots may be missing.
-
-    Examples
-    --------
-    >>> shows({"robots": [[5, 7, 0]], "leave": 1.0}, {"robots": [[5, 5, 0], [7, 7, 0]], "leave": 1.0})
-    True
-    >>> shows({"robots": [[5, 7, 0]], "leave": 1.0}, {"robots": [[5, 8, 0]], "leave": 1.0})
-    False
-    """
+    """Return whether a scenery includes a later one of the same model, from which only robots may be missing."""
     last, newest = (max((run[1] for run in one["robots"]), default=0) for one in (scenery, other))
     return newest <= last and {**scenery, "robots": ()} == {**other, "robots": ()}
 
 
 def joined(sceneries: Sequence[tuple[int, dict]]) -> tuple[tuple[int, dict], ...]:
-    """Return sceneries of one model, each with the robots, designs and loads of all of them.
+    """Return sceneries of one model, in the order of time, each with the robots, designs and loads of all of them.
 
     Obstacles, layers and temperatures remain those of each.
-
-    Parameters
-    ----------
-    sceneries : sequence of (step, dict)
-        In the order of time: ids only grow.
-
-    Examples
-    --------
-    >>> early = {"designs": ["a"], "robots": [[1, 2, 0]], "loads": [], "shapes": ["wall"]}
-    >>> late = {"designs": ["b", "a"], "robots": [[2, 2, 1], [5, 6, 0]], "loads": [], "shapes": []}
-    >>> (_, first), (_, second) = joined([(0, early), (9, late)])
-    >>> first["designs"], first["robots"], second["shapes"]
-    (['a', 'b'], [[1, 2, 0], [5, 6, 1]], [])
     """
     designs: list = []
     robots: list[list[int]] = []
@@ -149,24 +114,7 @@ def _runs(ids: list[int], designs: list[int]) -> list[list[int]]:
 
 
 def provenance_of(model: FireModel, rerun: bool) -> dict:
-    """Return the origin of a recording as JSON.
-
-    Parameters
-    ----------
-    rerun : bool
-        Whether it must be sufficient to run the model again.
-
-    Raises
-    ------
-    RecordingError
-        If a parameter cannot be recorded.
-
-    Examples
-    --------
-    >>> from mesa_swarm import SwarmModel
-    >>> provenance_of(SwarmModel(map="sparse", rng=1), rerun=True)["seed"]
-    1
-    """
+    """Return the origin of a recording as JSON, sufficient to run the model again if `rerun` requires it."""
     parameters = parameters_of_run(model)
     seed = parameters.pop("rng", None)
     has_map = parameters.pop("map", None) is not None
@@ -197,13 +145,7 @@ def parameters_of_run(model: FireModel) -> dict:
 
 
 def rebuilt(provenance: dict, model_class: type, **changes: object) -> FireModel:
-    """Return the model as its constructor made it, perhaps with other parameters.
-
-    Raises
-    ------
-    RecordingError
-        If the recording is of another model, or its provenance is not sufficient.
-    """
+    """Return the model as its constructor made it, perhaps with other parameters."""
     check_class(provenance, model_class)
     if not provenance["rerun"]:
         raise RecordingError("the recording was made with rerun=False: its model cannot be run again")
@@ -222,13 +164,7 @@ def rebuilt(provenance: dict, model_class: type, **changes: object) -> FireModel
 
 
 def map_of(provenance: dict) -> Map:
-    """Return the map of a recording.
-
-    Raises
-    ------
-    RecordingError
-        If its text cannot be decoded.
-    """
+    """Return the map of a recording."""
     try:
         return Map.from_toml(provenance["map"], "the recording's map")
     except SwarmError as error:
@@ -274,8 +210,8 @@ def _written(name: str, value: object, rerun: bool) -> object:
     """Return a parameter as JSON."""
     if isinstance(value, np.generic):
         value = value.item()
-    if type(value) in PARTS.values():
-        return {type(value).__name__: asdict(cast(Any, value))}
+    if type(value) in PARTS:
+        return part_to_json(value)
     try:
         return json.loads(json.dumps(value))
     except (TypeError, ValueError):
@@ -286,14 +222,8 @@ def _written(name: str, value: object, rerun: bool) -> object:
 
 def _read(value: object) -> object:
     """Return a value that `_written` wrote."""
-    if isinstance(value, dict) and len(value) == 1:
-        ((title, fields),) = value.items()
-        if title in PARTS and isinstance(fields, dict):
-            try:
-                return PARTS[title](**fields)
-            except (TypeError, ValueError) as error:
-                raise InvalidValueError(f"{title} of the recording cannot be made: {in_words(error)}") from None
-    return value
+    names = {part.__name__ for part in PARTS}
+    return part_from_json(value) if isinstance(value, dict) and len(value) == 1 and names >= value.keys() else value
 
 
 def _read_seed(seed: Any) -> int | np.random.SeedSequence:

@@ -6,6 +6,7 @@ import sys
 import weakref
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from mimetypes import MimeTypes
 from pathlib import Path
 from time import perf_counter
@@ -386,10 +387,8 @@ class _Checkpoints:
 
 def _close_silently(buffer: RowBuffer) -> None:
     """Close at exit, when an error can no longer be handled."""
-    try:
+    with suppress(RecordingError, OSError):
         buffer.close(broken_off=True)
-    except (RecordingError, OSError):
-        return
 
 
 def record(

@@ -100,10 +100,7 @@ def resumed(
 def state_at(recording: Recording, model_class: type, step: int, watch: Watch = lambda _: None) -> FireModel:
     """Return the model as it was after a step of a recording: from the last whole checkpoint, or its parameters.
 
-    Raises
-    ------
-    RecordingError
-        If running again does not match the recording; the nearest steps that work are named.
+    An error names the nearest steps that work.
     """
     rerun = _nearest(recording, model_class, step, watch)
     begin = rerun.model.completed
@@ -130,21 +127,10 @@ def _nearest(recording: Recording, model_class: type, step: int, watch: Watch) -
 
 
 def take_over(new: FireModel, old: FireModel, fresh: FireModel) -> None:
-    """Copy the state of a model to one that has taken no step yet.
+    """Copy the state of a model to a `new` one that has taken no step yet and has the same objects.
 
-    Parameters
-    ----------
-    new : FireModel
-        With the new parameters.
-    old : FireModel
-        With the state.
-    fresh : FireModel
-        `old` before its first step: values of `old` that differ from it are state.
-
-    Raises
-    ------
-    InvalidValueError
-        If the two do not have the same robots, fires, obstacles and loads.
+    Values of `old` that differ from those in `fresh`, which is `old` before its first step, are state; the others
+    follow from parameters.
     """
     _check_same_objects(new, old)
     set_clock(new, old.steps)
@@ -231,13 +217,7 @@ def _checked_step(recording: Recording, step: int | None) -> int:
 
 
 def class_of(recording: Recording, base: type) -> type:
-    """Return the recorded class: `base`, a loaded class derived from it, or one that is part of mesa_swarm.
-
-    Raises
-    ------
-    RecordingError
-        If it is another class.
-    """
+    """Return the recorded class: `base`, a loaded class derived from it, or one that is part of mesa_swarm."""
     module, name = recording.provenance["model"]["module"], recording.provenance["model"]["name"]
     shipped_class(module, name)  # imports it
     for model_class in _family(base):
@@ -250,13 +230,7 @@ def class_of(recording: Recording, base: type) -> type:
 
 
 def shipped_class_of(recording: Recording) -> type:
-    """Return the recorded class, which must be part of mesa_swarm: importing any other would run its code.
-
-    Raises
-    ------
-    RecordingError
-        If it is another class.
-    """
+    """Return the recorded class, which must be part of mesa_swarm: importing any other would run its code."""
     recorded = recording.provenance["model"]
     model_class = shipped_class(recorded["module"], recorded["name"])
     if model_class is None:

@@ -9,6 +9,7 @@ import math
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from functools import lru_cache
+from types import FunctionType
 from typing import Any
 
 import numpy as np
@@ -37,20 +38,14 @@ MOST_ROWS = 100_000
 # Values of one robot in one column.
 WIDEST = 100_000
 # Columns that are never NaN or infinite, with their largest value; absent messages are NaN.
-FINITE = {name: LARGEST for name in ("position", "heading", "command", *TABLES)} | {"temperature": sys.float_info.max}
+FINITE = dict.fromkeys(("position", "heading", "command", *TABLES), LARGEST) | {"temperature": sys.float_info.max}
 SHOWN = 60
 # Raises an error if a value at a place of a JSON text does not have the form.
 Check = Callable[[Any, str], None]
 
 
 def checked_provenance(facts: dict, source: object) -> dict:
-    """Return the provenance of a recording if it is complete and of the types that mesa_swarm writes.
-
-    Raises
-    ------
-    RecordingError
-        Naming the first field that is not.
-    """
+    """Return the provenance of a recording if it is complete and of the types that mesa_swarm writes."""
     try:
         _check(facts, PROVENANCE, "")
         if {"map", "rng"} & facts["parameters"].keys():
@@ -62,19 +57,7 @@ def checked_provenance(facts: dict, source: object) -> dict:
 
 
 def checked_scenery(scenery: Any) -> dict:
-    """Return a scenery if it can be drawn.
-
-    Raises
-    ------
-    RecordingError
-        Naming the first field that is invalid.
-
-    Examples
-    --------
-    >>> checked_scenery({"designs": [], "robots": [[1, 2, 0]], "shapes": [], "loads": [], "layers": [], "leave": 9})
-    Traceback (most recent call last):
-    mesa_swarm.errors.RecordingError: scenery has robots [1, 2, 0]; expected ascending ids, and one of 0 designs
-    """
+    """Return a scenery if it can be drawn."""
     try:
         _check(scenery, SCENERY, "scenery")
         newest = -1
@@ -93,31 +76,14 @@ def checked_scenery(scenery: Any) -> dict:
 
 
 def checked_content(name: str, content: bytes) -> Any:
-    """Return the JSON of a piece of this name: a `CHANGE` of the population or an `INTERVENTION`.
-
-    Raises
-    ------
-    ValueError
-        If it cannot be decoded.
-    """
+    """Return the JSON of a piece of this name: a `CHANGE` of the population or an `INTERVENTION`."""
     value = read_json(content)
     _check(value, CONTENTS[name], "")
     return value
 
 
 def read_json(text: bytes) -> Any:
-    """Return the value of a JSON text, unless it is too long or nested too deeply.
-
-    Raises
-    ------
-    ValueError
-        If it cannot be decoded.
-
-    Examples
-    --------
-    >>> read_json(b'{"a": [1]}')
-    {'a': [1]}
-    """
+    """Return the value of a JSON text, unless it is too long or nested too deeply."""
     lists = 0 if text.startswith(b'"') else text.count(b"[") + text.count(b"{")
     if len(text) > LONGEST_TEXT or lists > MOST_LISTS:
         raise ValueError("JSON text is too long")
@@ -142,17 +108,7 @@ def check_columns(schema: pa.Schema, source: object) -> None:
 
 
 def checked_rows(batch: pa.RecordBatch, first: int, every: int, source: object) -> Rows:
-    """Return the rows of a chunk if they match the schema and each other.
-
-    Parameters
-    ----------
-    first : int
-        The step of the first row.
-    every : int
-        Steps from one row to the next.
-    source : object
-        Named first in errors.
-    """
+    """Return the rows of a chunk, from step `first` on, if they match the schema and each other."""
     try:
         batch.validate()
         wrong = _wrong_in(batch, first, every)
@@ -173,31 +129,14 @@ def check_values(batch: pa.RecordBatch, first: int, source: object) -> None:
 
 
 def longest_gap(every: int) -> int:
-    """Return the largest number of steps from one row to the next: rows are missing where steps failed.
-
-    Examples
-    --------
-    >>> longest_gap(1), longest_gap(10_000), longest_gap(500_000)
-    (100, 100000, 500000)
-    """
+    """Return the largest number of steps from one row to the next: rows are missing where steps failed."""
     return max(every, min(MOST_MISSING * every, MOST_UNSEEN))
 
 
 def misplaced(pieces: Sequence[Piece], start: int, every: int) -> Piece | None:
     """Return the first piece whose seal has a number of rows or a step that cannot follow those before it.
 
-    Parameters
-    ----------
-    pieces : sequence of Piece
-        In the order of the file, including those without rows.
-    start : int
-        The step at which the recording began.
-
-    Examples
-    --------
-    >>> misplaced([Piece(0, 0, 0, 0, 0, rows=2, step=10), Piece(0, 0, 0, 0, 0, rows=0, step=20)], 3, every=10)
-    >>> misplaced([Piece(0, 0, 0, 0, 0, rows=2, step=10**12)], 3, every=10).step
-    1000000000000
+    The pieces, those without rows included, are in the order of the file; the recording began at step `start`.
     """
     earliest, latest, gap = start, start, longest_gap(every)
     for piece in pieces:
@@ -282,20 +221,15 @@ def _is_column(name: str, kind: pa.DataType) -> bool:
     while pa.types.is_fixed_size_list(kind):
         widths.append(kind.list_size)
         kind = kind.value_type
-    number = pa.types.is_integer(kind) or _is_real(kind) or pa.types.is_boolean(kind)
+    number = pa.types.is_integer(kind) or kind in REALS or pa.types.is_boolean(kind)
     if not number or not 0 < math.prod([1, *widths]) <= WIDEST or not all(width > 0 for width in widths):
         return False
     if name not in COLUMNS:
         return True
     shape, dtype, _ = COLUMNS[name]
-    fits = len(shape) == len(widths) and all(width in (own, width * isinstance(own, str)) for own, width in
-                                             zip(shape, widths, strict=True))  # fmt: skip
-    is_kind = {"f": _is_real, "i": pa.types.is_signed_integer, "b": pa.types.is_boolean}[np.dtype(dtype).kind]
-    return fits and is_kind(kind)
-
-
-def _is_real(kind: pa.DataType) -> bool:
-    return kind in REALS
+    fits = [isinstance(own, str) or own == width for own, width in zip(shape, widths, strict=False)]
+    is_kind = {"f": REALS.__contains__, "i": pa.types.is_signed_integer, "b": pa.types.is_boolean}
+    return len(shape) == len(widths) and all(fits) and is_kind[np.dtype(dtype).kind](kind)
 
 
 class _FaultError(ValueError):
@@ -306,15 +240,32 @@ class _FaultError(ValueError):
 
 
 def _check(value: Any, form: Any, where: str) -> None:
-    """Refuse a value that has not the form: a type, a set of alternative forms, or a function that raises."""
-    if isinstance(form, type):
-        if type(value) is not form:
-            raise _unexpected(where, value)
-    elif isinstance(form, frozenset):
-        if not any(_fits(value, one, where) for one in form):
-            raise _unexpected(where, value)
-    else:
+    """Refuse a value that has not the form.
+
+    A form is a function that raises, a type, a list of alternatives, a tuple with a form for each item of a list, or a
+    dict with one for each key of an object; a key with a trailing underscore is optional.
+    """
+    if isinstance(form, FunctionType):
         form(value, where)
+    elif isinstance(form, dict):
+        _check_items(value, form, where)
+    elif isinstance(form, tuple) and type(value) is list and len(value) == len(form):
+        for one, own in zip(value, form, strict=True):
+            _check(one, own, where)
+    elif type(value) is not form and not (isinstance(form, list) and any(_fits(value, one, where) for one in form)):
+        raise _unexpected(where, value)
+
+
+def _check_items(value: Any, forms: dict[str, Any], where: str) -> None:
+    if not isinstance(value, dict):
+        raise _unexpected(where, value)
+    for key, form in forms.items():
+        name = key.removesuffix("_")
+        place = f"{where}.{name}" if where else name
+        if name in value:
+            _check(value[name], form, place)
+        elif name == key:
+            raise _FaultError(place, "is missing")
 
 
 def _fits(value: Any, form: Any, where: str) -> bool:
@@ -326,28 +277,8 @@ def _fits(value: Any, form: Any, where: str) -> bool:
 
 
 def _unexpected(where: str, value: Any) -> _FaultError:
-    return _FaultError(where, f"is {shortened(value) if _is_flat(value) else f'a {type(value).__name__}'}")
-
-
-def _is_flat(value: Any) -> bool:
-    return not isinstance(value, (dict, list))
-
-
-def _items(**forms: Any) -> Check:
-    """Return the form of a JSON object by key; a key with a trailing underscore is optional."""
-    named = [(name.removesuffix("_"), form, name.endswith("_")) for name, form in forms.items()]
-
-    def check(value: Any, where: str) -> None:
-        if not isinstance(value, dict):
-            raise _unexpected(where, value)
-        for name, form, optional in named:
-            place = f"{where}.{name}" if where else name
-            if name in value:
-                _check(value[name], form, place)
-            elif not optional:
-                raise _FaultError(place, "is missing")
-
-    return check
+    kind = type(value)
+    return _FaultError(where, f"is a {kind.__name__}" if kind in (dict, list) else f"is {shortened(value)}")
 
 
 def _each(kind: type[list] | type[dict], form: Any, *, least: int = 0, most: int = MOST_LISTS) -> Check:
@@ -356,19 +287,7 @@ def _each(kind: type[list] | type[dict], form: Any, *, least: int = 0, most: int
     def check(value: Any, where: str) -> None:
         if type(value) is not kind or not least <= len(value) <= most:
             raise _unexpected(where, value)
-        for one in value.values() if isinstance(value, dict) else value:
-            _check(one, form, where)
-
-    return check
-
-
-def _exactly(*forms: Any) -> Check:
-    """Return the form of a JSON list with one form for each of its items."""
-
-    def check(value: Any, where: str) -> None:
-        if type(value) is not list or len(value) != len(forms):
-            raise _unexpected(where, value)
-        for one, form in zip(value, forms, strict=True):
+        for one in _inside(value):
             _check(one, form, where)
 
     return check
@@ -392,13 +311,14 @@ def _check_depth(value: Any) -> None:
     """Refuse values nested so deeply that writing or comparing them might fail."""
     level: Sequence[Any] = [value]
     for _ in range(DEEPEST):
-        level = [inner for one in level if not _is_flat(one) for inner in _inside(one)]
+        level = [inner for one in level for inner in _inside(one)]
     if level:
         raise _FaultError("parameters", f"are nested more than {DEEPEST} deep")
 
 
-def _inside(value: dict | list) -> Iterable[Any]:
-    return value.values() if isinstance(value, dict) else value
+def _inside(value: Any) -> Iterable[Any]:
+    """Return the values of a list or object, none of any other value."""
+    return value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
 
 
 def _shown(source: object) -> str:
@@ -410,51 +330,51 @@ REALS = (pa.float32(), pa.float64())
 TABLE_TYPES = {name: [table_type(name, real) for real in REALS] for name in TABLES}
 NUMBER, NOT_NEGATIVE, POSITIVE = _number(-LARGEST), _number(0), _number(math.ulp(0.0))
 STEP, ID = _whole(MOST_STEPS), _whole(MOST_IDS)
-RINGS = _each(list, _each(list, _exactly(NUMBER, NUMBER)), least=1)
+RINGS = _each(list, _each(list, (NUMBER, NUMBER)), least=1)
 
 
-def _shape(**more: Any) -> frozenset:
-    disc = _items(disc=_exactly(NUMBER, NUMBER, POSITIVE), mark_=bool, **more)
-    return frozenset({disc, _items(rings=RINGS, mark_=bool, **more)})
+def _shape(**more: Any) -> list:
+    disc = {"disc": (NUMBER, NUMBER, POSITIVE), "mark_": bool, **more}
+    return [disc, {"rings": RINGS, "mark_": bool, **more}]
 
 
-DESIGN = _items(
-    name=str,
-    radius=POSITIVE,
-    max_speed=NOT_NEGATIVE,
-    holonomic=bool,
-    sensors=_each(list, _exactly(NUMBER, NUMBER, NUMBER, NOT_NEGATIVE, POSITIVE), most=WIDEST),
-)
-SCENERY = _items(
-    designs=_each(list, DESIGN),
-    robots=_each(list, _exactly(ID, ID, ID)),
-    shapes=_each(list, _shape()),
-    loads=_each(list, _shape(id=ID)),
-    layers=_each(list, str),
-    leave=NUMBER,
-    join_=NUMBER,
-)
-POPULATION = _exactly(*[_exactly(ID, ID)] * 3)
+DESIGN = {
+    "name": str,
+    "radius": POSITIVE,
+    "max_speed": NOT_NEGATIVE,
+    "holonomic": bool,
+    "sensors": _each(list, (NUMBER, NUMBER, NUMBER, NOT_NEGATIVE, POSITIVE), most=WIDEST),
+}
+SCENERY = {
+    "designs": _each(list, DESIGN),
+    "robots": _each(list, (ID, ID, ID)),
+    "shapes": _each(list, _shape()),
+    "loads": _each(list, _shape(id=ID)),
+    "layers": _each(list, str),
+    "leave": NUMBER,
+    "join_": NUMBER,
+}
+POPULATION = ((ID, ID),) * 3
 CONTENTS = {
-    CHANGE: frozenset({POPULATION, _items(there=POPULATION, scenery_=dict)}),  # in format 1 the population alone
-    INTERVENTION: _items(what=_each(list, str), why_not=str),
+    CHANGE: [POPULATION, {"there": POPULATION, "scenery_": dict}],  # in format 1 the population alone
+    INTERVENTION: {"what": _each(list, str), "why_not": str},
 }
 ENTROPY = _whole((1 << 4096) - 1)
-SEED = frozenset({ENTROPY, _items(entropy=frozenset({ENTROPY, _each(list, ENTROPY)}), spawn_key=_each(list, ENTROPY))})
-PROVENANCE = _items(
-    model=_items(module=str, name=str),
-    parameters=dict,
-    takes_map=bool,
-    map=str,
-    scenery_=frozenset({dict, type(None)}),
-    seed=SEED,
-    versions=_each(dict, str),
-    platform=str,
-    rerun=bool,
-    every=_whole(MOST_EVERY, 1),
-    exact=bool,
-    hash_every_=_whole(MOST_STEPS, 1),
-    checkpoint_every_=STEP,
-    why_no_checkpoint_=str,
-    start=_items(step=STEP, state_hash=str),
-)
+SEED = [ENTROPY, {"entropy": [ENTROPY, _each(list, ENTROPY)], "spawn_key": _each(list, ENTROPY)}]
+PROVENANCE = {
+    "model": {"module": str, "name": str},
+    "parameters": dict,
+    "takes_map": bool,
+    "map": str,
+    "scenery_": [dict, type(None)],
+    "seed": SEED,
+    "versions": _each(dict, str),
+    "platform": str,
+    "rerun": bool,
+    "every": _whole(MOST_EVERY, 1),
+    "exact": bool,
+    "hash_every_": _whole(MOST_STEPS, 1),
+    "checkpoint_every_": STEP,
+    "why_no_checkpoint_": str,
+    "start": {"step": STEP, "state_hash": str},
+}

@@ -13,6 +13,7 @@ import re
 import struct
 import zlib
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import cached_property
 from io import FileIO
 from itertools import pairwise
@@ -79,19 +80,9 @@ class Piece(NamedTuple):
 class SealedWriter:
     """Writes a sealed stream, piece by piece; a piece that cannot be written leaves no trace.
 
-    A stream that replaces a file is written beside it, and takes its name when its first piece with rows is on the
-    disk, or when it is closed: until then the old file is untouched. As long as it is open no other process can
-    replace it.
-
-    Parameters
-    ----------
-    overwrite : bool
-        Whether an existing file is replaced.
-
-    Attributes
-    ----------
-    sealed : Sealed
-        Replaced at once when a piece is on disk, so that an interrupt cannot leave half an update.
+    A stream that replaces a file (`overwrite`) is written beside it, and takes its name when its first piece with rows
+    is on the disk, or when it is closed: until then the old file is untouched. As long as it is open no other process
+    can replace it. `sealed` is replaced at once when a piece is on disk: an interrupt cannot leave half an update.
     """
 
     def __init__(self, path: Path, schema: pa.Schema, overwrite: bool) -> None:
@@ -122,24 +113,12 @@ class SealedWriter:
         return self._place is None
 
     def write(self, batch: pa.RecordBatch, step: int) -> None:
-        """Write a piece whose first row is of this step.
-
-        Raises
-        ------
-        RecordingError
-            If it cannot be written; sealed pieces remain.
-        """
+        """Write a piece whose first row is of this step."""
         self._append(self._message(batch), batch.num_rows, step)
         self._take_name()
 
     def attach(self, name: str, content: bytes, step: int) -> None:
-        """Write a piece without rows that contains these bytes, which other tools ignore.
-
-        Raises
-        ------
-        RecordingError
-            If it cannot be written.
-        """
+        """Write a piece without rows that contains these bytes, which other tools ignore."""
         words = base64.b64encode(content)  # metadata are texts for other readers
         self._append(self._message(self._empty, {name: words}), 0, step)
 
@@ -199,7 +178,8 @@ class SealedWriter:
             while left:
                 left = left[self._file.write(left) :]
         except OSError as error:
-            self._cut()
+            with suppress(OSError):  # readers ignore a tail without a seal
+                self._file.truncate(self.sealed.end)
             raise unwritable(self.path, error, RecordingError, self._remaining()) from None
 
     def _remaining(self) -> str:
@@ -227,12 +207,6 @@ class SealedWriter:
         self._place = None
         if self._file.closed:  # on Windows, for renaming
             self._file = open(place, "r+b", buffering=0)  # noqa: SIM115 - closed by close
-
-    def _cut(self) -> None:
-        try:
-            self._file.truncate(self.sealed.end)
-        except OSError:  # readers ignore a tail without a seal
-            return
 
 
 def _opened(path: Path, overwrite: bool) -> tuple[FileIO, Path | None]:
@@ -287,20 +261,8 @@ def _stream_of(
 class SealedReader:
     """Finds the sealed pieces of a stream without decoding them; each is checked when it is read.
 
-    Attributes
-    ----------
-    schema : pyarrow.Schema
-    pieces : list of Piece
-        With rows.
-    attached : list of Piece
-        Without rows, see `content`.
-    complete : bool
-        Whether the stream was closed and nothing is missing at its end.
-
-    Raises
-    ------
-    RecordingError
-        If it cannot be read, or is damaged at its beginning.
+    `pieces` have rows, `attached` have none but a name and bytes (`content`). `complete` is whether the stream was
+    closed and nothing is missing at its end, `lost` the number of bytes after the last piece.
     """
 
     def __init__(self, path: Path) -> None:
@@ -338,13 +300,7 @@ class SealedReader:
         return rest.endswith(END_OF_STREAM) or _holds_whole_piece(rest)
 
     def batch(self, piece: Piece) -> pa.RecordBatch:
-        """Return the rows of a piece.
-
-        Raises
-        ------
-        RecordingError
-            If its bytes do not match its seal.
-        """
+        """Return the rows of a piece."""
         if not self.is_whole(piece):
             raise RecordingError(f"{self.path} is damaged from step {piece.step} on; earlier rows are whole")
         try:
@@ -365,13 +321,7 @@ class SealedReader:
         return names[0].decode() if names else ""
 
     def content(self, piece: Piece) -> bytes:
-        """Return the bytes that a piece without rows contains.
-
-        Raises
-        ------
-        RecordingError
-            If they do not match its seal.
-        """
+        """Return the bytes that a piece without rows contains."""
         damage = f"{self.path} is damaged at the piece of step {piece.step}"
         if not self.is_whole(piece):
             raise RecordingError(damage)
@@ -427,11 +377,6 @@ def unpacked_bytes(message: pa.Message) -> int:
 
     They precede each compressed buffer, whose offset is in the message's flatbuffer:
     https://arrow.apache.org/docs/format/Columnar.html#recordbatch-message.
-
-    Raises
-    ------
-    ValueError
-        If it is not a record batch.
     """
     content, body = message.metadata.to_pybytes(), message.body
     try:

@@ -33,24 +33,9 @@ LONGEST_DESCRIPTION = 120
 class Rerun:
     """A model beside its recording.
 
-    Parameters
-    ----------
-    recording : Recording
-    model : FireModel
-        As it was at some step.
-    checkpoint : int
-        Index of the stored state that it has; -1 if it was started again.
-    watch : callable
-        Called with the model after each step.
-
-    Attributes
-    ----------
-    model : FireModel
-        Another one after each intervention.
-    taken : tuple of Intervention
-        Those after which it continued from a stored state.
-    begin : str
-        The state from which it began, as text to follow a verdict; empty if the parameters alone make it.
+    `model` is another one after each intervention; `taken` are those after which it continued from a stored state.
+    `checkpoint` is the index of the stored state from which it began, -1 if it was started again, and `begin` names
+    that state as text to follow a verdict. `watch` is called with the model after each step.
     """
 
     def __init__(
@@ -67,13 +52,7 @@ class Rerun:
         self._ahead = [one for one in last if one.step >= first and (one.checkpoint is None or one.checkpoint > has)]
 
     def to(self, step: int) -> None:
-        """Run to a later step.
-
-        Raises
-        ------
-        RecordingError
-            If the model was changed by hand in between, and the state after it is not stored.
-        """
+        """Run to a later step, unless the model was changed by hand in between and the state after it is not stored."""
         while self._ahead and self._ahead[0].step < step:
             run_on(self.model, self._ahead[0].step, self._watch)
             self._take(self._ahead[0])
@@ -90,13 +69,7 @@ class Rerun:
         return Rows(chunk.batch(1))[0]
 
     def check_change(self, step: int) -> None:
-        """If robots, obstacles or fires were added or removed before a recorded step, run to it and compare them.
-
-        Raises
-        ------
-        RecordingError
-            If they do not match.
-        """
+        """If robots, obstacles or fires were added or removed before a recorded step, run to it and compare them."""
         if step not in self.recording.changes:
             return
         self.to(step)
@@ -124,13 +97,7 @@ def _layout_of(recording: Recording, model: FireModel) -> Layout:
 
 
 def run_on(model: FireModel, step: int, watch: Watch) -> None:
-    """Run a model to a later step.
-
-    Raises
-    ------
-    RecordingError
-        If a step fails.
-    """
+    """Run a model to a later step."""
     while model.completed < step:
         before = model.completed
         try:
@@ -146,11 +113,6 @@ def started_again(recording: Recording, model_class: type, watch: Watch = lambda
     """Return the model at the start of a recording: from its parameters, else from the state stored then.
 
     A recording that began late is not run again from step 0: its rows do not prove that there were that many steps.
-
-    Raises
-    ------
-    RecordingError
-        If its parameters alone do not make that model, and the state is not stored.
     """
     facts = recording.provenance
     start = facts["start"]
@@ -177,19 +139,8 @@ def started_again(recording: Recording, model_class: type, watch: Watch = lambda
 def states_to(recording: Recording, checkpoint: int, known: Sequence[Checkpoint] = ()) -> list[Checkpoint]:
     """Return the stored states up to one of `Recording.checkpoints`, by index: each builds on those before.
 
-    Only the last one is whole. The others are reduced to their collected data: memory has room for one state.
-
-    Parameters
-    ----------
-    recording : Recording
-    checkpoint : int
-    known : sequence of Checkpoint
-        The first ones, as returned before.
-
-    Raises
-    ------
-    RecordingError
-        If one of them is damaged.
+    Only the last one is whole. The others are reduced to their collected data: memory has room for one state. `known`
+    are the first ones, as returned before.
     """
     states = [*known[:-1], *map(without_rest, known[-1:])]
     size, file = sum(map(size_of_collected, states)), recording.path.stat().st_size
@@ -205,13 +156,7 @@ def states_to(recording: Recording, checkpoint: int, known: Sequence[Checkpoint]
 
 
 def restored(recording: Recording, model_class: type, states: list[Checkpoint]) -> FireModel:
-    """Return a new model with the last of these states.
-
-    Raises
-    ------
-    RecordingError
-        If it cannot be restored.
-    """
+    """Return a new model with the last of these states."""
     return restore(rebuilt(recording.provenance, model_class), states[-1], states[:-1])
 
 
@@ -298,11 +243,6 @@ def run_to(rerun: Rerun, step: int) -> None:
     """Run a model to a later step of its recording, and compare the two.
 
     Compared are the rows with state hashes and the last one, and all additions and removals in between.
-
-    Raises
-    ------
-    RecordingError
-        If they do not match.
     """
     recording = rerun.recording
     for row in range(recording.row_after(rerun.model.completed), len(recording)):

@@ -72,25 +72,8 @@ class Arena(ContinuousSpace):
 
     Everything that Mesa's class offers works, without its defects: it may be created for no agents, a position
     out of bounds is refused before anything is written, and positions that are read are never a stale view.
-    Robots and fires have their positions in their own columns, which are read on demand.
-
-    Parameters
-    ----------
-    dimensions : array-like, shape (d, 2)
-        Smallest and largest coordinate of every dimension.
-    torus : bool
-        Whether the space wraps around. The worlds of `SwarmModel` do not.
-    random : random.Random
-        Mesa's generator of the model.
-    n_agents : int
-        Room for this number at first; more may come.
-
-    Examples
-    --------
-    >>> import random
-    >>> arena = Arena([[0, 800], [0, 600]], random=random.Random(1), n_agents=0)
-    >>> bool(arena.in_bounds([800, 600]))
-    True
+    Robots and fires have their positions in their own columns, which are read on demand. The worlds of
+    `SwarmModel` do not wrap around.
     """
 
     def __init__(
@@ -119,13 +102,7 @@ class Arena(ContinuousSpace):
             raise InvalidValueError(ONE_AT_A_TIME)
 
     def place(self, agent: ContinuousSpaceAgent, position: Point) -> None:
-        """Write the position of an agent that is stored in the arena itself, if it is within bounds.
-
-        Raises
-        ------
-        InvalidValueError
-            If the position is not finite or is out of bounds, before it is written.
-        """
+        """Write the position of an agent that is stored in the arena itself, if it is within bounds."""
         self._agent_positions[self._agent_to_index[agent]] = self.checked_point(position)
 
     def checked_point(self, position: Point) -> np.ndarray:
@@ -240,13 +217,7 @@ class ArenaAgent(ContinuousSpaceAgent):
 
 
 def as_numbers(value: object) -> np.ndarray:
-    """Return a user's value as an array of floats, an empty one if it does not hold numbers alone.
-
-    Examples
-    --------
-    >>> as_numbers([1, 2]), as_numbers(["1", 2]), as_numbers([10**400, 0])
-    (array([1., 2.]), array([], dtype=float64), array([], dtype=float64))
-    """
+    """Return a user's value as an array of floats, an empty one if it does not hold numbers alone."""
     try:
         array = np.asarray(value)
         if array.dtype.kind in "iufO":

@@ -216,13 +216,7 @@ class Map:
 
 
 def builtin_maps() -> list[str]:
-    """Return the names of the maps that come with the package.
-
-    Examples
-    --------
-    >>> builtin_maps()
-    ['original', 'sparse', 'openspace', 'openspace_fire']
-    """
+    """Return the names of the maps that come with the package."""
     return list(BUILTIN)
 
 
@@ -297,23 +291,11 @@ class Entry(NamedTuple):
 
 
 def read_legacy(text: str, source: str, name: str) -> dict[str, Any]:
-    """Return the contents of a `.map` file of the thesis, as the keyword arguments of `Map`.
+    """Return the contents of a `.map` file of the thesis, as the keyword arguments of `Map`; errors name the line.
 
     The text looks like Python and is parsed as such, but never executed: only the listed calls with plain numbers
     are recognised, everything else is refused. The map spans from (0, 0) to the far corner of all its bodies; y is
-    turned to point up. The file has no `name`; errors begin with `source`.
-
-    Raises
-    ------
-    MapError
-        Naming the line of anything that is not a known call with plain numbers.
-
-    Examples
-    --------
-    >>> text = '[Obstacle("rec", [[0, 0], [20, 600]]), Obstacle("cir", [[650, 160], 30])]'
-    >>> parts = read_legacy(text, "hall.map", "hall")
-    >>> parts["bounds"], parts["obstacles"][1].position
-    ((0.0, 0.0, 680.0, 600.0), array([650., 440.]))
+    turned to point up.
     """
     entries = []
     for call in _calls(_tree(text, source), source):
@@ -427,13 +409,6 @@ def svg_text(name: str, bounds: Bounds, obstacles: Iterable[Shape], fires: Itera
     Marks on the ground are brown, obstacles grey, fires red, the paler the cooler. One group turns y up, with the
     map's own coordinates in it: turning each shape instead would round (600 - (600 - 0.1) is not 0.1), and the map
     would not read back equal.
-
-    Examples
-    --------
-    >>> from mesa_swarm.world.shapes import disc
-    >>> text = svg_text("hall", (0.0, 0.0, 80.0, 60.0), [disc((40, 20), 5)], [])
-    >>> print(text.splitlines()[4].strip())
-    <circle cx="40" cy="20" r="5"/>
     """
     width, height = number_text(bounds[2] - bounds[0]), number_text(bounds[3] - bounds[1])
     moved = bounds[:2] != (0.0, 0.0)

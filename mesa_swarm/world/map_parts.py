@@ -74,24 +74,12 @@ class FireSpot:
 
 
 def coordinate(name: str, value: object) -> float:
-    """Return a number within the limits of coordinates as a float, -0.0 as 0.0, which every file format preserves.
-
-    Examples
-    --------
-    >>> coordinate("x", -0.0)
-    0.0
-    """
+    """Return a number within the limits of coordinates as a float, -0.0 as 0.0, which every file format preserves."""
     return check_number(name, value, minimum=-LARGEST_COORDINATE, maximum=LARGEST_COORDINATE) + 0.0
 
 
 def checked_bounds(bounds: object) -> Bounds:
-    """Return `(x_min, y_min, x_max, y_max)` as floats if they span an area.
-
-    Examples
-    --------
-    >>> checked_bounds([0, 0, 800, 600])
-    (0.0, 0.0, 800.0, 600.0)
-    """
+    """Return `(x_min, y_min, x_max, y_max)` as floats if they span an area."""
     names = ("x_min", "y_min", "x_max", "y_max")
     given = zip(names, listed("bounds", bounds, 4), strict=True)
     x_min, y_min, x_max, y_max = (coordinate(f"{name} of the bounds", value) for name, value in given)
@@ -101,13 +89,7 @@ def checked_bounds(bounds: object) -> Bounds:
 
 
 def checked_name(name: object) -> str:
-    """Return a map's name: printable, on one line, without spaces around it.
-
-    Examples
-    --------
-    >>> checked_name("original")
-    'original'
-    """
+    """Return a map's name: printable, on one line, without spaces around it."""
     if not isinstance(name, str) or not name.isprintable() or not name.strip():
         raise InvalidValueError(f"name of the map is {shortened(name)}; expected a word or two")
     if name != name.strip() or len(name) > LONGEST_NAME:
@@ -130,13 +112,7 @@ def check_inside(what: str, part: Shape | FireSpot, bounds: Bounds) -> None:
 
 
 def first_points_within(parts: Sequence[Shape | FireSpot], bounds: Bounds) -> np.ndarray:
-    """Return for each obstacle or fire whether its first point is within the bounds, as it nearly always is.
-
-    Examples
-    --------
-    >>> first_points_within([FireSpot((9, 9), 1), FireSpot((99, 9), 1)], (0, 0, 20, 20))
-    array([ True, False])
-    """
+    """Return for each obstacle or fire whether its first point is within the bounds, as it nearly always is."""
     if not parts:
         return np.empty(0, bool)
     geometries = [part.geometry for part in parts if isinstance(part, Shape)]
@@ -149,13 +125,7 @@ def first_points_within(parts: Sequence[Shape | FireSpot], bounds: Bounds) -> np
 
 
 def refusal(source: str, place: str, why: object) -> MapError:
-    """Return the error that names, on one line, the file, the place in it, and the reason.
-
-    Examples
-    --------
-    >>> refusal("arena.svg", "<rect> on line 7", "width is -5")
-    MapError('arena.svg: <rect> on line 7: width is -5')
-    """
+    """Return the error that names, on one line, the file, the place in it, and the reason."""
     shown = source if len(source) <= LONGEST_SHOWN + 3 else f"...{source[-LONGEST_SHOWN:]}"
     text = " ".join(": ".join(str(part) for part in (shown, place, why) if part).split())
     return MapError(text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}...")
@@ -173,13 +143,7 @@ def naming(source: str, place: str = "") -> Iterator[None]:
 
 
 def file_content(path: Path, limit: int = LARGEST_FILE) -> bytes:
-    """Return a file's bytes; check its kind and size before reading it.
-
-    Raises
-    ------
-    MapError
-        If it is missing, a folder or device, unreadable, or larger than `limit` bytes.
-    """
+    """Return a file's bytes; its kind and size are checked before reading, since a device may have no end."""
     try:
         about = path.stat()
         if not stat.S_ISREG(about.st_mode):
@@ -200,13 +164,7 @@ def text_of(content: bytes, source: str) -> str:
 
 
 def bytes_of(content: str | bytes, source: str) -> bytes:
-    """Return text as UTF-8, and bytes as they are.
-
-    Examples
-    --------
-    >>> bytes_of("<svg/>", "hall.svg")
-    b'<svg/>'
-    """
+    """Return text as UTF-8, and bytes as they are."""
     try:
         return content.encode() if isinstance(content, str) else content
     except UnicodeEncodeError as error:  # half of a surrogate pair
@@ -214,13 +172,7 @@ def bytes_of(content: str | bytes, source: str) -> bytes:
 
 
 def listed(name: str, value: Any, length: int, expected: str = "") -> tuple:
-    """Return the items of a list, tuple or array of a given length.
-
-    Examples
-    --------
-    >>> listed("origin", [0, 10], 2)
-    (0, 10)
-    """
+    """Return the items of a list, tuple or array of a given length."""
     try:
         items = () if isinstance(value, (str, bytes)) or not hasattr(value, "__len__") else tuple(value)
     except Exception:  # of a user's class that is not a list
@@ -284,17 +236,7 @@ _given_up: ContextVar[Callable[[], bool]] = ContextVar("given_up", default=lambd
 def stopping_when(given_up: Callable[[], bool]) -> Iterator[None]:
     """Stop reading maps within the block, in this thread, at the next shape once `given_up` returns True.
 
-    Raises
-    ------
-    concurrent.futures.CancelledError
-        When reading stops.
-
-    Examples
-    --------
-    >>> with stopping_when(lambda: True):
-    ...     Work(1000).spend(1.0)
-    Traceback (most recent call last):
-    concurrent.futures._base.CancelledError: the map is no longer waited for
+    The reader then raises `concurrent.futures.CancelledError`.
     """
     token = _given_up.set(given_up)
     try:
@@ -304,30 +246,14 @@ def stopping_when(given_up: Callable[[], bool]) -> Iterator[None]:
 
 
 class Work:
-    """Work that reading one map file of `size` bytes or characters may still cause: `left`, in microseconds.
-
-    Examples
-    --------
-    >>> work = Work(1000)
-    >>> work.spend_on_outlines([np.array([(0.0, 0.0), (9.0, 0.0), (0.0, 9.0)])])
-    >>> round(work.left, 1)
-    1099956.1
-    """
+    """Work that reading one map file of `size` bytes or characters may still cause: `left`, in microseconds."""
 
     def __init__(self, size: int) -> None:
         self.left = MOST_WORK * max(1.0, size / SMALL_FILE)
         self._given_up = _given_up.get()
 
     def spend(self, cost: float) -> None:
-        """Subtract the cost of work that is about to begin.
-
-        Raises
-        ------
-        InvalidValueError
-            If that is more than is left.
-        concurrent.futures.CancelledError
-            Once the map is no longer waited for, see `stopping_when`.
-        """
+        """Subtract the cost of work that is about to begin, and refuse it if that is more than is left."""
         if self._given_up():
             raise CancelledError("the map is no longer waited for")
         if not cost <= self.left:

@@ -86,10 +86,7 @@ IGNORED = (
 
 
 class Drawn(NamedTuple):
-    """An element to be made into shapes: its tag, its attributes, and what it inherits.
-
-    `matrix` leads from its own coordinates to the map's; `place` is how errors name it.
-    """
+    """An element to be made into shapes: `matrix` leads from its coordinates to the map's, errors name its `place`."""
 
     tag: str
     attributes: Mapping[str, str]
@@ -101,31 +98,8 @@ class Drawn(NamedTuple):
     stroke_width: str = "1"
 
 
-def shapes_of(drawn: Drawn, tolerance: float, work: Work) -> list[Shape]:
-    """Return the shapes of a rect, circle, ellipse, line, polyline, polygon or path.
-
-    Raises
-    ------
-    InvalidValueError
-        If an attribute is wrong or the element is not a simple shape.
-
-    Examples
-    --------
-    >>> circle = Drawn("circle", {"cx": "40", "cy": "30", "r": "5"}, "<circle> on line 1", np.eye(3))
-    >>> [shape.kind for shape in shapes_of(circle, 0.04, Work(100))]
-    ['disc']
-    """
-    return list(_READERS[drawn.tag](drawn, tolerance, work))
-
-
 def fire_of(drawn: Drawn) -> FireSpot:
-    """Return the fire of a circle, of the temperature `data-temperature`, by default 1.
-
-    Examples
-    --------
-    >>> fire_of(Drawn("circle", {"cx": "40", "cy": "30", "r": "10"}, "", np.eye(3))).area
-    1.0
-    """
+    """Return the fire of a circle, of the temperature `data-temperature`, by default 1."""
     round_part = _disc(drawn) if drawn.tag in ("circle", "ellipse") else None
     if round_part is None:
         raise InvalidValueError("is a fire; fires are circles, and stay so when they are transformed")
@@ -189,12 +163,10 @@ def _corner_radii(drawn: Drawn, width: float, height: float) -> tuple[float, flo
     return min(rx, width / 2), min(ry, height / 2)
 
 
-def _polygon(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
-    yield _solid(drawn, work, _points(drawn))
-
-
-def _polyline(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
-    yield _solid(drawn, work, _points(drawn)) if drawn.filled else _band(drawn, work, _points(drawn))
+def _outline(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
+    """Yield a polygon, or a polyline, which is closed if it is filled, else a thick line."""
+    at = points("points", drawn.attributes.get("points", ""))
+    yield _solid(drawn, work, at) if drawn.filled or drawn.tag == "polygon" else _band(drawn, work, at)
 
 
 def _line(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
@@ -244,10 +216,6 @@ def _band(drawn: Drawn, work: Work, at: np.ndarray) -> Shape:
     return _solid(drawn, work, area.exterior.coords, holes, are_apart=True)  # paid for with the line
 
 
-def _points(drawn: Drawn) -> np.ndarray:
-    return points("points", drawn.attributes.get("points", ""))
-
-
 def _length(drawn: Drawn, name: str) -> float:
     return length(name, drawn.attributes.get(name, "0"))
 
@@ -266,8 +234,8 @@ _READERS: dict[str, Callable[[Drawn, float, Work], Iterator[Shape]]] = {
     "circle": _round,
     "ellipse": _round,
     "line": _line,
-    "polyline": _polyline,
-    "polygon": _polygon,
+    "polyline": _outline,
+    "polygon": _outline,
     "path": _path,
 }
 
@@ -275,19 +243,7 @@ _READERS: dict[str, Callable[[Drawn, float, Work], Iterator[Shape]]] = {
 def read_svg(content: bytes, source: str) -> dict[str, Any]:
     """Return the contents of an SVG drawing, as the keyword arguments of `Map`.
 
-    Errors begin with `source`; its stem names a drawing without title.
-
-    Raises
-    ------
-    MapError
-        Naming the element, with its id and line, and the mistake in it.
-
-    Examples
-    --------
-    >>> drawing = b'<svg width="80" height="60"><rect y="50" width="80" height="10"/></svg>'
-    >>> parts = read_svg(drawing, "hall.svg")
-    >>> parts["name"], parts["obstacles"][0].bounds
-    ('hall', (0.0, 0.0, 80.0, 10.0))
+    Errors name the element after `source`, with its id and line; the stem of `source` names a drawing without title.
     """
     work = Work(len(content))
     walk = _walked(content, source, work)
@@ -490,7 +446,7 @@ def _obstacles(walk: _Walk, tolerance: float, work: Work) -> Iterator[Shape]:
         if drawn.role == "fire":
             continue
         with naming(walk.source, drawn.place):
-            for shape in shapes_of(drawn, tolerance, work):
+            for shape in list(_READERS[drawn.tag](drawn, tolerance, work)):
                 vertices += len(shape.geometry.exterior.coords) if not shape.is_disc else 1
                 if vertices > MOST_VERTICES:
                     raise InvalidValueError(f"brings the drawing to more than {MOST_VERTICES} points; simplify it")

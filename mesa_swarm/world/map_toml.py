@@ -45,18 +45,9 @@ SHAPE_KEYS = {"rectangle": ("corners",), "disc": ("centre", "radius"), "polygon"
 
 
 def read_toml(text: str, source: str) -> dict[str, Any]:
-    """Return the contents of a TOML map, as the keyword arguments of `Map`; errors begin with `source`.
+    """Return the contents of a TOML map, as the keyword arguments of `Map`.
 
-    Raises
-    ------
-    MapError
-        Naming line and column of a syntax error, else the table, such as `obstacle 3`.
-
-    Examples
-    --------
-    >>> read_toml("name = hall", "hall.toml")
-    Traceback (most recent call last):
-    mesa_swarm.errors.MapError: hall.toml: Invalid value (at line 1, column 8)
+    Errors name line and column of a syntax error, else the table, such as `obstacle 3`, after `source`.
     """
     table = parsed_toml(text, source)
     work = Work(len(text))
@@ -73,22 +64,7 @@ def read_toml(text: str, source: str) -> dict[str, Any]:
 
 
 def toml_text(name: str, bounds: Bounds, obstacles: Iterable[Shape], fires: Iterable[FireSpot]) -> str:
-    """Return the TOML text that `read_toml` reads back exactly.
-
-    Examples
-    --------
-    >>> print(toml_text("hall", (0.0, 0.0, 80.0, 60.0), [disc((40, 30), 5)], []))
-    # A map of mesa_swarm: y points up, all numbers are in map units.
-    name = "hall"
-    width = 80
-    height = 60
-    <BLANKLINE>
-    [[obstacle]]
-    shape = "disc"
-    centre = [40, 30]
-    radius = 5
-    <BLANKLINE>
-    """
+    """Return the TOML text that `read_toml` reads back exactly."""
     head = [
         "# A map of mesa_swarm: y points up, all numbers are in map units.",
         f"name = {json.dumps(name, ensure_ascii=False)}",
@@ -99,25 +75,13 @@ def toml_text(name: str, bounds: Bounds, obstacles: Iterable[Shape], fires: Iter
 
 
 def number_text(value: float) -> str:
-    """Return the shortest text that reads back as exactly this float.
-
-    Examples
-    --------
-    >>> number_text(20.0), number_text(0.1)
-    ('20', '0.1')
-    """
+    """Return the shortest text that reads back as exactly this float."""
     # Beyond 2**53 a whole number has more digits than the float is exact to.
     return str(int(value)) if value.is_integer() and abs(value) < 2**53 else repr(value)
 
 
 def parsed_toml(text: str, source: str) -> dict[str, Any]:
-    """Return the contents of any TOML text, or name line and column of an error in its syntax.
-
-    Examples
-    --------
-    >>> parsed_toml("steps = 3", "job.toml")
-    {'steps': 3}
-    """
+    """Return the contents of any TOML text, or name line and column of an error in its syntax."""
     _refuse_long_keys(text, source)
     try:
         return tomllib.loads(text)

@@ -31,22 +31,7 @@ MOST_LATTICE_IN_CROWD = 2_000
 def free_space(
     bounds: tuple[float, float, float, float], shapes: Sequence[Shape], fires: np.ndarray, radius: float
 ) -> shapely.Geometry:
-    """Return where the centre of a disc may be without overlapping any static body.
-
-    Parameters
-    ----------
-    bounds : (x_min, y_min, x_max, y_max)
-    shapes : sequence of Shape
-        Marks are ignored.
-    fires : ndarray, shape (f, 3)
-        x, y, radius.
-    radius : float
-
-    Examples
-    --------
-    >>> free_space((0, 0, 100, 50), [], np.empty((0, 3)), 5.0).area
-    3600.0
-    """
+    """Return where the centre of a disc may be without overlapping a solid shape or a fire (x, y, radius)."""
     return room_for_disc(bounds, _solids(shapes, fires), radius, QUARTER_SEGMENTS)
 
 
@@ -57,11 +42,6 @@ def free_places(
 
     Among more than 2000 solid shapes, or 50,000 pairs of them that overlap, places are found only by trying: a map
     that is nearly full may then count as full.
-
-    Examples
-    --------
-    >>> free_places((0, 0, 100, 50), [], np.empty((0, 3)), 5.0).area
-    3600.0
     """
     return room_to_try(bounds, _solids(shapes, fires), radius, QUARTER_SEGMENTS)
 
@@ -80,23 +60,11 @@ def place_apart(
     rng: np.random.Generator,
     where: str = "the map",
 ) -> np.ndarray:
-    """Return n random places, shape (n, 2), at which discs overlap neither each other nor others.
+    """Return n random places, shape (n, 2), at which discs overlap neither each other nor those that are there already.
 
-    Places are drawn one after the other; where that gets stuck, from a triangular lattice.
-
-    Parameters
-    ----------
-    space : shapely geometry or Crowded
-        From `free_space` or `free_places` for this radius.
-    others, other_radius : ndarrays, shapes (k, 2), (k,)
-        Discs that are there already.
-    where : str
-        For the message.
-
-    Raises
-    ------
-    PlacementError
-        If they do not fit; the message states how many would. No large array is allocated before.
+    `space` is from `free_space` or `free_places` for this radius. Places are drawn one after the other; where that gets
+    stuck, from a triangular lattice. If they do not fit, the message states how many would on `where`, and no large
+    array has been allocated.
     """
     room = _most_that_fit(space, radius)
     if n > room:

@@ -29,23 +29,18 @@ class Statics:
     edges : ndarray, shape (m, 4)
         ax, ay, bx, by; the solid side is on the left. The first four are the map's border.
     discs : ndarray, shape (k, 3)
-        x, y, radius.
+        x, y, radius; those of fires from row `first_fire` on.
     owner : int64 ndarray, shape (m + k,)
         Index of the obstacle or of the fire that an item belongs to, -1 for the border.
-    kind : int8 ndarray, shape (m + k,)
-        As sensors see it: 0 obstacle, 2 burning fire, 3 load.
-    body : int8 ndarray, shape (m + k,)
-        Of the body, burning or not: 0 obstacle, 2 fire, 3 load.
+    kind, body : int8 ndarrays, shape (m + k,)
+        Of the item as sensors see it: obstacle, burning fire or load; and of the body, burning or not.
     rings : int64 ndarray, shape (p, 2)
         First edge, and one past the last, of every solid polygon.
     bounds : ndarray, shape (4,)
-        x_min, y_min, x_max, y_max of the map.
     grid : Grid
         Its cells list the items that can be seen, or touched, from them.
     seen_start, seen_items, touched_start, touched_items : int64 ndarrays
         See `list_boxes_by_cell`.
-    first_fire : int
-        Index in `discs` of the first fire.
     """
 
     edges: np.ndarray
@@ -75,24 +70,10 @@ class Statics:
         loads: Sequence[int] = (),
         slack: float = 0.0,
     ) -> "Statics":
-        """Collect the border, the solid shapes and the fires of a world.
+        """Collect the border, the solid shapes and the fires (x, y, radius) of a world.
 
-        Parameters
-        ----------
-        bounds : (x_min, y_min, x_max, y_max)
-        shapes : sequence of Shape
-            Marks on the ground are ignored.
-        fires : ndarray, shape (f, 3)
-            x, y, radius.
-        burning : bool ndarray, shape (f,)
-        sight : float
-            Reach of sensors from the robot's centre.
-        touch : float
-            Largest distance from a robot's centre at which a body can be touched within a step.
-        loads : sequence of int
-            Indices of the shapes that are loads.
-        slack : float
-            Loads may move this far before they have to be listed anew.
+        Sensors reach `sight` from a robot's centre, and a body within `touch` of it can be touched within a step. The
+        shapes with the indices `loads` may move by `slack` before they have to be listed anew.
         """
         solid = [(i, shape) for i, shape in enumerate(shapes) if shape.contact]
         edges, edge_owner, rings = _edges_of(solid, _border(bounds))

@@ -48,18 +48,7 @@ _PATH_WORD = re.compile(r"[a-zA-Z]|[\d.]+")
 
 
 def length(name: str, text: str) -> float:
-    """Return a length in CSS pixels (96 to the inch).
-
-    Raises
-    ------
-    InvalidValueError
-        If it is not a number with a unit of fixed size; %, em and the like are not.
-
-    Examples
-    --------
-    >>> length("width", "25.4mm"), length("r", " 30 ")
-    (96.0, 30.0)
-    """
+    """Return a length in CSS pixels (96 to the inch); units without a fixed size, such as % and em, are refused."""
     found = _LENGTH.fullmatch(text[:LONGEST_LENGTH])
     if not found or found[2].lower() not in PIXELS:
         raise InvalidValueError(f"{name} is {shortened(text)}; expected a length such as 5, 5px, 5mm or 5in")
@@ -67,13 +56,7 @@ def length(name: str, text: str) -> float:
 
 
 def numbers(name: str, text: str) -> list[float]:
-    """Return a list of numbers separated by spaces, commas or only their signs.
-
-    Examples
-    --------
-    >>> numbers("points", "1,2 3-4")
-    [1.0, 2.0, 3.0, -4.0]
-    """
+    """Return a list of numbers separated by spaces, commas or only their signs."""
     if not _OF_NUMBERS.fullmatch(text):
         raise InvalidValueError(f"{name} is {shortened(text)}; expected numbers")
     words = text.replace(",", " ").split()
@@ -86,13 +69,7 @@ def numbers(name: str, text: str) -> list[float]:
 
 
 def points(name: str, text: str) -> np.ndarray:
-    """Return (n, 2) points from pairs of numbers.
-
-    Examples
-    --------
-    >>> points("points", "0,0 10,0").tolist()
-    [[0.0, 0.0], [10.0, 0.0]]
-    """
+    """Return (n, 2) points from pairs of numbers."""
     values = numbers(name, text)
     if len(values) % 2 or not values:
         raise InvalidValueError(f"{name} has {len(values)} numbers; expected pairs")
@@ -100,13 +77,7 @@ def points(name: str, text: str) -> np.ndarray:
 
 
 def transform(text: str) -> np.ndarray:
-    """Return the 3 x 3 matrix of a transform attribute.
-
-    Examples
-    --------
-    >>> transform("translate(10, 20) scale(2)").tolist()
-    [[2.0, 0.0, 10.0], [0.0, 2.0, 20.0], [0.0, 0.0, 1.0]]
-    """
+    """Return the 3 x 3 matrix of a transform attribute."""
     refused = InvalidValueError(f"transform is {shortened(text)}; expected functions such as translate(10, 20)")
     if len(text) > LONGEST_TRANSFORM or _TRANSFORM.sub("", text).strip(" \t\r\n,"):
         raise refused
@@ -122,14 +93,7 @@ def transform(text: str) -> np.ndarray:
 
 
 def checked_matrix(matrix: np.ndarray) -> np.ndarray:
-    """Return a matrix if its numbers are at most 1e12 and areas stay above 0.
-
-    Examples
-    --------
-    >>> checked_matrix(np.zeros((3, 3)))
-    Traceback (most recent call last):
-    mesa_swarm.errors.InvalidValueError: transform squeezes the shape to nothing
-    """
+    """Return a matrix if its numbers are at most 1e12 and areas stay above 0."""
     if not np.abs(matrix).max() <= LARGEST_ENTRY:
         raise InvalidValueError(f"transform has a number beyond {LARGEST_ENTRY:g}")
     if np.linalg.det(matrix[:2, :2]) == 0:
@@ -138,21 +102,9 @@ def checked_matrix(matrix: np.ndarray) -> np.ndarray:
 
 
 def viewbox(text: str, aspect: str, width: float, height: float) -> np.ndarray:
-    """Return the matrix from view box to viewport (SVG 2, section 8.2).
+    """Return the matrix from view box to a viewport in pixels (SVG 2, section 8.2).
 
-    Parameters
-    ----------
-    text : str
-        The viewBox attribute: x, y, width, height.
-    aspect : str
-        The preserveAspectRatio attribute; empty for `xMidYMid meet`.
-    width, height : float
-        Of the viewport, pixels.
-
-    Examples
-    --------
-    >>> viewbox("0 0 400 300", "", 800, 600)[0].tolist()
-    [2.0, 0.0, 0.0]
+    `text` is the viewBox attribute, `aspect` preserveAspectRatio, empty for `xMidYMid meet`.
     """
     x, y, box_width, box_height = viewbox_numbers(text)
     align, _, crop = (" ".join(aspect.split()) or "xMidYMid").partition(" ")
@@ -168,13 +120,7 @@ def viewbox(text: str, aspect: str, width: float, height: float) -> np.ndarray:
 
 
 def viewbox_numbers(text: str) -> list[float]:
-    """Return x, y, width and height of a viewBox attribute.
-
-    Examples
-    --------
-    >>> viewbox_numbers("0 0 400 300")
-    [0.0, 0.0, 400.0, 300.0]
-    """
+    """Return x, y, width and height of a viewBox attribute."""
     values = numbers("viewBox", text)
     if len(values) != 4:
         raise InvalidValueError(f"viewBox is {shortened(text)}; expected 4 numbers")
@@ -185,13 +131,7 @@ def viewbox_numbers(text: str) -> list[float]:
 
 
 def properties(attributes: Mapping[str, str]) -> dict[str, str]:
-    """Return the attributes, overridden by the declarations of the style attribute as in CSS.
-
-    Examples
-    --------
-    >>> properties({"fill": "red", "style": "fill: none; display:inline"})
-    {'fill': 'none', 'display': 'inline'}
-    """
+    """Return the attributes, overridden by the declarations of the style attribute as in CSS."""
     merged = {name: value for name, value in attributes.items() if name != "style"}
     for declaration in attributes.get("style", "").split(";"):
         name, colon, value = declaration.partition(":")
@@ -201,37 +141,19 @@ def properties(attributes: Mapping[str, str]) -> dict[str, str]:
 
 
 def scale_of(matrix: np.ndarray) -> float:
-    """Return the largest factor by which a matrix stretches a length.
-
-    Examples
-    --------
-    >>> round(scale_of(transform("scale(2, 3)")), 9)
-    3.0
-    """
+    """Return the largest factor by which a matrix stretches a length."""
     return float(np.linalg.norm(matrix[:2, :2], 2))
 
 
 def is_similarity(matrix: np.ndarray) -> bool:
-    """Return whether a matrix turns, mirrors, scales and moves, so that circles stay circles.
-
-    Examples
-    --------
-    >>> is_similarity(transform("rotate(30) scale(2)")), is_similarity(transform("scale(2, 3)"))
-    (True, False)
-    """
+    """Return whether a matrix turns, mirrors, scales and moves, so that circles stay circles."""
     (a, c), (b, d) = matrix[:2, :2].tolist()
     size = a * a + b * b
     return abs(c * c + d * d - size) <= 1e-9 * size and abs(a * c + b * d) <= 1e-9 * size
 
 
 def moved(at: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """Return points moved by a matrix; the identity leaves every bit as it is.
-
-    Examples
-    --------
-    >>> moved(np.array([[1.0, 2.0]]), transform("translate(10)")).tolist()
-    [[11.0, 2.0]]
-    """
+    """Return points moved by a matrix; the identity leaves every bit as it is."""
     with np.errstate(all="ignore"):  # overflows are refused as shapes
         return at @ matrix[:2, :2].T + matrix[:2, 2]
 
@@ -250,13 +172,7 @@ def _without_dust(matrix: np.ndarray) -> np.ndarray:
 
 
 def path_words(text: str) -> int:
-    """Return the number of numbers and commands that svgelements would have to read: each takes it some 10 us.
-
-    Examples
-    --------
-    >>> path_words("M 0,0 c 1,1 2,2 3,3 z")
-    11
-    """
+    """Return the number of numbers and commands that svgelements would have to read: each takes it some 10 us."""
     if _STRAIGHT_PATH.fullmatch(text):
         return 0
     return len(text) if len(text) > 20 * MOST_PATH_WORDS else len(_PATH_WORD.findall(text))
@@ -266,16 +182,6 @@ def subpaths(text: str, tolerance: float) -> Iterator[tuple[bool, np.ndarray]]:
     """Yield (is closed, points) of each subpath of a d attribute, curves replaced by chords.
 
     A curve is at most `tolerance` away from its chords, in the units of the path.
-
-    Raises
-    ------
-    InvalidValueError
-        If the text is not path data, or would make too many points.
-
-    Examples
-    --------
-    >>> [(closed, at.tolist()) for closed, at in subpaths("M 0 0 h 10 v 10 z", 0.04)]
-    [(True, [[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 0.0]])]
     """
     if not _PATH_TEXT.fullmatch(text):
         raise InvalidValueError(f"d is {shortened(text)}; expected path data that begins with M")
@@ -289,25 +195,7 @@ def subpaths(text: str, tolerance: float) -> Iterator[tuple[bool, np.ndarray]]:
 def nested(rings: list[np.ndarray], even_odd: bool, work: Work) -> Iterator[tuple[np.ndarray, list[np.ndarray]]]:
     """Yield each outline with its holes according to the fill rule: rings may nest but not cross.
 
-    Parameters
-    ----------
-    rings : list of (n, 2) arrays
-        Closed subpaths.
-    even_odd : bool
-        Whether every ring inside another changes solid to hole; else opposite directions do.
-    work : Work
-        Limits the cost.
-
-    Raises
-    ------
-    InvalidValueError
-        If a ring crosses itself or another one.
-
-    Examples
-    --------
-    >>> square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
-    >>> [len(holes) for _, holes in nested([10 * square, 1 + square], True, Work(100))]
-    [1]
+    With `even_odd` every ring inside another changes solid to hole; else opposite directions do.
     """
     areas = np.array([_area(ring, work) for ring in rings], dtype=object)
     work.spend_on_parts(rings)
@@ -327,26 +215,14 @@ def nested(rings: list[np.ndarray], even_odd: bool, work: Work) -> Iterator[tupl
 def elliptic_arc(
     centre: tuple[float, float], radii: tuple[float, float], start: float, sweep: float, tolerance: float
 ) -> np.ndarray:
-    """Return ends of chords on an upright ellipse from azimuth `start` over `sweep` radians.
-
-    Examples
-    --------
-    >>> elliptic_arc((0, 0), (1, 2), 0, math.pi, 1.0).round(3)[:3].tolist()
-    [[1.0, 0.0], [0.707, 1.414], [0.0, 2.0]]
-    """
+    """Return ends of chords on an upright ellipse from azimuth `start` over `sweep` radians."""
     count = chord_count(sweep * math.sqrt(max(radii) / (8 * tolerance)))
     azimuths = start + np.linspace(0, sweep, max(count, math.ceil(sweep)) + 1)
     return np.column_stack([centre[0] + radii[0] * np.cos(azimuths), centre[1] + radii[1] * np.sin(azimuths)])
 
 
 def chord_count(required: float) -> int:
-    """Return a whole number of chords, at least 1; refuse a number that would fill the memory.
-
-    Examples
-    --------
-    >>> chord_count(3.2)
-    4
-    """
+    """Return a whole number of chords, at least 1; refuse a number that would fill the memory."""
     if not required <= MOST_CHORDS:
         raise InvalidValueError("has a curve far larger than the map")
     return max(1, math.ceil(required))

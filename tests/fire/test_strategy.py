@@ -1,4 +1,4 @@
-"""What robots do at fires under strategies A and B, and what comes of it."""
+"""Robots at fires under strategies A and B, and the outcome for the fires."""
 
 import math
 

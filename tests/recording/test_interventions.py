@@ -10,7 +10,7 @@ from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.models.learning_fires import LearningFires
 from mesa_swarm.recording import Recording, verify
-from mesa_swarm.recording.changes import ChangeDetector
+from mesa_swarm.recording.changes import ChangeDetector, Intervention, as_remark
 from mesa_swarm.robots.imperfections import ROBOTARIUM
 from support.other_code import other_code
 
@@ -156,6 +156,13 @@ def test_the_same_with_other_observers_and_a_class_that_does_more_after_the_step
     assert recording.interventions == ()
     assert len(recording.changes) == 4
     assert verify(recording, LearningFires).same
+
+
+def test_a_verdict_names_the_first_manual_changes_and_counts_the_others():
+    changed = [Intervention(step=step, what=("control", "running")) for step in range(1, 8)]
+    assert as_remark([]) == ""
+    assert as_remark(changed[:1]).endswith("control and running after step 1 (continued from the stored state)")
+    assert as_remark(changed).endswith("after step 5, and more after 2 other steps (continued from the stored states)")
 
 
 def test_an_attribute_that_is_set_to_the_value_that_it_had_is_detected_too(tmp_path):

@@ -8,6 +8,7 @@ from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Frame, Recording
 from mesa_swarm.recording.frames import events_of
+from mesa_swarm.recording.provenance import joined, shows
 
 
 def equal(one, two):
@@ -176,3 +177,16 @@ def test_a_frame_shows_its_step_robots_and_columns_in_one_line(recorded):
     recording = Recording(recorded)
     names = ", ".join(recording.columns)
     assert repr(recording[4]) == f"<Frame of step 5, 12 robots: {names}>"
+
+
+def test_each_scenery_of_a_run_has_the_robots_and_designs_of_all_and_its_own_shapes():
+    early = {"designs": ["a"], "robots": [[1, 2, 0]], "loads": [], "shapes": ["wall"]}
+    late = {"designs": ["b", "a"], "robots": [[2, 2, 1], [5, 6, 0]], "loads": [], "shapes": []}
+    (_, first), (_, second) = joined([(0, early), (9, late)])
+    assert (first["designs"], first["robots"]) == (["a", "b"], [[1, 2, 0], [5, 6, 1]])
+    assert (first["shapes"], second) == (["wall"], {**first, "shapes": []})
+
+
+def test_a_scenery_that_only_lost_robots_is_not_stored_again():
+    assert shows({"robots": [[5, 7, 0]], "leave": 1.0}, {"robots": [[5, 5, 0], [7, 7, 0]], "leave": 1.0})
+    assert not shows({"robots": [[5, 7, 0]], "leave": 1.0}, {"robots": [[5, 8, 0]], "leave": 1.0})

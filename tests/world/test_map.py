@@ -109,6 +109,14 @@ def test_a_map_written_as_svg_reads_back_equal(drawn):
     assert Map.from_svg(drawn.to_svg()) == drawn
 
 
+def test_a_written_map_has_a_line_for_each_number_and_whole_numbers_have_no_point():
+    hall = Map(name="hall", bounds=(0, 0, 80, 60), obstacles=[disc((40, 20.5), 5)])
+    *head, centre, radius = hall.to_toml().splitlines()[1:]
+    assert head == ['name = "hall"', "width = 80", "height = 60", "", "[[obstacle]]", 'shape = "disc"']
+    assert (centre, radius) == ("centre = [40, 20.5]", "radius = 5")
+    assert '    <circle cx="40" cy="20.5" r="5"/>\n' in hall.to_svg()
+
+
 @pytest.mark.parametrize("name", ["x & <y> \"z\" 'w'", "back\\slash", "Häuschen 房子"])
 def test_awkward_names_survive_both_formats(name):
     hall = Map(name=name, bounds=(0, 0, 80, 60))
