@@ -47,6 +47,14 @@ def compiled(function: Callable[..., Any]) -> Any:
     """Compile `function` when it is first called, and store the machine code on disk.
 
     To a type checker the result is Any: Numba infers the types, and `py_func` is there besides the call.
+
+    Examples
+    --------
+    >>> @compiled
+    ... def twice(x):
+    ...     return 2 * x
+    >>> twice(21)
+    42
     """
     previous = settings.CACHE_DIR
     settings.CACHE_DIR = str(_CACHE)

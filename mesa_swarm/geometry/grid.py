@@ -10,7 +10,17 @@ from mesa_swarm.geometry.compiled import compiled
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Grid:
-    """A uniform grid over a rectangle from (x, y), its lower left corner; points outside belong to the nearest cell."""
+    """The geometry of a uniform grid over a rectangle.
+
+    Parameters
+    ----------
+    x, y : float
+        Lower left corner.
+    cell : float
+        Side of a cell, map units.
+    columns, rows : int
+        Number of cells along x and y. Points outside belong to the nearest cell.
+    """
 
     x: float
     y: float
@@ -20,7 +30,13 @@ class Grid:
 
     @classmethod
     def over(cls, bounds: tuple[float, float, float, float], cell: float, most: int) -> "Grid":
-        """Return a grid of cells at least `cell` wide, coarser where there would be more than about `most` cells."""
+        """Return a grid of cells at least `cell` wide, coarser where there would be more than about `most` cells.
+
+        Examples
+        --------
+        >>> Grid.over((0.0, 0.0, 800.0, 600.0), 100.0, 100).columns
+        8
+        """
         x_min, y_min, x_max, y_max = bounds
         width, height = x_max - x_min, y_max - y_min
         side = max(cell, math.sqrt(width * height / most), width / most, height / most)
@@ -40,7 +56,13 @@ class Grid:
 
 @compiled
 def cell_index(value: float, origin: float, per_unit: float, count: int) -> int:
-    """Return the index of the column (or row) that holds a coordinate, the nearest if it is outside."""
+    """Return the index of the column (or row) that holds a coordinate, the nearest if it is outside.
+
+    Examples
+    --------
+    >>> cell_index(250.0, 0.0, 0.01, 8)
+    2
+    """
     scaled = (value - origin) * per_unit
     if scaled <= 0.0:
         return 0
@@ -51,10 +73,24 @@ def cell_index(value: float, origin: float, per_unit: float, count: int) -> int:
 
 @compiled
 def sort_into_cells(position, grid, start, order, cell_of):
-    """Sort points by cell with a counting sort, within a cell by ascending row; `grid` is `Grid.numbers`.
+    """Sort points by cell (counting sort; within a cell by ascending row).
 
-    Written are `start`, shape (cells + 1,), `order` and `cell_of`, shape (n,): the points of cell c are
-    ``order[start[c]:start[c + 1]]``.
+    Parameters
+    ----------
+    position : ndarray, shape (n, 2)
+    grid : tuple
+        `Grid.numbers`.
+    start : int64 ndarray, shape (cells + 1,), written
+        The points of cell c are ``order[start[c]:start[c + 1]]``.
+    order, cell_of : int64 ndarrays, shape (n,), written
+
+    Examples
+    --------
+    >>> grid = Grid.over((0.0, 0.0, 20.0, 10.0), 10.0, 9)
+    >>> start, order = np.zeros(grid.cells + 1, np.int64), np.zeros(2, np.int64)
+    >>> sort_into_cells(np.array([[15.0, 5], [5, 5]]), grid.numbers, start, order, order.copy())
+    >>> order
+    array([1, 0])
     """
     x, y, per_unit, columns, rows = grid
     n = position.shape[0]
@@ -78,9 +114,28 @@ def sort_into_cells(position, grid, start, order, cell_of):
 
 @compiled
 def list_boxes_by_cell(boxes, reach, grid):
-    """Return, for every cell, the boxes (x_min, y_min, x_max, y_max) that come within `reach` of any point of it.
+    """Return, for every cell, the boxes that come within `reach` of it.
 
-    Those of cell c are ``items[start[c]:start[c + 1]]``, ascending; `grid` is `Grid.numbers`.
+    Parameters
+    ----------
+    boxes : ndarray, shape (m, 4)
+        x_min, y_min, x_max, y_max.
+    reach : float
+        Distance from any point of the cell at which a box still matters.
+    grid : tuple
+        `Grid.numbers`.
+
+    Returns
+    -------
+    start, items : int64 ndarrays
+        The boxes near cell c are ``items[start[c]:start[c + 1]]``, ascending.
+
+    Examples
+    --------
+    >>> grid = Grid.over((0.0, 0.0, 20.0, 10.0), 10.0, 9)
+    >>> start, items = list_boxes_by_cell(np.array([[12.0, 1.0, 13.0, 2.0]]), 1.0, grid.numbers)
+    >>> start
+    array([0, 0, 1])
     """
     x, y, per_unit, columns, rows = grid
     start = np.zeros(columns * rows + 1, np.int64)

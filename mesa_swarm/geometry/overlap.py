@@ -9,7 +9,13 @@ from mesa_swarm.geometry.compiled import compiled
 
 @compiled
 def wrapped(heading: float) -> float:
-    """Return a heading, bearing or turn in [-pi, pi)."""
+    """Return a heading, bearing or turn in [-pi, pi).
+
+    Examples
+    --------
+    >>> wrapped(math.pi)
+    -3.141592653589793
+    """
     if -math.pi <= heading < math.pi:
         return heading
     turned = heading - 2.0 * math.pi * math.floor((heading + math.pi) / (2.0 * math.pi))
@@ -18,7 +24,13 @@ def wrapped(heading: float) -> float:
 
 @compiled
 def nearest_on_segment(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> tuple[float, float, bool]:
-    """Return the point of the segment a-b nearest to (x, y), and whether it lies between the end points."""
+    """Return the point of the segment a-b nearest to (x, y), and whether it lies between the end points.
+
+    Examples
+    --------
+    >>> nearest_on_segment(3.0, 4.0, 0.0, 0.0, 10.0, 0.0)
+    (3.0, 0.0, True)
+    """
     dx, dy = bx - ax, by - ay
     along = (x - ax) * dx + (y - ay) * dy
     length = dx * dx + dy * dy
@@ -32,7 +44,13 @@ def nearest_on_segment(x: float, y: float, ax: float, ay: float, bx: float, by: 
 
 @compiled
 def segments_meet(ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx: float, dy: float) -> bool:
-    """Return whether the segments a-b and c-d have a point in common, end points included."""
+    """Return whether the segments a-b and c-d have a point in common, end points included.
+
+    Examples
+    --------
+    >>> segments_meet(0.0, 0.0, 2.0, 2.0, 0.0, 2.0, 2.0, 0.0), segments_meet(0.0, 0.0, 1.0, 0.0, 2.0, 0.0, 3.0, 0.0)
+    (True, False)
+    """
     # Without this, segments on one line would seem to meet wherever they are.
     if max(ax, bx) < min(cx, dx) or max(cx, dx) < min(ax, bx) or max(ay, by) < min(cy, dy) or max(cy, dy) < min(ay, by):
         return False
@@ -47,7 +65,16 @@ def segments_meet(ax: float, ay: float, bx: float, by: float, cx: float, cy: flo
 def in_polygon(x: float, y: float, edges: np.ndarray, first: int, last: int) -> bool:
     """Return whether (x, y) is inside the polygon whose rings' edges are rows first..last-1 (even-odd rule).
 
-    The rows (ax, ay, bx, by) may be in any order, holes included.
+    Parameters
+    ----------
+    edges : ndarray, shape (m, 4)
+        ax, ay, bx, by; any order, holes included.
+
+    Examples
+    --------
+    >>> square = np.array([[0.0, 0, 4, 0], [4, 0, 4, 4], [4, 4, 0, 4], [0, 4, 0, 0]])
+    >>> in_polygon(1.0, 1.0, square, 0, 4)
+    True
     """
     inside = False
     for e in range(first, last):

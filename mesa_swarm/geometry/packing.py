@@ -10,9 +10,18 @@ from mesa_swarm.geometry.grid import cell_index
 def take_apart(candidates, radius, others, other_radius, taken, grid, head, following):
     """Take candidates in order, except those that overlap one taken before, and return how many are taken in all.
 
-    Rows 0..taken-1 of `others` and `other_radius` are placed already; further ones are written. `head` and `following`
-    are linked lists of the placed discs by cell of `grid`, -1 at the end, written too. Its cells are at least radius +
-    the largest other radius wide, so that only the cells around are searched.
+    Parameters
+    ----------
+    candidates : ndarray, shape (m, 2)
+    radius : float
+        Of the discs to place.
+    others, other_radius : ndarrays, shapes (k, 2), (k,)
+        Rows 0..taken-1 are placed already; further rows are written.
+    taken : int
+    grid : tuple
+        `Grid.numbers` with cells at least radius + the largest other radius wide.
+    head, following : int64 ndarrays, shapes (cells,), (k,), written
+        Linked lists of the placed discs by cell, -1 at the end.
     """
     x0, y0, per_unit, columns, rows = grid
     for c in range(candidates.shape[0]):
@@ -44,7 +53,19 @@ def _is_apart(x, y, radius, others, other_radius, column, row, columns, rows, he
 
 
 def hexagonal_lattice(bounds: tuple[float, float, float, float], spacing: float) -> np.ndarray:
-    """Return the points of a triangular lattice, the densest there is, that lie within bounds."""
+    """Return the points of a triangular lattice, the densest there is, that lie within bounds.
+
+    Parameters
+    ----------
+    bounds : (x_min, y_min, x_max, y_max)
+    spacing : float
+        Distance between neighbours.
+
+    Examples
+    --------
+    >>> len(hexagonal_lattice((0.0, 0.0, 11.0, 11.0), 10.0))
+    3
+    """
     x_min, y_min, x_max, y_max = bounds
     # A hair wider than required, so that rounding never makes neighbours overlap.
     step = spacing * (1 + 1e-9)

@@ -25,7 +25,13 @@ STAGES = (30, 500, None)
 
 
 def outside(quarter_segments: int) -> float:
-    """Return the ratio of the distance of a polygon's corners to the radius of the circle that it is drawn around."""
+    """Return the ratio of the distance of a polygon's corners to the radius of the circle that it is drawn around.
+
+    Examples
+    --------
+    >>> round(outside(16), 4)
+    1.0012
+    """
     return 1.0 / math.cos(math.pi / (4 * quarter_segments))
 
 
@@ -34,8 +40,27 @@ def room_for_disc(
 ) -> shapely.Geometry:
     """Return where the centre of a disc may be without overlapping anything solid.
 
-    A solid is a Point and its radius, or a polygon and 0. A buffer is a polygon, of `quarter_segments` corners a
-    quarter: it is drawn around the circle, not inside it, so that no occupied place counts as free.
+    A buffer is a polygon: it is drawn around the circle, not inside it, so that no occupied place counts as free.
+
+    Parameters
+    ----------
+    bounds : (x_min, y_min, x_max, y_max)
+    solids : sequence of (geometry, radius)
+        A disc is a Point and its radius, a polygon has radius 0.
+    radius : float
+        The disc's.
+    quarter_segments : int
+        Corners of a quarter circle.
+
+    Raises
+    ------
+    InvalidValueError
+        If a solid is not a valid Shapely geometry.
+
+    Examples
+    --------
+    >>> room_for_disc((0, 0, 100, 50), [], 5.0, 16).area
+    3600.0
     """
     _check_valid(solids)
     inner = _inner(bounds, radius)
@@ -48,8 +73,18 @@ def room_for_disc(
 class Crowded:
     """Free places of the centre of a disc among very many solids: their union is not built, points are tried.
 
-    `inner` is the bounds, shrunk by the disc's radius; `trees` are over the solids, grown by it: over the largest, over
-    more, and over all.
+    Parameters
+    ----------
+    inner : shapely Polygon
+        The bounds, shrunk by the disc's radius.
+    trees : tuple of shapely.STRtree
+        Over the solids, grown by the disc's radius: over the largest, over more, and over all.
+
+    Examples
+    --------
+    >>> room = Crowded(shapely.box(0, 0, 9, 9), (shapely.STRtree([shapely.box(0, 0, 5, 9)]),))
+    >>> room.holds(np.array([(2, 2), (7, 2)]))
+    array([False,  True])
     """
 
     inner: shapely.Polygon
@@ -67,7 +102,15 @@ class Crowded:
 def room_to_try(
     bounds: Bounds, solids: Sequence[tuple[shapely.Geometry, float]], radius: float, quarter_segments: int
 ) -> shapely.Geometry | Crowded:
-    """Return what `room_for_disc` does, or a `Crowded` room where that would take very long."""
+    """Return what `room_for_disc` does, or a `Crowded` room where that would take very long.
+
+    Examples
+    --------
+    >>> room_to_try((0, 0, 100, 50), [], 5.0, 16).area
+    3600.0
+    >>> type(room_to_try((0, 0, 100, 50), [(shapely.Point(9, 9), 1.0)] * 3000, 5.0, 16)).__name__
+    'Crowded'
+    """
     _check_valid(solids)
     inner = _inner(bounds, radius)
     if inner.is_empty or not solids:
@@ -151,7 +194,14 @@ def _check_valid(solids: Sequence[tuple[object, float]]) -> None:
 
 
 def part_around(space: shapely.Geometry, point: np.ndarray, slack: float) -> shapely.Geometry | None:
-    """Return the connected part of a space that holds a point or is within `slack` of it, or None."""
+    """Return the connected part of a space that holds a point or is within `slack` of it, or None.
+
+    Examples
+    --------
+    >>> two = shapely.union_all([shapely.box(0, 0, 1, 1), shapely.box(5, 0, 7, 1)])
+    >>> part_around(two, (6.0, 0.5), 0.0).area
+    2.0
+    """
     if space.is_empty:
         return None
     parts = shapely.get_parts(space)
@@ -161,7 +211,19 @@ def part_around(space: shapely.Geometry, point: np.ndarray, slack: float) -> sha
 
 
 def areas_by_cell(space: shapely.Geometry, bounds: Bounds, rows: int, columns: int) -> np.ndarray:
-    """Return how much of a space lies in each of equal cells of the bounds, shape (rows, columns), row 0 at y_min."""
+    """Return how much of a space lies in each of the equal cells that the bounds are cut into.
+
+    Returns
+    -------
+    ndarray, shape (rows, columns)
+        Row 0 at y_min.
+
+    Examples
+    --------
+    >>> areas_by_cell(shapely.box(0, 0, 3, 1), (0, 0, 4, 2), 2, 2)
+    array([[2., 1.],
+           [0., 0.]])
+    """
     x_min, y_min, x_max, y_max = bounds
     x, y = np.linspace(x_min, x_max, columns + 1), np.linspace(y_min, y_max, rows + 1)
     # Cut into strips first: a cell then looks at its strip's few corners.
