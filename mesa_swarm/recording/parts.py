@@ -25,11 +25,12 @@ from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSens
 from mesa_swarm.world.bodies import Form, Load, Obstacle
 from mesa_swarm.world.shapes import Shape, outline_to_json, shape_from_json
 
-LAYERS = "Align Avoid Cohere Cruise Explore Follow Gather HeadOn MatchVelocity Perimeter Push Respond Separate"
 OF_DESIGNS = (RobotDesign, ProximitySensor, RadiationSensor, LineSensor, DifferentialDrive, HolonomicDrive)
 OF_MODELS = (FireConstants, Radio, Imperfection, Imperfections)
-OF_CONTROLS = (*(getattr(controls, name) for name in LAYERS.split()), FightFire)
-PARTS: dict[str, Any] = {part.__name__: part for part in (*OF_DESIGNS, *OF_MODELS, *OF_CONTROLS)}
+FLOCKING = (controls.Align, controls.Cohere, controls.Cruise, controls.MatchVelocity, controls.Separate)
+TOWARDS_BODIES = (controls.Follow, controls.Gather, controls.HeadOn, controls.Perimeter, controls.Push)
+LAYERS = (*FLOCKING, *TOWARDS_BODIES, controls.Avoid, controls.Explore, controls.Respond, FightFire)
+PARTS: dict[str, Any] = {part.__name__: part for part in (*OF_DESIGNS, *OF_MODELS, *LAYERS)}
 OWN_CODE = "code of one's own"  # a key of stored states
 ARBITERS = {"Subsumption": controls.Subsumption, "VectorSum": controls.VectorSum}
 MOST_OBJECTS = 10_000_000

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from mesa_swarm import HolonomicDrive, ProximitySensor, RobotDesign, disc
-from mesa_swarm.control import Cohere, Explore, Perimeter, Separate, Subsumption
+from mesa_swarm.control import Cohere, Cruise, Explore, Perimeter, Separate, Subsumption
 from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from support.scenes import ahead, empty
 
@@ -86,6 +86,14 @@ class TestCohere:
     def test_slows_down_near_the_centroid(self):
         (x, _), _ = decision(Cohere(distance=60), (235, 150), drive=HolonomicDrive())
         assert x == pytest.approx(0.5, abs=0.05)
+
+    def test_drives_neither_robots_of_earlier_layers_nor_those_that_see_none(self):
+        assert decision(Cohere(distance=20), None, drive=HolonomicDrive())[1] == 1
+        model = empty()
+        model.add_robots(RobotDesign(sensors=EYES, drive=HolonomicDrive()), poses=[(200, 150, 0.0), (235, 150, 0.0)])
+        model.control = Subsumption(Cruise(speed=0.5), Cohere(distance=20))
+        model.step()
+        assert model.swarm.layer.tolist() == [0, 0]
 
     def test_refuses_a_distance_of_nothing(self):
         with pytest.raises(InvalidValueError, match=r"Cohere's distance is 0; expected a finite number above 0"):

@@ -49,6 +49,7 @@ def test_a_fire_that_is_out_stays_out_and_never_has_a_negative_temperature():
     model.step()
     assert model.fires.out.tolist() == [True]
     assert model.fires.temperature.tolist() == [0.0]
+    assert model.fires.robots.tolist() == [0]
     model.run(50)
     assert model.fires.temperature.tolist() == [0.0]
     assert model.fires.out_step.tolist() == [1]

@@ -19,6 +19,7 @@ from mesa_swarm.learning.fire_learning import (
     paid,
 )
 from mesa_swarm.models.learning_fires import LearningFires
+from mesa_swarm.world.statics import FIRE
 
 REWARDS = (10.0, 20.0, 0.5)
 LASTING = FireConstants(k1=1e-9, k2=1e-12, k3=0.0, k4=0.0, leave=1.0, join=0.0)
@@ -63,6 +64,13 @@ def test_who_explores_turns_away_from_a_fire_and_touches_nothing():
     model = made_to(EXPLORE, [(240, 300, 0.0)]).run(60)
     assert not model.total_collisions
     assert abs(model.swarm.heading[0]) > 0.5
+
+
+@pytest.mark.parametrize("pose", [(228, 300, 0.0), (255, 300, np.pi / 2)], ids=["ahead and far", "near and beside"])
+def test_who_explores_drives_on_unless_a_fire_is_both_ahead_and_near(pose):
+    model = made_to(EXPLORE, [pose]).run(1)
+    assert (model.swarm.kind[0] == FIRE).any()
+    assert model.swarm.command[0].tolist() == [1.0, 1.0]
 
 
 def test_who_waits_stands_and_who_backs_off_drives_backwards():

@@ -50,6 +50,8 @@ def test_commands_are_limited_to_the_greatest_speed_with_the_same_sign(rows):
 def test_the_first_robot_whose_command_is_nan_is_named():
     for kind in (on_wheels, on_rollers):
         assert limit_command(np.array([[0.0, 1.0], [0.0, np.nan], [np.nan, 0.0]]), np.ones(3), *kind(3)) == 1
+        for command in ([np.nan, 0.0], [0.0, np.nan]):
+            assert limit_command(np.array([command]), np.ones(1), *kind(1)) == 0
 
 
 @given(st.lists(st.tuples(st.floats(allow_nan=False), st.floats(allow_nan=False)), min_size=1, max_size=5))

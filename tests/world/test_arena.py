@@ -280,6 +280,14 @@ def test_neighbours_of_robots_that_share_a_place_are_as_many_as_asked_for():
     assert robots[2].get_neighbors_in_radius(-1)[0] == []
 
 
+def test_all_other_robots_are_within_an_infinite_radius_and_a_radius_that_is_not_a_number_is_refused():
+    model = empty()
+    robots = list(model.add_robots(blind(), poses=[(50, 50, 0), (70, 50, 0), (390, 290, 0)]))
+    assert robots[0].get_neighbors_in_radius(float("inf"))[0] == robots[1:]
+    with pytest.raises(InvalidValueError, match=r"^radius is nan"):
+        robots[0].get_neighbors_in_radius(float("nan"))
+
+
 def test_obstacles_and_fires_are_found_and_do_not_move():
     model = empty()
     wall, fire = model.add_obstacle(rectangle((100, 100), (140, 120))), model.add_fire((200, 200), radius=20)
