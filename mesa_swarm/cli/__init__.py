@@ -29,14 +29,9 @@ app.add_typer(draw.map_commands, name="map")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run a command and exit with status 0, 2 for an error, 130 after Ctrl-C.
+    """Run a command, by default that of the command line; exit with status 0, 2 for an error, 130 after Ctrl-C.
 
     The status is 1 if `verify` finds a difference, or a run of a job fails.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        By default what follows the program's name on the command line.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in words

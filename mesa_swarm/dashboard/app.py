@@ -44,42 +44,19 @@ MOST_FAULTS = 5
 
 @dataclass(frozen=True, kw_only=True)
 class Address:
-    """The settings in a link.
-
-    Parameters
-    ----------
-    model : str
-    settings : dict
-        Parameters that are not the model's defaults.
-    seed, steps : int
-    faults : tuple of str
-        Why parts of the link were ignored, empty if none was.
-    """
+    """The settings in a link."""
 
     model: str
+    # Parameters that are not the model's defaults.
     settings: dict[str, Any] = field(default_factory=dict)
     seed: int = 1
     steps: int = 0
+    # Why parts of the link were ignored.
     faults: tuple[str, ...] = ()
 
 
 def address_from(query: str | None, first: str) -> Address:
-    """Return the settings in a link's query; each invalid one is reported, and left out.
-
-    Parameters
-    ----------
-    query : str or None
-        The text after the question mark.
-    first : str
-        The model if the query names none.
-
-    Examples
-    --------
-    >>> address_from("model=fire_fighting&strategy=A&seed=7", "boids")
-    Address(model='fire_fighting', settings={'strategy': 'A'}, seed=7, steps=0, faults=())
-    >>> address_from("model=fire_fighting&strategie=A&seed=7", "boids").faults[0][:67]
-    "unknown parameter of fire_fighting 'strategie'; did you mean 'strat"
-    """
+    """Return the settings in a link's query; each invalid one is reported, and left out."""
     words = dict(parse_qsl((query or "")[:LONGEST]))
     words.pop("token", None)
     try:
@@ -115,11 +92,6 @@ def query_of(session: Session) -> str:
     """Return the query of a link to what a session shows, except for uploaded maps.
 
     Settings changed during the run are in it as if they had been set from the start.
-
-    Examples
-    --------
-    >>> query_of(Session("fire_fighting", {"strategy": "A"}, seed=7))
-    'model=fire_fighting&strategy=A&seed=7'
     """
     words = {"model": session.name}
     for name, parameter in session.parameters.items():
@@ -134,15 +106,7 @@ def query_of(session: Session) -> str:
 
 
 class PageBar(anywidget.AnyWidget):
-    """A button that switches between light and dark; it also writes the address bar.
-
-    Parameters
-    ----------
-    query : str
-        Written into the address bar, without loading the page again.
-    dark : bool
-        The user's choice, or the system's preference.
-    """
+    """A button that switches between light and dark; it also writes `query` into the address bar, without a reload."""
 
     _esm = """
     const KEY = "mesa_swarm.theme", WORDS = { auto: "as the system", light: "light", dark: "dark" };
@@ -187,18 +151,7 @@ MOST_PAGES = 40
 
 
 class Places:
-    """A limited number of places, to be taken and given back.
-
-    Examples
-    --------
-    >>> places = Places(1)
-    >>> leave = places.take()
-    >>> places.take() is None
-    True
-    >>> leave()
-    >>> places.taken
-    0
-    """
+    """A limited number of places, to be taken and given back."""
 
     def __init__(self, most: int = MOST_PAGES) -> None:
         self.most = most

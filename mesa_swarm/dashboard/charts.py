@@ -32,17 +32,10 @@ DASHES = ("-", "--", ":")
 
 
 class ChartBoard(anywidget.AnyWidget):
-    """Charts drawn in the browser.
-
-    Attributes
-    ----------
-    charts : list of dict
-        Key and title of each that can be shown.
-    shown : list of str
-        Keys of those that are.
-    """
+    """Charts drawn in the browser."""
 
     _esm = palette.script() + text_of("viewing/elements.js", "dashboard/downloads.js", "dashboard/charts.js")
+    # Key and title of each chart, and the keys of those that are shown.
     charts: traitlets.List[dict[str, Any]] = traitlets.List().tag(sync=True)
     shown: traitlets.List[str] = traitlets.List().tag(sync=True)
 
@@ -51,14 +44,7 @@ class Charting(Link):
     """Connects a chart board and a session's measurements.
 
     Numbers are sent while the page is visible and has drawn the last ones, at most every `EVERY` seconds while the
-    model is played.
-
-    Parameters
-    ----------
-    board : ChartBoard
-    session : Session
-    clock : function, optional
-        Returns the time in seconds, far above 0.
+    model is played. `clock` returns seconds far above 0.
     """
 
     ready = False  # charts alone need no picture
@@ -153,29 +139,14 @@ class Charting(Link):
 
 
 def in_order(keys: list[str]) -> list[str]:
-    """Return charts in the order of display: fires, those of the model, then those of all models.
-
-    Examples
-    --------
-    >>> in_order(["collisions", "alignment", "layers"])
-    ['alignment', 'layers', 'collisions']
-    """
+    """Return charts in the order of display: fires, those of the model, then those of all models."""
     own = [key for key in keys if key not in FIRST + LATER]
     order = [*FIRST, *LATER, *own] if set(FIRST) & set(keys) else [*own, *LATER]
     return [key for key in order if key in keys]
 
 
 def curves_message(series: Series, keys: list[str]) -> tuple[list[dict], list[bytes]]:
-    """Return descriptions of curves for the browser, and float32 buffers of steps, mean, low and high.
-
-    Examples
-    --------
-    >>> from mesa_swarm import SwarmModel
-    >>> series = Series()
-    >>> series.follow(SwarmModel(rng=1))
-    >>> curves_message(series, ["collisions"])[0][0]["points"]
-    0
-    """
+    """Return descriptions of curves for the browser, and float32 buffers of steps, mean, low and high."""
     descriptions, buffers = [], []
     for chart in series.charts():
         if chart.key not in keys:
@@ -189,16 +160,7 @@ def curves_message(series: Series, keys: list[str]) -> tuple[list[dict], list[by
 
 
 def csv_of(series: Series, key: str) -> bytes:
-    """Return all stored rows of one chart as CSV, with units in the header.
-
-    Examples
-    --------
-    >>> from mesa_swarm.models.collision_avoidance import CollisionAvoidance
-    >>> series, model = Series(), CollisionAvoidance(rng=1)
-    >>> series.follow(model)
-    >>> csv_of(series, "collisions").decode().splitlines()
-    ['step,Collisions in a step (robots)']
-    """
+    """Return all stored rows of one chart as CSV, with units in the header."""
     chart, (steps, rows) = series.chart(key), series.rows(key)
     columns = {with_unit(name, chart): column for name, column in zip(chart.names, rows.T, strict=True)}
     counts = {

@@ -73,21 +73,7 @@ def _reports_of(side: Side) -> Reports:
 
 
 def curves_png(series: Sequence[Reports], labels: Sequence[str]) -> bytes:
-    """Return a chart as PNG: a panel for each of the first three reports, in it a line for each world.
-
-    Parameters
-    ----------
-    series : sequence of dict
-        Of each world by name, the steps and the numbers.
-    labels : sequence of str
-        Of the worlds.
-
-    Examples
-    --------
-    >>> steps = np.array([1, 2])
-    >>> curves_png([{"fires": (steps, np.array([7, 6]))}, {"fires": (steps, np.array([7, 7]))}], ["A", "B"])[1:4]
-    b'PNG'
-    """
+    """Return a chart as PNG: a panel for each of the first three reports, in it a line for each world."""
     names = main_reports(series)
     with _DRAWING:
         figure = Figure(figsize=SIZE)
@@ -101,14 +87,7 @@ def curves_png(series: Sequence[Reports], labels: Sequence[str]) -> bytes:
 
 
 def main_reports(series: Sequence[Reports]) -> list[str]:
-    """Return the names of the reports to draw: those of the model before those of all models.
-
-    Examples
-    --------
-    >>> line = np.array([1]), np.array([0])
-    >>> main_reports([{"collisions": line, "groups": line}])
-    ['groups', 'collisions']
-    """
+    """Return the names of the reports to draw: those of the model before those of all models."""
     names = dict.fromkeys(name for one in series for name in one)
     return sorted(names, key=lambda name: LAST.index(name) if name in LAST else -1)[:MOST_PANELS]
 
@@ -143,16 +122,7 @@ def _png(figure: Figure) -> bytes:
 
 
 class CurveThread:
-    """Draws the chart of a pair after changes, at most every `EVERY` seconds.
-
-    Parameters
-    ----------
-    pair : Pair
-    labels : function
-        Returns the names of the two worlds.
-    take : function
-        Called with a PNG.
-    """
+    """Draws the chart of a pair after changes, at most every `EVERY` seconds."""
 
     def __init__(self, pair: Pair, labels: Callable[[], Sequence[str]], take: Callable[[bytes], None]) -> None:
         self._pair, self._labels, self._take = pair, labels, take
@@ -226,16 +196,7 @@ class ComparePanel(Link):
 
 
 def groups_of(comparing: Comparing) -> list[dict[str, Any]]:
-    """Return all controls in groups, in the format of the panel.
-
-    Examples
-    --------
-    >>> from mesa_swarm.dashboard.session import Session
-    >>> comparing = Comparing(Session("fire_fighting"))
-    >>> [field["label"] for field in groups_of(comparing)[0]["fields"]]
-    ['model', 'parameter', 'strategy in A', 'strategy in B']
-    >>> comparing.close()
-    """
+    """Return all controls in groups, in the format of the panel."""
     choice = {"kind": "choice", "live": True}
     fields = [
         {**choice, "name": "model", "label": "model", "help": "", "options": model_names()},
@@ -284,15 +245,7 @@ WORLD = {"bar": False, "head": True, "keys": "", "toggles": {}}
 
 
 class SideView:
-    """Connects a canvas and one side of a pair.
-
-    Parameters
-    ----------
-    canvas : SwarmCanvas
-    side : Side
-    caption : function
-        Returns the caption.
-    """
+    """Connects a canvas and one side of a pair."""
 
     def __init__(self, canvas: SwarmCanvas, side: Side, caption: Callable[[], str]) -> None:
         self.canvas, self.side, self._caption = canvas, side, caption
@@ -363,15 +316,7 @@ def World(comparing: Comparing, index: int) -> None:
 
 
 def captions(comparing: Comparing) -> tuple[str, str]:
-    """Return the names of the two worlds as built.
-
-    Examples
-    --------
-    >>> comparing = Comparing(Session("fire_fighting"))
-    >>> captions(comparing)
-    ('A: strategy A', 'B: strategy B')
-    >>> comparing.close()
-    """
+    """Return the names of the two worlds as built."""
     parameter, built = label_of(comparing.parameter), comparing.built
     first, second = (f"{name}: {parameter} {value_text(built[name])}" for name in NAMES)
     return first, second
@@ -455,13 +400,7 @@ def Found(report: Report) -> None:
 
 
 def table_html(title: str, table: list[list[str]]) -> str:
-    """Return a table as HTML; the cells are text.
-
-    Examples
-    --------
-    >>> table_html("<t>", [["", "a"], ["x", "1"]])[:45]
-    '<table><caption>&lt;t&gt;</caption><thead><tr'
-    """
+    """Return a table as HTML; the cells are text."""
     header, *lines = table
     head = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in header)
     body = "".join(

@@ -47,15 +47,7 @@ _SILENCE = threading.Lock()
 
 
 class Designer:
-    """The constants of a session's model, designed from required properties of fires and robots.
-
-    Examples
-    --------
-    >>> designer = Designer(Session("fire_fighting"))
-    >>> designer.require("growth_time", 1000)
-    >>> round(designer.session.settings["k1"], 6)
-    0.000693
-    """
+    """The constants of a session's model, designed from required properties of fires and robots."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
@@ -153,13 +145,7 @@ LARGEST_RANDOM_SEED = 999_999
 
 
 class ControlPanel(anywidget.AnyWidget):
-    """Sliders, lists and fields in the browser, which send what the user sets.
-
-    Parameters
-    ----------
-    bare : bool
-        Whether the seed and the button for defaults are left out.
-    """
+    """Sliders, lists and fields in the browser, which send what the user sets; a bare one has no seed and defaults."""
 
     _esm = text_of("viewing/elements.js", "dashboard/panel.js")
     bare = traitlets.Bool(False).tag(sync=True)
@@ -214,13 +200,7 @@ class Panel(Link):
 
 
 def groups_of(session: Session) -> list[dict[str, Any]]:
-    """Return all controls in groups, in the format of the panel.
-
-    Examples
-    --------
-    >>> [group["title"] for group in groups_of(Session("fire_fighting"))][:3]
-    ['World', 'Robots', 'Behaviour']
-    """
+    """Return all controls in groups, in the format of the panel."""
     groups: dict[str, list] = {title: [] for title in ORDER}
     for parameter in session.parameters.values():
         field = field_of(parameter, session)
@@ -234,13 +214,7 @@ def groups_of(session: Session) -> list[dict[str, Any]]:
 
 
 def group_of(name: str) -> str:
-    """Return the title of the group that a parameter belongs to.
-
-    Examples
-    --------
-    >>> group_of("k1"), group_of("avoid_distance")
-    ('Fires and heat', 'Behaviour')
-    """
+    """Return the title of the group that a parameter belongs to."""
     return next((title for title, names in GROUPS.items() if name in names), OTHERS)
 
 
@@ -259,24 +233,12 @@ def field_of(parameter: Parameter, session: Session) -> dict[str, Any] | None:
 
 
 def label_of(name: str) -> str:
-    """Return a parameter's name as a label.
-
-    Examples
-    --------
-    >>> label_of("n_robots"), label_of("k1"), label_of("avoid_distance")
-    ('robots', 'k1', 'avoid distance')
-    """
+    """Return a parameter's name as a label."""
     return name.removeprefix("n_").replace("_", " ")
 
 
 def slider_of(parameter: Parameter) -> Slider:
-    """Return the slider of a parameter.
-
-    Raises
-    ------
-    InvalidValueError
-        If it has none.
-    """
+    """Return the slider of a parameter."""
     if not isinstance(parameter.control, Slider):
         raise InvalidValueError(f"{parameter.name} has no slider; choose or type its value")
     return parameter.control
@@ -287,11 +249,6 @@ def places_of(parameter: Parameter) -> tuple[int, int]:
 
     Browsers move a slider to the nearest step: counted from another origin, this would change a default such as
     k1 = ln 2 / 2000.
-
-    Examples
-    --------
-    >>> places_of(Parameter("share", 0.75, float, Slider(0, 1, 0.1)))
-    (-8, 3)
     """
     slider, default = slider_of(parameter), parameter.default
     low = math.floor(round((slider.minimum - default) / slider.step, 9))
@@ -299,27 +256,14 @@ def places_of(parameter: Parameter) -> tuple[int, int]:
 
 
 def value_at(place: int, parameter: Parameter) -> float:
-    """Return the value at a slider's position, within its range.
-
-    Examples
-    --------
-    >>> share = Parameter("share", 0.75, float, Slider(0, 1, 0.1))
-    >>> value_at(2, share), value_at(9, share)
-    (0.95, 1.0)
-    """
+    """Return the value at a slider's position, within its range."""
     slider = slider_of(parameter)
     value = min(max(parameter.default + place * slider.step, slider.minimum), slider.maximum)
     return parameter.kind(round(value, 12)) if place else parameter.default
 
 
 def place_of(value: float, parameter: Parameter) -> int:
-    """Return the position of a slider that is nearest to a value.
-
-    Examples
-    --------
-    >>> place_of(0.95, Parameter("share", 0.75, float, Slider(0, 1, 0.1)))
-    2
-    """
+    """Return the position of a slider that is nearest to a value."""
     low, high = places_of(parameter)
     return min(max(round((value - parameter.default) / slider_of(parameter).step), low), high)
 

@@ -66,38 +66,14 @@ EVERY = 0.25
 
 
 class RecordingSwitch(Observer):
-    """Records a model from the next step on, one recording at a time.
-
-    Parameters
-    ----------
-    folder : Path
-        Of the file; it must exist when recording begins.
-    most_bytes : int
-        Recording ends when the file is larger.
-
-    Attributes
-    ----------
-    path : Path
-    first, last : int
-        Steps that were recorded; `last` is below `first` if none was.
-    ended : str
-        Why recording stopped before it was switched off, empty if it did not.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     switch, model = RecordingSwitch(Path(folder)), SwarmModel(rng=1)
-    ...     switch.start(model)
-    ...     switch.stop() if model.run(5) else None
-    ...     switch.words
-    'steps 1 to 5'
-    """
+    """Records a model from the next step on, one recording at a time, until its file is larger than a limit."""
 
     def __init__(self, folder: Path, most_bytes: int = MOST_BYTES) -> None:
         self.path = folder / "recorded.arrow"
         self.most_bytes = most_bytes
+        # The recorded steps; there are none if the last is below the first.
         self.first, self.last = self._before = 1, 0
+        # Why recording stopped before it was switched off.
         self.ended = ""
         self._model: SwarmModel | None = None
         self._recorder: Recorder | None = None
@@ -185,29 +161,12 @@ class CancelledError(SwarmError):
 
 @dataclass(frozen=True, kw_only=True)
 class Wanted:
-    """A requested file.
-
-    Parameters
-    ----------
-    kind : str
-        One of `KINDS`.
-    source : str
-        "run": the run so far, repeated; "recording": the recorded steps.
-    every : int
-        Steps from one row of a table to the next, at least 1.
-    sectors : bool
-        Whether pictures show the sectors of sensors.
-    trails : bool
-        Whether films show trails of robots.
-
-    Raises
-    ------
-    InvalidValueError, UnknownNameError
-        If a value is out of its range.
-    """
+    """A requested file; every value is checked."""
 
     kind: str
+    # "run": the run so far, repeated; "recording": the recorded steps.
     source: str = "run"
+    # Steps from one row of a table to the next.
     every: int = 1
     sectors: bool = False
     trails: bool = False
@@ -238,18 +197,7 @@ class Wanted:
 
 
 class Exporting:
-    """Exports a session's run in the background, one file at a time.
-
-    Attributes
-    ----------
-    switch : RecordingSwitch
-    doing : str
-        The present activity, empty if there is none.
-    progress : float or None
-        Completed share of the activity, None if unknown.
-    message, fault : str
-        Outcome of the last export.
-    """
+    """Exports a session's run in the background, one file at a time."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
@@ -260,21 +208,13 @@ class Exporting:
         self.folder = Path(self._folder.name)
         self.switch = RecordingSwitch(self.folder)
         self.doing, self.message, self.fault = "", "", ""
-        self.progress: float | None = None
+        self.progress: float | None = None  # the completed share, None if unknown
         self._thread: threading.Thread | None = None
         self._process: subprocess.Popen | None = None
         self._cancelled = threading.Event()
 
     def connect(self, deliver: Callable[[str, bytes | Path], None], notify: Callable[[], None]) -> None:
-        """Connect a listener; it receives at once a file that was made while none was connected.
-
-        Parameters
-        ----------
-        deliver : function
-            Called with a file's name, and its content or path.
-        notify : function
-            Called at progress, at the end, or at a fault.
-        """
+        """Connect a listener; it receives at once a file that was made while none was connected."""
         self._deliver, self._notify = deliver, notify
         made, self._undelivered = self._undelivered, None
         if made is not None:
@@ -477,17 +417,10 @@ def _check_straight(session: Session, purpose: str) -> None:
 
 
 class Exporter(anywidget.AnyWidget):
-    """The export panel in the browser.
-
-    Attributes
-    ----------
-    kinds : list of [str, str, bool]
-        Kinds of files: key, label, and whether it contains many steps.
-    status : dict
-        Recording, activity, progress and outcome.
-    """
+    """The export panel in the browser."""
 
     _esm = text_of("viewing/elements.js", "dashboard/downloads.js", "dashboard/exporter.js")
+    # Key, label, and whether the file contains many steps.
     kinds: traitlets.List[list[str | bool]] = traitlets.List().tag(sync=True)
     status = traitlets.Dict().tag(sync=True)
 

@@ -38,14 +38,7 @@ SHOWN_EVERY = 0.5
 
 
 class RecordedPast(Past):
-    """The rows of a recording; only the displayed one is in memory.
-
-    Parameters
-    ----------
-    recording : Recording
-    rows : int
-        The number of readable rows.
-    """
+    """The rows of a recording; only the displayed one is in memory."""
 
     def __init__(self, recording: Recording, rows: int) -> None:
         super().__init__()
@@ -60,13 +53,7 @@ class RecordedPast(Past):
 
     @property
     def recording(self) -> Recording:
-        """The open recording.
-
-        Raises
-        ------
-        RecordingError
-            If it was closed.
-        """
+        """The open recording; an error if it was closed."""
         if self._recording is None:
             raise RecordingError("the recording was closed; open it again")
         return self._recording
@@ -108,29 +95,6 @@ class ReplayPlayer(Player):
     """Plays the rows of a recording as a `Player` plays a model.
 
     Its speed is in steps of the run, also where not every step was recorded.
-
-    Attributes
-    ----------
-    provenance : dict
-        Provenance of the run, also once the recording is closed.
-
-    Raises
-    ------
-    RecordingError
-        If it is not a recording, or has no rows.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from mesa_swarm import SwarmModel
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     model = SwarmModel(rng=1)
-    ...     with model.record(f"{folder}/run.arrow"):
-    ...         end = model.run(3)
-    ...     player = ReplayPlayer(f"{folder}/run.arrow")
-    ...     player.step()
-    ...     player.past.shown.step
-    2
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -139,7 +103,7 @@ class ReplayPlayer(Player):
         if not rows:
             raise RecordingError(f"{recording.path.name} contains no readable step; choose another file")
         super().__init__()
-        self.provenance = recording.provenance
+        self.provenance = recording.provenance  # also once the recording is closed
         self.past = self.rows = RecordedPast(recording, rows)
         self._waited = 0
         self.rest()
@@ -236,41 +200,14 @@ class StoppedError(Exception):
 
 
 class Replaying:
-    """The open recording, its upload, its events, and runs branched off it.
-
-    Parameters
-    ----------
-    session : Session
-        Continues with a run that branches off.
-
-    Attributes
-    ----------
-    player : ReplayPlayer or None
-        Plays the open recording.
-    events : list of Event or None
-        None during the search.
-    changes : dict
-        Parameters that differ after branching.
-    fault : str
-        Why a recording could not be opened or branched off, empty without a fault.
-    notes : list of str
-        Remarks on the open recording.
-    changed : Listeners
-
-    Examples
-    --------
-    >>> replaying = Replaying(Session("boids"))
-    >>> replaying.player is None, replaying.fault
-    (True, '')
-    >>> replaying.close()
-    """
+    """The open recording, its upload, its events, and runs branched off it."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
         self.changed = Listeners()
         self.player: ReplayPlayer | None = None
-        self.events: list[Event] | None = []
-        self.changes: dict[str, Any] = {}
+        self.events: list[Event] | None = []  # None during the search
+        self.changes: dict[str, Any] = {}  # parameters that differ after branching
         self.notes: list[str] = []
         self.fault = self.name = self._activity = ""
         self._path = Path()

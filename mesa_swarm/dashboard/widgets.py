@@ -88,18 +88,7 @@ Pieces = Generator[tuple[bytes, bool], None, None]
 
 
 class Downloads:
-    """Sends files in pieces, each when the browser requests it.
-
-    Parameters
-    ----------
-    widget : AnyWidget
-        Whose module has `ReceivedFiles` of downloads.js.
-
-    Examples
-    --------
-    >>> list(pieces_of(b"abcde", 2))
-    [(b'ab', False), (b'cd', False), (b'e', True)]
-    """
+    """Sends files in pieces, each when the browser requests it: the widget's module has downloads.js."""
 
     def __init__(self, widget: anywidget.AnyWidget) -> None:
         self._widget = widget
@@ -170,14 +159,7 @@ class Receiver(Protocol):
 
 
 class FilePicker(anywidget.AnyWidget):
-    """A button that opens the browser's choice of files.
-
-    Parameters
-    ----------
-    label : str
-    accept : str
-        Endings of names, in the format of HTML.
-    """
+    """A button that opens the browser's choice of files."""
 
     _esm = """
     export default {
@@ -206,7 +188,7 @@ class FilePicker(anywidget.AnyWidget):
     };
     """
     label = traitlets.Unicode("Upload").tag(sync=True)
-    accept = traitlets.Unicode("").tag(sync=True)
+    accept = traitlets.Unicode("").tag(sync=True)  # endings of names, in the format of HTML
     piece = traitlets.Int(PIECE).tag(sync=True)
 
 
@@ -231,30 +213,7 @@ class Upload(Link):
 
 
 class Incoming:
-    """An uploaded file that arrives in pieces.
-
-    Parameters
-    ----------
-    name : str
-        Its name on the user's machine.
-
-    Attributes
-    ----------
-    path : Path
-        Its place here, under nearly the same name, since errors quote it.
-
-    Examples
-    --------
-    >>> incoming = Incoming("run.arrow")
-    >>> incoming.take(b"abc")
-    3
-    >>> incoming.end()
-    >>> incoming.path.name, incoming.path.read_bytes()
-    ('run.arrow', b'abc')
-    >>> incoming.discard()
-    >>> incoming.path.exists()
-    False
-    """
+    """An uploaded file that arrives in pieces; it is stored under nearly the same name, since errors quote it."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -263,13 +222,7 @@ class Incoming:
         self._file = self.path.open("wb", buffering=0)  # otherwise a full disk would be noticed only at the end
 
     def take(self, piece: bytes) -> int:
-        """Take the next piece; return the number of bytes so far.
-
-        Raises
-        ------
-        InvalidValueError
-            If it cannot be written.
-        """
+        """Take the next piece; return the number of bytes so far."""
         left = memoryview(piece)
         try:
             while left:
@@ -289,12 +242,6 @@ class Incoming:
 
 
 def harmless(name: str) -> str:
-    """Return a name that is safe in any file system.
-
-    Examples
-    --------
-    >>> harmless("my run.arrow"), harmless("../../etc/passwd"), harmless("..")
-    ('my run.arrow', 'passwd', 'file')
-    """
+    """Return a name that is safe in any file system."""
     letters = [letter if letter.isalnum() or letter in " ._-()" else "_" for letter in PureWindowsPath(name).name]
     return "".join(letters)[-LONGEST_NAME:].strip(" .") or "file"

@@ -43,13 +43,7 @@ CONTAINER = ["-movflags", "+faststart", "-f", "mp4"]
 
 
 class Screen:
-    """A canvas of the film's size on which its steps are drawn.
-
-    Attributes
-    ----------
-    size : (width, height)
-        Pixels.
-    """
+    """A canvas of the film's size on which its steps are drawn."""
 
     def __init__(self, drawn: PicturedSteps, look: Look) -> None:
         self.size = look.size or film_size(drawn.scene.bounds)
@@ -163,13 +157,7 @@ def _changed(last: Image.Image | None, image: Image.Image) -> tuple[int, int, in
 
 
 def palette() -> Image.Image:
-    """Return the colours of all pictures, with some steps between them, as an image with 256 of them.
-
-    Examples
-    --------
-    >>> palette().mode
-    'P'
-    """
+    """Return the colours of all pictures, with some steps between them, as an image with 256 of them."""
     flat = [LIGHT.robot, LIGHT.robot_hot, LIGHT.robot_front, LIGHT.obstacle, LIGHT.load, LIGHT.mark]
     flat += [LIGHT.sector, LIGHT.border, LIGHT.robot_outline, LIGHT.fire_rim]
     ground, outline, front = rgb(LIGHT.ground), rgb(LIGHT.robot_outline), rgb(LIGHT.robot_front)
@@ -192,15 +180,7 @@ def _mixed(colour: str, ground: np.ndarray) -> np.ndarray:
 def export_film(
     drawn: PicturedSteps, path: Path, steps: Sequence[int], *, fps: float, look: Look, progress: bool
 ) -> None:
-    """Write steps as a film, whole or not at all.
-
-    Raises
-    ------
-    InvalidValueError
-        If the size is odd, or imageio-ffmpeg is missing.
-    ExportError
-        If ffmpeg fails.
-    """
+    """Write steps as a film, whole or not at all."""
     program = ffmpeg()
     check_even(look)
     screen = Screen(drawn, look)
@@ -210,13 +190,7 @@ def export_film(
 
 
 def ffmpeg() -> str:
-    """Return the path of ffmpeg.
-
-    Raises
-    ------
-    InvalidValueError
-        If imageio-ffmpeg is not installed.
-    """
+    """Return the path of ffmpeg."""
     try:
         import imageio_ffmpeg  # noqa: PLC0415 - an extra, which only films need
 

@@ -44,24 +44,8 @@ Columns = dict[str, np.ndarray]
 def packed_frame(frame: Frame, scene: Scene) -> bytes:
     """Return a frame as the bytes that ``unpacked`` of ``canvas.js`` reads.
 
-    Six little-endian int32: step, and how many robots, sensors, fires, loads and contacts; then the columns of
-    the scene, each row after row in its type.
-
-    Parameters
-    ----------
-    frame : Frame
-        Of a `Recording`, or of a model, with the columns `PACKED_FROM`.
-    scene : Scene
-        The one behind it.
-
-    Examples
-    --------
-    >>> from mesa_swarm import SwarmModel
-    >>> from mesa_swarm.recording.frames import frame_of
-    >>> from mesa_swarm.viewing.scene import scene_of
-    >>> model = SwarmModel(rng=1)
-    >>> len(packed_frame(frame_of(model, PACKED_FROM), scene_of(model)))
-    24
+    Six little-endian int32: step, and how many robots, sensors, fires, loads and contacts; then the columns of the
+    scene, each row after row in its type. A frame of a model needs the columns `PACKED_FROM`.
     """
     columns = drawn_columns(frame, scene)
     tables = [len(columns[name]) for name in ("fires", "loads", "contacts")]
@@ -136,17 +120,7 @@ def _turned(vector: np.ndarray, heading: np.ndarray) -> np.ndarray:
 
 
 def packed_chunk(frames: Iterable[Frame], scene: Scene) -> bytes:
-    """Return frames in the order of time as one chunk.
-
-    Examples
-    --------
-    >>> from mesa_swarm import SwarmModel
-    >>> from mesa_swarm.recording.frames import frame_of
-    >>> from mesa_swarm.viewing.scene import scene_of
-    >>> model = SwarmModel(rng=1)
-    >>> len(zlib.decompress(packed_chunk([frame_of(model, PACKED_FROM)], scene_of(model))))
-    32
-    """
+    """Return frames in the order of time as one chunk."""
     return packed_rows(((frame.step, drawn_columns(frame, scene)) for frame in frames), scene.world())
 
 

@@ -41,16 +41,10 @@ class PackedFrame:
 
 
 class Past(ABC):
-    """Packed frames in the order of time, one of which is shown.
-
-    Attributes
-    ----------
-    index : int
-        Of the frame that is shown.
-    """
+    """Packed frames in the order of time, one of which is shown."""
 
     def __init__(self) -> None:
-        self.index = 0
+        self.index = 0  # of the frame that is shown
 
     @abstractmethod
     def __len__(self) -> int:
@@ -86,22 +80,7 @@ class Past(ABC):
 
 
 class RecentPast(Past):
-    """The last frames of a run, in memory.
-
-    Parameters
-    ----------
-    most_bytes : int
-        The oldest are dropped when frames and their worlds take more than this; the last two always remain.
-
-    Examples
-    --------
-    >>> past = RecentPast()
-    >>> for step in range(3):
-    ...     past.append(PackedFrame(step, b""))
-    >>> past.look(past.index - 1)
-    >>> past.shown.step, past.is_present
-    (1, False)
-    """
+    """The last frames of a run, in memory: the oldest are dropped at a limit, the last two always remain."""
 
     def __init__(self, most_bytes: int = MOST_BYTES) -> None:
         super().__init__()
@@ -175,28 +154,16 @@ class Viewer(Protocol):
 
 
 class Played(ABC):
-    """Base class of players: plays in a thread, steps forth and back.
-
-    Attributes
-    ----------
-    loop : PlayLoop
-    lock : RLock
-        Held while a model changes; hold it to look at a model that may be played.
-    changed : Listeners
-        Notified when something else than the frame changed: playing or not, an error, another model.
-    viewers : tuple of Viewer
-    error : str
-        Empty while there is no error.
-    past : Past
-        Frames that can be shown again.
-    """
+    """Base class of players: plays in a thread, steps forth and back."""
 
     error: str
     past: Past
 
     def __init__(self) -> None:
         self.loop = PlayLoop(self._play_step, self.show, self.rest)
+        # Held while a model changes; hold it to look at a model that may be played.
         self.lock = threading.RLock()
+        # To all else than the frame: playing or not, an error, another model.
         self.changed = Listeners()
         self.viewers: tuple[Viewer, ...] = ()
         self._number = 0
@@ -302,32 +269,8 @@ class Player(Played):
     """Plays a model, step by step or in a thread.
 
     An error that the model raises is shown in `error` instead of being raised, and the model is not touched again.
-    While an earlier frame is shown, steps go through the stored frames up to the present.
-
-    Parameters
-    ----------
-    model : SwarmModel, optional
-        A model that is given here keeps all that it has collected; of models that a page makes, old rows are dropped.
-
-    Attributes
-    ----------
-    model : SwarmModel or None
-    stepping : bool
-        Whether it is taking a step.
-    selected : int or None
-        unique_id of the selected robot.
-    selection : Listeners
-        Notified when another robot is selected.
-
-    Examples
-    --------
-    >>> from mesa_swarm import SwarmModel
-    >>> player = Player(SwarmModel(rng=1))
-    >>> player.step()
-    >>> player.step()
-    >>> player.back()
-    >>> player.past.shown.step, player.model.steps
-    (1, 2)
+    While an earlier frame is shown, steps go through the stored frames up to the present. A model that is given to the
+    constructor keeps all that it has collected; of models that a page makes, old rows are dropped.
     """
 
     def __init__(self, model: FireModel | None = None) -> None:
@@ -469,16 +412,7 @@ class Player(Played):
 
 
 def forget_collected(model: FireModel, rows: int) -> None:
-    """Drop all but the last rows of what a model collects in every step, unless they are being recorded.
-
-    Examples
-    --------
-    >>> from mesa_swarm import SwarmModel
-    >>> model = SwarmModel(rng=1).run(20)
-    >>> forget_collected(model, 5)
-    >>> len(model.datacollector.model_vars["collisions"])
-    5
-    """
+    """Drop all but the last rows of what a model collects in every step, unless they are being recorded."""
     if any(isinstance(observer, Recorder) for observer in model.observers):
         return  # it stores the rows since it was last called
     collector = model.datacollector

@@ -23,15 +23,7 @@ IMPORT = 'import { Stage, TOGGLES } from "./canvas.js";\n'
 
 
 class Reel:
-    """The rows of a recording before the first that is damaged; may be asked by several threads.
-
-    Attributes
-    ----------
-    recording : Recording
-    rows : int
-    chunk_rows : int
-        Rows of each chunk but the last.
-    """
+    """The rows of a recording before the first that is damaged; may be asked by several threads."""
 
     def __init__(self, recording: Recording) -> None:
         self.recording = recording
@@ -50,13 +42,7 @@ class Reel:
         return -(-self.rows // self.chunk_rows)
 
     def chunk(self, place: int) -> bytes:
-        """Return one chunk, see `packed_chunk`.
-
-        Raises
-        ------
-        InvalidValueError
-            If it does not exist.
-        """
+        """Return one chunk, see `packed_chunk`."""
         if not 0 <= place < self.chunks:
             raise InvalidValueError(f"chunk is {place}; expected 0 to {self.chunks - 1}")
         first = place * self.chunk_rows
@@ -113,13 +99,7 @@ class Reel:
 
 
 def _in_words(value: object) -> str:
-    """Return a parameter or a seed as a user would write it.
-
-    Examples
-    --------
-    >>> _in_words(0.1 + 0.2), _in_words({"entropy": 3, "spawn_key": []})
-    ('0.3', "{'entropy': 3, 'spawn_key': []}")
-    """
+    """Return a parameter or a seed as a user would write it."""
     return f"{value:.6g}" if isinstance(value, float) else shortened(value) if isinstance(value, dict) else str(value)
 
 
@@ -128,23 +108,6 @@ def replay_page(recording: Recording) -> str:
 
     What is drawn is rounded as `mesa_swarm.viewing.packing` describes: positions to within 1/65535 of the map.
     50 robots and 3,000 steps take less than 2 MB.
-
-    Raises
-    ------
-    RecordingError
-        If there is nothing to draw in it.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from mesa_swarm.models.fire_fighting import FireFighting
-    >>> model = FireFighting(rng=1)
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     with model.record(f"{folder}/run.arrow"):
-    ...         end = model.run(20)
-    ...     page = replay_page(Recording(f"{folder}/run.arrow"))
-    >>> page.startswith("<!doctype html>"), len(page) < 200_000
-    (True, True)
     """
     reel = Reel(recording)
     about = {**reel.about, "embedded": True, "events": reel.events}
@@ -152,14 +115,7 @@ def replay_page(recording: Recording) -> str:
 
 
 def page_of(about: dict, chunks: list[bytes]) -> str:
-    """Return the player's page with its inputs, and with the chunks that are embedded.
-
-    Parameters
-    ----------
-    about : dict
-        `Reel.about`; ``embedded``: whether the chunks are in the page.
-    chunks : list of bytes
-    """
+    """Return the player's page with its inputs, and with the chunks that are embedded."""
     # A "<" in a text would end the element; JSON reads the escape as the same text.
     facts = json.dumps(about, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     elements = [f'<script type="application/json" id="about">{facts}</script>']
@@ -174,24 +130,12 @@ def page_of(about: dict, chunks: list[bytes]) -> str:
 
 
 def script() -> str:
-    """Return all that the page runs.
-
-    Examples
-    --------
-    >>> IMPORT in script()
-    False
-    """
+    """Return all that the page runs."""
     return "\n" + palette.script() + asset("canvas.js") + asset("player.js").replace(IMPORT, "")
 
 
 def style() -> str:
-    """Return how the page looks, with the colours of its two themes.
-
-    Examples
-    --------
-    >>> style().startswith(":root {")
-    True
-    """
+    """Return how the page looks, with the colours of its two themes."""
     return palette.style_sheet(":root", ':root[data-theme="dark"]') + asset("player.css")
 
 
@@ -199,11 +143,6 @@ def sources() -> dict[str, str]:
     """Return what the page may run and load, as `mesa_swarm.viewing.headers.policy` takes it.
 
     Its own script is named by its hash: no other would run, should what a recording holds ever become an element.
-
-    Examples
-    --------
-    >>> sources()["connect-src"]
-    "'self'"
     """
     return {
         "script-src": source_of(script()),
@@ -214,11 +153,5 @@ def sources() -> dict[str, str]:
 
 
 def asset(name: str) -> str:
-    """Return one of the files beside this one.
-
-    Examples
-    --------
-    >>> IMPORT in asset("player.js")
-    True
-    """
+    """Return one of the files beside this one."""
     return (resources.files("mesa_swarm.viewing") / name).read_text(encoding="utf-8")
