@@ -7,6 +7,7 @@ import os
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 from urllib.parse import parse_qsl, urlencode
 
@@ -26,11 +27,12 @@ from mesa_swarm.dashboard.gallery_view import Gallery, title
 from mesa_swarm.dashboard.inspector import InspectorView
 from mesa_swarm.dashboard.replay_view import Replay
 from mesa_swarm.dashboard.session import LARGEST_SEED, Session, checked_setting, whole_number
-from mesa_swarm.dashboard.widgets import TroubleCard
+from mesa_swarm.dashboard.widgets import Button, TroubleCard
 from mesa_swarm.errors import SwarmError, UnknownNameError, check_choice, unknown_name
 from mesa_swarm.gallery import description, find_model, model_names
 from mesa_swarm.parameters import Parameter, parameters_of
-from mesa_swarm.viewing.canvas_widget import SwarmCanvas, text_of, use_connection
+from mesa_swarm.viewing import text_of
+from mesa_swarm.viewing.canvas_widget import PlayerView
 from mesa_swarm.viewing.palette import style_sheet
 from mesa_swarm.viewing.play_loop import use_changes
 from mesa_swarm.world.map import builtin_maps
@@ -180,9 +182,6 @@ class Places:
 
 CSS = style_sheet(".v-application", ".v-application.theme--dark") + text_of("dashboard/style.css")
 WATCH, MODELS = "Watch", "Models"
-CANVAS = {"bar": True, "keys": "page", "toggles": {}}
-# Components beside the canvas, from top to bottom; each is called with the session.
-BESIDE: tuple = (InspectorView, Charts, ExportView)
 # More tabs: names, and components that are called with the session.
 MORE_TABS: dict = {"Compare": Compare, "Replay": Replay}
 
@@ -211,19 +210,13 @@ def Page() -> None:
     solara.Style(CSS)
     with rv.Html(tag="main", class_="swarm"):
         if leave is None:
-            Full()
+            TroubleCard(
+                "Too many pages are open",
+                f"{PLACES.most} pages of this dashboard are open, each with its own model.",
+                "Close one, wait a minute, and load this page again.",
+            )
         else:
             Room()
-
-
-@solara.component
-def Full() -> None:
-    """Show that too many pages are open."""
-    TroubleCard(
-        "Too many pages are open",
-        f"{PLACES.most} pages of this dashboard are open, each with its own model.",
-        "Close one, wait a minute, and load this page again.",
-    )
 
 
 @solara.component
@@ -258,33 +251,24 @@ def Header(session: Session, tab: str, choose_tab: Callable[[str], None]) -> Non
         solara.HTML(tag="h1", unsafe_innerHTML="mesa_swarm")
         with rv.Html(tag="nav", attributes={"aria-label": "Pages"}):
             for name in (WATCH, MODELS, *MORE_TABS):
-                Tab(name, name == tab, choose_tab).key(name)
+                Button(name, partial(choose_tab, name), current="page" if name == tab else "").key(name)
         shown = rv.Html(tag="b", children=[title(session.name)])
         rv.Html(tag="p", children=[shown, f" {description(session.model_class)}"])
         PageBar.element(query=query_of(session), on_dark=lambda dark: setattr(solara.lab.theme, "dark", dark))
 
 
 @solara.component
-def Tab(name: str, chosen: bool, choose_tab: Callable[[str], None]) -> None:
-    """Show one tab as a button."""
-    about = {"type": "button", "aria-current": "page"} if chosen else {"type": "button"}
-    button = rv.Html(tag="button", children=[name], attributes=about)
-    rv.use_event(button, "click", lambda *_: choose_tab(name))
-
-
-@solara.component
 def Watch(session: Session, faults: tuple[str, ...]) -> None:
     """Show the controls on the left, the world in the middle, and readings on the right."""
-    classes = ["swarm-watch", "swarm-beside"] if BESIDE else ["swarm-watch"]
-    with solara.Div(classes=classes):
+    with solara.Div(classes=["swarm-watch", "swarm-beside"]):
         Controls(session)
         with solara.Div(classes=["swarm-middle"]):
             Trouble(session, faults)
-            World(session)
-        if BESIDE:
-            with solara.Div(classes=["swarm-side"]):
-                for component in BESIDE:
-                    component(session)
+            PlayerView(session, session.reset)
+        with solara.Div(classes=["swarm-side"]):
+            InspectorView(session)
+            Charts(session)
+            ExportView(session)
 
 
 @solara.component
@@ -292,12 +276,6 @@ def Controls(session: Session) -> None:
     """Show the panel of controls."""
     panel = ControlPanel.element()
     solara.use_effect(lambda: Panel(solara.get_widget(panel), session).close, [])
-
-
-@solara.component
-def World(session: Session) -> None:
-    """Show the canvas with its buttons."""
-    use_connection(SwarmCanvas.element(options=CANVAS), session, session.reset)
 
 
 @solara.component

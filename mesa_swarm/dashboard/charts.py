@@ -3,6 +3,7 @@
 import threading
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import anywidget
@@ -15,8 +16,7 @@ from matplotlib.figure import Figure
 from mesa_swarm.dashboard.series import Chart, Series
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Downloads, Link
-from mesa_swarm.viewing import palette
-from mesa_swarm.viewing.canvas_widget import text_of
+from mesa_swarm.viewing import palette, text_of
 from mesa_swarm.viewing.pictures import literal, png
 from mesa_swarm.viewing.player import PackedFrame
 
@@ -57,7 +57,8 @@ class Charting(Link):
         self._looks = self._waits = False
         self._busy = 0.0
         self._sent = 0.0
-        self.connect(board, session.changed.add(self.refresh))
+        leave_view = partial(session.remove_viewer, self)
+        self.connect(board, session.changed.add(self.refresh), leave_view, self._downloads.close)
         self.refresh()
         session.add_viewer(self)
 
@@ -66,12 +67,9 @@ class Charting(Link):
         titles = {chart.key: chart.title for chart in self.session.series.charts()}
         order = in_order(list(titles))
         known = [{"key": key, "title": titles[key]} for key in order]
-        if self.board.charts != known:
-            self.board.charts = known
+        self.board.charts = known
         wanted = self.session.chosen_charts.get(self.session.name, order[:SHOWN_FIRST])
-        shown = [key for key in order if key in wanted]
-        if self.board.shown != shown:
-            self.board.shown = shown
+        self.board.shown = [key for key in order if key in wanted]
 
     def push(self, number: int, frame: PackedFrame) -> None:
         """Show the numbers up to now, if an update is due; mark the displayed step if it is an earlier one."""
@@ -98,12 +96,6 @@ class Charting(Link):
                 self._hand_over(str(value), message["do"])
             case _:
                 self._downloads.hear(message)
-
-    def close(self) -> None:
-        """Disconnect."""
-        super().close()
-        self.session.remove_viewer(self)
-        self._downloads.close()
 
     def _choose(self, keys: list[str]) -> None:
         self.session.chosen_charts[self.session.name] = keys

@@ -1,7 +1,6 @@
 """Two worlds side by side, their controls and their chart."""
 
 import base64
-import io
 import secrets
 import threading
 from collections.abc import Callable, Sequence
@@ -12,7 +11,6 @@ from typing import Any
 import numpy as np
 import solara
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, StrMethodFormatter
 from reacton import ipyvuetify as rv
@@ -25,6 +23,7 @@ from mesa_swarm.dashboard.controls import (
     label_of,
     value_at,
     value_of,
+    value_text,
     with_faults,
 )
 from mesa_swarm.dashboard.pair import NAMES, Pair, Side
@@ -33,12 +32,11 @@ from mesa_swarm.dashboard.widgets import Button, Link, TroubleCard
 from mesa_swarm.experiments.figures import window_means
 from mesa_swarm.gallery import model_names
 from mesa_swarm.parameters import Slider
-from mesa_swarm.viewing.canvas_widget import SwarmCanvas, extent_of, use_connection
+from mesa_swarm.viewing.canvas_widget import PlayerView, SwarmCanvas, extent_of
 from mesa_swarm.viewing.palette import LIGHT
-from mesa_swarm.viewing.pictures import literal
+from mesa_swarm.viewing.pictures import literal, png
 from mesa_swarm.viewing.play_loop import use_changes
 from mesa_swarm.viewing.player import PackedFrame
-from mesa_swarm.viewing.readings import value_text
 
 # Shortest time between drawings, s: one takes a tenth of that.
 EVERY = 0.5
@@ -83,7 +81,7 @@ def curves_png(series: Sequence[Reports], labels: Sequence[str]) -> bytes:
             draw(axes, name, series, labels)
         lines = panels[0].get_legend_handles_labels()
         figure.legend(*lines, loc="upper right", bbox_to_anchor=(1.0, 1.04), ncols=2, fontsize=9.5, frameon=False)
-        return _png(figure)
+        return png(figure, DOTS_PER_INCH)
 
 
 def main_reports(series: Sequence[Reports]) -> list[str]:
@@ -112,13 +110,6 @@ def draw(axes: Axes, name: str, series: Sequence[Reports], labels: Sequence[str]
     axes.set_xlim(0, max([1, *(steps[-1] for steps, _ in lines if len(steps))]))
     if all(numbers.min(initial=0.0) >= 0.0 for numbers in known):
         axes.set_ylim(bottom=0.0, top=None if axes.dataLim.y1 > 0 else 1.0)
-
-
-def _png(figure: Figure) -> bytes:
-    file = io.BytesIO()
-    FigureCanvasAgg(figure)
-    figure.savefig(file, format="png", dpi=DOTS_PER_INCH)
-    return file.getvalue()
 
 
 class CurveThread:
@@ -164,9 +155,7 @@ class ComparePanel(Link):
         if shown != self._shown:
             self._shown = shown
             self.widget.groups = groups_of(comparing)
-        values = values_of(comparing)
-        if values != self.widget.values:
-            self.widget.values = values
+        self.widget.values = values_of(comparing)
 
     def act(self, message: dict, buffers: Sequence = ()) -> None:
         """Carry out a message from the browser."""
@@ -280,7 +269,7 @@ def Compare(session: Session) -> None:
         with solara.Div(classes=["swarm-middle", "swarm-pair"]):
             Trouble(comparing)
             with solara.Div(classes=["swarm-clock"]):
-                Clock(comparing)
+                PlayerView(comparing.pair, comparing.reset, BAR)
             with solara.Div(classes=["swarm-worlds"]):
                 for index in range(len(NAMES)):
                     World(comparing, index).key(NAMES[index])
@@ -299,12 +288,6 @@ def Choices(comparing: Comparing) -> None:
     """Show the panel of controls."""
     panel = ControlPanel.element()
     solara.use_effect(lambda: ComparePanel(solara.get_widget(panel), comparing).close, [])
-
-
-@solara.component
-def Clock(comparing: Comparing) -> None:
-    """Show the buttons that play both worlds."""
-    use_connection(SwarmCanvas.element(options=BAR), comparing.pair, comparing.reset)
 
 
 @solara.component

@@ -5,7 +5,7 @@ import secrets
 import threading
 import warnings
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import anywidget
 import traitlets
@@ -15,31 +15,39 @@ from mesa_swarm.dashboard.widgets import Link
 from mesa_swarm.errors import FireConstantsWarning, InvalidValueError, SwarmError
 from mesa_swarm.fire import FireConstants, design_constants
 from mesa_swarm.parameters import Choice, Parameter, Slider
-from mesa_swarm.viewing.canvas_widget import text_of
-from mesa_swarm.viewing.readings import value_text
+from mesa_swarm.viewing import text_of
 
-# name: (label, help, least, step, most)
+
+class Requirement(NamedTuple):
+    """A required property: its slider, and its usual value."""
+
+    label: str
+    help: str
+    usual: float
+    least: float
+    step: float
+    most: float
+
+    def place(self, value: float) -> int:
+        """Return the position of a value on the slider."""
+        return round((value - self.least) / self.step)
+
+
 REQUIREMENTS = {
-    "growth_time": ("growth time", "steps in which a fire that is left alone grows from T = 0 to 1", 100, 50, 10_000),
-    "robots": ("robots needed", "to put out a fire of the largest size in the extinguish time", 0.5, 0.5, 20),
-    "extinguish_time": ("extinguish time", "steps in which these robots put it out", 50, 50, 10_000),
-    "balance_temperature": (
-        "balance temperature",
-        "of the largest fire: heating and cooling balance",
-        0.05,
-        0.05,
-        0.95,
+    "growth_time": Requirement(
+        "growth time", "steps in which a fire that is left alone grows from T = 0 to 1", 2000.0, 100, 50, 10_000
     ),
-    "stay_time": ("stay", "steps that a cold robot can stay at the largest fire at T = 1", 10, 10, 1000),
-    "rest_time": ("rest", "steps that a robot rests before it fights again", 10, 10, 1000),
-}
-USUAL = {
-    "growth_time": 2000.0,
-    "robots": 2.0,
-    "extinguish_time": 1600.0,
-    "balance_temperature": 0.6,
-    "stay_time": 100.0,
-    "rest_time": 60.0,
+    "robots": Requirement(
+        "robots needed", "to put out a fire of the largest size in the extinguish time", 2.0, 0.5, 0.5, 20
+    ),
+    "extinguish_time": Requirement("extinguish time", "steps in which these robots put it out", 1600.0, 50, 50, 10_000),
+    "balance_temperature": Requirement(
+        "balance temperature", "of the largest fire: heating and cooling balance", 0.6, 0.05, 0.05, 0.95
+    ),
+    "stay_time": Requirement(
+        "stay", "steps that a cold robot can stay at the largest fire at T = 1", 100.0, 10, 10, 1000
+    ),
+    "rest_time": Requirement("rest", "steps that a robot rests before it fights again", 60.0, 10, 10, 1000),
 }
 CONSTANTS = ("k1", "k2", "k3", "k4", "leave", "join")
 # Warning filters belong to the whole process, so one thread at a time changes them.
@@ -51,7 +59,7 @@ class Designer:
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self.requirements = dict(USUAL)
+        self.requirements = {name: one.usual for name, one in REQUIREMENTS.items()}
         self._constants: FireConstants | None = None
         self._warned: tuple[str, ...] = ()
         self._fault = ""
@@ -86,33 +94,23 @@ class Designer:
 
     def fields(self) -> list[dict[str, Any]]:
         """Return the sliders of the requirements."""
+        about = {"kind": "slider", "live": True, "designed": True, "low": 0}
         return [
-            {
-                "name": name,
-                "label": label,
-                "help": text,
-                "kind": "slider",
-                "live": True,
-                "designed": True,
-                "low": 0,
-                "high": _places(name),
-            }
-            for name, (label, text, *_) in REQUIREMENTS.items()
+            {**about, "name": name, "label": one.label, "help": one.help, "high": one.place(one.most)}
+            for name, one in REQUIREMENTS.items()
         ]
 
     def place(self, name: str, place: int) -> None:
         """Require the value at a position of a slider."""
-        _, _, least, step, _ = REQUIREMENTS[name]
-        self.require(name, round(least + place * step, 6))
+        slider = REQUIREMENTS[name]
+        self.require(name, round(slider.least + place * slider.step, 6))
 
     def values(self) -> dict[str, dict[str, Any]]:
         """Return the values of the sliders."""
-        return {name: self._value(name, value) for name, value in self.requirements.items()}
-
-    @staticmethod
-    def _value(name: str, value: float) -> dict[str, Any]:
-        _, _, least, step, _ = REQUIREMENTS[name]
-        return {"text": f"{value:g}", "place": round((value - least) / step), "fault": "", "waits": False}
+        return {
+            name: {"text": f"{value:g}", "place": REQUIREMENTS[name].place(value), "fault": "", "waits": False}
+            for name, value in self.requirements.items()
+        }
 
     def _designed(self) -> tuple[FireConstants, tuple[str, ...]]:
         model = self.session.model
@@ -124,11 +122,6 @@ class Designer:
                 **self.requirements, initial_temperature=start, area=largest, largest_area=largest
             )
         return constants, tuple(str(warning.message) for warning in heard)
-
-
-def _places(name: str) -> int:
-    _, _, least, step, most = REQUIREMENTS[name]
-    return round((most - least) / step)
 
 
 # Groups of parameters; the others belong to "Behaviour".
@@ -278,6 +271,11 @@ def value_of(value: Any, parameter: Parameter) -> dict[str, Any]:
     """Return the value of a control: its text, and the position of its slider if it has one."""
     place = {"place": place_of(value, parameter)} if isinstance(parameter.control, Slider) else {}
     return {"text": value_text(value), "waits": False, "fault": ""} | place
+
+
+def value_text(value: Any) -> str:
+    """Return a value as it is shown."""
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def with_faults(values: dict[str, dict[str, Any]], source: Any) -> dict[str, dict[str, Any]]:

@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from io import BufferedReader
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -32,7 +33,7 @@ from mesa_swarm.experiments.pool import ending_with_us
 from mesa_swarm.observers import Observer
 from mesa_swarm.recording.recorder import Recorder, record
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.viewing.canvas_widget import text_of
+from mesa_swarm.viewing import text_of
 from mesa_swarm.viewing.pictures import Shown, frame_and_scene, png, svg, world_figure
 from mesa_swarm.viewing.player import PackedFrame
 
@@ -75,18 +76,13 @@ class RecordingSwitch(Observer):
         self.first, self.last = self._before = 1, 0
         # Why recording stopped before it was switched off.
         self.ended = ""
-        self._model: SwarmModel | None = None
+        self.model: SwarmModel | None = None
         self._recorder: Recorder | None = None
 
     @property
     def running(self) -> bool:
         """Whether steps are recorded."""
         return self._recorder is not None and not self._recorder.closed
-
-    @property
-    def model(self) -> SwarmModel | None:
-        """The model that is recorded, None if none is."""
-        return self._model
 
     @property
     def words(self) -> str:
@@ -97,7 +93,7 @@ class RecordingSwitch(Observer):
         """Record a model from its next step on; the first rows replace the recording before."""
         self.stop()
         self._recorder = record(model, self.path, overwrite=True)
-        self._model, self.ended = model, ""
+        self.model, self.ended = model, ""
         self._before = self.first, self.last
         self.first, self.last = model.completed + 1, model.completed
         model.observers.append(self)
@@ -120,8 +116,8 @@ class RecordingSwitch(Observer):
 
     def stop(self) -> None:
         """Stop recording; the recorded steps stay."""
-        recorder, model = self._recorder, self._model
-        self._recorder = self._model = None
+        recorder, model = self._recorder, self.model
+        self._recorder = self.model = None
         if model is not None and self in model.observers:
             model.observers.remove(self)
         if recorder is None:
@@ -202,7 +198,7 @@ class Exporting:
     def __init__(self, session: Session) -> None:
         self.session = session
         self._deliver: Callable[[str, bytes | Path], None] | None = None
-        self._notify: Callable[[], None] = _ignore
+        self._notify: Callable[[], None] = lambda: None
         self._undelivered: tuple[str, bytes | Path] | None = None
         self._folder = TemporaryDirectory(prefix="mesa_swarm_")
         self.folder = Path(self._folder.name)
@@ -222,7 +218,7 @@ class Exporting:
 
     def disconnect(self) -> None:
         """Disconnect the listener; work in the background continues."""
-        self._deliver, self._notify = None, _ignore
+        self._deliver, self._notify = None, lambda: None
 
     def record(self, on: bool) -> None:
         """Switch recording of the present run on or off."""
@@ -405,10 +401,6 @@ class Exporting:
             raise CancelledError
 
 
-def _ignore() -> None:
-    """Do nothing: no listener is connected."""
-
-
 def _check_straight(session: Session, purpose: str) -> None:
     if not session.straight:
         raise InvalidValueError(
@@ -426,7 +418,7 @@ class Exporter(anywidget.AnyWidget):
 
 
 class ExportDesk(Link):
-    """Connects an exporter and a session's `Exporting`."""
+    """Connects an exporter and a session's `Exporting`; recording and export continue after `close`."""
 
     ready = False  # files need no picture
 
@@ -438,7 +430,8 @@ class ExportDesk(Link):
         self._doing = ""
         self.exporting = session.companion(Exporting)
         self.exporting.connect(self._downloads.send, self.report)
-        self.connect(exporter, session.changed.add(self.refresh))
+        leaves = partial(session.remove_viewer, self), self.exporting.disconnect, self._downloads.close
+        self.connect(exporter, session.changed.add(self.refresh), *leaves)
         self.refresh()
         session.add_viewer(self)
 
@@ -449,8 +442,7 @@ class ExportDesk(Link):
         burns = model is not None and len(model.fires) > 0
         made = {key: label for key, label in KINDS.items() if burns or "fires" not in key}
         kinds: list[list[str | bool]] = [[key, label, key not in PICTURES] for key, label in made.items()]
-        if self.exporter.kinds != kinds:
-            self.exporter.kinds = kinds
+        self.exporter.kinds = kinds
         self._show()
 
     def push(self, number: int, frame: PackedFrame) -> None:
@@ -477,19 +469,10 @@ class ExportDesk(Link):
             case _:
                 self._downloads.hear(message)
 
-    def close(self) -> None:
-        """Disconnect; recording and export continue."""
-        super().close()
-        self.session.remove_viewer(self)
-        self.exporting.disconnect()
-        self._downloads.close()
-
     def _show(self) -> None:
         with self._lock:
             self._shown, self._doing = time.monotonic(), self.exporting.doing
-            status = status_of(self.exporting)
-            if status != self.exporter.status:
-                self.exporter.status = status
+            self.exporter.status = status_of(self.exporting)
 
 
 def status_of(exporting: Exporting) -> dict[str, Any]:

@@ -61,7 +61,7 @@ def _fire_fill(temperature: float, is_out: bool, palette: Palette) -> str:
 
 def draw_robots(position: np.ndarray, heading: np.ndarray, radius: np.ndarray) -> str:
     """Return robots as discs to scale, the front half light, with a line towards the heading."""
-    ahead = radius[:, None] * _unit(heading)
+    ahead = radius[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
     left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
     radii = np.column_stack([radius, radius])
     halves = [np.hstack([position + side, radii, position - side]) for side in (left, -left)]
@@ -91,10 +91,6 @@ def _outline(shape: Shape, corner: np.ndarray) -> str:
 
 def _path(name: str, outline: str, look: str) -> str:
     return f'<path class="{name}" {look} d="{outline}"/>' if outline else ""
-
-
-def _unit(heading: np.ndarray) -> np.ndarray:
-    return np.stack([np.cos(heading), np.sin(heading)], axis=-1)
 
 
 # Steps before the picture of a model, so that its behaviour is visible.

@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import anywidget
@@ -19,7 +20,7 @@ from mesa_swarm.robots.design import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RAN
 from mesa_swarm.robots.reasons import Moment
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.viewing.canvas_widget import text_of
+from mesa_swarm.viewing import text_of
 from mesa_swarm.viewing.player import PackedFrame
 
 # Shortest time between updates of the inspector while the model is played, s.
@@ -48,7 +49,8 @@ class Inspecting(Link):
     def __init__(self, inspector: Inspector, session: Session) -> None:
         self.inspector, self.session = inspector, session
         self._shown = 0.0
-        self.connect(inspector, session.selection.add(self.select), session.changed.add(self.refresh))
+        leave_view = partial(session.remove_viewer, self)
+        self.connect(inspector, session.selection.add(self.select), session.changed.add(self.refresh), leave_view)
         session.add_viewer(self)
 
     def push(self, number: int, frame: PackedFrame) -> None:
@@ -83,11 +85,6 @@ class Inspecting(Link):
                 self._select(value)
             case "move":
                 self._move(message["value"])
-
-    def close(self) -> None:
-        """Disconnect."""
-        super().close()
-        self.session.remove_viewer(self)
 
     def _known(self) -> dict[str, Any]:
         """Return the selected robot at the displayed step, empty if none is selected."""
@@ -167,6 +164,7 @@ def inspect(model: SwarmModel, robot: Robot, step: int) -> dict[str, Any]:
     if set(WATCHED) - set(columns):
         return {"id": robot.unique_id, "when": "the model stores too few columns for the inspector", "known": False}
     moment, _ = moment_of(model.swarm, columns, robot.row)
+    position, heading = (columns[name][robot.row] for name in ("position", "heading"))
     decided = step in stored and model.control is not None
     reason = model.explain(robot, step) if decided else None
     return {
@@ -180,7 +178,7 @@ def inspect(model: SwarmModel, robot: Robot, step: int) -> dict[str, Any]:
         "reason": reason.reason if reason else "",
         "facts": facts_of(model, robot, moment),
         "worth": worth_of(model, robot) if present and decided else [],
-        "pose": pose_of(robot.position, robot.heading) if present else pose_of(*_was_at(columns, robot.row)),
+        "pose": pose_of(robot.position, robot.heading) if present else pose_of(position, heading),
         "present": present,
     }
 
@@ -285,10 +283,6 @@ def deepest(model: SwarmModel, robot: Robot, place: np.ndarray) -> tuple[float, 
     nearest = int(np.argmin(gaps))
     found.append((robot.radius - gaps[nearest], f"robot {model.swarm.agents[nearest].unique_id}"))
     return max(found, key=lambda one: one[0])
-
-
-def _was_at(columns: dict[str, np.ndarray], row: int) -> tuple[np.ndarray, float]:
-    return columns["position"][row], columns["heading"][row]
 
 
 def _number(name: str, value: Typed) -> float:

@@ -85,10 +85,6 @@ class Pair(Played):
                 self._advance()
         self.rest()
 
-    def back(self) -> None:
-        """Pause, and display the pictures before."""
-        self.look(self.past.index - 1)
-
     def look(self, index: int) -> None:
         """Pause, and display the pictures of the step with this index in `past`."""
         self.loop.pause()

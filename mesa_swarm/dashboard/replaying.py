@@ -24,6 +24,7 @@ from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.packing import packed_frame
 from mesa_swarm.viewing.play_loop import Listeners
 from mesa_swarm.viewing.player import PackedFrame, Past, Player
+from mesa_swarm.viewing.replay_page import damage_notes
 from mesa_swarm.viewing.scene import Scene, scene_of_recording
 from mesa_swarm.world.map import Map, builtin_maps
 
@@ -31,8 +32,6 @@ ENDING = ".arrow"
 LARGEST_UPLOAD = 200_000_000
 MOST_LISTED = 500
 MOST_EVENTS = 500
-
-
 # Shortest time between messages about background work, s.
 SHOWN_EVERY = 0.5
 
@@ -391,7 +390,7 @@ class Replaying:
         player.set_speed(self.session.own_speed)
         self._leave(player)
         self._path, self.name, self._own = path, name, own
-        self.events, self.notes = None, _notes_of(player)
+        self.events, self.notes = None, list(damage_notes(player.recording))
         rows = _Rows(path, len(player.past), self._stop)
         threading.Thread(target=self._find_events, args=(rows,), name="events", daemon=True).start()
         self.changed.notify()
@@ -449,15 +448,6 @@ def recordings_place() -> Path | None:
     """Return the recording or the folder of recordings of the server, None without one."""
     place = os.environ.get(RECORDINGS_VARIABLE, "")
     return Path(place) if place else None
-
-
-def _notes_of(player: ReplayPlayer) -> list[str]:
-    recording, last = player.recording, player.past.last_step
-    if len(player.past) < len(recording):
-        return [f"The recording is damaged after step {last}; later steps are left out."]
-    if recording.damage:
-        return [f"The recording {recording.damage}."]
-    return [] if recording.complete else [f"The recording was not closed; it is complete up to step {last}."]
 
 
 def _gallery_name(provenance: dict[str, Any]) -> str:

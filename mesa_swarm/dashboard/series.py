@@ -2,7 +2,7 @@
 
 import threading
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -50,7 +50,7 @@ class Series(Observer):
         self.most_numbers = most_numbers
         self.every = 1
         self._lock = threading.Lock()
-        self._model: SwarmModel | None = None
+        self.model: SwarmModel | None = None
         self._charts: dict[str, Chart] = {}
         self._form: tuple = ()
         self._forget()
@@ -59,17 +59,12 @@ class Series(Observer):
         """Return the number of stored rows."""
         return self._count
 
-    @property
-    def model(self) -> SwarmModel | None:
-        """The model that is measured."""
-        return self._model
-
     def follow(self, model: SwarmModel | None) -> None:
         """Clear everything, and measure this model from now on."""
         with self._lock:
-            if self._model is not None and self in self._model.observers:
-                self._model.observers.remove(self)
-            self._model, self._form = model, ()
+            if self.model is not None and self in self.model.observers:
+                self.model.observers.remove(self)
+            self.model, self._form = model, ()
             self._forget()
             if model is not None:
                 model.observers.append(self)
@@ -174,7 +169,7 @@ def placed(charts: Iterable[Chart]) -> list[Chart]:
     found: list[Chart] = []
     first = 0
     for chart in charts:
-        found.append(Chart(chart.key, chart.title, chart.unit, chart.names, first))
+        found.append(replace(chart, first=first))
         first += len(chart.names)
     return found
 

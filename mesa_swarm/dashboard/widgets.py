@@ -4,7 +4,6 @@ import threading
 from collections.abc import Callable, Generator, Sequence
 from pathlib import Path, PureWindowsPath
 from tempfile import TemporaryDirectory
-from typing import Protocol
 
 import anywidget
 import solara
@@ -19,22 +18,23 @@ LONGEST_NAME = 60
 
 @solara.component
 def Button(
-    label: str, act: Callable[[], object], class_: str = "", pressed: bool | None = None, enabled: bool = True
+    label: str,
+    act: Callable[[], object],
+    class_: str = "",
+    *,
+    more: str = "",
+    enabled: bool = True,
+    pressed: bool | None = None,
+    current: str = "",
 ) -> None:
-    """Show a button; of a toggle, whether it is pressed."""
-    about = {"type": "button"} | ({} if enabled else {"disabled": True})
+    """Show a button; of a toggle, whether it is pressed; of one of several, ``aria-current`` if it is chosen."""
+    about = (
+        {"type": "button"} | ({} if enabled else {"disabled": True}) | ({"aria-current": current} if current else {})
+    )
     if pressed is not None:
         about["aria-pressed"] = "true" if pressed else "false"
-    button = rv.Html(tag="button", class_=class_, attributes=about, children=[label])
-    rv.use_event(button, "click", lambda *_: act())
-
-
-@solara.component
-def Item(name: str, act: Callable[[], object], more: str = "", chosen: bool = False) -> None:
-    """Show one line of a list as a button."""
-    about = {"type": "button"} | ({"aria-current": "true"} if chosen else {})
-    children = [name, rv.Html(tag="small", children=[more])] if more else [name]
-    button = rv.Html(tag="button", attributes=about, children=children)
+    children = [label, rv.Html(tag="small", children=[more])] if more else [label]
+    button = rv.Html(tag="button", class_=class_, attributes=about, children=children)
     rv.use_event(button, "click", lambda *_: act())
 
 
@@ -145,19 +145,6 @@ def pieces_of(content: bytes | Path, size: int) -> Pieces:
             piece = following
 
 
-class Receiver(Protocol):
-    """Receives a file in pieces, and may refuse it."""
-
-    def begin_upload(self, name: str, size: int) -> bool:
-        """Return whether a file is accepted."""
-
-    def take(self, piece: bytes) -> bool:
-        """Take a piece; return whether more are accepted."""
-
-    def end_upload(self) -> None:
-        """Note that all pieces have arrived."""
-
-
 class FilePicker(anywidget.AnyWidget):
     """A button that opens the browser's choice of files."""
 
@@ -190,26 +177,6 @@ class FilePicker(anywidget.AnyWidget):
     label = traitlets.Unicode("Upload").tag(sync=True)
     accept = traitlets.Unicode("").tag(sync=True)  # endings of names, in the format of HTML
     piece = traitlets.Int(PIECE).tag(sync=True)
-
-
-class Upload(Link):
-    """Passes the files of a button to a receiver."""
-
-    def __init__(self, picker: FilePicker, receiver: Receiver) -> None:
-        self.picker, self.receiver = picker, receiver
-        self.connect(picker)
-
-    def act(self, message: dict, buffers: Sequence = ()) -> None:
-        """Carry out a message from the browser."""
-        match message.get("do"):
-            case "begin":
-                goes_on = self.receiver.begin_upload(str(message.get("name", "")), int(message.get("size", 0)))
-                self.picker.send({"go": goes_on})
-            case "piece" if buffers:
-                goes_on = self.receiver.take(bytes(buffers[0])) and not message.get("last")
-                self.picker.send({"go": goes_on})
-                if message.get("last"):
-                    self.receiver.end_upload()
 
 
 class Incoming:

@@ -3,7 +3,6 @@
 import threading
 import time
 from collections.abc import Callable
-from importlib.resources import files
 from typing import Any
 
 import anywidget
@@ -14,7 +13,7 @@ from reacton.core import Element
 from mesa_swarm.errors import check_count, check_number
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.observers import Observer
-from mesa_swarm.viewing import palette
+from mesa_swarm.viewing import palette, text_of
 from mesa_swarm.viewing.pictures import png, world_figure
 from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES
 from mesa_swarm.viewing.player import PackedFrame, Past, Played, Player
@@ -24,17 +23,7 @@ MOST_AHEAD = 2
 SPEEDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 250.0, 500.0, 1000.0, AS_FAST_AS_IT_GOES)
 # Interval at which steps that a program takes are shown, s.
 EVERY = 0.05
-
-
-def text_of(*names: str) -> str:
-    """Return files of the package, one after the other: a widget is one module."""
-    here = files("mesa_swarm")
-    return "".join((here / name).read_text(encoding="utf-8") for name in names)
-
-
-def script() -> str:
-    """Return the widget's one module: the colours, the canvas and its buttons."""
-    return palette.script() + text_of("viewing/canvas.js", "viewing/elements.js", "viewing/widget.js")
+ON_A_PAGE = {"bar": True, "keys": "page", "toggles": {}}
 
 
 class SwarmCanvas(anywidget.AnyWidget):
@@ -44,7 +33,7 @@ class SwarmCanvas(anywidget.AnyWidget):
     `MOST_AHEAD` are on their way, and of those that wait all but the latest are dropped.
     """
 
-    _esm = script()
+    _esm = palette.script() + text_of("viewing/canvas.js", "viewing/elements.js", "viewing/widget.js")
     _css = palette.style_sheet(".swarm-player", '.swarm-player[data-theme="dark"]') + text_of("viewing/widget.css")
     # bar: whether there are buttons; keys: "page" where keys pressed anywhere play and step, "own" where only those
     # pressed in the widget do, "" for none; toggles: what is drawn, by name; head: whether a caption and the readings
@@ -185,8 +174,10 @@ class Connection:
         show_selection()
 
 
-def use_connection(canvas: Element, player: Played, reset: Callable[[], None]) -> None:
-    """Show a player on a canvas of a Solara page, and pause it when the canvas is removed."""
+@solara.component
+def PlayerView(player: Played, reset: Callable[[], None], options: dict = ON_A_PAGE) -> None:
+    """Show a player on a canvas with buttons, and pause it when the canvas is removed."""
+    canvas = SwarmCanvas.element(options=options)
 
     def connect() -> Callable[[], None]:
         connection = Connection(solara.get_widget(canvas), player, reset)

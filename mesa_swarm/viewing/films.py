@@ -39,6 +39,7 @@ IN_PLACE = 1
 BETWEEN = (0.25, 0.5, 0.75)
 # yuv420p is the one that every player shows; faststart lets browsers begin before all is loaded.
 ENCODING = ["-c:v", "libx264", "-preset", "veryfast", "-crf", "20", "-pix_fmt", "yuv420p"]
+RAW = ["-f", "rawvideo", "-pix_fmt", "rgba"]
 CONTAINER = ["-movflags", "+faststart", "-f", "mp4"]
 
 
@@ -184,8 +185,9 @@ def export_film(
     program = ffmpeg()
     check_even(look)
     screen = Screen(drawn, look)
+    source = [*RAW, "-s", "{}x{}".format(*screen.size), "-r", f"{fps:g}", "-i", "-"]
     with draft_of(path, ExportError) as draft:
-        command = [program, "-y", "-v", "error", *_input(screen.size, fps), *ENCODING, *CONTAINER, str(draft)]
+        command = [program, "-y", "-v", "error", *source, *ENCODING, *CONTAINER, str(draft)]
         _encode(command, film_frames(screen, steps, progress), path)
 
 
@@ -206,10 +208,6 @@ def check_even(look: Look) -> None:
     if look.size is not None and any(length % 2 for length in look.size):
         width, height = look.size
         raise InvalidValueError(f"size is {width}x{height}; films need an even width and height")
-
-
-def _input(size: tuple[int, int], fps: float) -> list[str]:
-    return ["-f", "rawvideo", "-pix_fmt", "rgba", "-s", "{}x{}".format(*size), "-r", f"{fps:g}", "-i", "-"]
 
 
 def _encode(command: list[str], frames: Iterable[np.ndarray], path: Path) -> None:

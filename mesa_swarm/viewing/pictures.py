@@ -124,7 +124,9 @@ def frame_and_scene(shown: Shown) -> tuple[Frame, Scene]:
 
 def draw_scene(axes: Axes, scene: Scene, step: int) -> None:
     """Draw the ground, obstacles and marks of a step, which a film shows behind all its frames."""
-    _draw_ground(axes, scene.bounds)
+    x_min, y_min, x_max, y_max = scene.bounds
+    axes.set(xlim=(x_min, x_max), ylim=(y_min, y_max), aspect="equal", facecolor=LIGHT.ground)
+    axes.set(xlabel="x (map units)", ylabel="y (map units)")
     obstacles = scene.obstacles(step)
     _draw_shapes(axes, [s for s in obstacles if not s.contact], LIGHT.mark, 1, "marks")
     _draw_shapes(axes, [s for s in obstacles if s.contact], LIGHT.obstacle, 2, "obstacles")
@@ -139,12 +141,6 @@ def draw_frame(axes: Axes, frame: Frame, scene: Scene, sectors: bool = False) ->
     _draw_robots(axes, frame, scene.radius_of(frame.robots))
     if "perceived" in frame.columns:
         _draw_perceived(axes, frame)
-
-
-def _draw_ground(axes: Axes, bounds: Bounds) -> None:
-    x_min, y_min, x_max, y_max = bounds
-    axes.set(xlim=(x_min, x_max), ylim=(y_min, y_max), aspect="equal", facecolor=LIGHT.ground)
-    axes.set(xlabel="x (map units)", ylabel="y (map units)")
 
 
 def _draw_shapes(axes: Axes, shapes: Sequence[Shape], colour: str, height: int, label: str) -> None:
@@ -300,11 +296,11 @@ def literal(text: str) -> str:
     return text.replace("$", "\\$")
 
 
-def png(figure: Figure) -> bytes:
+def png(figure: Figure, dots_per_inch: float = DOTS_PER_INCH) -> bytes:
     """Return a figure as a PNG; the same figure gives the same bytes."""
     file = io.BytesIO()
     FigureCanvasAgg(figure)
-    figure.savefig(file, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
+    figure.savefig(file, format="png", dpi=dots_per_inch, metadata={"Software": None})
     return file.getvalue()
 
 

@@ -15,7 +15,6 @@ from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.recording.recorder import Recorder
 from mesa_swarm.viewing.packing import PACKED_FROM, packed_frame
 from mesa_swarm.viewing.play_loop import Listeners, PlayLoop
-from mesa_swarm.viewing.readings import readings_of
 from mesa_swarm.viewing.scene import Scene, scene_of
 
 MOST_BYTES = 48_000_000
@@ -205,6 +204,10 @@ class Played(ABC):
         else:
             self.play()
 
+    def back(self) -> None:
+        """Pause, and show the frame before."""
+        self.look(self.past.index - 1)
+
     def show(self) -> None:
         """Show the present; while it plays, only if a viewer is ready."""
         playing = self.playing
@@ -239,10 +242,6 @@ class Played(ABC):
     @abstractmethod
     def step(self) -> None:
         """Pause, and go on by one step."""
-
-    @abstractmethod
-    def back(self) -> None:
-        """Pause, and go back by one frame."""
 
     @abstractmethod
     def look(self, index: int) -> None:
@@ -297,10 +296,6 @@ class Player(Played):
         with self.capture_errors():
             self._advance()
         self.rest()
-
-    def back(self) -> None:
-        """Pause, and show the frame before."""
-        self.look(self.past.index - 1)
 
     def look(self, index: int) -> None:
         """Pause, and show the frame with this index in `past`."""
@@ -409,6 +404,19 @@ class Player(Played):
         content = packed_frame(frame_of(model, PACKED_FROM), self._scene)
         state_hash = model.state_hash() if fingerprint else ""
         return PackedFrame(model.completed, content, self._scene.world(), readings_of(model), state_hash)
+
+
+def readings_of(model: FireModel) -> tuple[tuple[str, str], ...]:
+    """Return the numbers that are shown above the picture, each with its name."""
+    fires, collisions = model.fires, f"{model.collisions:,} now, {model.total_collisions:,} in all"
+    if not len(fires):
+        return ("Robots", f"{len(model.swarm):,}"), ("Collisions", collisions)
+    burning, fighting = int((~fires.out).sum()), int((model.swarm.fire >= 0).sum())
+    return (
+        ("Fires burning", f"{burning} of {len(fires)}"),
+        ("Robots at fires", f"{fighting} of {len(model.swarm):,}"),
+        ("Collisions", collisions),
+    )
 
 
 def forget_collected(model: FireModel, rows: int) -> None:

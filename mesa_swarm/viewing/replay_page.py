@@ -4,13 +4,12 @@ import json
 from base64 import b64encode
 from collections.abc import Iterator
 from functools import cached_property
-from importlib import resources
 from threading import Lock
 
 from mesa_swarm.errors import InvalidValueError, shortened
 from mesa_swarm.recording.frames import Frame, events_of
 from mesa_swarm.recording.recording import Recording
-from mesa_swarm.viewing import palette
+from mesa_swarm.viewing import palette, text_of
 from mesa_swarm.viewing.headers import policy, source_of
 from mesa_swarm.viewing.packing import packed_chunk
 from mesa_swarm.viewing.scene import Scene, scene_of_recording
@@ -83,19 +82,21 @@ class Reel:
             yield frame
 
     def _notes(self) -> Iterator[str]:
-        recording = self.recording
-        if self.rows < len(recording):
-            yield f"The recording is damaged after step {self._last_step}; what follows is left out."
-        elif recording.damage:
-            yield f"The recording {recording.damage}."
-        elif not recording.complete:
-            yield f"The recording was not closed; it is whole up to step {self._last_step}."
-        if not recording.provenance.get("scenery"):
+        yield from damage_notes(self.recording)
+        if not self.recording.provenance.get("scenery"):
             yield "An older version recorded this: robots are drawn in the usual size, without their sensors."
 
-    @property
-    def _last_step(self) -> int:
-        return self.recording[self.rows - 1].step if self.rows else 0
+
+def damage_notes(recording: Recording) -> Iterator[str]:
+    """Yield what is missing at the end of a recording."""
+    rows = recording.intact
+    last = recording[rows - 1].step if rows else 0
+    if rows < len(recording):
+        yield f"The recording is damaged after step {last}; what follows is left out."
+    elif recording.damage:
+        yield f"The recording {recording.damage}."
+    elif not recording.complete:
+        yield f"The recording was not closed; it is whole up to step {last}."
 
 
 def _in_words(value: object) -> str:
@@ -121,7 +122,7 @@ def page_of(about: dict, chunks: list[bytes]) -> str:
     elements = [f'<script type="application/json" id="about">{facts}</script>']
     for place, chunk in enumerate(chunks):
         elements.append(f'<script type="text/plain" id="chunk-{place}">{b64encode(chunk).decode()}</script>')
-    page = asset("replay.html")
+    page = text_of("viewing/replay.html")
     parts = {"policy": policy(sources(), in_page=True), "style": style(), "script": script()}
     # Data last: what a recording holds is never searched for the names of the other parts.
     for name, text in {**parts, "data": "\n".join(elements)}.items():
@@ -131,12 +132,12 @@ def page_of(about: dict, chunks: list[bytes]) -> str:
 
 def script() -> str:
     """Return all that the page runs."""
-    return "\n" + palette.script() + asset("canvas.js") + asset("player.js").replace(IMPORT, "")
+    return "\n" + palette.script() + text_of("viewing/canvas.js") + text_of("viewing/player.js").replace(IMPORT, "")
 
 
 def style() -> str:
     """Return how the page looks, with the colours of its two themes."""
-    return palette.style_sheet(":root", ':root[data-theme="dark"]') + asset("player.css")
+    return palette.style_sheet(":root", ':root[data-theme="dark"]') + text_of("viewing/player.css")
 
 
 def sources() -> dict[str, str]:
@@ -150,8 +151,3 @@ def sources() -> dict[str, str]:
         "img-src": "data:",
         "connect-src": "'self'",
     }
-
-
-def asset(name: str) -> str:
-    """Return one of the files beside this one."""
-    return (resources.files("mesa_swarm.viewing") / name).read_text(encoding="utf-8")
