@@ -28,9 +28,9 @@ def Button(
     current: str = "",
 ) -> None:
     """Show a button; of a toggle, whether it is pressed; of one of several, ``aria-current`` if it is chosen."""
-    about = (
-        {"type": "button"} | ({} if enabled else {"disabled": True}) | ({"aria-current": current} if current else {})
-    )
+    about = {"type": "button"} | ({} if enabled else {"disabled": True})
+    if current:
+        about["aria-current"] = current
     if pressed is not None:
         about["aria-pressed"] = "true" if pressed else "false"
     children = [label, rv.Html(tag="small", children=[more])] if more else [label]

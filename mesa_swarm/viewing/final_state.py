@@ -17,7 +17,7 @@ class FinalState:
     scene: Scene
     # steps (k,), temperature and robots (k, f) of the fires; the last row is the present.
     history: dict[str, np.ndarray]
-    # Numbers that the DataCollector collected of the model, by name, every so many steps.
+    # Numbers that the DataCollector collected of the model, by name; steps from one to the next.
     series: dict[str, np.ndarray]
     collect_every: int
 
