@@ -27,7 +27,6 @@ HERE = (HOST, "localhost", "::1")
 MODEL_VARIABLE = "MESA_SWARM_MODEL"
 RECORDINGS_VARIABLE = "MESA_SWARM_RECORDINGS"
 TOKEN_VARIABLE = "MESA_SWARM_TOKEN"
-APP = "mesa_swarm.dashboard.app"
 # Files are sent in pieces of 1 MB.
 LARGEST_MESSAGE = 4_000_000
 
@@ -83,7 +82,7 @@ def _open_when_served(server: "uvicorn.Server", address: str) -> None:
 
 def guarded(token: str) -> "Gate":
     """Return Solara's server behind the gate, which requires this token of requests unless it is empty."""
-    os.environ["SOLARA_APP"] = APP  # which the server reads when it is imported
+    os.environ["SOLARA_APP"] = "mesa_swarm.dashboard.app"  # which the server reads when it is imported
     from solara.server import settings  # noqa: PLC0415 - heavy, and optional
     from solara.server.starlette import app  # noqa: PLC0415 - heavy, and optional
 

@@ -19,15 +19,15 @@ from reacton import ipyvuetify as rv
 from solara.server import settings
 
 from mesa_swarm.dashboard import FIRST, MODEL_VARIABLE
-from mesa_swarm.dashboard.charts import Charts
+from mesa_swarm.dashboard.charts import ChartBoard, Charting
 from mesa_swarm.dashboard.compare_view import Compare
 from mesa_swarm.dashboard.controls import ControlPanel, Panel
-from mesa_swarm.dashboard.exporting import ExportView
+from mesa_swarm.dashboard.exporting import ExportDesk, Exporter
 from mesa_swarm.dashboard.gallery_view import Gallery, title
-from mesa_swarm.dashboard.inspector import InspectorView
+from mesa_swarm.dashboard.inspector import Inspecting, Inspector
 from mesa_swarm.dashboard.replay_view import Replay
 from mesa_swarm.dashboard.session import LARGEST_SEED, Session, checked_setting, whole_number
-from mesa_swarm.dashboard.widgets import Button, TroubleCard
+from mesa_swarm.dashboard.widgets import Button, Linked, TroubleCard
 from mesa_swarm.errors import SwarmError, UnknownNameError, check_choice, unknown_name
 from mesa_swarm.gallery import description, find_model, model_names
 from mesa_swarm.parameters import Parameter, parameters_of
@@ -261,21 +261,14 @@ def Header(session: Session, tab: str, choose_tab: Callable[[str], None]) -> Non
 def Watch(session: Session, faults: tuple[str, ...]) -> None:
     """Show the controls on the left, the world in the middle, and readings on the right."""
     with solara.Div(classes=["swarm-watch", "swarm-beside"]):
-        Controls(session)
+        Linked(ControlPanel, Panel, session)
         with solara.Div(classes=["swarm-middle"]):
             Trouble(session, faults)
             PlayerView(session, session.reset)
         with solara.Div(classes=["swarm-side"]):
-            InspectorView(session)
-            Charts(session)
-            ExportView(session)
-
-
-@solara.component
-def Controls(session: Session) -> None:
-    """Show the panel of controls."""
-    panel = ControlPanel.element()
-    solara.use_effect(lambda: Panel(solara.get_widget(panel), session).close, [])
+            Linked(Inspector, Inspecting, session)
+            Linked(ChartBoard, Charting, session)
+            Linked(Exporter, ExportDesk, session)
 
 
 @solara.component

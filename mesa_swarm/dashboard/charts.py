@@ -9,7 +9,6 @@ from typing import Any
 import anywidget
 import numpy as np
 import pandas as pd
-import solara
 import traitlets
 from matplotlib.figure import Figure
 
@@ -189,10 +188,3 @@ def colours_of(chart: Chart) -> Sequence[str]:
     if chart.key != "layers":
         return palette.LIGHT.series
     return [*map(palette.layer_colour, range(len(chart.names) - 1)), palette.LIGHT.no_layer]
-
-
-@solara.component
-def Charts(session: Session) -> None:
-    """Show the charts that the user chooses."""
-    board = ChartBoard.element()
-    solara.use_effect(lambda: Charting(solara.get_widget(board), session).close, [])

@@ -28,7 +28,7 @@ from mesa_swarm.dashboard.controls import (
 )
 from mesa_swarm.dashboard.pair import NAMES, Pair, Side
 from mesa_swarm.dashboard.session import Session
-from mesa_swarm.dashboard.widgets import Button, Link, TroubleCard
+from mesa_swarm.dashboard.widgets import Button, Link, Linked, TroubleCard
 from mesa_swarm.experiments.figures import window_means
 from mesa_swarm.gallery import model_names
 from mesa_swarm.parameters import Slider
@@ -187,11 +187,11 @@ class ComparePanel(Link):
 def groups_of(comparing: Comparing) -> list[dict[str, Any]]:
     """Return all controls in groups, in the format of the panel."""
     choice = {"kind": "choice", "live": True}
+    text = "differs between A and B; all others are as on the Watch page"
     fields = [
         {**choice, "name": "model", "label": "model", "help": "", "options": model_names()},
-        {**choice, "name": "parameter", "label": "parameter", "options": list(comparing.choices)},
+        {**choice, "name": "parameter", "label": "parameter", "help": text, "options": list(comparing.choices)},
     ]
-    fields[1]["help"] = "differs between A and B; all others are as on the Watch page"
     return [
         {"title": "Two worlds", "fields": [*fields, *(_value_field(comparing, name) for name in NAMES)]},
         {"title": "Many seeds", "fields": _run_fields()},
@@ -236,9 +236,10 @@ WORLD = {"bar": False, "head": True, "keys": "", "toggles": {}}
 class SideView:
     """Connects a canvas and one side of a pair."""
 
-    def __init__(self, canvas: SwarmCanvas, side: Side, caption: Callable[[], str]) -> None:
-        self.canvas, self.side, self._caption = canvas, side, caption
-        side.add_viewer(self)
+    def __init__(self, canvas: SwarmCanvas, comparing: Comparing, index: int) -> None:
+        self.canvas, self.comparing, self.index = canvas, comparing, index
+        self.side = comparing.pair.sides[index]
+        self.side.add_viewer(self)
 
     @property
     def ready(self) -> bool:
@@ -247,7 +248,7 @@ class SideView:
 
     def push(self, number: int, frame: PackedFrame) -> None:
         """Show a picture."""
-        self.canvas.show_state(caption=self._caption())
+        self.canvas.show_state(caption=captions(self.comparing)[self.index])
         self.canvas.push(number, frame, rest=not self.side.playing, **extent_of(self.side.past))
 
     def close(self) -> None:
@@ -264,7 +265,7 @@ def Compare(session: Session) -> None:
     is_tall = below == OVER_SEEDS and comparing.runs.report is not None
     with solara.Div(classes=["swarm-watch"]):
         with solara.Div(classes=["swarm-set"]):
-            Choices(comparing)
+            Linked(ControlPanel, ComparePanel, comparing)
             Start(comparing, lambda: choose_below(OVER_SEEDS))
         with solara.Div(classes=["swarm-middle", "swarm-pair"]):
             Trouble(comparing)
@@ -272,7 +273,7 @@ def Compare(session: Session) -> None:
                 PlayerView(comparing.pair, comparing.reset, BAR)
             with solara.Div(classes=["swarm-worlds"]):
                 for index in range(len(NAMES)):
-                    World(comparing, index).key(NAMES[index])
+                    Linked(SwarmCanvas, SideView, comparing, index, options=WORLD).key(NAMES[index])
             with solara.Div(classes=["swarm-below", "swarm-tall"] if is_tall else ["swarm-below"]):
                 with rv.Html(tag="nav", class_="swarm-tabs", attributes={"aria-label": "Results"}):
                     for name in (OVER_TIME, OVER_SEEDS):
@@ -281,21 +282,6 @@ def Compare(session: Session) -> None:
                     Curves(comparing)
                 else:
                     Result(comparing)
-
-
-@solara.component
-def Choices(comparing: Comparing) -> None:
-    """Show the panel of controls."""
-    panel = ControlPanel.element()
-    solara.use_effect(lambda: ComparePanel(solara.get_widget(panel), comparing).close, [])
-
-
-@solara.component
-def World(comparing: Comparing, index: int) -> None:
-    """Show one of the two worlds."""
-    canvas = SwarmCanvas.element(options=WORLD)
-    side = comparing.pair.sides[index]
-    solara.use_effect(lambda: SideView(solara.get_widget(canvas), side, lambda: captions(comparing)[index]).close, [])
 
 
 def captions(comparing: Comparing) -> tuple[str, str]:

@@ -15,7 +15,6 @@ from tempfile import TemporaryDirectory
 from typing import Any, cast
 
 import anywidget
-import solara
 import traitlets
 
 from mesa_swarm.dashboard.session import Session
@@ -492,10 +491,3 @@ def status_of(exporting: Exporting) -> dict[str, Any]:
         "message": exporting.message,
         "fault": exporting.fault,
     }
-
-
-@solara.component
-def ExportView(session: Session) -> None:
-    """Show the export panel."""
-    exporter = Exporter.element()
-    solara.use_effect(lambda: ExportDesk(solara.get_widget(exporter), session).close, [])

@@ -49,10 +49,7 @@ FORM = """<!doctype html><html lang="en"><meta charset="utf-8"><title>mesa_swarm
 input,button{font:inherit;padding:.4em .8em}</style>
 <h1>mesa_swarm</h1><p>This dashboard requires a token. It was printed in the terminal that started the dashboard.</p>
 <form><label>Token <input name="token" type="password" autofocus></label> <button>Enter</button></form></html>"""
-OTHER_HOST = "This dashboard answers to 127.0.0.1 and localhost only."
-OTHER_PAGE = "Requests from other pages are refused."
 MALFORMED = "This request is malformed."
-NO_ASSET = "File not found."
 
 
 class Gate:
@@ -81,9 +78,9 @@ class Gate:
         if not is_well_formed(scope):
             await _refuse(scope, send, 400, MALFORMED)
         elif not self.token and host_of(host) not in LOOPBACK:
-            await _refuse(scope, send, 400, OTHER_HOST)
+            await _refuse(scope, send, 400, "This dashboard answers to 127.0.0.1 and localhost only.")
         elif "origin" in headers and not is_from(host, headers["origin"]):
-            await _refuse(scope, send, 403, OTHER_PAGE)
+            await _refuse(scope, send, 403, "Requests from other pages are refused.")
         elif not self.token or _same(cookie_of(headers.get("cookie", "")), digest_of(self.token)):
             await self._pass_on(scope, receive, send)
         else:
@@ -94,7 +91,7 @@ class Gate:
             await _refuse(scope, send, 400, MALFORMED)
             return
         if scope["path"].startswith(ASSETS) and not self._has(scope["path"].removeprefix(ASSETS)):
-            await _refuse(scope, send, 404, NO_ASSET)
+            await _refuse(scope, send, 404, "File not found.")
             return
         headers = [(name, value) for name, value in scope["headers"] if not PROXY.fullmatch(name.lower())]
         await self.app({**scope, "headers": headers}, _sound(receive), send)

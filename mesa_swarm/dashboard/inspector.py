@@ -9,7 +9,6 @@ from typing import Any
 import anywidget
 import numpy as np
 import shapely
-import solara
 import traitlets
 
 from mesa_swarm.control.explain import moment_of
@@ -125,13 +124,6 @@ class Inspecting(Link):
             return
         self.inspector.fault = ""
         session.retake()
-
-
-@solara.component
-def InspectorView(session: Session) -> None:
-    """Show the robot that is selected."""
-    inspector = Inspector.element()
-    solara.use_effect(lambda: Inspecting(solara.get_widget(inspector), session).close, [])
 
 
 def robot_of(model: SwarmModel, number: int | None) -> Robot | None:

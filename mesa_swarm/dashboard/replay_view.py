@@ -11,7 +11,7 @@ from mesa_swarm.dashboard.controls import ControlPanel, field_of, label_of, valu
 from mesa_swarm.dashboard.gallery_view import title
 from mesa_swarm.dashboard.replaying import ENDING, MOST_EVENTS, Replaying, ReplayPlayer
 from mesa_swarm.dashboard.session import Session
-from mesa_swarm.dashboard.widgets import Button, FilePicker, Link, TroubleCard
+from mesa_swarm.dashboard.widgets import Button, FilePicker, Link, Linked, TroubleCard
 from mesa_swarm.gallery import find_model
 from mesa_swarm.parameters import parameters_of
 from mesa_swarm.viewing.canvas_widget import PlayerView
@@ -109,8 +109,7 @@ def Recordings(replaying: Replaying) -> None:
     """Show the listed recordings, the upload, and facts of the open recording."""
     use_changes(replaying.changed)
     solara.HTML(tag="h2", unsafe_innerHTML="Recordings")
-    picker = FilePicker.element(label="Upload a recording", accept=ENDING)
-    solara.use_effect(lambda: Upload(solara.get_widget(picker), replaying).close, [])
+    Linked(FilePicker, Upload, replaying, label="Upload a recording", accept=ENDING)
     for text, kind in ((replaying.busy, "swarm-hint"), (replaying.fault, "swarm-fault")):
         if text:
             rv.Html(tag="p", class_=kind, attributes={"role": "status"}, children=[text])
@@ -162,17 +161,10 @@ def Branch(replaying: Replaying) -> None:
         rv.Html(tag="p", class_="swarm-hint", children=[BRANCHING])
         label = f"Continue live with {_changed(replaying)}" if replaying.changes else "Continue live"
         Button(label, replaying.branch, "swarm-do", enabled=not replaying.busy)
-        Changes(replaying)
+        Linked(ControlPanel, BranchPanel, replaying, bare=True)
     else:
         name = replaying.provenance["model"]["name"]
         rv.Html(tag="p", class_="swarm-hint", children=[f"{name} is not a model of this page; replay only."])
-
-
-@solara.component
-def Changes(replaying: Replaying) -> None:
-    """Show the panel of parameters after branching."""
-    panel = ControlPanel.element(bare=True)
-    solara.use_effect(lambda: BranchPanel(solara.get_widget(panel), replaying).close, [])
 
 
 def _changed(replaying: Replaying) -> str:

@@ -453,7 +453,9 @@ def recordings_place() -> Path | None:
 def _gallery_name(provenance: dict[str, Any]) -> str:
     recorded = provenance.get("model", {"module": "", "name": ""})
     name = recorded["module"].rpartition(".")[2]
-    shipped = name in model_names() and (recorded["module"], recorded["name"]) == _place_of(name)
+    if name not in model_names():
+        return ""
+    shipped = recorded["module"] == find_model(name).__module__ and recorded["name"] == class_name(name)
     return name if shipped and _are_permitted(name, provenance["parameters"]) else ""
 
 
@@ -466,11 +468,6 @@ def _are_permitted(name: str, given: dict[str, Any]) -> bool:
     except SwarmError:
         return False
     return True
-
-
-def _place_of(name: str) -> tuple[str, str]:
-    model_class = find_model(name)
-    return model_class.__module__, class_name(name)
 
 
 def _chart_of(provenance: dict[str, Any]) -> Map | str:

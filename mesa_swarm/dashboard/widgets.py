@@ -4,6 +4,7 @@ import threading
 from collections.abc import Callable, Generator, Sequence
 from pathlib import Path, PureWindowsPath
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import anywidget
 import solara
@@ -49,6 +50,13 @@ def TroubleCard(title: str, *texts: str, way_out: tuple[str, Callable[[], object
         if way_out:
             label, act = way_out
             solara.Button(label, act)
+
+
+@solara.component
+def Linked(widget: type[anywidget.AnyWidget], link: Callable[..., Any], *sources: object, **traits: object) -> None:
+    """Show a widget, connected by a link until it is removed."""
+    element = widget.element(**traits)
+    solara.use_effect(lambda: link(solara.get_widget(element), *sources).close, [])
 
 
 class Link:

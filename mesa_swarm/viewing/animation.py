@@ -203,7 +203,8 @@ class Animation:
         radii = self._radii()
         for track in tracks(zip((frame.robots for frame in self._frames), rows, strict=True)):
             colours = [LIGHT.robot_hot if is_hot else LIGHT.robot for is_hot in track.values[:, 3]]
-            body = f'<use href="#body{radii.index(self._radius_of(track.number))}"/>'
+            radius = self._drawn.scene.radius_of(np.array([track.number]))[0]
+            body = f'<use href="#body{radii.index(radius)}"/>'
             look = f'class="robot" data-robot="{track.number}" fill="{colours[0]}"'
             yield self._body(track, look, self._clock.jumping("fill", colours), body)
 
@@ -227,9 +228,6 @@ class Animation:
     def _radii(self) -> list[float]:
         robots = np.unique(np.concatenate([frame.robots for frame in self._frames]))
         return np.unique(self._drawn.scene.radius_of(robots)).tolist()
-
-    def _radius_of(self, robot: int) -> float:
-        return float(self._drawn.scene.radius_of(np.array([robot]))[0])
 
     def _bodies(self) -> Iterator[str]:
         for place, r in enumerate(self._radii()):

@@ -19,7 +19,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from mesa_swarm.recording.frames import Frame
+from mesa_swarm.recording.frames import NO_ROWS, Frame
 from mesa_swarm.viewing.scene import COLUMNS, Scene
 
 TYPES = {"f4": "<f4", "i4": "<i4", "i1": "i1"}
@@ -69,9 +69,10 @@ def drawn_columns(frame: Frame, scene: Scene) -> Columns:
         drawn["heat"] = known["temperature"] / scene.world(frame.step)["leave"]
     if "heard" in scene.columns:
         drawn["heard"] = position + _turned(known["heard_from"], heading)
-    drawn["fires"] = _fields(known.get("fires"), FIRE_FIELDS)
-    drawn["loads"] = _loads(known.get("loads"), scene)
-    drawn["contacts"] = _contacts(known.get("contacts"), frame.robots)
+    fires, loads, contacts = (known.get(table, NO_ROWS[table]) for table in ("fires", "loads", "contacts"))
+    drawn["fires"] = _fields(fires, FIRE_FIELDS)
+    drawn["loads"] = _loads(loads, scene)
+    drawn["contacts"] = _contacts(contacts, frame.robots)
     return {name: _typed(values, COLUMNS[name][2]) for name, values in drawn.items()}
 
 
@@ -87,29 +88,26 @@ def _sensors(columns: Columns) -> int:
     return columns["distance"].shape[1] if "distance" in columns else 0
 
 
-def _fields(table: np.ndarray | None, fields: Sequence[str], before: int = 0) -> np.ndarray:
+def _fields(table: np.ndarray, fields: Sequence[str], before: int = 0) -> np.ndarray:
     """Return fields of a table as float32 columns, after some columns that are left free."""
-    found = np.empty((0 if table is None else len(table), before + len(fields)), "<f4")
-    if table is not None and len(table):
-        for place, field in enumerate(fields, start=before):
-            found[:, place] = table[field]
+    found = np.empty((len(table), before + len(fields)), "<f4")
+    for place, field in enumerate(fields, start=before):
+        found[:, place] = table[field]
     return found
 
 
-def _loads(table: np.ndarray | None, scene: Scene) -> np.ndarray:
+def _loads(table: np.ndarray, scene: Scene) -> np.ndarray:
     """Return loads with their index in the world instead of their id, -1 where the world does not know them."""
     found = _fields(table, LOAD_FIELDS, before=1)
-    if table is not None and len(table):
-        found[:, 0] = [scene.load_places.get(load, -1) for load in table["load"].tolist()]
+    found[:, 0] = [scene.load_places.get(load, -1) for load in table["load"].tolist()]
     return found
 
 
-def _contacts(table: np.ndarray | None, ids: np.ndarray) -> np.ndarray:
+def _contacts(table: np.ndarray, ids: np.ndarray) -> np.ndarray:
     """Return the row of each robot that met something, and the azimuth in which that is."""
-    found = np.empty((0 if table is None else len(table), 2), "<f4")
-    if table is not None and len(table):
-        found[:, 0] = np.searchsorted(ids, table["robot"])
-        found[:, 1] = np.arctan2(-table["normal_y"].astype(float), -table["normal_x"].astype(float))
+    found = np.empty((len(table), 2), "<f4")
+    found[:, 0] = np.searchsorted(ids, table["robot"])
+    found[:, 1] = np.arctan2(-table["normal_y"].astype(float), -table["normal_x"].astype(float))
     return found
 
 
