@@ -7,7 +7,7 @@ import traceback
 import warnings
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
-from typing import Annotated, TextIO
+from typing import Annotated
 
 import typer
 
@@ -29,14 +29,9 @@ app.add_typer(draw.map_commands, name="map")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run a command and exit with status 0, 2 for an error, 130 after Ctrl-C.
+    """Run a command, by default that of the command line; exit with status 0, 2 for an error, 130 after Ctrl-C.
 
     The status is 1 if `verify` finds a difference, or a run of a job fails.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        By default what follows the program's name on the command line.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in words
@@ -88,14 +83,7 @@ def _in_words(error: Exception) -> str:
     return f"{in_words(error)} (--debug shows where)"
 
 
-def _show_warning(
-    message: Warning | str,
-    category: type[Warning],
-    filename: str,
-    lineno: int,
-    file: TextIO | None = None,
-    line: str | None = None,
-) -> None:
+def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
     _complain(f"warning: {message}")
 
 

@@ -55,20 +55,7 @@ def diagnose(
 
 
 def described_episodes(found: "Pathologies", ids: Sequence[int]) -> list[str]:
-    """Return the 20 longest episodes as sentences, the longest first.
-
-    Parameters
-    ----------
-    found : Pathologies
-    ids : sequence of int, length n
-        The unique_id of each row.
-
-    Examples
-    --------
-    >>> from mesa_swarm.analysis.pathology import Episode, Pathologies
-    >>> described_episodes(Pathologies((Episode(kind="stuck", robots=(0,), first_step=10, last_step=49),)), [7])
-    ['Robot 7 was commanded forwards but did not move, in steps 10 to 49.']
-    """
+    """Return the 20 longest episodes as sentences, the longest first."""
     longest = sorted(found, key=lambda episode: -episode.steps)
     sentences = [episode.describe(ids) for episode in longest[:MOST_EPISODES]] or ["No pathology was found."]
     more = len(longest) - MOST_EPISODES
@@ -133,13 +120,7 @@ def reproduce(
 
 
 def made_by(laboratory: "Laboratory", chosen: "Sequence[Item]") -> "Iterator[Made]":
-    """Yield results as they are made.
-
-    Raises
-    ------
-    InvalidValueError
-        If the numbers of stored runs do not fit the result.
-    """
+    """Yield results as they are made."""
     from mesa_swarm.reproduction.registry import Made
 
     for item in chosen:

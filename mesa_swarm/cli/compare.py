@@ -112,13 +112,7 @@ def compare(
 
 
 def parsed_values(model_class: type, parameter: str | None, values: str) -> list:
-    """Return values separated by commas, as the parameter's type.
-
-    Examples
-    --------
-    >>> parsed_values(find_model("fire_fighting"), "n_robots", "5, 10")
-    [5, 10]
-    """
+    """Return values separated by commas, as the parameter's type."""
     from mesa_swarm.parameters import parsed_settings
 
     name = parameter or getattr(model_class, "compares", (None,))[0]

@@ -72,18 +72,7 @@ def drawn(model: "SwarmModel", kind: str, steps: list[int], robots: int | None, 
 
 
 def parsed_steps(text: str, several: bool) -> list[int]:
-    """Return steps separated by commas.
-
-    Raises
-    ------
-    InvalidValueError
-        If they are not whole numbers, or several where one is expected.
-
-    Examples
-    --------
-    >>> parsed_steps("0, 1000", several=True)
-    [0, 1000]
-    """
+    """Return steps separated by commas."""
     parts = text.split(",")
     whole = all(part.strip().isdecimal() and int(part) <= LAST_STEP for part in parts)
     if not whole or (len(parts) > 1 and not several):
@@ -185,18 +174,7 @@ def show_map(
 
 
 def described(world: "Map") -> str:
-    """Return a map's name, size, and the number of obstacles, ground marks and fires, on five lines.
-
-    Examples
-    --------
-    >>> from mesa_swarm import Map
-    >>> print(described(Map.load("openspace_fire")))
-    name          openspace_fire
-    size          800 x 600
-    obstacles     4 (4 rectangles)
-    ground marks  0
-    fires         7 (areas 2.25, 16, 4, 2.89, 1.69, 2.25, 2.89)
-    """
+    """Return a map's name, size, and the number of obstacles, ground marks and fires, on five lines."""
     solid = [shape.kind for shape in world.obstacles if shape.contact]
     counts = {kind: solid.count(kind) for kind in ("disc", "rectangle", "polygon")}
     kinds = [f"{count} {kind}{'s' if count > 1 else ''}" for kind, count in counts.items() if count]

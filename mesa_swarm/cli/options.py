@@ -22,13 +22,7 @@ FAILED = 1
 
 
 def known_model(name: str | None) -> str | None:
-    """Return the name of a model of the gallery, or None.
-
-    Examples
-    --------
-    >>> known_model("fire_fighting")
-    'fire_fighting'
-    """
+    """Return the name of a model of the gallery, or None."""
     return name if name is None else check_choice("model", name, model_names())
 
 
@@ -73,27 +67,14 @@ def resumable(place: Path) -> Iterator[None]:
 
 
 def print_pairs(pairs: dict) -> None:
-    """Print names and values in two columns.
-
-    Examples
-    --------
-    >>> print_pairs({"steps": 10, "out at": None})
-    steps   10
-    out at  -
-    """
+    """Print names and values in two columns."""
     width = max(map(len, pairs))
     for name, value in pairs.items():
         print(f"{name:{width}}  {in_brief(value)}")
 
 
 def in_brief(value: object) -> str:
-    """Return a value as a user would write it.
-
-    Examples
-    --------
-    >>> in_brief(0.1 + 0.2), in_brief(None)
-    ('0.3', '-')
-    """
+    """Return a value as a user would write it."""
     if value is None:
         return "-"
     return f"{value:.6g}" if isinstance(value, float) else str(value)

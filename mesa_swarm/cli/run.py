@@ -100,19 +100,7 @@ def verify(file: RecordingFile, *, quiet: Quiet = False) -> None:
 
 
 def run_job(path: str, record: Path | None, force: bool, *, progress: bool) -> bool:
-    """Run a job file, print the results of each run, and return whether all runs succeeded.
-
-    Parameters
-    ----------
-    path : str
-        The job file.
-    record : Path, optional
-        The recordings' name, instead of the job's own.
-    force : bool
-        Whether existing recordings are replaced; otherwise their runs fail.
-    progress : bool
-        Whether each run has a progress bar.
-    """
+    """Run a job file, recorded to `record` or as it defines; print each run's results; return whether all succeeded."""
     from mesa_swarm.experiments.jobs import read_job, recorded_to
     from mesa_swarm.experiments.ledger import Outcome
     from mesa_swarm.experiments.run_records import recorded

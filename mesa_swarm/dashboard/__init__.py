@@ -27,7 +27,6 @@ HERE = (HOST, "localhost", "::1")
 MODEL_VARIABLE = "MESA_SWARM_MODEL"
 RECORDINGS_VARIABLE = "MESA_SWARM_RECORDINGS"
 TOKEN_VARIABLE = "MESA_SWARM_TOKEN"
-APP = "mesa_swarm.dashboard.app"
 # Files are sent in pieces of 1 MB.
 LARGEST_MESSAGE = 4_000_000
 
@@ -41,24 +40,9 @@ def launch(
 ) -> None:
     """Serve the dashboard until interrupted.
 
-    Parameters
-    ----------
-    model_name : str
-        The model that is shown first.
-    port : int
-        1 to 65535.
-    open_browser : bool
-        Whether to open the page in the user's browser.
-    host : str
-        The address to listen on. Other than 127.0.0.1, this machine's own, the page asks for a token, which is
-        printed; set the environment variable MESA_SWARM_TOKEN to choose it.
-    recordings : str or Path, optional
-        A recording, or a folder of them, that all users of the page may replay.
-
-    Raises
-    ------
-    SwarmError
-        If the model is unknown, the port is taken, there are no such recordings, or Solara is not installed.
+    On a host other than 127.0.0.1, this machine's own, the page asks for a token, which is printed; the environment
+    variable MESA_SWARM_TOKEN chooses it. All users of the page may replay `recordings`, a recording or a folder of
+    them.
     """
     check_choice("model", model_name, model_names())
     _check_port(host, check_count("port", port, minimum=1, maximum=65535))
@@ -97,14 +81,8 @@ def _open_when_served(server: "uvicorn.Server", address: str) -> None:
 
 
 def guarded(token: str) -> "Gate":
-    """Return Solara's server behind the gate.
-
-    Parameters
-    ----------
-    token : str
-        The token required of requests, empty for none.
-    """
-    os.environ["SOLARA_APP"] = APP  # which the server reads when it is imported
+    """Return Solara's server behind the gate, which requires this token of requests unless it is empty."""
+    os.environ["SOLARA_APP"] = "mesa_swarm.dashboard.app"  # which the server reads when it is imported
     from solara.server import settings  # noqa: PLC0415 - heavy, and optional
     from solara.server.starlette import app  # noqa: PLC0415 - heavy, and optional
 

@@ -7,6 +7,7 @@ import os
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 from urllib.parse import parse_qsl, urlencode
 
@@ -18,19 +19,20 @@ from reacton import ipyvuetify as rv
 from solara.server import settings
 
 from mesa_swarm.dashboard import FIRST, MODEL_VARIABLE
-from mesa_swarm.dashboard.charts import Charts
+from mesa_swarm.dashboard.charts import ChartBoard, Charting
 from mesa_swarm.dashboard.compare_view import Compare
 from mesa_swarm.dashboard.controls import ControlPanel, Panel
-from mesa_swarm.dashboard.exporting import ExportView
+from mesa_swarm.dashboard.exporting import ExportDesk, Exporter
 from mesa_swarm.dashboard.gallery_view import Gallery, title
-from mesa_swarm.dashboard.inspector import InspectorView
+from mesa_swarm.dashboard.inspector import Inspecting, Inspector
 from mesa_swarm.dashboard.replay_view import Replay
 from mesa_swarm.dashboard.session import LARGEST_SEED, Session, checked_setting, whole_number
-from mesa_swarm.dashboard.widgets import TroubleCard
+from mesa_swarm.dashboard.widgets import Button, Linked, TroubleCard
 from mesa_swarm.errors import SwarmError, UnknownNameError, check_choice, unknown_name
 from mesa_swarm.gallery import description, find_model, model_names
 from mesa_swarm.parameters import Parameter, parameters_of
-from mesa_swarm.viewing.canvas_widget import SwarmCanvas, text_of, use_connection
+from mesa_swarm.viewing import text_of
+from mesa_swarm.viewing.canvas_widget import PlayerView
 from mesa_swarm.viewing.palette import style_sheet
 from mesa_swarm.viewing.play_loop import use_changes
 from mesa_swarm.world.map import builtin_maps
@@ -44,42 +46,19 @@ MOST_FAULTS = 5
 
 @dataclass(frozen=True, kw_only=True)
 class Address:
-    """The settings in a link.
-
-    Parameters
-    ----------
-    model : str
-    settings : dict
-        Parameters that are not the model's defaults.
-    seed, steps : int
-    faults : tuple of str
-        Why parts of the link were ignored, empty if none was.
-    """
+    """The settings in a link."""
 
     model: str
+    # Parameters that are not the model's defaults.
     settings: dict[str, Any] = field(default_factory=dict)
     seed: int = 1
     steps: int = 0
+    # Why parts of the link were ignored.
     faults: tuple[str, ...] = ()
 
 
 def address_from(query: str | None, first: str) -> Address:
-    """Return the settings in a link's query; each invalid one is reported, and left out.
-
-    Parameters
-    ----------
-    query : str or None
-        The text after the question mark.
-    first : str
-        The model if the query names none.
-
-    Examples
-    --------
-    >>> address_from("model=fire_fighting&strategy=A&seed=7", "boids")
-    Address(model='fire_fighting', settings={'strategy': 'A'}, seed=7, steps=0, faults=())
-    >>> address_from("model=fire_fighting&strategie=A&seed=7", "boids").faults[0][:67]
-    "unknown parameter of fire_fighting 'strategie'; did you mean 'strat"
-    """
+    """Return the settings in a link's query; each invalid one is reported, and left out."""
     words = dict(parse_qsl((query or "")[:LONGEST]))
     words.pop("token", None)
     try:
@@ -115,11 +94,6 @@ def query_of(session: Session) -> str:
     """Return the query of a link to what a session shows, except for uploaded maps.
 
     Settings changed during the run are in it as if they had been set from the start.
-
-    Examples
-    --------
-    >>> query_of(Session("fire_fighting", {"strategy": "A"}, seed=7))
-    'model=fire_fighting&strategy=A&seed=7'
     """
     words = {"model": session.name}
     for name, parameter in session.parameters.items():
@@ -134,15 +108,7 @@ def query_of(session: Session) -> str:
 
 
 class PageBar(anywidget.AnyWidget):
-    """A button that switches between light and dark; it also writes the address bar.
-
-    Parameters
-    ----------
-    query : str
-        Written into the address bar, without loading the page again.
-    dark : bool
-        The user's choice, or the system's preference.
-    """
+    """A button that switches between light and dark; it also writes `query` into the address bar, without a reload."""
 
     _esm = """
     const KEY = "mesa_swarm.theme", WORDS = { auto: "as the system", light: "light", dark: "dark" };
@@ -187,18 +153,7 @@ MOST_PAGES = 40
 
 
 class Places:
-    """A limited number of places, to be taken and given back.
-
-    Examples
-    --------
-    >>> places = Places(1)
-    >>> leave = places.take()
-    >>> places.take() is None
-    True
-    >>> leave()
-    >>> places.taken
-    0
-    """
+    """A limited number of places, to be taken and given back."""
 
     def __init__(self, most: int = MOST_PAGES) -> None:
         self.most = most
@@ -227,9 +182,6 @@ class Places:
 
 CSS = style_sheet(".v-application", ".v-application.theme--dark") + text_of("dashboard/style.css")
 WATCH, MODELS = "Watch", "Models"
-CANVAS = {"bar": True, "keys": "page", "toggles": {}}
-# Components beside the canvas, from top to bottom; each is called with the session.
-BESIDE: tuple = (InspectorView, Charts, ExportView)
 # More tabs: names, and components that are called with the session.
 MORE_TABS: dict = {"Compare": Compare, "Replay": Replay}
 
@@ -258,19 +210,13 @@ def Page() -> None:
     solara.Style(CSS)
     with rv.Html(tag="main", class_="swarm"):
         if leave is None:
-            Full()
+            TroubleCard(
+                "Too many pages are open",
+                f"{PLACES.most} pages of this dashboard are open, each with its own model.",
+                "Close one, wait a minute, and load this page again.",
+            )
         else:
             Room()
-
-
-@solara.component
-def Full() -> None:
-    """Show that too many pages are open."""
-    TroubleCard(
-        "Too many pages are open",
-        f"{PLACES.most} pages of this dashboard are open, each with its own model.",
-        "Close one, wait a minute, and load this page again.",
-    )
 
 
 @solara.component
@@ -305,46 +251,24 @@ def Header(session: Session, tab: str, choose_tab: Callable[[str], None]) -> Non
         solara.HTML(tag="h1", unsafe_innerHTML="mesa_swarm")
         with rv.Html(tag="nav", attributes={"aria-label": "Pages"}):
             for name in (WATCH, MODELS, *MORE_TABS):
-                Tab(name, name == tab, choose_tab).key(name)
+                Button(name, partial(choose_tab, name), current="page" if name == tab else "").key(name)
         shown = rv.Html(tag="b", children=[title(session.name)])
         rv.Html(tag="p", children=[shown, f" {description(session.model_class)}"])
         PageBar.element(query=query_of(session), on_dark=lambda dark: setattr(solara.lab.theme, "dark", dark))
 
 
 @solara.component
-def Tab(name: str, chosen: bool, choose_tab: Callable[[str], None]) -> None:
-    """Show one tab as a button."""
-    about = {"type": "button", "aria-current": "page"} if chosen else {"type": "button"}
-    button = rv.Html(tag="button", children=[name], attributes=about)
-    rv.use_event(button, "click", lambda *_: choose_tab(name))
-
-
-@solara.component
 def Watch(session: Session, faults: tuple[str, ...]) -> None:
     """Show the controls on the left, the world in the middle, and readings on the right."""
-    classes = ["swarm-watch", "swarm-beside"] if BESIDE else ["swarm-watch"]
-    with solara.Div(classes=classes):
-        Controls(session)
+    with solara.Div(classes=["swarm-watch", "swarm-beside"]):
+        Linked(ControlPanel, Panel, session)
         with solara.Div(classes=["swarm-middle"]):
             Trouble(session, faults)
-            World(session)
-        if BESIDE:
-            with solara.Div(classes=["swarm-side"]):
-                for component in BESIDE:
-                    component(session)
-
-
-@solara.component
-def Controls(session: Session) -> None:
-    """Show the panel of controls."""
-    panel = ControlPanel.element()
-    solara.use_effect(lambda: Panel(solara.get_widget(panel), session).close, [])
-
-
-@solara.component
-def World(session: Session) -> None:
-    """Show the canvas with its buttons."""
-    use_connection(SwarmCanvas.element(options=CANVAS), session, session.reset)
+            PlayerView(session, session.reset)
+        with solara.Div(classes=["swarm-side"]):
+            Linked(Inspector, Inspecting, session)
+            Linked(ChartBoard, Charting, session)
+            Linked(Exporter, ExportDesk, session)
 
 
 @solara.component

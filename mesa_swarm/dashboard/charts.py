@@ -3,20 +3,19 @@
 import threading
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import anywidget
 import numpy as np
 import pandas as pd
-import solara
 import traitlets
 from matplotlib.figure import Figure
 
 from mesa_swarm.dashboard.series import Chart, Series
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Downloads, Link
-from mesa_swarm.viewing import palette
-from mesa_swarm.viewing.canvas_widget import text_of
+from mesa_swarm.viewing import palette, text_of
 from mesa_swarm.viewing.pictures import literal, png
 from mesa_swarm.viewing.player import PackedFrame
 
@@ -32,17 +31,10 @@ DASHES = ("-", "--", ":")
 
 
 class ChartBoard(anywidget.AnyWidget):
-    """Charts drawn in the browser.
-
-    Attributes
-    ----------
-    charts : list of dict
-        Key and title of each that can be shown.
-    shown : list of str
-        Keys of those that are.
-    """
+    """Charts drawn in the browser."""
 
     _esm = palette.script() + text_of("viewing/elements.js", "dashboard/downloads.js", "dashboard/charts.js")
+    # Key and title of each chart, and the keys of those that are shown.
     charts: traitlets.List[dict[str, Any]] = traitlets.List().tag(sync=True)
     shown: traitlets.List[str] = traitlets.List().tag(sync=True)
 
@@ -51,14 +43,7 @@ class Charting(Link):
     """Connects a chart board and a session's measurements.
 
     Numbers are sent while the page is visible and has drawn the last ones, at most every `EVERY` seconds while the
-    model is played.
-
-    Parameters
-    ----------
-    board : ChartBoard
-    session : Session
-    clock : function, optional
-        Returns the time in seconds, far above 0.
+    model is played. `clock` returns seconds far above 0.
     """
 
     ready = False  # charts alone need no picture
@@ -71,7 +56,8 @@ class Charting(Link):
         self._looks = self._waits = False
         self._busy = 0.0
         self._sent = 0.0
-        self.connect(board, session.changed.add(self.refresh))
+        leave_view = partial(session.remove_viewer, self)
+        self.connect(board, session.changed.add(self.refresh), leave_view, self._downloads.close)
         self.refresh()
         session.add_viewer(self)
 
@@ -80,12 +66,9 @@ class Charting(Link):
         titles = {chart.key: chart.title for chart in self.session.series.charts()}
         order = in_order(list(titles))
         known = [{"key": key, "title": titles[key]} for key in order]
-        if self.board.charts != known:
-            self.board.charts = known
+        self.board.charts = known
         wanted = self.session.chosen_charts.get(self.session.name, order[:SHOWN_FIRST])
-        shown = [key for key in order if key in wanted]
-        if self.board.shown != shown:
-            self.board.shown = shown
+        self.board.shown = [key for key in order if key in wanted]
 
     def push(self, number: int, frame: PackedFrame) -> None:
         """Show the numbers up to now, if an update is due; mark the displayed step if it is an earlier one."""
@@ -112,12 +95,6 @@ class Charting(Link):
                 self._hand_over(str(value), message["do"])
             case _:
                 self._downloads.hear(message)
-
-    def close(self) -> None:
-        """Disconnect."""
-        super().close()
-        self.session.remove_viewer(self)
-        self._downloads.close()
 
     def _choose(self, keys: list[str]) -> None:
         self.session.chosen_charts[self.session.name] = keys
@@ -153,29 +130,14 @@ class Charting(Link):
 
 
 def in_order(keys: list[str]) -> list[str]:
-    """Return charts in the order of display: fires, those of the model, then those of all models.
-
-    Examples
-    --------
-    >>> in_order(["collisions", "alignment", "layers"])
-    ['alignment', 'layers', 'collisions']
-    """
+    """Return charts in the order of display: fires, those of the model, then those of all models."""
     own = [key for key in keys if key not in FIRST + LATER]
     order = [*FIRST, *LATER, *own] if set(FIRST) & set(keys) else [*own, *LATER]
     return [key for key in order if key in keys]
 
 
 def curves_message(series: Series, keys: list[str]) -> tuple[list[dict], list[bytes]]:
-    """Return descriptions of curves for the browser, and float32 buffers of steps, mean, low and high.
-
-    Examples
-    --------
-    >>> from mesa_swarm import SwarmModel
-    >>> series = Series()
-    >>> series.follow(SwarmModel(rng=1))
-    >>> curves_message(series, ["collisions"])[0][0]["points"]
-    0
-    """
+    """Return descriptions of curves for the browser, and float32 buffers of steps, mean, low and high."""
     descriptions, buffers = [], []
     for chart in series.charts():
         if chart.key not in keys:
@@ -189,16 +151,7 @@ def curves_message(series: Series, keys: list[str]) -> tuple[list[dict], list[by
 
 
 def csv_of(series: Series, key: str) -> bytes:
-    """Return all stored rows of one chart as CSV, with units in the header.
-
-    Examples
-    --------
-    >>> from mesa_swarm.models.collision_avoidance import CollisionAvoidance
-    >>> series, model = Series(), CollisionAvoidance(rng=1)
-    >>> series.follow(model)
-    >>> csv_of(series, "collisions").decode().splitlines()
-    ['step,Collisions in a step (robots)']
-    """
+    """Return all stored rows of one chart as CSV, with units in the header."""
     chart, (steps, rows) = series.chart(key), series.rows(key)
     columns = {with_unit(name, chart): column for name, column in zip(chart.names, rows.T, strict=True)}
     counts = {
@@ -235,10 +188,3 @@ def colours_of(chart: Chart) -> Sequence[str]:
     if chart.key != "layers":
         return palette.LIGHT.series
     return [*map(palette.layer_colour, range(len(chart.names) - 1)), palette.LIGHT.no_layer]
-
-
-@solara.component
-def Charts(session: Session) -> None:
-    """Show the charts that the user chooses."""
-    board = ChartBoard.element()
-    solara.use_effect(lambda: Charting(solara.get_widget(board), session).close, [])

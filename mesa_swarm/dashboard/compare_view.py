@@ -1,7 +1,6 @@
 """Two worlds side by side, their controls and their chart."""
 
 import base64
-import io
 import secrets
 import threading
 from collections.abc import Callable, Sequence
@@ -12,7 +11,6 @@ from typing import Any
 import numpy as np
 import solara
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, StrMethodFormatter
 from reacton import ipyvuetify as rv
@@ -25,20 +23,20 @@ from mesa_swarm.dashboard.controls import (
     label_of,
     value_at,
     value_of,
+    value_text,
     with_faults,
 )
 from mesa_swarm.dashboard.pair import NAMES, Pair, Side
 from mesa_swarm.dashboard.session import Session
-from mesa_swarm.dashboard.widgets import Button, Link, TroubleCard
+from mesa_swarm.dashboard.widgets import Button, Link, Linked, TroubleCard
 from mesa_swarm.experiments.figures import window_means
 from mesa_swarm.gallery import model_names
 from mesa_swarm.parameters import Slider
-from mesa_swarm.viewing.canvas_widget import SwarmCanvas, extent_of, use_connection
+from mesa_swarm.viewing.canvas_widget import PlayerView, SwarmCanvas, extent_of
 from mesa_swarm.viewing.palette import LIGHT
-from mesa_swarm.viewing.pictures import literal
+from mesa_swarm.viewing.pictures import literal, png
 from mesa_swarm.viewing.play_loop import use_changes
 from mesa_swarm.viewing.player import PackedFrame
-from mesa_swarm.viewing.readings import value_text
 
 # Shortest time between drawings, s: one takes a tenth of that.
 EVERY = 0.5
@@ -73,21 +71,7 @@ def _reports_of(side: Side) -> Reports:
 
 
 def curves_png(series: Sequence[Reports], labels: Sequence[str]) -> bytes:
-    """Return a chart as PNG: a panel for each of the first three reports, in it a line for each world.
-
-    Parameters
-    ----------
-    series : sequence of dict
-        Of each world by name, the steps and the numbers.
-    labels : sequence of str
-        Of the worlds.
-
-    Examples
-    --------
-    >>> steps = np.array([1, 2])
-    >>> curves_png([{"fires": (steps, np.array([7, 6]))}, {"fires": (steps, np.array([7, 7]))}], ["A", "B"])[1:4]
-    b'PNG'
-    """
+    """Return a chart as PNG: a panel for each of the first three reports, in it a line for each world."""
     names = main_reports(series)
     with _DRAWING:
         figure = Figure(figsize=SIZE)
@@ -97,18 +81,11 @@ def curves_png(series: Sequence[Reports], labels: Sequence[str]) -> bytes:
             draw(axes, name, series, labels)
         lines = panels[0].get_legend_handles_labels()
         figure.legend(*lines, loc="upper right", bbox_to_anchor=(1.0, 1.04), ncols=2, fontsize=9.5, frameon=False)
-        return _png(figure)
+        return png(figure, DOTS_PER_INCH)
 
 
 def main_reports(series: Sequence[Reports]) -> list[str]:
-    """Return the names of the reports to draw: those of the model before those of all models.
-
-    Examples
-    --------
-    >>> line = np.array([1]), np.array([0])
-    >>> main_reports([{"collisions": line, "groups": line}])
-    ['groups', 'collisions']
-    """
+    """Return the names of the reports to draw: those of the model before those of all models."""
     names = dict.fromkeys(name for one in series for name in one)
     return sorted(names, key=lambda name: LAST.index(name) if name in LAST else -1)[:MOST_PANELS]
 
@@ -135,24 +112,8 @@ def draw(axes: Axes, name: str, series: Sequence[Reports], labels: Sequence[str]
         axes.set_ylim(bottom=0.0, top=None if axes.dataLim.y1 > 0 else 1.0)
 
 
-def _png(figure: Figure) -> bytes:
-    file = io.BytesIO()
-    FigureCanvasAgg(figure)
-    figure.savefig(file, format="png", dpi=DOTS_PER_INCH)
-    return file.getvalue()
-
-
 class CurveThread:
-    """Draws the chart of a pair after changes, at most every `EVERY` seconds.
-
-    Parameters
-    ----------
-    pair : Pair
-    labels : function
-        Returns the names of the two worlds.
-    take : function
-        Called with a PNG.
-    """
+    """Draws the chart of a pair after changes, at most every `EVERY` seconds."""
 
     def __init__(self, pair: Pair, labels: Callable[[], Sequence[str]], take: Callable[[bytes], None]) -> None:
         self._pair, self._labels, self._take = pair, labels, take
@@ -194,9 +155,7 @@ class ComparePanel(Link):
         if shown != self._shown:
             self._shown = shown
             self.widget.groups = groups_of(comparing)
-        values = values_of(comparing)
-        if values != self.widget.values:
-            self.widget.values = values
+        self.widget.values = values_of(comparing)
 
     def act(self, message: dict, buffers: Sequence = ()) -> None:
         """Carry out a message from the browser."""
@@ -226,22 +185,13 @@ class ComparePanel(Link):
 
 
 def groups_of(comparing: Comparing) -> list[dict[str, Any]]:
-    """Return all controls in groups, in the format of the panel.
-
-    Examples
-    --------
-    >>> from mesa_swarm.dashboard.session import Session
-    >>> comparing = Comparing(Session("fire_fighting"))
-    >>> [field["label"] for field in groups_of(comparing)[0]["fields"]]
-    ['model', 'parameter', 'strategy in A', 'strategy in B']
-    >>> comparing.close()
-    """
+    """Return all controls in groups, in the format of the panel."""
     choice = {"kind": "choice", "live": True}
+    text = "differs between A and B; all others are as on the Watch page"
     fields = [
         {**choice, "name": "model", "label": "model", "help": "", "options": model_names()},
-        {**choice, "name": "parameter", "label": "parameter", "options": list(comparing.choices)},
+        {**choice, "name": "parameter", "label": "parameter", "help": text, "options": list(comparing.choices)},
     ]
-    fields[1]["help"] = "differs between A and B; all others are as on the Watch page"
     return [
         {"title": "Two worlds", "fields": [*fields, *(_value_field(comparing, name) for name in NAMES)]},
         {"title": "Many seeds", "fields": _run_fields()},
@@ -284,19 +234,12 @@ WORLD = {"bar": False, "head": True, "keys": "", "toggles": {}}
 
 
 class SideView:
-    """Connects a canvas and one side of a pair.
+    """Connects a canvas and one side of a pair."""
 
-    Parameters
-    ----------
-    canvas : SwarmCanvas
-    side : Side
-    caption : function
-        Returns the caption.
-    """
-
-    def __init__(self, canvas: SwarmCanvas, side: Side, caption: Callable[[], str]) -> None:
-        self.canvas, self.side, self._caption = canvas, side, caption
-        side.add_viewer(self)
+    def __init__(self, canvas: SwarmCanvas, comparing: Comparing, index: int) -> None:
+        self.canvas, self.comparing, self.index = canvas, comparing, index
+        self.side = comparing.pair.sides[index]
+        self.side.add_viewer(self)
 
     @property
     def ready(self) -> bool:
@@ -305,7 +248,7 @@ class SideView:
 
     def push(self, number: int, frame: PackedFrame) -> None:
         """Show a picture."""
-        self.canvas.show_state(caption=self._caption())
+        self.canvas.show_state(caption=captions(self.comparing)[self.index])
         self.canvas.push(number, frame, rest=not self.side.playing, **extent_of(self.side.past))
 
     def close(self) -> None:
@@ -322,15 +265,15 @@ def Compare(session: Session) -> None:
     is_tall = below == OVER_SEEDS and comparing.runs.report is not None
     with solara.Div(classes=["swarm-watch"]):
         with solara.Div(classes=["swarm-set"]):
-            Choices(comparing)
+            Linked(ControlPanel, ComparePanel, comparing)
             Start(comparing, lambda: choose_below(OVER_SEEDS))
         with solara.Div(classes=["swarm-middle", "swarm-pair"]):
             Trouble(comparing)
             with solara.Div(classes=["swarm-clock"]):
-                Clock(comparing)
+                PlayerView(comparing.pair, comparing.reset, BAR)
             with solara.Div(classes=["swarm-worlds"]):
                 for index in range(len(NAMES)):
-                    World(comparing, index).key(NAMES[index])
+                    Linked(SwarmCanvas, SideView, comparing, index, options=WORLD).key(NAMES[index])
             with solara.Div(classes=["swarm-below", "swarm-tall"] if is_tall else ["swarm-below"]):
                 with rv.Html(tag="nav", class_="swarm-tabs", attributes={"aria-label": "Results"}):
                     for name in (OVER_TIME, OVER_SEEDS):
@@ -341,37 +284,8 @@ def Compare(session: Session) -> None:
                     Result(comparing)
 
 
-@solara.component
-def Choices(comparing: Comparing) -> None:
-    """Show the panel of controls."""
-    panel = ControlPanel.element()
-    solara.use_effect(lambda: ComparePanel(solara.get_widget(panel), comparing).close, [])
-
-
-@solara.component
-def Clock(comparing: Comparing) -> None:
-    """Show the buttons that play both worlds."""
-    use_connection(SwarmCanvas.element(options=BAR), comparing.pair, comparing.reset)
-
-
-@solara.component
-def World(comparing: Comparing, index: int) -> None:
-    """Show one of the two worlds."""
-    canvas = SwarmCanvas.element(options=WORLD)
-    side = comparing.pair.sides[index]
-    solara.use_effect(lambda: SideView(solara.get_widget(canvas), side, lambda: captions(comparing)[index]).close, [])
-
-
 def captions(comparing: Comparing) -> tuple[str, str]:
-    """Return the names of the two worlds as built.
-
-    Examples
-    --------
-    >>> comparing = Comparing(Session("fire_fighting"))
-    >>> captions(comparing)
-    ('A: strategy A', 'B: strategy B')
-    >>> comparing.close()
-    """
+    """Return the names of the two worlds as built."""
     parameter, built = label_of(comparing.parameter), comparing.built
     first, second = (f"{name}: {parameter} {value_text(built[name])}" for name in NAMES)
     return first, second
@@ -455,13 +369,7 @@ def Found(report: Report) -> None:
 
 
 def table_html(title: str, table: list[list[str]]) -> str:
-    """Return a table as HTML; the cells are text.
-
-    Examples
-    --------
-    >>> table_html("<t>", [["", "a"], ["x", "1"]])[:45]
-    '<table><caption>&lt;t&gt;</caption><thead><tr'
-    """
+    """Return a table as HTML; the cells are text."""
     header, *lines = table
     head = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in header)
     body = "".join(

@@ -42,37 +42,18 @@ _under_way = threading.BoundedSemaphore(MOST_AT_ONCE)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Report:
-    """Results of a comparison, ready to be shown.
-
-    Parameters
-    ----------
-    title, finding : str
-    table : list of list of str
-        The first line is the header.
-    notes : list of str
-    picture : bytes
-        A PNG.
-    runs : str
-        Every run, as CSV.
-    """
+    """Results of a comparison, ready to be shown."""
 
     title: str
     finding: str
-    table: list[list[str]]
+    table: list[list[str]]  # the first line is the header
     notes: list[str]
-    picture: bytes
-    runs: str
+    picture: bytes  # a PNG
+    runs: str  # every run, as CSV
 
 
 def report_of(comparison: Comparison) -> Report:
-    """Return the report of a comparison.
-
-    Examples
-    --------
-    >>> from mesa_swarm.experiments.compare import compare
-    >>> report_of(compare("fire_fighting", seeds=2, steps=5, jobs=1)).table[0][:2]
-    ['', 'strategy']
-    """
+    """Return the report of a comparison."""
     plan = comparison.plan
     table, notes = table_and_notes(comparison)
     figure = comparison_figure(comparison, [main_measure(comparison)])
@@ -88,25 +69,7 @@ def report_of(comparison: Comparison) -> Report:
 
 
 class ManyRuns:
-    """Carries out the runs of a plan in the background, one plan at a time.
-
-    Attributes
-    ----------
-    changed : Listeners
-        Notified of progress, and of the end; from another thread.
-    done, total : int
-        Runs.
-    report : Report or None
-        Results of the last plan.
-    error : str
-        Why there are no results, empty if there are.
-
-    Examples
-    --------
-    >>> runs = ManyRuns()
-    >>> runs.running, runs.left
-    (False, '')
-    """
+    """Carries out the runs of a plan in the background, one plan at a time; notifies from another thread."""
 
     def __init__(self) -> None:
         self.changed = Listeners()
@@ -131,13 +94,7 @@ class ManyRuns:
         return f"about {timedelta(seconds=round(seconds))} left"
 
     def start(self, plan: Plan) -> None:
-        """Begin with a plan.
-
-        Raises
-        ------
-        SwarmError
-            If one is under way, or too many are on this server.
-        """
+        """Begin with a plan, unless one is under way or too many are on this server."""
         with self._lock:
             if self.running:
                 raise SwarmError("a comparison is under way; cancel it first")
@@ -276,32 +233,6 @@ class Comparing:
     """A pair of worlds that differ in one parameter, and its effect over many seeds.
 
     All other parameters are those set for the same model on the Watch page.
-
-    Parameters
-    ----------
-    session : Session
-        Its model and seed are the first ones here.
-
-    Attributes
-    ----------
-    pair : Pair
-    runs : ManyRuns
-    name, parameter : str
-        The model, and the parameter that differs between the worlds.
-    values : list of two
-    seed, seeds, steps : int
-        Seed of the two worlds; number of seeds that are compared, and steps of each run.
-    faults : dict of str
-        Why a setting was refused, by "A", "B", "seed", "seeds", "steps" or "runs".
-    built : dict
-        Settings of the two worlds as built.
-
-    Examples
-    --------
-    >>> comparing = Comparing(Session("fire_fighting"))
-    >>> comparing.parameter, comparing.values
-    ('strategy', ['A', 'B'])
-    >>> comparing.close()
     """
 
     def __init__(self, session: Session) -> None:
@@ -309,6 +240,7 @@ class Comparing:
         self.pair, self.runs = Pair(), ManyRuns()
         self.pair.set_speed(session.own_speed)
         self.seed, self.seeds = session.seed, USUAL_SEEDS
+        # Why a setting was refused, by "A", "B", "seed", "seeds", "steps" or "runs".
         self.faults: dict[str, str] = {}
         self.choose_model(session.name)
 
@@ -378,13 +310,7 @@ class Comparing:
         self.pair.place(*models)
 
     def plan(self) -> Plan:
-        """Return the plan of the comparison over many seeds.
-
-        Raises
-        ------
-        SwarmError
-            If it is not permitted.
-        """
+        """Return the plan of the comparison over many seeds."""
         values = [self._meant(self.parameter, value) for value in self.values]
         return checked_plan(
             self.model_class, self.parameter, values, self.seeds, steps=self.steps, settings=self.shared_settings
@@ -431,11 +357,6 @@ def two_values(model_class: type, parameter: Parameter, maps: list[str]) -> list
     """Return two values of a parameter that are worth comparing.
 
     Those that the model suggests; else the first two of a list, or the default and the farther end of the slider.
-
-    Examples
-    --------
-    >>> two_values(object, Parameter("share", 0.75, float, Slider(0, 1, 0.1)), [])
-    [0.75, 0.0]
     """
     named, values = getattr(model_class, "compares", (None, ()))
     if parameter.name == named and len(values) >= 2:

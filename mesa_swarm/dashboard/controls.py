@@ -5,7 +5,7 @@ import secrets
 import threading
 import warnings
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import anywidget
 import traitlets
@@ -15,31 +15,39 @@ from mesa_swarm.dashboard.widgets import Link
 from mesa_swarm.errors import FireConstantsWarning, InvalidValueError, SwarmError
 from mesa_swarm.fire import FireConstants, design_constants
 from mesa_swarm.parameters import Choice, Parameter, Slider
-from mesa_swarm.viewing.canvas_widget import text_of
-from mesa_swarm.viewing.readings import value_text
+from mesa_swarm.viewing import text_of
 
-# name: (label, help, least, step, most)
+
+class Requirement(NamedTuple):
+    """A required property: its slider, and its usual value."""
+
+    label: str
+    help: str
+    usual: float
+    least: float
+    step: float
+    most: float
+
+    def place(self, value: float) -> int:
+        """Return the position of a value on the slider."""
+        return round((value - self.least) / self.step)
+
+
 REQUIREMENTS = {
-    "growth_time": ("growth time", "steps in which a fire that is left alone grows from T = 0 to 1", 100, 50, 10_000),
-    "robots": ("robots needed", "to put out a fire of the largest size in the extinguish time", 0.5, 0.5, 20),
-    "extinguish_time": ("extinguish time", "steps in which these robots put it out", 50, 50, 10_000),
-    "balance_temperature": (
-        "balance temperature",
-        "of the largest fire: heating and cooling balance",
-        0.05,
-        0.05,
-        0.95,
+    "growth_time": Requirement(
+        "growth time", "steps in which a fire that is left alone grows from T = 0 to 1", 2000.0, 100, 50, 10_000
     ),
-    "stay_time": ("stay", "steps that a cold robot can stay at the largest fire at T = 1", 10, 10, 1000),
-    "rest_time": ("rest", "steps that a robot rests before it fights again", 10, 10, 1000),
-}
-USUAL = {
-    "growth_time": 2000.0,
-    "robots": 2.0,
-    "extinguish_time": 1600.0,
-    "balance_temperature": 0.6,
-    "stay_time": 100.0,
-    "rest_time": 60.0,
+    "robots": Requirement(
+        "robots needed", "to put out a fire of the largest size in the extinguish time", 2.0, 0.5, 0.5, 20
+    ),
+    "extinguish_time": Requirement("extinguish time", "steps in which these robots put it out", 1600.0, 50, 50, 10_000),
+    "balance_temperature": Requirement(
+        "balance temperature", "of the largest fire: heating and cooling balance", 0.6, 0.05, 0.05, 0.95
+    ),
+    "stay_time": Requirement(
+        "stay", "steps that a cold robot can stay at the largest fire at T = 1", 100.0, 10, 10, 1000
+    ),
+    "rest_time": Requirement("rest", "steps that a robot rests before it fights again", 60.0, 10, 10, 1000),
 }
 CONSTANTS = ("k1", "k2", "k3", "k4", "leave", "join")
 # Warning filters belong to the whole process, so one thread at a time changes them.
@@ -47,19 +55,11 @@ _SILENCE = threading.Lock()
 
 
 class Designer:
-    """The constants of a session's model, designed from required properties of fires and robots.
-
-    Examples
-    --------
-    >>> designer = Designer(Session("fire_fighting"))
-    >>> designer.require("growth_time", 1000)
-    >>> round(designer.session.settings["k1"], 6)
-    0.000693
-    """
+    """The constants of a session's model, designed from required properties of fires and robots."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self.requirements = dict(USUAL)
+        self.requirements = {name: one.usual for name, one in REQUIREMENTS.items()}
         self._constants: FireConstants | None = None
         self._warned: tuple[str, ...] = ()
         self._fault = ""
@@ -94,33 +94,23 @@ class Designer:
 
     def fields(self) -> list[dict[str, Any]]:
         """Return the sliders of the requirements."""
+        about = {"kind": "slider", "live": True, "designed": True, "low": 0}
         return [
-            {
-                "name": name,
-                "label": label,
-                "help": text,
-                "kind": "slider",
-                "live": True,
-                "designed": True,
-                "low": 0,
-                "high": _places(name),
-            }
-            for name, (label, text, *_) in REQUIREMENTS.items()
+            {**about, "name": name, "label": one.label, "help": one.help, "high": one.place(one.most)}
+            for name, one in REQUIREMENTS.items()
         ]
 
     def place(self, name: str, place: int) -> None:
         """Require the value at a position of a slider."""
-        _, _, least, step, _ = REQUIREMENTS[name]
-        self.require(name, round(least + place * step, 6))
+        slider = REQUIREMENTS[name]
+        self.require(name, round(slider.least + place * slider.step, 6))
 
     def values(self) -> dict[str, dict[str, Any]]:
         """Return the values of the sliders."""
-        return {name: self._value(name, value) for name, value in self.requirements.items()}
-
-    @staticmethod
-    def _value(name: str, value: float) -> dict[str, Any]:
-        _, _, least, step, _ = REQUIREMENTS[name]
-        return {"text": f"{value:g}", "place": round((value - least) / step), "fault": "", "waits": False}
+        return {
+            name: {"text": f"{value:g}", "place": REQUIREMENTS[name].place(value), "fault": "", "waits": False}
+            for name, value in self.requirements.items()
+        }
 
     def _designed(self) -> tuple[FireConstants, tuple[str, ...]]:
         model = self.session.model
@@ -132,11 +122,6 @@ class Designer:
                 **self.requirements, initial_temperature=start, area=largest, largest_area=largest
             )
         return constants, tuple(str(warning.message) for warning in heard)
-
-
-def _places(name: str) -> int:
-    _, _, least, step, most = REQUIREMENTS[name]
-    return round((most - least) / step)
 
 
 # Groups of parameters; the others belong to "Behaviour".
@@ -153,13 +138,7 @@ LARGEST_RANDOM_SEED = 999_999
 
 
 class ControlPanel(anywidget.AnyWidget):
-    """Sliders, lists and fields in the browser, which send what the user sets.
-
-    Parameters
-    ----------
-    bare : bool
-        Whether the seed and the button for defaults are left out.
-    """
+    """Sliders, lists and fields in the browser, which send what the user sets; a bare one has no seed and defaults."""
 
     _esm = text_of("viewing/elements.js", "dashboard/panel.js")
     bare = traitlets.Bool(False).tag(sync=True)
@@ -214,13 +193,7 @@ class Panel(Link):
 
 
 def groups_of(session: Session) -> list[dict[str, Any]]:
-    """Return all controls in groups, in the format of the panel.
-
-    Examples
-    --------
-    >>> [group["title"] for group in groups_of(Session("fire_fighting"))][:3]
-    ['World', 'Robots', 'Behaviour']
-    """
+    """Return all controls in groups, in the format of the panel."""
     groups: dict[str, list] = {title: [] for title in ORDER}
     for parameter in session.parameters.values():
         field = field_of(parameter, session)
@@ -234,13 +207,7 @@ def groups_of(session: Session) -> list[dict[str, Any]]:
 
 
 def group_of(name: str) -> str:
-    """Return the title of the group that a parameter belongs to.
-
-    Examples
-    --------
-    >>> group_of("k1"), group_of("avoid_distance")
-    ('Fires and heat', 'Behaviour')
-    """
+    """Return the title of the group that a parameter belongs to."""
     return next((title for title, names in GROUPS.items() if name in names), OTHERS)
 
 
@@ -259,24 +226,12 @@ def field_of(parameter: Parameter, session: Session) -> dict[str, Any] | None:
 
 
 def label_of(name: str) -> str:
-    """Return a parameter's name as a label.
-
-    Examples
-    --------
-    >>> label_of("n_robots"), label_of("k1"), label_of("avoid_distance")
-    ('robots', 'k1', 'avoid distance')
-    """
+    """Return a parameter's name as a label."""
     return name.removeprefix("n_").replace("_", " ")
 
 
 def slider_of(parameter: Parameter) -> Slider:
-    """Return the slider of a parameter.
-
-    Raises
-    ------
-    InvalidValueError
-        If it has none.
-    """
+    """Return the slider of a parameter."""
     if not isinstance(parameter.control, Slider):
         raise InvalidValueError(f"{parameter.name} has no slider; choose or type its value")
     return parameter.control
@@ -287,11 +242,6 @@ def places_of(parameter: Parameter) -> tuple[int, int]:
 
     Browsers move a slider to the nearest step: counted from another origin, this would change a default such as
     k1 = ln 2 / 2000.
-
-    Examples
-    --------
-    >>> places_of(Parameter("share", 0.75, float, Slider(0, 1, 0.1)))
-    (-8, 3)
     """
     slider, default = slider_of(parameter), parameter.default
     low = math.floor(round((slider.minimum - default) / slider.step, 9))
@@ -299,27 +249,14 @@ def places_of(parameter: Parameter) -> tuple[int, int]:
 
 
 def value_at(place: int, parameter: Parameter) -> float:
-    """Return the value at a slider's position, within its range.
-
-    Examples
-    --------
-    >>> share = Parameter("share", 0.75, float, Slider(0, 1, 0.1))
-    >>> value_at(2, share), value_at(9, share)
-    (0.95, 1.0)
-    """
+    """Return the value at a slider's position, within its range."""
     slider = slider_of(parameter)
     value = min(max(parameter.default + place * slider.step, slider.minimum), slider.maximum)
     return parameter.kind(round(value, 12)) if place else parameter.default
 
 
 def place_of(value: float, parameter: Parameter) -> int:
-    """Return the position of a slider that is nearest to a value.
-
-    Examples
-    --------
-    >>> place_of(0.95, Parameter("share", 0.75, float, Slider(0, 1, 0.1)))
-    2
-    """
+    """Return the position of a slider that is nearest to a value."""
     low, high = places_of(parameter)
     return min(max(round((value - parameter.default) / slider_of(parameter).step), low), high)
 
@@ -334,6 +271,11 @@ def value_of(value: Any, parameter: Parameter) -> dict[str, Any]:
     """Return the value of a control: its text, and the position of its slider if it has one."""
     place = {"place": place_of(value, parameter)} if isinstance(parameter.control, Slider) else {}
     return {"text": value_text(value), "waits": False, "fault": ""} | place
+
+
+def value_text(value: Any) -> str:
+    """Return a value as it is shown."""
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def with_faults(values: dict[str, dict[str, Any]], source: Any) -> dict[str, dict[str, Any]]:

@@ -8,13 +8,13 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from io import BufferedReader
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, cast
 
 import anywidget
-import solara
 import traitlets
 
 from mesa_swarm.dashboard.session import Session
@@ -32,7 +32,7 @@ from mesa_swarm.experiments.pool import ending_with_us
 from mesa_swarm.observers import Observer
 from mesa_swarm.recording.recorder import Recorder, record
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.viewing.canvas_widget import text_of
+from mesa_swarm.viewing import text_of
 from mesa_swarm.viewing.pictures import Shown, frame_and_scene, png, svg, world_figure
 from mesa_swarm.viewing.player import PackedFrame
 
@@ -66,51 +66,22 @@ EVERY = 0.25
 
 
 class RecordingSwitch(Observer):
-    """Records a model from the next step on, one recording at a time.
-
-    Parameters
-    ----------
-    folder : Path
-        Of the file; it must exist when recording begins.
-    most_bytes : int
-        Recording ends when the file is larger.
-
-    Attributes
-    ----------
-    path : Path
-    first, last : int
-        Steps that were recorded; `last` is below `first` if none was.
-    ended : str
-        Why recording stopped before it was switched off, empty if it did not.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     switch, model = RecordingSwitch(Path(folder)), SwarmModel(rng=1)
-    ...     switch.start(model)
-    ...     switch.stop() if model.run(5) else None
-    ...     switch.words
-    'steps 1 to 5'
-    """
+    """Records a model from the next step on, one recording at a time, until its file is larger than a limit."""
 
     def __init__(self, folder: Path, most_bytes: int = MOST_BYTES) -> None:
         self.path = folder / "recorded.arrow"
         self.most_bytes = most_bytes
+        # The recorded steps; there are none if the last is below the first.
         self.first, self.last = self._before = 1, 0
+        # Why recording stopped before it was switched off.
         self.ended = ""
-        self._model: SwarmModel | None = None
+        self.model: SwarmModel | None = None
         self._recorder: Recorder | None = None
 
     @property
     def running(self) -> bool:
         """Whether steps are recorded."""
         return self._recorder is not None and not self._recorder.closed
-
-    @property
-    def model(self) -> SwarmModel | None:
-        """The model that is recorded, None if none is."""
-        return self._model
 
     @property
     def words(self) -> str:
@@ -121,7 +92,7 @@ class RecordingSwitch(Observer):
         """Record a model from its next step on; the first rows replace the recording before."""
         self.stop()
         self._recorder = record(model, self.path, overwrite=True)
-        self._model, self.ended = model, ""
+        self.model, self.ended = model, ""
         self._before = self.first, self.last
         self.first, self.last = model.completed + 1, model.completed
         model.observers.append(self)
@@ -144,8 +115,8 @@ class RecordingSwitch(Observer):
 
     def stop(self) -> None:
         """Stop recording; the recorded steps stay."""
-        recorder, model = self._recorder, self._model
-        self._recorder = self._model = None
+        recorder, model = self._recorder, self.model
+        self._recorder = self.model = None
         if model is not None and self in model.observers:
             model.observers.remove(self)
         if recorder is None:
@@ -185,29 +156,12 @@ class CancelledError(SwarmError):
 
 @dataclass(frozen=True, kw_only=True)
 class Wanted:
-    """A requested file.
-
-    Parameters
-    ----------
-    kind : str
-        One of `KINDS`.
-    source : str
-        "run": the run so far, repeated; "recording": the recorded steps.
-    every : int
-        Steps from one row of a table to the next, at least 1.
-    sectors : bool
-        Whether pictures show the sectors of sensors.
-    trails : bool
-        Whether films show trails of robots.
-
-    Raises
-    ------
-    InvalidValueError, UnknownNameError
-        If a value is out of its range.
-    """
+    """A requested file; every value is checked."""
 
     kind: str
+    # "run": the run so far, repeated; "recording": the recorded steps.
     source: str = "run"
+    # Steps from one row of a table to the next.
     every: int = 1
     sectors: bool = False
     trails: bool = False
@@ -238,43 +192,24 @@ class Wanted:
 
 
 class Exporting:
-    """Exports a session's run in the background, one file at a time.
-
-    Attributes
-    ----------
-    switch : RecordingSwitch
-    doing : str
-        The present activity, empty if there is none.
-    progress : float or None
-        Completed share of the activity, None if unknown.
-    message, fault : str
-        Outcome of the last export.
-    """
+    """Exports a session's run in the background, one file at a time."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
         self._deliver: Callable[[str, bytes | Path], None] | None = None
-        self._notify: Callable[[], None] = _ignore
+        self._notify: Callable[[], None] = lambda: None
         self._undelivered: tuple[str, bytes | Path] | None = None
         self._folder = TemporaryDirectory(prefix="mesa_swarm_")
         self.folder = Path(self._folder.name)
         self.switch = RecordingSwitch(self.folder)
         self.doing, self.message, self.fault = "", "", ""
-        self.progress: float | None = None
+        self.progress: float | None = None  # the completed share, None if unknown
         self._thread: threading.Thread | None = None
         self._process: subprocess.Popen | None = None
         self._cancelled = threading.Event()
 
     def connect(self, deliver: Callable[[str, bytes | Path], None], notify: Callable[[], None]) -> None:
-        """Connect a listener; it receives at once a file that was made while none was connected.
-
-        Parameters
-        ----------
-        deliver : function
-            Called with a file's name, and its content or path.
-        notify : function
-            Called at progress, at the end, or at a fault.
-        """
+        """Connect a listener; it receives at once a file that was made while none was connected."""
         self._deliver, self._notify = deliver, notify
         made, self._undelivered = self._undelivered, None
         if made is not None:
@@ -282,7 +217,7 @@ class Exporting:
 
     def disconnect(self) -> None:
         """Disconnect the listener; work in the background continues."""
-        self._deliver, self._notify = None, _ignore
+        self._deliver, self._notify = None, lambda: None
 
     def record(self, on: bool) -> None:
         """Switch recording of the present run on or off."""
@@ -465,10 +400,6 @@ class Exporting:
             raise CancelledError
 
 
-def _ignore() -> None:
-    """Do nothing: no listener is connected."""
-
-
 def _check_straight(session: Session, purpose: str) -> None:
     if not session.straight:
         raise InvalidValueError(
@@ -477,23 +408,16 @@ def _check_straight(session: Session, purpose: str) -> None:
 
 
 class Exporter(anywidget.AnyWidget):
-    """The export panel in the browser.
-
-    Attributes
-    ----------
-    kinds : list of [str, str, bool]
-        Kinds of files: key, label, and whether it contains many steps.
-    status : dict
-        Recording, activity, progress and outcome.
-    """
+    """The export panel in the browser."""
 
     _esm = text_of("viewing/elements.js", "dashboard/downloads.js", "dashboard/exporter.js")
+    # Key, label, and whether the file contains many steps.
     kinds: traitlets.List[list[str | bool]] = traitlets.List().tag(sync=True)
     status = traitlets.Dict().tag(sync=True)
 
 
 class ExportDesk(Link):
-    """Connects an exporter and a session's `Exporting`."""
+    """Connects an exporter and a session's `Exporting`; recording and export continue after `close`."""
 
     ready = False  # files need no picture
 
@@ -505,7 +429,8 @@ class ExportDesk(Link):
         self._doing = ""
         self.exporting = session.companion(Exporting)
         self.exporting.connect(self._downloads.send, self.report)
-        self.connect(exporter, session.changed.add(self.refresh))
+        leaves = partial(session.remove_viewer, self), self.exporting.disconnect, self._downloads.close
+        self.connect(exporter, session.changed.add(self.refresh), *leaves)
         self.refresh()
         session.add_viewer(self)
 
@@ -516,8 +441,7 @@ class ExportDesk(Link):
         burns = model is not None and len(model.fires) > 0
         made = {key: label for key, label in KINDS.items() if burns or "fires" not in key}
         kinds: list[list[str | bool]] = [[key, label, key not in PICTURES] for key, label in made.items()]
-        if self.exporter.kinds != kinds:
-            self.exporter.kinds = kinds
+        self.exporter.kinds = kinds
         self._show()
 
     def push(self, number: int, frame: PackedFrame) -> None:
@@ -544,19 +468,10 @@ class ExportDesk(Link):
             case _:
                 self._downloads.hear(message)
 
-    def close(self) -> None:
-        """Disconnect; recording and export continue."""
-        super().close()
-        self.session.remove_viewer(self)
-        self.exporting.disconnect()
-        self._downloads.close()
-
     def _show(self) -> None:
         with self._lock:
             self._shown, self._doing = time.monotonic(), self.exporting.doing
-            status = status_of(self.exporting)
-            if status != self.exporter.status:
-                self.exporter.status = status
+            self.exporter.status = status_of(self.exporting)
 
 
 def status_of(exporting: Exporting) -> dict[str, Any]:
@@ -576,10 +491,3 @@ def status_of(exporting: Exporting) -> dict[str, Any]:
         "message": exporting.message,
         "fault": exporting.fault,
     }
-
-
-@solara.component
-def ExportView(session: Session) -> None:
-    """Show the export panel."""
-    exporter = Exporter.element()
-    solara.use_effect(lambda: ExportDesk(solara.get_widget(exporter), session).close, [])

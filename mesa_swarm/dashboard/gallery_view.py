@@ -24,19 +24,7 @@ LINE = 'stroke-width="1" vector-effect="non-scaling-stroke"'
 
 
 def drawing(size: tuple[float, float], layers: Iterable[str]) -> str:
-    """Return a whole drawing of a map of this width and height.
-
-    Parameters
-    ----------
-    size : (width, height), map units
-    layers : iterable of str
-        Elements with y up, the lowest layer first.
-
-    Examples
-    --------
-    >>> drawing((80, 60), []).startswith("<svg")
-    True
-    """
+    """Return a whole drawing of a map of this width and height; layers have y up, and the lowest is the first."""
     width, height = (f"{length:.5g}" for length in size)
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" role="img" '
@@ -46,39 +34,19 @@ def drawing(size: tuple[float, float], layers: Iterable[str]) -> str:
 
 
 def draw_shapes(shapes: Iterable[Shape], corner: np.ndarray) -> str:
-    """Return obstacles and ground marks in their colours, relative to the map's corner.
-
-    Examples
-    --------
-    >>> from mesa_swarm.world.shapes import disc
-    >>> draw_shapes([disc((40, 20), 5)], np.zeros(2)).count("A5 5")
-    2
-    """
+    """Return obstacles and ground marks in their colours, relative to the map's corner."""
     solid = "".join(_outline(shape, corner) for shape in shapes if shape.contact)
     marks = "".join(_outline(shape, corner) for shape in shapes if not shape.contact)
     return _path("mark", marks, f'fill="{LIGHT.mark}"') + _path("obstacle", solid, f'fill="{LIGHT.obstacle}"')
 
 
 def draw_loads(shapes: Iterable[Shape], corner: np.ndarray) -> str:
-    """Return loads in their colour, at their present positions, relative to the map's corner.
-
-    Examples
-    --------
-    >>> from mesa_swarm.world.shapes import disc
-    >>> draw_loads([disc((40, 20), 5)], np.zeros(2)).startswith('<path class="load"')
-    True
-    """
+    """Return loads in their colour, at their present positions, relative to the map's corner."""
     return _path("load", "".join(_outline(shape, corner) for shape in shapes), f'fill="{LIGHT.load}"')
 
 
 def draw_fires(position: np.ndarray, radius: np.ndarray, temperature: np.ndarray, out: np.ndarray) -> str:
-    """Return fires as discs in the colour of their temperature; a style sheet may take the dark theme's, ``--dark``.
-
-    Examples
-    --------
-    >>> draw_fires(np.array([[40, 30]]), np.array([8]), np.array([1.0]), np.array([False]))
-    '<circle class="fire" cx="40" cy="30" r="8" fill="#e81c14" style="--dark: #ffcf6b"/>'
-    """
+    """Return fires as discs in the colour of their temperature; a style sheet may take the dark theme's, ``--dark``."""
     rows = zip(position.tolist(), radius.tolist(), temperature.tolist(), out.tolist(), strict=True)
     return "".join(
         f'<circle class="fire" cx="{x:.5g}" cy="{y:.5g}" r="{r:.5g}" fill="{_fire_fill(t, dead, LIGHT)}" '
@@ -92,14 +60,8 @@ def _fire_fill(temperature: float, is_out: bool, palette: Palette) -> str:
 
 
 def draw_robots(position: np.ndarray, heading: np.ndarray, radius: np.ndarray) -> str:
-    """Return robots as discs to scale, the front half light, with a line towards the heading.
-
-    Examples
-    --------
-    >>> draw_robots(np.array([[40, 30]]), np.array([0.0]), np.array([5.0])).count("<path")
-    3
-    """
-    ahead = radius[:, None] * _unit(heading)
+    """Return robots as discs to scale, the front half light, with a line towards the heading."""
+    ahead = radius[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
     left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
     radii = np.column_stack([radius, radius])
     halves = [np.hstack([position + side, radii, position - side]) for side in (left, -left)]
@@ -131,10 +93,6 @@ def _path(name: str, outline: str, look: str) -> str:
     return f'<path class="{name}" {look} d="{outline}"/>' if outline else ""
 
 
-def _unit(heading: np.ndarray) -> np.ndarray:
-    return np.stack([np.cos(heading), np.sin(heading)], axis=-1)
-
-
 # Steps before the picture of a model, so that its behaviour is visible.
 STEPS = 800
 # Robots are larger than to scale, so that they are visible in so small a picture.
@@ -144,13 +102,7 @@ _DRAWING = threading.Lock()
 
 @cache
 def thumbnail(name: str) -> str:
-    """Return a picture of a model as SVG, drawn once in the life of the program.
-
-    Examples
-    --------
-    >>> thumbnail("fire_fighting").startswith("<svg")
-    True
-    """
+    """Return a picture of a model as SVG, drawn once in the life of the program."""
     return drawn(find_model(name)(rng=1).run(STEPS))
 
 
@@ -168,27 +120,13 @@ def drawn(model: SwarmModel) -> str:
 
 
 def title(name: str) -> str:
-    """Return a model's name as a title.
-
-    Examples
-    --------
-    >>> title("fire_fighting")
-    'Fire fighting'
-    """
+    """Return a model's name as a title."""
     return name.replace("_", " ").capitalize()
 
 
 @solara.component
 def Gallery(chosen: str, on_choose: Callable[[str], None]) -> None:
-    """Show all models as buttons.
-
-    Parameters
-    ----------
-    chosen : str
-        The marked model.
-    on_choose : function
-        Called with the name of a model.
-    """
+    """Show all models as buttons."""
     none_yet: dict[str, str] = {}
     pictures, set_pictures = solara.use_state(none_yet)
     solara.use_effect(lambda: _drawing_thread(set_pictures), [])

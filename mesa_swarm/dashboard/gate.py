@@ -49,10 +49,7 @@ FORM = """<!doctype html><html lang="en"><meta charset="utf-8"><title>mesa_swarm
 input,button{font:inherit;padding:.4em .8em}</style>
 <h1>mesa_swarm</h1><p>This dashboard requires a token. It was printed in the terminal that started the dashboard.</p>
 <form><label>Token <input name="token" type="password" autofocus></label> <button>Enter</button></form></html>"""
-OTHER_HOST = "This dashboard answers to 127.0.0.1 and localhost only."
-OTHER_PAGE = "Requests from other pages are refused."
 MALFORMED = "This request is malformed."
-NO_ASSET = "File not found."
 
 
 class Gate:
@@ -65,14 +62,6 @@ class Gate:
 
     Of Solara's assets only installed files are served: Solara would request others from the internet, and delete a
     folder that is requested as if it were a file.
-
-    Parameters
-    ----------
-    app : ASGI application
-    token : str
-        The token required of requests, empty for none.
-    assets : Path, optional
-        The folder of Solara's assets.
     """
 
     def __init__(self, app: Application, token: str = "", assets: Path | None = None) -> None:
@@ -89,9 +78,9 @@ class Gate:
         if not is_well_formed(scope):
             await _refuse(scope, send, 400, MALFORMED)
         elif not self.token and host_of(host) not in LOOPBACK:
-            await _refuse(scope, send, 400, OTHER_HOST)
+            await _refuse(scope, send, 400, "This dashboard answers to 127.0.0.1 and localhost only.")
         elif "origin" in headers and not is_from(host, headers["origin"]):
-            await _refuse(scope, send, 403, OTHER_PAGE)
+            await _refuse(scope, send, 403, "Requests from other pages are refused.")
         elif not self.token or _same(cookie_of(headers.get("cookie", "")), digest_of(self.token)):
             await self._pass_on(scope, receive, send)
         else:
@@ -102,7 +91,7 @@ class Gate:
             await _refuse(scope, send, 400, MALFORMED)
             return
         if scope["path"].startswith(ASSETS) and not self._has(scope["path"].removeprefix(ASSETS)):
-            await _refuse(scope, send, 404, NO_ASSET)
+            await _refuse(scope, send, 404, "File not found.")
             return
         headers = [(name, value) for name, value in scope["headers"] if not PROXY.fullmatch(name.lower())]
         await self.app({**scope, "headers": headers}, _sound(receive), send)
@@ -127,14 +116,7 @@ class Gate:
 
 
 def is_well_formed(scope: Scope) -> bool:
-    """Return whether a request has one host, at most one origin, and a well-formed host and address.
-
-    Examples
-    --------
-    >>> scope = {"path": "/", "query_string": b"seed=1", "headers": [(b"host", b"localhost")]}
-    >>> is_well_formed(scope), is_well_formed({**scope, "headers": []}), is_well_formed({**scope, "path": chr(0)})
-    (True, False, False)
-    """
+    """Return whether a request has one host, at most one origin, and a well-formed host and address."""
     hosts = [value.decode("latin-1") for name, value in scope["headers"] if name.lower() == b"host"]
     origins = [name for name, _ in scope["headers"] if name.lower() == b"origin"]
     address = "\0" not in scope["path"] and scope.get("query_string", b"").isascii()
@@ -142,27 +124,14 @@ def is_well_formed(scope: Scope) -> bool:
 
 
 def lacks_page(scope: Scope) -> bool:
-    """Return whether a request lacks the page that Solara reads from it without a check.
-
-    Examples
-    --------
-    >>> scope = {"type": "http", "path": "/_solara/api/close/1", "query_string": b"session_id=2"}
-    >>> lacks_page(scope), lacks_page({**scope, "query_string": b""})
-    (False, True)
-    """
+    """Return whether a request lacks the page that Solara reads from it without a check."""
     words = dict(parse_qsl(scope.get("query_string", b"").decode("latin-1"), keep_blank_values=True))
     wanted = scope["type"] == "websocket" or scope["path"].startswith(CLOSE)
     return wanted and "session_id" not in words
 
 
 def host_of(header: str) -> str:
-    """Return the name in a Host header, without its port; empty if it is malformed.
-
-    Examples
-    --------
-    >>> host_of("localhost:8765"), host_of("[::1]:8765"), host_of("bad host:x"), host_of("[::1")
-    ('localhost', '::1', '', '')
-    """
+    """Return the name in a Host header, without its port; empty if it is malformed."""
     found = HOST.fullmatch(header)
     if found is None or int(found[2] or 0) > LAST_PORT:
         return ""
@@ -176,35 +145,17 @@ def host_of(header: str) -> str:
 
 
 def is_from(host: str, origin: str) -> bool:
-    """Return whether an Origin header names a page of this host, without parsing it.
-
-    Examples
-    --------
-    >>> is_from("localhost:8765", "http://localhost:8765"), is_from("[::1]", "http://[::1"), is_from("", "null")
-    (True, False, False)
-    """
+    """Return whether an Origin header names a page of this host, without parsing it."""
     return origin.lower() in (f"http://{host.lower()}", f"https://{host.lower()}")
 
 
 def digest_of(token: str) -> str:
-    """Return the content of the cookie for a token; cookies cannot hold every character.
-
-    Examples
-    --------
-    >>> digest_of("secret")[:8]
-    '2bb80d53'
-    """
+    """Return the content of the cookie for a token; cookies cannot hold every character."""
     return hashlib.sha256(token.encode()).hexdigest()
 
 
 def cookie_of(header: str) -> str:
-    """Return the content of the dashboard's own cookie, empty without one.
-
-    Examples
-    --------
-    >>> cookie_of("a=1; mesa_swarm_token=0a1b")
-    '0a1b'
-    """
+    """Return the content of the dashboard's own cookie, empty without one."""
     try:
         found = SimpleCookie(header).get(COOKIE)
     except CookieError:

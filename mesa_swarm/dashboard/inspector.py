@@ -3,12 +3,12 @@
 import math
 import time
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import anywidget
 import numpy as np
 import shapely
-import solara
 import traitlets
 
 from mesa_swarm.control.explain import moment_of
@@ -19,7 +19,7 @@ from mesa_swarm.robots.design import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RAN
 from mesa_swarm.robots.reasons import Moment
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.viewing.canvas_widget import text_of
+from mesa_swarm.viewing import text_of
 from mesa_swarm.viewing.player import PackedFrame
 
 # Shortest time between updates of the inspector while the model is played, s.
@@ -31,19 +31,10 @@ TOUCHING = 1e-9
 
 
 class Inspector(anywidget.AnyWidget):
-    """One robot's readings, layer, reason and pose in the browser.
-
-    Attributes
-    ----------
-    inspected : dict
-        Description of the robot by `inspect`; empty if none is selected.
-    editable : bool
-        Whether the robot may be moved now.
-    fault : str
-        Why it could not be moved.
-    """
+    """One robot's readings, layer, reason and pose in the browser."""
 
     _esm = text_of("viewing/elements.js", "dashboard/inspector.js")
+    # From `inspect`, empty if no robot is selected; and why the robot could not be moved.
     inspected = traitlets.Dict().tag(sync=True)
     editable = traitlets.Bool(False).tag(sync=True)
     fault = traitlets.Unicode("").tag(sync=True)
@@ -57,7 +48,8 @@ class Inspecting(Link):
     def __init__(self, inspector: Inspector, session: Session) -> None:
         self.inspector, self.session = inspector, session
         self._shown = 0.0
-        self.connect(inspector, session.selection.add(self.select), session.changed.add(self.refresh))
+        leave_view = partial(session.remove_viewer, self)
+        self.connect(inspector, session.selection.add(self.select), session.changed.add(self.refresh), leave_view)
         session.add_viewer(self)
 
     def push(self, number: int, frame: PackedFrame) -> None:
@@ -92,11 +84,6 @@ class Inspecting(Link):
                 self._select(value)
             case "move":
                 self._move(message["value"])
-
-    def close(self) -> None:
-        """Disconnect."""
-        super().close()
-        self.session.remove_viewer(self)
 
     def _known(self) -> dict[str, Any]:
         """Return the selected robot at the displayed step, empty if none is selected."""
@@ -139,29 +126,13 @@ class Inspecting(Link):
         session.retake()
 
 
-@solara.component
-def InspectorView(session: Session) -> None:
-    """Show the robot that is selected."""
-    inspector = Inspector.element()
-    solara.use_effect(lambda: Inspecting(solara.get_widget(inspector), session).close, [])
-
-
 def robot_of(model: SwarmModel, number: int | None) -> Robot | None:
     """Return the robot with this id, None if there is none."""
     return next((robot for robot in model.swarm.agents if robot.unique_id == number), None)
 
 
 def neighbour_of(model: SwarmModel, number: int | None, by: int) -> int | None:
-    """Return the id of the robot `by` rows after this one, cyclically; None without robots.
-
-    Examples
-    --------
-    >>> from mesa_swarm.models.fire_fighting import FireFighting
-    >>> model = FireFighting(n_robots=3, rng=1)
-    >>> ids = [robot.unique_id for robot in model.robots]
-    >>> neighbour_of(model, ids[2], 1) == neighbour_of(model, None, 1) == ids[0]
-    True
-    """
+    """Return the id of the robot `by` rows after this one, cyclically; None without robots."""
     robots = model.swarm.agents
     if not robots:
         return None
@@ -171,27 +142,7 @@ def neighbour_of(model: SwarmModel, number: int | None, by: int) -> int | None:
 
 
 def inspect(model: SwarmModel, robot: Robot, step: int) -> dict[str, Any]:
-    """Return the description of a robot at a step, in words and numbers.
-
-    Parameters
-    ----------
-    model : SwarmModel
-    robot : Robot
-    step : int
-        The last one, or an earlier one; of one no longer stored there is only a message.
-
-    Examples
-    --------
-    >>> from mesa_swarm.dashboard.session import watch_closely
-    >>> from mesa_swarm.models.fire_fighting import FireFighting
-    >>> model = FireFighting(rng=1)
-    >>> watch_closely(model)
-    >>> robot = model.run(3).robots[0]
-    >>> inspect(model, robot, 3)["when"]
-    'step 3'
-    >>> inspect(model, robot, 0)["when"]
-    'step 0 is no longer stored; readings are available for steps 1 to 3'
-    """
+    """Return the description of a robot at a step, in words and numbers; of a step no longer stored only a message."""
     watched = model.watched
     stored = watched.steps.tolist() if watched is not None else []
     present = step == model.completed
@@ -205,6 +156,7 @@ def inspect(model: SwarmModel, robot: Robot, step: int) -> dict[str, Any]:
     if set(WATCHED) - set(columns):
         return {"id": robot.unique_id, "when": "the model stores too few columns for the inspector", "known": False}
     moment, _ = moment_of(model.swarm, columns, robot.row)
+    position, heading = (columns[name][robot.row] for name in ("position", "heading"))
     decided = step in stored and model.control is not None
     reason = model.explain(robot, step) if decided else None
     return {
@@ -218,7 +170,7 @@ def inspect(model: SwarmModel, robot: Robot, step: int) -> dict[str, Any]:
         "reason": reason.reason if reason else "",
         "facts": facts_of(model, robot, moment),
         "worth": worth_of(model, robot) if present and decided else [],
-        "pose": pose_of(robot.position, robot.heading) if present else pose_of(*_was_at(columns, robot.row)),
+        "pose": pose_of(robot.position, robot.heading) if present else pose_of(position, heading),
         "present": present,
     }
 
@@ -274,13 +226,7 @@ def messages_of(model: SwarmModel, columns: dict[str, Any]) -> list[tuple[str, s
 
 
 def where(place: np.ndarray) -> str:
-    """Return a place in a robot's frame in words.
-
-    Examples
-    --------
-    >>> where(np.array([30.0, 30.0]))
-    '42 away at +45 degrees'
-    """
+    """Return a place in a robot's frame in words."""
     x, y = map(float, place)
     return f"{math.hypot(x, y):.0f} away at {math.degrees(math.atan2(y, x)):+.0f} degrees"
 
@@ -299,34 +245,7 @@ def pose_of(position: np.ndarray, heading: float) -> dict[str, float]:
 
 
 def move(model: SwarmModel, robot: Robot, x: Typed, y: Typed, heading_degrees: Typed) -> None:
-    """Move a robot between two steps.
-
-    Parameters
-    ----------
-    model : SwarmModel
-    robot : Robot
-    x, y : float
-        Map units, or the typed text.
-    heading_degrees : float
-        -360 to 360, or the typed text.
-
-    Raises
-    ------
-    InvalidValueError
-        If the robot would be outside the map, or would overlap an obstacle, a load, a fire or a robot.
-
-    Examples
-    --------
-    >>> from mesa_swarm import AGENT9
-    >>> model = SwarmModel(rng=1)
-    >>> one, other = model.add_robots(AGENT9, poses=[(100, 100, 0), (200, 100, 0)])
-    >>> move(model, one, 205, 100, 0)  # doctest: +ELLIPSIS
-    Traceback (most recent call last):
-    mesa_swarm.errors.InvalidValueError: at (205, 100) it would overlap robot ... by 5; choose a place farther away
-    >>> move(model, one, 150, 100, 90)
-    >>> robot_of(model, one.unique_id).position
-    array([150., 100.])
-    """
+    """Move a robot between two steps to a free place, in map units and degrees from -360 to 360, or typed text."""
     place = np.array([_number("x", x), _number("y", y)])
     heading = _number("heading", heading_degrees)
     check_number("heading", heading, minimum=-360, maximum=360)
@@ -356,10 +275,6 @@ def deepest(model: SwarmModel, robot: Robot, place: np.ndarray) -> tuple[float, 
     nearest = int(np.argmin(gaps))
     found.append((robot.radius - gaps[nearest], f"robot {model.swarm.agents[nearest].unique_id}"))
     return max(found, key=lambda one: one[0])
-
-
-def _was_at(columns: dict[str, np.ndarray], row: int) -> tuple[np.ndarray, float]:
-    return columns["position"][row], columns["heading"][row]
 
 
 def _number(name: str, value: Typed) -> float:

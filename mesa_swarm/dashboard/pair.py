@@ -11,18 +11,12 @@ NAMES = ("A", "B")
 
 
 class Side(Player):
-    """One of two players that share a clock and a lock.
-
-    Attributes
-    ----------
-    series : Series
-        Measurements of the model, also of steps that are no longer stored.
-    """
+    """One of two players that share a clock and a lock."""
 
     def __init__(self, loop: PlayLoop, lock: threading.RLock) -> None:
         super().__init__()
         self.loop, self.lock = loop, lock
-        self.series = Series(MOST_NUMBERS // 2)
+        self.series = Series(MOST_NUMBERS // 2)  # also of steps that are no longer stored
 
     def place(self, model: SwarmModel | None) -> None:
         """Play another model, and remove the pictures of the old one."""
@@ -46,21 +40,8 @@ class Side(Player):
 class Pair(Played):
     """Plays two models together, as a `Player` plays one.
 
-    When one model ends, the other continues; when one fails, both stop.
-
-    Attributes
-    ----------
-    sides : tuple of two Side
-    viewers : tuple of Viewer
-        Receive pictures without a world: the step, and the fingerprints of both.
-
-    Examples
-    --------
-    >>> pair = Pair()
-    >>> pair.place(SwarmModel(rng=1), SwarmModel(rng=1))
-    >>> pair.step()
-    >>> [side.model.steps for side in pair.sides]
-    [1, 1]
+    When one model ends, the other continues; when one fails, both stop. Viewers receive pictures without a world: the
+    step, and the fingerprints of both.
     """
 
     def __init__(self) -> None:
@@ -103,10 +84,6 @@ class Pair(Played):
             if self._can_step():
                 self._advance()
         self.rest()
-
-    def back(self) -> None:
-        """Pause, and display the pictures before."""
-        self.look(self.past.index - 1)
 
     def look(self, index: int) -> None:
         """Pause, and display the pictures of the step with this index in `past`."""

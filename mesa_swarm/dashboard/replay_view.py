@@ -7,25 +7,43 @@ from typing import Any
 import solara
 from reacton import ipyvuetify as rv
 
-from mesa_swarm.dashboard.controls import ControlPanel, field_of, label_of, value_at, value_of
+from mesa_swarm.dashboard.controls import ControlPanel, field_of, label_of, value_at, value_of, value_text
 from mesa_swarm.dashboard.gallery_view import title
 from mesa_swarm.dashboard.replaying import ENDING, MOST_EVENTS, Replaying, ReplayPlayer
 from mesa_swarm.dashboard.session import Session
-from mesa_swarm.dashboard.widgets import Button, FilePicker, Item, Link, TroubleCard, Upload
+from mesa_swarm.dashboard.widgets import Button, FilePicker, Link, Linked, TroubleCard
 from mesa_swarm.gallery import find_model
 from mesa_swarm.parameters import parameters_of
-from mesa_swarm.viewing.canvas_widget import SwarmCanvas, use_connection
+from mesa_swarm.viewing.canvas_widget import PlayerView
 from mesa_swarm.viewing.play_loop import use_changes
 from mesa_swarm.viewing.player import Past
-from mesa_swarm.viewing.readings import value_text
 
-CANVAS = {"bar": True, "keys": "page", "toggles": {}}
 NOTHING_LISTED = "Recordings of a folder are listed here when the dashboard is started with --recordings FOLDER."
 BRANCHING = (
     "Continue from this step on the Watch page, with identical results or with other parameters. "
     "Reset there starts again from step 0 with the same parameters and seed."
 )
 NOTHING_OPEN = "Open a recording made by `mesa-swarm run MODEL --record FILE.arrow` or `model.record(...)`."
+
+
+class Upload(Link):
+    """Passes the files of a button on, piece by piece."""
+
+    def __init__(self, picker: FilePicker, replaying: Replaying) -> None:
+        self.picker, self.replaying = picker, replaying
+        self.connect(picker)
+
+    def act(self, message: dict, buffers: Sequence = ()) -> None:
+        """Carry out a message from the browser."""
+        match message.get("do"):
+            case "begin":
+                goes_on = self.replaying.begin_upload(str(message.get("name", "")), int(message.get("size", 0)))
+                self.picker.send({"go": goes_on})
+            case "piece" if buffers:
+                goes_on = self.replaying.take(bytes(buffers[0])) and not message.get("last")
+                self.picker.send({"go": goes_on})
+                if message.get("last"):
+                    self.replaying.end_upload()
 
 
 class BranchPanel(Link):
@@ -77,7 +95,7 @@ def Replay(session: Session) -> None:
                 rv.Html(tag="p", class_="swarm-hint", children=[text])
             if player:
                 Trouble(player)
-                Screen(player).key(f"screen {id(player)}")
+                PlayerView(player, player.rewind).key(f"screen {id(player)}")
             else:
                 rv.Html(tag="p", class_="swarm-hint", children=[NOTHING_OPEN])
         if player:
@@ -91,8 +109,7 @@ def Recordings(replaying: Replaying) -> None:
     """Show the listed recordings, the upload, and facts of the open recording."""
     use_changes(replaying.changed)
     solara.HTML(tag="h2", unsafe_innerHTML="Recordings")
-    picker = FilePicker.element(label="Upload a recording", accept=ENDING)
-    solara.use_effect(lambda: Upload(solara.get_widget(picker), replaying).close, [])
+    Linked(FilePicker, Upload, replaying, label="Upload a recording", accept=ENDING)
     for text, kind in ((replaying.busy, "swarm-hint"), (replaying.fault, "swarm-fault")):
         if text:
             rv.Html(tag="p", class_=kind, attributes={"role": "status"}, children=[text])
@@ -101,7 +118,8 @@ def Recordings(replaying: Replaying) -> None:
         rv.Html(tag="p", class_="swarm-hint", children=[NOTHING_LISTED])
     with solara.Div(classes=["swarm-list"]):
         for name in names:
-            Item(name, partial(replaying.open_listed, name), chosen=name == replaying.name).key(name)
+            current = "true" if name == replaying.name else ""
+            Button(name, partial(replaying.open_listed, name), current=current).key(name)
     if replaying.player:
         About(replaying, replaying.player.past)
 
@@ -126,12 +144,6 @@ def About(replaying: Replaying, past: Past) -> None:
 
 
 @solara.component
-def Screen(player: ReplayPlayer) -> None:
-    """Show the canvas with its buttons."""
-    use_connection(SwarmCanvas.element(options=CANVAS), player, player.rewind)
-
-
-@solara.component
 def Trouble(player: ReplayPlayer) -> None:
     """Show a read error on a card."""
     use_changes(player.changed)
@@ -149,21 +161,10 @@ def Branch(replaying: Replaying) -> None:
         rv.Html(tag="p", class_="swarm-hint", children=[BRANCHING])
         label = f"Continue live with {_changed(replaying)}" if replaying.changes else "Continue live"
         Button(label, replaying.branch, "swarm-do", enabled=not replaying.busy)
-        Changes(replaying)
+        Linked(ControlPanel, BranchPanel, replaying, bare=True)
     else:
         name = replaying.provenance["model"]["name"]
-        rv.Html(
-            tag="p",
-            class_="swarm-hint",
-            children=[f"{name} is not a model of this page; replay only."],
-        )
-
-
-@solara.component
-def Changes(replaying: Replaying) -> None:
-    """Show the panel of parameters after branching."""
-    panel = ControlPanel.element(bare=True)
-    solara.use_effect(lambda: BranchPanel(solara.get_widget(panel), replaying).close, [])
+        rv.Html(tag="p", class_="swarm-hint", children=[f"{name} is not a model of this page; replay only."])
 
 
 def _changed(replaying: Replaying) -> str:
@@ -185,4 +186,4 @@ def Events(replaying: Replaying, player: ReplayPlayer) -> None:
         rv.Html(tag="p", class_="swarm-hint", children=[f"The first {MOST_EVENTS} of {len(events):,}."])
     with solara.Div(classes=["swarm-list", "swarm-events"]):
         for place, event in enumerate(events[:MOST_EVENTS]):
-            Item(f"{event.step:,}", partial(player.look_at, event.step), event.text).key(f"{place}")
+            Button(f"{event.step:,}", partial(player.look_at, event.step), more=event.text).key(f"{place}")

@@ -24,6 +24,7 @@ from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.packing import packed_frame
 from mesa_swarm.viewing.play_loop import Listeners
 from mesa_swarm.viewing.player import PackedFrame, Past, Player
+from mesa_swarm.viewing.replay_page import damage_notes
 from mesa_swarm.viewing.scene import Scene, scene_of_recording
 from mesa_swarm.world.map import Map, builtin_maps
 
@@ -31,21 +32,12 @@ ENDING = ".arrow"
 LARGEST_UPLOAD = 200_000_000
 MOST_LISTED = 500
 MOST_EVENTS = 500
-
-
 # Shortest time between messages about background work, s.
 SHOWN_EVERY = 0.5
 
 
 class RecordedPast(Past):
-    """The rows of a recording; only the displayed one is in memory.
-
-    Parameters
-    ----------
-    recording : Recording
-    rows : int
-        The number of readable rows.
-    """
+    """The rows of a recording; only the displayed one is in memory."""
 
     def __init__(self, recording: Recording, rows: int) -> None:
         super().__init__()
@@ -60,13 +52,7 @@ class RecordedPast(Past):
 
     @property
     def recording(self) -> Recording:
-        """The open recording.
-
-        Raises
-        ------
-        RecordingError
-            If it was closed.
-        """
+        """The open recording; an error if it was closed."""
         if self._recording is None:
             raise RecordingError("the recording was closed; open it again")
         return self._recording
@@ -108,29 +94,6 @@ class ReplayPlayer(Player):
     """Plays the rows of a recording as a `Player` plays a model.
 
     Its speed is in steps of the run, also where not every step was recorded.
-
-    Attributes
-    ----------
-    provenance : dict
-        Provenance of the run, also once the recording is closed.
-
-    Raises
-    ------
-    RecordingError
-        If it is not a recording, or has no rows.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from mesa_swarm import SwarmModel
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     model = SwarmModel(rng=1)
-    ...     with model.record(f"{folder}/run.arrow"):
-    ...         end = model.run(3)
-    ...     player = ReplayPlayer(f"{folder}/run.arrow")
-    ...     player.step()
-    ...     player.past.shown.step
-    2
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -139,7 +102,7 @@ class ReplayPlayer(Player):
         if not rows:
             raise RecordingError(f"{recording.path.name} contains no readable step; choose another file")
         super().__init__()
-        self.provenance = recording.provenance
+        self.provenance = recording.provenance  # also once the recording is closed
         self.past = self.rows = RecordedPast(recording, rows)
         self._waited = 0
         self.rest()
@@ -236,41 +199,14 @@ class StoppedError(Exception):
 
 
 class Replaying:
-    """The open recording, its upload, its events, and runs branched off it.
-
-    Parameters
-    ----------
-    session : Session
-        Continues with a run that branches off.
-
-    Attributes
-    ----------
-    player : ReplayPlayer or None
-        Plays the open recording.
-    events : list of Event or None
-        None during the search.
-    changes : dict
-        Parameters that differ after branching.
-    fault : str
-        Why a recording could not be opened or branched off, empty without a fault.
-    notes : list of str
-        Remarks on the open recording.
-    changed : Listeners
-
-    Examples
-    --------
-    >>> replaying = Replaying(Session("boids"))
-    >>> replaying.player is None, replaying.fault
-    (True, '')
-    >>> replaying.close()
-    """
+    """The open recording, its upload, its events, and runs branched off it."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
         self.changed = Listeners()
         self.player: ReplayPlayer | None = None
-        self.events: list[Event] | None = []
-        self.changes: dict[str, Any] = {}
+        self.events: list[Event] | None = []  # None during the search
+        self.changes: dict[str, Any] = {}  # parameters that differ after branching
         self.notes: list[str] = []
         self.fault = self.name = self._activity = ""
         self._path = Path()
@@ -454,7 +390,7 @@ class Replaying:
         player.set_speed(self.session.own_speed)
         self._leave(player)
         self._path, self.name, self._own = path, name, own
-        self.events, self.notes = None, _notes_of(player)
+        self.events, self.notes = None, list(damage_notes(player.recording))
         rows = _Rows(path, len(player.past), self._stop)
         threading.Thread(target=self._find_events, args=(rows,), name="events", daemon=True).start()
         self.changed.notify()
@@ -514,19 +450,12 @@ def recordings_place() -> Path | None:
     return Path(place) if place else None
 
 
-def _notes_of(player: ReplayPlayer) -> list[str]:
-    recording, last = player.recording, player.past.last_step
-    if len(player.past) < len(recording):
-        return [f"The recording is damaged after step {last}; later steps are left out."]
-    if recording.damage:
-        return [f"The recording {recording.damage}."]
-    return [] if recording.complete else [f"The recording was not closed; it is complete up to step {last}."]
-
-
 def _gallery_name(provenance: dict[str, Any]) -> str:
     recorded = provenance.get("model", {"module": "", "name": ""})
     name = recorded["module"].rpartition(".")[2]
-    shipped = name in model_names() and (recorded["module"], recorded["name"]) == _place_of(name)
+    if name not in model_names():
+        return ""
+    shipped = recorded["module"] == find_model(name).__module__ and recorded["name"] == class_name(name)
     return name if shipped and _are_permitted(name, provenance["parameters"]) else ""
 
 
@@ -539,11 +468,6 @@ def _are_permitted(name: str, given: dict[str, Any]) -> bool:
     except SwarmError:
         return False
     return True
-
-
-def _place_of(name: str) -> tuple[str, str]:
-    model_class = find_model(name)
-    return model_class.__module__, class_name(name)
 
 
 def _chart_of(provenance: dict[str, Any]) -> Map | str:

@@ -2,7 +2,7 @@
 
 import threading
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,40 +18,20 @@ NO_LAYER = "no layer"
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """Title, unit and curves of one chart.
-
-    Parameters
-    ----------
-    key : str
-    title : str
-    unit : str
-        Empty without a known unit.
-    names : tuple of str
-        Of the curves.
-    first : int
-        Column of the first curve.
-    """
+    """Title, unit and curves of one chart."""
 
     key: str
     title: str
-    unit: str
-    names: tuple[str, ...]
-    first: int = 0
+    unit: str  # empty without a known unit
+    names: tuple[str, ...]  # of the curves
+    first: int = 0  # the column of the first curve
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Curves:
-    """Curves for drawing: means over groups of rows, and the least and greatest of each.
+    """Curves for drawing: means over groups of rows, and the least and greatest of each."""
 
-    Parameters
-    ----------
-    steps : ndarray, shape (m,)
-        The last one of each group.
-    mean, low, high : ndarrays, shape (c, m)
-    width : int
-        Rows in a group.
-    """
-
+    # The last step of each group, shape (m,); numbers of shape (c, m); rows in a group.
     steps: np.ndarray
     mean: np.ndarray
     low: np.ndarray
@@ -64,27 +44,13 @@ class Series(Observer):
 
     Call `follow` with a model before its first step. When the memory is full, every second row is dropped:
     the remaining rows are exact, of the steps that are multiples of `every`.
-
-    Attributes
-    ----------
-    every : int
-        Steps from one row to the next.
-
-    Examples
-    --------
-    >>> from mesa_swarm.models.fire_fighting import FireFighting
-    >>> series, model = Series(), FireFighting(rng=1)
-    >>> series.follow(model)
-    >>> steps, table = series.rows("layers") if model.run(10) else None
-    >>> len(steps), table.sum(axis=1).round(9).tolist()[0]
-    (10, 100.0)
     """
 
     def __init__(self, most_numbers: int = MOST_NUMBERS) -> None:
         self.most_numbers = most_numbers
         self.every = 1
         self._lock = threading.Lock()
-        self._model: SwarmModel | None = None
+        self.model: SwarmModel | None = None
         self._charts: dict[str, Chart] = {}
         self._form: tuple = ()
         self._forget()
@@ -93,17 +59,12 @@ class Series(Observer):
         """Return the number of stored rows."""
         return self._count
 
-    @property
-    def model(self) -> SwarmModel | None:
-        """The model that is measured."""
-        return self._model
-
     def follow(self, model: SwarmModel | None) -> None:
         """Clear everything, and measure this model from now on."""
         with self._lock:
-            if self._model is not None and self in self._model.observers:
-                self._model.observers.remove(self)
-            self._model, self._form = model, ()
+            if self.model is not None and self in self.model.observers:
+                self.model.observers.remove(self)
+            self.model, self._form = model, ()
             self._forget()
             if model is not None:
                 model.observers.append(self)
@@ -128,13 +89,7 @@ class Series(Observer):
         return list(self._charts.values())
 
     def chart(self, key: str) -> Chart:
-        """Return one of them.
-
-        Raises
-        ------
-        UnknownNameError
-            If the key is unknown.
-        """
+        """Return one of them."""
         if key not in self._charts:
             raise UnknownNameError(unknown_name("chart", key, self._charts))
         return self._charts[key]
@@ -191,14 +146,7 @@ class Series(Observer):
 
 
 def grouped(steps: np.ndarray, rows: np.ndarray, width: int) -> Curves:
-    """Return means, least and greatest numbers of groups of `width` rows, without NaN.
-
-    Examples
-    --------
-    >>> curves = grouped(np.arange(1, 6), np.array([[1.0], [3.0], [5.0], [np.nan], [7.0]]), 2)
-    >>> curves.steps.tolist(), curves.mean.tolist(), curves.high.tolist()
-    ([2, 4, 5], [[2.0, 5.0, 7.0]], [[3.0, 5.0, 7.0]])
-    """
+    """Return means, least and greatest numbers of groups of `width` rows, without NaN."""
     if width == 1 or not len(rows):
         return Curves(steps, rows.T, rows.T, rows.T, 1)
     starts = np.arange(0, len(rows), width)
@@ -221,19 +169,13 @@ def placed(charts: Iterable[Chart]) -> list[Chart]:
     found: list[Chart] = []
     first = 0
     for chart in charts:
-        found.append(Chart(chart.key, chart.title, chart.unit, chart.names, first))
+        found.append(replace(chart, first=first))
         first += len(chart.names)
     return found
 
 
 def charts_of(model: SwarmModel) -> list[Chart]:
-    """Return the charts of a model, in the order in which `measure` writes them.
-
-    Examples
-    --------
-    >>> [chart.title for chart in charts_of(SwarmModel(rng=1))]
-    ['Collisions in a step', 'Collisions in all']
-    """
+    """Return the charts of a model, in the order in which `measure` writes them."""
     known = {"collisions": ("Collisions in a step", "robots"), "total_collisions": ("Collisions in all", "collisions")}
     charts = []
     for name in model.datacollector.model_vars:
@@ -272,13 +214,7 @@ def measure(model: SwarmModel, row: np.ndarray) -> None:
 
 
 def number_of(value: object) -> float:
-    """Return the value of a reporter as a number, NaN for a non-number.
-
-    Examples
-    --------
-    >>> number_of(True), number_of("far")
-    (1.0, nan)
-    """
+    """Return the value of a reporter as a number, NaN for a non-number."""
     try:
         return float(value)  # type: ignore[arg-type]  # non-numbers raise
     except (TypeError, ValueError):

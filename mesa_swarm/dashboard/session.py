@@ -30,35 +30,13 @@ MOST_WATCHED_STEPS = 1000
 
 
 def checked_setting(parameter: Parameter, value: Any) -> Any:
-    """Return a requested setting, as the parameter's type.
-
-    Raises
-    ------
-    InvalidValueError, UnknownNameError
-        If the value is not permitted, or exceeds the number of robots on a page.
-
-    Examples
-    --------
-    >>> checked_setting(Parameter("n_robots", 10, int, None), "12")
-    12
-    """
+    """Return a requested setting, as the parameter's type and within the number of robots on a page."""
     value = parameter.checked(parameter.parse(value) if isinstance(value, str) else value)
     return check_count("n_robots", value, maximum=MOST_ROBOTS) if parameter.name == "n_robots" else value
 
 
 def map_from(name: str, content: bytes) -> Map:
-    """Return the map in an uploaded file.
-
-    Raises
-    ------
-    MapError, InvalidValueError
-        If it is too large, of another kind, or not a map.
-
-    Examples
-    --------
-    >>> map_from("hall.svg", b'<svg width="80" height="60"><circle cx="40" cy="20" r="5"/></svg>').name
-    'hall'
-    """
+    """Return the map in an uploaded file."""
     if len(content) > LARGEST_UPLOAD:
         raise InvalidValueError(f"{name:.60} has {len(content):,} bytes; expected at most {LARGEST_UPLOAD:,}")
     if name.lower().endswith(".svg"):
@@ -72,18 +50,7 @@ def map_from(name: str, content: bytes) -> Map:
 
 
 def whole_number(name: str, text: str | int, minimum: int = 0, maximum: int = LARGEST_SEED) -> int:
-    """Return a typed whole number.
-
-    Raises
-    ------
-    InvalidValueError
-        If the text is not a whole number from minimum to maximum.
-
-    Examples
-    --------
-    >>> whole_number("seed", "7")
-    7
-    """
+    """Return a typed whole number."""
     try:
         number = int(text)
     except ValueError:
@@ -110,57 +77,7 @@ Kind = TypeVar("Kind", bound=Companion)
 
 
 class Session(Player):
-    """A model that one user chooses, changes, plays and resets.
-
-    Parameters
-    ----------
-    name : str
-        Of a model of the gallery.
-    settings : mapping, optional
-        Parameters that are not the model's defaults.
-    seed : int
-        Of everything random, 0 to 2**53 - 1.
-    steps : int
-        Taken before anything is shown, for at most `LONGEST_WAIT`; the others are then played.
-    find : function
-        Returns the class of a model by its name.
-
-    Attributes
-    ----------
-    name : str
-    model_class : type
-    parameters : dict of Parameter
-    settings : dict
-        Requested values of all parameters, for the next model; those in `LIVE` also for the present one.
-    seed : int
-    faults : dict of str
-        Why a setting was refused, by parameter or "seed".
-    unbuilt : bool
-        Whether `error` is about building the model, not about running it.
-    note : str
-        Why fewer steps were taken than requested; empty if all were, or if `error` has the reason.
-    goal : int
-        The step up to which it plays automatically, 0 for none.
-    own_speed : float
-        Steps a second that the user requested for, also while it plays as fast as it goes up to its goal.
-    built : dict
-        Settings of the present model.
-    series : Series
-        Measurements of the present model.
-    chosen_charts : dict of list of str
-        Keys of the charts that the user chose, by model.
-    straight : bool
-        Whether nothing was changed during the run, so that the same settings reproduce it.
-    adopted : Listeners
-        Notified when the session continues with a model built elsewhere.
-
-    Examples
-    --------
-    >>> session = Session("fire_fighting")
-    >>> session.step()
-    >>> session.past.shown.readings[0]
-    ('Fires burning', '7 of 7')
-    """
+    """A model that one user chooses, changes, plays and resets."""
 
     def __init__(
         self,
@@ -176,11 +93,14 @@ class Session(Player):
         self._reading = threading.Event()
         self._one_reader = threading.Lock()
         self.series = Series()
-        self.adopted = Listeners()
+        self.adopted = Listeners()  # to models built elsewhere
         self._companions: dict[Callable[[Session], Companion], Companion] = {}
+        # Keys of charts, by model; why settings were refused, by parameter or "seed"; the present model's settings.
         self.chosen_charts: dict[str, list[str]] = {}
         self.faults: dict[str, str] = {}
         self.built: dict[str, Any] = {}
+        # Why fewer steps were taken than requested; whether `error` is about building the model, not about running
+        # it; the step up to which it plays automatically, 0 for none.
         self.note, self.unbuilt, self.seed, self.goal = "", False, seed, 0
         super().__init__()
         self.set_speed(USUAL_SPEED)
@@ -231,7 +151,7 @@ class Session(Player):
         super().rest()
 
     def set_speed(self, speed: float) -> None:
-        """Set the number of steps a second."""
+        """Set the number of steps a second; up to its goal it still plays as fast as it goes."""
         self.own_speed = speed
         super().set_speed(speed)
 
@@ -325,17 +245,7 @@ class Session(Player):
         return list(dict.fromkeys([*own, *builtin_maps(), *self.uploads]))
 
     def adopt(self, model: SwarmModel, name: str, settings: Mapping[str, Any], seed: int) -> None:
-        """Stop, and continue with a model that was built elsewhere and has taken steps.
-
-        Parameters
-        ----------
-        model : SwarmModel
-        name : str
-            Under which its class is found.
-        settings : mapping
-            The parameters from which a reset builds it again; a Map counts as uploaded.
-        seed : int
-        """
+        """Stop, and continue with a model that was built elsewhere and has taken steps; a Map counts as uploaded."""
         self.loop.pause()
         with self.lock:
             given = dict(settings)
@@ -375,6 +285,7 @@ class Session(Player):
         self.parameters = parameters_of(self.model_class)
         self.settings = self._defaults() | settings
         self.faults, self.built = {}, {}
+        # Straight until something is changed during the run: then the same settings do not reproduce it.
         self.model, self.error, self.straight = None, "", True
         self.note, self.unbuilt = "", False
         self._forget_goal()
@@ -457,26 +368,12 @@ class Session(Player):
 
 
 def ended_early(step: int, goal: int) -> str:
-    """Return the message for a run that ended before the requested step.
-
-    Examples
-    --------
-    >>> ended_early(1596, 3000)
-    'the run ended at step 1,596, before step 3,000'
-    """
+    """Return the message for a run that ended before the requested step."""
     return f"the run ended at step {step:,}, before step {goal:,}"
 
 
 def watch_closely(model: SwarmModel) -> None:
-    """Store what robots perceived and did in the last steps of a model, unless it is watched already.
-
-    Examples
-    --------
-    >>> model = SwarmModel(rng=1)
-    >>> watch_closely(model)
-    >>> len(model.run(5).watched)
-    5
-    """
+    """Store what robots perceived and did in the last steps of a model, unless it is watched already."""
     if model.watched is None:
         a_step = sum(model.swarm.columns[name].nbytes for name in WATCHED)
         model.watch(last=max(2, min(MOST_WATCHED_STEPS, MOST_WATCHED_BYTES // max(a_step, 1))), columns=WATCHED)

@@ -4,7 +4,7 @@ import threading
 from collections.abc import Callable, Generator, Sequence
 from pathlib import Path, PureWindowsPath
 from tempfile import TemporaryDirectory
-from typing import Protocol
+from typing import Any
 
 import anywidget
 import solara
@@ -19,22 +19,23 @@ LONGEST_NAME = 60
 
 @solara.component
 def Button(
-    label: str, act: Callable[[], object], class_: str = "", pressed: bool | None = None, enabled: bool = True
+    label: str,
+    act: Callable[[], object],
+    class_: str = "",
+    *,
+    more: str = "",
+    enabled: bool = True,
+    pressed: bool | None = None,
+    current: str = "",
 ) -> None:
-    """Show a button; of a toggle, whether it is pressed."""
+    """Show a button; of a toggle, whether it is pressed; of one of several, ``aria-current`` if it is chosen."""
     about = {"type": "button"} | ({} if enabled else {"disabled": True})
+    if current:
+        about["aria-current"] = current
     if pressed is not None:
         about["aria-pressed"] = "true" if pressed else "false"
-    button = rv.Html(tag="button", class_=class_, attributes=about, children=[label])
-    rv.use_event(button, "click", lambda *_: act())
-
-
-@solara.component
-def Item(name: str, act: Callable[[], object], more: str = "", chosen: bool = False) -> None:
-    """Show one line of a list as a button."""
-    about = {"type": "button"} | ({"aria-current": "true"} if chosen else {})
-    children = [name, rv.Html(tag="small", children=[more])] if more else [name]
-    button = rv.Html(tag="button", attributes=about, children=children)
+    children = [label, rv.Html(tag="small", children=[more])] if more else [label]
+    button = rv.Html(tag="button", class_=class_, attributes=about, children=children)
     rv.use_event(button, "click", lambda *_: act())
 
 
@@ -49,6 +50,13 @@ def TroubleCard(title: str, *texts: str, way_out: tuple[str, Callable[[], object
         if way_out:
             label, act = way_out
             solara.Button(label, act)
+
+
+@solara.component
+def Linked(widget: type[anywidget.AnyWidget], link: Callable[..., Any], *sources: object, **traits: object) -> None:
+    """Show a widget, connected by a link until it is removed."""
+    element = widget.element(**traits)
+    solara.use_effect(lambda: link(solara.get_widget(element), *sources).close, [])
 
 
 class Link:
@@ -88,18 +96,7 @@ Pieces = Generator[tuple[bytes, bool], None, None]
 
 
 class Downloads:
-    """Sends files in pieces, each when the browser requests it.
-
-    Parameters
-    ----------
-    widget : AnyWidget
-        Whose module has `ReceivedFiles` of downloads.js.
-
-    Examples
-    --------
-    >>> list(pieces_of(b"abcde", 2))
-    [(b'ab', False), (b'cd', False), (b'e', True)]
-    """
+    """Sends files in pieces, each when the browser requests it: the widget's module has downloads.js."""
 
     def __init__(self, widget: anywidget.AnyWidget) -> None:
         self._widget = widget
@@ -156,28 +153,8 @@ def pieces_of(content: bytes | Path, size: int) -> Pieces:
             piece = following
 
 
-class Receiver(Protocol):
-    """Receives a file in pieces, and may refuse it."""
-
-    def begin_upload(self, name: str, size: int) -> bool:
-        """Return whether a file is accepted."""
-
-    def take(self, piece: bytes) -> bool:
-        """Take a piece; return whether more are accepted."""
-
-    def end_upload(self) -> None:
-        """Note that all pieces have arrived."""
-
-
 class FilePicker(anywidget.AnyWidget):
-    """A button that opens the browser's choice of files.
-
-    Parameters
-    ----------
-    label : str
-    accept : str
-        Endings of names, in the format of HTML.
-    """
+    """A button that opens the browser's choice of files."""
 
     _esm = """
     export default {
@@ -206,55 +183,12 @@ class FilePicker(anywidget.AnyWidget):
     };
     """
     label = traitlets.Unicode("Upload").tag(sync=True)
-    accept = traitlets.Unicode("").tag(sync=True)
+    accept = traitlets.Unicode("").tag(sync=True)  # endings of names, in the format of HTML
     piece = traitlets.Int(PIECE).tag(sync=True)
 
 
-class Upload(Link):
-    """Passes the files of a button to a receiver."""
-
-    def __init__(self, picker: FilePicker, receiver: Receiver) -> None:
-        self.picker, self.receiver = picker, receiver
-        self.connect(picker)
-
-    def act(self, message: dict, buffers: Sequence = ()) -> None:
-        """Carry out a message from the browser."""
-        match message.get("do"):
-            case "begin":
-                goes_on = self.receiver.begin_upload(str(message.get("name", "")), int(message.get("size", 0)))
-                self.picker.send({"go": goes_on})
-            case "piece" if buffers:
-                goes_on = self.receiver.take(bytes(buffers[0])) and not message.get("last")
-                self.picker.send({"go": goes_on})
-                if message.get("last"):
-                    self.receiver.end_upload()
-
-
 class Incoming:
-    """An uploaded file that arrives in pieces.
-
-    Parameters
-    ----------
-    name : str
-        Its name on the user's machine.
-
-    Attributes
-    ----------
-    path : Path
-        Its place here, under nearly the same name, since errors quote it.
-
-    Examples
-    --------
-    >>> incoming = Incoming("run.arrow")
-    >>> incoming.take(b"abc")
-    3
-    >>> incoming.end()
-    >>> incoming.path.name, incoming.path.read_bytes()
-    ('run.arrow', b'abc')
-    >>> incoming.discard()
-    >>> incoming.path.exists()
-    False
-    """
+    """An uploaded file that arrives in pieces; it is stored under nearly the same name, since errors quote it."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -263,13 +197,7 @@ class Incoming:
         self._file = self.path.open("wb", buffering=0)  # otherwise a full disk would be noticed only at the end
 
     def take(self, piece: bytes) -> int:
-        """Take the next piece; return the number of bytes so far.
-
-        Raises
-        ------
-        InvalidValueError
-            If it cannot be written.
-        """
+        """Take the next piece; return the number of bytes so far."""
         left = memoryview(piece)
         try:
             while left:
@@ -289,12 +217,6 @@ class Incoming:
 
 
 def harmless(name: str) -> str:
-    """Return a name that is safe in any file system.
-
-    Examples
-    --------
-    >>> harmless("my run.arrow"), harmless("../../etc/passwd"), harmless("..")
-    ('my run.arrow', 'passwd', 'file')
-    """
+    """Return a name that is safe in any file system."""
     letters = [letter if letter.isalnum() or letter in " ._-()" else "_" for letter in PureWindowsPath(name).name]
     return "".join(letters)[-LONGEST_NAME:].strip(" .") or "file"

@@ -24,17 +24,9 @@ CAPTION = 0.045
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Clock:
-    """When the values of an animation are shown.
+    """When the values of an animation are shown: the first at the beginning, the last at the end, then again."""
 
-    Parameters
-    ----------
-    moments : int
-        Number of values, at least 2: the first at the beginning, the last at the end.
-    seconds : float
-        From the beginning to the end, whereupon it begins again.
-    """
-
-    moments: int
+    moments: int  # number of values, at least 2
     seconds: float
 
     @property
@@ -45,11 +37,6 @@ class Clock:
         """Return what moves or turns an element evenly through rows of numbers; one value if they are all the same.
 
         The first animation of an element replaces its transform, so that all have to be there.
-
-        Examples
-        --------
-        >>> Clock(moments=2, seconds=1.0).moving("translate", np.array([[0.0, 1.0], [2.5, 1.0]]), 1)[-71:]
-        'type="translate" values="0 1;2.5 1" dur="1s" repeatCount="indefinite"/>'
         """
         texts = [number_row(row, digits) for row in rows.tolist()]
         texts = texts if len(set(texts)) > 1 else texts[:1]
@@ -58,13 +45,7 @@ class Clock:
         return f'<animateTransform attributeName="transform"{more} type="{kind}" values="{shown}" {self._repeat}/>'
 
     def jumping(self, name: str, values: Sequence[str], tag: str = "animate", more: str = "") -> str:
-        """Return what changes an attribute at once wherever the value differs from the one before.
-
-        Examples
-        --------
-        >>> Clock(moments=3, seconds=2.0).jumping("fill", ["red", "red", "blue"])[50:81]
-        'values="red;blue" keyTimes="0;1'
-        """
+        """Return what changes an attribute at once wherever the value differs from the one before."""
         changes = [i for i in range(len(values)) if i == 0 or values[i] != values[i - 1]]
         if len(changes) == 1:
             return ""
@@ -78,48 +59,22 @@ class Clock:
 
 
 def number_row(numbers: Iterable[float], digits: int) -> str:
-    """Return numbers rounded to some digits, separated by blanks, without trailing zeros.
-
-    Examples
-    --------
-    >>> number_row((1.26, -0.01, 30.0), 1)
-    '1.3 0 30'
-    """
+    """Return numbers rounded to some digits, separated by blanks, without trailing zeros."""
     return " ".join(f"{round(number, digits) + 0.0:.10g}" for number in numbers)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class ObjectTrack:
-    """One object over time.
+    """One object over time."""
 
-    Parameters
-    ----------
-    number : int
-        unique_id.
-    values : ndarray, shape (k, m)
-        Where it was not there, what it had next before that, or first after.
-    present : bool ndarray, shape (k,)
-    """
-
-    number: int
+    number: int  # unique_id
+    # Shape (k, m): where it was not there, what it had next before that, or first after.
     values: np.ndarray
-    present: np.ndarray
+    present: np.ndarray  # bool, shape (k,)
 
 
 def tracks(moments: Iterable[tuple[np.ndarray, np.ndarray]]) -> Iterator[ObjectTrack]:
-    """Yield the track of every object, by unique_id.
-
-    Parameters
-    ----------
-    moments : iterable of (ids, values)
-        Shapes (n,) and (n, m), at each of the steps.
-
-    Examples
-    --------
-    >>> moments = [(np.array([7]), np.array([[1.0]])), (np.array([7, 8]), np.array([[2.0], [5.0]]))]
-    >>> [(track.number, track.values.ravel().tolist(), track.present.tolist()) for track in tracks(moments)]
-    [(7, [1.0, 2.0], [True, True]), (8, [5.0, 5.0], [False, True])]
-    """
+    """Yield the track of every object, by unique_id, from the ids (n,) and values (n, m) at each step."""
     found = list(moments)
     places: dict[int, list[tuple[int, int]]] = {}
     for moment, (ids, _) in enumerate(found):
@@ -137,11 +92,6 @@ def export_animation(drawn: PicturedSteps, path: Path, steps: Sequence[int], *, 
     """Write steps as an animated SVG that repeats, whole or not at all.
 
     Step i is shown i / fps seconds after the beginning, and between two steps robots move evenly.
-
-    Raises
-    ------
-    InvalidValueError
-        If there are fewer steps than two.
     """
     if len(steps) < 2:
         raise InvalidValueError(f"an animation of step {steps[0]} alone does not move; choose two steps or more")
@@ -253,7 +203,8 @@ class Animation:
         radii = self._radii()
         for track in tracks(zip((frame.robots for frame in self._frames), rows, strict=True)):
             colours = [LIGHT.robot_hot if is_hot else LIGHT.robot for is_hot in track.values[:, 3]]
-            body = f'<use href="#body{radii.index(self._radius_of(track.number))}"/>'
+            radius = self._drawn.scene.radius_of(np.array([track.number]))[0]
+            body = f'<use href="#body{radii.index(radius)}"/>'
             look = f'class="robot" data-robot="{track.number}" fill="{colours[0]}"'
             yield self._body(track, look, self._clock.jumping("fill", colours), body)
 
@@ -277,9 +228,6 @@ class Animation:
     def _radii(self) -> list[float]:
         robots = np.unique(np.concatenate([frame.robots for frame in self._frames]))
         return np.unique(self._drawn.scene.radius_of(robots)).tolist()
-
-    def _radius_of(self, robot: int) -> float:
-        return float(self._drawn.scene.radius_of(np.array([robot]))[0])
 
     def _bodies(self) -> Iterator[str]:
         for place, r in enumerate(self._radii()):

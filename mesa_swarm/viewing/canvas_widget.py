@@ -3,7 +3,6 @@
 import threading
 import time
 from collections.abc import Callable
-from importlib.resources import files
 from typing import Any
 
 import anywidget
@@ -14,7 +13,7 @@ from reacton.core import Element
 from mesa_swarm.errors import check_count, check_number
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.observers import Observer
-from mesa_swarm.viewing import palette
+from mesa_swarm.viewing import palette, text_of
 from mesa_swarm.viewing.pictures import png, world_figure
 from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES
 from mesa_swarm.viewing.player import PackedFrame, Past, Played, Player
@@ -24,29 +23,7 @@ MOST_AHEAD = 2
 SPEEDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 250.0, 500.0, 1000.0, AS_FAST_AS_IT_GOES)
 # Interval at which steps that a program takes are shown, s.
 EVERY = 0.05
-
-
-def text_of(*names: str) -> str:
-    """Return files of the package, one after the other: a widget is one module.
-
-    Examples
-    --------
-    >>> text_of("viewing/elements.js", "dashboard/panel.js").count("export default")
-    1
-    """
-    here = files("mesa_swarm")
-    return "".join((here / name).read_text(encoding="utf-8") for name in names)
-
-
-def script() -> str:
-    """Return the widget's one module: the colours, the canvas and its buttons.
-
-    Examples
-    --------
-    >>> "export default" in script()
-    True
-    """
-    return palette.script() + text_of("viewing/canvas.js", "viewing/elements.js", "viewing/widget.js")
+ON_A_PAGE = {"bar": True, "keys": "page", "toggles": {}}
 
 
 class SwarmCanvas(anywidget.AnyWidget):
@@ -54,42 +31,21 @@ class SwarmCanvas(anywidget.AnyWidget):
 
     Frames are numbered when they are sent, and the browser answers with the number that it has drawn: at most
     `MOST_AHEAD` are on their way, and of those that wait all but the latest are dropped.
-
-    Parameters
-    ----------
-    options : dict
-        ``bar``: whether there are buttons; ``keys``: "page" where keys pressed anywhere play and step, "own"
-        where only those pressed in the widget do, "" for none; ``toggles``: what is drawn, by name; ``head``:
-        whether a caption and the readings stand above it; ``stage``: False for buttons without a canvas.
-    selected : int or None
-        unique_id of the selected robot.
-
-    Attributes
-    ----------
-    commands : dict
-        Functions by name, called when a button or a key is pressed.
-    still : function or None
-        Returns a PNG, for places that show no widgets.
-    caught_up : function
-        Called when the browser has drawn what it was sent.
-
-    Examples
-    --------
-    >>> canvas = SwarmCanvas()
-    >>> canvas.ready, canvas.selected
-    (False, None)
     """
 
-    _esm = script()
+    _esm = palette.script() + text_of("viewing/canvas.js", "viewing/elements.js", "viewing/widget.js")
     _css = palette.style_sheet(".swarm-player", '.swarm-player[data-theme="dark"]') + text_of("viewing/widget.css")
+    # bar: whether there are buttons; keys: "page" where keys pressed anywhere play and step, "own" where only those
+    # pressed in the widget do, "" for none; toggles: what is drawn, by name; head: whether a caption and the readings
+    # stand above it; stage: False for buttons without a canvas.
     options = traitlets.Dict({"bar": True, "keys": "", "toggles": {}}).tag(sync=True)
     selected = traitlets.Int(None, allow_none=True).tag(sync=True)
 
     def __init__(self, **traits: object) -> None:
         super().__init__(**traits)
-        self.commands: dict[str, Callable] = {}
-        self.still: Callable[[], bytes] | None = None
-        self.caught_up: Callable[[], None] = lambda: None
+        self.commands: dict[str, Callable] = {}  # called when a button or a key is pressed
+        self.still: Callable[[], bytes] | None = None  # a PNG, for places that show no widgets
+        self.caught_up: Callable[[], None] = lambda: None  # the browser has drawn all that it was sent
         self._lock = threading.RLock()
         self._frame: PackedFrame | None = None
         self._beside: dict = {}
@@ -105,15 +61,7 @@ class SwarmCanvas(anywidget.AnyWidget):
         return self._seen and self._sent - self._drawn < MOST_AHEAD
 
     def push(self, number: int, frame: PackedFrame, **beside: object) -> None:
-        """Show a frame as soon as the browser has room, unless one of a higher number was received.
-
-        Parameters
-        ----------
-        number : int
-        frame : PackedFrame
-        **beside
-            More fields of the same message.
-        """
+        """Show a frame as soon as the browser has room, unless one of a higher number was received."""
         with self._lock:
             if number > self._pushed:
                 self._pushed, self._frame, self._beside, self._waits = number, frame, beside, True
@@ -172,16 +120,7 @@ class SwarmCanvas(anywidget.AnyWidget):
 
 
 class Connection:
-    """Shows a player on a canvas, whose buttons control it.
-
-    Parameters
-    ----------
-    canvas : SwarmCanvas
-    player : Played
-        For a pair only the buttons are shown, and no robot can be selected.
-    reset : function, optional
-        Called by the button of this name; without it there is no such button.
-    """
+    """Shows a player on a canvas, whose buttons control it; of a pair only the buttons, and no robot is selected."""
 
     def __init__(self, canvas: SwarmCanvas, player: Played, reset: Callable[[], None] | None = None) -> None:
         self.canvas, self.player, self._reset = canvas, player, reset
@@ -235,8 +174,10 @@ class Connection:
         show_selection()
 
 
-def use_connection(canvas: Element, player: Played, reset: Callable[[], None]) -> None:
-    """Show a player on a canvas of a Solara page, and pause it when the canvas is removed."""
+@solara.component
+def PlayerView(player: Played, reset: Callable[[], None], options: dict = ON_A_PAGE) -> None:
+    """Show a player on a canvas with buttons, and pause it when the canvas is removed."""
+    canvas = SwarmCanvas.element(options=options)
 
     def connect() -> Callable[[], None]:
         connection = Connection(solara.get_widget(canvas), player, reset)
@@ -256,35 +197,17 @@ def extent_of(past: Past) -> dict[str, int]:
 
 
 def nearest_speed(speed: float) -> int:
-    """Return the index in `SPEEDS` of the slowest one that is not slower.
-
-    Examples
-    --------
-    >>> SPEEDS[nearest_speed(55)]
-    60.0
-    """
+    """Return the index in `SPEEDS` of the slowest one that is not slower."""
     return next(index for index, one in enumerate(SPEEDS) if one >= speed)
 
 
 def speed_text(speed: float) -> str:
-    """Return a speed in words.
-
-    Examples
-    --------
-    >>> speed_text(0.5), speed_text(AS_FAST_AS_IT_GOES)
-    ('0.5 steps/s', 'as fast as it goes')
-    """
+    """Return a speed in words."""
     return "as fast as it goes" if speed == AS_FAST_AS_IT_GOES else f"{speed:,g} steps/s"
 
 
 def rate_text(rate: float) -> str:
-    """Return an achieved rate in words.
-
-    Examples
-    --------
-    >>> rate_text(0.0), rate_text(0.512), rate_text(1234.5)
-    ('at rest', '0.51', '1,234')
-    """
+    """Return an achieved rate in words."""
     if rate == 0.0:
         return "at rest"
     return f"{rate:.2g}" if rate < 10 else f"{rate:,.0f}"

@@ -39,17 +39,12 @@ IN_PLACE = 1
 BETWEEN = (0.25, 0.5, 0.75)
 # yuv420p is the one that every player shows; faststart lets browsers begin before all is loaded.
 ENCODING = ["-c:v", "libx264", "-preset", "veryfast", "-crf", "20", "-pix_fmt", "yuv420p"]
+RAW = ["-f", "rawvideo", "-pix_fmt", "rgba"]
 CONTAINER = ["-movflags", "+faststart", "-f", "mp4"]
 
 
 class Screen:
-    """A canvas of the film's size on which its steps are drawn.
-
-    Attributes
-    ----------
-    size : (width, height)
-        Pixels.
-    """
+    """A canvas of the film's size on which its steps are drawn."""
 
     def __init__(self, drawn: PicturedSteps, look: Look) -> None:
         self.size = look.size or film_size(drawn.scene.bounds)
@@ -163,13 +158,7 @@ def _changed(last: Image.Image | None, image: Image.Image) -> tuple[int, int, in
 
 
 def palette() -> Image.Image:
-    """Return the colours of all pictures, with some steps between them, as an image with 256 of them.
-
-    Examples
-    --------
-    >>> palette().mode
-    'P'
-    """
+    """Return the colours of all pictures, with some steps between them, as an image with 256 of them."""
     flat = [LIGHT.robot, LIGHT.robot_hot, LIGHT.robot_front, LIGHT.obstacle, LIGHT.load, LIGHT.mark]
     flat += [LIGHT.sector, LIGHT.border, LIGHT.robot_outline, LIGHT.fire_rim]
     ground, outline, front = rgb(LIGHT.ground), rgb(LIGHT.robot_outline), rgb(LIGHT.robot_front)
@@ -192,31 +181,18 @@ def _mixed(colour: str, ground: np.ndarray) -> np.ndarray:
 def export_film(
     drawn: PicturedSteps, path: Path, steps: Sequence[int], *, fps: float, look: Look, progress: bool
 ) -> None:
-    """Write steps as a film, whole or not at all.
-
-    Raises
-    ------
-    InvalidValueError
-        If the size is odd, or imageio-ffmpeg is missing.
-    ExportError
-        If ffmpeg fails.
-    """
+    """Write steps as a film, whole or not at all."""
     program = ffmpeg()
     check_even(look)
     screen = Screen(drawn, look)
+    source = [*RAW, "-s", "{}x{}".format(*screen.size), "-r", f"{fps:g}", "-i", "-"]
     with draft_of(path, ExportError) as draft:
-        command = [program, "-y", "-v", "error", *_input(screen.size, fps), *ENCODING, *CONTAINER, str(draft)]
+        command = [program, "-y", "-v", "error", *source, *ENCODING, *CONTAINER, str(draft)]
         _encode(command, film_frames(screen, steps, progress), path)
 
 
 def ffmpeg() -> str:
-    """Return the path of ffmpeg.
-
-    Raises
-    ------
-    InvalidValueError
-        If imageio-ffmpeg is not installed.
-    """
+    """Return the path of ffmpeg."""
     try:
         import imageio_ffmpeg  # noqa: PLC0415 - an extra, which only films need
 
@@ -232,10 +208,6 @@ def check_even(look: Look) -> None:
     if look.size is not None and any(length % 2 for length in look.size):
         width, height = look.size
         raise InvalidValueError(f"size is {width}x{height}; films need an even width and height")
-
-
-def _input(size: tuple[int, int], fps: float) -> list[str]:
-    return ["-f", "rawvideo", "-pix_fmt", "rgba", "-s", "{}x{}".format(*size), "-r", f"{fps:g}", "-i", "-"]
 
 
 def _encode(command: list[str], frames: Iterable[np.ndarray], path: Path) -> None:

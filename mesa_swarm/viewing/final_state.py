@@ -11,36 +11,19 @@ from mesa_swarm.viewing.scene import Scene, scene_of
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class FinalState:
-    """A model after its last step, as plain arrays that travel between processes.
-
-    Parameters
-    ----------
-    frame : Frame
-    scene : Scene
-    history : dict of ndarrays
-        steps (k,), temperature and robots (k, f) of the fires; the last row is the present.
-    series : dict of ndarrays
-        What the DataCollector collected of the model, by name; numbers only.
-    collect_every : int
-        Steps from one row of `series` to the next.
-    """
+    """A model after its last step, as plain arrays that travel between processes."""
 
     frame: Frame
     scene: Scene
+    # steps (k,), temperature and robots (k, f) of the fires; the last row is the present.
     history: dict[str, np.ndarray]
+    # Numbers that the DataCollector collected of the model, by name; steps from one to the next.
     series: dict[str, np.ndarray]
     collect_every: int
 
 
 def final_state_of(model: FireModel) -> FinalState:
-    """Return the state of a model as it is now, with what was collected until then.
-
-    Examples
-    --------
-    >>> from mesa_swarm import SwarmModel
-    >>> final_state_of(SwarmModel(rng=1).run(3)).frame.step
-    3
-    """
+    """Return the state of a model as it is now, with what was collected until then."""
     collected = {name: np.array(values) for name, values in model.datacollector.model_vars.items()}
     return FinalState(
         frame=frame_of(model),

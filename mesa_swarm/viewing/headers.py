@@ -19,19 +19,9 @@ SAFE: Mapping[str, str] = {
 
 
 def policy(sources: Mapping[str, str], in_page: bool = False) -> str:
-    """Return a Content-Security-Policy that permits these sources and nothing else.
+    """Return a Content-Security-Policy (CSP level 3) that permits these sources by directive, and nothing else.
 
-    Parameters
-    ----------
-    sources : mapping
-        By directive, as in CSP level 3.
-    in_page : bool
-        Whether it stands in a page's ``meta`` element, where fewer directives count.
-
-    Examples
-    --------
-    >>> policy({"default-src": "'self'"}, in_page=True)
-    "default-src 'self'; object-src 'none'; base-uri 'none'; form-action 'none'"
+    In a page's ``meta`` element fewer directives count.
     """
     left_out = HEADER_ONLY if in_page else ()
     permitted = {**NOTHING, **sources}
@@ -39,28 +29,10 @@ def policy(sources: Mapping[str, str], in_page: bool = False) -> str:
 
 
 def safe_headers(sources: Mapping[str, str]) -> dict[str, str]:
-    """Return the headers of every answer, errors and redirects included.
-
-    Parameters
-    ----------
-    sources : mapping
-        What pages may load, as `policy` takes it.
-
-    Examples
-    --------
-    >>> headers = safe_headers({})
-    >>> headers["X-Frame-Options"], headers["Content-Security-Policy"].endswith("frame-ancestors 'none'")
-    ('DENY', True)
-    """
+    """Return the headers of every answer, errors and redirects included; sources are as in `policy`."""
     return {**SAFE, "Content-Security-Policy": policy(sources)}
 
 
 def source_of(script: str) -> str:
-    """Return the source that permits one inline script, and no other.
-
-    Examples
-    --------
-    >>> source_of("")
-    "'sha256-47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU='"
-    """
+    """Return the source that permits one inline script, and no other."""
     return f"'sha256-{b64encode(hashlib.sha256(script.encode()).digest()).decode()}'"

@@ -19,7 +19,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from mesa_swarm.recording.frames import Frame
+from mesa_swarm.recording.frames import NO_ROWS, Frame
 from mesa_swarm.viewing.scene import COLUMNS, Scene
 
 TYPES = {"f4": "<f4", "i4": "<i4", "i1": "i1"}
@@ -44,24 +44,8 @@ Columns = dict[str, np.ndarray]
 def packed_frame(frame: Frame, scene: Scene) -> bytes:
     """Return a frame as the bytes that ``unpacked`` of ``canvas.js`` reads.
 
-    Six little-endian int32: step, and how many robots, sensors, fires, loads and contacts; then the columns of
-    the scene, each row after row in its type.
-
-    Parameters
-    ----------
-    frame : Frame
-        Of a `Recording`, or of a model, with the columns `PACKED_FROM`.
-    scene : Scene
-        The one behind it.
-
-    Examples
-    --------
-    >>> from mesa_swarm import SwarmModel
-    >>> from mesa_swarm.recording.frames import frame_of
-    >>> from mesa_swarm.viewing.scene import scene_of
-    >>> model = SwarmModel(rng=1)
-    >>> len(packed_frame(frame_of(model, PACKED_FROM), scene_of(model)))
-    24
+    Six little-endian int32: step, and how many robots, sensors, fires, loads and contacts; then the columns of the
+    scene, each row after row in its type. A frame of a model needs the columns `PACKED_FROM`.
     """
     columns = drawn_columns(frame, scene)
     tables = [len(columns[name]) for name in ("fires", "loads", "contacts")]
@@ -85,9 +69,10 @@ def drawn_columns(frame: Frame, scene: Scene) -> Columns:
         drawn["heat"] = known["temperature"] / scene.world(frame.step)["leave"]
     if "heard" in scene.columns:
         drawn["heard"] = position + _turned(known["heard_from"], heading)
-    drawn["fires"] = _fields(known.get("fires"), FIRE_FIELDS)
-    drawn["loads"] = _loads(known.get("loads"), scene)
-    drawn["contacts"] = _contacts(known.get("contacts"), frame.robots)
+    fires, loads, contacts = (known.get(table, NO_ROWS[table]) for table in ("fires", "loads", "contacts"))
+    drawn["fires"] = _fields(fires, FIRE_FIELDS)
+    drawn["loads"] = _loads(loads, scene)
+    drawn["contacts"] = _contacts(contacts, frame.robots)
     return {name: _typed(values, COLUMNS[name][2]) for name, values in drawn.items()}
 
 
@@ -103,29 +88,26 @@ def _sensors(columns: Columns) -> int:
     return columns["distance"].shape[1] if "distance" in columns else 0
 
 
-def _fields(table: np.ndarray | None, fields: Sequence[str], before: int = 0) -> np.ndarray:
+def _fields(table: np.ndarray, fields: Sequence[str], before: int = 0) -> np.ndarray:
     """Return fields of a table as float32 columns, after some columns that are left free."""
-    found = np.empty((0 if table is None else len(table), before + len(fields)), "<f4")
-    if table is not None and len(table):
-        for place, field in enumerate(fields, start=before):
-            found[:, place] = table[field]
+    found = np.empty((len(table), before + len(fields)), "<f4")
+    for place, field in enumerate(fields, start=before):
+        found[:, place] = table[field]
     return found
 
 
-def _loads(table: np.ndarray | None, scene: Scene) -> np.ndarray:
+def _loads(table: np.ndarray, scene: Scene) -> np.ndarray:
     """Return loads with their index in the world instead of their id, -1 where the world does not know them."""
     found = _fields(table, LOAD_FIELDS, before=1)
-    if table is not None and len(table):
-        found[:, 0] = [scene.load_places.get(load, -1) for load in table["load"].tolist()]
+    found[:, 0] = [scene.load_places.get(load, -1) for load in table["load"].tolist()]
     return found
 
 
-def _contacts(table: np.ndarray | None, ids: np.ndarray) -> np.ndarray:
+def _contacts(table: np.ndarray, ids: np.ndarray) -> np.ndarray:
     """Return the row of each robot that met something, and the azimuth in which that is."""
-    found = np.empty((0 if table is None else len(table), 2), "<f4")
-    if table is not None and len(table):
-        found[:, 0] = np.searchsorted(ids, table["robot"])
-        found[:, 1] = np.arctan2(-table["normal_y"].astype(float), -table["normal_x"].astype(float))
+    found = np.empty((len(table), 2), "<f4")
+    found[:, 0] = np.searchsorted(ids, table["robot"])
+    found[:, 1] = np.arctan2(-table["normal_y"].astype(float), -table["normal_x"].astype(float))
     return found
 
 
@@ -136,17 +118,7 @@ def _turned(vector: np.ndarray, heading: np.ndarray) -> np.ndarray:
 
 
 def packed_chunk(frames: Iterable[Frame], scene: Scene) -> bytes:
-    """Return frames in the order of time as one chunk.
-
-    Examples
-    --------
-    >>> from mesa_swarm import SwarmModel
-    >>> from mesa_swarm.recording.frames import frame_of
-    >>> from mesa_swarm.viewing.scene import scene_of
-    >>> model = SwarmModel(rng=1)
-    >>> len(zlib.decompress(packed_chunk([frame_of(model, PACKED_FROM)], scene_of(model))))
-    32
-    """
+    """Return frames in the order of time as one chunk."""
     return packed_rows(((frame.step, drawn_columns(frame, scene)) for frame in frames), scene.world())
 
 

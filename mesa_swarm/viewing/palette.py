@@ -17,55 +17,20 @@ FIRE_STEPS = 65
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Palette:
-    """The colours for one background, as #rrggbb, or #rrggbbaa where what lies below shines through.
+    """The colours for one background, as #rrggbb, or #rrggbbaa where what lies below shines through."""
 
-    Parameters
-    ----------
-    page, paper, field, hover : str
-        What text stands on: the page, panels on it, where one types, what the pointer is on.
-    line, edge, shadow : str
-        Lines between parts and in charts; the outline of buttons; what menus cast.
-    ink, soft : str
-        Text, and text of less weight.
-    accent, on_accent, focus : str
-        What is chosen, the text on it, and the outline of what has the focus.
-    good, warn, bad, warn_paper, bad_paper : str
-        States, and the paper of notes about them.
-    outside, ground, border, label : str
-        Around the map, the map, its frame, and text on it.
-    obstacle, mark, load : str
-        Bodies, marks on the ground, and bodies that are pushed.
-    fire : tuple of str
-        By temperature, evenly spaced between 0 and 1; lightness rises all the way.
-    fire_rim, on_fire, ashes, on_ashes : str
-        The outline of a fire, text on it; a fire that is out, and text on that.
-    robot, robot_front, robot_outline, robot_hot : str
-        The rear half, the front half that marks the heading, the outline, and the rear half while it is too hot.
-    sector, seeing, perceived : str
-        What a sensor covers, what it reads, and the line to the perceived centroid.
-    trail, contact, heat, message, selection, travel : str
-        Where a robot was, a collision, how warm it is, what it heard, the robot that is looked at, where it goes.
-    layers : tuple of str
-        Rings, rows and lines of layers, in the order of the layers; after the last the first comes again.
-    no_layer : str
-        The same where no layer drives.
-    series : tuple of str
-        Lines of charts in order; after the last the first comes again, dashed.
-    faint, band : str
-        Single points behind a mean; an area behind everything.
-    diverging : tuple of str
-        A map of colours with zero in its middle.
-    """
-
+    # What text stands on: the page, panels on it, where one types, what the pointer is on.
     page: str
     paper: str
     field: str
     hover: str
+    # Lines between parts and in charts, the outline of buttons, what menus cast; text, and text of less weight.
     line: str
     edge: str
     shadow: str
     ink: str
     soft: str
+    # What is chosen, the text on it, the outline of what has the focus; states, and the paper of notes about them.
     accent: str
     on_accent: str
     focus: str
@@ -74,6 +39,7 @@ class Palette:
     bad: str
     warn_paper: str
     bad_paper: str
+    # Around the map, the map, its frame, and text on it; bodies, marks on the ground, and bodies that are pushed.
     outside: str
     ground: str
     border: str
@@ -81,51 +47,45 @@ class Palette:
     obstacle: str
     mark: str
     load: str
+    # By temperature, evenly spaced between 0 and 1: lightness rises all the way.
     fire: tuple[str, ...]
     fire_rim: str
     on_fire: str
     ashes: str
     on_ashes: str
+    # The rear half, the front half that marks the heading, the outline, and the rear half while it is too hot.
     robot: str
     robot_front: str
     robot_outline: str
     robot_hot: str
+    # What a sensor covers, what it reads, and the line to the perceived centroid.
     sector: str
     seeing: str
     perceived: str
+    # Where a robot was, a collision, how warm it is, what it heard, the selected robot, where it goes.
     trail: str
     contact: str
     heat: str
     message: str
     selection: str
     travel: str
+    # Of layers and lines of charts in order; after the last the first comes again, in charts dashed.
     layers: tuple[str, ...]
     no_layer: str
     series: tuple[str, ...]
+    # Single points behind a mean; an area behind everything; a map of colours with zero in its middle.
     faint: str
     band: str
     diverging: tuple[str, ...]
 
 
 def rgb(colour: str) -> np.ndarray:
-    """Return red, green and blue of a colour, integers from 0 to 255.
-
-    Examples
-    --------
-    >>> rgb("#ff8000").tolist()
-    [255, 128, 0]
-    """
+    """Return red, green and blue of a colour, integers from 0 to 255."""
     return np.array([int(colour[place : place + 2], 16) for place in (1, 3, 5)])
 
 
 def ramp(*stops: str, steps: int = FIRE_STEPS) -> tuple[str, ...]:
-    """Return colours that go evenly from stop to stop.
-
-    Examples
-    --------
-    >>> ramp("#000000", "#204060", steps=3)
-    ('#000000', '#102030', '#204060')
-    """
+    """Return colours that go evenly from stop to stop."""
     table = np.array([rgb(stop) for stop in stops], float)
     places = np.linspace(0, len(stops) - 1, steps)
     parts = np.column_stack([np.interp(places, np.arange(len(stops)), column) for column in table.T])
@@ -243,51 +203,22 @@ PALETTES = {"light": LIGHT, "dark": DARK}
 
 
 def layer_colour(index: int, palette: Palette = LIGHT) -> str:
-    """Return the colour of a layer by its index, below 0 for no layer.
-
-    Examples
-    --------
-    >>> layer_colour(8) == layer_colour(0), layer_colour(-1) == LIGHT.no_layer
-    (True, True)
-    """
+    """Return the colour of a layer by its index, below 0 for no layer."""
     return palette.no_layer if index < 0 else palette.layers[index % len(palette.layers)]
 
 
 def fire_colour(temperature: float, palette: Palette = LIGHT) -> str:
-    """Return the colour of a fire that burns at this temperature, 0 to 1.
-
-    Examples
-    --------
-    >>> fire_colour(0.0), fire_colour(1.0)
-    ('#100c0c', '#e81c14')
-    """
+    """Return the colour of a fire that burns at this temperature, 0 to 1."""
     return palette.fire[int(fire_steps(temperature))]
 
 
 def fire_steps(temperature: ArrayLike) -> np.ndarray:
-    """Return the index in `Palette.fire` of each temperature; ``canvas.js`` rounds in the same way.
-
-    Examples
-    --------
-    >>> fire_steps([0.0, 0.5, 2.0]).tolist()
-    [0, 32, 64]
-    """
+    """Return the index in `Palette.fire` of each temperature; ``canvas.js`` rounds in the same way."""
     return np.floor(np.clip(temperature, 0.0, 1.0) * (FIRE_STEPS - 1) + 0.5).astype(int)
 
 
 def style_sheet(light: str, dark: str) -> str:
-    """Return CSS rules that give elements every single colour as a custom property, such as ``--swarm-robot-front``.
-
-    Parameters
-    ----------
-    light, dark : str
-        Selectors of the elements in which the light and the dark colours hold.
-
-    Examples
-    --------
-    >>> style_sheet(":root", ".dark").splitlines()[0][:26]
-    ':root { --swarm-page: #f4f'
-    """
+    """Return CSS rules that give two selectors every colour as a custom property, such as ``--swarm-robot-front``."""
     rules = ((light, LIGHT), (dark, DARK))
     return "".join(f"{selector} {{ {_properties(palette)} }}\n" for selector, palette in rules)
 
@@ -298,13 +229,7 @@ def _properties(palette: Palette) -> str:
 
 
 def script() -> str:
-    """Return the constant ``PALETTE`` for scripts: by theme ("light", "dark") and the names of `Palette`.
-
-    Examples
-    --------
-    >>> script()[:35]
-    'const PALETTE = {"light":{"page":"#'
-    """
+    """Return the constant ``PALETTE`` for scripts: by theme ("light", "dark") and the names of `Palette`."""
     found = {name: _colours(palette) for name, palette in PALETTES.items()}
     return f"const PALETTE = {json.dumps(found, separators=(',', ':'))};\n"
 

@@ -47,26 +47,11 @@ DOTS_PER_INCH = 200
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Look:
-    """Options of a drawing.
+    """Options of a drawing."""
 
-    Parameters
-    ----------
-    size : (width, height), optional
-        Pixels, 64 to 4096 each.
-    sectors : bool
-        Whether to show where the robots' proximity sensors look.
-    trails : int
-        Over how many steps to show where robots were, 0 for no trails.
-
-    Raises
-    ------
-    InvalidValueError
-        If a value is out of its range.
-    """
-
-    size: tuple[int, int] | None = None
-    sectors: bool = False
-    trails: int = 0
+    size: tuple[int, int] | None = None  # width and height, pixels
+    sectors: bool = False  # where the robots' proximity sensors look
+    trails: int = 0  # over how many steps to show where robots were
 
     def __post_init__(self) -> None:
         """Check every value."""
@@ -80,13 +65,7 @@ class Look:
 
 
 def film_size(bounds: Bounds) -> tuple[int, int]:
-    """Return the pixels of a film that shows a world of these bounds, both even as films want them.
-
-    Examples
-    --------
-    >>> film_size((0, 0, 800, 600))
-    (808, 640)
-    """
+    """Return the pixels of a film that shows a world of these bounds, both even as films want them."""
     width, height = bounds[2] - bounds[0], bounds[3] - bounds[1]
     scale = USUAL / max(width, height)
     return _even(width * scale + 2 * MARGIN), _even(height * scale + 2 * MARGIN + CAPTION)
@@ -97,13 +76,7 @@ def _even(length: float) -> int:
 
 
 def parsed_size(text: str) -> tuple[int, int]:
-    """Return a text such as 800x600 as (width, height).
-
-    Examples
-    --------
-    >>> parsed_size("800x600")
-    (800, 600)
-    """
+    """Return a text such as 800x600 as (width, height)."""
     parts = text.lower().split("x")
     if len(parts) != 2 or not all(part.isdecimal() and len(part) < 6 for part in parts):
         raise InvalidValueError(f"size is {text!r:.60}; expected WIDTHxHEIGHT such as 800x600")
@@ -111,13 +84,7 @@ def parsed_size(text: str) -> tuple[int, int]:
 
 
 def trails_of(drawn: PicturedSteps, step: int, length: int) -> list[np.ndarray]:
-    """Return the positions of each robot during the last `length` steps up to a step, oldest first.
-
-    Returns
-    -------
-    list of ndarray, shapes (k, 2)
-        Of the robots that are there at the step, in the order of the rows.
-    """
+    """Return the positions (k, 2) of each robot of a step during the last `length` steps up to it, oldest first."""
     past = drawn.steps[(drawn.steps >= step - length) & (drawn.steps <= step)]
     chosen = past[:: -max(1, -(-len(past) // MOST_POINTS))][::-1].tolist()
     frames = [drawn.frame(number) for number in chosen]
@@ -142,22 +109,6 @@ def draw_world(shown: Shown, axes: Axes, sectors: bool = False) -> None:
 
     Fires go from black to red with their temperature and are pale once they are out; the front half of a
     robot is pale, its back blue, or orange while it is too hot to fight.
-
-    Parameters
-    ----------
-    shown : SwarmModel, FinalState, or (Frame, Scene)
-        A model is drawn as it is now.
-    axes : matplotlib Axes
-    sectors : bool
-        Whether to show where the robots' proximity sensors look.
-
-    Examples
-    --------
-    >>> from mesa_swarm import SwarmModel
-    >>> axes = Figure().add_subplot()
-    >>> draw_world(SwarmModel(map="original", rng=1), axes)
-    >>> axes.get_xlabel()
-    'x (map units)'
     """
     frame, scene = frame_and_scene(shown)
     draw_scene(axes, scene, frame.step)
@@ -173,7 +124,9 @@ def frame_and_scene(shown: Shown) -> tuple[Frame, Scene]:
 
 def draw_scene(axes: Axes, scene: Scene, step: int) -> None:
     """Draw the ground, obstacles and marks of a step, which a film shows behind all its frames."""
-    _draw_ground(axes, scene.bounds)
+    x_min, y_min, x_max, y_max = scene.bounds
+    axes.set(xlim=(x_min, x_max), ylim=(y_min, y_max), aspect="equal", facecolor=LIGHT.ground)
+    axes.set(xlabel="x (map units)", ylabel="y (map units)")
     obstacles = scene.obstacles(step)
     _draw_shapes(axes, [s for s in obstacles if not s.contact], LIGHT.mark, 1, "marks")
     _draw_shapes(axes, [s for s in obstacles if s.contact], LIGHT.obstacle, 2, "obstacles")
@@ -188,12 +141,6 @@ def draw_frame(axes: Axes, frame: Frame, scene: Scene, sectors: bool = False) ->
     _draw_robots(axes, frame, scene.radius_of(frame.robots))
     if "perceived" in frame.columns:
         _draw_perceived(axes, frame)
-
-
-def _draw_ground(axes: Axes, bounds: Bounds) -> None:
-    x_min, y_min, x_max, y_max = bounds
-    axes.set(xlim=(x_min, x_max), ylim=(y_min, y_max), aspect="equal", facecolor=LIGHT.ground)
-    axes.set(xlabel="x (map units)", ylabel="y (map units)")
 
 
 def _draw_shapes(axes: Axes, shapes: Sequence[Shape], colour: str, height: int, label: str) -> None:
@@ -289,14 +236,7 @@ def _sector(sensor: ProximitySensor, position: np.ndarray, heading: float, radiu
 
 
 def legend_of(shown: Shown) -> list[Artist]:
-    """Return the entries of a legend for what is drawn of a model, or of (Frame, Scene), and nothing else.
-
-    Examples
-    --------
-    >>> from mesa_swarm import SwarmModel
-    >>> [entry.get_label() for entry in legend_of(SwarmModel(map="original", rng=1))]
-    ['obstacle']
-    """
+    """Return the entries of a legend for what is drawn of a model, or of (Frame, Scene), and nothing else."""
     frame, scene = frame_and_scene(shown)
     solid = [shape.contact for shape in scene.obstacles(frame.step)]
     shapes = [("obstacle", LIGHT.obstacle, any(solid)), ("load", LIGHT.load, bool(scene.loads(frame)))]
@@ -326,21 +266,7 @@ def _robot_entry(label: str, colour: str) -> Line2D:
 
 
 def world_figure(shown: Mapping[str, Shown], sectors: bool = False) -> Figure:
-    """Return a figure of worlds side by side, by title, with one legend for all.
-
-    Parameters
-    ----------
-    shown : mapping of str to SwarmModel, FinalState, or (Frame, Scene)
-        Models are drawn as they are now.
-    sectors : bool
-        Whether to show where the robots' proximity sensors look.
-
-    Examples
-    --------
-    >>> from mesa_swarm import SwarmModel
-    >>> len(world_figure({"start": SwarmModel(rng=1)}).axes)
-    1
-    """
+    """Return a figure of worlds side by side, by title, with one legend for all."""
     worlds = {title: frame_and_scene(one) for title, one in shown.items()}
     columns = min(len(worlds), 3)
     rows = -(-len(worlds) // columns)
@@ -366,38 +292,20 @@ def world_figure(shown: Mapping[str, Shown], sectors: bool = False) -> Figure:
 
 
 def literal(text: str) -> str:
-    """Return a text that Matplotlib shows as it is: between dollars it would parse mathematics.
-
-    Examples
-    --------
-    >>> len(literal("a $ b"))
-    6
-    """
+    """Return a text that Matplotlib shows as it is: between dollars it would parse mathematics."""
     return text.replace("$", "\\$")
 
 
-def png(figure: Figure) -> bytes:
-    """Return a figure as a PNG; the same figure gives the same bytes.
-
-    Examples
-    --------
-    >>> png(Figure(figsize=(1, 1)))[1:4]
-    b'PNG'
-    """
+def png(figure: Figure, dots_per_inch: float = DOTS_PER_INCH) -> bytes:
+    """Return a figure as a PNG; the same figure gives the same bytes."""
     file = io.BytesIO()
     FigureCanvasAgg(figure)
-    figure.savefig(file, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
+    figure.savefig(file, format="png", dpi=dots_per_inch, metadata={"Software": None})
     return file.getvalue()
 
 
 def still_paths(path: Path, steps: Sequence[int], sheet: bool) -> dict[Path, list[int]]:
-    """Return which steps each file shows: a single file has the given name, several have their steps added.
-
-    Examples
-    --------
-    >>> {str(name): shown for name, shown in still_paths(Path("out.png"), [0, 500], sheet=False).items()}
-    {'out_0.png': [0], 'out_500.png': [500]}
-    """
+    """Return which steps each file shows: a single file has the given name, several have their steps added."""
     if sheet or len(steps) == 1:
         return {path: list(steps)}
     return {path.with_name(f"{path.stem}_{step}{path.suffix}"): [step] for step in steps}
@@ -427,13 +335,7 @@ def still_figure(drawn: PicturedSteps, steps: Sequence[int], look: Look) -> Figu
 
 
 def svg(figure: Figure) -> bytes:
-    """Return a figure as SVG; the same figure gives the same bytes.
-
-    Examples
-    --------
-    >>> svg(Figure(figsize=(1, 1)))[:5]
-    b'<?xml'
-    """
+    """Return a figure as SVG; the same figure gives the same bytes."""
     file = io.BytesIO()
     with matplotlib.rc_context({"svg.hashsalt": "mesa_swarm"}):
         figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})

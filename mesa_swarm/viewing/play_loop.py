@@ -24,29 +24,12 @@ class Listeners:
 
     Never notify while holding a lock: a listener may draw a page, whose lock may be held by a thread that waits for
     yours.
-
-    Attributes
-    ----------
-    count : int
-        How often `notify` was called, also without listeners.
-
-    Examples
-    --------
-    >>> heard, listeners = [], Listeners()
-    >>> leave = listeners.add(heard.append)
-    >>> listeners.notify("hello")
-    >>> leave()
-    >>> listeners.notify("hello again")
-    >>> heard
-    ['hello']
-    >>> listeners.count
-    2
     """
 
     def __init__(self) -> None:
         self._functions: list[Callable] = []
         self._lock = threading.Lock()
-        self.count = 0
+        self.count = 0  # of notifications, also without listeners
 
     def __len__(self) -> int:
         return len(self._functions)
@@ -98,37 +81,8 @@ class PlayLoop:
     """Steps at a given speed in a thread of its own.
 
     A thread that is stopped takes no further step: `step` receives the thread's own stop event, to be checked while
-    holding the lock under which it steps.
-
-    Parameters
-    ----------
-    step : function
-        Called with the `threading.Event`; takes one step unless that is set, and returns whether to go on.
-    show : function
-        Called after every batch of steps.
-    ended : function
-        Called when the thread ends by itself.
-    clock, wait : function, optional
-        Return the time in seconds, and let it pass: `wait` is called with the thread's stop, which ends it early, and
-        seconds.
-
-    Attributes
-    ----------
-    speed : float
-        Requested steps/s, above 0; `AS_FAST_AS_IT_GOES`.
-
-    Examples
-    --------
-    >>> taken = []
-    >>> def step(stop):
-    ...     taken.append(0)
-    ...     return len(taken) < 5
-    >>> done = threading.Event()
-    >>> loop = PlayLoop(step, lambda: None, done.set)
-    >>> loop.speed = 500
-    >>> loop.play()
-    >>> done.wait(10), len(taken)
-    (True, 5)
+    holding the lock under which it steps, and returns whether to go on. `show` is called after every batch of steps,
+    `ended` when the thread ends by itself; `wait` is called with the stop event, which ends it early, and seconds.
     """
 
     def __init__(

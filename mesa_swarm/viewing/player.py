@@ -15,7 +15,6 @@ from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.recording.recorder import Recorder
 from mesa_swarm.viewing.packing import PACKED_FROM, packed_frame
 from mesa_swarm.viewing.play_loop import Listeners, PlayLoop
-from mesa_swarm.viewing.readings import readings_of
 from mesa_swarm.viewing.scene import Scene, scene_of
 
 MOST_BYTES = 48_000_000
@@ -41,16 +40,10 @@ class PackedFrame:
 
 
 class Past(ABC):
-    """Packed frames in the order of time, one of which is shown.
-
-    Attributes
-    ----------
-    index : int
-        Of the frame that is shown.
-    """
+    """Packed frames in the order of time, one of which is shown."""
 
     def __init__(self) -> None:
-        self.index = 0
+        self.index = 0  # of the frame that is shown
 
     @abstractmethod
     def __len__(self) -> int:
@@ -86,22 +79,7 @@ class Past(ABC):
 
 
 class RecentPast(Past):
-    """The last frames of a run, in memory.
-
-    Parameters
-    ----------
-    most_bytes : int
-        The oldest are dropped when frames and their worlds take more than this; the last two always remain.
-
-    Examples
-    --------
-    >>> past = RecentPast()
-    >>> for step in range(3):
-    ...     past.append(PackedFrame(step, b""))
-    >>> past.look(past.index - 1)
-    >>> past.shown.step, past.is_present
-    (1, False)
-    """
+    """The last frames of a run, in memory: the oldest are dropped at a limit, the last two always remain."""
 
     def __init__(self, most_bytes: int = MOST_BYTES) -> None:
         super().__init__()
@@ -175,28 +153,16 @@ class Viewer(Protocol):
 
 
 class Played(ABC):
-    """Base class of players: plays in a thread, steps forth and back.
-
-    Attributes
-    ----------
-    loop : PlayLoop
-    lock : RLock
-        Held while a model changes; hold it to look at a model that may be played.
-    changed : Listeners
-        Notified when something else than the frame changed: playing or not, an error, another model.
-    viewers : tuple of Viewer
-    error : str
-        Empty while there is no error.
-    past : Past
-        Frames that can be shown again.
-    """
+    """Base class of players: plays in a thread, steps forth and back."""
 
     error: str
     past: Past
 
     def __init__(self) -> None:
         self.loop = PlayLoop(self._play_step, self.show, self.rest)
+        # Held while a model changes; hold it to look at a model that may be played.
         self.lock = threading.RLock()
+        # To all else than the frame: playing or not, an error, another model.
         self.changed = Listeners()
         self.viewers: tuple[Viewer, ...] = ()
         self._number = 0
@@ -238,6 +204,10 @@ class Played(ABC):
         else:
             self.play()
 
+    def back(self) -> None:
+        """Pause, and show the frame before."""
+        self.look(self.past.index - 1)
+
     def show(self) -> None:
         """Show the present; while it plays, only if a viewer is ready."""
         playing = self.playing
@@ -274,10 +244,6 @@ class Played(ABC):
         """Pause, and go on by one step."""
 
     @abstractmethod
-    def back(self) -> None:
-        """Pause, and go back by one frame."""
-
-    @abstractmethod
     def look(self, index: int) -> None:
         """Pause, and show the frame with this index in `past`."""
 
@@ -302,32 +268,8 @@ class Player(Played):
     """Plays a model, step by step or in a thread.
 
     An error that the model raises is shown in `error` instead of being raised, and the model is not touched again.
-    While an earlier frame is shown, steps go through the stored frames up to the present.
-
-    Parameters
-    ----------
-    model : SwarmModel, optional
-        A model that is given here keeps all that it has collected; of models that a page makes, old rows are dropped.
-
-    Attributes
-    ----------
-    model : SwarmModel or None
-    stepping : bool
-        Whether it is taking a step.
-    selected : int or None
-        unique_id of the selected robot.
-    selection : Listeners
-        Notified when another robot is selected.
-
-    Examples
-    --------
-    >>> from mesa_swarm import SwarmModel
-    >>> player = Player(SwarmModel(rng=1))
-    >>> player.step()
-    >>> player.step()
-    >>> player.back()
-    >>> player.past.shown.step, player.model.steps
-    (1, 2)
+    While an earlier frame is shown, steps go through the stored frames up to the present. A model that is given to the
+    constructor keeps all that it has collected; of models that a page makes, old rows are dropped.
     """
 
     def __init__(self, model: FireModel | None = None) -> None:
@@ -354,10 +296,6 @@ class Player(Played):
         with self.capture_errors():
             self._advance()
         self.rest()
-
-    def back(self) -> None:
-        """Pause, and show the frame before."""
-        self.look(self.past.index - 1)
 
     def look(self, index: int) -> None:
         """Pause, and show the frame with this index in `past`."""
@@ -468,17 +406,21 @@ class Player(Played):
         return PackedFrame(model.completed, content, self._scene.world(), readings_of(model), state_hash)
 
 
-def forget_collected(model: FireModel, rows: int) -> None:
-    """Drop all but the last rows of what a model collects in every step, unless they are being recorded.
+def readings_of(model: FireModel) -> tuple[tuple[str, str], ...]:
+    """Return the numbers that are shown above the picture, each with its name."""
+    fires, collisions = model.fires, f"{model.collisions:,} now, {model.total_collisions:,} in all"
+    if not len(fires):
+        return ("Robots", f"{len(model.swarm):,}"), ("Collisions", collisions)
+    burning, fighting = int((~fires.out).sum()), int((model.swarm.fire >= 0).sum())
+    return (
+        ("Fires burning", f"{burning} of {len(fires)}"),
+        ("Robots at fires", f"{fighting} of {len(model.swarm):,}"),
+        ("Collisions", collisions),
+    )
 
-    Examples
-    --------
-    >>> from mesa_swarm import SwarmModel
-    >>> model = SwarmModel(rng=1).run(20)
-    >>> forget_collected(model, 5)
-    >>> len(model.datacollector.model_vars["collisions"])
-    5
-    """
+
+def forget_collected(model: FireModel, rows: int) -> None:
+    """Drop all but the last rows of what a model collects in every step, unless they are being recorded."""
     if any(isinstance(observer, Recorder) for observer in model.observers):
         return  # it stores the rows since it was last called
     collector = model.datacollector

@@ -21,18 +21,7 @@ NEEDED = ("position", "heading")
 
 
 class RecordedSteps:
-    """The whole rows of a recording.
-
-    Attributes
-    ----------
-    recording : Recording
-    steps : int64 ndarray, shape (k,)
-
-    Raises
-    ------
-    ExportError
-        If nothing was recorded.
-    """
+    """The whole rows of a recording."""
 
     def __init__(self, recording: Recording) -> None:
         self.recording = recording
@@ -55,32 +44,6 @@ class PicturedSteps(RecordedSteps):
     That state is known of models that come with mesa_swarm and were not changed by hand before: a recording never
     makes a program import other code. Robots and loads that recordings of old versions do not describe are taken from
     such a model too; of other models obstacles are those of the map, and robots have a radius of 5.
-
-    Attributes
-    ----------
-    scene : Scene
-        What stands behind all frames.
-    start : Frame or None
-        The state in which the recording began.
-    note : str
-        What cannot be drawn as it was; empty if all can.
-
-    Raises
-    ------
-    ExportError
-        If nothing, or neither positions nor headings were recorded.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from mesa_swarm.models.cooperative_transport import CooperativeTransport
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     model = CooperativeTransport(rng=1)
-    ...     with model.record(f"{folder}/run.arrow"):
-    ...         end = model.run(5)
-    ...     drawn = PicturedSteps(Recording(f"{folder}/run.arrow"))
-    >>> drawn.steps.tolist(), len(drawn.scene.forms), drawn.note
-    ([0, 1, 2, 3, 4, 5], 1, '')
     """
 
     def __init__(self, recording: Recording) -> None:
@@ -90,8 +53,10 @@ class PicturedSteps(RecordedSteps):
             raise ExportError(f"{missing[0]} was not recorded in {recording.path}; pictures need it, tables do not")
         model = _first_state(recording)
         self.scene = _picture_scene(recording, model)
+        # The state in which the recording began, if it is known.
         self.start = None if model is None else _first_frame(recording, model)
         self._rows = self.steps
+        # What cannot be drawn as it was.
         self.note = self._limits(bool(recording.sceneries) or model is not None)
         if self.note:
             _warn(self.note)

@@ -4,13 +4,12 @@ import json
 from base64 import b64encode
 from collections.abc import Iterator
 from functools import cached_property
-from importlib import resources
 from threading import Lock
 
 from mesa_swarm.errors import InvalidValueError, shortened
 from mesa_swarm.recording.frames import Frame, events_of
 from mesa_swarm.recording.recording import Recording
-from mesa_swarm.viewing import palette
+from mesa_swarm.viewing import palette, text_of
 from mesa_swarm.viewing.headers import policy, source_of
 from mesa_swarm.viewing.packing import packed_chunk
 from mesa_swarm.viewing.scene import Scene, scene_of_recording
@@ -23,15 +22,7 @@ IMPORT = 'import { Stage, TOGGLES } from "./canvas.js";\n'
 
 
 class Reel:
-    """The rows of a recording before the first that is damaged; may be asked by several threads.
-
-    Attributes
-    ----------
-    recording : Recording
-    rows : int
-    chunk_rows : int
-        Rows of each chunk but the last.
-    """
+    """The rows of a recording before the first that is damaged; may be asked by several threads."""
 
     def __init__(self, recording: Recording) -> None:
         self.recording = recording
@@ -50,13 +41,7 @@ class Reel:
         return -(-self.rows // self.chunk_rows)
 
     def chunk(self, place: int) -> bytes:
-        """Return one chunk, see `packed_chunk`.
-
-        Raises
-        ------
-        InvalidValueError
-            If it does not exist.
-        """
+        """Return one chunk, see `packed_chunk`."""
         if not 0 <= place < self.chunks:
             raise InvalidValueError(f"chunk is {place}; expected 0 to {self.chunks - 1}")
         first = place * self.chunk_rows
@@ -97,29 +82,25 @@ class Reel:
             yield frame
 
     def _notes(self) -> Iterator[str]:
-        recording = self.recording
-        if self.rows < len(recording):
-            yield f"The recording is damaged after step {self._last_step}; what follows is left out."
-        elif recording.damage:
-            yield f"The recording {recording.damage}."
-        elif not recording.complete:
-            yield f"The recording was not closed; it is whole up to step {self._last_step}."
-        if not recording.provenance.get("scenery"):
+        yield from damage_notes(self.recording)
+        if not self.recording.provenance.get("scenery"):
             yield "An older version recorded this: robots are drawn in the usual size, without their sensors."
 
-    @property
-    def _last_step(self) -> int:
-        return self.recording[self.rows - 1].step if self.rows else 0
+
+def damage_notes(recording: Recording) -> Iterator[str]:
+    """Yield what is missing at the end of a recording."""
+    rows = recording.intact
+    last = recording[rows - 1].step if rows else 0
+    if rows < len(recording):
+        yield f"The recording is damaged after step {last}; what follows is left out."
+    elif recording.damage:
+        yield f"The recording {recording.damage}."
+    elif not recording.complete:
+        yield f"The recording was not closed; it is whole up to step {last}."
 
 
 def _in_words(value: object) -> str:
-    """Return a parameter or a seed as a user would write it.
-
-    Examples
-    --------
-    >>> _in_words(0.1 + 0.2), _in_words({"entropy": 3, "spawn_key": []})
-    ('0.3', "{'entropy': 3, 'spawn_key': []}")
-    """
+    """Return a parameter or a seed as a user would write it."""
     return f"{value:.6g}" if isinstance(value, float) else shortened(value) if isinstance(value, dict) else str(value)
 
 
@@ -128,23 +109,6 @@ def replay_page(recording: Recording) -> str:
 
     What is drawn is rounded as `mesa_swarm.viewing.packing` describes: positions to within 1/65535 of the map.
     50 robots and 3,000 steps take less than 2 MB.
-
-    Raises
-    ------
-    RecordingError
-        If there is nothing to draw in it.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from mesa_swarm.models.fire_fighting import FireFighting
-    >>> model = FireFighting(rng=1)
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     with model.record(f"{folder}/run.arrow"):
-    ...         end = model.run(20)
-    ...     page = replay_page(Recording(f"{folder}/run.arrow"))
-    >>> page.startswith("<!doctype html>"), len(page) < 200_000
-    (True, True)
     """
     reel = Reel(recording)
     about = {**reel.about, "embedded": True, "events": reel.events}
@@ -152,20 +116,13 @@ def replay_page(recording: Recording) -> str:
 
 
 def page_of(about: dict, chunks: list[bytes]) -> str:
-    """Return the player's page with its inputs, and with the chunks that are embedded.
-
-    Parameters
-    ----------
-    about : dict
-        `Reel.about`; ``embedded``: whether the chunks are in the page.
-    chunks : list of bytes
-    """
+    """Return the player's page with its inputs, and with the chunks that are embedded."""
     # A "<" in a text would end the element; JSON reads the escape as the same text.
     facts = json.dumps(about, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     elements = [f'<script type="application/json" id="about">{facts}</script>']
     for place, chunk in enumerate(chunks):
         elements.append(f'<script type="text/plain" id="chunk-{place}">{b64encode(chunk).decode()}</script>')
-    page = asset("replay.html")
+    page = text_of("viewing/replay.html")
     parts = {"policy": policy(sources(), in_page=True), "style": style(), "script": script()}
     # Data last: what a recording holds is never searched for the names of the other parts.
     for name, text in {**parts, "data": "\n".join(elements)}.items():
@@ -174,36 +131,19 @@ def page_of(about: dict, chunks: list[bytes]) -> str:
 
 
 def script() -> str:
-    """Return all that the page runs.
-
-    Examples
-    --------
-    >>> IMPORT in script()
-    False
-    """
-    return "\n" + palette.script() + asset("canvas.js") + asset("player.js").replace(IMPORT, "")
+    """Return all that the page runs."""
+    return "\n" + palette.script() + text_of("viewing/canvas.js") + text_of("viewing/player.js").replace(IMPORT, "")
 
 
 def style() -> str:
-    """Return how the page looks, with the colours of its two themes.
-
-    Examples
-    --------
-    >>> style().startswith(":root {")
-    True
-    """
-    return palette.style_sheet(":root", ':root[data-theme="dark"]') + asset("player.css")
+    """Return how the page looks, with the colours of its two themes."""
+    return palette.style_sheet(":root", ':root[data-theme="dark"]') + text_of("viewing/player.css")
 
 
 def sources() -> dict[str, str]:
     """Return what the page may run and load, as `mesa_swarm.viewing.headers.policy` takes it.
 
     Its own script is named by its hash: no other would run, should what a recording holds ever become an element.
-
-    Examples
-    --------
-    >>> sources()["connect-src"]
-    "'self'"
     """
     return {
         "script-src": source_of(script()),
@@ -211,14 +151,3 @@ def sources() -> dict[str, str]:
         "img-src": "data:",
         "connect-src": "'self'",
     }
-
-
-def asset(name: str) -> str:
-    """Return one of the files beside this one.
-
-    Examples
-    --------
-    >>> IMPORT in asset("player.js")
-    True
-    """
-    return (resources.files("mesa_swarm.viewing") / name).read_text(encoding="utf-8")

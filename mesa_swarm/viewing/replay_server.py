@@ -21,25 +21,6 @@ class ReplayServer(ThreadingHTTPServer):
 
     Other sites cannot read it: they do not know the token, and a foreign host name that resolves to this machine (DNS
     rebinding) is refused. `serve_forever` serves until `shutdown` or Ctrl-C.
-
-    Parameters
-    ----------
-    reel : Reel
-    port : int
-        0 for any that is free.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from mesa_swarm import SwarmModel
-    >>> from mesa_swarm.recording import Recording
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     model = SwarmModel(rng=1)
-    ...     with model.record(f"{folder}/run.arrow"):
-    ...         end = model.run(3)
-    ...     with ReplayServer(Reel(Recording(f"{folder}/run.arrow"))) as server:
-    ...         server.address.startswith("http://127.0.0.1:")
-    True
     """
 
     daemon_threads = True

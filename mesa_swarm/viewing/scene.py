@@ -49,27 +49,14 @@ UNKNOWN = RobotDesign(name="unknown", radius=5.0)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scene:
-    """What stands behind frames; nothing in it changes, and shapes and designs are built when first needed.
-
-    Parameters
-    ----------
-    name : str
-        Of the model.
-    map : str
-        Name of the map.
-    bounds : (x_min, y_min, x_max, y_max)
-        Map units.
-    changes : tuple of (step, dict)
-        What is true from each of these steps on, as `scenery_of` describes it, in the order of time, at least one;
-        robots, designs and loads are the same in all.
-    columns : tuple of str
-        Which of `COLUMNS` frames in front of it can be packed with.
-    """
+    """What stands behind frames; nothing in it changes, and shapes and designs are built when first needed."""
 
     name: str
     map: str
     bounds: Bounds
+    # What is true from each of these steps on, from `scenery_of`; robots, designs and loads are the same in all.
     changes: tuple[tuple[int, dict], ...]
+    # Which of `COLUMNS` frames in front of it can be packed with.
     columns: tuple[str, ...] = tuple(COLUMNS)
 
     def world(self, step: int = 0) -> dict:
@@ -85,13 +72,7 @@ class Scene:
         return [{"step": step, **{name: scenery[name] for name in OWN}} for step, scenery in self.changes[1:]]
 
     def build(self) -> None:
-        """Build all shapes and designs now.
-
-        Raises
-        ------
-        InvalidValueError
-            If one of them is described wrongly.
-        """
+        """Build all shapes and designs now; an error if one of them is described wrongly."""
         _ = self._obstacles, self.forms, self.designs
 
     def obstacles(self, step: int) -> tuple[Shape, ...]:
@@ -109,15 +90,7 @@ class Scene:
         return tuple(self.forms[load].shape_at(tuple(pose)) for load, *pose in rows if load in self.forms)
 
     def design_of(self, ids: np.ndarray) -> np.ndarray:
-        """Return the index of each robot's design, -1 for robots that the scene does not know.
-
-        Examples
-        --------
-        >>> runs = {"robots": [[3, 5, 0], [6, 8, 1]]}
-        >>> scene = Scene(name="", map="", bounds=(0, 0, 1, 1), changes=((0, runs),))
-        >>> scene.design_of(np.array([4, 7, 9]))
-        array([ 0,  1, -1])
-        """
+        """Return the index of each robot's design, -1 for robots that the scene does not know."""
         if not self._runs.size:
             return np.full(len(ids), -1)
         first, last, design = self._runs
@@ -185,31 +158,15 @@ class Scene:
 
 
 def scene_of(model: FireModel) -> Scene:
-    """Return the scene of a model; make it anew when robots, obstacles or loads were added or removed.
-
-    Examples
-    --------
-    >>> from mesa_swarm import SwarmModel
-    >>> scene_of(SwarmModel(rng=1)).world()["bounds"]
-    [0.0, 0.0, 800.0, 600.0]
-    """
+    """Return the scene of a model; make it anew when robots, obstacles or loads were added or removed."""
     changes = ((model.completed, scenery_of(model)),)
     return Scene(name=type(model).__name__, map=model.map.name, bounds=model.map.bounds, changes=changes)
 
 
 def scene_of_recording(recording: Recording, sceneries: Sequence[tuple[int, dict]] = ()) -> Scene:
-    """Return the scene of a recording.
+    """Return the scene of a recording, with these sceneries in the place of its own.
 
-    Parameters
-    ----------
-    recording : Recording
-    sceneries : sequence of (step, dict)
-        In the place of its own; if there are none, it shows its map, and robots and loads of the usual size.
-
-    Raises
-    ------
-    RecordingError
-        If it has no positions.
+    If there are none, it shows its map, and robots and loads of the usual size.
     """
     if "position" not in recording.columns:
         raise RecordingError(f"{recording.path} has no positions to draw; record the column 'position' as well")

@@ -8,6 +8,7 @@ import pytest
 
 from mesa_swarm import cli
 from mesa_swarm.cli import run
+from mesa_swarm.cli.options import print_pairs
 from mesa_swarm.gallery import model_names
 from mesa_swarm.progress import finishing_time, progress_bar
 
@@ -190,3 +191,8 @@ def test_an_unknown_rate_gives_no_finishing_time():
     assert finishing_time(10, 0.0, None) == "measuring"
     with progress_bar(5, "runs", shown=False) as bar:
         bar.update(5)
+
+
+def test_values_are_printed_in_two_columns_as_a_user_would_write_them(capsys):
+    print_pairs({"steps": 10, "out at": None, "share": 0.1 + 0.2})
+    assert capsys.readouterr().out == "steps   10\nout at  -\nshare   0.3\n"

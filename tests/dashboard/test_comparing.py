@@ -16,6 +16,7 @@ from mesa_swarm.dashboard import comparing as comparing_module
 from mesa_swarm.dashboard.compare_view import (
     ComparePanel,
     CurveThread,
+    captions,
     curves_png,
     draw,
     groups_of,
@@ -23,7 +24,7 @@ from mesa_swarm.dashboard.compare_view import (
     series_of,
     values_of,
 )
-from mesa_swarm.dashboard.comparing import MOST_AT_ONCE, Comparing, ManyRuns, workers_for
+from mesa_swarm.dashboard.comparing import MOST_AT_ONCE, Comparing, ManyRuns, two_values, workers_for
 from mesa_swarm.dashboard.controls import ControlPanel
 from mesa_swarm.dashboard.pair import Pair
 from mesa_swarm.dashboard.session import Session
@@ -31,6 +32,7 @@ from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments.compare import compare
 from mesa_swarm.experiments.plan import checked_plan
 from mesa_swarm.gallery import model_names
+from mesa_swarm.parameters import Parameter, Slider
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.palette import LIGHT, rgb
 from support.killing import environment
@@ -48,6 +50,7 @@ def test_two_worlds_have_the_same_seed_and_differ_in_one_parameter(comparing):
     first, second = (side.model for side in comparing.pair.sides)
     assert np.array_equal(first.swarm.position, second.swarm.position)
     assert (comparing.built, len(first.swarm)) == ({"A": "A", "B": "B", "seed": 5}, 4)
+    assert captions(comparing) == ("A: strategy A", "B: strategy B")
 
 
 def test_every_model_of_the_gallery_can_be_compared_in_every_parameter(comparing):
@@ -64,6 +67,7 @@ def test_a_slider_is_compared_at_its_default_and_at_its_farther_end(comparing):
     comparing.choose_parameter("n_robots")
     assert comparing.values == [10, 50]
     assert [len(side.model.swarm) for side in comparing.pair.sides] == [10, 50]
+    assert two_values(object, Parameter("share", 0.75, float, Slider(0, 1, 0.1)), []) == [0.75, 0.0]
 
 
 def test_a_setting_waits_for_a_reset_and_an_impossible_one_is_refused(comparing):
@@ -176,6 +180,7 @@ def test_the_runs_send_each_completed_one_and_then_the_report():
     plan = checked_plan("fire_fighting", seeds=2, steps=5)
     comparing_module._do(plan, 1, lambda kind, value: sent.append((kind, value)))
     assert [kind for kind, _ in sent] == ["run"] * 4 + ["report"]
+    assert (ManyRuns().running, ManyRuns().left) == (False, "")
     report, found = sent[-1][1], compare("fire_fighting", seeds=2, steps=5, jobs=1)
     assert report.finding == found.finding()
     assert report.picture[1:4] == b"PNG"

@@ -12,6 +12,8 @@ from mesa_swarm.dashboard.gallery_view import (
     draw_robots,
     draw_shapes,
     drawing,
+    thumbnail,
+    title,
 )
 from mesa_swarm.viewing.palette import fire_colour
 from mesa_swarm.world.shapes import disc, polygon, rectangle
@@ -118,3 +120,9 @@ def test_a_fire_that_is_out_is_grey():
 def test_numbers_are_rounded():
     text = draw_robots(np.array([[100 / 3, 200 / 3]]), np.array([1 / 7]), np.array([5.0]))
     assert max(len(number) for number in NUMBER.findall(text)) <= 7
+
+
+def test_a_model_of_the_gallery_has_a_title_and_a_thumbnail_that_is_drawn_once():
+    assert title("fire_fighting") == "Fire fighting"
+    assert thumbnail("fire_fighting").startswith("<svg")
+    assert thumbnail("fire_fighting") is thumbnail("fire_fighting")

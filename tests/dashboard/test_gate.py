@@ -6,7 +6,7 @@ from urllib.parse import quote
 
 import pytest
 
-from mesa_swarm.dashboard.gate import COOKIE, Gate, digest_of
+from mesa_swarm.dashboard.gate import COOKIE, Gate, digest_of, is_well_formed
 
 TOKEN = "right-token_1"
 INSIDE = b"the dashboard"
@@ -95,6 +95,7 @@ def test_the_right_token_is_remembered_and_vanishes_from_the_address():
     assert b"HttpOnly" in headers[b"set-cookie"]
     assert b"SameSite=Lax" in headers[b"set-cookie"]
     assert is_in(ask(cookie=headers[b"set-cookie"].decode().split(";")[0]))
+    assert is_in(ask(cookie=f"a=1; {COOKIE}={digest_of(TOKEN)}"))
 
 
 @pytest.mark.parametrize("path", ["//elsewhere.example", "//elsewhere.example/a", "/\\elsewhere.example", "/a\r\nx: y"])
@@ -197,6 +198,12 @@ def test_of_several_hosts_or_origins_none_counts(name):
 @pytest.mark.parametrize(("path", "query"), [("/static/a\0b", b""), ("/", b"v=\xff"), ("/static/x.js", "v=é".encode())])
 def test_a_malformed_address_is_refused(path, query):
     assert ask(path, token="", query=query)[0]["status"] == 400
+
+
+def test_a_request_without_a_host_is_malformed():
+    scope = {"path": "/", "query_string": b"seed=1", "headers": [(b"host", b"localhost")]}
+    assert is_well_formed(scope)
+    assert not is_well_formed({**scope, "headers": []})
 
 
 SAFE_NAMES = {

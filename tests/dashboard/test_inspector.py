@@ -222,6 +222,8 @@ def test_one_goes_from_robot_to_robot_and_the_canvas_follows(inspecting):
     assert "unknown robot 99999" in inspecting.inspector.fault
     inspecting.act({"do": "select", "value": None})
     assert canvas.selected is None
+    inspecting.act({"do": "next"})
+    assert canvas.selected == ids[0]
     connection.close()
 
 

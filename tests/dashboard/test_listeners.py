@@ -1,4 +1,4 @@
-"""Components that are drawn anew when something is told."""
+"""Listeners, and components that are drawn anew when listeners are notified."""
 
 import solara
 
@@ -10,19 +10,19 @@ def drawn_while(change) -> list[str]:
     state, drawn, listeners = ["looking"], [], Listeners()
 
     @solara.component
-    def Told():  # noqa: N802 - Solara's components are named like classes
-        solara.use_effect(lambda: change(state, listeners), [])  # effects run in turn: before anybody listens
+    def Noticing():  # noqa: N802 - Solara's components are named like classes
+        solara.use_effect(lambda: change(state, listeners), [])  # effects run in turn: before it listens
         use_changes(listeners)
         drawn.append(state[0])
         solara.Text(state[0])
 
-    _, context = solara.render(Told(), handle_error=False)
+    _, context = solara.render(Noticing(), handle_error=False)
     context.close()
     assert len(listeners) == 0
     return drawn
 
 
-def test_what_was_told_before_a_component_listened_is_shown_all_the_same():
+def test_a_change_before_a_component_listened_is_shown_all_the_same():
     def change(state, listeners):
         state[0] = "found"
         listeners.notify()
@@ -30,5 +30,14 @@ def test_what_was_told_before_a_component_listened_is_shown_all_the_same():
     assert drawn_while(change)[-1] == "found"
 
 
-def test_a_component_is_drawn_once_if_nothing_was_told():
+def test_a_component_is_drawn_once_if_nothing_changed():
     assert drawn_while(lambda state, listeners: None) == ["looking"]
+
+
+def test_a_listener_is_called_until_it_leaves_and_notifications_are_counted():
+    heard, listeners = [], Listeners()
+    leave = listeners.add(heard.append)
+    listeners.notify("hello")
+    leave()
+    listeners.notify("hello again")
+    assert (heard, listeners.count) == (["hello"], 2)

@@ -8,15 +8,24 @@ import solara
 
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.models.fire_fighting import FireFighting
-from mesa_swarm.viewing.canvas_widget import EVERY, SwarmCanvas, swarm_canvas
+from mesa_swarm.viewing.canvas_widget import (
+    EVERY,
+    SPEEDS,
+    SwarmCanvas,
+    nearest_speed,
+    rate_text,
+    speed_text,
+    swarm_canvas,
+)
+from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES
 
 
 @pytest.fixture
 def sent(monkeypatch):
     """What canvases send to the browser: kinds, and steps of pictures."""
-    told = []
-    monkeypatch.setattr(SwarmCanvas, "send", lambda self, message, buffers=None: told.append(message))
-    return told
+    messages = []
+    monkeypatch.setattr(SwarmCanvas, "send", lambda self, message, buffers=None: messages.append(message))
+    return messages
 
 
 @pytest.fixture
@@ -47,7 +56,7 @@ def test_a_model_in_a_notebook_is_a_widget_with_a_picture_for_where_none_can_liv
     assert bundle["image/png"].startswith(b"\x89PNG") or bundle["image/png"].startswith("iVBOR")
 
 
-def test_a_widget_says_nothing_before_somebody_looks_and_then_the_world_and_a_picture(sent):
+def test_a_widget_sends_nothing_before_it_is_shown_and_then_the_world_and_a_picture(sent):
     canvas = FireFighting(n_robots=3, rng=1).show()
     assert sent == []
     canvas._hear({"do": "ready"})
@@ -77,7 +86,7 @@ def test_the_buttons_of_a_widget_step_the_model_itself(sent):
     assert model.steps == 1
     canvas._hear({"do": "reset"})
     canvas._hear({"do": "close"})
-    assert model.steps == 1, "what is no button does nothing"
+    assert model.steps == 1, "what is not a button does nothing"
 
 
 def test_what_a_model_of_ones_own_has_collected_is_kept_however_long_it_is_played(sent, monkeypatch):
@@ -88,6 +97,12 @@ def test_what_a_model_of_ones_own_has_collected_is_kept_however_long_it_is_playe
     for _ in range(12):
         canvas._hear({"do": "step"})
     assert len(model.datacollector.model_vars["collisions"]) == 12
+
+
+def test_speeds_and_rates_are_shown_in_words():
+    assert SPEEDS[nearest_speed(55)] == 60.0
+    assert [speed_text(speed) for speed in (0.5, AS_FAST_AS_IT_GOES)] == ["0.5 steps/s", "as fast as it goes"]
+    assert [rate_text(rate) for rate in (0.0, 0.512, 1234.5)] == ["at rest", "0.51", "1,234"]
 
 
 @pytest.mark.parametrize("wrong", [{"speed": 0}, {"speed": 2000}, {"height": 5}])

@@ -6,7 +6,7 @@ import solara
 from anywidget import AnyWidget
 
 from mesa_swarm.dashboard import app
-from mesa_swarm.dashboard.app import PageBar
+from mesa_swarm.dashboard.app import PageBar, Places
 from mesa_swarm.dashboard.charts import ChartBoard
 from mesa_swarm.dashboard.controls import ControlPanel
 from mesa_swarm.dashboard.exporting import Exporter
@@ -90,6 +90,15 @@ def test_the_address_bar_holds_a_run_that_was_built_elsewhere(session, drawn):
     settings = session.settings | {"strategy": "A", "n_robots": 10}
     session.adopt(FireFighting(strategy="A", rng=5).run(2), "fire_fighting", settings, 5)
     assert bar.query == "model=fire_fighting&strategy=A&seed=5"
+
+
+def test_a_place_that_was_given_back_is_taken_again():
+    places = Places(1)
+    leave = places.take()
+    assert (places.take(), places.taken) == (None, 1)
+    leave()
+    leave()
+    assert (places.taken, places.take() is None) == (0, False)
 
 
 @pytest.mark.parametrize("widget", [SwarmCanvas, FilePicker, ChartBoard, ControlPanel, Exporter, Inspector, PageBar])

@@ -1,4 +1,4 @@
-"""A model that is played: speed, pictures of the past, errors, and threads that stop when they are told to."""
+"""A model that is played: speed, pictures of the past, errors, and threads that stop on request."""
 
 import numpy as np
 import pytest
@@ -59,7 +59,7 @@ def test_a_picture_replaces_one_of_the_same_step():
 
 
 @pytest.mark.parametrize("speed", [40.0, 200.0])
-def test_it_plays_as_fast_as_it_is_told(speed):
+def test_it_plays_at_the_requested_speed(speed):
     assert Clock().times(500, speed=speed) == pytest.approx(np.arange(500) / speed, abs=1.01 * BREATH)
 
 
@@ -102,7 +102,7 @@ def test_slow_motion_takes_its_first_step_at_once_and_answers_pause_quickly():
     assert len(steps) == 1
 
 
-def test_play_advances_until_pause_and_tells_the_rate():
+def test_play_advances_until_pause_and_reports_the_rate():
     player = Player(CollisionAvoidance(rng=1))
     player.loop.speed = AS_FAST_AS_IT_GOES
     player.play()
@@ -175,13 +175,13 @@ def test_playing_stops_by_itself_when_the_model_is_done():
     assert player.model.steps == steps
 
 
-def test_an_error_in_a_step_is_said_and_the_model_left_alone():
+def test_an_error_in_a_step_is_reported_and_the_model_left_alone():
     player = Player(Breaks(rng=1))
-    told = []
-    player.changed.add(lambda: told.append(player.error))
+    errors = []
+    player.changed.add(lambda: errors.append(player.error))
     player.loop.speed = AS_FAST_AS_IT_GOES
     player.play()
-    wait_until(lambda: told and told[-1])
+    wait_until(lambda: errors and errors[-1])
     assert player.error == "ZeroDivisionError: nothing left to share"
     wait_until(lambda: not threads("play"))
     player.step()
@@ -189,14 +189,14 @@ def test_an_error_in_a_step_is_said_and_the_model_left_alone():
     assert (player.model.steps, player.playing) == (3, False)
 
 
-def test_an_error_in_a_picture_is_told_at_any_speed(monkeypatch):
-    player, told = Player(CollisionAvoidance(rng=1)), []
+def test_an_error_in_a_picture_is_reported_at_any_speed(monkeypatch):
+    player, errors = Player(CollisionAvoidance(rng=1)), []
     player.add_viewer(Spectator())
-    player.changed.add(lambda: told.append(player.error))
+    player.changed.add(lambda: errors.append(player.error))
     monkeypatch.setattr("mesa_swarm.viewing.player.readings_of", lambda model: 1 / 0)
     player.loop.speed = AS_FAST_AS_IT_GOES
     player.play()
-    wait_until(lambda: told and told[-1] == "ZeroDivisionError: division by zero")
+    wait_until(lambda: errors and errors[-1] == "ZeroDivisionError: division by zero")
 
 
 def test_viewers_that_are_busy_are_not_waited_for_and_see_the_end():

@@ -11,10 +11,10 @@ import pytest
 
 from mesa_swarm.dashboard import RECORDINGS_VARIABLE
 from mesa_swarm.dashboard.controls import ControlPanel
-from mesa_swarm.dashboard.replay_view import BranchPanel
+from mesa_swarm.dashboard.replay_view import BranchPanel, Upload
 from mesa_swarm.dashboard.replaying import LARGEST_UPLOAD, Replaying, ReplayPlayer
 from mesa_swarm.dashboard.session import Session
-from mesa_swarm.dashboard.widgets import FilePicker, Incoming, Upload
+from mesa_swarm.dashboard.widgets import FilePicker, Incoming
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.models.boids import Boids
 from mesa_swarm.models.fire_fighting import FireFighting

@@ -69,6 +69,9 @@ def test_groups_have_mean_least_and_greatest_of_all_rows():
     assert curves.low.min(axis=1) == pytest.approx(rows.min(axis=0))
     assert curves.high.max(axis=1) == pytest.approx(rows.max(axis=0))
     assert curves.steps[-1] == 1000
+    few = grouped(np.arange(1, 6), np.array([[1.0], [3.0], [5.0], [np.nan], [7.0]]), 2)
+    assert few.steps.tolist() == [2, 4, 5]
+    assert (few.mean.tolist(), few.high.tolist()) == ([[2.0, 5.0, 7.0]], [[3.0, 5.0, 7.0]])
 
 
 def test_what_was_drawn_stays_as_it_is_while_rows_are_added():

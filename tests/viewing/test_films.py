@@ -12,6 +12,7 @@ from PIL import Image
 from mesa_swarm.models.agglomeration import Agglomeration
 from mesa_swarm.recording import Recording
 from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.viewing.animation import Clock, number_row, tracks
 from mesa_swarm.viewing.export import export
 from mesa_swarm.viewing.films import Screen
 from mesa_swarm.viewing.palette import LIGHT, fire_colour
@@ -168,6 +169,20 @@ def test_an_animated_drawing_has_robots_where_they_were_when_they_were_there(run
             assert value_at(node, "translate", place / 10) == pytest.approx(frame["position"][row], abs=0.051)
             turned = np.radians(value_at(node, "rotate", place / 10)[0]) - frame["heading"][row]
             assert abs(np.sin(turned / 2)) < np.radians(0.51) / 2
+
+
+def test_an_object_that_is_not_there_has_the_values_that_it_has_next():
+    moments = [(np.array([7]), np.array([[1.0]])), (np.array([7, 8]), np.array([[2.0], [5.0]]))]
+    found = [(track.number, track.values.ravel().tolist(), track.present.tolist()) for track in tracks(moments)]
+    assert found == [(7, [1.0, 2.0], [True, True]), (8, [5.0, 5.0], [False, True])]
+
+
+def test_an_animation_names_only_changes_and_has_numbers_without_trailing_zeros():
+    assert number_row((1.26, -0.01, 30.0), 1) == "1.3 0 30"
+    assert 'values="red;blue" keyTimes="0;1"' in Clock(moments=3, seconds=2.0).jumping("fill", ["red", "red", "blue"])
+    assert Clock(moments=3, seconds=2.0).jumping("fill", ["red"] * 3) == ""
+    moved = Clock(moments=2, seconds=1.0).moving("translate", np.array([[0.0, 1.0], [2.5, 1.0]]), 1)
+    assert moved.endswith('type="translate" values="0 1;2.5 1" dur="1s" repeatCount="indefinite"/>')
 
 
 def test_robots_in_an_animated_drawing_never_spin_round_the_long_way(run, tmp_path):

@@ -27,7 +27,17 @@ from mesa_swarm.viewing import replay_page
 from mesa_swarm.viewing.canvas_widget import SwarmCanvas
 from mesa_swarm.viewing.export import export
 from mesa_swarm.viewing.films import Screen
-from mesa_swarm.viewing.palette import DARK, LIGHT, PALETTES, Palette, fire_colour, fire_steps, layer_colour, rgb
+from mesa_swarm.viewing.palette import (
+    DARK,
+    LIGHT,
+    PALETTES,
+    Palette,
+    fire_colour,
+    fire_steps,
+    layer_colour,
+    ramp,
+    rgb,
+)
 from mesa_swarm.viewing.pictures import Look, world_figure
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
 from mesa_swarm.viewing.run_pictures import ethogram_figure
@@ -219,6 +229,11 @@ def test_maps_that_are_written_as_svg_have_the_colours_of_the_palette():
     names = {"GROUND": "ground", "SOLID": "obstacle", "MARK": "mark", "RIM": "fire_rim"}
     assert {name: getattr(maps, name) for name in names} == {name: getattr(LIGHT, ours) for name, ours in names.items()}
     assert fire_colour(1.0) == maps.FLAME
+
+
+def test_a_ramp_goes_evenly_from_stop_to_stop():
+    assert rgb("#ff8000").tolist() == [255, 128, 0]
+    assert ramp("#000000", "#204060", steps=3) == ("#000000", "#102030", "#204060")
 
 
 # One source: what scripts and style sheets get.

@@ -9,7 +9,7 @@ from mesa_swarm.errors import InvalidValueError, RecordingError
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording, recorder
 from mesa_swarm.recording import provenance as written
-from mesa_swarm.viewing.replay_page import Reel
+from mesa_swarm.viewing.replay_page import Reel, _in_words
 from support.unpacking import unpacked_chunk
 
 
@@ -34,6 +34,10 @@ def test_the_inputs_of_the_player_are_json_and_name_the_origin_of_the_run(fires)
     assert about["parameters"]["communication"] == "goal"
     assert about["world"]["layers"] == ["Avoid", "FightFire", "Respond", "Explore"]
     assert about["notes"] == []
+    assert [_in_words(value) for value in (0.1 + 0.2, {"entropy": 3, "spawn_key": []})] == [
+        "0.3",
+        "{'entropy': 3, 'spawn_key': []}",
+    ]
 
 
 def test_events_are_those_of_the_recording(fires):
@@ -51,9 +55,9 @@ def test_of_a_torn_recording_the_whole_part_plays_with_a_note(fires, tmp_path):
 
 
 def test_of_a_damaged_recording_the_part_before_the_damage_plays(fires, tmp_path):
-    damaged, data = tmp_path / "damaged.arrow", bytearray(fires.read_bytes())
-    data[-5000] ^= 1
-    damaged.write_bytes(data)
+    damaged, content = tmp_path / "damaged.arrow", bytearray(fires.read_bytes())
+    content[-5000] ^= 1
+    damaged.write_bytes(content)
     reel = Reel(Recording(damaged))
     assert steps_of(reel) == list(range(1, 257))
     (note,) = reel.about["notes"]
@@ -66,9 +70,9 @@ def test_of_a_recording_that_is_damaged_in_the_middle_the_page_names_what_is_lef
     model = FireFighting(n_robots=3, rng=5)
     with model.record(path):
         model.run(800)
-    data = bytearray(path.read_bytes())
-    data[len(data) * 3 // 5] ^= 1  # in the second of four chunks
-    path.write_bytes(data)
+    content = bytearray(path.read_bytes())
+    content[len(content) * 3 // 5] ^= 1  # in the second of four chunks
+    path.write_bytes(content)
     reel = Reel(Recording(path))
     assert steps_of(reel) == list(range(1, 257))
     assert reel.recording.complete

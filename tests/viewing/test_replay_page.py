@@ -8,6 +8,7 @@ from mesa_swarm import SwarmModel
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
+from mesa_swarm.viewing.headers import policy, source_of
 from mesa_swarm.viewing.replay_page import page_of, replay_page
 from support.unpacking import unpacked_chunk
 
@@ -65,3 +66,10 @@ def test_fifty_robots_take_less_than_500_bytes_a_step(tmp_path):
 @pytest.mark.parametrize("model_class", [CollisionAvoidance, FireFighting])
 def test_fifty_robots_and_three_thousand_steps_take_less_than_two_megabytes(model_class, tmp_path):
     assert page_of_run(model_class, 3000, tmp_path / "run.arrow") < MOST
+
+
+def test_a_policy_permits_what_is_listed_and_in_a_page_does_not_mention_framing():
+    inside = "default-src 'self'; object-src 'none'; base-uri 'none'; form-action 'none'"
+    assert policy({"default-src": "'self'"}, in_page=True) == inside
+    assert policy({"default-src": "'self'"}) == f"{inside}; frame-ancestors 'none'"
+    assert source_of("") == "'sha256-47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU='"

@@ -51,3 +51,8 @@ def test_films_of_any_map_have_an_even_size_that_fits_on_a_screen(width, height)
     size = film_size((0.0, 0.0, width, height))
     assert all(length % 2 == 0 and 64 <= length <= 860 for length in size)
     Look(size=size)
+
+
+def test_sizes_are_parsed_and_a_film_of_the_usual_map_has_room_for_its_caption():
+    assert parsed_size("800x600") == (800, 600)
+    assert film_size((0, 0, 800, 600)) == (808, 640)
