@@ -44,7 +44,6 @@ class Follow(Memoryless):
     name: str = "Follow"
 
     def __post_init__(self) -> None:
-        """Check the parameters."""
         check_name("name", self.name)
         check_number("Follow's critical_angle_degrees", self.critical_angle_degrees, minimum=0, maximum=180)
         if self.gap is not None:

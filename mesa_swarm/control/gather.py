@@ -40,7 +40,6 @@ class Gather(Memoryless):
     name: str = "Gather"
 
     def __post_init__(self) -> None:
-        """Check the parameters."""
         check_name("name", self.name)
         check_number("Gather's critical_angle_degrees", self.critical_angle_degrees, minimum=0, maximum=180)
         check_number("stop_distance", self.stop_distance, minimum=0, maximum=LARGEST_RANGE)

@@ -55,7 +55,6 @@ class HeadOn:
     commands_wheels: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        """Check the parameters."""
         check_name("name", self.name)
         check_number("HeadOn's distance", self.distance, minimum=0, maximum=LARGEST_RANGE)
         check_number("slowest", self.slowest, above=0, maximum=1)

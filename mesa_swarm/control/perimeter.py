@@ -47,7 +47,6 @@ class Perimeter:
     commands_wheels: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        """Check the parameters."""
         check_name("name", self.name)
         check_number("ring", self.ring, minimum=0, maximum=LARGEST_RANGE)
         check_number("tolerance", self.tolerance, minimum=0, maximum=LARGEST_RANGE)
