@@ -167,7 +167,7 @@ class ReflexPolicy:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the weights by name."""
-        return {"hidden": self.hidden, "wheel": self.wheel}
+        return {part: getattr(self, part) for part in PARTS}
 
     def settings(self) -> dict:
         """Return the other fields that acting depends on."""
@@ -181,16 +181,8 @@ class ReflexPolicy:
         # Older files have no encoding.
         if sorted(arrays) != sorted(PARTS) or sorted({"encoding", *settings}) != ["encoding", "squash"]:
             raise InvalidValueError(f"a reflex policy has {', '.join(arrays)}; expected {', '.join(PARTS)}")
-        encoding = str(settings.get("encoding", "distance"))
-        return cls(
-            sensors=sensors,
-            hidden=arrays["hidden"],
-            wheel=arrays["wheel"],
-            squash=str(settings["squash"]),
-            encoding=encoding,
-            steps=steps,
-            training=training,
-        )
+        texts = {name: str(value) for name, value in settings.items()}
+        return cls(sensors=sensors, steps=steps, training=training, **texts, **arrays)
 
 
 def rows_of(sensors: SensorLayout, units: int, encoding: str = "distance") -> int:
