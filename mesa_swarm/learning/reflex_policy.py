@@ -181,8 +181,9 @@ class ReflexPolicy:
         # Older files have no encoding.
         if sorted(arrays) != sorted(PARTS) or sorted({"encoding", *settings}) != ["encoding", "squash"]:
             raise InvalidValueError(f"a reflex policy has {', '.join(arrays)}; expected {', '.join(PARTS)}")
-        texts = {name: str(value) for name, value in settings.items()}
-        return cls(sensors=sensors, steps=steps, training=training, **texts, **arrays)
+        hidden, wheel = (arrays[part] for part in PARTS)
+        texts: dict[str, Any] = {name: str(value) for name, value in settings.items()}
+        return cls(sensors=sensors, hidden=hidden, wheel=wheel, steps=steps, training=training, **texts)
 
 
 def rows_of(sensors: SensorLayout, units: int, encoding: str = "distance") -> int:
