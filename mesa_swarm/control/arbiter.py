@@ -76,20 +76,7 @@ class Arbiter:
 
 
 def check_drives(control: Arbiter, designs: Iterable[RobotDesign]) -> None:
-    """Refuse designs whose drive takes another kind of command than a layer gives, where both declare it.
-
-    Raises
-    ------
-    InvalidValueError
-
-    Examples
-    --------
-    >>> from mesa_swarm import AGENT9
-    >>> from mesa_swarm.control import Cruise, VectorSum
-    >>> check_drives(VectorSum(Cruise()), [AGENT9])
-    Traceback (most recent call last):
-    mesa_swarm.errors.InvalidValueError: Cruise commands ...
-    """
+    """Refuse designs whose drive takes another kind of command than a layer gives, where both declare it."""
     for design in designs:
         for layer in control.layers:
             wheels = getattr(layer, "commands_wheels", None)
@@ -103,14 +90,7 @@ def check_drives(control: Arbiter, designs: Iterable[RobotDesign]) -> None:
 
 
 def driver(control: Arbiter, index: int) -> str:
-    """Return the name of the layer with this index, and a description of any other index.
-
-    Examples
-    --------
-    >>> from mesa_swarm.control import Explore, Subsumption
-    >>> driver(Subsumption(Explore()), 0), driver(Subsumption(Explore()), -1), driver(Subsumption(Explore()), 7)
-    ('Explore', 'no layer', 'unknown layer 7')
-    """
+    """Return the name of the layer with this index, and a description of any other index."""
     if index < 0:
         return "no layer"
     return control.layers[index].name if index < len(control.layers) else f"unknown layer {index}"
@@ -125,11 +105,6 @@ class Subsumption(Arbiter):
     ----------
     *layers : Layer
         Most important first: layers, or rules made with `behaviour`.
-
-    Raises
-    ------
-    InvalidValueError
-        If something is not a layer, or there are no layers.
 
     Examples
     --------
@@ -223,13 +198,7 @@ def add_weighted(wanted, active, weight, index, command, layer, largest):
 
 @compiled
 def weighted(wanted: float, weight: float) -> float:
-    """Return the weighted command, finite; 0 if the weight is 0.
-
-    Examples
-    --------
-    >>> weighted(0.5, 3.0), weighted(math.nan, 0.0), weighted(-math.inf, 1e6)
-    (1.5, 0.0, -1e+306)
-    """
+    """Return the weighted command, finite; 0 if the weight is 0."""
     if weight == 0.0:
         return 0.0
     return weight * min(max(wanted, -LARGEST_COMMAND), LARGEST_COMMAND)

@@ -49,7 +49,6 @@ class Avoid(Memoryless):
     name: str = "Avoid"
 
     def __post_init__(self) -> None:
-        """Check the parameters."""
         check_name("name", self.name)
         check_number("Avoid's distance", self.distance, minimum=0, maximum=LARGEST_RANGE)
         check_choice("turn", self.turn, TURNS)
@@ -110,11 +109,5 @@ def avoid(distance, kind, hot, tendency, max_speed, design, forward, near, fires
 
 @compiled
 def is_activated(distance, kind, near, fears_fire, fears_load):
-    """Return whether a sensor sees something too near.
-
-    Examples
-    --------
-    >>> is_activated(-1.0, -1, 15.0, True, True)
-    False
-    """
+    """Return whether a sensor sees something too near."""
     return 0.0 <= distance < near and (fears_fire or kind != FIRE) and (fears_load or kind != LOAD)

@@ -26,24 +26,12 @@ GENERATORS = (np.random.Generator, np.random.RandomState, np.random.BitGenerator
 
 
 def uses_attribute(function: FunctionType, name: str) -> bool:
-    """Return whether a function, or one that it calls by name, reads an attribute of this name.
-
-    Examples
-    --------
-    >>> uses_attribute(lambda me: me.chance < 0.5, "chance")
-    True
-    """
+    """Return whether a function, or one that it calls by name, reads an attribute of this name."""
     return any(name in _operands(part, "LOAD_ATTR", "LOAD_METHOD") for part in _functions(function))
 
 
 def own_randomness(function: FunctionType) -> str | None:
-    """Return the name of a source of random numbers that the function uses, or None.
-
-    Examples
-    --------
-    >>> own_randomness(lambda me: np.random.random())
-    'np.random'
-    """
+    """Return the name of a source of random numbers that the function uses, or None."""
     for part in _functions(function):
         attributes = _operands(part, "LOAD_ATTR", "LOAD_METHOD", "IMPORT_FROM")
         for name, value in _values(part):
@@ -103,14 +91,7 @@ LARGEST_WHOLE = 2**53
 
 
 class Behaviour:
-    """A rule about one robot, as a layer. Made by `behaviour`; call it to change the rule's parameters.
-
-    Parameters
-    ----------
-    rule : Rule
-    parameters : dict
-        Values of the rule's parameters: finite numbers, True or False.
-    """
+    """A rule about one robot, as a layer. Made by `behaviour`; call it to change the rule's parameters."""
 
     def __init__(self, rule: Rule, parameters: dict[str, float]) -> None:
         self.rule = rule
@@ -139,10 +120,7 @@ class Behaviour:
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
         """Store the swarm, and the stream of `me.chance` if the rule reads it.
 
-        Raises
-        ------
-        BehaviourError
-            If the rule draws random numbers that the model's seed does not govern.
+        A rule that draws random numbers itself is refused, since the model's seed does not govern them.
         """
         source = own_randomness(self.rule.function)
         if source:
@@ -154,13 +132,7 @@ class Behaviour:
         self._rng = rng if uses_attribute(self.rule.function, "chance") else None
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Apply the rule to every robot that no earlier layer drives.
-
-        Raises
-        ------
-        BehaviourError
-            If the rule raised an error, or returned anything but two finite speeds or PASS.
-        """
+        """Apply the rule to every robot that no earlier layer drives."""
         if not len(layer):
             return
         at = np.array([-1])

@@ -16,19 +16,8 @@ from mesa_swarm.robots.swarm import Swarm
 class Explanation:
     """Why a robot did what it did in one step; as a text it is one sentence.
 
-    Parameters
-    ----------
-    robot : int
-        Its unique_id.
-    step : int
-    layer : str
-        Name of the layer that won, "" if none was active.
-    does : str
-        Its command, such as "turns right while moving".
-    reason : str
-        Such as "left sensor 9.3 (an obstacle) < 15".
-    sensors : tuple of int
-        Proximity sensors that triggered the layer.
+    `layer` is "" if none was active; `does` is the command in words, such as "turns right while moving"; `sensors` are
+    the proximity sensors that triggered the layer.
     """
 
     robot: int
@@ -39,24 +28,12 @@ class Explanation:
     sensors: tuple[int, ...]
 
     def __str__(self) -> str:
-        """Return the sentence."""
         start = f"step {self.step:,}: robot {self.robot} {self.does}"
         return f"{start}; {self.layer}: {self.reason}" if self.layer else f"{start}; no layer was active"
 
 
 def explanation(control: Arbiter, swarm: Swarm, snapshots: Snapshots, row: int, step: int) -> Explanation:
-    """Return why the robot in this row did what it did in a stored step.
-
-    Parameters
-    ----------
-    control : Arbiter
-        What drove the robots then.
-
-    Raises
-    ------
-    BehaviourError
-        If a custom layer wrote the index of a layer that does not exist.
-    """
+    """Return why the robot in this row did what it did in a stored step, when this control drove it."""
     moment, won = moment_of(swarm, snapshots.at(step), row)
     if won >= len(control.layers):
         raise BehaviourError(
@@ -98,10 +75,7 @@ def moment_of(swarm: Swarm, columns: dict[str, np.ndarray], row: int) -> tuple[M
 
 
 def reason_of(layer: Layer, moment: Moment) -> Reason:
-    """Return why this layer drove the robot at this moment.
-
-    A layer may have a method ``reason(moment) -> Reason``; for others the reason is the readings.
-    """
+    """Return the reason that a layer gives by its method ``reason(moment)``; for others the reason is the readings."""
     if hasattr(layer, "reason"):
         return layer.reason(moment)
     seeing = tuple(int(s) for s in np.flatnonzero(moment.kind >= 0))

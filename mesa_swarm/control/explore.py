@@ -39,7 +39,6 @@ class Explore:
     commands_wheels: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        """Check the parameters."""
         check_name("name", self.name)
         check_number("Explore's speed", self.speed, minimum=0, maximum=1)
         check_count("turn_interval", self.turn_interval)

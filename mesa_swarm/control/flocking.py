@@ -25,43 +25,45 @@ from mesa_swarm.world.statics import ROBOT
 FEWEST = 3
 
 
-class Apparent:
-    """The estimated velocity of the visible centroid of each robot, in columns of the swarm.
+@dataclass(kw_only=True)
+class VelocityMatching:
+    """Base of layers that move as the neighbours do: it estimates the velocity of the visible centroid of each robot.
 
     The displacement m of the centroid between two steps, corrected for the command of the robot itself
     (it cannot know whether it slipped), is v = m / dt (5.3, corrected). A sensor sees no motion across its
     sector, and a jump when what it sees passes to its neighbour, so v is the exponential mean over the last
     `memory` steps. Displacements longer than `jump` are others coming into sight or leaving it: not counted.
-
-    Parameters
-    ----------
-    swarm : Swarm
-    prefix : str
-        Of the columns' names.
-    memory : float
-        Steps, at least 1.
-    jump : float
-        Map units.
-    turns : bool
-        Whether commands are wheel speeds left and right, which turn the body; else forward and sideways.
     """
 
-    def __init__(self, swarm: Swarm, prefix: str, memory: float, jump: float, turns: bool) -> None:
-        self._swarm, self._prefix, self._turns = swarm, prefix, turns
-        self._share, self._jump = 1.0 / memory, jump
+    memory: float
+    jump: float = 15.0
+    name: str
+    commands_wheels: ClassVar[bool]
+
+    def __post_init__(self) -> None:
+        kind = type(self).__name__
+        check_name("name", self.name)
+        check_number(f"{kind}'s memory", self.memory, minimum=1, maximum=1e6)
+        check_number(f"{kind}'s jump", self.jump, above=0)
+
+    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
+        """Remember where the centroid was, and how it moves."""
+        self._swarm, self._prefix = swarm, prefix
         swarm.remember(f"{prefix}.centroid", (2,), np.float64, 0.0)
         swarm.remember(f"{prefix}.velocity", (2,), np.float64, 0.0)
         swarm.remember(f"{prefix}.seen", (), np.int64, 0)
         swarm.remember(f"{prefix}.compared", (), np.int64, 0)
 
-    def update(self, senses: Senses) -> tuple[np.ndarray, np.ndarray]:
+    def _estimated(self, senses: Senses) -> tuple[np.ndarray, np.ndarray]:
         """Take in this step's readings; return velocity (n, 2) in the robot's frame, and steps compared (n,)."""
         centroid, seen = centroids(senses)
         columns = self._swarm.columns
         before, velocity = columns[f"{self._prefix}.centroid"], columns[f"{self._prefix}.velocity"]
         seen_before, compared = columns[f"{self._prefix}.seen"], columns[f"{self._prefix}.compared"]
+        share, jump = 1.0 / float(self.memory), float(self.jump)
+        # Commands of wheels turn the body, those forward and sideways do not.
         track(
-            centroid, seen, senses.last_command, senses.radius, self._turns, self._share, self._jump,
+            centroid, seen, senses.last_command, senses.radius, self.commands_wheels, share, jump,
             before, seen_before, velocity, compared,
         )  # fmt: skip
         return velocity, compared
@@ -96,7 +98,7 @@ def track(centroid, seen, command, radius, turns, share, jump, before, seen_befo
 
 
 @dataclass(kw_only=True)
-class MatchVelocity:
+class MatchVelocity(VelocityMatching):
     """Drive the arc that takes the robot as far, and in the same direction, as its neighbours moved.
 
     In one step a robot can reach the point T = m, the displacement of the visible centroid in a step, along
@@ -125,25 +127,17 @@ class MatchVelocity:
     """
 
     memory: float = 20.0
-    jump: float = 15.0
     slowest: float = 0.1
     name: str = "MatchVelocity"
     commands_wheels: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        """Check the parameters."""
-        check_name("name", self.name)
-        check_number("MatchVelocity's memory", self.memory, minimum=1, maximum=1e6)
-        check_number("MatchVelocity's jump", self.jump, above=0)
+        super().__post_init__()
         check_number("MatchVelocity's slowest", self.slowest, minimum=0, maximum=1)
-
-    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
-        """Remember where the centroid was, and how it moves."""
-        self._apparent = Apparent(swarm, prefix, float(self.memory), float(self.jump), True)
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Drive the robots that know how others move."""
-        velocity, compared = self._apparent.update(senses)
+        velocity, compared = self._estimated(senses)
         drive_arcs(
             velocity, compared, FEWEST, float(self.slowest), senses.max_speed, senses.radius, command, layer, index
         )
@@ -200,7 +194,6 @@ class Separate(Memoryless):
     commands_wheels: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        """Check the parameters."""
         check_name("name", self.name)
         check_number("Separate's distance", self.distance, above=0, maximum=LARGEST_RANGE)
         check_choice("what", self.what, WHAT)
@@ -241,10 +234,10 @@ def separate_from(distance, kind, sensors, design, max_speed, near, what, comman
 
 
 @dataclass(kw_only=True)
-class Align:
+class Align(VelocityMatching):
     """Move as the neighbours move.
 
-    Active when robots have been seen for a few steps; see `Apparent`.
+    Active when robots have been seen for a few steps.
 
     Parameters
     ----------
@@ -260,23 +253,12 @@ class Align:
     """
 
     memory: float = 10.0
-    jump: float = 15.0
     name: str = "Align"
     commands_wheels: ClassVar[bool] = False
 
-    def __post_init__(self) -> None:
-        """Check the parameters."""
-        check_name("name", self.name)
-        check_number("Align's memory", self.memory, minimum=1, maximum=1e6)
-        check_number("Align's jump", self.jump, above=0)
-
-    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
-        """Remember where the centroid was, and how it moves."""
-        self._apparent = Apparent(swarm, prefix, float(self.memory), float(self.jump), False)
-
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Write the neighbours' velocities."""
-        velocity, compared = self._apparent.update(senses)
+        velocity, compared = self._estimated(senses)
         align(velocity, compared, FEWEST, senses.max_speed, command, layer, index)
 
     def reason(self, moment: Moment) -> Reason:
@@ -319,7 +301,6 @@ class Cohere(Memoryless):
     commands_wheels: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        """Check the parameters."""
         check_name("name", self.name)
         check_number("Cohere's distance", self.distance, above=0, maximum=LARGEST_RANGE)
 
@@ -366,7 +347,6 @@ class Cruise(Memoryless):
     commands_wheels: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        """Check the parameter."""
         check_name("name", self.name)
         check_number("Cruise's speed", self.speed, minimum=0, maximum=1)
 

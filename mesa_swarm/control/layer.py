@@ -124,25 +124,8 @@ class Memoryless:
 def centroids(senses: Senses) -> tuple[np.ndarray, np.ndarray]:
     """Return where each robot perceives the centroid of the robots that it sees, and by how many sensors.
 
-    The mean of the reconstructed positions over the sensors that see a robot now (5.1, corrected: not over
-    all sensors).
-
-    Returns
-    -------
-    centroid : ndarray, shape (n, 2), map units
-        In the robot's own frame: x ahead, y to the left of its centre; (0, 0) where no robot is seen.
-    seen : int64 ndarray, shape (n,)
-        How many sensors see a robot.
-
-    Examples
-    --------
-    >>> from mesa_swarm import SwarmModel
-    >>> from mesa_swarm.robots.design import AGENT9
-    >>> model = SwarmModel(rng=1)
-    >>> robots = model.add_robots(AGENT9, poses=[(100, 100, 0.0), (130, 100, 0.0)])
-    >>> model.sense()
-    >>> centroids(Senses.of(model.swarm))[0][0]  # the other's near side, 25 ahead
-    array([25.,  0.])
+    The centroid (n, 2) is in the robot's own frame, x ahead and y to the left, (0, 0) where no robot is seen: the mean
+    of the reconstructed positions over the sensors that see a robot now (5.1, corrected: not over all sensors).
     """
     n = len(senses.distance)
     centroid, seen = np.empty((n, 2)), np.empty(n, np.int64)
@@ -163,6 +146,16 @@ def perceive_robots(distance, kind, sensors, design, centroid, seen):
         seen[i] = count
         centroid[i, 0] = x / count if count else 0.0
         centroid[i, 1] = y / count if count else 0.0
+
+
+@compiled
+def nearest_of(distance, kind, i, sought):
+    """Return the sensor of robot i with the nearest thing of a kind, or -1."""
+    nearest = -1
+    for s in range(distance.shape[1]):
+        if kind[i, s] == sought and (nearest < 0 or distance[i, s] < distance[i, nearest]):
+            nearest = s
+    return nearest
 
 
 @compiled

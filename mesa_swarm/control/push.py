@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mesa_swarm.control.layer import Memoryless, Senses
+from mesa_swarm.control.layer import Memoryless, Senses, nearest_of
 from mesa_swarm.errors import check_choice, check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.overlap import wrapped
@@ -52,7 +52,6 @@ class Push(Memoryless):
     name: str = "Push"
 
     def __post_init__(self) -> None:
-        """Check the parameters."""
         check_name("name", self.name)
         check_choice("side", self.side, FROM)
         check_number("clearance", self.clearance, minimum=0, maximum=LARGEST_RANGE)
@@ -97,10 +96,7 @@ def push(
     for i in range(layer.shape[0]):
         if layer[i] >= 0:
             continue
-        nearest = -1
-        for s in range(distance.shape[1]):
-            if kind[i, s] == LOAD and (nearest < 0 or distance[i, s] < distance[i, nearest]):
-                nearest = s
+        nearest = nearest_of(distance, kind, i, LOAD)
         if nearest < 0:
             continue
         towards = bearing[design[i], nearest]
@@ -112,13 +108,7 @@ def push(
 
 @compiled
 def way_round(bearing: float, reading: float, clearance: float, side: float) -> float:
-    """Return the bearing of the way round what is seen at a bearing (rad), with it on the left (side 1) or right (-1).
-
-    Examples
-    --------
-    >>> round(way_round(math.pi / 2, 12.0, 12.0, 1.0), 12) + 0.0
-    0.0
-    """
+    """Return the bearing (rad) of the way round what is seen, with it on the left (side 1) or right (-1)."""
     off = (reading - clearance) / max(clearance, 1.0)
     correction = min(max(off, -MOST_CORRECTION), MOST_CORRECTION)
     return wrapped(bearing - side * (0.5 * math.pi - correction))

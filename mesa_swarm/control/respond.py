@@ -54,7 +54,6 @@ class Respond(Memoryless):
     name: str = "Respond"
 
     def __post_init__(self) -> None:
-        """Check the parameters."""
         check_name("name", self.name)
         check_choice("to", self.to, TO)
         check_number("near", self.near, minimum=0, maximum=LARGEST_RANGE)

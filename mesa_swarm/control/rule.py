@@ -34,7 +34,6 @@ class Readings(np.ndarray):
     nothing: float | None = None
 
     def __getitem__(self, index: Any) -> Any:
-        """Return a reading, or what NumPy returns for slices and the like."""
         if self.nothing is not None and isinstance(index, (int, np.integer)):
             if index == -1:
                 return self.dtype.type(self.nothing)
@@ -141,13 +140,7 @@ class DefectError(Exception):
 
 
 class Rule:
-    """A function about one robot, compiled when first used. All variants of a behaviour share it.
-
-    Parameters
-    ----------
-    function : function
-        ``function(me, *values) -> (left, right)`` or PASS.
-    """
+    """A function about one robot, compiled when first used. All variants of a behaviour share it."""
 
     def __init__(self, function: FunctionType) -> None:
         self.function = function
@@ -176,16 +169,9 @@ class Rule:
     def run(self, columns: tuple, values: tuple, at: np.ndarray, *written: Any) -> int:
         """Apply the rule to every robot that no layer drives yet; return the first whose speeds are not finite, or -1.
 
-        Parameters
-        ----------
-        columns : tuple of ndarrays
-            From `columns_of`, and the column of chances.
-        values : tuple
-            Of the rule's parameters.
-        at : int64 ndarray, shape (1,)
-            Is set to the robot that the rule is about, to name it if the rule raises an error; -1 for none.
-        *written
-            The columns `command` and `layer`, and the index of the layer.
+        `columns` are those of `columns_of`, and the column of chances; `written` are the columns `command` and `layer`,
+        and the index of the layer. `at` (1,) is set to the robot that the rule is about, to name it if the rule raises
+        an error.
         """
         kinds = tuple(map(type, values))
         if kinds in self._loops:
@@ -318,13 +304,7 @@ def _is_number(value: object) -> bool:
 
 
 def defect_in(problem: str) -> str:
-    """Return what is wrong with a rule that Numba refused, or nothing if it is only slow.
-
-    Examples
-    --------
-    >>> defect_in("Cannot modify readonly array of type: readonly array(float64, 1d, C)").split(";")[0]
-    'changes its readings'
-    """
+    """Return what is wrong with a rule that Numba refused, or nothing if it is only slow."""
     field = re.search(r"Unknown attribute '(\w+)' of type Me\(", problem)
     if field:
         return f"uses an {unknown_name('field of me', field[1], Me._fields)}"
@@ -336,13 +316,7 @@ def defect_in(problem: str) -> str:
 
 
 def failure(error: Exception) -> str:
-    """Return what a rule did wrong, of the error that it raised.
-
-    Examples
-    --------
-    >>> failure(WheelsError(1.0))
-    'returned 1.0; expected two finite wheel speeds (left, right), or PASS'
-    """
+    """Return what a rule did wrong, of the error that it raised."""
     if isinstance(error, DefectError):
         return str(error)
     if isinstance(error, WheelsError):
@@ -354,13 +328,7 @@ def failure(error: Exception) -> str:
 
 
 def brief(problem: str) -> str:
-    r"""Return the most specific line of Numba's explanation, and the line of the rule that it is about.
-
-    Examples
-    --------
-    >>> brief("Failed in nopython mode pipeline (step: x)\nUntyped global name 'L': Cannot type empty list")
-    "Untyped global name 'L': Cannot type empty list"
-    """
+    """Return the most specific line of Numba's explanation, and the line of the rule that it is about."""
     lines = [line.strip() for line in problem.splitlines()]
     lines = [line for line in lines if line and not line.startswith("Failed in nopython")]
     inner = [after for before, after in pairwise(lines) if before.startswith("Rejected as")]

@@ -11,13 +11,7 @@ CHOICES = (CONTINUOUS, 4, 8)
 
 
 def checked_choice(actions: str | int) -> str | int:
-    """Return `actions` if it is "continuous", 4 or 8.
-
-    Examples
-    --------
-    >>> checked_choice(8)
-    8
-    """
+    """Return `actions` if it is "continuous", 4 or 8."""
     if isinstance(actions, bool) or not isinstance(actions, (str, int)) or actions not in CHOICES:
         raise InvalidValueError(f"actions is {shortened(actions)}; expected 'continuous', 4 or 8")
     return actions
@@ -26,24 +20,8 @@ def checked_choice(actions: str | int) -> str | int:
 def shares(actions: str | int, commands: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:
     r"""Return each robot's wheel speeds as shares of its greatest speed, shape (\*shape, 2).
 
-    Parameters
-    ----------
-    actions : "continuous", 4 or 8
-    commands : array_like
-        Continuous: shape (\*shape, 2), each from -1 to 1. Otherwise shape `shape`, each the number of an action.
-    shape : tuple of int
-        The number of robots: (n,), or (worlds, n).
-
-    Raises
-    ------
-    InvalidValueError
-        If the shape is wrong, or a value is out of range or not a number; the message names the robot.
-
-    Examples
-    --------
-    >>> shares(4, [1, 3], (2,))
-    array([[-1.,  1.],
-           [ 1.,  1.]])
+    Where `actions` is "continuous", `commands` are such shares, each from -1 to 1; otherwise they are numbers of
+    actions, of this shape: (n,), or (worlds, n). An error names the robot whose action is out of range.
     """
     if isinstance(actions, str):  # CONTINUOUS, the only word
         wheels = _array(commands, (*shape, 2), "two wheel speeds")

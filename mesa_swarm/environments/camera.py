@@ -27,25 +27,11 @@ def checked_mode(render_mode: str | None) -> str | None:
 
 
 class Camera:
-    """Takes pictures of worlds on one map, everything to scale, y up.
+    """Takes pictures of worlds on one map, everything to scale, y up; the longest side is given in pixels.
 
     The front half of a robot is pale, its back blue, or orange while it is too hot to fight; where only
     some robots are commanded, these have a dark rim. Fires go from black to red with their temperature and are pale
     once they are out.
-
-    Parameters
-    ----------
-    map : Map
-    longest_side : int
-        Pixels.
-
-    Examples
-    --------
-    >>> from mesa_swarm.environments import FindFires
-    >>> from mesa_swarm.environments.task_world import TaskWorld
-    >>> task = FindFires(n_robots=2)
-    >>> Camera(task.map).picture(TaskWorld(task=task, commanded=1, rng=1)).shape
-    (480, 640, 3)
     """
 
     def __init__(self, map: Map, longest_side: int = LONGEST_SIDE) -> None:

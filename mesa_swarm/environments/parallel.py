@@ -20,28 +20,8 @@ from pettingzoo import ParallelEnv  # noqa: E402 - the error above names what is
 class ParallelSwarmEnv(ParallelEnv):
     """Robots of one world as PettingZoo agents ``robot_0``, ``robot_1``, ...; all end together.
 
-    Made by `parallel_env` in `collision_avoidance_v0`, `find_fires_v0` and `extinguish_fires_v0`.
-
-    Parameters
-    ----------
-    task : Task
-    name : str
-        With its version.
-    render_mode : "rgb_array" or None
-
-    Attributes
-    ----------
-    world : TaskWorld
-        The current world; its columns can be read: ``env.world.swarm.collided``.
-
-    Examples
-    --------
-    >>> from mesa_swarm.environments import collision_avoidance_v0
-    >>> env = collision_avoidance_v0.parallel_env(n_robots=3, map="openspace")
-    >>> observations, infos = env.reset(seed=1)
-    >>> observations, rewards, terminations, truncations, infos = env.step({name: (1, 1) for name in env.agents})
-    >>> rewards
-    {'robot_0': 1.0, 'robot_1': 1.0, 'robot_2': 1.0}
+    Made by `parallel_env` in `collision_avoidance_v0`, `find_fires_v0` and `extinguish_fires_v0`. The columns of the
+    current `world` can be read: ``env.world.swarm.collided``.
     """
 
     def __init__(self, task: Task, *, name: str, render_mode: str | None = None) -> None:
@@ -66,12 +46,7 @@ class ParallelSwarmEnv(ParallelEnv):
         return self.action_spaces[agent]
 
     def reset(self, seed: int | None = None, options: dict | None = None) -> tuple[dict, dict]:
-        """Start an episode; without a seed the stream of episodes continues.
-
-        Returns
-        -------
-        observations, infos : dicts by agent
-        """
+        """Start an episode; return observations and infos by agent. Without a seed the stream of episodes continues."""
         if seed is not None:
             self._generator = np.random.default_rng(check_seed(seed))
         self.world = new_world(self.task, self.task.n_robots, self._generator)
@@ -79,12 +54,7 @@ class ParallelSwarmEnv(ParallelEnv):
         return self._observations(self.world), {agent: {} for agent in self.agents}
 
     def step(self, actions: dict) -> tuple[dict, dict, dict, dict, dict]:
-        """Take a step.
-
-        Parameters
-        ----------
-        actions : dict
-            One for each agent.
+        """Take a step, given an action of each agent.
 
         Returns
         -------

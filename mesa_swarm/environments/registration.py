@@ -14,31 +14,13 @@ REGISTERED = {
 
 
 def need(package: str) -> None:
-    """Check that a package of the extra `rl` is installed.
-
-    Raises
-    ------
-    SwarmError
-        If it is not; the message gives the command that installs it.
-
-    Examples
-    --------
-    >>> need("numpy")
-    """
+    """Check that a package of the extra `rl` is installed; if not, the error gives the command that installs it."""
     if find_spec(package) is None:
         raise SwarmError(f"this environment needs {package}; install it with: pip install 'mesa-swarm[rl]'")
 
 
 def register() -> None:
-    """Make the environments known to ``gymnasium.make`` and ``make_vec``; twice does no harm.
-
-    Examples
-    --------
-    >>> register()
-    >>> import gymnasium
-    >>> gymnasium.make("MesaSwarm/FindFires-v0", n_robots=3).unwrapped.task.n_robots
-    3
-    """
+    """Make the environments known to ``gymnasium.make`` and ``make_vec``; twice does no harm."""
     need("gymnasium")
     from gymnasium.envs import registration  # noqa: PLC0415 - heavy, and optional
 

@@ -24,26 +24,8 @@ from gymnasium.vector.utils import batch_space  # noqa: E402
 class RobotEnv(Env):
     """The first robot of a world as a Gymnasium environment.
 
-    Made by ``gymnasium.make("MesaSwarm/CollisionAvoidance-v0")``, or ``FindFires-v0`` or ``ExtinguishFires-v0``.
-
-    Parameters
-    ----------
-    task : Task
-    render_mode : "rgb_array" or None
-
-    Attributes
-    ----------
-    world : TaskWorld
-        The current world; its columns can be read: ``env.unwrapped.world.swarm.collided``.
-
-    Examples
-    --------
-    >>> from mesa_swarm.environments import CollisionAvoidance
-    >>> env = RobotEnv(CollisionAvoidance(n_robots=1, map="openspace"))
-    >>> observation, info = env.reset(seed=1)
-    >>> observation, reward, terminated, truncated, info = env.step(np.array([1, 1]))
-    >>> reward, terminated, truncated
-    (1.0, False, False)
+    Made by ``gymnasium.make("MesaSwarm/CollisionAvoidance-v0")``, or ``FindFires-v0`` or ``ExtinguishFires-v0``. The
+    columns of the current `world` can be read: ``env.unwrapped.world.swarm.collided``.
     """
 
     metadata = METADATA
@@ -58,30 +40,17 @@ class RobotEnv(Env):
         self._camera = Camera(task.chart)
 
     def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple[np.ndarray, dict]:
-        """Start an episode; without a seed the stream of episodes continues.
-
-        Returns
-        -------
-        observation : float32 ndarray
-        info : dict
-        """
+        """Start an episode and return observation and info; without a seed the stream of episodes continues."""
         super().reset(seed=None if seed is None else check_seed(seed))
         self.world = new_world(self.task, 1, self.np_random)
         return self._observation(), {}
 
     def step(self, action: ArrayLike) -> tuple[np.ndarray, float, bool, bool, dict]:
-        """Take a step.
-
-        Parameters
-        ----------
-        action : array_like, shape (2,), or int
+        """Take a step, given two wheel speeds or the number of an action.
 
         Returns
         -------
-        observation : float32 ndarray
-        reward : float
-        terminated, truncated : bool
-        info : dict
+        observation, reward, terminated, truncated, info
         """
         world = self._running()
         reward = np.empty(1)
@@ -105,23 +74,7 @@ class RobotEnv(Env):
 
 
 def robot_env(*, task: str, render_mode: str | None = None, n_robots: int = 1, **parameters: object) -> RobotEnv:
-    """Return the environment that Gymnasium makes.
-
-    Parameters
-    ----------
-    task : str
-        "collision_avoidance", "find_fires" or "extinguish_fires".
-    render_mode : "rgb_array" or None
-    n_robots : int
-        In all.
-    **parameters
-        Others of the task.
-
-    Examples
-    --------
-    >>> robot_env(task="find_fires", n_robots=3).task.n_robots
-    3
-    """
+    """Return the environment that Gymnasium makes, of `n_robots` in all; `parameters` are others of the task."""
     chosen = TASKS[check_choice("task", task, TASKS)]
     return RobotEnv(chosen.of({**parameters, "n_robots": n_robots}), render_mode=render_mode)
 
@@ -206,26 +159,10 @@ def robot_vector_env(
     commanded: int = 1,
     **parameters: object,
 ) -> RobotVectorEnv:
-    """Return the environment that ``gymnasium.make_vec`` makes.
+    """Return the environment that ``gymnasium.make_vec`` makes, of `num_envs` worlds.
 
-    Parameters
-    ----------
-    task : str
-        "collision_avoidance", "find_fires" or "extinguish_fires".
-    num_envs : int
-        Worlds; with several commanded robots in each the environments are as many times more.
-    render_mode : "rgb_array" or None
-    n_robots : int
-        Of each world, in all.
-    commanded : int
-        Of each world: the first ones.
-    **parameters
-        Others of the task.
-
-    Examples
-    --------
-    >>> robot_vector_env(task="find_fires", num_envs=4).num_envs
-    4
+    The first `commanded` robots of each world are commanded: with several of them the environments are as many times
+    more.
     """
     chosen = TASKS[check_choice("task", task, TASKS)].of({**parameters, "n_robots": n_robots})
     return RobotVectorEnv(chosen, n_worlds=num_envs, commanded=commanded, render_mode=render_mode)

@@ -6,15 +6,16 @@ import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, check_choice
 from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.learning.actions import ENCODINGS
 from mesa_swarm.learning.rewards import REWARDS, rewarded
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.world.statics import FIRE, OBSTACLE, ROBOT
 
-ENCODINGS = ("distance", "typed")
 # The blocks of a typed observation, in their order.
 KINDS = (OBSTACLE, ROBOT, FIRE)
 BODY = 4
+OBSERVED = ("distance", "kind", "radiation", "line", "temperature", "hot", "heat", "fire")
 
 
 class ObservationEncoder:
@@ -64,28 +65,12 @@ class ObservationEncoder:
 
     def observe(self, columns: dict[str, np.ndarray], out: np.ndarray) -> None:
         """Write the observations of the first robots, as many as `out` (k, width) has rows."""
-        observe(
-            columns["distance"],
-            columns["kind"],
-            columns["radiation"],
-            columns["line"],
-            columns["temperature"],
-            columns["hot"],
-            columns["heat"],
-            columns["fire"],
-            self._reach,
-            self._typed,
-            self._body,
-            self._leave,
-            out,
-        )
+        observe(*(columns[name] for name in OBSERVED), self._reach, self._typed, self._body, self._leave, out)
 
 
 # This calls no compiled function of another file, so that Numba's own cache cannot go stale.
 @compiled
-def observe(
-    distance, kind, radiation, line, temperature, hot, heat, fire, reach, typed, body, leave, out
-):  # fmt: skip
+def observe(distance, kind, radiation, line, temperature, hot, heat, fire, reach, typed, body, leave, out):
     """Write the rows that `ObservationEncoder` describes."""
     sensors = distance.shape[1]
     for i in range(out.shape[0]):

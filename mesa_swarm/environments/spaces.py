@@ -11,24 +11,10 @@ from gymnasium.spaces import Box, Discrete, Space  # noqa: E402 - the error abov
 
 
 def observation_space(task: Task) -> Box:
-    """Return the space of one robot's observations.
-
-    Examples
-    --------
-    >>> from mesa_swarm.environments import FindFires
-    >>> observation_space(FindFires()).shape
-    (37,)
-    """
+    """Return the space of one robot's observations."""
     return Box(0.0, 1.0, (task.observer().width,), np.float32)
 
 
 def action_space(task: Task) -> Space:
-    """Return the space of one robot's actions.
-
-    Examples
-    --------
-    >>> from mesa_swarm.environments import FindFires
-    >>> action_space(FindFires()), action_space(FindFires(actions=4))
-    (Box(-1.0, 1.0, (2,), float32), Discrete(4))
-    """
+    """Return the space of one robot's actions."""
     return Box(-1.0, 1.0, (2,), np.float32) if isinstance(task.actions, str) else Discrete(task.actions)

@@ -15,32 +15,10 @@ from mesa_swarm.swarm_model import SwarmModel
 
 
 class Commanded:
-    """Drive the first robots of a swarm by commands from outside; the layers below drive the others.
+    """Drive the first `count` robots of a swarm by commands from outside; the layers below drive the others.
 
-    Until `wheels` is written to, the commanded robots stand still.
-
-    Parameters
-    ----------
-    count : int
-        How many robots are commanded, at least 1.
-
-    Attributes
-    ----------
-    wheels : ndarray, shape (count, 2)
-        Rim speeds left and right, map units a step; they are driven from the next step on. The array
-        exists once the layer belongs to a swarm: ``model.control.layers[0].wheels``.
-
-    Examples
-    --------
-    >>> from mesa_swarm.control import Subsumption
-    >>> from mesa_swarm import SwarmModel
-    >>> from mesa_swarm.robots.design import AGENT9
-    >>> model = SwarmModel(rng=1)
-    >>> robots = model.add_robots(AGENT9, poses=[(100, 100, 0.0)])
-    >>> model.control = Subsumption(Commanded(1))
-    >>> model.control.layers[0].wheels[:] = 0.5
-    >>> model.run(2).swarm.position
-    array([[101., 100.]])
+    Their `wheels` (count, 2) are rim speeds left and right, map units a step, 0 at first; robots are driven by them
+    from the next step on. They exist once the layer belongs to a swarm: ``model.control.layers[0].wheels``.
     """
 
     name = "Commanded"
@@ -64,13 +42,7 @@ class Commanded:
         return self._wheels
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Copy the commands; this is the uppermost layer.
-
-        Raises
-        ------
-        InvalidValueError
-            If there are fewer robots than are commanded.
-        """
+        """Copy the commands; this is the uppermost layer."""
         if len(layer) < self.count:
             raise InvalidValueError(
                 f"{self.name}({self.count}) has {len(layer)} robots to command; add robots, or command fewer"
@@ -86,24 +58,8 @@ class Commanded:
 class TaskWorld(SwarmModel):
     """A world for one episode: `advance`, then `observe`, `finished` and `out_of_time`.
 
-    Its DataCollector collects nothing, so that memory does not grow with the steps.
-
-    Parameters
-    ----------
-    task : Task
-    commanded : int
-        The number of commanded robots, the first ones; at least 1. The task's rules drive the others.
-    rng : int
-        Seed of everything in it.
-
-    Examples
-    --------
-    >>> from mesa_swarm.environments import CollisionAvoidance
-    >>> world = TaskWorld(task=CollisionAvoidance(n_robots=3, map="openspace"), commanded=2, rng=1)
-    >>> reward = np.empty(2)
-    >>> world.advance(np.ones((2, 2)), reward)
-    >>> reward
-    array([1., 1.])
+    The first `commanded` robots are commanded, the task's rules drive the others. Its DataCollector collects nothing,
+    so that memory does not grow with the steps.
     """
 
     def __init__(self, *, task: Task, commanded: int, rng: int) -> None:
@@ -131,14 +87,7 @@ class TaskWorld(SwarmModel):
         return self.steps >= self.task.max_steps
 
     def advance(self, shares: np.ndarray, reward: np.ndarray) -> None:
-        """Take a step, and write the reward of each commanded robot.
-
-        Parameters
-        ----------
-        shares : ndarray, shape (k, 2)
-            Their wheel speeds, as shares of the greatest speed.
-        reward : ndarray, shape (k,), written
-        """
+        """Take a step at these shares (k, 2) of the greatest wheel speed; write the commanded robots' rewards (k,)."""
         np.multiply(shares, self.task.design.max_speed, out=self._wheels)
         self.step()
         self.sense()

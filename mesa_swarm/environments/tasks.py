@@ -55,11 +55,6 @@ class Task:
         4 or 8 actions of the thesis (8.1).
     max_steps : int
         After which an episode is truncated.
-
-    Raises
-    ------
-    InvalidValueError, UnknownNameError, MapError
-        If a value is wrong.
     """
 
     n_robots: int = 15
@@ -70,7 +65,6 @@ class Task:
     max_steps: int = 1000
 
     def __post_init__(self) -> None:
-        """Check every value, and read the map once."""
         check_count("n_robots", self.n_robots, minimum=1)
         check_count("max_steps", self.max_steps, minimum=1)
         checked_choice(self.actions)
@@ -81,13 +75,7 @@ class Task:
 
     @classmethod
     def of(cls, parameters: Mapping[str, Any]) -> "Task":
-        """Return the task with these parameters.
-
-        Examples
-        --------
-        >>> CollisionAvoidance.of({"n_robots": 3}).n_robots
-        3
-        """
+        """Return the task with these parameters."""
         known = [field.name for field in fields(cls)]
         for name in parameters:
             if name not in known:
@@ -146,7 +134,6 @@ class CollisionAvoidance(Task):
     critical: float = 0.4
 
     def __post_init__(self) -> None:
-        """Check every value."""
         super().__post_init__()
         check_number("collision_cost", self.collision_cost, minimum=0, maximum=LARGEST_REWARD)
         check_choice("reward", self.reward, ("speed", *REWARDS))
@@ -162,15 +149,7 @@ class CollisionAvoidance(Task):
 
 @dataclass(frozen=True, kw_only=True)
 class FireTask(Task):
-    """Base class of tasks with fires: a map with fires, and a small cost of every step.
-
-    Parameters
-    ----------
-    n_robots, map, design, encoding, actions, max_steps
-        As for `Task`.
-    step_cost : float
-        At least 0.
-    """
+    """Base class of tasks with fires: a map with fires, and a small cost of every step."""
 
     n_robots: int = 10
     map: str | os.PathLike | Map = "openspace_fire"
@@ -180,7 +159,6 @@ class FireTask(Task):
     step_cost: float = 0.01
 
     def __post_init__(self) -> None:
-        """Check every value."""
         super().__post_init__()
         check_number("step_cost", self.step_cost, minimum=0, maximum=LARGEST_REWARD)
         if not self.chart.fires:
@@ -198,9 +176,9 @@ class FindFires(FireTask):
 
     Parameters
     ----------
-    n_robots, map, design, encoding, actions, max_steps, step_cost
-        As for `FireTask`.
-    arrival : float
+    n_robots, map, design, encoding, actions, max_steps
+        As for `Task`.
+    step_cost, arrival : float
         At least 0.
 
     Examples
@@ -212,7 +190,6 @@ class FindFires(FireTask):
     arrival: float = 10.0
 
     def __post_init__(self) -> None:
-        """Check every value."""
         super().__post_init__()
         check_number("arrival", self.arrival, minimum=0, maximum=LARGEST_REWARD)
 
@@ -233,9 +210,9 @@ class ExtinguishFires(FireTask):
 
     Parameters
     ----------
-    n_robots, map, design, encoding, actions, max_steps, step_cost
-        As for `FireTask`.
-    put_out, work : float
+    n_robots, map, design, encoding, actions, max_steps
+        As for `Task`.
+    step_cost, put_out, work : float
         At least 0.
     fire_constants : FireConstants, optional
         `design_constants()` by default.
@@ -252,7 +229,6 @@ class ExtinguishFires(FireTask):
     fire_constants: FireConstants | None = None
 
     def __post_init__(self) -> None:
-        """Check every value."""
         constants = self.constants
         if not isinstance(constants, FireConstants):
             raise InvalidValueError(

@@ -10,7 +10,7 @@ from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.robots.design import RANGE
 from mesa_swarm.world.statics import FIRE, LOAD, ROBOT
 
-# UnboundState and right wheel as shares of max_speed (thesis 8.1); `actions=4` takes the first four.
+# Left and right wheel as shares of max_speed (thesis 8.1); `actions=4` takes the first four.
 ACTIONS = np.array(
     [(-1, -1), (-1, 1), (1, -1), (1, 1), (-1, 0), (0, -1), (1, 0), (0, 1)],
     dtype=np.float64,
@@ -64,13 +64,7 @@ def boltzmann(values: ArrayLike, temperature: float) -> np.ndarray:
 
 
 def as_floats(values: ArrayLike) -> np.ndarray:
-    """Return values as a C-contiguous array of floats; NaN, which every check refuses, if they are not numbers.
-
-    Examples
-    --------
-    >>> as_floats([1, 2]), as_floats("ab")
-    (array([1., 2.]), array(nan))
-    """
+    """Return values as a C-contiguous array of floats; NaN, which every check refuses, if they are not numbers."""
     try:
         return np.asarray(values, dtype=np.float64, order="C")
     except (TypeError, ValueError, OverflowError):
@@ -78,13 +72,7 @@ def as_floats(values: ArrayLike) -> np.ndarray:
 
 
 def described(value: object) -> str:
-    """Return an array's type and shape, and any other value itself, for an error message.
-
-    Examples
-    --------
-    >>> described(np.zeros(2)), described("ab")
-    ('an array of float64, shape (2,)', "'ab'")
-    """
+    """Return an array's type and shape, and any other value itself, for an error message."""
     return f"an array of {value.dtype}, shape {value.shape}" if isinstance(value, np.ndarray) else shortened(value)
 
 
@@ -112,17 +100,7 @@ def temperature_at(step: float, *, beta: float, first: float = 1.0, last: float 
 
 
 def checked_actions(actions: int) -> int:
-    """Return the number of actions if it is 4 or 8.
-
-    Raises
-    ------
-    InvalidValueError
-
-    Examples
-    --------
-    >>> checked_actions(4)
-    4
-    """
+    """Return the number of actions if it is 4 or 8."""
     if not isinstance(actions, int | np.integer) or actions not in (4, 8):
         raise InvalidValueError(f"actions is {shortened(actions)}; expected 4 or 8, a whole number")
     return int(actions)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mesa_swarm.control.layer import Senses
+from mesa_swarm.control.layer import Senses, nearest_of
 from mesa_swarm.errors import LearningError, check_count, check_flag, check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import best_of, chosen
@@ -18,31 +18,17 @@ from mesa_swarm.world.statics import FIRE, ROBOT
 SKILLS = ("explore", "approach", "wait", "back off", "follow")
 EXPLORE, APPROACH, WAIT, BACK_OFF, FOLLOW = range(len(SKILLS))
 BODIES = ("free", "at a fire", "too hot, in the heat", "too hot, out of the heat")
+SEEN = ("", ", sees a robot", ", sees a fire", ", sees a fire and a robot")
+SITUATIONS = tuple(body + seen for body in BODIES for seen in SEEN)
 # Robots turn towards things farther than this from straight ahead; as `Follow` and `FightFire` by default.
 CRITICAL_ANGLE = math.radians(10.0)
 # Exploring robots turn away from a fire nearer than this; as `Avoid` by default.
 NEAR = 15.0
 
 
-def situation_words(situation: int) -> str:
-    """Return a situation in words.
-
-    Examples
-    --------
-    >>> situation_words(0), situation_words(7)
-    ('free', 'at a fire, sees a fire and a robot')
-    """
-    body, seen = divmod(situation, 4)
-    what = ("", ", sees a robot", ", sees a fire", ", sees a fire and a robot")[seen]
-    return f"{BODIES[body]}{what}"
-
-
-SITUATIONS = tuple(situation_words(number) for number in range(4 * len(BODIES)))
-
-
 @compiled
 def situation_of(kind, i, at_fire, hot, heat):
-    """Return the number of robot i's situation: its body, whether it sees a fire, and a robot."""
+    """Return the index in `SITUATIONS` of robot i's situation: its body, whether it sees a fire, and a robot."""
     fire, robot = 0, 0
     for s in range(kind.shape[1]):
         if kind[i, s] == FIRE:
@@ -51,16 +37,6 @@ def situation_of(kind, i, at_fire, hot, heat):
             robot = 1
     body = (2 if heat > 0.0 else 3) if hot else (1 if at_fire else 0)
     return 4 * body + 2 * fire + robot
-
-
-@compiled
-def nearest_of(distance, kind, i, sought):
-    """Return the sensor of robot i with the nearest thing of a kind, or -1."""
-    nearest = -1
-    for s in range(distance.shape[1]):
-        if kind[i, s] == sought and (nearest < 0 or distance[i, s] < distance[i, nearest]):
-            nearest = s
-    return nearest
 
 
 @compiled
@@ -141,7 +117,6 @@ class LearnFires(LearningLayer):
     name: str = "LearnFires"
 
     def __post_init__(self) -> None:
-        """Check the parameters."""
         check_name("name", self.name)
         for name in ("arrival", "put_out", "step_cost"):
             check_number(name, getattr(self, name), minimum=0, maximum=LARGEST_REWARD)

@@ -12,8 +12,9 @@ from mesa_swarm.learning.reflex_policy import nearness
 FITNESSES = ("floreano", "careful")
 # Squares in which robots have been are counted: 40 x 40 map units, four robots of the thesis side by side.
 SQUARE = 40.0
-# Sums for each robot.
+# Sums for each robot, and the columns of which they are made.
 SUMS = ("floreano", "ahead", "collisions")
+TALLIED = ("distance", "design", "command", "max_speed", "collided", "position")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +63,6 @@ class Fitness:
     square: float = SQUARE
 
     def __post_init__(self) -> None:
-        """Check the parameters."""
         check_choice("fitness", self.kind, FITNESSES)
         check_number("collision_cost", self.collision_cost, minimum=0, maximum=1e6)
         check_number("coverage_worth", self.coverage_worth, minimum=0, maximum=1e6)
@@ -101,24 +101,10 @@ def floreano(left: float, right: float, nearest: float) -> float:
 
 
 class Tally:
-    """Sums over the steps of a run.
+    """Sums over the steps of a run: for each robot, and of squares in which any robot has been.
 
-    Parameters
-    ----------
-    robots : int
-    bounds : (x_min, y_min, x_max, y_max)
-        Of the map.
-    ranges : ndarray, shape (d, s)
-        Of the sensors of each design, see `actions.ranges_of`.
-    square : float
-        Side of the squares, map units.
-
-    Attributes
-    ----------
-    sums : ndarray, shape (n, 3)
-        For each robot: of Floreano's and Mondada's products, of speeds ahead, of collisions.
-    visited : bool ndarray, shape (rows, columns)
-        Squares in which any robot has been.
+    `ranges` (d, s) are those of each design's sensors, see `actions.ranges_of`; `square` is the side of the squares,
+    map units. `sums` (n, 3) are of Floreano's and Mondada's products, of speeds ahead, of collisions.
     """
 
     def __init__(
@@ -132,19 +118,8 @@ class Tally:
 
     def add(self, columns: dict[str, np.ndarray]) -> None:
         """Add the last step from the swarm's columns."""
-        tally(
-            columns["distance"],
-            columns["design"],
-            self._ranges,
-            columns["command"],
-            columns["max_speed"],
-            columns["collided"],
-            columns["position"],
-            self._corner,
-            self._square,
-            self.visited,
-            self.sums,
-        )
+        tallied = (columns[name] for name in TALLIED)
+        tally(*tallied, self._ranges, self._corner, self._square, self.visited, self.sums)
         self.steps += 1
 
     def means(self) -> dict[str, float]:
@@ -156,7 +131,7 @@ class Tally:
 
 
 @compiled
-def tally(distance, design, ranges, command, max_speed, collided, position, corner, square, visited, sums):
+def tally(distance, design, command, max_speed, collided, position, ranges, corner, square, visited, sums):
     """Add a step to every robot's sums, and mark its square as visited."""
     for i in range(command.shape[0]):
         speed = max_speed[i] if max_speed[i] > 0.0 else 1.0

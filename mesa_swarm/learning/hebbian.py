@@ -6,18 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import (
-    InvalidValueError,
-    check_choice,
-    check_flag,
-    check_name,
-    check_number,
-    shortened,
-)
+from mesa_swarm.errors import InvalidValueError, check_choice, check_flag, check_name, check_number, shortened
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import ranges_of
 from mesa_swarm.learning.learner import LARGEST, LearningLayer
-from mesa_swarm.learning.policy import check_designs, sensors_of
+from mesa_swarm.learning.policy import sensors_of
 from mesa_swarm.learning.reflex_policy import ReflexPolicy, nearness
 from mesa_swarm.learning.rewards import REWARDS, rewarded
 from mesa_swarm.robots.swarm import Swarm
@@ -100,7 +93,6 @@ class HebbianLearning(LearningLayer):
     name: str = "HebbianLearning"
 
     def __post_init__(self) -> None:
-        """Check the parameters."""
         check_name("name", self.name)
         check_choice("reward", self.reward, REWARDS)
         for name in ("eta", "jitter"):
@@ -112,8 +104,20 @@ class HebbianLearning(LearningLayer):
         check_number("limit", self.limit, above=0, maximum=1e6)
         self.frozen = check_flag("frozen", self.frozen)
         if self.start is not None:
-            check_reflex(self.start)
+            self._check_reflex(self.start)
         self._check_frozen()
+
+    @staticmethod
+    def _check_reflex(start: object) -> None:
+        """Check that a start has only linear weights from distances to wheels."""
+        if not isinstance(start, ReflexPolicy) or start.memory:
+            raise InvalidValueError(f"start is {shortened(start)}; expected a ReflexPolicy without hidden units")
+        if (start.encoding, start.squash) != ("distance", "linear"):
+            raise InvalidValueError(
+                f"start has encoding {start.encoding!r} and squash {start.squash!r}; expected 'distance' and 'linear'"
+            )
+        if start.wheel[:, -2].any():
+            raise InvalidValueError("start has weights of the whim, which this does not learn; expected 0")
 
     def _start_elsewhere(self) -> None:
         """Let the robots of another model start with the weights that were learned."""
@@ -122,7 +126,7 @@ class HebbianLearning(LearningLayer):
 
     def _remember(self, swarm: Swarm, prefix: str) -> None:
         """Make the columns: weights and traces, last inputs, commands and reward, and expectations."""
-        self._check_start()
+        self._check_sensors()
         columns: dict[str, tuple[tuple[int | str, ...], type, object]] = {
             "weights": (("proximity", 2), np.float64, 0.0),
             "constant": ((2,), np.float64, 0.0),
@@ -156,10 +160,7 @@ class HebbianLearning(LearningLayer):
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Learn from the last action, and try the next one with robots that no other layer drives.
 
-        Raises
-        ------
-        LearningError
-            If expectations diverge; what was learned before is unchanged.
+        Expectations that diverge are an error that names the robot; what was learned before is unchanged.
         """
         self._init_new_robots()
         self._draw_trials(self._column("tried"))
@@ -197,42 +198,15 @@ class HebbianLearning(LearningLayer):
         fresh = float(self.jitter) * math.sqrt(1.0 - persistence**2)
         tried[:] = persistence * tried + fresh * self._rng.normal(size=tried.shape)
 
-    def _check_start(self) -> None:
-        if self.start is not None:
-            check_designs(self.start.sensors, self._robots)
-
-    def _init_new_robots(self) -> None:
+    def _init_robots(self, new: np.ndarray, known: np.ndarray) -> None:
         """Initialise the weights of new robots."""
-        born = self._column("born")
-        if born.all():
-            return
-        self._check_start()
-        new = np.flatnonzero(~born)
         weights, constant = self._column("weights"), self._column("constant")
         if self.start is None:
             weights[new] = self._rng.uniform(-0.1, 0.1, (len(new), *weights.shape[1:]))
             constant[new] = self._rng.uniform(-0.1, 0.1, (len(new), 2))
         else:
-            known = self.start.wheel[self._robots.columns["number"][new] % len(self.start.wheel)]
-            weights[new], constant[new] = known[:, :-2], known[:, -1]
-        born[:] = True
-
-
-def check_reflex(start: object) -> None:
-    """Check that a start has only linear weights from distances to wheels.
-
-    Raises
-    ------
-    InvalidValueError
-    """
-    if not isinstance(start, ReflexPolicy) or start.memory:
-        raise InvalidValueError(f"start is {shortened(start)}; expected a ReflexPolicy without hidden units")
-    if (start.encoding, start.squash) != ("distance", "linear"):
-        raise InvalidValueError(
-            f"start has encoding {start.encoding!r} and squash {start.squash!r}; expected 'distance' and 'linear'"
-        )
-    if start.wheel[:, -2].any():
-        raise InvalidValueError("start has weights of the whim, which this does not learn; expected 0")
+            wheel = self.start.wheel[self._robots.columns["number"][new] % len(self.start.wheel)]
+            weights[new], constant[new] = wheel[:, :-2], wheel[:, -1]
 
 
 @compiled

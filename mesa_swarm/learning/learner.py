@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -19,21 +19,7 @@ from mesa_swarm.robots.swarm import Swarm
 
 
 class UnboundState:
-    """The columns of a layer that was unbound; it can be read in place of the swarm.
-
-    Parameters
-    ----------
-    swarm : Swarm
-    prefix : str
-        Of the layer's columns.
-
-    Examples
-    --------
-    >>> swarm = Swarm()
-    >>> _ = swarm.remember("0.Rule.seen", (), float, 0.0)
-    >>> sorted(UnboundState(swarm, "0.Rule").columns)
-    ['0.Rule.seen', 'number']
-    """
+    """The columns of a layer that was unbound; it can be read in place of the swarm."""
 
     def __init__(self, swarm: Swarm, prefix: str) -> None:
         self.swarm, self.prefix, self.designs = swarm, prefix, swarm.designs
@@ -42,7 +28,6 @@ class UnboundState:
         self.columns = {name: swarm.columns[name].copy() for name in names}
 
     def __len__(self) -> int:
-        """Count the robots at unbinding."""
         return len(self.columns["number"])
 
     def remember(self, name: str, shape: tuple, dtype: type, initial: object) -> np.ndarray:
@@ -61,10 +46,7 @@ class UnboundState:
 
 
 class LearningLayer:
-    """Base of layers that learn: bound again in the same model, they continue as if never unbound.
-
-    In another model, robots start with what was learned: see `_start_elsewhere`.
-    """
+    """Base of layers that learn: bound again in the same model, they continue as if never unbound."""
 
     name: str
     frozen: bool
@@ -94,6 +76,23 @@ class LearningLayer:
             raise LearningError(
                 f"{self.name} is frozen and untrained; give it a trained policy as start, or let it learn"
             )
+
+    def _check_sensors(self) -> None:
+        """Check that all robots have the sensors that the start was trained with."""
+        if self.start is not None:
+            check_designs(self.start.sensors, self._robots)
+
+    def _init_new_robots(self) -> None:
+        """Initialise the weights of new robots."""
+        born = self._column("born")
+        if not born.all():
+            self._check_sensors()
+            self._init_robots(np.flatnonzero(~born), np.flatnonzero(born))
+            born[:] = True
+
+    def _init_robots(self, new: np.ndarray, known: np.ndarray) -> None:
+        """Initialise the weights in the rows `new`; those in `known` have learned."""
+        raise NotImplementedError
 
     def _training(self, names: Sequence[str], training: dict) -> dict:
         """Return the steps and training of a policy: parameters, world, what it started from, and what is given."""
@@ -151,32 +150,14 @@ def provenance(robots: Swarm | UnboundState) -> dict[str, str | int]:
 
 
 class NetworkColumns:
-    """The networks of all robots of a swarm, `count` for each robot.
+    """The networks of all robots of a swarm, `count` for each robot, with `per_sensor` inputs a proximity sensor.
 
     Hidden units are twice the proximity sensors of the widest design present. The columns grow with it: new
     weights of existing robots are 0, so that their outputs do not change.
-
-    Parameters
-    ----------
-    swarm : Swarm
-    prefix : str
-        Of the columns' names.
-    count : int
-        Networks a robot.
-    per_sensor : int
-        Inputs a proximity sensor.
-    start : NetworkPolicy, optional
-        The initial policy of new robots.
-
-    Raises
-    ------
-    LearningError
-        If robots have other sensors than `start` was trained with.
     """
 
-    def __init__(self, swarm: Swarm, prefix: str, count: int, per_sensor: int, start: NetworkPolicy | None) -> None:
-        self._swarm, self._prefix, self._count, self._start = swarm, prefix, count, start
-        self._check_start()
+    def __init__(self, swarm: Swarm, prefix: str, count: int, per_sensor: int) -> None:
+        self._swarm, self._prefix = swarm, prefix
         inputs, units = (per_sensor, "proximity"), (2, "proximity")
         shapes = ((count, *inputs, *units), (count, *units), (count, *units), (count,))
         for name, shape in zip(PARTS, shapes, strict=True):
@@ -196,51 +177,12 @@ class NetworkColumns:
             outer_bias.reshape(networks),
         )
 
-    def init_new_robots(self, rng: np.random.Generator, shared: bool) -> None:
-        """Initialise the networks of new robots; shared ones are copied from the others."""
-        born = self._swarm.columns[f"{self._prefix}.born"]
-        if born.all():
-            return
-        self._check_start()
-        new, known = np.flatnonzero(~born), np.flatnonzero(born)
-        for index, part in enumerate(PARTS):
-            column = self._swarm.columns[f"{self._prefix}.{part}"]
-            if shared and len(known):
-                column[new] = column[known[0]]
-            elif self._start is not None:
-                sets = self._start.networks.weights[index].reshape(-1, *column.shape[1:])
-                column[new] = sets[0 if shared else self._swarm.columns["number"][new] % len(sets)]
-            else:
-                limit = self._limit(part)
-                column[new] = rng.uniform(-limit, limit, (1 if shared else len(new), *column.shape[1:]))
-        born[:] = True
-
-    def _limit(self, part: str) -> float:
-        """Return the largest first weight: 1 / sqrt(weights that feed the node), the bias unit's included."""
-        shape = self._swarm.columns[f"{self._prefix}.inner"].shape
-        feeding = shape[2:4] if part.startswith("inner") else shape[4:]
-        return 1.0 / math.sqrt(math.prod(feeding) + 1)
-
-    def _check_start(self) -> None:
-        if self._start is not None:
-            check_designs(self._start.sensors, self._swarm)
-
-    def networks(self, robots: int) -> Networks:
-        """Return copies of the networks of the first robots."""
-        return Networks(*(weights[: robots * self._count].copy() for weights in self.weights))
-
     def checkpoint(self) -> dict:
         """Return nothing: the state is in columns of the swarm, which are stored anyway."""
         return {}
 
     def restore(self, state: dict) -> None:
         """Do nothing: the columns are restored by the swarm."""
-
-    def share(self) -> None:
-        """Copy the first robot's networks to all others."""
-        for part in PARTS:
-            column = self._swarm.columns[f"{self._prefix}.{part}"]
-            column[1:] = column[:1]
 
 
 # Rewards are within [-1, 1], so that values are at most 1 / (1 - gamma), at most 1,000: a correction or a
@@ -256,6 +198,8 @@ TRAINING_PARAMETERS = ("reward", "alpha", "eta", "gamma", "beta", "critical", "s
 class Learner(LearningLayer):
     """Base of `QLearning`, where the parameters are described, and `WireFittedQ`: they learn in every step."""
 
+    made: ClassVar[type[NetworkPolicy]]  # the class of its policies
+    last_action: ClassVar[tuple]  # the column of each robot's last action
     reward: str = "b"
     encoding: str = "distance"
     alpha: float = 0.4
@@ -289,20 +233,17 @@ class Learner(LearningLayer):
         for name in ("shared", "self_adjusting", "frozen"):
             setattr(self, name, check_flag(name, getattr(self, name)))
 
-    def _check_start(self, family: type[NetworkPolicy], count: int) -> None:
-        """Check that a learner with this number of actions or wires can continue from its start."""
-        start = self.start
-        if start is None:
-            self._check_frozen()
-            return
-        if not isinstance(start, family):
+    def _check_start(self) -> None:
+        """Check that it can continue from its start."""
+        start, counted = self.start, self.made.counted
+        if start is not None and not isinstance(start, self.made):
             raise InvalidValueError(
-                f"start is {shortened(start)}; expected a {family.__name__}, as load_policy() returns it"
+                f"start is {shortened(start)}; expected a {self.made.__name__}, as load_policy() returns it"
             )
-        known = getattr(start, family.counted)
-        if (known, start.encoding) != (count, self.encoding):
+        count = getattr(self, counted)
+        if start is not None and (getattr(start, counted), start.encoding) != (count, self.encoding):
             raise InvalidValueError(
-                f"start has {known} {family.counted} and encoding {start.encoding!r}; "
+                f"start has {getattr(start, counted)} {counted} and encoding {start.encoding!r}; "
                 f"expected {count} and {self.encoding!r}"
             )
         self._check_frozen()
@@ -322,13 +263,31 @@ class Learner(LearningLayer):
         super().unbind()
         self._memory = self._networks_in(self._home, self._prefix)
 
+    def _networks_in(self, swarm: Any, prefix: str) -> NetworkColumns:
+        self._check_sensors()
+        return NetworkColumns(swarm, prefix, self._count, ENCODINGS[self.encoding])
+
     @property
     def _count(self) -> int:
         """The number of networks of a robot."""
-        raise NotImplementedError
+        return self.made.each * getattr(self, self.made.counted)
 
-    def _networks_in(self, swarm: Any, prefix: str) -> NetworkColumns:
-        return NetworkColumns(swarm, prefix, self._count, ENCODINGS[self.encoding], self.start)
+    def _init_robots(self, new: np.ndarray, known: np.ndarray) -> None:
+        """Initialise the networks of new robots; shared ones are copied from the others."""
+        _, *inputs, _, _ = self._column("inner").shape[1:]
+        units = self._column("outer").shape[2:]
+        for index, part in enumerate(PARTS):
+            column = self._column(part)
+            if self.shared and len(known):
+                column[new] = column[known[0]]
+            elif self.start is not None:
+                sets = self.start.networks.weights[index].reshape(-1, *column.shape[1:])
+                column[new] = sets[0 if self.shared else self._robots.columns["number"][new] % len(sets)]
+            else:
+                # At most 1 / sqrt(weights that feed the node), the bias unit's included.
+                limit = 1.0 / math.sqrt(math.prod(inputs if part.startswith("inner") else units) + 1)
+                size = (1 if self.shared else len(new), *column.shape[1:])
+                column[new] = self._rng.uniform(-limit, limit, size)
 
     def policy(self, **training: str | float) -> NetworkPolicy:
         """Return what the robots have learned so far; see `QLearning.policy`."""
@@ -350,6 +309,7 @@ class Learner(LearningLayer):
         swarm.remember(f"{prefix}.temperature", (), np.float64, self._begun_at)
         swarm.remember(f"{prefix}.bumps", (), np.float64, self.bump_rate)
         swarm.remember(f"{prefix}.lessons", (), np.int64, 0)
+        swarm.remember(f"{prefix}.action", *self.last_action)
 
     @property
     def temperature(self) -> np.ndarray:
@@ -363,7 +323,7 @@ class Learner(LearningLayer):
 
     def _known(self, senses: Senses) -> tuple[object, ...]:
         """Return the first arguments of the learners' compiled functions, with each robot's chance of this step."""
-        self._memory.init_new_robots(self._rng, self.shared)
+        self._init_new_robots()
         inputs = self._column("inputs")
         return (
             senses.distance,
@@ -387,14 +347,14 @@ class Learner(LearningLayer):
     def _end_lesson(self, diverged: int) -> None:
         """Copy what was learned to all robots if they share it; raise if it diverged for one of them."""
         if self.shared and not self.frozen:
-            self._memory.share()
+            for column in map(self._column, PARTS):
+                column[1:] = column[:1]
         self._check_diverged(diverged, "its values grow beyond all bounds; lower eta, alpha or gamma")
 
     def _last_outputs(self, row: int, networks: int) -> np.ndarray:
         """Return the outputs of a robot's networks for its last inputs (networks,)."""
-        inner, bias, outer, outer_bias = (
-            weights[row * networks : (row + 1) * networks] for weights in self._memory.weights
-        )
+        rows = slice(row * networks, (row + 1) * networks)
+        inner, bias, outer, outer_bias = (weights[rows] for weights in self._memory.weights)
         inputs = self._column("inputs")[row].ravel()
         hidden = np.tanh(bias + np.einsum("i,mih->mh", inputs, inner))
         return outer_bias + (hidden * outer).sum(axis=1)
@@ -402,10 +362,11 @@ class Learner(LearningLayer):
     def _learned(self, training: dict) -> dict:
         """Return the fields that all families of policies have."""
         sensors = sensors_of(self._robots)
-        self._memory.init_new_robots(self._rng, self.shared)
+        self._init_new_robots()
+        networks = self._count * (1 if self.shared else len(self._robots))
         return {
             "sensors": sensors,
-            "networks": self._memory.networks(1 if self.shared else len(self._robots)),
+            "networks": Networks(*(weights[:networks].copy() for weights in self._memory.weights)),
             "encoding": self.encoding,
             "temperature": float(self._column("temperature").mean()),
             **self._training(TRAINING_PARAMETERS, training),

@@ -49,7 +49,7 @@ class Networks:
     outer_bias: np.ndarray
 
     def __post_init__(self) -> None:
-        """Check that the parts fit together, as compiled functions do not check bounds."""
+        # Compiled functions do not check bounds.
         first = self.inner
         m, k, h = first.shape if isinstance(first, np.ndarray) and first.ndim == 3 else ("m", "k", "h")
         shapes = ((m, k, h), (m, h), (m, h), (m,))
@@ -73,7 +73,10 @@ class Networks:
         hidden : int, optional
             Hidden units, twice the inputs by default (thesis 8.1).
         """
-        check_generator(rng)
+        if not isinstance(rng, np.random.Generator):
+            raise InvalidValueError(
+                f"rng is {shortened(rng)}; expected a generator such as numpy.random.default_rng(1)"
+            )
         m, k = check_count("count", count, minimum=1), check_count("inputs", inputs, minimum=1)
         h = 2 * k if hidden is None else check_count("hidden", hidden, minimum=1)
         low, high = 1 / math.sqrt(k + 1), 1 / math.sqrt(h + 1)
@@ -86,21 +89,7 @@ class Networks:
         return self.inner, self.inner_bias, self.outer, self.outer_bias
 
     def outputs(self, inputs: ArrayLike) -> np.ndarray:
-        """Return the output of every network for its own inputs.
-
-        Parameters
-        ----------
-        inputs : ndarray, shape (m, k)
-
-        Returns
-        -------
-        ndarray, shape (m,)
-
-        Raises
-        ------
-        InvalidValueError
-            If the inputs have another shape, or are not finite.
-        """
+        """Return the output of every network (m,) for its own inputs (m, k)."""
         given, out = self._checked("inputs", inputs, self.inner.shape[:2]), np.empty(len(self.inner))
         write_outputs(*self.weights, given, out)
         return out
@@ -108,17 +97,8 @@ class Networks:
     def learn(self, inputs: ArrayLike, targets: ArrayLike, rate: float = REGRESSION_RATE) -> np.ndarray:
         """Take one step of gradient descent on ``(target - y)^2 / 2`` in every network (6.2).
 
-        Parameters
-        ----------
-        inputs : ndarray, shape (m, k)
-        targets : ndarray, shape (m,)
-        rate : float
-            Learning rate eta, 0 to 1.
-
-        Returns
-        -------
-        ndarray, shape (m,)
-            The errors ``target - y`` before the step.
+        Inputs are (m, k), targets (m,), and `rate` is the learning rate eta, 0 to 1. Returned are the errors
+        ``target - y`` (m,) before the step.
         """
         given = self._checked("inputs", inputs, self.inner.shape[:2])
         desired = self._checked("targets", targets, self.outer_bias.shape)
@@ -189,17 +169,6 @@ def fit(
     return stack
 
 
-def check_generator(rng: object) -> None:
-    """Check that `rng` is a generator of random numbers.
-
-    Raises
-    ------
-    InvalidValueError
-    """
-    if not isinstance(rng, np.random.Generator):
-        raise InvalidValueError(f"rng is {shortened(rng)}; expected a generator such as numpy.random.default_rng(1)")
-
-
 def _points(x: ArrayLike, y: ArrayLike) -> np.ndarray:
     """Return x and y as rows of points (p, 2)."""
     columns = {"x": as_floats(x), "y": as_floats(y)}
@@ -214,26 +183,6 @@ def _points(x: ArrayLike, y: ArrayLike) -> np.ndarray:
 def _row(shape: tuple[int | str, ...]) -> str:
     """Return a shape, of which some sides may be names."""
     return f"({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})"
-
-
-def check_networks(networks: Networks, inputs: int, group: int) -> None:
-    """Check that networks form groups of this size, with this number of inputs and finite weights.
-
-    Raises
-    ------
-    InvalidValueError
-    """
-    if not isinstance(networks, Networks):
-        raise InvalidValueError(f"networks is {shortened(networks)}; expected Networks(...)")
-    m, k, _ = networks.inner.shape
-    if not m or m % group or k != inputs:
-        raise InvalidValueError(
-            f"networks have the shapes {[w.shape for w in networks.weights]}; expected {inputs} inputs "
-            f"and {group} networks a robot"
-        )
-    # They may have learned since construction.
-    if not all(np.isfinite(w).all() for w in networks.weights):
-        raise InvalidValueError("networks hold weights that are not finite; train them anew")
 
 
 @compiled
@@ -288,16 +237,11 @@ def back_propagate(inner, inner_bias, outer, outer_bias, m, inputs, i, hidden, s
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NetworkPolicy:
-    """Base of `QPolicy` and `WirePolicy`, which choose by Boltzmann's probabilities of network outputs.
-
-    Parameters
-    ----------
-    sensors, networks, encoding, temperature, steps, training
-        As for `QPolicy`; the number of networks a robot depends on the family.
-    """
+    """Base of `QPolicy` and `WirePolicy`, which choose by Boltzmann's probabilities of network outputs."""
 
     family: ClassVar[str]
     counted: ClassVar[str]  # the field with the number of choices
+    each: ClassVar[int]  # networks for each choice
     sensors: SensorLayout
     networks: Networks
     encoding: str = "distance"
@@ -308,14 +252,25 @@ class NetworkPolicy:
     @property
     def group(self) -> int:
         """The number of networks of a robot."""
-        raise NotImplementedError
+        return self.each * getattr(self, self.counted)
 
     def _check_parts(self) -> None:
-        """Check that the parts fit together."""
+        """Check that the networks form groups for robots with these sensors."""
         inputs = ENCODINGS[check_choice("encoding", self.encoding, ENCODINGS)] * len(self.sensors)
         check_number("temperature", self.temperature, above=0)
         check_count("steps", self.steps, maximum=2**62)
-        check_networks(self.networks, inputs, self.group)
+        if not isinstance(self.networks, Networks):
+            raise InvalidValueError(f"networks is {shortened(self.networks)}; expected Networks(...)")
+        m, k, _ = self.networks.inner.shape
+        weights = self.networks.weights
+        if not m or m % self.group or k != inputs:
+            raise InvalidValueError(
+                f"networks have the shapes {[w.shape for w in weights]}; expected {inputs} inputs "
+                f"and {self.group} networks a robot"
+            )
+        # They may have learned since construction.
+        if not all(np.isfinite(w).all() for w in weights):
+            raise InvalidValueError("networks hold weights that are not finite; train them anew")
 
     @property
     def copies(self) -> int:
@@ -323,13 +278,7 @@ class NetworkPolicy:
         return len(self.networks.outer_bias) // self.group
 
     def of_robot(self, index: int) -> Self:
-        """Return the policy of one robot, to share it with others.
-
-        Parameters
-        ----------
-        index : int
-            0 to ``copies - 1``.
-        """
+        """Return the policy of one robot, 0 to ``copies - 1``, to share it with others."""
         row = check_count("index", index, maximum=self.copies - 1) * self.group
         return replace(self, networks=Networks(*(w[row : row + self.group].copy() for w in self.networks.weights)))
 

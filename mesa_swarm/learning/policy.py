@@ -16,22 +16,9 @@ from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm
 
-# The numbers of robots 0, 1, 2, ...
-COUNTED = np.empty(0, np.int64)
-
 
 def checked_chances(chance: ArrayLike, robots: int) -> np.ndarray:
-    """Return the numbers from which a policy draws as an array (n,).
-
-    Raises
-    ------
-    InvalidValueError
-
-    Examples
-    --------
-    >>> checked_chances([0.5, 1], 2)
-    array([0.5, 1. ])
-    """
+    """Return the numbers from which a policy draws as an array (n,)."""
     chances = as_floats(chance)
     if chances.shape != (robots,):
         raise InvalidValueError(f"chance is {shortened(chance)}; expected {robots} numbers from 0 to 1")
@@ -42,19 +29,9 @@ def checked_chances(chance: ArrayLike, robots: int) -> np.ndarray:
 
 
 def checked_numbers(numbers: ArrayLike | None, robots: int) -> np.ndarray:
-    """Return the numbers of robots as an array (n,); an empty one stands for 0, 1, 2, ...
-
-    Raises
-    ------
-    InvalidValueError
-
-    Examples
-    --------
-    >>> checked_numbers(None, 2), checked_numbers([3, 4], 2)
-    (array([], dtype=int64), array([3, 4]))
-    """
+    """Return the numbers of robots as an array (n,); an empty one stands for 0, 1, 2, ..."""
     if numbers is None:
-        return COUNTED
+        return np.empty(0, np.int64)
     try:
         given = np.asarray(numbers)
     except ValueError:
@@ -99,13 +76,7 @@ class SensorLayout:
 
     @classmethod
     def of(cls, design: RobotDesign) -> "SensorLayout":
-        """Return the layout of a design.
-
-        Raises
-        ------
-        InvalidValueError
-            If `design` is not a RobotDesign.
-        """
+        """Return the layout of a design."""
         if not isinstance(design, RobotDesign):
             raise InvalidValueError(f"design is {shortened(design)}; expected a RobotDesign such as AGENT9")
         eyes = design.proximity
@@ -116,37 +87,29 @@ class SensorLayout:
         )
 
     def __len__(self) -> int:
-        """Count the sensors."""
         return len(self.bearings)
 
-    def check(self, design: RobotDesign) -> None:
-        """Check that a design has these proximity sensors.
+    @property
+    def rows(self) -> list[tuple[float, float, float]]:
+        """Bearing, range and field of view of each sensor."""
+        return list(zip(self.bearings, self.ranges, self.fields_of_view, strict=True))
 
-        Raises
-        ------
-        LearningError
-        """
+    def check(self, design: RobotDesign) -> None:
+        """Check that a design has these proximity sensors."""
         other = SensorLayout.of(design)
         if other == self:
             return
         if len(other) != len(self):
             what = f"{len(self)} proximity sensors and {design.name} has {len(other)}"
         else:
-            first = next(i for i in range(len(self)) if other._row(i) != self._row(i))
-            what = f"{_eye(self._row(first))} as sensor {first} and {design.name} has {_eye(other._row(first))}"
+            first = next(i for i, rows in enumerate(zip(self.rows, other.rows, strict=True)) if rows[0] != rows[1])
+            what = f"{_eye(self.rows[first])} as sensor {first} and {design.name} has {_eye(other.rows[first])}"
         raise LearningError(f"the policy was trained with {what}; use the design that it was trained with")
 
     def check_readings(
         self, readings: ArrayLike, kinds: ArrayLike | None, encoding: str = "distance"
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return readings and kinds (n, s) as arrays; without kinds, every reading is of an obstacle.
-
-        Raises
-        ------
-        InvalidValueError
-            If they have not one value a sensor, or a reading is not finite, or the encoding needs kinds and there
-            are none.
-        """
+        """Return readings and kinds (n, s) as arrays; without kinds, every reading is of an obstacle."""
         if kinds is None and encoding != "distance":
             raise InvalidValueError(f"kinds is None; expected the kind at each sensor, as the encoding is {encoding!r}")
         try:
@@ -164,22 +127,13 @@ class SensorLayout:
             raise InvalidValueError("readings hold NaN or infinity; expected finite distances, -1 for nothing in range")
         return distance, kind
 
-    def _row(self, i: int) -> tuple[float, float, float]:
-        return self.bearings[i], self.ranges[i], self.fields_of_view[i]
-
 
 def _eye(row: tuple[float, float, float]) -> str:
     return "one at {:g} degrees, range {:g}, field of view {:g} degrees".format(*row)
 
 
 def sensors_of(swarm: Swarm) -> SensorLayout:
-    """Return the sensors that all robots of a swarm have.
-
-    Raises
-    ------
-    LearningError
-        If there are no robots, or their sensors differ.
-    """
+    """Return the sensors that all robots of a swarm have."""
     if not len(swarm):
         raise LearningError("there are no robots, and nothing was learned; add robots first")
     layout = SensorLayout.of(swarm.designs[0])
@@ -188,23 +142,13 @@ def sensors_of(swarm: Swarm) -> SensorLayout:
 
 
 def check_designs(sensors: SensorLayout, swarm: Swarm) -> None:
-    """Check that all robots of a swarm have these sensors.
-
-    Raises
-    ------
-    LearningError
-    """
+    """Check that all robots of a swarm have these sensors."""
     for design in swarm.designs:
         sensors.check(design)
 
 
 def check_policy(policy: object, *methods: str) -> None:
-    """Check that a policy has these methods.
-
-    Raises
-    ------
-    InvalidValueError
-    """
+    """Check that a policy has these methods."""
     if isinstance(policy, type) or not all(callable(asked(policy, method)) for method in methods):
         raise InvalidValueError(f"policy is {shortened(policy)}; expected a policy such as from load_policy()")
 
@@ -249,7 +193,7 @@ class Policy(Protocol):
         Returns
         -------
         ndarray, shape (n, 2)
-            UnboundState and right wheel, in [-1, 1].
+            Left and right wheel, in [-1, 1].
 
         Raises
         ------
@@ -305,7 +249,6 @@ class PolicyLayer:
     name: str = "Policy"
 
     def __post_init__(self) -> None:
-        """Check the policy."""
         check_name("name", self.name)
         check_policy(self.policy, "act")
         for flag in ("greedy", "explore"):
@@ -325,15 +268,7 @@ class PolicyLayer:
         self._check_designs()
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Drive the robots that no earlier layer drives.
-
-        Raises
-        ------
-        LearningError
-            If robots with other sensors were added.
-        BehaviourError
-            If the policy returned anything but two finite numbers a robot.
-        """
+        """Drive the robots that no earlier layer drives."""
         if len(self._swarm.designs) != self._known:
             self._check_designs()
         chance = None if self.greedy else self._rng.random(len(layer))

@@ -11,8 +11,8 @@ from typing import IO, Any
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, LearningError, check_count, check_number, shortened
-from mesa_swarm.files import draft_of
+from mesa_swarm.errors import LONGEST, InvalidValueError, LearningError, check_count, check_number, shortened
+from mesa_swarm.files import draft_of, shown_path
 from mesa_swarm.learning.policy import Policy, SensorLayout, check_policy
 from mesa_swarm.learning.q_learning import QPolicy
 from mesa_swarm.learning.reflex_policy import ReflexPolicy
@@ -31,7 +31,6 @@ LONGEST_HEADER = 1 << 20
 MOST_ARRAYS = 64
 # The end of a ZIP archive without a comment: sizes and places of its list of contents, which is read as a whole.
 END, LARGEST_LIST = struct.Struct("<4s4H2LH"), 1 << 20
-LONGEST_MESSAGE = 300
 
 
 def save_policy(policy: Policy, path: str | os.PathLike[str]) -> Path:
@@ -103,11 +102,11 @@ def load_policy(path: str | os.PathLike[str]) -> Policy:
         with np.load(file, allow_pickle=False) as found:
             arrays = {name: found[name] for name in found.files}
     except FileNotFoundError:
-        raise LearningError(f"there is no policy {_shown(file)}; save one with save_policy") from None
+        raise LearningError(f"there is no policy {shown_path(file)}; save one with save_policy") from None
     except LearningError:
         raise
     except OSError as error:
-        raise LearningError(f"{_shown(file)} cannot be read: {error.strerror or error}") from None
+        raise LearningError(f"{shown_path(file)} cannot be read: {error.strerror or error}") from None
     except Exception as error:  # zip, zlib and NumPy raise many kinds
         raise _refusal(file, f"it is damaged ({type(error).__name__})") from None
     return _policy_of(file, _header_of(file, arrays), arrays)
@@ -155,7 +154,9 @@ def _policy_of(file: Path, header: dict, arrays: dict[str, np.ndarray]) -> Polic
     try:
         sensors = _sensors_of(header["sensors"])
         steps = check_count("steps", header["steps"], maximum=2**62)
-        training, settings = _plain(header["training"]), _plain(header["settings"])
+        training, settings = header["training"], header["settings"]
+        if not isinstance(training, dict) or not isinstance(settings, dict):
+            raise TypeError
         return FAMILIES[family].restored(sensors, steps, training, settings, arrays)
     except (KeyError, TypeError) as error:
         raise _refusal(file, f"its header is incomplete ({type(error).__name__})") from None
@@ -172,13 +173,6 @@ def _sensors_of(rows: dict) -> SensorLayout:
     if len({len(rows[name]) for name in names}) > 1:
         raise ValueError("its bearings, ranges and fields of view differ in number")
     return layout
-
-
-def _plain(values: dict) -> dict:
-    """Return a table of texts and numbers unchanged."""
-    if not isinstance(values, dict):
-        raise TypeError
-    return values
 
 
 def _header_of(file: Path, arrays: dict[str, np.ndarray]) -> dict:
@@ -210,7 +204,7 @@ def _check_list(file: Path) -> None:
     """Check that it is a file, not too large, and its list of contents not too long."""
     size = file.stat().st_size
     if not file.is_file():
-        raise LearningError(f"{_shown(file)} cannot be read: it is a folder or device; expected a file")
+        raise LearningError(f"{shown_path(file)} cannot be read: it is a folder or device; expected a file")
     if size > LARGEST_BYTES:
         raise _refusal(file, f"it unpacks to more than {LARGEST_BYTES >> 20} MB")
     with file.open("rb") as content:
@@ -229,12 +223,6 @@ def _check_shape(file: Path, part: IO[bytes], size: int) -> None:
         raise _refusal(file, f"it holds an array of shape {shortened(shape)}, which is larger than the file")
 
 
-def _shown(file: Path) -> str:
-    """Return a file's name on one line of at most 120 characters."""
-    text = "".join(letter if letter.isprintable() else "?" for letter in str(file))
-    return text if len(text) <= 120 else "..." + text[-117:]
-
-
 def _refusal(file: Path, why: str) -> LearningError:
-    text = f"{_shown(file)} is not a usable policy: {' '.join(why.split())}"
-    return LearningError(text[:LONGEST_MESSAGE])
+    text = f"{shown_path(file)} is not a usable policy: {' '.join(why.split())}"
+    return LearningError(text[:LONGEST])

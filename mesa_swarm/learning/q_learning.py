@@ -16,7 +16,6 @@ from mesa_swarm.learning.policy import SensorLayout
 from mesa_swarm.learning.rewards import rewarded
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.reasons import Moment, Reason
-from mesa_swarm.robots.swarm import Swarm
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,10 +53,10 @@ class QPolicy(NetworkPolicy):
 
     family: ClassVar[str] = "q"
     counted: ClassVar[str] = "actions"
+    each: ClassVar[int] = 1
     actions: int = 8
 
     def __post_init__(self) -> None:
-        """Check that the parts fit together."""
         checked_actions(self.actions)
         self._check_parts()
 
@@ -79,11 +78,6 @@ class QPolicy(NetworkPolicy):
         networks = Networks.random(count, inputs=inputs, hidden=2 * len(sensors), rng=rng)
         return cls(sensors=sensors, networks=networks, actions=actions, encoding=encoding, **more)
 
-    @property
-    def group(self) -> int:
-        """The number of networks of a robot: one for each action."""
-        return self.actions
-
     def values(
         self, readings: ArrayLike, kinds: ArrayLike | None = None, *, numbers: ArrayLike | None = None
     ) -> np.ndarray:
@@ -103,12 +97,7 @@ class QPolicy(NetworkPolicy):
     ) -> np.ndarray:
         """Return wheel commands (n, 2) as shares of max_speed; see `Policy.act`.
 
-        Parameters
-        ----------
-        readings, kinds, chance
-            As for `Policy.act`.
-        numbers : int ndarray, shape (n,), optional
-            The robot with number k acts by set ``k % copies``; by default 0, 1, and so on.
+        The robot with number k, of ``numbers`` (n,), acts by set ``k % copies``; by default they are 0, 1, and so on.
         """
         return ACTIONS[self._taken(self.values(readings, kinds, numbers=numbers), chance)]
 
@@ -206,25 +195,17 @@ class QLearning(Learner):
     0.7
     """
 
+    made: ClassVar[type[QPolicy]] = QPolicy
+    last_action: ClassVar[tuple] = ((), np.int64, -1)
     actions: int = 8
     start: QPolicy | None = None
     name: str = "QLearning"
 
     def __post_init__(self) -> None:
-        """Check the parameters."""
         check_name("name", self.name)
         checked_actions(self.actions)
         self._check_rates()
-        self._check_start(QPolicy, self.actions)
-
-    @property
-    def _count(self) -> int:
-        return self.actions
-
-    def _remember(self, swarm: Swarm, prefix: str) -> None:
-        """Make the columns, of each robot's last action too."""
-        super()._remember(swarm, prefix)
-        swarm.remember(f"{prefix}.action", (), np.int64, -1)
+        self._check_start()
 
     def policy(self, **training: str | float) -> QPolicy:
         """Return what all robots have learned so far as a policy that no longer learns.
@@ -244,25 +225,14 @@ class QLearning(Learner):
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Learn from the last action, and choose the next one for robots that no other layer drives.
 
-        Raises
-        ------
-        LearningError
-            If values diverge; what was learned before is unchanged.
+        Values that diverge are an error that names the robot; what was learned before is unchanged.
         """
         self._end_lesson(learn_and_choose(*self._known(senses), command, layer, index))
 
     def worth(self, row: int) -> list[tuple[str, float]]:
-        """Return the values Q(s, a) of a robot's actions at its last choice.
+        """Return the name and value Q(s, a) of each action at the last choice of the robot in this row.
 
-        Parameters
-        ----------
-        row : int
-            Of the robot in the swarm.
-
-        Returns
-        -------
-        list of (str, float)
-            The action's name, and its value; an empty list before the first choice.
+        Before its first choice the list is empty.
         """
         if self._column("action")[row] < 0:
             return []

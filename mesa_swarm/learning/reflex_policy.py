@@ -76,7 +76,6 @@ class ReflexPolicy:
     training: dict = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Check that the parts fit together."""
         check_choice("squash", self.squash, SQUASHES)
         check_count("steps", self.steps, maximum=2**62)
         hidden, wheel = np.asarray(self.hidden), np.asarray(self.wheel)
@@ -105,15 +104,7 @@ class ReflexPolicy:
     ) -> "ReflexPolicy":
         """Return the policy whose weights are these numbers, row by row: into the hidden units, then to the wheels.
 
-        Parameters
-        ----------
-        sensors : SensorLayout
-        genome : ndarray, shape (genome_length(sensors, units, encoding),)
-        units : int
-            Hidden units, 0 to 64.
-        encoding : str
-        **more
-            Other fields of the policy.
+        There are `genome_length` of them; `more` are other fields of the policy.
         """
         rows, genes = rows_of(sensors, units, encoding), np.array(genome, dtype=float)
         if genes.shape != (rows * (units + 2),):
@@ -176,7 +167,7 @@ class ReflexPolicy:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the weights by name."""
-        return {"hidden": self.hidden, "wheel": self.wheel}
+        return {part: getattr(self, part) for part in PARTS}
 
     def settings(self) -> dict:
         """Return the other fields that acting depends on."""
@@ -190,16 +181,9 @@ class ReflexPolicy:
         # Older files have no encoding.
         if sorted(arrays) != sorted(PARTS) or sorted({"encoding", *settings}) != ["encoding", "squash"]:
             raise InvalidValueError(f"a reflex policy has {', '.join(arrays)}; expected {', '.join(PARTS)}")
-        encoding = str(settings.get("encoding", "distance"))
-        return cls(
-            sensors=sensors,
-            hidden=arrays["hidden"],
-            wheel=arrays["wheel"],
-            squash=str(settings["squash"]),
-            encoding=encoding,
-            steps=steps,
-            training=training,
-        )
+        hidden, wheel = (arrays[part] for part in PARTS)
+        texts: dict[str, Any] = {name: str(value) for name, value in settings.items()}
+        return cls(sensors=sensors, hidden=hidden, wheel=wheel, steps=steps, training=training, **texts)
 
 
 def rows_of(sensors: SensorLayout, units: int, encoding: str = "distance") -> int:
@@ -209,14 +193,7 @@ def rows_of(sensors: SensorLayout, units: int, encoding: str = "distance") -> in
 
 
 def genome_length(sensors: SensorLayout, units: int, encoding: str = "distance") -> int:
-    """Return the number of weights of a policy.
-
-    Examples
-    --------
-    >>> from mesa_swarm import AGENT9
-    >>> genome_length(SensorLayout.of(AGENT9), 2)
-    52
-    """
+    """Return the number of weights of a policy."""
     return rows_of(sensors, units, encoding) * (units + 2)
 
 
@@ -274,59 +251,24 @@ def squashed_sum(squash, total):
 
 
 def half_length(sensors: SensorLayout, units: int, encoding: str = "distance") -> int:
-    """Return the number of free weights of a mirror-symmetric policy.
-
-    Examples
-    --------
-    >>> from mesa_swarm import AGENT9
-    >>> half_length(SensorLayout.of(AGENT9), 2)
-    26
-    """
-    check_pairs(sensors, units)
+    """Return the number of free weights of a mirror-symmetric policy."""
+    twins_of(sensors)
+    if check_count("units", units) % 2:
+        raise InvalidValueError(f"units is {units}; expected an even number, as units of a mirrored policy are pairs")
     return genome_length(sensors, units, encoding) // 2
 
 
 def whole_genome(sensors: SensorLayout, half: np.ndarray, *, units: int = 0, encoding: str = "distance") -> np.ndarray:
-    """Return the weights of a policy whose actions are mirrored where its readings are.
+    """Return the weights of a policy whose actions are mirrored where its readings are, for `ReflexPolicy.of_genome`.
 
-    The left wheel's weights and those of the first half of the hidden units are given. The right wheel and the other
-    units have the same ones, exchanged between sensors at mirrored bearings and between mirrored units; the whim's
-    weight changes its sign. Such a robot has no preferred side, and half as many weights to search.
-
-    Parameters
-    ----------
-    sensors : SensorLayout
-        Mirrored themselves.
-    half : ndarray, shape (half_length(sensors, units, encoding),)
-        Row by row into the first units, then one column to the left wheel.
-    units : int
-        Hidden units, an even number.
-    encoding : str
-        As of `ReflexPolicy`.
-
-    Returns
-    -------
-    ndarray, shape (genome_length(sensors, units, encoding),)
-        For `ReflexPolicy.of_genome`.
-
-    Raises
-    ------
-    InvalidValueError
-        If the sensors are not mirrored, the units are odd, or `half` has another length.
-
-    Examples
-    --------
-    >>> from mesa_swarm import AGENT3
-    >>> whole_genome(SensorLayout.of(AGENT3), [1, 2, 3, 4, 5]).reshape(5, 2)  # front, left, right, whim, constant
-    array([[ 1.,  1.],
-           [ 2.,  3.],
-           [ 3.,  2.],
-           [ 4., -4.],
-           [ 5.,  5.]])
+    `half` holds the left wheel's weights and those of the first half of the hidden units: row by row into the units,
+    then one column to the wheel. The right wheel and the other units have the same ones, exchanged between sensors at
+    mirrored bearings and between mirrored units; the whim's weight changes its sign. Such a robot has no preferred
+    side, and half as many weights to search.
     """
     rows, genes = rows_of(sensors, units, encoding), np.array(half, dtype=float)
-    if genes.shape != (half_length(sensors, units, encoding),):
-        length = half_length(sensors, units, encoding)
+    length = half_length(sensors, units, encoding)
+    if genes.shape != (length,):
         raise InvalidValueError(f"half a genome has shape {genes.shape}; expected ({length},)")
     hidden, wheel = np.split(genes, [rows * (units // 2)])
     order, signs = _mirrored_rows(sensors, units, rows)
@@ -334,34 +276,9 @@ def whole_genome(sensors: SensorLayout, half: np.ndarray, *, units: int = 0, enc
     return np.concatenate([np.hstack([own, own[order] * signs[:, None]]).ravel() for own in columns])
 
 
-def check_pairs(sensors: SensorLayout, units: int) -> None:
-    """Check that sensors are mirrored, and the number of units even.
-
-    Raises
-    ------
-    InvalidValueError
-    """
-    twins_of(sensors)
-    if check_count("units", units) % 2:
-        raise InvalidValueError(f"units is {units}; expected an even number, as units of a mirrored policy are pairs")
-
-
 def twins_of(sensors: SensorLayout) -> np.ndarray:
-    """Return for each sensor the index of its mirror image; one that looks ahead or back is its own.
-
-    Raises
-    ------
-    InvalidValueError
-        If a sensor has none.
-
-    Examples
-    --------
-    >>> from mesa_swarm import AGENT3
-    >>> twins_of(SensorLayout.of(AGENT3))
-    array([0, 2, 1])
-    """
-    eyes = list(zip(sensors.bearings, sensors.ranges, sensors.fields_of_view, strict=True))
-    twins = []
+    """Return for each sensor the index of its mirror image; one that looks ahead or back is its own."""
+    eyes, twins = sensors.rows, []
     for bearing, *rest in eyes:
         found = [k for k, (other, *more) in enumerate(eyes) if more == rest and (other + bearing) % 360.0 == 0.0]
         if not found:

@@ -27,18 +27,9 @@ LEVEL = 1e-12
 class Mark:
     """A place on a curve where a robot may oscillate.
 
-    Parameters
-    ----------
-    kind : str
-        "leap": the reward jumps by `size`; "plateau": constant from `start` to `end`;
-        "switch": another action becomes the best; "undecided": no action is chosen more often than all others
-        together.
-    start, end : float
-        Readings, as shares of the range; equal for leaps and switches.
-    action : str
-        The action of the curve; of a switch the best action from there on.
-    size : float
-        Of a leap: reward beyond less reward before. 0 for the others.
+    A "leap" is a jump of the reward by `size`; a "plateau" is constant from `start` to `end`; a "switch" makes another
+    action the best from there on; in an "undecided" stretch no action is chosen more often than all others together.
+    `start` and `end` are shares of the range.
     """
 
     kind: str
@@ -50,18 +41,9 @@ class Mark:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Profile:
-    """Curves over the distance ahead.
+    """Curves over the distance ahead (p,), a share of the range: reward, or learned value, of each action (p, a).
 
-    Parameters
-    ----------
-    distance : ndarray, shape (p,)
-        Shares of the range, ascending.
-    values : ndarray, shape (p, a)
-        Reward, or learned value, of each action.
-    policy : ndarray, shape (p, a), or None
-        The probability of each action.
-    marks : tuple of Mark
-        By start.
+    `policy` (p, a) is the probability of each action; `marks` are sorted by their start.
     """
 
     distance: np.ndarray
@@ -214,19 +196,7 @@ def learned_profile(
 def wall_readings(design: RobotDesign, gaps: ArrayLike, wall_degrees: float = 0.0) -> np.ndarray:
     """Return proximity readings (p, s) of an endless flat wall, -1 beyond their range.
 
-    Parameters
-    ----------
-    design : RobotDesign
-    gaps : ndarray, shape (p,)
-        From the robot's rim to the wall, map units, at least 0.
-    wall_degrees : float
-        Bearing of the wall's nearest point.
-
-    Examples
-    --------
-    >>> from mesa_swarm import AGENT3
-    >>> wall_readings(AGENT3, [10.0, 60.0])[:, 0]
-    array([10., -1.])
+    `gaps` (p,) are from the robot's rim to the wall; `wall_degrees` is the bearing of its nearest point.
     """
     towards = math.radians(check_number("wall_degrees", wall_degrees, minimum=-180, maximum=180))
     normal = np.array([math.cos(towards), math.sin(towards)])

@@ -14,7 +14,6 @@ from mesa_swarm.learning.actions import ACTIONS, as_floats, best_of, chosen, wri
 from mesa_swarm.learning.learner import LARGEST, Learner, cool, is_bounded
 from mesa_swarm.learning.networks import NetworkPolicy, back_propagate, forward
 from mesa_swarm.learning.rewards import rewarded
-from mesa_swarm.robots.swarm import Swarm
 
 SMOOTHING = 0.1
 TINY = 0.01
@@ -131,17 +130,12 @@ class WirePolicy(NetworkPolicy):
 
     family: ClassVar[str] = "wires"
     counted: ClassVar[str] = "wires"
+    each: ClassVar[int] = OUTPUTS
     wires: int = 4
 
     def __post_init__(self) -> None:
-        """Check that the parts fit together."""
         object.__setattr__(self, "wires", check_count("wires", self.wires, minimum=1, maximum=len(STARTS)))
         self._check_parts()
-
-    @property
-    def group(self) -> int:
-        """The number of networks of a robot: three for each wire."""
-        return OUTPUTS * self.wires
 
     def proposals(
         self, readings: ArrayLike, kinds: ArrayLike | None = None, *, numbers: ArrayLike | None = None
@@ -222,6 +216,8 @@ self_adjusting, bump_rate, bump_window, bump_distance, frozen
     'c'
     """
 
+    made: ClassVar[type[WirePolicy]] = WirePolicy
+    last_action: ClassVar[tuple] = ((2,), np.float64, math.nan)
     wires: int = 4
     jitter: float = 0.2
     reward: str = "c"
@@ -229,34 +225,18 @@ self_adjusting, bump_rate, bump_window, bump_distance, frozen
     name: str = "WireFittedQ"
 
     def __post_init__(self) -> None:
-        """Check the parameters."""
         check_name("name", self.name)
         check_count("wires", self.wires, minimum=1, maximum=len(STARTS))
         check_number("jitter", self.jitter, minimum=0, maximum=10)
         self._check_rates()
-        self._check_start(WirePolicy, self.wires)
-
-    @property
-    def _count(self) -> int:
-        return OUTPUTS * self.wires
-
-    def _remember(self, swarm: Swarm, prefix: str) -> None:
-        """Make the columns, of each robot's last action too."""
-        super()._remember(swarm, prefix)
-        swarm.remember(f"{prefix}.action", (2,), np.float64, math.nan)
+        self._check_start()
 
     def policy(self, **training: str | float) -> WirePolicy:
         """Return what the robots have learned so far as a policy that no longer learns; see `QLearning.policy`."""
         return WirePolicy(wires=self.wires, **self._learned(training))
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Learn from the last action, and choose the next one for robots that no other layer drives.
-
-        Raises
-        ------
-        LearningError
-            If values diverge; what was learned before is unchanged.
-        """
+        """Learn from the last action, and choose the next one for robots that no other layer drives."""
         known = self._known(senses)
         errors = float(self.jitter) * self._rng.normal(size=(len(layer), 2))
         self._end_lesson(learn_wires(*known, errors, self.wires, command, layer, index))

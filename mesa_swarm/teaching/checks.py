@@ -22,13 +22,7 @@ LIBRARIES = ("site-packages", "dist-packages", "<frozen")
 
 
 def in_words(error: BaseException) -> str:
-    """Return an error as one sentence, with the line of the learner's own code at which it happened.
-
-    Examples
-    --------
-    >>> in_words(ZeroDivisionError("division by zero"))
-    'it stopped with ZeroDivisionError: division by zero'
-    """
+    """Return an error as one sentence, with the line of the learner's own code at which it happened."""
     message = " ".join(str(error).split())
     if isinstance(error, SwarmError):
         return message
@@ -48,13 +42,7 @@ def own_line(error: BaseException) -> str:
 
 
 def is_missing(answer: object) -> bool:
-    """Return whether an answer is still its placeholder: None or dots.
-
-    Examples
-    --------
-    >>> is_missing(...), is_missing(0)
-    (True, False)
-    """
+    """Return whether an answer is still its placeholder: None or dots."""
     return answer is None or answer is ...
 
 
@@ -95,13 +83,11 @@ class Wish:
     misses: int = 0
 
     def __post_init__(self) -> None:
-        """Check that there is a limit."""
         check_count("misses", self.misses)
         if self.at_least == -math.inf and self.at_most == math.inf:
             raise InvalidValueError(f"{self.what!r} has no limit; give at_least, at_most or both")
 
     def __str__(self) -> str:
-        """Return the criterion in words."""
         low = f"at least {self.at_least:,g}" if self.at_least > -math.inf else ""
         high = f"at most {self.at_most:,g}" if self.at_most < math.inf else ""
         return f"{self.what}: {' and '.join(part for part in (low, high) if part)}"
@@ -111,13 +97,7 @@ class Wish:
         return number is not None and self.at_least <= number <= self.at_most
 
     def number_of(self, outcome: Any) -> float | None:
-        """Return the number that a run gave.
-
-        Examples
-        --------
-        >>> Wish("turns", at_most=3).number_of({"turns": 2})
-        2
-        """
+        """Return the number that a run gave."""
         if self.measure is not None:
             return self.measure(outcome)
         results = outcome if isinstance(outcome, Mapping) else getattr(outcome, "results", dict)()
@@ -134,27 +114,13 @@ NOT_YET = "Not yet."
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Verdict:
-    """Whether an answer passes, and why.
-
-    Parameters
-    ----------
-    passed : bool
-    text : str
-        One line or more.
-
-    Examples
-    --------
-    >>> Verdict(False, "there is no answer yet", hint="look at the left wheel")
-    Not yet. There is no answer yet.
-    Hint: look at the left wheel.
-    """
+    """Whether an answer passes, and why: one line of text or more."""
 
     passed: bool
     text: str
     hint: str = ""
 
     def __repr__(self) -> str:
-        """Return what a notebook shows."""
         if self.passed:
             return f"{PASSED}\n{self.text}"
         text = f"{NOT_YET}\n{self.text}" if "\n" in self.text or self.text.startswith(" ") else self._sentence()
@@ -173,14 +139,7 @@ def _refused(answer: object, expected: str, hint: str) -> Verdict:
 def verdict_on(
     criteria: Sequence[Wish], numbers: Sequence[Sequence[float | None]], seeds: Sequence[int], hint: str
 ) -> Verdict:
-    """Return the verdict on measured numbers, a row a criterion.
-
-    Examples
-    --------
-    >>> verdict_on([Wish("turns", at_most=3)], [[2, 5]], seeds=[1, 2], hint="")
-    Not yet.
-      turns: at most 3 required; got 2, 5 with seeds 1 and 2; 1 of 2 seeds pass
-    """
+    """Return the verdict on measured numbers, a row a criterion."""
     rows = list(zip(criteria, numbers, strict=True))
     passed = all(sum(not criterion.is_met(number) for number in row) <= criterion.misses for criterion, row in rows)
     return Verdict(passed, "\n".join(_line(criterion, row, seeds) for criterion, row in rows), hint)
@@ -194,26 +153,14 @@ def _line(criterion: Wish, row: Sequence[float | None], seeds: Sequence[int]) ->
 
 
 def shown(number: float | None) -> str:
-    """Return a number for a reader, "undefined" for None and NaN.
-
-    Examples
-    --------
-    >>> shown(1234.5678), shown(None), shown(True)
-    ('1,235', 'undefined', '1')
-    """
+    """Return a number for a reader, "undefined" for None and NaN."""
     if number is None or math.isnan(number):
         return "undefined"
     return f"{float(number):,.4g}" if abs(number) < 1000 else f"{number:,.0f}"
 
 
 def seeds_in_words(seeds: Sequence[int]) -> str:
-    """Return which seeds these are.
-
-    Examples
-    --------
-    >>> seeds_in_words([101, 102, 103]), seeds_in_words([4, 9]), seeds_in_words([4])
-    ('seeds 101 to 103', 'seeds 4 and 9', 'seed 4')
-    """
+    """Return which seeds these are."""
     first, last, count = seeds[0], seeds[-1], len(seeds)
     if count > 2 and list(seeds) == list(range(first, last + 1)):
         return f"seeds {first} to {last}"

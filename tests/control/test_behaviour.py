@@ -1,4 +1,4 @@
-"""Rules of one's own: compiled where they can be, plain with a warning where not, copied with their model."""
+"""Custom rules: compiled where they can be, plain with a warning where not, copied with their model."""
 
 import copy
 import math

@@ -66,7 +66,7 @@ def test_chance_is_uniform():
 GENERATOR = np.random.default_rng(1)
 
 
-def helper():
+def own_chance():
     return random.random()
 
 
@@ -98,6 +98,6 @@ def test_random_numbers_of_a_helper_are_refused_too():
         return inner(), 1.0
 
     model, _ = facing_a_disc()
-    for rule in (enclosing, lambda me: (helper(), 1.0)):
+    for rule in (enclosing, lambda me: (own_chance(), 1.0)):
         with pytest.raises(BehaviourError, match="which the model's seed does not govern"):
             model.control = Subsumption(behaviour(rule))

@@ -33,7 +33,7 @@ GLIDER = all_round(12, name="glider", drive=HolonomicDrive())
 
 
 class Odd:
-    """A drive of one's own that is neither."""
+    """A custom drive that is neither."""
 
     turns = None
 

@@ -8,13 +8,14 @@ import pytest
 
 from mesa_swarm import AGENT3, AGENT9, disc
 from mesa_swarm.control import PASS, Avoid, Explore, Subsumption, VectorSum, behaviour
+from mesa_swarm.control.arbiter import driver
 from mesa_swarm.errors import BehaviourError, InvalidValueError, RemovedRobotError
 from mesa_swarm.gallery import find_model, model_names
 from mesa_swarm.robots.reasons import Moment, Reason
 from support.explanations import AHEAD, explanation, first, watched
 from support.scenes import ahead, blind, empty
 
-# ---- rules of one's own, and no layer
+# ---- custom rules, and no layer
 
 
 def test_a_rule_of_ones_own_is_explained_by_its_readings():
@@ -74,6 +75,11 @@ def test_wheel_speeds_in_words(left, right, words):
     nothing = np.empty(0)
     moment = Moment(nothing, nothing, nothing, nothing, (-1, -1, -1), np.array([left, right]), True, {})
     assert moment.motion == words
+
+
+def test_a_layer_s_index_is_described_by_its_name():
+    control = Subsumption(Avoid(), Explore())
+    assert [driver(control, index) for index in (1, -1, 7)] == ["Explore", "no layer", "unknown layer 7"]
 
 
 # ---- every model

@@ -1,4 +1,4 @@
-"""Respond: who goes to whom, and what rules of one's own hear."""
+"""Respond: which robots go where, and what custom rules hear."""
 
 import math
 
@@ -49,7 +49,7 @@ def test_to_state_goals_are_nothing():
     assert calling((300, 150), to="state").swarm.layer.tolist() == [1]
 
 
-def helpers(to, below=still):
+def called_to_a_fire(to, below=still):
     """Return a model in which a robot fights a fire and another looks away from it, too far to see it."""
     model = empty(communication=Radio(range=200, state=to == "state", goal=to == "goal"))
     model.add_fire((100, 150), radius=30)
@@ -61,18 +61,18 @@ def helpers(to, below=still):
 
 @pytest.mark.parametrize("to", ["state", "goal"])
 def test_a_robot_that_is_called_arrives_at_the_fire_and_fights_it(to):
-    model = helpers(to, circle(left=1.0))
+    model = called_to_a_fire(to, circle(left=1.0))
     fought = set()
     for _ in range(400):
         fought |= set(np.flatnonzero(model.run(1).swarm.fire >= 0).tolist())
     assert fought == {0, 1}
-    silent = helpers(to)
+    silent = called_to_a_fire(to)
     silent.communication = None
     assert silent.run(400).swarm.position[1].tolist() == [270, 130]
 
 
 def test_a_robot_that_is_too_hot_or_fights_does_not_respond():
-    model = helpers("goal").run(3)
+    model = called_to_a_fire("goal").run(3)
     assert model.swarm.layer.tolist() == [1, 2]
     assert model.swarm.fire[0] == 0
     for name, value, index in (("hot", True, 1), ("fire", 0, 1)):

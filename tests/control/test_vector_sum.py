@@ -103,7 +103,7 @@ def test_a_layer_that_asks_for_nan_is_named():
 
 
 class Asks:
-    """A layer of one's own that asks for the same speeds always."""
+    """A custom layer that asks for the same speeds always."""
 
     def __init__(self, name, speed):
         self.name, self.speed = name, speed

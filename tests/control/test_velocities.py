@@ -1,4 +1,4 @@
-"""Telling how others move from how their centroid moves, and driving as they do: MatchVelocity, Align, Cruise."""
+"""Estimating how others move from how their centroid moves, and driving as they do: MatchVelocity, Align, Cruise."""
 
 import math
 

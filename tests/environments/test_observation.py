@@ -50,7 +50,7 @@ def test_a_line_sensor_is_observed_as_0_or_1():
     assert observed(model, ObservationEncoder(EYE, encoding="distance"))[:, 2].tolist() == [1.0, 0.0]
 
 
-def test_the_body_tells_its_temperature_and_whether_it_is_hot_takes_heat_and_extinguishes():
+def test_the_body_reports_its_temperature_and_whether_it_is_hot_takes_heat_and_extinguishes():
     model = empty()
     model.add_robots(AGENT_FIRE, 4)
     columns = model.swarm.columns

@@ -6,7 +6,7 @@ from mesa_swarm.environments import VectorSwarmEnv, collision_avoidance_v0, exti
 from mesa_swarm.errors import InvalidValueError, SwarmError, UnknownNameError
 
 MODULES = [collision_avoidance_v0, find_fires_v0, extinguish_fires_v0]
-NAMES = [module.NAME for module in MODULES]
+NAMES = [module.__name__.rpartition(".")[2] for module in MODULES]
 
 
 def sampled(env, rng: np.random.Generator) -> dict:

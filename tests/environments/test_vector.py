@@ -16,7 +16,7 @@ def random_actions(env: VectorSwarmEnv, steps: int, seed: int = 0) -> np.ndarray
 
 
 def played(env: VectorSwarmEnv, actions: np.ndarray, seed) -> list[np.ndarray]:
-    """Return all that an environment says, as bytes can be compared."""
+    """Return all outputs of an environment, to be compared as bytes."""
     heard = [env.reset(seed=seed)]
     for action in actions:
         *arrays, infos = env.step(action)

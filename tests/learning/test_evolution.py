@@ -35,7 +35,7 @@ def test_a_search_with_the_same_history_continues_bit_for_bit():
     assert all((a == b).all() for a, b in zip(again.means, whole.means, strict=True))
 
 
-def test_asks_the_same_until_tell():
+def test_asks_the_same_until_the_fitnesses_are_known():
     search = searched(2)
     first = search.ask()
     first[:] = 0

@@ -117,7 +117,7 @@ def test_random_skills_learn_nothing():
     assert not model.control.layers[1].values.any()
 
 
-def test_a_round_that_ends_by_the_clock_pays_nobody_and_lights_all_fires_again():
+def test_a_round_that_ends_by_the_clock_pays_no_robot_and_lights_all_fires_again():
     model = LearningFires(n_robots=4, round_steps=300, rng=2).run(899)
     assert [lasted for lasted, *_ in model.rounds] == [300, 300]
     assert len(model.fires) == 7

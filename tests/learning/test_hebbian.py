@@ -29,7 +29,7 @@ def weights(model):
     return np.concatenate([column(model, "weights"), column(model, "constant")[:, None]], axis=1)
 
 
-def test_learns_as_its_equations_say():
+def test_learns_by_its_equations():
     layer = HebbianLearning(reward="c", eta=0.05, trace=0.7, gamma=0.8, average=0.1, limit=0.3)
     model = SwarmModel(map="original", rng=3)
     model.add_robots(AGENT9, 4)
@@ -94,7 +94,7 @@ def test_goes_on_where_a_policy_left_off():
 
 
 @pytest.mark.parametrize(
-    ("changes", "says"),
+    ("changes", "message"),
     [
         ({"encoding": "typed", "rows": 20}, "start has encoding 'typed' and squash 'linear'; expected 'distance'"),
         ({"squash": "tanh"}, "start has encoding 'distance' and squash 'tanh'"),
@@ -103,7 +103,7 @@ def test_goes_on_where_a_policy_left_off():
         ({"units": 2, "rows": 13}, "without hidden units"),
     ],
 )
-def test_reflexes_that_it_cannot_go_on_with_are_refused_by_name(changes, says):
+def test_reflexes_that_it_cannot_go_on_with_are_refused_by_name(changes, message):
     given = {"rows": 11, "units": 0, "whim": 0.0, **changes}
     rows, units, whim = given.pop("rows"), given.pop("units"), given.pop("whim")
     wheel = np.full((1, rows, 2), 0.1)
@@ -113,11 +113,11 @@ def test_reflexes_that_it_cannot_go_on_with_are_refused_by_name(changes, says):
     )
     with pytest.raises(InvalidValueError) as caught:
         HebbianLearning(start=policy)
-    assert says in str(caught.value)
+    assert message in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
-def test_a_reflex_that_somebody_thought_up_can_be_gone_on_with():
+def test_it_can_start_from_a_reflex_designed_by_hand():
     away = ReflexPolicy.reflex(SensorLayout.of(AGENT3), [[0, 0], [0, -2], [-2, 0], [1, 1]])
     model = learning(20, design=AGENT3, start=away, eta=0.0)
     assert (weights(model) == np.delete(away.wheel[0], 3, axis=0)).all()
@@ -162,7 +162,7 @@ def test_diverging_expectations_are_refused_before_they_overflow():
     assert column(model, "usual")[1] == 1e12
 
 
-def test_nobody_has_learned_nothing():
+def test_no_policy_is_learned_without_robots():
     with pytest.raises(LearningError, match="there are no robots"):
         learning(0, robots=0).control.layers[0].policy()
 

@@ -54,7 +54,7 @@ def test_blind_robots_are_mirrored_too():
 
 
 @pytest.mark.parametrize(
-    ("sensors", "half", "options", "says"),
+    ("sensors", "half", "options", "message"),
     [
         (NINE, np.zeros(11), {"units": 1}, "units is 1; expected an even number"),
         (NINE, np.zeros(10), {}, r"half a genome has shape \(10,\); expected \(11,\)"),
@@ -63,8 +63,8 @@ def test_blind_robots_are_mirrored_too():
         (SensorLayout((30.0, -30.0), (50.0, 40.0), (20.0, 20.0)), np.zeros(4), {}, "at 30 degrees has no mirror image"),
     ],
 )
-def test_what_cannot_be_mirrored_is_refused_in_one_line(sensors, half, options, says):
-    with pytest.raises(SwarmError, match=says) as caught:
+def test_what_cannot_be_mirrored_is_refused_in_one_line(sensors, half, options, message):
+    with pytest.raises(SwarmError, match=message) as caught:
         whole_genome(sensors, half, **options)
     assert "\n" not in str(caught.value)
 

@@ -66,8 +66,8 @@ def test_regression_as_in_the_thesis_fits_badly_in_less_than_a_tenth_of_the_runs
     x, noise = np.linspace(-1, 1, 30), 0.05
     curve = 0.6 * np.tanh(4 * x + 1) - 0.4 * np.tanh(3 * x - 2)
     fitted = fit(x, curve + rng.normal(0, noise, 30), rng=rng, networks=300, presentations=200, rate=0.5)
-    said = np.array([fitted.outputs(np.full((300, 1), at)) for at in x])
-    root_mean_square = np.sqrt(((said - curve[:, None]) ** 2).mean(axis=0))
+    fits = np.array([fitted.outputs(np.full((300, 1), at)) for at in x])
+    root_mean_square = np.sqrt(((fits - curve[:, None]) ** 2).mean(axis=0))
     assert np.mean(root_mean_square > 3 * noise) < 0.1
     assert np.median(root_mean_square) < 1.5 * noise
 
@@ -98,7 +98,7 @@ def shaped(**changed):
 
 
 @pytest.mark.parametrize(
-    ("changed", "says"),
+    ("changed", "message"),
     [
         ({"outer": np.ones((2, 1))}, r"^outer is an array of float64, shape \(2, 1\); expected .* shape \(2, 4\)$"),
         ({"inner": np.ones((2, 3, 400))}, "^inner_bias is .*(2, 4).*; expected .*(2, 400)"),
@@ -112,9 +112,9 @@ def shaped(**changed):
         ({"outer_bias": np.array([1, np.inf])}, "^outer_bias holds weights that are not finite"),
     ],
 )
-def test_parts_that_do_not_fit_together_are_refused_by_name(changed, says):
+def test_parts_that_do_not_fit_together_are_refused_by_name(changed, message):
     assert shaped().outputs(np.ones((2, 3))).shape == (2,)
-    with pytest.raises(InvalidValueError, match=says) as caught:
+    with pytest.raises(InvalidValueError, match=message) as caught:
         shaped(**changed)
     assert "\n" not in str(caught.value)
 
@@ -129,7 +129,7 @@ ROW = np.linspace(-1, 1, 50)
 
 
 @pytest.mark.parametrize(
-    ("x", "y", "rng", "says"),
+    ("x", "y", "rng", "message"),
     [
         (ROW[:3], ROW[:4], np.random.default_rng(1), "^x has 3 numbers and y 4; expected equal lengths"),
         ([], [], np.random.default_rng(1), "^x is .*; expected a row of finite numbers"),
@@ -139,12 +139,12 @@ ROW = np.linspace(-1, 1, 50)
         (ROW, ROW, 1, "^rng is 1; expected a generator such as numpy.random.default_rng"),
     ],
 )
-def test_what_cannot_be_fitted_is_refused_by_name(x, y, rng, says):
-    with pytest.raises(InvalidValueError, match=says) as caught:
+def test_what_cannot_be_fitted_is_refused_by_name(x, y, rng, message):
+    with pytest.raises(InvalidValueError, match=message) as caught:
         fit(x, y, rng=rng)
     assert "\n" not in str(caught.value)
 
 
-def test_a_fit_that_diverges_says_so_instead_of_returning_nan():
+def test_a_fit_that_diverges_is_refused_instead_of_returning_nan():
     with pytest.raises(LearningError, match=r"^the fit diverged.*; lower rate, which is 1"):
         fit(ROW, 1e3 * ROW, rng=np.random.default_rng(1), rate=1.0, hidden=10)

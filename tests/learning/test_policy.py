@@ -60,7 +60,7 @@ def test_a_greedy_layer_drives_as_its_policy_holds_best(policy):
     assert (model.swarm.command == wanted * AGENT9.max_speed).all()
 
 
-def test_a_layer_leaves_robots_to_layers_above_and_says_why_it_drove(policy):
+def test_a_layer_leaves_robots_to_layers_above_and_explains_why_it_drove(policy):
     model = SwarmModel(map="original", rng=1)
     model.add_robots(AGENT9, 10)
     model.control = Subsumption(Avoid(distance=20), PolicyLayer(policy=policy))
@@ -77,7 +77,7 @@ def test_a_layer_gives_the_same_bits_with_the_same_seed(policy):
 
 
 class Own:
-    """A policy of somebody's own, without anything that is not needed to act."""
+    """A custom policy with no more than is needed to act."""
 
     steps = 1
 
@@ -215,7 +215,7 @@ def test_robots_keep_their_networks_when_one_before_them_is_removed():
 
 
 @pytest.mark.parametrize("learner", [QLearning, WireFittedQ, HebbianLearning])
-def test_numbers_say_by_which_set_each_robot_acts_and_of_robot_gives_that_set(learner):
+def test_numbers_choose_the_set_by_which_each_robot_acts_and_of_robot_gives_that_set(learner):
     model = driven(learner(), robots=3).run(30)
     policy = model.control.layers[0].policy()
     readings, kinds = np.random.default_rng(1).uniform(0, 50, (7, 9)), np.zeros((7, 9))
@@ -244,7 +244,7 @@ def test_a_policy_of_ones_own_with_copies_need_not_know_of_numbers(policy):
 
 
 @pytest.mark.parametrize("learner", [QLearning, WireFittedQ, HebbianLearning])
-def test_who_knows_distances_only_acts_on_readings_alone(learner):
+def test_a_policy_that_knows_distances_only_acts_on_readings_alone(learner):
     policy = driven(learner()).run(5).control.layers[0].policy()
     readings = np.where(np.random.default_rng(1).random((3, 9)) < 0.5, -1.0, 20.0)
     assert (policy.act(readings) == policy.act(readings, np.where(readings < 0, -1, 0))).all()
@@ -254,7 +254,7 @@ def test_who_knows_distances_only_acts_on_readings_alone(learner):
         policy.act("far")
 
 
-def test_who_tells_kinds_apart_needs_them():
+def test_a_policy_that_distinguishes_kinds_needs_them():
     policy = QPolicy.untrained(AGENT9, rng=np.random.default_rng(1), encoding="typed")
     with pytest.raises(InvalidValueError, match=r"^kinds is None; expected .* encoding is 'typed'"):
         policy.act(np.full((3, 9), 20.0))

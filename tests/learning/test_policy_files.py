@@ -100,7 +100,7 @@ def refused(file):
 
 
 @pytest.mark.parametrize(
-    ("changes", "says"),
+    ("changes", "message"),
     [
         ({"format": "other"}, "format"),
         ({"family": "tea"}, "'tea'; known: q, reflex, wires"),
@@ -127,9 +127,9 @@ def refused(file):
         ({"header": np.frombuffer(b"[1]", np.uint8)}, "format"),
     ],
 )
-def test_a_changed_file_is_refused_in_one_line(file, changes, says):
+def test_a_changed_file_is_refused_in_one_line(file, changes, message):
     remade(file, **changes)
-    assert says in refused(file)
+    assert message in refused(file)
 
 
 def test_what_is_no_file_or_no_archive_is_refused(tmp_path):
@@ -184,12 +184,12 @@ def test_members_of_one_name_twice_are_refused(file):
 
 
 @pytest.mark.parametrize(
-    ("limit", "value", "says"),
+    ("limit", "value", "message"),
     [("LARGEST_SAVED", 1000, "bytes, more than the 1,000 of a file"), ("LONGEST_HEADER", 100, "more than the 100 of")],
 )
-def test_what_is_too_large_to_be_loaded_is_not_saved(policy, tmp_path, monkeypatch, limit, value, says):
+def test_what_is_too_large_to_be_loaded_is_not_saved(policy, tmp_path, monkeypatch, limit, value, message):
     monkeypatch.setattr(policy_files, limit, value)
-    with pytest.raises(LearningError, match=says):
+    with pytest.raises(LearningError, match=message):
         save_policy(policy, tmp_path / "mine.npz")
     assert not list(tmp_path.iterdir())
 

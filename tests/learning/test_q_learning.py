@@ -87,7 +87,7 @@ def test_what_is_not_seen_is_as_far_as_can_be():
     assert inputs[:, 0][~unseen] == pytest.approx(model.swarm.distance[~unseen] / 50.0)
 
 
-def test_typed_inputs_tell_robots_from_obstacles():
+def test_typed_inputs_distinguish_robots_from_obstacles():
     model = SwarmModel(rng=1)
     model.add_robots(AGENT3, poses=[(100, 100, 0.0), (120, 100, 0.0)])
     model.control = Subsumption(QLearning(encoding="typed"))
@@ -98,7 +98,7 @@ def test_typed_inputs_tell_robots_from_obstacles():
     assert not inputs[1, 1:].any()
 
 
-def test_temperature_falls_as_the_schedule_says():
+def test_temperature_falls_by_its_schedule():
     model = learning(beta=0.01).run(50)
     assert layer_of(model).temperature == pytest.approx(temperature_at(50, beta=0.01))
 
@@ -263,7 +263,7 @@ def test_what_a_learner_knew_when_it_diverged_can_be_had_and_driven_by(options):
     assert np.isfinite(policy.values(model.swarm.distance, model.swarm.kind)).all()
 
 
-def test_every_step_after_a_divergence_stays_finite_and_tells_of_it_or_learns():
+def test_every_step_after_a_divergence_stays_finite_and_reports_it_or_learns():
     model, diverged = learning(robots=5, rng=3, **HASTY), 0
     for _ in range(1500):
         lessons = columns(model, "lessons")[0].sum()

@@ -81,7 +81,7 @@ def test_robots_of_two_designs_keep_what_they_know_too():
 
 
 @pytest.mark.parametrize("learner", OF_POLICIES)
-def test_a_learner_that_was_taken_out_still_tells_what_it_learned(learner):
+def test_a_learner_that_was_taken_out_still_has_what_it_learned(learner):
     model = learning(learner)
     layer = model.control.layers[0]
     policy, paid = layer.policy(), layer.last_reward
@@ -159,7 +159,7 @@ def test_a_frozen_learner_without_training_is_refused(learner):
 
 
 @pytest.mark.parametrize("learner", OF_POLICIES)
-def test_a_policy_tells_where_it_comes_from_and_what_it_started_from(learner, tmp_path):
+def test_a_policy_states_where_it_comes_from_and_what_it_started_from(learner, tmp_path):
     first = learning(learner, 9).control.layers[0].policy(collisions=0.5)
     model = learning(learner, 0, start=load_policy(save_policy(first, tmp_path / "first.npz")))
     model.control = Subsumption(Avoid(distance=3), model.run(6).control.layers[0])
@@ -178,7 +178,7 @@ def test_a_policy_tells_where_it_comes_from_and_what_it_started_from(learner, tm
 
 @pytest.mark.parametrize("learner", OF_POLICIES)
 @pytest.mark.parametrize("ask", [lambda layer: layer.policy(), lambda layer: layer.last_reward])
-def test_a_learner_that_is_in_no_model_says_where_to_ask(learner, ask):
+def test_a_learner_that_is_in_no_model_states_where_to_ask(learner, ask):
     layer = learner()
     model = SwarmModel(map="original", rng=3)
     model.add_robots(AGENT9, 2)

@@ -59,7 +59,7 @@ def driven(policy, steps, design=AGENT9, seed=2, robots=4, **options):
     st.sampled_from(["distance", "typed"]),
 )
 @settings(max_examples=60, deadline=None)
-def test_acts_as_its_equation_says_over_several_steps(seed, units, squash, copies, encoding):
+def test_acts_by_its_equation_over_several_steps(seed, units, squash, copies, encoding):
     policy, rng = drawn(seed, units, squash, copies, encoding), np.random.default_rng(seed)
     kept, other = np.zeros((5, units)), np.zeros((5, units))
     for _ in range(4):
@@ -141,7 +141,7 @@ def test_parts_from_before_there_were_encodings_are_of_a_policy_that_knows_dista
         ReflexPolicy.restored(NINE, 7, {}, {"encoding": "distance"}, policy.arrays())
 
 
-def test_who_knows_robots_tells_them_from_walls_at_the_same_distance():
+def test_a_policy_that_knows_robots_distinguishes_them_from_walls_at_the_same_distance():
     wheel = np.zeros((1, 20, 2))
     wheel[0, 9] = -1.0  # the robot ahead
     wheel[0, 19] = 1.0

@@ -88,7 +88,7 @@ def untrained(copies=3, **more):
     return QPolicy.untrained(AGENT9, rng=np.random.default_rng(1), copies=copies, **more)
 
 
-def test_a_learned_profile_of_one_robot_is_what_its_networks_say_and_how_it_chooses():
+def test_a_learned_profile_of_one_robot_is_what_its_networks_return_and_how_it_chooses():
     policy = untrained(actions=4)
     profile = learned_profile(policy, AGENT9, robot=2, points=7, temperature=0.3)
     readings = wall_readings(AGENT9, profile.distance * 50)
@@ -105,7 +105,7 @@ def test_a_learned_profile_of_all_robots_is_the_mean_of_theirs():
     assert whole.policy == pytest.approx(np.mean([one.policy for one in each], axis=0))
 
 
-def test_switches_and_doubt_of_a_learned_profile_are_where_its_curves_say():
+def test_switches_and_doubt_of_a_learned_profile_are_where_its_curves_show_them():
     profile = learned_profile(untrained(1), AGENT9, temperature=0.01)
     best = profile.values.argmax(axis=1)
     switches = [m for m in profile.marks if m.kind == "switch"]
@@ -118,7 +118,7 @@ def test_switches_and_doubt_of_a_learned_profile_are_where_its_curves_say():
 
 
 @pytest.mark.parametrize(
-    ("call", "said", "error"),
+    ("call", "message", "error"),
     [
         (lambda: reward_profile("d"), "'d'", SwarmError),
         (lambda: reward_profile("a", actions=5), "actions is 5; expected 4 or 8", InvalidValueError),
@@ -133,6 +133,6 @@ def test_switches_and_doubt_of_a_learned_profile_are_where_its_curves_say():
         ),
     ],
 )
-def test_nonsense_is_refused_in_words(call, said, error):
-    with pytest.raises(error, match=said):
+def test_nonsense_is_refused_in_words(call, message, error):
+    with pytest.raises(error, match=message):
         call()

@@ -21,11 +21,11 @@ def learning(robots=3, rng=1, **options):
 
 def plain_value(networks, inputs, action, wires, c=0.1, eps=0.01):
     """Q of an action by NumPy alone, from the networks on."""
-    said = networks.outer_bias + (
+    outputs = networks.outer_bias + (
         networks.outer * np.tanh(np.einsum("k,mkh->mh", inputs, networks.inner) + networks.inner_bias)
     ).sum(axis=1)
-    ends = np.tanh(said.reshape(wires, 3)[:, :2] + np.arctanh(STARTS[:wires]))
-    values = said.reshape(wires, 3)[:, 2]
+    ends = np.tanh(outputs.reshape(wires, 3)[:, :2] + np.arctanh(STARTS[:wires]))
+    values = outputs.reshape(wires, 3)[:, 2]
     away = ((action - ends) ** 2).sum(axis=1) + c * (values.max() - values) + eps
     return (values / away).sum() / (1 / away).sum()
 

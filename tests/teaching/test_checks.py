@@ -1,4 +1,4 @@
-"""Exercises that check themselves: what is said of answers that are right, wrong, missing and broken."""
+"""Exercises that check themselves: verdicts on answers that are right, wrong, missing and broken."""
 
 import pytest
 
@@ -9,6 +9,7 @@ from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.robots.design import AGENT9
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.teaching import (
+    Verdict,
     Wish,
     check_estimate,
     check_function,
@@ -36,7 +37,7 @@ def stops(me, distance=20.0):
     return PASS
 
 
-def says_nothing(me):
+def passes_on(me):
     """Leave the robot to others."""
     return PASS
 
@@ -54,7 +55,7 @@ class TestRules:
         assert str(verdict).startswith("Well done")
 
     def test_a_rule_that_fails_gets_the_criterion_and_the_measured_numbers(self):
-        verdict = check_rule(says_nothing, CALM, world=hall, steps=200, seeds=[1, 2], hint="look ahead.")
+        verdict = check_rule(passes_on, CALM, world=hall, steps=200, seeds=[1, 2], hint="look ahead.")
         assert not verdict.passed
         first, second, hint = str(verdict).splitlines()
         assert first == "Not yet."
@@ -81,9 +82,9 @@ class TestModels:
         def seed_of(rng):
             return {"seed": rng}
 
-        wish = Wish("seed", at_least=3, misses=1)
-        assert check_model(seed_of, wish, seeds=[2, 3, 4]).passed
-        refused = check_model(seed_of, wish, seeds=[1, 2, 3])
+        criterion = Wish("seed", at_least=3, misses=1)
+        assert check_model(seed_of, criterion, seeds=[2, 3, 4]).passed
+        refused = check_model(seed_of, criterion, seeds=[1, 2, 3])
         assert not refused.passed
         assert str(refused).endswith("1 of 3 seeds pass (2 required)")
 
@@ -101,7 +102,7 @@ class TestModels:
         assert "Traceback" not in str(verdict)
 
     @pytest.mark.parametrize(
-        ("answer", "says"),
+        ("answer", "message"),
         [
             (7, "expected a function that takes a seed"),
             (lambda rng: ..., "return what you made"),
@@ -109,14 +110,14 @@ class TestModels:
             (lambda: 0, "takes 0 positional arguments"),
         ],
     )
-    def test_an_answer_that_cannot_run_is_refused_in_words(self, answer, says):
+    def test_an_answer_that_cannot_run_is_refused_in_words(self, answer, message):
         verdict = check_model(answer, Wish("a", at_least=0), seeds=[1])
         assert not verdict.passed
-        assert says in str(verdict)
+        assert message in str(verdict)
 
     def test_a_number_may_be_measured_by_a_function(self):
-        wish = Wish("robots", at_least=1, measure=lambda model: len(model.swarm))
-        assert check_model(hall, wish, seeds=[1]).passed
+        criterion = Wish("robots", at_least=1, measure=lambda model: len(model.swarm))
+        assert check_model(hall, criterion, seeds=[1]).passed
 
     def test_a_criterion_without_limits_is_refused(self):
         with pytest.raises(InvalidValueError, match="has no limit"):
@@ -124,13 +125,13 @@ class TestModels:
 
 
 class TestSettings:
-    WISH = Wish("collisions per robot and 1,000 steps", at_most=5)
+    CRITERION = Wish("collisions per robot and 1,000 steps", at_most=5)
 
     def test_settings_that_meet_the_criterion_pass(self):
-        assert check_settings(CollisionAvoidance, {"n_robots": 1}, self.WISH, steps=50, seeds=[1, 2]).passed
+        assert check_settings(CollisionAvoidance, {"n_robots": 1}, self.CRITERION, steps=50, seeds=[1, 2]).passed
 
     @pytest.mark.parametrize(
-        ("settings", "says"),
+        ("settings", "message"),
         [
             (dict(distance=...), "no answer yet"),
             (..., "no answer yet"),
@@ -139,13 +140,13 @@ class TestSettings:
             (dict(distance="far"), "distance is 'far'"),
         ],
     )
-    def test_impossible_settings_are_refused_in_words(self, settings, says):
-        verdict = check_settings(CollisionAvoidance, settings, self.WISH, only=["distance"], steps=5, seeds=[1])
+    def test_impossible_settings_are_refused_in_words(self, settings, message):
+        verdict = check_settings(CollisionAvoidance, settings, self.CRITERION, only=["distance"], steps=5, seeds=[1])
         assert not verdict.passed
-        assert says in str(verdict).replace("Unknown", "unknown").replace("Distance", "distance")
+        assert message in str(verdict).replace("Unknown", "unknown").replace("Distance", "distance")
 
     @pytest.mark.parametrize(
-        ("settings", "says"),
+        ("settings", "message"),
         [
             (dict(side=1), "2 of 2 seeds pass"),
             (dict(side="1"), "Side is '1'; expected a finite number"),
@@ -153,12 +154,12 @@ class TestSettings:
             (1, "expected settings by name, such as dict(side=...)"),
         ],
     )
-    def test_they_may_be_those_of_a_function_that_makes_the_model(self, settings, says):
+    def test_they_may_be_those_of_a_function_that_makes_the_model(self, settings, message):
         def made(*, side, rng):
             return {"area": check_number("side", side) ** 2}
 
         verdict = check_settings(made, settings, Wish("area", at_most=1), seeds=[1, 2])
-        assert says in str(verdict)
+        assert message in str(verdict)
 
 
 class TestEstimates:
@@ -166,7 +167,7 @@ class TestEstimates:
         assert check_estimate(1.4, float, within=0.2, seeds=[1, 2]).passed
 
     @pytest.mark.parametrize(
-        ("guess", "says"),
+        ("guess", "message"),
         [
             (3, "You expected 3 for the mean; the mean of seeds 1 and 2 is 1.5"),
             (..., "no answer"),
@@ -175,15 +176,15 @@ class TestEstimates:
             (float("inf"), "expected a number"),
         ],
     )
-    def test_other_guesses_are_refused_with_the_measured_mean(self, guess, says):
+    def test_other_guesses_are_refused_with_the_measured_mean(self, guess, message):
         verdict = check_estimate(guess, float, within=0.2, seeds=[1, 2])
         assert not verdict.passed
-        assert says in str(verdict)
+        assert message in str(verdict)
 
 
 class TestFunctions:
     @pytest.mark.parametrize(
-        ("function", "says"),
+        ("function", "message"),
         [
             (lambda x: x + 1, "It returned 3 where 4 was expected, with seed 2"),
             (lambda x: None, "returned None"),
@@ -193,13 +194,26 @@ class TestFunctions:
             (5, "Your answer is 5; expected a function"),
         ],
     )
-    def test_a_function_that_differs_is_refused_with_both_results(self, function, says):
+    def test_a_function_that_differs_is_refused_with_both_results(self, function, message):
         verdict = check_function(function, lambda x: 2 * x, lambda seed: (seed,), seeds=[2])
         assert not verdict.passed
-        assert says in str(verdict)
+        assert message in str(verdict)
 
     def test_one_that_is_passes(self):
-        assert check_function(lambda x: x + x, lambda x: 2 * x, lambda seed: (seed,)).passed
+        verdict = check_function(lambda x: x + x, lambda x: 2 * x, lambda seed: (seed,))
+        assert verdict.passed
+        assert str(verdict).endswith("with seeds 101 to 105")
+
+
+def test_a_hint_ends_like_a_sentence():
+    assert str(Verdict(False, "no answer", hint="look left")) == "Not yet. No answer.\nHint: look left."
+
+
+@pytest.mark.parametrize(
+    ("number", "text"), [(1234.5678, "1,235"), (0.123456, "0.1235"), (True, "1"), (None, "undefined")]
+)
+def test_a_measured_number_is_shown_to_four_digits(number, text):
+    assert f"got {text} with seed 1" in str(check_model(lambda seed: {"it": number}, Wish("it", at_least=0), seeds=[1]))
 
 
 def test_several_models_are_shown_side_by_side():
