@@ -11,7 +11,14 @@ from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.gallery import find_model, model_names
 from mesa_swarm.physics.imperfect import chance, normal
 from mesa_swarm.recording.checkpoint import checkpoint_of, restore
-from mesa_swarm.robots.imperfections import MEASURED, ROBOTARIUM, ROBOTARIUM_ROBOT, Imperfection, Imperfections, is_ideal
+from mesa_swarm.robots.imperfections import (
+    MEASURED,
+    ROBOTARIUM,
+    ROBOTARIUM_ROBOT,
+    Imperfection,
+    Imperfections,
+    is_ideal,
+)
 
 KEY = np.uint64(7)
 
