@@ -19,7 +19,8 @@ def test_robot_steps_through_arrays(benchmark, task):
     env = VectorSwarmEnv(task(n_robots=ROBOTS), n_worlds=WORLDS)
     env.reset(seed=1)
     commands = actions(WORLDS, ROBOTS)
-    benchmark(lambda: [env.step(row) for row in commands])
+    steps = benchmark(lambda: [env.step(row) for row in commands])
+    assert np.isfinite([reward for _, reward, *_ in steps]).all()
     if benchmark.stats is not None:  # None where benchmarks are off
         benchmark.extra_info["robot-steps/s"] = ROUND * WORLDS * ROBOTS / benchmark.stats["median"]
 
@@ -29,6 +30,7 @@ def test_robot_steps_through_pettingzoo(benchmark, task):
     env = ParallelSwarmEnv(task(n_robots=ROBOTS, max_steps=10**9), name="timed_v0")
     env.reset(seed=1)
     commands = [dict(zip(env.agents, row, strict=True)) for row in actions(ROBOTS)]
-    benchmark(lambda: [env.step(row) for row in commands])
+    steps = benchmark(lambda: [env.step(row) for row in commands])
+    assert all(rewards.keys() == set(env.agents) for _, rewards, *_ in steps)
     if benchmark.stats is not None:  # None where benchmarks are off
         benchmark.extra_info["robot-steps/s"] = ROUND * ROBOTS / benchmark.stats["median"]

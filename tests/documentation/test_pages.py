@@ -78,6 +78,7 @@ def test_the_code_on_a_page_runs_from_top_to_bottom(page, tmp_path, monkeypatch)
     names = {"__name__": "page"}
     for number, block in enumerate(blocks(page, "python")):
         run_code(block, number, names)
+    assert names.keys() - {"__name__", "__builtins__"}, "the page's code defines nothing"
 
 
 @pytest.mark.slow
