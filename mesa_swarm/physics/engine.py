@@ -151,7 +151,7 @@ def move_by_commands(
     write_motion(swarm, drives, wheels, motion)
     before, heading_before = columns["position"].copy(), columns["heading"].copy()
     extra_turn, collided = carry(surroundings, columns, motion, travel), columns["collided"]
-    if collided.any():
+    if np.count_nonzero(collided):
         achieved_motion(before, columns["position"], heading_before, extra_turn, collided, motion)
         wheels = np.where(collided[:, None], wheels_of(swarm, drives, motion), wheels)
     slip_of(columns["command"], wheels, columns["slip"])
