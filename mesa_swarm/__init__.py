@@ -26,31 +26,20 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.world.map import Map
     from mesa_swarm.world.shapes import Shape, disc, polygon, rectangle
 
-_HOME = {
-    "AGENT3": "robots.design",
-    "AGENT6": "robots.design",
-    "AGENT9": "robots.design",
-    "AGENT_FIRE": "robots.design",
-    "DifferentialDrive": "robots.drive",
-    "HolonomicDrive": "robots.drive",
-    "LineSensor": "robots.sensors",
-    "Map": "world.map",
-    "ProximitySensor": "robots.sensors",
-    "RadiationSensor": "robots.sensors",
-    "Radio": "robots.radio",
-    "Recording": "recording.recording",
-    "RobotDesign": "robots.design",
-    "Shape": "world.shapes",
-    "SwarmModel": "swarm_model",
-    "all_round": "robots.design",
-    "bump_sensor": "robots.sensors",
-    "compare": "experiments.compare",
-    "disc": "world.shapes",
-    "laser_sensor": "robots.sensors",
-    "polygon": "world.shapes",
-    "rectangle": "world.shapes",
-    "sweep": "experiments.sweep",
+# Module: the public names that live in it.
+_MODULES = {
+    "experiments.compare": "compare",
+    "experiments.sweep": "sweep",
+    "recording.recording": "Recording",
+    "robots.design": "AGENT3 AGENT6 AGENT9 AGENT_FIRE RobotDesign all_round",
+    "robots.drive": "DifferentialDrive HolonomicDrive",
+    "robots.radio": "Radio",
+    "robots.sensors": "LineSensor ProximitySensor RadiationSensor bump_sensor laser_sensor",
+    "swarm_model": "SwarmModel",
+    "world.map": "Map",
+    "world.shapes": "Shape disc polygon rectangle",
 }
+_HOME = {name: module for module, names in _MODULES.items() for name in names.split()}
 
 __all__ = [
     "AGENT3",

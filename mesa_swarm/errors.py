@@ -79,13 +79,7 @@ class FireConstantsWarning(UserWarning):
 
 
 def in_words(error: BaseException) -> str:
-    r"""Return one printable line of at most 300 characters about any error: ours as they are, others by name.
-
-    Examples
-    --------
-    >>> in_words(InvalidValueError("steps is -1")), in_words(ZeroDivisionError("nothing left\nto share"))
-    ('steps is -1', 'ZeroDivisionError: nothing left to share')
-    """
+    """Return one printable line of at most 300 characters about any error: ours as they are, others by name."""
     try:
         text = " ".join(str(error).split())
     except Exception:  # of a class of the user's
@@ -109,29 +103,7 @@ def check_number(
     maximum: float = math.inf,
     above: float = -math.inf,
 ) -> float:
-    """Return `value` as a float if it is permitted.
-
-    Parameters
-    ----------
-    name : str
-        The parameter, as the user wrote it.
-    value : object
-        What the user gave: any real number, NumPy's included.
-    minimum, maximum : float
-        Inclusive limits.
-    above : float
-        Exclusive lower limit.
-
-    Raises
-    ------
-    InvalidValueError
-        If the value is not a finite number within the limits.
-
-    Examples
-    --------
-    >>> check_number("radius", 5, above=0)
-    5.0
-    """
+    """Return any real number, NumPy's included, as a float if it is finite and permitted; `above` is exclusive."""
     return _checked(name, value, minimum, maximum, above, "a finite number")
 
 
@@ -152,13 +124,7 @@ def _checked(name: str, value: object, minimum: float, maximum: float, above: fl
 
 
 def check_count(name: str, value: object, *, minimum: int = 0, maximum: int = 2**31 - 1) -> int:
-    """Return `value` as an int if it is a permitted count.
-
-    Examples
-    --------
-    >>> check_count("steps", 10)
-    10
-    """
+    """Return `value` as an int if it is a permitted count."""
     what = "a whole number"
     number = _checked(name, value, minimum, maximum, -math.inf, what)
     if number != int(number):
@@ -168,13 +134,7 @@ def check_count(name: str, value: object, *, minimum: int = 0, maximum: int = 2*
 
 
 def check_choice(name: str, value: object, choices: Iterable[str]) -> str:
-    """Return `value` if it is one of `choices`, else suggest the nearest.
-
-    Examples
-    --------
-    >>> check_choice("strategy", "A", ["A", "B"])
-    'A'
-    """
+    """Return `value` if it is one of `choices`, else suggest the nearest."""
     known = list(choices)
     if isinstance(value, str) and value in known:
         return value
@@ -182,13 +142,7 @@ def check_choice(name: str, value: object, choices: Iterable[str]) -> str:
 
 
 def check_name(name: str, value: object) -> str:
-    """Return `value` if it can be a name in messages, files and pictures: one short line of text.
-
-    Examples
-    --------
-    >>> check_name("name", "Avoid")
-    'Avoid'
-    """
+    """Return `value` if it can be a name in messages, files and pictures: one short line of text."""
     if isinstance(value, str) and value.isprintable() and 1 <= len(value) <= LONGEST_NAME:
         return value
     raise InvalidValueError(
@@ -197,13 +151,7 @@ def check_name(name: str, value: object) -> str:
 
 
 def check_flag(name: str, value: object) -> bool:
-    """Return `value` as a bool; anything else is refused, for "no" would count as True.
-
-    Examples
-    --------
-    >>> check_flag("shared", True)
-    True
-    """
+    """Return `value` as a bool; anything else is refused, for "no" would count as True."""
     # By the names of NumPy's own, which nothing is imported for here.
     if type(value).__name__ in ("bool", "bool_"):
         return bool(value)
@@ -211,13 +159,7 @@ def check_flag(name: str, value: object) -> bool:
 
 
 def unknown_name(what: str, got: object, known: Iterable[str]) -> str:
-    """Return one sentence about an unknown name, with the nearest known one.
-
-    Examples
-    --------
-    >>> unknown_name("map", "orginal", ["original", "sparse"])
-    "unknown map 'orginal'; did you mean 'original'? known: original, sparse"
-    """
+    """Return one sentence about an unknown name, with the nearest known one."""
     names = list(known)
     near = get_close_matches(got[:80] if isinstance(got, str) else shortened(got), names, n=1, cutoff=0.5)
     hint = f"did you mean {near[0]!r}? " if near else ""
@@ -225,13 +167,7 @@ def unknown_name(what: str, got: object, known: Iterable[str]) -> str:
 
 
 def asked(value: object, name: str, default: Any = None) -> Any:
-    """Return an attribute of a user's object, or the default where it is missing or raises an error.
-
-    Examples
-    --------
-    >>> asked(3, "real"), asked(3, "decide")
-    (3, None)
-    """
+    """Return an attribute of a user's object, or the default where it is missing or raises an error."""
     try:
         return getattr(value, name, default)
     except Exception:  # of a class of the user's
@@ -255,16 +191,7 @@ def _shown(limit: float) -> str:
 
 
 def shortened(value: object) -> str:
-    """Return a value on one line of at most 80 characters, NumPy's numbers and paths as plain ones.
-
-    Examples
-    --------
-    >>> shortened("original")
-    "'original'"
-    >>> from pathlib import Path
-    >>> shortened((Path("a.toml"), 1.5))
-    "('a.toml', 1.5)"
-    """
+    """Return a value on one line of at most 80 characters, NumPy's numbers and paths as plain ones."""
     if isinstance(value, (str, bytes)):
         value = value[:80]
     try:

@@ -28,21 +28,7 @@ CURE = "make room or choose another place"
 
 
 def check_writable(folder: str | os.PathLike[str]) -> Path:
-    """Return a folder in which files can be written, or raise why they cannot; nothing stays behind.
-
-    Raises
-    ------
-    InvalidValueError
-        If it cannot be created or written to.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as home:
-    ...     folder = check_writable(Path(home) / "new")
-    ...     folder.name, folder.exists()
-    ('new', False)
-    """
+    """Return a folder in which files can be written, or raise why they cannot; nothing stays behind."""
     path = Path(folder)
     missing: list[Path] = []
     try:
@@ -60,26 +46,7 @@ def check_writable(folder: str | os.PathLike[str]) -> Path:
 
 
 def checked_file(path: Path, ending: str, name: str = "out") -> Path:
-    """Return where a file goes if it can be written there, and its name has the required ending.
-
-    Parameters
-    ----------
-    path : Path
-    ending : str
-        Such as ".png".
-    name : str
-        Of the option that was typed.
-
-    Raises
-    ------
-    InvalidValueError
-
-    Examples
-    --------
-    >>> checked_file(Path("a.jpg"), ".png")
-    Traceback (most recent call last):
-    mesa_swarm.errors.InvalidValueError: out is 'a.jpg'; expected the name of a .png file
-    """
+    """Return where a file goes if it can be written there and has the ending, such as ".png"; `name` is the option."""
     if path.suffix.lower() != ending or path.is_dir():
         what = ", which is a folder" if path.is_dir() else ""
         raise InvalidValueError(f"{name} is {shortened(str(path))}{what}; expected the name of a {ending} file")
@@ -94,17 +61,8 @@ def checked_file(path: Path, ending: str, name: str = "out") -> Path:
 def checked_place(path: Path) -> Path:
     """Return where a file is written, symbolic links followed.
 
-    Raises
-    ------
-    OSError
-        If a folder or something else that is not a regular file stands there, such as a device or a pipe, which
-        must not be replaced; or if no file can have that name.
-
-    Examples
-    --------
-    >>> checked_place(Path("/dev/null"))
-    Traceback (most recent call last):
-    OSError: [Errno 22] it is not a regular file: '/dev/null'
+    An `OSError` is raised if no file can have that name, or if a folder or something else that is not a regular file
+    stands there, such as a device or a pipe, which must not be replaced.
     """
     try:
         place = path.resolve()
@@ -121,13 +79,7 @@ def checked_place(path: Path) -> Path:
 
 
 def unwritable(path: Path, error: OSError, kind: type[SwarmError] = InvalidValueError, cure: str = CURE) -> SwarmError:
-    """Return the error about a file that could not be written: its name, why, and what to do.
-
-    Examples
-    --------
-    >>> print(unwritable(Path("a.png"), OSError(errno.ENOSPC, "")))
-    a.png cannot be written: No space left on device; make room or choose another place
-    """
+    """Return the error about a file that could not be written: its name, why, and what to do."""
     reason = error.strerror or error
     if error.errno == errno.ENOSPC:  # Arrow adds the long message of its own layers
         reason = os.strerror(errno.ENOSPC)
@@ -135,13 +87,7 @@ def unwritable(path: Path, error: OSError, kind: type[SwarmError] = InvalidValue
 
 
 def shown_path(path: str | os.PathLike[str]) -> str:
-    """Return a path as errors show it: on one line, a long one by its end, where the name of the file is.
-
-    Examples
-    --------
-    >>> shown_path("a/b.txt"), len(shown_path("a" * 1000))
-    ('a/b.txt', 123)
-    """
+    """Return a path as errors show it: on one line, a long one by its end, where the name of the file is."""
     text = repr(os.fspath(path))[1:-1].replace("\\\\", "\\")
     return text if len(text) <= LONGEST_SHOWN else f"...{text[-LONGEST_SHOWN:]}"
 
@@ -149,47 +95,16 @@ def shown_path(path: str | os.PathLike[str]) -> str:
 def write_whole(
     path: Path, content: str | bytes, error: type[SwarmError] = InvalidValueError, *, folders: bool = True
 ) -> Path:
-    """Write a file as `draft_of` does, and return its path.
-
-    Raises
-    ------
-    SwarmError
-        Of that type, with the name of the file; what stood there before is untouched.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as home:
-    ...     write_whole(Path(home) / "a" / "b.txt", "all of it").read_text()
-    'all of it'
-    """
+    """Write a file as `draft_of` does, and return its path."""
     with draft_of(path, error, folders=folders) as draft:
         draft.write_bytes(_as_bytes(content))
     return path
 
 
 def write_all(folder: Path, contents: Mapping[str, str | bytes]) -> list[Path]:
-    """Write files that belong together: all of them, or none if the disk is full; return their paths.
+    """Write files, by name, that belong together: all of them, or none if the disk is full; return their paths.
 
     All are on the disk before the first is renamed: some disks report only at a sync that they are full.
-
-    Parameters
-    ----------
-    folder : Path
-    contents : dict
-        By name.
-
-    Raises
-    ------
-    InvalidValueError
-        With the name of the file that could not be written; what stood there before is untouched.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as home:
-    ...     [path.read_text() for path in write_all(Path(home), {"a.txt": "a", "b.txt": "b"})]
-    ['a', 'b']
     """
     paths = [folder / name for name in contents]
     with ExitStack() as drafts:
@@ -207,28 +122,7 @@ def draft_of(path: Path, error: type[SwarmError] = InvalidValueError, *, folders
     The draft is synced to the disk before it is renamed, and the folder after: at any moment, also after a kill or
     a power cut, the name stands for the whole old file or the whole new one. A symbolic link is followed, and the
     permissions of an older file are preserved. Drafts of killed writers are deleted when the file is written again.
-
-    Parameters
-    ----------
-    path : Path
-    error : type of SwarmError
-        What is raised if the file cannot be written.
-    folders : bool
-        Whether its folder is created if it is missing.
-
-    Raises
-    ------
-    SwarmError
-        Of that type, with the name of the file, never that of the draft; what stood there before is untouched.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as home:
-    ...     with draft_of(Path(home) / "b.txt") as draft:
-    ...         length = draft.write_text("all of it")
-    ...     [path.name for path in Path(home).iterdir()]
-    ['b.txt']
+    An error has the name of the file, never that of the draft; with `folders` its folder is created if it is missing.
     """
     made = [folder for folder in path.parents if not os.path.lexists(folder)] if folders else []
     try:
@@ -272,17 +166,6 @@ def opened_draft(path: Path) -> FileIO:
     """Open a new file beside another, under a name of its own; drafts that killed writers left there are deleted.
 
     It is locked as long as it is open, so that other writers of the same file know that it is not left over.
-
-    Raises
-    ------
-    OSError
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as home, opened_draft(Path(home) / "b.txt") as draft:
-    ...     Path(draft.name).name
-    '.b.txt.0.draft'
     """
     for number in count():
         draft = draft_name(path, number)
@@ -300,13 +183,7 @@ def opened_draft(path: Path) -> FileIO:
 
 
 def free_draft(path: Path) -> Path:
-    """Return the name of a draft of a file that nothing else has, for what opens and locks files itself.
-
-    Examples
-    --------
-    >>> free_draft(Path("a/b.txt")).as_posix()
-    'a/.b.txt.0.draft'
-    """
+    """Return the name of a draft of a file that nothing else has, for what opens and locks files itself."""
     for number in count():
         draft = draft_name(path, number)
         _remove_left_over(draft)
@@ -316,13 +193,7 @@ def free_draft(path: Path) -> Path:
 
 
 def draft_name(path: Path, number: int) -> Path:
-    """Return the name of a draft of a file.
-
-    Examples
-    --------
-    >>> draft_name(Path("a/b.txt"), 1).as_posix(), len(draft_name(Path("b" * 255), 0).name)
-    ('a/.b.txt.1.draft', 41)
-    """
+    """Return the name of a draft of a file."""
     name = path.name
     if len(os.fsencode(name)) > LONGEST_NAME:
         name = blake2b(os.fsencode(name), digest_size=16).hexdigest()
@@ -330,13 +201,7 @@ def draft_name(path: Path, number: int) -> Path:
 
 
 def put_in_place(draft: FileIO, path: Path) -> None:
-    """Give a finished draft the name of the file that it replaces, in such a way that a power cut cannot halve it.
-
-    Raises
-    ------
-    OSError
-        Then what stood there before is untouched.
-    """
+    """Give a finished draft the name of the file that it replaces, in such a way that a power cut cannot halve it."""
     name = Path(draft.name)
     with suppress(FileNotFoundError):  # there was no older file
         shutil.copymode(path, name)
@@ -365,13 +230,6 @@ def lock(file: FileIO | BinaryIO, shared: bool = False) -> bool | None:
     """Lock an open file until it is closed, and return whether that could be: None where files have no locks.
 
     A shared lock is refused only where a writer has the other kind.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.NamedTemporaryFile() as file, open(file.name, "rb") as other:
-    ...     lock(file), lock(other)
-    (True, False)
     """
     if fcntl is None:
         return None
@@ -388,13 +246,6 @@ def unlock(file: FileIO | BinaryIO) -> None:
     """Give up the lock of an open file, also for child processes that share it.
 
     Closing alone would not: the lock stays as long as any of them has it open.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryFile() as file:
-    ...     lock(file), unlock(file)
-    (True, None)
     """
     if fcntl is not None and not file.closed:
         with suppress(OSError):  # some file systems have none
@@ -402,13 +253,7 @@ def unlock(file: FileIO | BinaryIO) -> None:
 
 
 def is_locked(path: Path) -> bool:
-    """Return whether the file of a name is locked by a writer.
-
-    Examples
-    --------
-    >>> is_locked(Path("nowhere"))
-    False
-    """
+    """Return whether the file of a name is locked by a writer."""
     try:
         with open(path, "rb", buffering=0, opener=_opened_as_it_is) as file:
             return lock(file, shared=True) is False
@@ -425,12 +270,7 @@ def is_named(file: FileIO, path: Path) -> bool:
 
 
 def sync(path: Path) -> None:
-    """Wait until the disk has a file, or what a folder lists; does nothing where folders cannot be synced.
-
-    Raises
-    ------
-    OSError
-    """
+    """Wait until the disk has a file, or what a folder lists; does nothing where folders cannot be synced."""
     if os.name == "nt" and path.is_dir():
         return
     place = os.open(path, os.O_RDONLY if path.is_dir() or os.name != "nt" else os.O_RDWR)

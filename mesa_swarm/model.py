@@ -46,13 +46,7 @@ NOT_HASHED = frozenset({"number", "design", "contact_index"})
 
 
 class EngineModel(World):
-    """A world of robots, obstacles and loads, advanced step by step; `SwarmModel` adds fires and recordings.
-
-    Parameters
-    ----------
-    map, rng, engine, turn_angle_degrees, collect_every, communication, model_reporters, agent_reporters
-        See `SwarmModel`.
-    """
+    """A world of robots, obstacles and loads, advanced step by step; `SwarmModel` adds fires and recordings."""
 
     _control: Arbiter | None = None
     _completed: int = 0
@@ -190,8 +184,6 @@ class EngineModel(World):
         if self._snapshots is not None:
             self._snapshots.forget()  # layer indices changed
         self._control = None if control is None else control.bound(self.swarm, self.streams)
-
-    # ---- the step
 
     def step(self) -> None:
         """Advance the world by one step.
@@ -462,8 +454,6 @@ class EngineModel(World):
             raise
         for observer in self.observers.complete:
             observer.after_run(self, self.completed - begin)
-
-    # ---- small parts
 
     def _noise_draws(self) -> np.ndarray | None:
         """Return this step's draws for the sensors' errors, the same for every reading of the step."""

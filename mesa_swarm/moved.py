@@ -55,17 +55,7 @@ NAMES = {
 
 
 class MovedFinder:
-    """Finds moved modules; it stands last in ``sys.meta_path``, so that it is called only for what is not found.
-
-    Examples
-    --------
-    >>> import warnings
-    >>> with warnings.catch_warnings(record=True) as caught:
-    ...     warnings.simplefilter("always")
-    ...     from mesa_swarm.world.load import Load
-    >>> Load.__module__
-    'mesa_swarm.world.bodies'
-    """
+    """Finds moved modules; it stands last in ``sys.meta_path``, so that it is called only for what is not found."""
 
     def find_spec(self, name: str, path: object = None, target: object = None) -> ModuleSpec | None:
         """Return how a module is made, None if it was not moved."""
@@ -79,27 +69,20 @@ class MovedFinder:
         old = module.__name__
         _warn(old, HOMES[old], stacklevel=3)
         names = {name: value for name, value in vars(import_module(HOMES[old])).items() if not name.startswith("__")}
-        moved = {address.rpartition(".")[2]: _imported(NAMES[address]) for address in NAMES if _is_of(old, address)}
-        module.__dict__.update({**names, **moved})
+        for address, new in NAMES.items():
+            home, _, name = address.rpartition(".")
+            if home == old:
+                names[name] = _imported(new)
+        module.__dict__.update(names)
 
 
 def moved_name(module: str, name: str) -> object:
-    """Return a name that was in a module before, from its new home; for the ``__getattr__`` of that module.
-
-    Raises
-    ------
-    AttributeError
-        If there was no such name.
-    """
+    """Return a name that was in a module before, from its new home; for the ``__getattr__`` of that module."""
     old = f"{module}.{name}"
     if old not in NAMES:
         raise AttributeError(f"module {module!r} has no attribute {name!r}")
     _warn(old, NAMES[old], stacklevel=4)
     return _imported(NAMES[old])
-
-
-def _is_of(module: str, address: str) -> bool:
-    return address.rpartition(".")[0] == module
 
 
 def _imported(address: str) -> object:

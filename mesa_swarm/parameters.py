@@ -74,13 +74,7 @@ class Parameter:
         return self.control.help if self.control else ""
 
     def parse(self, text: str) -> Any:
-        """Return the value that a user typed, as the parameter's type.
-
-        Raises
-        ------
-        InvalidValueError, UnknownNameError
-            If the text is not such a value.
-        """
+        """Return the value that a user typed, as the parameter's type; any other text is refused."""
         if self.name == "map" and Path(text).suffix.lower() in READABLE:
             return text  # a file, which the model reads or refuses
         if isinstance(self.control, Choice):
@@ -92,13 +86,7 @@ class Parameter:
         return text
 
     def checked(self, value: Any) -> Any:
-        """Return a value that a file or a program gives, as the parameter's type.
-
-        Raises
-        ------
-        InvalidValueError, UnknownNameError
-            If it is not of that type, or not one of the names.
-        """
+        """Return a value that a file or a program gives, as the parameter's type; any other is refused."""
         if self.name == "map" and isinstance(value, Map):
             return value
         if isinstance(self.control, Choice):
@@ -124,14 +112,7 @@ class Parameter:
 
 
 def parameters_of(model: Callable) -> dict[str, Parameter]:
-    """Return the parameters of a model by name, in order, `rng` left out.
-
-    Examples
-    --------
-    >>> from mesa_swarm.models.fire_fighting import FireFighting
-    >>> parameters_of(FireFighting)["strategy"].default
-    'B'
-    """
+    """Return the parameters of a model by name, in order, `rng` left out."""
     hints = get_type_hints(model.__init__, include_extras=True)
     parameters = {}
     for name, parameter in inspect.signature(model).parameters.items():
@@ -146,18 +127,7 @@ def parameters_of(model: Callable) -> dict[str, Parameter]:
 
 
 def parsed_settings(model: Callable, settings: Sequence[str]) -> dict[str, Any]:
-    """Return what ``name=value`` texts set, checked against the model's parameters.
-
-    Raises
-    ------
-    InvalidValueError, UnknownNameError
-
-    Examples
-    --------
-    >>> from mesa_swarm.models.fire_fighting import FireFighting
-    >>> parsed_settings(FireFighting, ["n_robots=5", "strategy=A"])
-    {'n_robots': 5, 'strategy': 'A'}
-    """
+    """Return what ``name=value`` texts set, checked against the model's parameters."""
     known = parameters_of(model)
     values = {}
     for setting in settings:

@@ -20,15 +20,7 @@ class Progress(tqdm):
 
 
 def finishing_time(left: int, rate: float, now: datetime) -> str:
-    """Return when the work left is done at this rate a second.
-
-    Examples
-    --------
-    >>> finishing_time(60, 1.0, datetime(2025, 1, 31, 23, 58, 30))
-    'done at 23:59:30'
-    >>> finishing_time(3600, 0.5, datetime(2025, 1, 31, 23, 58, 30))
-    'done on 01 Feb at 01:58'
-    """
+    """Return when the work left is done at this rate a second."""
     if rate <= 0 or left / rate > 1e9:
         return "measuring"
     done = now + timedelta(seconds=left / rate)
@@ -36,11 +28,5 @@ def finishing_time(left: int, rate: float, now: datetime) -> str:
 
 
 def progress_bar(total: int, unit: str, shown: bool) -> Progress:
-    """Return a bar for `total` units of work; call its ``update``.
-
-    Examples
-    --------
-    >>> with progress_bar(10, "runs", shown=False) as bar:
-    ...     bar.update(10)
-    """
+    """Return a bar for `total` units of work; call its ``update``."""
     return Progress(total=total, unit=unit, disable=not shown, bar_format=LAYOUT, mininterval=0.2)

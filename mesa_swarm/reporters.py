@@ -12,23 +12,6 @@ class Held:
 
     Measures of the whole swarm cost more than a step of 50 robots. Mesa collects in every step, and some of
     its versions need it so; the value in between is the last one measured.
-
-    Parameters
-    ----------
-    name : str
-        Of a property of the model.
-    every : int
-        Steps, at least 1.
-
-    Examples
-    --------
-    >>> from types import SimpleNamespace
-    >>> model, groups = SimpleNamespace(steps=1, groups=3), Held("groups", every=10)
-    >>> groups(model)
-    3
-    >>> model.steps, model.groups = 2, 4
-    >>> groups(model)
-    3
     """
 
     def __init__(self, name: str, every: int | Trigger = 10) -> None:

@@ -15,18 +15,6 @@ class Streams:
 
     Each name has a stream of its own: adding a sensor does not change the walk, and two strategies have the same
     start and the same noise.
-
-    Parameters
-    ----------
-    seed : numpy.random.SeedSequence
-        The model's.
-
-    Examples
-    --------
-    >>> one, two = (Streams(np.random.SeedSequence(1)) for _ in range(2))
-    >>> _ = two["slip"].random()
-    >>> one["placement"].random() == two["placement"].random()
-    True
     """
 
     def __init__(self, seed: np.random.SeedSequence) -> None:

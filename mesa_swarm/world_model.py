@@ -29,15 +29,7 @@ SMALLEST_RADIUS = 1e-12
 
 
 class World(mesa.Model):
-    """The contents of a model; `EngineModel` adds the step.
-
-    Parameters
-    ----------
-    map : str, path or Map
-        Its obstacles are added.
-    rng : int, SeedSequence, Generator or None
-        Seed of everything random.
-    """
+    """The contents of a model, with the obstacles of its map; `EngineModel` adds the step."""
 
     def __new__(cls, *given: Any, **named: Any) -> Self:
         """Store the arguments of the outermost constructor, with which a recorded model is made again."""

@@ -62,7 +62,7 @@ def pytest_terminal_summary(terminalreporter):
         terminalreporter.write_line("\n".join(table(rows)))
 
 
-# Who runs the tests in the background of a shell has told them, and what they start, to ignore Ctrl-C.
+# Tests that run in the background of a shell, and what they start, ignore Ctrl-C.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 

@@ -176,7 +176,7 @@ def test_the_page_is_short_and_answers_twenty_questions():
 
 
 @pytest.mark.parametrize(("question", "file", "name"), QUESTIONS, ids=[question for question, _, _ in QUESTIONS])
-def test_a_thing_is_where_the_page_says(question, file, name):
+def test_a_thing_is_where_the_page_lists_it(question, file, name):
     path = ROOT / file if (ROOT / file).exists() else PACKAGE / file
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".py":

@@ -44,7 +44,7 @@ def test_robots_whose_control_is_taken_away_stop():
 
 
 def things(model):
-    """Return two of each kind of what comes and goes, of which the second stays."""
+    """Return two of each kind of what can be added and removed, of which the second stays."""
     return {
         "robot": model.add_robots(blind(), poses=[(40, 40, 0.0), (60, 100, 1.0)]),
         "fire": [model.add_fire((100 + 50 * k, 250), radius=5) for k in range(2)],

@@ -16,6 +16,7 @@ from mesa_swarm.errors import (
     check_number,
     in_words,
     shortened,
+    unknown_name,
 )
 from mesa_swarm.parameters import Choice, Parameter
 
@@ -37,6 +38,11 @@ def test_limits_of_counts_are_shown_to_the_last_digit():
 def test_whatever_is_neither_true_nor_false_is_refused(wrong):
     with pytest.raises(InvalidValueError, match=r"^shared is .*; expected True or False$"):
         check_flag("shared", wrong)
+
+
+def test_the_nearest_known_name_is_suggested():
+    expected = "unknown map 'orginal'; did you mean 'original'? known: original, sparse"
+    assert unknown_name("map", "orginal", ["original", "sparse"]) == expected
 
 
 def test_numpy_s_true_and_false_are_taken():

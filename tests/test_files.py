@@ -50,6 +50,12 @@ def test_a_pipe_or_a_device_is_refused_and_stays(tmp_path):
     assert (tmp_path / "nothing.png").is_char_device()
 
 
+def test_a_name_with_another_ending_is_refused_with_the_option_that_has_it(tmp_path):
+    assert checked_file(tmp_path / "a.PNG", ".png") == tmp_path / "a.PNG"
+    with pytest.raises(InvalidValueError, match=r"^picture is '.*a\.jpg'; expected the name of a \.png file$"):
+        checked_file(tmp_path / "a.jpg", ".png", "picture")
+
+
 @pytest.mark.parametrize("name", ["folder", "a\0b", "x" * 300, "file/below", "loop"])
 def test_a_place_where_no_file_can_be_is_refused_in_one_line_with_its_name(tmp_path, name):
     (tmp_path / "folder").mkdir()

@@ -1,6 +1,7 @@
 """Running a model: steps, progress, what is collected, contacts, and a step that failed."""
 
 import math
+from datetime import datetime
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from mesa_swarm import ProximitySensor, RobotDesign, SwarmModel, disc, rectangle
 from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.progress import finishing_time
 from support.scenes import ahead, blind, circle, empty
 
 
@@ -24,6 +26,12 @@ def test_a_progress_bar_is_shown_when_asked_for_only(capsys):
     shown = capsys.readouterr().err
     assert "3/3 steps" in shown
     assert "left, done at" in shown
+
+
+def test_the_time_at_which_work_is_done_has_its_day_if_that_is_not_today():
+    now = datetime(2025, 1, 31, 23, 58, 30)
+    assert finishing_time(60, 1.0, now) == "done at 23:59:30"
+    assert finishing_time(3600, 0.5, now) == "done on 01 Feb at 01:58"
 
 
 def test_run_stops_when_the_model_stops_running():

@@ -109,6 +109,7 @@ def test_the_finder_is_registered_once_and_last_of_ours():
 def test_recordings_of_before_name_the_class_of_models_by_its_old_module():
     assert shipped_class("mesa_swarm.model", "SwarmModel") is SwarmModel
     assert shipped_class("mesa_swarm.model", "EngineModel") is None
+    assert shipped_class("os", "path") is None
 
 
 def test_former_names_of_members_still_work_with_a_warning():

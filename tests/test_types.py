@@ -98,6 +98,6 @@ def test_type_checkers_know_what_people_read_first(tmp_path):
     assert dict(zip(READ_FIRST, revealed, strict=True)) == READ_FIRST
 
 
-def test_no_error_is_passed_over_without_saying_which():
+def test_no_error_is_passed_over_without_its_type():
     lines = [line for path in PACKAGE.rglob("*.py") for line in path.read_text().splitlines()]
     assert not [line for line in lines if "type: ignore" in line and "type: ignore[" not in line]

@@ -34,7 +34,7 @@ class Unfriendly:
 
 
 class Untouchable:
-    """Raises whatever it is asked for."""
+    """Raises whatever attribute is read."""
 
     def __getattr__(self, name):
         raise RuntimeError("a line\nand another")

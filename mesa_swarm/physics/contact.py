@@ -101,20 +101,11 @@ def disc_overlap(x, y, radius, discs, k):
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Contacts:
-    """The deepest contact of every robot that collided in a step; one row per robot.
+    """The deepest contact of every robot that collided in a step; one row per robot, by ascending unique_id.
 
-    Parameters
-    ----------
-    robot : int64 ndarray, shape (k,)
-        unique_id of the robot, ascending.
-    kind : int64 ndarray, shape (k,)
-        Of the other body: 0 obstacle or border, 1 robot, 2 fire, 3 load.
-    other : int64 ndarray, shape (k,)
-        unique_id of the other body, -1 for the border and for a body that has been removed since.
-    normal : ndarray, shape (k, 2)
-        Unit vector from the other to the robot.
-    depth : ndarray, shape (k,)
-        Overlap before it was resolved, map units.
+    `kind` is 0 for an obstacle or the border, 1 for a robot, 2 a fire, 3 a load. `other` is the unique_id of the other
+    body, -1 for the border and for a body that has been removed since. `normal` (k, 2) is the unit vector from the
+    other to the robot, and `depth` the overlap before it was resolved, map units.
     """
 
     robot: np.ndarray
@@ -147,41 +138,21 @@ def travel(
     position, heading, motion, radius, number, turn_angle, grid, statics,
     collided, contact_kind, contact_index, contact_normal, contact_depth, extra_turn,
 ):  # fmt: skip
-    """Move all robots through one step and resolve every contact.
+    """Move all robots through one step, resolve every contact, and write the contact columns.
 
-    Parameters
-    ----------
-    position, heading : ndarrays, changed
-    motion : ndarray, shape (n, 3)
-        Requested by the wheels.
-    radius, number : ndarrays, shape (n,)
-        Of the bodies; and their ids, which decide the directions in which coincident centres part.
-    turn_angle : float
-        A robot whose travel is farther than this (rad) from a flat face's normal is turned along the face.
-    grid : tuple
-        `Grid.numbers` with cells at least 2 r + margin wide.
-    statics : tuple
-        edges, discs, owner, body, bounds, grid numbers, touched_start, touched_items.
-    collided, contact_kind, contact_index, contact_normal, contact_depth : ndarrays, written
-        The deepest contact of each robot in this step.
-    extra_turn : ndarray, shape (n,), written
-        By faces.
-
-    Returns
-    -------
-    int
-        Number of robots that collided.
+    A robot whose travel is farther than `turn_angle` (rad) from a flat face's normal is turned along the face;
+    `extra_turn` becomes the turn that faces added. Ids, `number`, decide in which directions coincident centres part.
+    The cells of `grid`, see `Grid.numbers`, are at least 2 r + margin wide. `statics` are edges, discs, owner, body,
+    bounds, grid numbers, touched_start and touched_items.
     """
-    n, count = position.shape[0], 0
-    collided[:] = False
     contact_kind[:] = -1
     contact_index[:] = -1
     contact_normal[:] = 0.0
     contact_depth[:] = 0.0
     extra_turn[:] = 0.0
     before = np.empty_like(position)
-    face = np.empty((n, 3))
-    free = np.empty(n, np.bool_)
+    face = np.empty((len(position), 3))
+    free = np.empty(len(position), np.bool_)
     pieces = count_pieces(motion, radius)
     for _ in range(pieces):
         before[:] = position
@@ -192,10 +163,7 @@ def travel(
         if not settled:
             put_back(position, before, radius, grid, statics, contacts, free, listed, pairs)
         turn_along_faces(heading, motion, face, turn_angle, extra_turn)
-    for i in range(n):
-        collided[i] = contact_depth[i] > 0.0
-        count += collided[i]
-    return count
+    collided[:] = contact_depth > 0.0
 
 
 @compiled
@@ -313,10 +281,7 @@ def near_pairs(position, radius, margin, grid):
 
 @compiled
 def push_pairs(position, radius, number, pairs, awake, push, contacts, met):
-    """Add to `push` half of each overlap of two robots (A.7).
-
-    Returns the number of pairs that overlap, rows ``met[:count]`` of `pairs`.
-    """
+    """Add to `push` half of each overlap of two robots (A.7); return the number of pairs, rows ``met[:count]``."""
     count = 0
     for k in range(pairs.shape[0]):
         i, j = pairs[k, 0], pairs[k, 1]

@@ -1,5 +1,6 @@
 """The compiled engine: what sensing and moving do to the swarm's columns."""
 
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
@@ -62,21 +63,15 @@ class CompiledEngine:
         """Write position, heading, slip and the contact columns."""
         self._prepare(swarm, surroundings)
         columns = swarm.columns
-        wheels = rolling_wheels(swarm, draws)
-        write_motion(swarm, self._drives, wheels, self._motion)
-        before, heading_before = columns["position"].copy(), columns["heading"].copy()
-        if carry(surroundings, columns, self._motion, lambda: self._travel(columns, turn_angle)):
-            collided = columns["collided"]
-            achieved_motion(before, columns["position"], heading_before, self._extra_turn, collided, self._motion)
-            wheels = np.where(collided[:, None], wheels_of(swarm, self._drives, self._motion), wheels)
-        slip_of(columns["command"], wheels, columns["slip"])
-
-    def _travel(self, columns: dict[str, np.ndarray], turn_angle: float) -> int:
-        """Move all robots and return the number that collided."""
         position, heading, radius, number = (columns[name] for name in ("position", "heading", "radius", "number"))
         fixed = turn_angle, self._cells, self._statics
         written = columns["collided"], *(columns[name] for name in CONTACT_COLUMNS), self._extra_turn
-        return travel(position, heading, self._motion, radius, number, *fixed, *written)
+
+        def go() -> np.ndarray:
+            travel(position, heading, self._motion, radius, number, *fixed, *written)
+            return self._extra_turn
+
+        move_by_commands(swarm, surroundings, draws, self._drives, self._motion, go)
 
     def settle(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Move robots that overlap anything to free room nearby."""
@@ -140,6 +135,26 @@ def drives_by_rows(swarm: Swarm) -> Rows:
         return [(drives[0], slice(None))]
     of_design = np.array([drives.index(design.drive) for design in swarm.designs], np.int64)
     return [(drive, np.flatnonzero(of_design[swarm.design] == k)) for k, drive in enumerate(drives)]
+
+
+def move_by_commands(
+    swarm: Swarm,
+    surroundings: Surroundings,
+    draws: np.ndarray | None,
+    drives: Rows,
+    motion: np.ndarray,
+    travel: Callable[[], np.ndarray],
+) -> None:
+    """Write the motion (n, 3), then slip; `travel` moves all robots by it and returns by how much faces turned each."""
+    columns = swarm.columns
+    wheels = rolling_wheels(swarm, draws)
+    write_motion(swarm, drives, wheels, motion)
+    before, heading_before = columns["position"].copy(), columns["heading"].copy()
+    extra_turn, collided = carry(surroundings, columns, motion, travel), columns["collided"]
+    if np.count_nonzero(collided):
+        achieved_motion(before, columns["position"], heading_before, extra_turn, collided, motion)
+        wheels = np.where(collided[:, None], wheels_of(swarm, drives, motion), wheels)
+    slip_of(columns["command"], wheels, columns["slip"])
 
 
 def rolling_wheels(swarm: Swarm, draws: np.ndarray | None) -> np.ndarray:

@@ -33,18 +33,10 @@ KEPT: dict[str, tuple[tuple, type, float]] = {
 
 
 class Imperfect:
-    """Imperfections applied to a swarm.
+    """Imperfections applied to a swarm, which gets columns for readings that are not fresh and for wear.
 
     Random numbers are functions of the key, the robot's number, the channel and the step: reading twice gives the
     same, and a robot's imperfections do not depend on the other robots.
-
-    Parameters
-    ----------
-    imperfections : Imperfections
-    swarm : Swarm
-        Gets columns for readings that are not fresh and for wear.
-    key : int
-        Of the random numbers, 0 to 2^64 - 1.
     """
 
     def __init__(self, imperfections: Imperfections, swarm: Swarm, key: int) -> None:
@@ -58,27 +50,22 @@ class Imperfect:
         """Disturb the readings of all sensors in this step."""
         if not self._reads:
             return
-        columns, table, key = swarm.columns, swarm.table, np.uint64(self.key)
-        design, number, limits = columns["design"], columns["number"], self.imperfections.sensing.limits
-        spoil_proximity(
-            columns["distance"],
-            columns["kind"],
-            kept(swarm, "distance"),
-            kept(swarm, "kind"),
-            np.ascontiguousarray(table.proximity[:, :, RANGE]),
-            design,
-            number,
-            limits,
-            step,
-            key,
-        )
+        columns, table, limits = swarm.columns, swarm.table, self.imperfections.sensing.limits
+        by_chance = columns["design"], columns["number"], step, np.uint64(self.key)
+        last = {name: kept(swarm, name) for name in ("distance", "kind", "radiation", "line")}
+        seen = columns["distance"], columns["kind"], last["distance"], last["kind"]
+        spoil(*seen, np.ascontiguousarray(table.proximity[:, :, RANGE]), NOTHING, 0, limits, *by_chance)
         radiation, line = columns["radiation"], columns["line"]
         if radiation.shape[1]:
-            there = table.radiation[:, :, RANGE] >= 0.0
-            spoil_radiation(radiation, kept(swarm, "radiation"), there, design, number, limits, step, key)
+            unused = np.empty(radiation.shape, np.int8)
+            hottest = np.where(table.radiation[:, :, RANGE] >= 0.0, 1.0, -1.0)
+            spoil(radiation, unused, last["radiation"], unused, hottest, 0.0, RADIATION, limits, *by_chance)
         if line.shape[1]:
-            there = ~np.isnan(table.line[:, :, 0])
-            spoil_line(line, kept(swarm, "line"), there, design, number, limits, step, key)
+            # A mark is dark ground. What line sensors read is yes or no, and so has no error: an outlier is either.
+            bright, last_bright, unused = 1.0 - line, 1.0 - last["line"], np.empty(line.shape, np.int8)
+            brightest = np.where(np.isnan(table.line[:, :, 0]), -1.0, 1.0)
+            spoil(bright, unused, last_bright, unused, brightest, 1.0, LINE, (0.0, *limits[1:]), *by_chance)
+            line[:], last["line"][:] = bright < 0.5, last_bright < 0.5
 
     @contextmanager
     def driving(self, swarm: Swarm, step: int) -> Iterator[None]:
@@ -86,24 +73,13 @@ class Imperfect:
         if not self._drives:
             yield
             return
-        command, slip = swarm.columns["command"], swarm.columns["slip"]
+        columns, given = swarm.columns, self.imperfections
+        command, slip = columns["command"], columns["slip"]
         requested = command.copy()
-        given = self.imperfections
-        spoil_wheels(
-            command,
-            kept(swarm, "told"),
-            kept(swarm, "wheels"),
-            kept(swarm, "used"),
-            kept(swarm, "broken"),
-            swarm.columns["max_speed"],
-            swarm.columns["design"],
-            swarm.table.sideways,
-            swarm.columns["number"],
-            given.driving.limits,
-            (float(given.battery), float(given.failure)),
-            step,
-            np.uint64(self.key),
-        )
+        worn = [kept(swarm, name) for name in ("told", "wheels", "used", "broken")]
+        bodies = columns["max_speed"], columns["design"], swarm.table.sideways, columns["number"]
+        limits = given.driving.limits, (float(given.battery), float(given.failure))
+        spoil_wheels(command, *worn, *bodies, *limits, step, np.uint64(self.key))
         try:
             yield
             reached = command * (1.0 - slip)
@@ -119,13 +95,7 @@ def kept(swarm: Swarm, name: str) -> np.ndarray:
 
 @compiled
 def chance(key, number, channel, moment, what):
-    """Return a number in [0, 1) that the key, robot, channel, moment and question decide.
-
-    Examples
-    --------
-    >>> 0 <= chance(np.uint64(1), 2, 3, 4, 0) < 1
-    True
-    """
+    """Return a number in [0, 1) that the key, robot, channel, moment and question decide."""
     bits = mixed(key + GOLDEN * np.uint64(number))
     bits = mixed(bits + GOLDEN * np.uint64(channel))
     bits = mixed(bits + GOLDEN * np.uint64(moment))
@@ -141,69 +111,29 @@ def normal(key, number, channel, moment):
 
 
 @compiled
-def spoil_proximity(distance, kind, last_distance, last_kind, ranges, design, number, limits, step, key):
-    """Disturb the readings of proximity sensors, and store them for steps without a fresh reading."""
+def spoil(reading, kind, last, last_kind, largest, nothing, first_channel, limits, design, number, step, key):
+    """Disturb readings from 0 to the `largest` of each sensor, and store them for steps without a fresh reading.
+
+    A sensor that sees nothing reads `nothing`; a design has no sensor where `largest` is negative.
+    """
     error, dropout, outliers, hold, period, _ = limits
     moment = step // hold
-    for i in range(distance.shape[0]):
-        for s in range(distance.shape[1]):
-            reach = ranges[design[i], s]
-            if step % period != 0:
-                distance[i, s], kind[i, s] = last_distance[i, s], last_kind[i, s]
-            elif reach >= 0.0:
-                fate = chance(key, number[i], s, moment, FATE)
-                if fate < dropout:
-                    distance[i, s], kind[i, s] = NOTHING, -1
-                elif fate < dropout + outliers:
-                    distance[i, s] = reach * chance(key, number[i], s, moment, PLACE)
-                    kind[i, s] = OBSTACLE
-                elif distance[i, s] >= 0.0:
-                    wrong = distance[i, s] * (1.0 + error * normal(key, number[i], s, moment))
-                    distance[i, s] = min(max(wrong, 0.0), reach)
-            last_distance[i, s], last_kind[i, s] = distance[i, s], kind[i, s]
-
-
-@compiled
-def spoil_radiation(radiation, last, there, design, number, limits, step, key):
-    """Disturb the readings of radiation sensors, temperatures from 0 to 1."""
-    error, dropout, outliers, hold, period, _ = limits
-    moment = step // hold
-    for i in range(radiation.shape[0]):
-        for q in range(radiation.shape[1]):
-            if not there[design[i], q]:
+    for i in range(reading.shape[0]):
+        for s in range(reading.shape[1]):
+            most, channel = largest[design[i], s], first_channel + s
+            if most < 0.0:
                 continue
-            channel = RADIATION + q
             fate = chance(key, number[i], channel, moment, FATE)
             if step % period != 0:
-                radiation[i, q] = last[i, q]
+                reading[i, s], kind[i, s] = last[i, s], last_kind[i, s]
             elif fate < dropout:
-                radiation[i, q] = 0.0
+                reading[i, s], kind[i, s] = nothing, -1
             elif fate < dropout + outliers:
-                radiation[i, q] = chance(key, number[i], channel, moment, PLACE)
-            else:
-                wrong = radiation[i, q] * (1.0 + error * normal(key, number[i], channel, moment))
-                radiation[i, q] = min(max(wrong, 0.0), 1.0)
-            last[i, q] = radiation[i, q]
-
-
-@compiled
-def spoil_line(line, last, there, design, number, limits, step, key):
-    """Disturb the readings of line sensors, which are yes or no and so have no error: an outlier is either."""
-    _, dropout, outliers, hold, period, _ = limits
-    moment = step // hold
-    for i in range(line.shape[0]):
-        for s in range(line.shape[1]):
-            if not there[design[i], s]:
-                continue
-            channel = LINE + s
-            fate = chance(key, number[i], channel, moment, FATE)
-            if step % period != 0:
-                line[i, s] = last[i, s]
-            elif fate < dropout:
-                line[i, s] = False
-            elif fate < dropout + outliers:
-                line[i, s] = chance(key, number[i], channel, moment, PLACE) < 0.5
-            last[i, s] = line[i, s]
+                reading[i, s], kind[i, s] = most * chance(key, number[i], channel, moment, PLACE), OBSTACLE
+            elif reading[i, s] >= 0.0:
+                wrong = reading[i, s] * (1.0 + error * normal(key, number[i], channel, moment))
+                reading[i, s] = min(max(wrong, 0.0), most)
+            last[i, s], last_kind[i, s] = reading[i, s], kind[i, s]
 
 
 @compiled

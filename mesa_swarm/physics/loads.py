@@ -65,15 +65,8 @@ class Wrench(NamedTuple):
 def carry(surroundings: Surroundings, columns: dict, motion: np.ndarray, travel: Callable[[], Result]) -> Result:
     """Move the loads that are pushed hard enough, then all robots, and return what `travel` returns.
 
-    Parameters
-    ----------
-    surroundings : Surroundings
-    columns : dict
-        Of the swarm; position and heading are written, by `travel`.
-    motion : ndarray, shape (n, 3)
-        Requested by the wheels.
-    travel : function
-        Moves all robots through the step, around the loads as they then are; may be called again.
+    `travel` moves all robots through the step, around the loads as they then are; it is called again where loads had to
+    return.
     """
     room = surroundings.room
     if room is None:  # no loads
@@ -164,18 +157,7 @@ def wrench_of(pushes: list[RobotPush]) -> Wrench:
 
 
 def twist_of(wrench: Wrench, pushes: list[RobotPush], load: Load, longest: float) -> Pose | None:
-    """Return the motion of a load in this step, as (x, y, turn), or None if it stays.
-
-    Examples
-    --------
-    >>> from mesa_swarm import SwarmModel, disc
-    >>> load = SwarmModel(rng=1).add_load(disc((100, 100), 30), resistance=1.5)
-    >>> pushes = 2 * [RobotPush(1.0, 0.0, 0.0, 1.0, 0.8)]
-    >>> twist_of(wrench_of(pushes), pushes, load, 2.5)
-    (0.8, 0.0, 0.0)
-    >>> twist_of(wrench_of(pushes[:1]), pushes[:1], load, 2.5) is None
-    True
-    """
+    """Return the motion of a load in this step, as (x, y, turn), or None if it stays."""
     turn = wrench.torque / load.form.lever**2
     if wrench.x**2 + wrench.y**2 + turn * wrench.torque <= load.resistance**2 * (1.0 + EQUAL):
         return None

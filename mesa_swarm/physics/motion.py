@@ -21,13 +21,7 @@ def count_pieces(motion, radius):
 
 @compiled
 def sinc(half_turn: float) -> float:
-    """Return sin(a) / a, the length of an arc's chord relative to the arc, which turns by 2 a.
-
-    Examples
-    --------
-    >>> sinc(0.0)
-    1.0
-    """
+    """Return sin(a) / a, the length of an arc's chord relative to the arc, which turns by 2 a."""
     if abs(half_turn) < 1e-4:
         return 1.0 - half_turn * half_turn / 6.0
     return math.sin(half_turn) / half_turn
@@ -52,27 +46,7 @@ def advance(position, heading, motion, pieces):
 
 @compiled
 def achieved_motion(start, position, start_heading, extra_turn, collided, motion):
-    """Replace the motion of robots that collided by the one that they achieved.
-
-    Parameters
-    ----------
-    start, position : ndarrays, shape (n, 2)
-        Before and after the step.
-    start_heading, extra_turn : ndarrays, shape (n,)
-        Heading before the step, and the turn that walls added.
-    collided : bool ndarray, shape (n,)
-    motion : ndarray, shape (n, 3), changed
-
-    Examples
-    --------
-    Half a circle of length pi / 2 takes a robot 1 to its left:
-
-    >>> import numpy as np
-    >>> motion, here, nowhere = np.array([[9.0, 9.0, math.pi]]), np.zeros((1, 2)), np.zeros(1)
-    >>> achieved_motion(here, np.array([[0.0, 1.0]]), nowhere, nowhere, np.ones(1, np.bool_), motion)
-    >>> motion.round(6)
-    array([[1.570796, 0.      , 3.141593]])
-    """
+    """Replace the motion of robots that collided by the one that they achieved; walls added `extra_turn`."""
     for i in range(position.shape[0]):
         if not collided[i]:
             continue
@@ -88,16 +62,7 @@ def achieved_motion(start, position, start_heading, extra_turn, collided, motion
 
 @compiled
 def slip_of(command, wheels, slip):
-    """Write (m - v) / m per wheel, 0 where m = 0 (A.5).
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> slip = np.empty((1, 2))
-    >>> slip_of(np.array([[1.0, 0.0]]), np.array([[0.25, 0.5]]), slip)
-    >>> slip
-    array([[0.75, 0.  ]])
-    """
+    """Write (m - v) / m per wheel, 0 where m = 0 (A.5)."""
     for i in range(command.shape[0]):
         for w in range(2):
             m = command[i, w]

@@ -7,13 +7,12 @@ import numpy as np
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.grid import Grid, cell_index, sort_into_cells
 from mesa_swarm.geometry.overlap import nearest_on_segment, segments_meet
+from mesa_swarm.physics.engine import CELLS_PER_ROBOT, FEWEST_CELLS
 from mesa_swarm.physics.sensing import into_frame
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.swarm import Swarm
 
-FEWEST_CELLS = 64
-CELLS_PER_ROBOT = 4
 GOLDEN, FIRST_FACTOR, SECOND_FACTOR = map(np.uint64, (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB))
 
 
@@ -67,21 +66,10 @@ def send_goals(position, heading, goal, sent_goal):
 def hear_states(
     position, heading, number, layer, task, limits, grid, obstacles, heard_layer, heard_task, heard_from,
 ):  # fmt: skip
-    """Write layer, task and place of the nearest robot heard that has a task.
+    """Write layer, task and place of the nearest robot heard that has a task; -1 and NaN where none is heard.
 
-    Parameters
-    ----------
-    position, heading, number, layer, task : ndarrays, rows are robots
-    limits : tuple
-        Range, loss probability, the step's random word, whether obstacles stop broadcasts.
-    grid : tuple
-        `Grid.numbers` of the grid that the senders are sorted into.
-    obstacles : tuple
-        As `is_cut` takes them.
-    heard_layer, heard_task : int64 ndarrays, shape (n,), written
-        -1 where no robot is heard.
-    heard_from : ndarray, shape (n, 2), written
-        In the hearer's frame, NaN where no robot is heard.
+    `limits` are the range, the loss probability, the step's random word, and whether obstacles stop broadcasts; `grid`
+    is the one that the senders are sorted into. Places are in the hearer's frame.
     """
     rows = np.flatnonzero(task >= 0)
     places = position[rows]
@@ -94,17 +82,9 @@ def hear_states(
 
 @compiled
 def hear_goals(position, heading, number, sent_goal, beacons, limits, grid, obstacles, heard_goal):
-    """Write, of the goals that each robot hears, the one that is nearest to it.
+    """Write, of the goals that each robot hears, the nearest, in its own frame; NaN where none is heard.
 
-    Parameters
-    ----------
-    sent_goal : ndarray, shape (n, 2)
-        On the map; not finite where no goal is sent.
-    beacons : ndarray, shape (b, 2)
-    heard_goal : ndarray, shape (n, 2), written
-        In the hearer's frame, NaN where no goal is heard.
-    position, heading, number, limits, grid, obstacles
-        As `hear_states` takes them.
+    `sent_goal` is on the map, and not finite where no goal is sent.
     """
     rows = np.flatnonzero(np.isfinite(sent_goal[:, 0] + sent_goal[:, 1]))
     places = np.concatenate((beacons, position[rows]))
@@ -119,16 +99,8 @@ def hear_goals(position, heading, number, sent_goal, beacons, limits, grid, obst
 def nearest_heard(position, number, places, targets, numbers, limits, grid, obstacles):
     """Return, for every robot, the broadcast it hears whose target is nearest, -1 for none.
 
-    Of equally near targets that of the sender with the smaller number counts: independent of order.
-
-    Parameters
-    ----------
-    position, number : ndarrays
-        Of the hearers.
-    places, targets : ndarrays, shape (s, 2)
-        Of the senders, and the points that they broadcast.
-    numbers : int64 ndarray, shape (s,)
-        Of the senders; no robot hears the sender with its own number.
+    Of equally near targets that of the sender with the smaller number counts: independent of order. Senders are at
+    `places` and broadcast the points `targets`; no robot hears the sender with its own number.
     """
     reach, loss, word, occlusion = limits
     left, below, per_unit, columns, rows = grid
@@ -181,10 +153,7 @@ def put_in_frames(position, heading, points, chosen, out):
 def is_cut(ax, ay, bx, by, obstacles):
     """Return whether an obstacle's edge or disc meets the segment a-b; touching it is enough.
 
-    Parameters
-    ----------
-    obstacles : tuple
-        Edges, discs, grid, and start and items of the lists of what can be touched, see `Statics`.
+    `obstacles` are edges, discs, grid, and start and items of the lists of what can be touched, see `Statics`.
     """
     edges, discs, (left, below, per_unit, columns, rows), start, items = obstacles
     if ax > bx:
@@ -219,13 +188,7 @@ def item_meets(item, ax, ay, bx, by, edges, discs):
 
 @compiled
 def is_lost(word, sender, hearer, probability):
-    """Return whether a broadcast is lost, by a hash of the step's word and both numbers: independent of order.
-
-    Examples
-    --------
-    >>> is_lost(np.uint64(1), 2, 3, 0.0), is_lost(np.uint64(1), 2, 3, 1.0)
-    (False, True)
-    """
+    """Return whether a broadcast is lost, by a hash of the step's word and both numbers: independent of order."""
     bits = mixed(mixed(word + GOLDEN * np.uint64(sender)) + GOLDEN * np.uint64(hearer))
     return (bits >> np.uint64(11)) * 2.0**-53 < probability
 

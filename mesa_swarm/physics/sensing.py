@@ -35,20 +35,9 @@ def sense_proximity(
     position, heading, radius, largest_radius, design, sensors, counts, reach, grid, start, order,
     edges, discs, static_kind, static_grid, seen_start, seen_items, distance, kind,
 ):  # fmt: skip
-    """Write the readings of all proximity sensors, without error.
+    """Write the readings of all proximity sensors, without error; -1 where no body is seen.
 
-    Parameters
-    ----------
-    position, heading, radius, design : ndarrays, rows are robots
-    largest_radius : float
-    sensors, counts, reach : ndarrays
-        Of `DesignTable`.
-    grid, start, order
-        The robots sorted by cell, see `sort_into_cells`.
-    edges, discs, static_kind, static_grid, seen_start, seen_items
-        Of `Statics`.
-    distance, kind : ndarrays, shape (n, s), written
-        -1 where no body is seen.
+    `start` and `order` are the robots sorted by cell, see `sort_into_cells`; for `edges` and so on see `Statics`.
     """
     axes = np.empty((position.shape[0], 2))
     for i in range(position.shape[0]):
@@ -150,13 +139,7 @@ def _see_robots(
 
 @compiled
 def into_frame(x, y, axis_x, axis_y):
-    """Return a vector in a frame whose x axis is the unit vector (axis_x, axis_y).
-
-    Examples
-    --------
-    >>> into_frame(0.0, 2.0, 0.0, 1.0)
-    (2.0, 0.0)
-    """
+    """Return a vector in a frame whose x axis is the unit vector (axis_x, axis_y)."""
     return axis_x * x + axis_y * y, axis_x * y - axis_y * x
 
 
@@ -195,11 +178,6 @@ def is_just_behind(ax, ay, bx, by, touch):
     """Return whether the origin is on the left of the edge a-b and at most `touch` away, or on it.
 
     An origin in front of the edge by rounding alone counts as on it: the direction of the foot is arbitrary there.
-
-    Examples
-    --------
-    >>> is_just_behind(1.0, -1e-8, -1.0, -1e-8, 1e-6), is_just_behind(-1.0, -1e-8, 1.0, -1e-8, 1e-6)
-    (False, True)
     """
     side = ax * by - bx * ay
     dx, dy = bx - ax, by - ay
@@ -238,18 +216,10 @@ def sense_inside(position, heading, design, sensors, counts, edges, edge_kind, r
 
 @compiled
 def err(distance, design, sensors, noise, draws, step, error):
-    """Disturb readings: with probability p a distance d becomes d (1 +- magnitude), within [0, range].
+    """Disturb readings: with probability p a distance d becomes d (1 +- magnitude), within [0, range]; -1 stays -1.
 
-    Parameters
-    ----------
-    distance : ndarray, shape (n, s), changed
-        -1 stays -1.
-    draws : ndarray, shape (n, s)
-        Uniform in [0, 1); below p/2 subtracts, from there to p adds.
-    step : int
-        The error is drawn anew in steps that `hold` divides.
-    error : ndarray, shape (n, s), changed
-        The relative error that is held.
+    Of `draws`, uniform in [0, 1), those below p / 2 subtract, and from there to p add. The relative error is drawn anew
+    in steps that `hold` divides, and held in `error` meanwhile.
     """
     for i in range(distance.shape[0]):
         d = design[i]
@@ -266,16 +236,7 @@ def err(distance, design, sensors, noise, draws, step, error):
 
 @compiled
 def sense_radiation(position, heading, design, sensors, fires, temperature, radiation):
-    """Write the highest temperature among the burning fires in each radiation sensor's sector.
-
-    Parameters
-    ----------
-    fires : ndarray, shape (f, 3)
-        x, y, radius.
-    temperature : ndarray, shape (f,)
-        0 once a fire is out.
-    radiation : ndarray, shape (n, q), written
-    """
+    """Write the highest temperature among the burning fires (x, y, radius) in each radiation sensor's sector."""
     for i in range(position.shape[0]):
         d = design[i]
         cosine, sine = math.cos(heading[i]), math.sin(heading[i])
@@ -298,16 +259,7 @@ def sense_radiation(position, heading, design, sensors, fires, temperature, radi
 
 @compiled
 def sense_line(position, heading, design, mounts, marks, rings, discs, line):
-    """Write whether each line sensor is over a mark on the ground.
-
-    Parameters
-    ----------
-    marks, rings : ndarrays
-        Edges of the polygonal marks and the rows of each, as in `Statics`.
-    discs : ndarray, shape (k, 3)
-        Round marks.
-    line : bool ndarray, shape (n, l), written
-    """
+    """Write whether each line sensor is over a mark on the ground: a polygon of `rings`, or one of `discs`."""
     for i in range(position.shape[0]):
         d = design[i]
         cosine, sine = math.cos(heading[i]), math.sin(heading[i])

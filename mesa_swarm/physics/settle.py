@@ -17,20 +17,9 @@ RING = 0.125
 def settle(
     position: np.ndarray, radius: np.ndarray, number: np.ndarray, grid: tuple, statics: tuple, rings: np.ndarray
 ) -> None:
-    """Move every robot that overlaps anything to free room nearby, whatever the tangle.
+    """Move every robot that overlaps anything to free room nearby, whatever the tangle, or raise `PlacementError`.
 
-    Parameters
-    ----------
-    position : ndarray, shape (n, 2), changed
-    radius, number, grid, statics
-        As `contact.travel` takes them.
-    rings : ndarray, shape (p, 2)
-        Rows of each solid polygon's edges.
-
-    Raises
-    ------
-    PlacementError
-        If there is no room left for a robot.
+    `rings` (p, 2) are the rows of each solid polygon's edges; all else is as `contact.travel` takes it.
     """
     if not len(position):
         return

@@ -17,14 +17,12 @@ from shapely import Point, Polygon, STRtree
 from shapely.geometry.polygon import orient
 
 from mesa_swarm.physics.contact import MOST_PUSHES, MOST_SWEEPS, ON_FACE, SLOP, coincident_direction, turn_along_faces
-from mesa_swarm.physics.engine import CONTACT_COLUMNS, drives_by_rows, rolling_wheels, wheels_of, write_motion
-from mesa_swarm.physics.loads import carry
-from mesa_swarm.physics.motion import achieved_motion, advance, count_pieces, slip_of
+from mesa_swarm.physics.engine import CONTACT_COLUMNS, drives_by_rows, hold_readings, move_by_commands
+from mesa_swarm.physics.motion import advance, count_pieces
 from mesa_swarm.physics.sensing import err
 from mesa_swarm.physics.settle import RING, SWEEPS, no_room
 from mesa_swarm.physics.shapely_sensing import Solids, sense_line, sense_proximity, sense_radiation
 from mesa_swarm.physics.surroundings import Surroundings
-from mesa_swarm.robots.design import PERIOD
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import ROBOT
 
@@ -96,13 +94,7 @@ def separate(position: np.ndarray, radius: np.ndarray, solids: Solids, contacts:
 
 
 def overlapping_pairs(position: np.ndarray, radius: np.ndarray) -> np.ndarray:
-    """Return the pairs (i, j), i < j, of robots that overlap, sorted; shape (k, 2).
-
-    Examples
-    --------
-    >>> overlapping_pairs(np.array([[0.0, 0], [20, 0], [9, 0]]), np.full(3, 5.0)).tolist()
-    [[0, 2]]
-    """
+    """Return the pairs (i, j), i < j, of robots that overlap, sorted; shape (k, 2)."""
     points = shapely.points(position)
     i, j = STRtree(points).query(points, predicate="dwithin", distance=2 * radius.max(initial=0.0))
     overlap = radius[i] + radius[j] - shapely.distance(points[i], points[j])
@@ -175,13 +167,7 @@ def _touch_of_polygon(point: Point, radius: float, solids: Solids, p: int) -> To
 
 
 def way_out(polygon: Polygon, point: Point) -> np.ndarray:
-    """Return the unit vector out of a polygon across the edge that is nearest to a point.
-
-    Examples
-    --------
-    >>> (way_out(shapely.box(0, 0, 4, 4), Point(4, 1)) + 0.0).tolist()  # no negative zero
-    [1.0, 0.0]
-    """
+    """Return the unit vector out of a polygon across the edge that is nearest to a point."""
     solid = orient(polygon)
     rings = [shapely.get_coordinates(ring) for ring in (solid.exterior, *solid.interiors)]
     edges = np.concatenate([np.stack([ring[:-1], ring[1:]], axis=1) for ring in rings])
@@ -218,13 +204,7 @@ def put_back(position: np.ndarray, before: np.ndarray, radius: np.ndarray, solid
 
 
 def settle(columns: dict[str, np.ndarray], bounds: tuple[float, ...], solids: Solids) -> None:
-    """Move every robot that overlaps anything to free room nearby, whatever the tangle.
-
-    Raises
-    ------
-    PlacementError
-        If there is no room left for a robot.
-    """
+    """Move every robot that overlaps anything to free room nearby, whatever the tangle, or raise `PlacementError`."""
     position, radius = columns["position"], columns["radius"]
     for i in range(len(radius)):
         if not is_free(position[i : i + 1], radius[i], solids)[0]:
@@ -250,13 +230,7 @@ def is_free(places: np.ndarray, radius: float, solids: Solids) -> np.ndarray:
 
 
 def is_on_map(places: np.ndarray, bounds: tuple[float, ...]) -> np.ndarray:
-    """Return whether each of these places is within the map.
-
-    Examples
-    --------
-    >>> is_on_map(np.array([[3.0, 4.0], [3.0, 11.0]]), (0, 0, 10, 10)).tolist()
-    [True, False]
-    """
+    """Return whether each of these places is within the map."""
     inside = (places >= bounds[:2]) & (places <= bounds[2:])
     return np.logical_and.reduce(inside, axis=1)
 
@@ -285,13 +259,7 @@ def find_room(
 
 
 def rings(centre: np.ndarray, radius: float, bounds: tuple[float, ...]) -> Iterator[np.ndarray]:
-    """Yield places on growing circles around a point until they are beyond the map.
-
-    Examples
-    --------
-    >>> next(rings(np.zeros(2), 8.0, (0, 0, 10, 10)))[0]
-    array([1., 0.])
-    """
+    """Yield places on growing circles around a point until they are beyond the map."""
     farthest = 2 * Point(bounds[:2]).distance(Point(bounds[2:]))
     distance = 0.0
     while distance < farthest:
@@ -302,17 +270,7 @@ def rings(centre: np.ndarray, radius: float, bounds: tuple[float, ...]) -> Itera
 
 
 class ShapelyEngine:
-    """Sensing and contact by Shapely: the readable twin of `CompiledEngine`.
-
-    Examples
-    --------
-    >>> from mesa_swarm import AGENT9, SwarmModel
-    >>> model = SwarmModel(map="original", rng=1, engine="shapely")
-    >>> robots = model.add_robots(AGENT9, poses=[(770, 300, 0.0)])
-    >>> model.sense()
-    >>> round(float(robots[0].distance[0]), 9)
-    5.0
-    """
+    """Sensing and contact by Shapely: the readable twin of `CompiledEngine`."""
 
     def __init__(self) -> None:
         self._surroundings: Surroundings | None = None
@@ -322,30 +280,22 @@ class ShapelyEngine:
         """Write the columns distance, kind, radiation and line."""
         columns, table = swarm.columns, swarm.table
         distance, kind = columns["distance"], columns["kind"]
-        held = distance.copy(), kind.copy()
+        old = distance.copy(), kind.copy()
         sense_proximity(swarm, surroundings, self._solids_of(swarm, surroundings), distance, kind)
         if draws is not None:
             err(distance, columns["design"], table.proximity, table.noise, draws, step, columns["error"])
-        waits = step % np.maximum(table.noise[swarm.design, :, PERIOD], 1) != 0
-        distance[waits], kind[waits] = held[0][waits], held[1][waits]
+        hold_readings(swarm, step, *old)
         sense_radiation(swarm, surroundings, columns["radiation"])
         sense_line(swarm, surroundings, columns["line"])
 
     def move(self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, draws: np.ndarray | None) -> None:
         """Write position, heading, slip and the contact columns."""
-        columns = swarm.columns
-        before, heading_before = swarm.position.copy(), swarm.heading.copy()
-        drives, motion, wheels = drives_by_rows(swarm), np.zeros((len(swarm), 3)), rolling_wheels(swarm, draws)
-        write_motion(swarm, drives, wheels, motion)
+        motion = np.zeros((len(swarm), 3))
 
         def go() -> np.ndarray:
-            return travel(columns, motion, turn_angle, self._solids_of(swarm, surroundings))
+            return travel(swarm.columns, motion, turn_angle, self._solids_of(swarm, surroundings))
 
-        extra_turn = carry(surroundings, columns, motion, go)
-        position, collided = columns["position"], columns["collided"]
-        achieved_motion(before, position, heading_before, extra_turn, collided, motion)
-        wheels = np.where(collided[:, None], wheels_of(swarm, drives, motion), wheels)
-        slip_of(columns["command"], wheels, columns["slip"])
+        move_by_commands(swarm, surroundings, draws, drives_by_rows(swarm), motion, go)
 
     def settle(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Move robots that overlap anything to free room nearby."""

@@ -24,25 +24,10 @@ WIDEST_STEP = math.radians(60.0)
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Solids:
-    """All solid polygons and discs of a world.
+    """All solid polygons and discs of a world; owners are indices of obstacles and fires.
 
-    Parameters
-    ----------
-    polygons : object ndarray of Polygon
-        The first is the outside of the map, as far as any sensor reaches.
-    polygon_owner : int64 ndarray
-        Index of the obstacle of each polygon, -1 for the outside.
-    polygon_body : int64 ndarray
-        0 obstacle or the outside, 3 load.
-    tree : STRtree
-        Over the polygons.
-    centres : object ndarray of Point
-        Of the discs: obstacles first, then fires.
-    radii : ndarray
-    disc_owner : int64 ndarray
-        Index of the obstacle or of the fire of each disc.
-    disc_body : int64 ndarray
-        0 obstacle, 2 fire, burning or out, 3 load.
+    The first polygon is the outside of the map, as far as any sensor reaches, with owner -1. Discs are those of
+    obstacles, then those of fires. Bodies are 0 obstacle or the outside, 2 fire, burning or out, 3 load.
     """
 
     polygons: np.ndarray
@@ -89,13 +74,7 @@ class Solids:
 
 
 def outside(bounds: tuple[float, float, float, float], margin: float) -> Polygon:
-    """Return the outside of a map as far as `margin` from it.
-
-    Examples
-    --------
-    >>> outside((0, 0, 10, 10), 5).area
-    300.0
-    """
+    """Return the outside of a map as far as `margin` from it."""
     x_min, y_min, x_max, y_max = bounds
     around = shapely.box(x_min - margin, y_min - margin, x_max + margin, y_max + margin)
     return Polygon(around.exterior, [shapely.box(*bounds).exterior])
@@ -159,28 +138,14 @@ def nearest(view: View, solids: Solids, centres: np.ndarray, radii: np.ndarray, 
 
 
 def distance_to_polygon(view: View, polygon: Polygon) -> float:
-    """Return the distance from the apex to the nearest part of a polygon in the view, NaN if outside.
-
-    Examples
-    --------
-    >>> ahead = LineString([(0, 0), (50, 0)])
-    >>> distance_to_polygon(View(Point(0, 0), ahead, (ahead,), 50.0), shapely.box(10, -5, 20, 5))
-    10.0
-    """
+    """Return the distance from the apex to the nearest part of a polygon in the view, NaN if outside."""
     if view.apex.intersects(polygon):
         return 0.0
     return view.apex.distance(view.area.intersection(polygon))
 
 
 def distance_to_disc(view: View, centre: Point, radius: float) -> float:
-    """Return the distance from the apex to the nearest part of a disc in the view, `inf` if outside.
-
-    Examples
-    --------
-    >>> ahead = LineString([(0, 0), (50, 0)])
-    >>> distance_to_disc(View(Point(0, 0), ahead, (ahead,), 50.0), Point(20, 3), 5.0)
-    16.0
-    """
+    """Return the distance from the apex to the nearest part of a disc in the view, `inf` if outside."""
     gap = view.apex.distance(centre) - radius
     if gap <= 0.0:
         return 0.0
@@ -217,11 +182,6 @@ def wedge(apex: np.ndarray, azimuth: float, half: float, reach: float) -> BaseGe
     """Return a wedge that covers the sector of half angle `half` (rad) about an azimuth as far as `reach`.
 
     A half angle of 0 makes the wedge a line; pi or more, a plain polygon around the apex.
-
-    Examples
-    --------
-    >>> wedge((0, 0), 0.0, math.pi / 4, 10.0).area > math.pi * 10**2 / 4
-    True
     """
     steps = max(1, math.ceil(2 * half / WIDEST_STEP))
     far = reach / math.cos(half / steps)

@@ -29,18 +29,9 @@ class Stop(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Room:
-    """The static lines and discs, in a tree, and the loads.
+    """The static lines and discs that are not loads, in a tree, and the loads, as they are now.
 
-    Parameters
-    ----------
-    solids : object ndarray of LineString and Point
-        Edges, the border's first, and centres of discs.
-    radii : ndarray
-        Of the discs; 0 for edges.
-    tree : STRtree
-        Over the solids.
-    loads : tuple of Load
-        All of them, as they are now.
+    `solids` are the edges, the border's first, then the centres of discs; `radii` are 0 for edges.
     """
 
     solids: np.ndarray
@@ -100,13 +91,7 @@ def _stops(load: Load, solid: BaseGeometry, distance: float) -> list[Stop]:
 
 
 def _touching_corners(a: BaseGeometry, b: BaseGeometry, distance: float) -> list[tuple[float, float]]:
-    """Return the corners of each of two geometries that are within a distance of the other, each once.
-
-    Examples
-    --------
-    >>> sorted(_touching_corners(shapely.box(0, 0, 4, 4), shapely.box(4, 1, 9, 9), 0.01))
-    [(4.0, 1.0), (4.0, 4.0)]
-    """
+    """Return the corners of each of two geometries that are within a distance of the other, each once."""
     found: list[tuple[float, float]] = []
     for one, other in ((a, b), (b, a)):
         corners = shapely.get_coordinates(one)
@@ -117,28 +102,11 @@ def _touching_corners(a: BaseGeometry, b: BaseGeometry, distance: float) -> list
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surroundings:
-    """The world without its robots.
+    """The world without its robots; shapes and temperatures are as they are now.
 
-    Parameters
-    ----------
-    bounds : (x_min, y_min, x_max, y_max)
-    shapes : list of Shape
-        The obstacles, loads and marks, as they are now.
-    fires : ndarray, shape (f, 3)
-        x, y, radius of the fires.
-    temperature : ndarray, shape (f,)
-        Of the fires, as they are now; 0 once out.
-    statics : Statics
-    marks : Marks
-    loads : tuple of Load
-    rows : tuple of int
-        Index in `shapes` of each load.
-    listed : tuple of Pose
-        Pose of each load when it was listed.
-    slack : float
-        Loads may move this far from there, map units.
-    room : Room or None
-        What loads may not overlap; None without loads.
+    `shapes` are obstacles, loads and marks, and `rows` the indices of the loads among them. `fires` (f, 3) are x, y,
+    radius, with temperature 0 once out. `listed` are the poses of the loads when the tables were made; they may move by
+    `slack` from there. `room` is what loads may not overlap, None without loads.
     """
 
     bounds: tuple[float, float, float, float]

@@ -241,7 +241,6 @@ class DesignTable:
         proximity = _stacked([[_sector(s, d.radius) for s in d.proximity] for d in designs], 9)
         mounts = np.hypot(proximity[..., MOUNT_X], proximity[..., MOUNT_Y])
         radii = np.array([d.radius for d in designs])[:, None]
-        bearings = [[(_wrapped(math.radians(s.bearing_degrees)),) for s in d.proximity] for d in designs]
         noise = _stacked(
             [[(s.error_probability, s.error_magnitude, s.hold, s.period) for s in d.proximity] for d in designs],
             4,
@@ -251,7 +250,7 @@ class DesignTable:
         return cls(
             designs=tuple(designs),
             proximity=proximity,
-            bearing=_stacked(bearings, 1)[..., 0],
+            bearing=_stacked([[(bearing,) for bearing in d._bearings] for d in designs], 1)[..., 0],
             counts=np.array([len(d.proximity) for d in designs], np.int64),
             noise=noise,
             radiation=_stacked([[_sector(s, d.radius) for s in d.radiation] for d in designs], 9),
@@ -265,10 +264,6 @@ class DesignTable:
             slow=bool((noise[..., PERIOD] > 1).any()),
             exposed=bool((mounts > radii * (1 + 1e-9)).any()),
         )
-
-
-def _wrapped(bearing: float) -> float:
-    return math.remainder(bearing, 2 * math.pi)
 
 
 def _sector(sensor: ProximitySensor | RadiationSensor, radius: float) -> tuple[float, ...]:

@@ -162,11 +162,5 @@ ROBOTARIUM_ROBOT = RobotDesign(
 
 
 def is_ideal(one: Imperfection) -> bool:
-    """Return whether an imperfection changes nothing.
-
-    Examples
-    --------
-    >>> is_ideal(Imperfection()), is_ideal(Imperfection(hold=3)), is_ideal(Imperfection(period=3))
-    (True, True, False)
-    """
+    """Return whether an imperfection changes nothing, as one that only holds chance does."""
     return all(getattr(one, field.name) == field.default for field in fields(one) if field.name != "hold")

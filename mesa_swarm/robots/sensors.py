@@ -16,31 +16,24 @@ def _check_sector(sensor: "ProximitySensor | RadiationSensor") -> None:
     check_number("bearing_degrees", sensor.bearing_degrees, minimum=-360, maximum=360)
     check_number("range", sensor.range, minimum=0, maximum=LARGEST_RANGE)
     check_number("field_of_view_degrees", sensor.field_of_view_degrees, minimum=0, maximum=360)
-    check_mount(sensor.mount)
-    _store_mount(sensor)
+    object.__setattr__(sensor, "mount", check_mount(sensor.mount))
 
 
-def check_mount(mount: Mount | None) -> None:
-    """Refuse a mount that is neither None nor two finite numbers.
+def check_mount(mount: Mount | None) -> Mount | None:
+    """Return a mount as floats, so that equal sensors compare and hash as equal, None as it is; refuse anything else.
 
     Raises
     ------
     InvalidValueError
     """
     if mount is None:
-        return
+        return None
     try:
         x, y = mount
     except (TypeError, ValueError):
         raise InvalidValueError(f"mount is {shortened(mount)}; expected (x, y) in the robot's frame") from None
-    for value in (x, y):
-        check_number("mount", value, minimum=-LARGEST_RANGE, maximum=LARGEST_RANGE)
-
-
-def _store_mount(sensor: "Sensor") -> None:
-    """Store a checked mount as a tuple of floats, so that equal sensors compare and hash as equal."""
-    if sensor.mount is not None:
-        object.__setattr__(sensor, "mount", tuple(map(float, sensor.mount)))
+    x, y = (check_number("mount", value, minimum=-LARGEST_RANGE, maximum=LARGEST_RANGE) for value in (x, y))
+    return x, y
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -139,8 +132,7 @@ class LineSensor:
         """Check the mount."""
         if self.mount is None:
             raise InvalidValueError("mount is None; expected (x, y) in the robot's frame")
-        check_mount(self.mount)
-        _store_mount(self)
+        object.__setattr__(self, "mount", check_mount(self.mount))
 
 
 Sensor = ProximitySensor | RadiationSensor | LineSensor
@@ -177,6 +169,6 @@ def mount_of(sensor: Sensor, radius: float) -> Mount:
     (5.0, 0.0)
     """
     if sensor.mount is not None:
-        return float(sensor.mount[0]), float(sensor.mount[1])
+        return sensor.mount
     bearing = math.radians(sensor.bearing_degrees)
     return radius * math.cos(bearing), radius * math.sin(bearing)

@@ -36,31 +36,6 @@ class Snapshots:
     readings, the heat (`temperature`, `heat`, `hot`, `fire`), the command and the layer in a row are what robots
     knew and did in that step, the position is where they were after it. When robots are added or removed, or are given
     another control, earlier steps are dropped: rows would no longer be the same robots, nor the same layers.
-
-    Parameters
-    ----------
-    swarm : Swarm
-    last : int or None
-        How many to store, at least 1; None stores all.
-    every : int
-        Steps from one to the next, at least 1.
-    columns : tuple of str
-        Names of columns.
-
-    Attributes
-    ----------
-    steps : int64 ndarray, shape (k,)
-    columns : tuple of str
-
-    Examples
-    --------
-    >>> from mesa_swarm import SwarmModel
-    >>> from mesa_swarm.robots.design import AGENT9
-    >>> model = SwarmModel(rng=1)
-    >>> robots = model.add_robots(AGENT9, 5)
-    >>> snapshots = model.watch(last=10, columns=("position",))
-    >>> snapshots.steps.tolist(), model.run(20) and snapshots["position"].shape
-    ([], (10, 5, 2))
     """
 
     def __init__(
@@ -146,28 +121,7 @@ class Snapshots:
 
 
 def check_watched(snapshots: Snapshots | None, needed: Iterable[str], purpose: str, call: str = "watch()") -> Snapshots:
-    """Return snapshots that suffice for a purpose; others are refused.
-
-    Parameters
-    ----------
-    snapshots : Snapshots or None
-        Of `SwarmModel.watched`.
-    needed : iterable of str
-        Columns.
-    purpose, call : str
-        What for, and how to watch for that.
-
-    Raises
-    ------
-    InvalidValueError
-        If there are none, columns are missing, or no step is stored.
-
-    Examples
-    --------
-    >>> check_watched(None, ["layer"], "explain")
-    Traceback (most recent call last):
-    mesa_swarm.errors.InvalidValueError: no steps are stored to explain; call model.watch() before the steps in question
-    """
+    """Return snapshots that suffice for a purpose; others are refused, with the call that is missing."""
     if snapshots is None:
         raise InvalidValueError(f"no steps are stored to {purpose}; call model.{call} before the steps in question")
     missing = [name for name in needed if name not in snapshots.columns]

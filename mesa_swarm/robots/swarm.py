@@ -3,6 +3,8 @@
 import math
 import warnings
 from collections.abc import Sequence
+from inspect import get_annotations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,45 +13,18 @@ from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.robots.design import DesignTable, RobotDesign
 from mesa_swarm.world.statics import BORDER, ROBOT
 
-# name: (shape after the row, dtype, value of a new robot). A string names a width that the designs decide.
-COLUMNS: dict[str, tuple[tuple, type, object]] = {
-    "number": ((), np.int64, 0),
-    "design": ((), np.int64, 0),
-    "position": ((2,), np.float64, 0.0),
-    "heading": ((), np.float64, 0.0),
-    "radius": ((), np.float64, 0.0),
-    "max_speed": ((), np.float64, 0.0),
-    "tendency": ((), np.float64, 1.0),
-    "distance": (("proximity",), np.float64, -1.0),
-    "kind": (("proximity",), np.int8, -1),
-    "error": (("proximity",), np.float64, 0.0),
-    "radiation": (("radiation",), np.float64, 0.0),
-    "line": (("line",), np.bool_, False),
-    "command": ((2,), np.float64, 0.0),
-    "last_command": ((2,), np.float64, 0.0),
-    "layer": ((), np.int64, -1),
-    "task": ((), np.int64, -1),
-    "goal": ((2,), np.float64, math.nan),
-    "sent_goal": ((2,), np.float64, math.nan),
-    "heard_layer": ((), np.int64, -1),
-    "heard_task": ((), np.int64, -1),
-    "heard_from": ((2,), np.float64, math.nan),
-    "heard_goal": ((2,), np.float64, math.nan),
-    "slip": ((2,), np.float64, 0.0),
-    "collided": ((), np.bool_, False),
-    "contact_kind": ((), np.int64, -1),
-    "contact_index": ((), np.int64, -1),
-    "contact_normal": ((2,), np.float64, 0.0),
-    "contact_depth": ((), np.float64, 0.0),
-    "temperature": ((), np.float64, 0.0),
-    "heat": ((), np.float64, 0.0),
-    "hot": ((), np.bool_, False),
-    "fire": ((), np.int64, -1),
-}
 # Columns with names that begin so stay when those of layers are dropped: they belong to the robots' bodies.
 LASTING = "body."
 # What robots send and hear.
 MESSAGES = ("task", "goal", "sent_goal", "heard_layer", "heard_task", "heard_from", "heard_goal")
+
+
+def _column(dtype: type, initial: object, *shape: int | str) -> Any:
+    """Declare a column: its type, the value of a new robot, and its shape after the row.
+
+    A string names a width that the designs decide.
+    """
+    return shape, dtype, initial
 
 
 class Swarm:
@@ -101,38 +76,38 @@ class Swarm:
     (0, 2)
     """
 
-    number: NDArray[np.int64]
-    design: NDArray[np.int64]
-    position: NDArray[np.float64]
-    heading: NDArray[np.float64]
-    radius: NDArray[np.float64]
-    max_speed: NDArray[np.float64]
-    tendency: NDArray[np.float64]
-    distance: NDArray[np.float64]
-    kind: NDArray[np.int8]
-    error: NDArray[np.float64]
-    radiation: NDArray[np.float64]
-    line: NDArray[np.bool]
-    command: NDArray[np.float64]
-    last_command: NDArray[np.float64]
-    layer: NDArray[np.int64]
-    task: NDArray[np.int64]
-    goal: NDArray[np.float64]
-    sent_goal: NDArray[np.float64]
-    heard_layer: NDArray[np.int64]
-    heard_task: NDArray[np.int64]
-    heard_from: NDArray[np.float64]
-    heard_goal: NDArray[np.float64]
-    slip: NDArray[np.float64]
-    collided: NDArray[np.bool]
-    contact_kind: NDArray[np.int64]
-    contact_index: NDArray[np.int64]
-    contact_normal: NDArray[np.float64]
-    contact_depth: NDArray[np.float64]
-    temperature: NDArray[np.float64]
-    heat: NDArray[np.float64]
-    hot: NDArray[np.bool]
-    fire: NDArray[np.int64]
+    number: NDArray[np.int64] = _column(np.int64, 0)
+    design: NDArray[np.int64] = _column(np.int64, 0)
+    position: NDArray[np.float64] = _column(np.float64, 0.0, 2)
+    heading: NDArray[np.float64] = _column(np.float64, 0.0)
+    radius: NDArray[np.float64] = _column(np.float64, 0.0)
+    max_speed: NDArray[np.float64] = _column(np.float64, 0.0)
+    tendency: NDArray[np.float64] = _column(np.float64, 1.0)
+    distance: NDArray[np.float64] = _column(np.float64, -1.0, "proximity")
+    kind: NDArray[np.int8] = _column(np.int8, -1, "proximity")
+    error: NDArray[np.float64] = _column(np.float64, 0.0, "proximity")
+    radiation: NDArray[np.float64] = _column(np.float64, 0.0, "radiation")
+    line: NDArray[np.bool] = _column(np.bool_, False, "line")
+    command: NDArray[np.float64] = _column(np.float64, 0.0, 2)
+    last_command: NDArray[np.float64] = _column(np.float64, 0.0, 2)
+    layer: NDArray[np.int64] = _column(np.int64, -1)
+    task: NDArray[np.int64] = _column(np.int64, -1)
+    goal: NDArray[np.float64] = _column(np.float64, math.nan, 2)
+    sent_goal: NDArray[np.float64] = _column(np.float64, math.nan, 2)
+    heard_layer: NDArray[np.int64] = _column(np.int64, -1)
+    heard_task: NDArray[np.int64] = _column(np.int64, -1)
+    heard_from: NDArray[np.float64] = _column(np.float64, math.nan, 2)
+    heard_goal: NDArray[np.float64] = _column(np.float64, math.nan, 2)
+    slip: NDArray[np.float64] = _column(np.float64, 0.0, 2)
+    collided: NDArray[np.bool] = _column(np.bool_, False)
+    contact_kind: NDArray[np.int64] = _column(np.int64, -1)
+    contact_index: NDArray[np.int64] = _column(np.int64, -1)
+    contact_normal: NDArray[np.float64] = _column(np.float64, 0.0, 2)
+    contact_depth: NDArray[np.float64] = _column(np.float64, 0.0)
+    temperature: NDArray[np.float64] = _column(np.float64, 0.0)
+    heat: NDArray[np.float64] = _column(np.float64, 0.0)
+    hot: NDArray[np.bool] = _column(np.bool_, False)
+    fire: NDArray[np.int64] = _column(np.int64, -1)
 
     def __init__(self) -> None:
         self.table = DesignTable.of(())
@@ -272,3 +247,6 @@ class Swarm:
         view = column.view()
         view.flags.writeable = False
         self.__dict__[name] = view
+
+
+COLUMNS: dict[str, tuple[tuple, type, object]] = {name: vars(Swarm)[name] for name in get_annotations(Swarm)}

@@ -18,8 +18,9 @@ def actions(*shape: int) -> np.ndarray:
 def test_robot_steps_through_arrays(benchmark, task):
     env = VectorSwarmEnv(task(n_robots=ROBOTS), n_worlds=WORLDS)
     env.reset(seed=1)
-    told = actions(WORLDS, ROBOTS)
-    benchmark(lambda: [env.step(row) for row in told])
+    commands = actions(WORLDS, ROBOTS)
+    steps = benchmark(lambda: [env.step(row) for row in commands])
+    assert np.isfinite([reward for _, reward, *_ in steps]).all()
     if benchmark.stats is not None:  # None where benchmarks are off
         benchmark.extra_info["robot-steps/s"] = ROUND * WORLDS * ROBOTS / benchmark.stats["median"]
 
@@ -28,7 +29,8 @@ def test_robot_steps_through_arrays(benchmark, task):
 def test_robot_steps_through_pettingzoo(benchmark, task):
     env = ParallelSwarmEnv(task(n_robots=ROBOTS, max_steps=10**9), name="timed_v0")
     env.reset(seed=1)
-    told = [dict(zip(env.agents, row, strict=True)) for row in actions(ROBOTS)]
-    benchmark(lambda: [env.step(row) for row in told])
+    commands = [dict(zip(env.agents, row, strict=True)) for row in actions(ROBOTS)]
+    steps = benchmark(lambda: [env.step(row) for row in commands])
+    assert all(rewards.keys() == set(env.agents) for _, rewards, *_ in steps)
     if benchmark.stats is not None:  # None where benchmarks are off
         benchmark.extra_info["robot-steps/s"] = ROUND * ROBOTS / benchmark.stats["median"]

@@ -37,7 +37,7 @@ def skip_if_held_up(figure: str, others: float) -> None:
 
 
 def fill(visitor, robots: int, width: int, height: int) -> None:
-    """Let so many robots drive about in a hall of this size."""
+    """Let this number of robots drive about in a hall of this size."""
     field = visitor.field("n_robots").locator("input[type=text]")
     field.fill(str(robots))
     field.press("Enter")

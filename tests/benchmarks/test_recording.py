@@ -30,10 +30,12 @@ def test_what_recording_adds_to_a_step(benchmark, tmp_path, columns):
 
     benchmark.pedantic(record_it, setup=take_a_step, rounds=5_000, warmup_rounds=10)
     recorder.close()
+    assert Recording(tmp_path / "run.arrow").steps[-1] == model.completed
 
 
 def test_finding_a_frame_that_is_not_decoded_yet(benchmark, tmp_path):
     model = burning()
     with model.record(tmp_path / "run.arrow"):
         model.run(3000)
-    benchmark(lambda: Recording(tmp_path / "run.arrow")[1500])
+    frame = benchmark(lambda: Recording(tmp_path / "run.arrow")[1500])
+    assert frame.step == 1501

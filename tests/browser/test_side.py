@@ -192,3 +192,5 @@ def test_everything_beside_the_canvas_is_looked_at(visit, shots):
         visitor.page.wait_for_selector(".swarm-diagram svg")
         visitor.page.wait_for_timeout(500)
         visitor.page.screenshot(path=shots / f"side_{theme}.png")
+        assert visitor.page.locator(".swarm-diagram svg").is_visible()
+        assert visitor.page.locator(".swarm-chart").count() > 0

@@ -53,8 +53,8 @@ class Page(HTMLParser):
         if self._within and tag == self._within[-1]:
             self._within.pop()
 
-    def handle_data(self, data):
-        self.text += "" if self._within else data
+    def handle_data(self, text):
+        self.text += "" if self._within else text
 
     def broken(self, site: Path) -> list[str]:
         """Return the links within the site that lead nowhere."""
@@ -65,9 +65,9 @@ class Page(HTMLParser):
         return site if path.startswith("/") else self.path.parent
 
 
-def built(folder: Path, config: Path, *, execute: bool) -> Path:
+def built(folder: Path, settings: Path, *, execute: bool) -> Path:
     surroundings = {**os.environ, "MESA_SWARM_EXECUTE": str(execute).lower(), "NO_MKDOCS_2_WARNING": "1"}
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "-f", config, "-d", folder]
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "-f", settings, "-d", folder]
     made = subprocess.run(command, cwd=ROOT, env=surroundings, capture_output=True, text=True, check=False)
     assert made.returncode == 0, made.stdout + made.stderr
     return folder
@@ -86,9 +86,9 @@ def written(folder: Path, texts: list[str], code: str) -> Path:
     hooks = [str(ROOT / "docs" / name) for name in ("equations.py", "notebook_pages.py")]
     settings = {"docs_dir": str(folder / "docs"), "hooks": hooks, "extra_css": [], "nav": ["index.md"]}
     settings["nav"] += ["notebooks/first.ipynb", "notebooks/second.ipynb"]
-    config = folder / "mkdocs.yml"
-    config.write_text("".join(f"{k}: {v}\n" for k, v in {"INHERIT": ROOT / "mkdocs.yml", **settings}.items()))
-    return config
+    file = folder / "mkdocs.yml"
+    file.write_text("".join(f"{k}: {v}\n" for k, v in {"INHERIT": ROOT / "mkdocs.yml", **settings}.items()))
+    return file
 
 
 @pytest.fixture(scope="module")

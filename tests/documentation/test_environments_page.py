@@ -10,7 +10,7 @@ def blocks(language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
 
 
-def test_the_page_s_code_runs_and_prints_what_it_says():
+def test_the_page_s_code_runs_and_prints_what_the_page_shows():
     names, printed = {}, io.StringIO()
     with contextlib.redirect_stdout(printed):
         for block in blocks("python"):

@@ -19,7 +19,7 @@ from mesa_swarm.experiments.bench import PEERS, TARGETS
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 MAKE_AN_ENVIRONMENT = [page for page in PAGES if "-m venv" in page.read_text(encoding="utf-8")]
-# These have tests of their own, which look at what comes out.
+# These have tests of their own, which look at the results.
 OWN = {"sweeps.md", "environments.md", "mesa.md"}
 # What these show takes minutes: once, with the commands beside it.
 LONG = {"learning.md", "fire_learning.md", "reward_lab.md"}
@@ -78,6 +78,7 @@ def test_the_code_on_a_page_runs_from_top_to_bottom(page, tmp_path, monkeypatch)
     names = {"__name__": "page"}
     for number, block in enumerate(blocks(page, "python")):
         run_code(block, number, names)
+    assert names.keys() - {"__name__", "__builtins__"}, "the page's code defines nothing"
 
 
 @pytest.mark.slow
@@ -122,8 +123,8 @@ def test_the_table_of_speeds_has_a_row_of_ours_and_those_of_the_bench():
     assert ours[0] == "mesa_swarm"
     assert robots == list(TARGETS)
     assert all(float(cell) > 0 for cell in ours[1:])
-    told = [{n: float(cell) for n, cell in zip(robots, row[1:], strict=True) if cell} for row in others]
-    assert told == list(PEERS.values())
+    printed = [{n: float(cell) for n, cell in zip(robots, row[1:], strict=True) if cell} for row in others]
+    assert printed == list(PEERS.values())
 
 
 def free_port() -> str:
@@ -133,7 +134,7 @@ def free_port() -> str:
 
 
 def assert_serves(words: list[str]) -> None:
-    """Start a server as the page says, wait for its address, and stop it as Ctrl-C does."""
+    """Start a server as the page shows, wait for its address, and stop it as Ctrl-C does."""
     words = [word for word in words if word != "--no-browser"]
     server = subprocess.Popen(
         [sys.executable, "-m", "mesa_swarm.cli", *words, "--no-browser", "--port", free_port()],

@@ -239,7 +239,7 @@ def inputs(tmp_path_factory):
 
 
 def fill(disk, room):
-    """Leave so many bytes, in whole pages, on a disk."""
+    """Leave this number of bytes, in whole pages, on a disk."""
     with (disk / "ballast").open("wb", buffering=0) as ballast:
         free = os.statvfs(disk)
         os.posix_fallocate(ballast.fileno(), 0, max(1, (free.f_bavail * free.f_bsize) // 4096 * 4096 - room))
@@ -287,7 +287,7 @@ def check(writer, out, status, lines):
             assert rows, f"{name} has no rows, {len(content)} bytes"
     if not status:
         assert all((out / name).read_bytes() != OLD for name in writer.files), (
-            "it says that it has written, and has not"
+            "it reports that it has written, and has not"
         )
         return
     assert 1 <= len(lines) <= writer.lines, lines
@@ -359,10 +359,10 @@ def started(writer, inputs, out, gate, report):
     if child:
         return child
     try:
-        with report.open("w") as said:
+        with report.open("w") as file:
             os.read(gate, 1)
             status, lines = ended(writer, inputs, out)
-            said.write("\n".join([str(status), *lines]))
+            file.write("\n".join([str(status), *lines]))
     finally:
         os._exit(0)
 
@@ -428,7 +428,7 @@ def test_a_kill_at_any_moment_leaves_the_old_file_or_the_new_one_and_what_it_lef
         emptied(out)
         furnished(out, writer)
         gate, opener = os.pipe()
-        child = started(writer, inputs, out, gate, tmp_path / "said")
+        child = started(writer, inputs, out, gate, tmp_path / "report")
         os.write(opener, b"!")
         time.sleep(rng.uniform(0, 0.4))
         os.kill(child, signal.SIGKILL)

@@ -164,7 +164,7 @@ if __name__ == "__main__":
     home = Path(sys.argv[1])
     generations, jobs = map(int, sys.argv[2:])
     how = {"generations": generations, "population": 8, "finalists": 1, "final_trials": 1, "jobs": jobs}
-    found = evolve(Trial(robots=3, steps=100), **how, file=home / "told.json")
+    found = evolve(Trial(robots=3, steps=100), **how, file=home / "reported.json")
     save_policy(found.policy, home / "policy.npz")
 """
 
@@ -181,8 +181,8 @@ def test_an_evolution_goes_on(tally, amount, tmp_path):
         amount(1, 30),
         EVOLUTION,
         lambda home, jobs: [home, amount(15, 100), jobs],
-        lambda home: generations(home / "told.json"),
-        lambda home: contents(home, "told.json", "policy.*"),
+        lambda home: generations(home / "reported.json"),
+        lambda home: contents(home, "reported.json", "policy.*"),
     )
 
 

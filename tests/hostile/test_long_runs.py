@@ -1,4 +1,4 @@
-"""Memory stays flat over long runs, but for what is collected because it was asked for."""
+"""Memory stays flat over long runs, but for what is collected on request."""
 
 import gc
 import tracemalloc

@@ -26,7 +26,7 @@ def test_one_robot_never_moves_the_load(seed, load):
 
 
 def pushing(n, resistance, side=math.pi):
-    """Return the model with so many robots side by side behind the load, or on another side of it, facing it."""
+    """Return the model with this number of robots side by side behind the load, or on another side of it, facing it."""
     model = CooperativeTransport(n_robots=1, resistance=resistance, rng=1)
     model.remove_robots(model.robots)
     for k in range(n):
@@ -49,7 +49,7 @@ def test_robots_between_the_load_and_the_goal_do_not_push_it_away():
     assert tuple(model.load.position) == START
 
 
-def test_it_stops_when_the_load_is_near_the_goal_and_says_when_that_was():
+def test_it_stops_when_the_load_is_near_the_goal_and_has_the_step_of_that():
     model = pushing(3, 0.9).run(3000)
     assert not model.running
     assert model.arrived_at == model.steps < 3000

@@ -15,7 +15,7 @@ NAMES = model_names()
 STEPS = 60
 
 
-def test_collisions_are_counted_per_robot_that_there_was_whoever_has_come_or_gone_since():
+def test_collisions_are_counted_per_robot_that_there_was_in_each_step():
     model = find_model("collision_avoidance")(n_robots=40, rng=1).run(100)
     model.remove_robots(list(model.robots)[1:])
     model.run(50)
@@ -47,14 +47,14 @@ class TestEveryModel:
     def test_is_a_file_of_fewer_than_120_lines(self, name):
         assert len(Path(inspect.getfile(find_model(name))).read_text().splitlines()) < 120
 
-    def test_runs_and_says_in_numbers_what_came_of_it(self, name):
+    def test_runs_and_has_results_in_numbers(self, name):
         model = find_model(name)(rng=1).run(STEPS)
         assert model.steps == STEPS
         assert model.results()
         assert all(value is None or np.isfinite(value) for value in model.results().values())
 
     @pytest.mark.parametrize("n_robots", [1, 2])
-    def test_says_in_numbers_what_came_of_few_robots_or_that_there_is_nothing_to_say(self, name, n_robots):
+    def test_has_results_in_numbers_for_few_robots_or_none_where_they_are_undefined(self, name, n_robots):
         lowest = parameters_of(find_model(name))["n_robots"].control.minimum
         results = find_model(name)(n_robots=max(n_robots, lowest), rng=3).run(3).results()
         assert results
@@ -86,14 +86,14 @@ class TestEveryModel:
                 assert parameter.default in control.options
             assert parameter.help, f"{parameter.name} has no help"
 
-    def test_accepts_both_ends_of_every_range_or_says_what_they_contradict(self, name):
+    def test_accepts_both_ends_of_every_range_or_names_what_they_contradict(self, name):
         model_class = find_model(name)
         for parameter in parameters_of(model_class).values():
             control = parameter.control
             ends = control.options if isinstance(control, Choice) else (control.minimum, control.maximum)
             for end in ends:
-                said = refusal(model_class, parameter.name, end)
-                assert said is None or parameter.name in said
+                error = refusal(model_class, parameter.name, end)
+                assert error is None or parameter.name in error
 
     def test_reads_its_own_defaults_from_text(self, name):
         for parameter in parameters_of(find_model(name)).values():
@@ -113,7 +113,7 @@ class TestEveryModel:
 
 
 def refusal(model_class, name, value):
-    """What the model says against a value; a single end of a range may contradict other defaults."""
+    """Return the model's error about a value, or None; a single end of a range may contradict other defaults."""
     try:
         model_class(**{name: value}, rng=1)
     except SwarmError as error:
@@ -156,7 +156,7 @@ def test_fire_fighting_on_a_map_without_fires_is_refused():
         find_model("fire_fighting")(map="original")
 
 
-def test_fire_fighting_says_which_fire_is_the_largest_if_one_is():
+def test_fire_fighting_finds_the_largest_fire_if_there_is_one():
     model = find_model("fire_fighting")(rng=1)
     assert [name for name in model.results() if "largest" in name] == ["fire 2 (largest) out at"]
     model.add_fire((100, 300), area=model.fires.area.max())

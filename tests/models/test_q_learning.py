@@ -32,7 +32,7 @@ def test_a_reflex_above_the_learner_is_driven_by_and_the_model_goes_on_measuring
     assert len(model.datacollector.model_vars["temperature"]) >= 70
 
 
-def test_a_model_without_a_learner_says_what_it_is_driven_by():
+def test_a_model_without_a_learner_names_its_drivers():
     model = QLearning(n_robots=3, rng=1)
     model.control = Subsumption(Avoid(distance=3))
     with pytest.raises(InvalidValueError, match=r"^the model is driven by \(Avoid\(.*; expected a layer that learns"):

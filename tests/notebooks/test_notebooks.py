@@ -86,7 +86,7 @@ def last_value(source: str, place: dict, path: Path):
 
 
 def verdict_of(path: Path, exercise: str, answer: str, folder: Path):
-    """Return what the check of an exercise says of an answer."""
+    """Return the verdict of an exercise on an answer."""
     cells, place = cells_of(path), {"__name__": "__main__"}
     with redirect_stdout(io.StringIO()):
         for number, source in enumerate([cells["setup"], answer]):
@@ -98,7 +98,7 @@ def verdict_of(path: Path, exercise: str, answer: str, folder: Path):
 @pytest.mark.parametrize("exercise", EXERCISES)
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=NAMES)
 class TestExercises:
-    def test_an_exercise_that_is_not_solved_says_so_in_plain_words(self, path, exercise, tmp_path):
+    def test_an_exercise_that_is_not_solved_is_refused_in_plain_words(self, path, exercise, tmp_path):
         verdict = verdict_of(path, exercise, cells_of(path)[exercise], tmp_path)
         assert not verdict.passed
         assert str(verdict).startswith("Not yet.")
@@ -113,7 +113,7 @@ BACKS = "@behaviour\ndef turn_away(me, distance=15.0):\n    return -0.03, -0.03"
 
 
 @pytest.mark.parametrize(
-    ("number", "exercise", "answer", "says"),
+    ("number", "exercise", "answer", "words"),
     [
         ("02", 1, "answer = ...", "no answer yet"),
         ("02", 1, "answer = (30, 'stationary')", "expected settings by name, such as dict(distance=...)"),
@@ -129,11 +129,11 @@ BACKS = "@behaviour\ndef turn_away(me, distance=15.0):\n    return -0.03, -0.03"
         ("07", 1, "answer = dict(stay=1000)", "Unknown parameter 'stay'"),
     ],
 )
-def test_an_answer_that_cannot_be_or_passes_by_a_gap_is_refused_in_words(number, exercise, answer, says, tmp_path):
+def test_an_answer_that_cannot_be_or_passes_by_a_gap_is_refused_in_words(number, exercise, answer, words, tmp_path):
     (path,) = (path for path in NOTEBOOKS if path.stem.startswith(number))
     verdict = verdict_of(path, f"exercise-{exercise}", answer, tmp_path)
     assert not verdict.passed
-    assert says in str(verdict)
+    assert words in str(verdict)
 
 
 @pytest.mark.parametrize("path", SLOWLY)

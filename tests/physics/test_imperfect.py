@@ -11,7 +11,14 @@ from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.gallery import find_model, model_names
 from mesa_swarm.physics.imperfect import chance, normal
 from mesa_swarm.recording.checkpoint import checkpoint_of, restore
-from mesa_swarm.robots.imperfections import MEASURED, ROBOTARIUM, ROBOTARIUM_ROBOT, Imperfection, Imperfections
+from mesa_swarm.robots.imperfections import (
+    MEASURED,
+    ROBOTARIUM,
+    ROBOTARIUM_ROBOT,
+    Imperfection,
+    Imperfections,
+    is_ideal,
+)
 
 KEY = np.uint64(7)
 
@@ -47,6 +54,10 @@ class TestDial:
         assert MEASURED.at(0) is None
         assert MEASURED.at(1) == MEASURED
         assert ROBOTARIUM.at(0.5).sensing == Imperfection(error=0.015, dropout=0.0175, outliers=0.007)
+
+    def test_an_imperfection_that_only_holds_chance_is_ideal_and_one_with_a_period_is_not(self):
+        assert is_ideal(Imperfection(hold=3))
+        assert not is_ideal(Imperfection(period=3))
 
     def test_whole_steps_are_rounded_and_a_charge_lasts_longer(self):
         half = replace(MEASURED, sensing=Imperfection(hold=5, period=9)).at(0.5)

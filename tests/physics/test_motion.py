@@ -86,7 +86,7 @@ def test_cutting_a_step_into_pieces_changes_nothing(left, right, pieces):
     assert ends[0] == pytest.approx(ends[1], abs=1e-12)
 
 
-@given(angle=st.floats(-3, 3))
-def test_sinc_is_smooth_where_it_changes_its_formula(angle):
-    assert sinc(angle) == pytest.approx(float(np.sinc(angle / math.pi)), abs=1e-15)
-    assert sinc(angle * 1e-4) == pytest.approx(float(np.sinc(angle * 1e-4 / math.pi)), abs=1e-15)
+@given(half_turn=st.floats(-3, 3))
+def test_sinc_is_smooth_where_it_changes_its_formula(half_turn):
+    assert sinc(half_turn) == pytest.approx(float(np.sinc(half_turn / math.pi)), abs=1e-15)
+    assert sinc(half_turn * 1e-4) == pytest.approx(float(np.sinc(half_turn * 1e-4 / math.pi)), abs=1e-15)

@@ -9,10 +9,21 @@ from hypothesis import strategies as st
 
 from mesa_swarm import AGENT9, ProximitySensor, RadiationSensor, bump_sensor, disc, laser_sensor, polygon, rectangle
 from mesa_swarm.control import Subsumption
+from mesa_swarm.physics.sensing import into_frame, is_just_behind
 from support.scenes import ahead, blind, empty
 from support.sensing_robots import FIRE, NOTHING, OBSTACLE, ROBOT, carrying, looker, seen
 
 # ---- proximity
+
+
+def test_a_vector_is_turned_into_the_frame_of_an_axis():
+    assert into_frame(0.0, 2.0, 0.0, 1.0) == (2.0, 0.0)
+
+
+def test_a_sensor_is_just_behind_an_edge_only_on_its_left():
+    assert is_just_behind(-1.0, -1e-8, 1.0, -1e-8, 1e-6)
+    assert not is_just_behind(1.0, -1e-8, -1.0, -1e-8, 1e-6)
+    assert not is_just_behind(-1.0, -1e-5, 1.0, -1e-5, 1e-6)
 
 
 def test_nothing_in_range_reads_minus_one_and_no_kind():

@@ -81,7 +81,7 @@ def test_a_robot_made_slower_drives_slower():
     assert model.swarm.position[0] == pytest.approx((201, 150), abs=1e-12)
 
 
-# ---- a drive of one's own
+# ---- custom drives
 
 
 class Bicycle:
@@ -177,7 +177,7 @@ def test_drives_are_equal_if_they_are_of_one_class_and_hold_the_same():
 
 @dataclass
 class Weak:
-    """A drive of one's own that has no hash."""
+    """A custom drive that has no hash."""
 
     share: float
 

@@ -5,7 +5,7 @@ from support.waiting import threads, wait_until
 
 
 class Clock:
-    """Time that passes only while somebody waits, and where a test says so."""
+    """Time that passes only while the program waits, and where a test lets it."""
 
     def __init__(self, now=0.0):
         self.now, self.longest = now, 0.0
@@ -24,7 +24,7 @@ class Clock:
         return loop
 
     def times(self, number, step=lambda stop: True, show=lambda: None, speed=60.0):
-        """Play so many steps, and return the times at which they were taken."""
+        """Play a number of steps, and return the times at which they were taken."""
         times = []
 
         def noted(stop):

@@ -9,7 +9,7 @@ import pytest
 
 @contextmanager
 def small_disk(folder, kilobytes):
-    """Put a disk of so many kilobytes in the place of a folder."""
+    """Put a disk of this many kilobytes in the place of a folder."""
     folder.mkdir()
     _mount("-t", "tmpfs", "-o", f"size={kilobytes}k", "tmpfs", folder)
     try:
@@ -20,7 +20,7 @@ def small_disk(folder, kilobytes):
 
 @contextmanager
 def read_only(folder):
-    """Let nobody write to a folder."""
+    """Take all rights to write to a folder."""
     if os.name == "nt":
         pytest.skip("needs POSIX")
     if os.geteuid():

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def forked():
-    """Have a child that shares all open files and does nothing, as a worker that somebody starts."""
+    """Have a child that shares all open files and does nothing, as a worker started meanwhile does."""
     child = os.fork()
     if not child:
         signal.pause()

@@ -1,4 +1,4 @@
-"""Attacks: hostile inputs in processes with limits of CPU and memory, and the table of what came through."""
+"""Attacks: hostile inputs in processes with limits of CPU and memory, and the table of their outcomes."""
 
 import os
 import pickle
@@ -15,7 +15,7 @@ from support.machine import slowness
 from support.waiting import Deadline
 
 MEGABYTE = 1 << 20
-# An input that sleeps uses no CPU: it counts as hung after so many times its CPU limit.
+# An input that sleeps uses no CPU: it counts as hung after this multiple of its CPU limit.
 PATIENCE = 15
 LONGEST_REFUSAL = 300
 INPUTS_PER_PROCESS = 200

@@ -95,7 +95,7 @@ def killed(
     Parameters
     ----------
     begun : callable
-        Starts the process, which goes on where the last one was killed, with so many workers.
+        Starts the process, which goes on where the last one was killed, with this number of workers.
     made : callable
         Returns how much is on the disk, a number that grows.
     kills : int

@@ -1,4 +1,4 @@
-"""How busy this machine is, and with whom; told from /proc."""
+"""How busy this machine is, and with which processes, read from /proc."""
 
 import os
 import time
@@ -12,7 +12,7 @@ USUAL = 0.037
 
 
 class Watch:
-    """Processor time from now on, in seconds: of this process and all that it started, and of everybody."""
+    """Processor time from now on, in seconds: of this process and all that it started, and of all processes."""
 
     def __init__(self) -> None:
         self._own, (self._busy, self._all) = own_seconds(), seconds()
@@ -24,7 +24,7 @@ class Watch:
         return max(0.0, others / (everything - self._all))
 
     def own(self) -> dict[int, float]:
-        """Return what each of ours took, by its process id."""
+        """Return what each process of this run took, by its id."""
         return {process: took - self._own.get(process, 0.0) for process, took in own_seconds().items()}
 
 

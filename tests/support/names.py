@@ -1,4 +1,4 @@
-"""Names that somebody may give a file, a map or a class to do harm wherever they are shown."""
+"""Names that an attacker may give a file, a map or a class to do harm wherever they are shown."""
 
 IMAGE = "<img src=x onerror=window.harmed=1>"
 HOSTILE_NAMES = [

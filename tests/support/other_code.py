@@ -1,4 +1,4 @@
-"""A model class whose code was another while a run was recorded: what comes out differs from one step on."""
+"""A model class whose code was another while a run was recorded: the steps differ from one on."""
 
 from contextlib import contextmanager
 

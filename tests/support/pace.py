@@ -29,7 +29,7 @@ def processor_seconds(work: Callable[[], object]) -> float:
 def work_within(seconds: float, of: str = "") -> Iterator[None]:
     """Fail if what is done within takes more processor time than this, on a processor as fast as usual.
 
-    Wall-clock time would say more of the machine's other users than of the work.
+    Wall-clock time would measure the machine's other users rather than the work.
     """
     begun = time.process_time()
     try:

@@ -167,7 +167,7 @@ def crowd(seed: int, n: int, size: float, design: RobotDesign = AGENT9) -> World
 
 
 def with_loads(world: World, seed: int, n: int) -> World:
-    """Return a world with up to so many light loads, wherever there is room for them; robots may be inside."""
+    """Return a world with at most this number of light loads, wherever there is room for them; robots may be inside."""
     rng = np.random.default_rng([seed, n])
     low, high = np.array(world.bounds[:2]), np.array(world.bounds[2:])
     model, loads = replace(world.reordered(np.arange(0)), loads=()).model(), []
@@ -236,8 +236,8 @@ def load_state(model: SwarmModel) -> dict[str, np.ndarray]:
     }
 
 
-def _turned(points: np.ndarray, angle: float) -> np.ndarray:
-    cosine, sine = math.cos(angle), math.sin(angle)
+def _turned(points: np.ndarray, turn: float) -> np.ndarray:
+    cosine, sine = math.cos(turn), math.sin(turn)
     return points @ np.array([[cosine, sine], [-sine, cosine]])
 
 

@@ -50,7 +50,7 @@ def still(k=100, n=1, **changes):
 
 
 def flipping(flips, period=1, k=100, kind=0, distance=10.0):
-    """Return a robot that turns away from its left and its right by turns, so many times, from step 11 on."""
+    """Return a robot that turns away from its left and its right by turns, this number of times, from step 11 on."""
     track = still(k)
     for turn in range(flips + 1):
         now = slice(10 + turn * period, 10 + (turn + 1) * period)

@@ -5,7 +5,7 @@ from mesa_swarm.swarm_model import SwarmModel
 
 
 class Counted(SwarmModel):
-    """It says how many steps it took and where its robot stands."""
+    """Its description has the number of its steps and where its robot stands."""
 
     def __init__(self, *, odd: float = 0.0, rng=None) -> None:
         super().__init__(rng=rng, model_reporters={"taken": "completed", "place": "place"})

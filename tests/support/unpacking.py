@@ -9,27 +9,27 @@ import numpy as np
 TYPES = {"f4": np.dtype("<f4"), "i4": np.dtype("<i4"), "i1": np.dtype("i1")}
 
 
-def unpacked_frame(data: bytes, world: dict) -> tuple[int, dict]:
+def unpacked_frame(packed: bytes, world: dict) -> tuple[int, dict]:
     """Return the step and the columns of a packed frame."""
-    step, *counts = struct.unpack_from("<6i", data)
+    step, *counts = struct.unpack_from("<6i", packed)
     rows = dict(zip(("robots", "sensors", "fires", "loads", "contacts"), counts, strict=True))
     columns, at = {}, 24
     for column in world["columns"]:
         width = rows["sensors"] if column["width"] == "sensors" else column["width"]
         size = rows[column["table"]] * width
-        values = np.frombuffer(data, TYPES[column["type"]], size, at)
+        values = np.frombuffer(packed, TYPES[column["type"]], size, at)
         columns[column["name"]] = values.reshape(rows[column["table"]], width)
         at += values.nbytes
-    assert at == len(data)
+    assert at == len(packed)
     return step, columns
 
 
 class Reader:
-    def __init__(self, data):
-        self.data, self.at = data, 0
+    def __init__(self, packed):
+        self.packed, self.at = packed, 0
 
     def take(self, kind, count):
-        values = np.frombuffer(self.data, kind, count, self.at)
+        values = np.frombuffer(self.packed, kind, count, self.at)
         self.at += values.nbytes
         return values
 
@@ -43,10 +43,10 @@ class Reader:
         return (table % (1 << (8 * kind(0).itemsize))).T
 
 
-def unpacked_chunk(data: bytes, world: dict) -> list[tuple[int, dict]]:
+def unpacked_chunk(packed: bytes, world: dict) -> list[tuple[int, dict]]:
     """Return the steps and columns of the frames of a chunk."""
-    reader, frames = Reader(zlib.decompress(data)), []
-    while reader.at < len(reader.data):
+    reader, frames = Reader(zlib.decompress(packed)), []
+    while reader.at < len(reader.packed):
         frames += segment(reader, world)
     return frames
 

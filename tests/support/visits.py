@@ -32,7 +32,7 @@ def answers(port: int) -> bool:
     try:
         with urllib.request.urlopen(f"http://{HOST}:{port}/readyz", timeout=1):
             return True
-    except urllib.error.HTTPError:  # whoever has no token is answered as well
+    except urllib.error.HTTPError:  # a visitor without a token is answered as well
         return True
     except OSError:
         return False
@@ -59,7 +59,7 @@ class Visit:
             self.asked.append(url)
 
     def about(self, name: str) -> str:
-        """Return what the player says of itself: step, drawn, playing, rest, fingerprint."""
+        """Return what the player shows of its state: step, drawn, playing, rest, fingerprint."""
         return self.page.locator(".swarm-player").get_attribute(f"data-{name}")
 
     @property

@@ -1,6 +1,6 @@
 """Waiting for what a process, a thread or a page does: the one place in which tests look at the time of day.
 
-A deadline protects against a hang. It is no measure of speed: a machine that is busy with other things takes long for a
+A deadline protects against a hang. It does not measure speed: a machine that is busy with other things takes long for a
 step, and a test that passes hardly waits.
 """
 

@@ -141,7 +141,7 @@ def _apart(here: dict | None, there: dict | None, r: float) -> float:
 
 
 def _reason(world: World, r: float, stage: int, apart: float, spacing: float) -> tuple[str, str]:
-    """Tell chaos from disagreement: does the oracle differ from itself where each robot is moved very slightly?"""
+    """Distinguish chaos from disagreement: does the oracle differ from itself if each robot is moved slightly?"""
     outcomes, nudge = [], max(NUDGE, 16 * spacing)
     for direction in range(4):
         model = _nudged(world, r, direction and nudge, direction).model("shapely")
@@ -270,10 +270,10 @@ def _add_obstacle(rng, family, corner, size, r, discs, outlines) -> None:
         if rng.random() < 0.3:
             points = centre + turned(CORNERS * half, rng.uniform(0, 3))
     elif kind in (3, 4):
-        length, angle = r * drawn(rng, 2.0, 12.0 * crowd + 2.1), drawn(rng, 0.01, 1.2)
+        length, opening = r * drawn(rng, 2.0, 12.0 * crowd + 2.1), drawn(rng, 0.01, 1.2)
         azimuth = rng.uniform(-math.pi, math.pi)
         # A notch: two arms that meet at an acute angle, open towards robots.
-        arms = np.array([[1, 0], [math.cos(angle), math.sin(angle)], [-0.2, 0.9 * angle], [-0.2, -0.6]]) * length
+        arms = np.array([[1, 0], [math.cos(opening), math.sin(opening)], [-0.2, 0.9 * opening], [-0.2, -0.6]]) * length
         tip = np.array([[0.02, 0.0]]) * length
         points = centre + turned(np.vstack([arms[:1], tip, arms[1:]]), azimuth)
     else:
@@ -291,13 +291,13 @@ def _add_obstacle(rng, family, corner, size, r, discs, outlines) -> None:
         outlines.append((points, hole, solid))
 
 
-def turned(points: np.ndarray, angle: float) -> np.ndarray:
-    cosine, sine = math.cos(angle), math.sin(angle)
+def turned(points: np.ndarray, turn: float) -> np.ndarray:
+    cosine, sine = math.cos(turn), math.sin(turn)
     return points @ np.array([[cosine, sine], [-sine, cosine]])
 
 
 def _with_loads(rng: np.random.Generator, world: World, n: int, r: float) -> World:
-    """Return the world with up to so many light loads, wherever there is room for them; robots may be inside."""
+    """Return the world with at most this number of light loads, where there is room for them; robots may be inside."""
     low, high = np.array(world.bounds[:2]), np.array(world.bounds[2:])
     model, loads = replace(world.reordered(np.arange(0)), loads=()).model(), []
     for _ in range(40):
