@@ -14,8 +14,6 @@ MOVED = {
     "control.arbiter": "control.subsumption control.vector_sum",
     "control.behaviour": "control.rule_source",
     "control.flocking": "control.apparent control.boids control.match_velocity",
-    "control.follow": "control.head_on",
-    "control.gather": "control.perimeter",
     "control.layer": "control.perception",
     "control.rule": "control.readings",
     "environments.registration": "environments.extra",

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, Map, Radio, SwarmModel, disc
-from mesa_swarm.control import Avoid, HeadOn, Subsumption, VectorSum
+from mesa_swarm.control import Avoid, Subsumption, VectorSum
+from mesa_swarm.control.head_on import HeadOn
 from mesa_swarm.errors import (
     InvalidValueError,
     SwarmError,
