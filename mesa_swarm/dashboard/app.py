@@ -44,7 +44,7 @@ COUNTS = {"seed": LARGEST_SEED, "step": MOST_STEPS}
 MOST_FAULTS = 5
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Address:
     """The settings in a link."""
 

@@ -154,7 +154,7 @@ class CancelledError(SwarmError):
     """The user has cancelled the export."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Wanted:
     """A requested file; every value is checked."""
 

@@ -77,7 +77,57 @@ Kind = TypeVar("Kind", bound=Companion)
 
 
 class Session(Player):
-    """A model that one user chooses, changes, plays and resets."""
+    """A model that one user chooses, changes, plays and resets.
+
+    Parameters
+    ----------
+    name : str
+        Of a model of the gallery.
+    settings : mapping, optional
+        Parameters that are not the model's defaults.
+    seed : int
+        Of everything random, 0 to 2**53 - 1.
+    steps : int
+        Taken before anything is shown, for at most `LONGEST_WAIT`; the others are then played.
+    find : function
+        Returns the class of a model by its name.
+
+    Attributes
+    ----------
+    name : str
+    model_class : type
+    parameters : dict of Parameter
+    settings : dict
+        Requested values of all parameters, for the next model; those in `LIVE` also for the present one.
+    seed : int
+    faults : dict of str
+        Why a setting was refused, by parameter or "seed".
+    unbuilt : bool
+        Whether `error` is about building the model, not about running it.
+    note : str
+        Why fewer steps were taken than requested; empty if all were, or if `error` has the reason.
+    goal : int
+        The step up to which it plays automatically, 0 for none.
+    own_speed : float
+        Steps a second that the user requested, also while it plays as fast as it goes up to its goal.
+    built : dict
+        Settings of the present model.
+    series : Series
+        Measurements of the present model.
+    chosen_charts : dict of list of str
+        Keys of the charts that the user chose, by model.
+    straight : bool
+        Whether nothing was changed during the run, so that the same settings reproduce it.
+    adopted : Listeners
+        Notified when the session continues with a model built elsewhere.
+
+    Examples
+    --------
+    >>> session = Session("fire_fighting")
+    >>> session.step()
+    >>> session.past.shown.readings[0]
+    ('Fires burning', '7 of 7')
+    """
 
     def __init__(
         self,
@@ -93,14 +143,11 @@ class Session(Player):
         self._reading = threading.Event()
         self._one_reader = threading.Lock()
         self.series = Series()
-        self.adopted = Listeners()  # to models built elsewhere
+        self.adopted = Listeners()
         self._companions: dict[Callable[[Session], Companion], Companion] = {}
-        # Keys of charts, by model; why settings were refused, by parameter or "seed"; the present model's settings.
         self.chosen_charts: dict[str, list[str]] = {}
         self.faults: dict[str, str] = {}
         self.built: dict[str, Any] = {}
-        # Why fewer steps were taken than requested; whether `error` is about building the model, not about running
-        # it; the step up to which it plays automatically, 0 for none.
         self.note, self.unbuilt, self.seed, self.goal = "", False, seed, 0
         super().__init__()
         self.set_speed(USUAL_SPEED)
@@ -285,7 +332,6 @@ class Session(Player):
         self.parameters = parameters_of(self.model_class)
         self.settings = self._defaults() | settings
         self.faults, self.built = {}, {}
-        # Straight until something is changed during the run: then the same settings do not reproduce it.
         self.model, self.error, self.straight = None, "", True
         self.note, self.unbuilt = "", False
         self._forget_goal()

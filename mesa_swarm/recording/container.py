@@ -123,7 +123,7 @@ class Packed:
         return self.arrays[place]
 
 
-@dataclass(kw_only=True)
+@dataclass(kw_only=True, eq=False)
 class Checkpoint:
     """The complete state of a model after a step: facts as JSON, and the arrays to which these refer by number.
 

@@ -18,7 +18,7 @@ CELLS_PER_ITEM = 4
 MOST_LISTED = 3_000_000
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Statics:
     """Edges and discs of all static bodies, listed by the cells of a grid.
 
@@ -121,7 +121,7 @@ class Statics:
             self.edges[rows] = _edges_of([(index, shape)], np.empty((0, 4)))[0]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Marks:
     """The marks on the ground, for line sensors: edges and the rows of each ring, and discs, as in `Statics`."""
 

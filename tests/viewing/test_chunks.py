@@ -63,7 +63,7 @@ def test_tracks_come_back_as_they_were(table, order):
     reader = Reader(_coded(table, order))
     again = reader.track(*table.shape, table.dtype.type, order)
     np.testing.assert_array_equal(again, table)
-    assert reader.at == len(reader.data)
+    assert reader.at == len(reader.packed)
 
 
 @st.composite
