@@ -48,16 +48,7 @@ class ChainEvent:
 
 @dataclass(frozen=True, slots=True)
 class NumberedChain:
-    """A chain with its number, which is constant over time.
-
-    Parameters
-    ----------
-    number : int
-    robots : tuple of int
-        Rows from head to tail.
-    closed : bool
-        Whether it is a ring, in which no robot is ahead of another.
-    """
+    """A chain from head to tail with its number, constant over time; in a closed one, a ring, no robot is ahead."""
 
     number: int
     robots: tuple[int, ...]
@@ -67,24 +58,7 @@ class NumberedChain:
 class Lineage:
     """The succession of chains; see `chain_history.follow_chains` for the rules.
 
-    Parameters
-    ----------
-    window : int
-        Steps after which the order of two robots is forgotten.
-
-    Attributes
-    ----------
-    chains : tuple of NumberedChain
-        The current ones.
-
-    Examples
-    --------
-    >>> from mesa_swarm.analysis.chains import paths
-    >>> lineage, place = Lineage(window=100), np.zeros((2, 2))
-    >>> [event.kind for event in lineage.advance(5, 4, paths(np.array([-1, 0]), place))]
-    ['birth']
-    >>> [event.kind for event in lineage.advance(6, 5, paths(np.array([1, -1]), place))]
-    ['reversal']
+    After `window` steps the order of two robots is forgotten.
     """
 
     def __init__(self, window: int) -> None:
@@ -192,13 +166,7 @@ OUTCOMES = ("merged", "dispersed", "unresolved")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Meetings:
-    """The conditions of meetings and their outcomes; see `chain_history.follow_chains`.
-
-    Examples
-    --------
-    >>> Meetings(distance=40).angle_degrees
-    20.0
-    """
+    """The conditions of meetings and their outcomes; see `chain_history.follow_chains`."""
 
     distance: float = 50.0
     angle_degrees: float = 20.0
@@ -215,15 +183,7 @@ class Meetings:
         check_count("patience", self.patience, minimum=1)
 
     def find(self, position: np.ndarray, heading: np.ndarray, chain: np.ndarray) -> list[tuple[int, int, int]]:
-        """Return (frame, row, row) of every meeting.
-
-        Parameters
-        ----------
-        position : ndarray, shape (k, n, 2)
-        heading : ndarray, shape (k, n)
-        chain : int64 ndarray, shape (k, n)
-            Number of each robot's chain, -1 for none.
-        """
+        """Return (frame, row, row) of every meeting, given each robot's chain (k, n), -1 for none."""
         found, near = [], np.empty((0, 2), np.int64)
         for frame in range(1, len(position)):
             near = near[distances(position[frame], near) <= self.parting_distance]
@@ -238,14 +198,7 @@ class Meetings:
         return found
 
     def outcome(self, meeting: tuple[int, int, int], steps: np.ndarray, position: np.ndarray, chain: np.ndarray) -> str:
-        """Return the outcome of a meeting, one of `OUTCOMES`, whichever came first.
-
-        Examples
-        --------
-        >>> position = np.array([[[0.0, 0], [40, 0]], [[0, 0], [20, 0]], [[0, 0], [90, 0]]])
-        >>> Meetings().outcome((1, 0, 1), np.arange(3), position, np.full((3, 2), -1))
-        'dispersed'
-        """
+        """Return the outcome of a meeting, one of `OUTCOMES`, whichever came first."""
         frame, i, j = meeting
         last = int(np.searchsorted(steps, steps[frame] + self.window, side="right"))
         together = (chain[frame:, i] == chain[frame:, j]) & (chain[frame:, i] >= 0)
@@ -258,13 +211,7 @@ class Meetings:
 
 
 def facing_pairs(position: np.ndarray, heading: np.ndarray, reach: float, angle_degrees: float) -> np.ndarray:
-    """Return the pairs (m, 2) of robots each of which is the nearest one dead ahead of the other.
-
-    Examples
-    --------
-    >>> facing_pairs(np.array([[0.0, 0], [30, 0], [45, 0]]), np.array([0.0, np.pi, np.pi]), 50.0, 20.0)
-    array([[0, 1]])
-    """
+    """Return the pairs (m, 2) of robots each of which is the nearest one dead ahead of the other."""
     nearest, _ = nearest_ahead(position, heading, reach, angle_degrees)
     rows = np.flatnonzero(nearest > np.arange(len(nearest)))
     rows = rows[nearest[nearest[rows]] == rows]
@@ -272,24 +219,12 @@ def facing_pairs(position: np.ndarray, heading: np.ndarray, reach: float, angle_
 
 
 def distances(position: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """Return the distance of each pair (m, 2) of robots.
-
-    Examples
-    --------
-    >>> distances(np.array([[0.0, 0], [3, 4]]), np.array([[0, 1]]))
-    array([5.])
-    """
+    """Return the distance of each pair (m, 2) of robots."""
     return np.hypot(*(position[pairs[:, 0]] - position[pairs[:, 1]]).T)
 
 
 def first_run(mask: np.ndarray, length: int) -> int:
-    """Return where the first run of at least `length` true values begins, len(mask) without one.
-
-    Examples
-    --------
-    >>> first_run(np.array([True, False, True, True]), 2)
-    2
-    """
+    """Return where the first run of at least `length` true values begins, len(mask) without one."""
     if length > len(mask):
         return len(mask)
     full = np.lib.stride_tricks.sliding_window_view(mask, length).all(axis=1)
@@ -297,13 +232,7 @@ def first_run(mask: np.ndarray, length: int) -> int:
 
 
 def meeting_event(meeting: tuple[int, int, int], steps: np.ndarray, chain: np.ndarray) -> ChainEvent:
-    """Return a meeting as an event, with the chains of the two robots.
-
-    Examples
-    --------
-    >>> meeting_event((0, 0, 1), np.array([7]), np.array([[4, -1]]))
-    ChainEvent(kind='meeting', step=7, robots=(0, 1), chains=(4,))
-    """
+    """Return a meeting as an event, with the chains of the two robots."""
     frame, *robots = meeting
     chains = {int(chain[frame, robot]) for robot in robots} - {-1}
     return ChainEvent(kind="meeting", step=int(steps[frame]), robots=tuple(robots), chains=tuple(sorted(chains)))

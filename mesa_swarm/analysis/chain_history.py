@@ -207,22 +207,10 @@ def follow_chains(
 
 
 def settled(leader: np.ndarray, patience: int) -> np.ndarray:
-    """Return lasting links, without changes within `patience` frames.
+    """Return lasting links (k, n), -1 for none, without changes within `patience` frames.
 
     If no robot has two followers in any frame, none has among the lasting links: while the new one is seen
     `patience` times in a row, the old one is not.
-
-    Parameters
-    ----------
-    leader : int64 ndarray, shape (k, n)
-        As found in each frame, -1 for none.
-    patience : int
-        At least 1.
-
-    Examples
-    --------
-    >>> settled(np.array([[-1], [0], [0], [-1], [0], [-1], [-1]]), 2).ravel()
-    array([-1,  0,  0,  0,  0, -1, -1])
     """
     lasting = np.full_like(leader, -1)
     held, missing, row = (np.full(leader.shape[1], fill) for fill in (-1, 0, 0))
@@ -287,13 +275,7 @@ def _travels(forward: np.ndarray, chain: np.ndarray) -> Iterator[tuple[int, np.n
 
 
 def turning_points(way: np.ndarray, least: float) -> list[int]:
-    """Return where a way turns round and then goes at least so far in the other direction.
-
-    Examples
-    --------
-    >>> turning_points(np.array([0.0, 5, 9, 8, 9, 2, 0, 6]), 4.0)
-    [4, 6]
-    """
+    """Return where a way turns round and then goes at least so far in the other direction."""
     turns, direction = [], 0
     high = low = 0
     for now in range(len(way)):

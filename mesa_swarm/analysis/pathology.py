@@ -31,13 +31,7 @@ Found = tuple[tuple[int, ...], int, int, int]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Thresholds:
-    """Thresholds of unproductive behaviour; see `pathology.find_pathologies`.
-
-    Examples
-    --------
-    >>> Thresholds(fewest_flips=8).window
-    60
-    """
+    """Thresholds of unproductive behaviour; see `pathology.find_pathologies`."""
 
     near: float = 20.0
     window: int = 60

@@ -15,17 +15,7 @@ NOTHING = 1e-9
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Track:
-    """The recorded arrays, checked; see `pathology.find_pathologies`.
-
-    Examples
-    --------
-    >>> track = Track.of(
-    ...     steps=[1], position=[[[0, 0]]], heading=[[0]], command=[[[1, 0]]], layer=[[0]], distance=[[[9]]],
-    ...     kind=[[[1]]], radius=[5], max_speed=[1], forward=[[0, -1, -1]],
-    ... )
-    >>> track.turn, track.reads((ROBOT,), 20.0, 0), track.reads((ROBOT,), 20.0, 1)
-    (array([[-1.]]), array([[ True]]), array([[False]]))
-    """
+    """The recorded arrays, checked; see `pathology.find_pathologies`."""
 
     steps: np.ndarray
     position: np.ndarray
@@ -102,49 +92,25 @@ class Track:
 
 
 def last_before(sign: np.ndarray) -> np.ndarray:
-    """Return for each step (k, n) the last one before it in which the sign was not 0, or -1.
-
-    Examples
-    --------
-    >>> last_before(np.array([[1], [0], [-1]])).ravel()
-    array([-1,  0,  0])
-    """
+    """Return for each step (k, n) the last one before it in which the sign was not 0, or -1."""
     last = np.where(sign != 0, np.arange(len(sign))[:, None], -1)
     last = np.maximum.accumulate(last, axis=0)
     return np.concatenate([np.full((1, sign.shape[1]), -1), last[:-1]])[: len(sign)]
 
 
 def flips_of(sign: np.ndarray) -> np.ndarray:
-    """Return the steps (k, n) in which the sign is the opposite of the last one that was not 0.
-
-    Examples
-    --------
-    >>> flips_of(np.array([[1], [0], [-1], [-1], [1]])).ravel()
-    array([False, False,  True, False,  True])
-    """
+    """Return the steps (k, n) in which the sign is the opposite of the last one that was not 0."""
     before = last_before(sign)
     return (before >= 0) & (sign * at(sign, before) < 0)
 
 
 def at(values: np.ndarray, frame: np.ndarray) -> np.ndarray:
-    """Return each robot's value in another step (k, n), which may be -1: an arbitrary value then.
-
-    Examples
-    --------
-    >>> at(np.array([[1], [2]]), np.array([[1], [0]])).ravel()
-    array([2, 1])
-    """
+    """Return each robot's value in another step (k, n), which may be -1: an arbitrary value then."""
     return values[frame, np.arange(frame.shape[1])] if len(values) else values
 
 
 def covered(shape: tuple[int, int], row: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
-    """Return a mask (k, n) of the steps `first` to `last`, inclusive, of these rows.
-
-    Examples
-    --------
-    >>> covered((4, 1), np.array([0]), np.array([1]), np.array([2])).ravel()
-    array([False,  True,  True, False])
-    """
+    """Return a mask (k, n) of the steps `first` to `last`, inclusive, of these rows."""
     change = np.zeros((shape[0] + 1, shape[1]), np.int64)
     np.add.at(change, (first, row), 1)
     np.add.at(change, (last + 1, row), -1)
@@ -152,13 +118,7 @@ def covered(shape: tuple[int, int], row: np.ndarray, first: np.ndarray, last: np
 
 
 def runs(mask: np.ndarray) -> list[tuple[int, int, int]]:
-    """Return (row, first, last) of every run of true values along the first axis.
-
-    Examples
-    --------
-    >>> runs(np.array([[True], [True], [False], [True]]))
-    [(0, 0, 1), (0, 3, 3)]
-    """
+    """Return (row, first, last) of every run of true values along the first axis."""
     edge = np.diff(mask.astype(np.int8), axis=0, prepend=0, append=0).T
     row, first = np.nonzero(edge > 0)
     _, end = np.nonzero(edge < 0)
@@ -169,11 +129,6 @@ def lasting(mask: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
     """Return first step and row of every stretch of `length` steps in a row, without step 0.
 
     Step 0 is left out as the positions before it are unknown.
-
-    Examples
-    --------
-    >>> lasting(np.ones((4, 1), bool), 2)[0]
-    array([1, 2])
     """
     if len(mask) <= length:
         return np.empty(0, np.int64), np.empty(0, np.int64)

@@ -25,20 +25,8 @@ CIRCLE = (1.0, 0.8)
 def timing_run(rng: int, *, robots: int, map: str, sensors: int, milliseconds: float) -> dict[str, float]:
     """Return the processor time of a step: the least mean of five batches, which other programs disturb least.
 
-    Parameters
-    ----------
-    rng : int
-    robots : int
-    map : str
-    sensors : int
-        3, 6 or 9 of robots that avoid and explore; with 0, robots move in circles, and only contact is computed.
-    milliseconds : float
-        Of processor time for each batch, about.
-
-    Examples
-    --------
-    >>> timing_run(1, robots=5, map="original", sensors=3, milliseconds=1.0)["seconds"] > 0
-    True
+    Robots with 3, 6 or 9 sensors avoid and explore; with 0, they move in circles, and only contact is computed. A batch
+    takes about so many milliseconds of processor time.
     """
     model = timed_world(rng, robots, map, sensors).run(WARM_UP)
     started = process_time()
@@ -49,13 +37,7 @@ def timing_run(rng: int, *, robots: int, map: str, sensors: int, milliseconds: f
 
 
 def timed_world(rng: int, robots: int, map: str, sensors: int) -> SwarmModel:
-    """Return the world that is timed.
-
-    Examples
-    --------
-    >>> timed_world(1, 3, "sparse", 0).swarm.distance.shape
-    (3, 0)
-    """
+    """Return the world that is timed."""
     model = SwarmModel(map=map, rng=rng)
     model.add_robots(BY_SENSORS[sensors] if sensors else RobotDesign(name="blind"), robots)
     if sensors:
@@ -100,13 +82,7 @@ def step_times(laboratory: Laboratory, maps: Sequence[str], sensors: Sequence[in
 
 
 def exponents(times: np.ndarray, robots: Sequence[int] = ROBOTS) -> np.ndarray:
-    """Return for every seed the b of t = a n^b, by least squares of the logarithms of times (robots, seeds).
-
-    Examples
-    --------
-    >>> exponents(np.array([[1.0], [4.0]]), (10, 20))
-    array([2.])
-    """
+    """Return for every seed the b of t = a n^b, by least squares of the logarithms of times (robots, seeds)."""
     x = np.log(np.asarray(robots, float)) - np.log(robots).mean()
     return x @ np.log(times) / (x @ x)
 

@@ -95,13 +95,7 @@ def growth_figure(alone: np.ndarray, law: np.ndarray, fought: np.ndarray) -> Fig
 
 
 def example() -> FireConstants:
-    """Return the constants of the example; that one robot would suffice for it does not matter here.
-
-    Examples
-    --------
-    >>> round(example().k2, 7)
-    0.0020159
-    """
+    """Return the constants of the example; that one robot would suffice for it does not matter here."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FireConstantsWarning)
         return design_constants(
@@ -111,13 +105,7 @@ def example() -> FireConstants:
 
 
 def printed_k2(k1: float) -> float:
-    """Return k2 by (B.9) as the thesis prints it: k1 A / n multiplies the first term only.
-
-    Examples
-    --------
-    >>> round(printed_k2(math.log(2) / 1000), 4)
-    1.0018
-    """
+    """Return k2 by (B.9) as the thesis prints it: k1 A / n multiplies the first term only."""
     grown = math.exp(k1 * TIME)
     return (k1 * AREA / ROBOTS * grown + grown - 1.0) / (grown - 1.0)
 
@@ -128,13 +116,7 @@ def with_k2(chosen: FireConstants, k2: float) -> FireConstants:
 
 
 def course(chosen: FireConstants, start: float, *, robots: int, steps: int) -> np.ndarray:
-    """Return a fire's temperature at steps 0, 1, ..., by the rule of the simulator, in which 0 is absorbing.
-
-    Examples
-    --------
-    >>> course(example(), 0.5, robots=0, steps=2).shape
-    (3,)
-    """
+    """Return a fire's temperature at steps 0, 1, ..., by the rule of the simulator, in which 0 is absorbing."""
     return np.fromiter(temperatures(chosen, start, robots, steps), float)
 
 
@@ -155,13 +137,7 @@ def solution(chosen: FireConstants, times: np.ndarray) -> np.ndarray:
 
 
 def first(happened: np.ndarray) -> float:
-    """Return the first step at which something is true, infinity if it never is.
-
-    Examples
-    --------
-    >>> first(np.array([False, True, True])), first(np.array([False]))
-    (1.0, inf)
-    """
+    """Return the first step at which something is true, infinity if it never is."""
     return float(happened.argmax()) if happened.any() else math.inf
 
 

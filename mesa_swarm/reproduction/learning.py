@@ -32,14 +32,7 @@ PLACES = np.linspace(0.5, 55.0, 110)
 
 
 def learning_run(rng: int, *, steps: int = STEPS, **settings: Any) -> dict[str, Any]:
-    """Let robots learn; return collisions a robot and 1,000 steps early and late, their curve, and their thirds.
-
-    Examples
-    --------
-    >>> run = learning_run(1, steps=330, n_robots=2)
-    >>> len(run["curve"]), run["total"] >= 0
-    (330, True)
-    """
+    """Let robots learn; return collisions a robot and 1,000 steps early and late, their curve, and their thirds."""
     model = find_model("q_learning")(rng=rng, **settings).run(steps)
     robots = len(model.swarm)
     rate = 1000.0 * np.array(model.datacollector.model_vars["collisions"], float) / robots
@@ -61,25 +54,13 @@ def learning_run(rng: int, *, steps: int = STEPS, **settings: Any) -> dict[str, 
 
 
 def thinned(values: np.ndarray, points: int = POINTS) -> list[float]:
-    """Return values at equal steps, the last one too, with six digits.
-
-    Examples
-    --------
-    >>> thinned(np.arange(660.0))[-1]
-    659.0
-    """
+    """Return values at equal steps, the last one too, with six digits."""
     places = np.linspace(0, len(values) - 1, points).round().astype(int)
     return [float(f"{value:.6g}") for value in values[places]]
 
 
 def correlation(a: np.ndarray, b: np.ndarray) -> float | None:
-    """Return Pearson's correlation, None if one of the two never changes.
-
-    Examples
-    --------
-    >>> correlation(np.array([1.0, 2.0]), np.array([2.0, 4.0])), correlation(np.ones(2), np.ones(2))
-    (1.0, None)
-    """
+    """Return Pearson's correlation, None if one of the two never changes."""
     if np.ptp(a) == 0 or np.ptp(b) == 0:
         return None
     return round(float(np.corrcoef(a, b)[0, 1]), 12)
@@ -90,11 +71,6 @@ def avoidance_run(rng: int, *, steps: int = STEPS, gamma: float, **settings: Any
 
     The value of every action is computed from far to near: the distance is the one from which forward is
     no longer the best. None if forward never is.
-
-    Examples
-    --------
-    >>> avoidance_run(1, steps=50, gamma=0.7).keys()
-    dict_keys(['distance', 'collisions'])
     """
     model = find_model("q_learning")(rng=rng, gamma=gamma, n_robots=1, **settings).run(steps)
     distance, kind = readings_before_a_wall()
@@ -103,15 +79,7 @@ def avoidance_run(rng: int, *, steps: int = STEPS, gamma: float, **settings: Any
 
 
 def turning_distance(forward: np.ndarray) -> float | None:
-    """Return the least of `PLACES` down to which, coming from far, forward is the best action at each.
-
-    Examples
-    --------
-    >>> turning_distance(PLACES > 20.0)
-    20.5
-    >>> turning_distance(PLACES < 20.0) is None
-    True
-    """
+    """Return the least of `PLACES` down to which, coming from far, forward is the best action at each."""
     if not forward[-1]:
         return None
     turned = np.flatnonzero(~forward)
@@ -120,13 +88,7 @@ def turning_distance(forward: np.ndarray) -> float | None:
 
 @cache
 def readings_before_a_wall() -> tuple[np.ndarray, np.ndarray]:
-    """Return the readings of an AGENT9 in front of a long wall at each of `PLACES`: distances and kinds (110, 9).
-
-    Examples
-    --------
-    >>> readings_before_a_wall()[0].shape
-    (110, 9)
-    """
+    """Return the readings of an AGENT9 in front of a long wall at each of `PLACES`: distances and kinds (110, 9)."""
     model = SwarmModel(map="openspace", rng=1)
     (robot,) = model.add_robots(AGENT9, poses=[(400.0, 300.0, 0.0)])
     distances, kinds = [], []

@@ -19,19 +19,7 @@ CHAPTERS = ("complexity", "swarms", "networks", "learning", "fire_fighting", "fi
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Item:
-    """One result of the thesis.
-
-    Parameters
-    ----------
-    figure : str
-        Its number.
-    title : str
-        What it shows.
-    section : str
-        Of the thesis.
-    make : callable
-        Takes a `Laboratory` and returns a `Result`.
-    """
+    """One result of the thesis: its number, what it shows, where, and how it is made."""
 
     figure: str
     title: str
@@ -41,30 +29,13 @@ class Item:
 
 @cache
 def items() -> dict[str, Item]:
-    """Return all results by the number of their figure, in the thesis's order.
-
-    Examples
-    --------
-    >>> list(items())[:2], len(items())
-    (['4.12', '4.13'], 28)
-    """
+    """Return all results by the number of their figure, in the thesis's order."""
     modules = (import_module(f"mesa_swarm.reproduction.{name}") for name in CHAPTERS)
     return {item.figure: item for module in modules for item in module.ITEMS}
 
 
 def find_item(figure: str) -> Item:
-    """Return the result of this number.
-
-    Raises
-    ------
-    UnknownNameError
-        With the nearest number, if there is none.
-
-    Examples
-    --------
-    >>> find_item("7.3").section
-    '7.4'
-    """
+    """Return the result of this number."""
     return items()[check_choice("figure", figure, items())]
 
 
@@ -97,14 +68,7 @@ class Made:
 
 
 def report(made: Sequence[Made], *, quick: bool = False) -> str:
-    """Return the page.
-
-    Parameters
-    ----------
-    made : sequence of Made
-    quick : bool
-        Whether few seeds were enough, which is then stated on the page.
-    """
+    """Return the page; it states if few seeds were enough."""
     parts = [INTRODUCTION, surroundings(made, quick), summary(made), *map(section, made)]
     return "\n".join(part.rstrip() + "\n" for part in parts)
 
@@ -151,15 +115,7 @@ def claim_of(check: Check) -> str:
 
 
 def table_of(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    r"""Return a Markdown table.
-
-    Examples
-    --------
-    >>> print(table_of(("a", "b"), [("1", "x|y")]))
-    | a | b |
-    |---|---|
-    | 1 | x\|y |
-    """
+    """Return a Markdown table."""
     lines = [header, *rows]
     cells = ["| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines]
     return "\n".join([cells[0], "|" + "---|" * len(header), *cells[1:]])
