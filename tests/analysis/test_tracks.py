@@ -70,10 +70,9 @@ def test_a_track_reads_near_bodies_by_the_sensor_on_that_side():
 
 def test_a_chain_that_comes_again_in_the_opposite_order_is_a_birth_and_then_a_reversal():
     lineage, place = Lineage(window=100), np.zeros((2, 2))
-    found = [
-        lineage.advance(step, step - 1, paths(np.array(lead), place)) for step, lead in ((5, [-1, 0]), (6, [1, -1]))
-    ]
-    assert [[event.kind for event in events] for events in found] == [["birth"], ["reversal"]]
+    for step, leader, kind in ((5, [-1, 0], "birth"), (6, [1, -1], "reversal")):
+        (event,) = lineage.advance(step, step - 1, paths(np.array(leader), place))
+        assert event.kind == kind
 
 
 def test_robots_that_part_after_a_meeting_have_dispersed():
