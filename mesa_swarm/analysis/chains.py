@@ -8,10 +8,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from mesa_swarm.analysis.arrays import check_array
+from mesa_swarm.analysis.arrays import LARGEST_COORDINATE, check_array
 from mesa_swarm.errors import check_number
-
-FARTHEST = 1e9
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -135,7 +133,7 @@ class Links:
 
     def __post_init__(self) -> None:
         """Check the parameters."""
-        check_number("link_distance", self.distance, above=0, maximum=FARTHEST)
+        check_number("link_distance", self.distance, above=0, maximum=LARGEST_COORDINATE)
         check_number("half_angle_degrees", self.half_angle_degrees, minimum=0, maximum=180)
         check_number("alignment_degrees", self.alignment_degrees, above=0, maximum=180)
 

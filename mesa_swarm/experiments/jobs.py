@@ -5,7 +5,6 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
@@ -32,13 +31,13 @@ from mesa_swarm.world.map_toml import parsed_toml
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,59}")
 
 
-def _field(check: Callable, value: Any, info: ValidationInfo) -> Any:
-    return check(info.field_name, value)
-
-
 def _checked_by(check: Callable, **limits: Any) -> BeforeValidator:
     """Return a validator with this package's messages: the check gets the key and the value."""
-    return BeforeValidator(partial(_field, partial(check, **limits)))
+
+    def checked(value: Any, info: ValidationInfo) -> Any:
+        return check(info.field_name, value, **limits)
+
+    return BeforeValidator(checked)
 
 
 def _check_name(name: str, value: object) -> str:

@@ -6,10 +6,9 @@ from time import process_time
 import numpy as np
 from matplotlib.figure import Figure
 
-from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.experiments.bench import BY_SENSORS
+from mesa_swarm.experiments.bench import CIRCLE, MAPS, mean_seconds, on_map
 from mesa_swarm.reproduction.drawing import draw_means, plain_axes
-from mesa_swarm.reproduction.judging import Result, judged_difference, judged_mean
+from mesa_swarm.reproduction.judging import Check, Result, judged_difference, judged_mean
 from mesa_swarm.reproduction.laboratory import Laboratory
 from mesa_swarm.reproduction.registry import Item
 from mesa_swarm.robots.design import RobotDesign
@@ -18,8 +17,6 @@ from mesa_swarm.swarm_model import SwarmModel
 # Steps until the number of meetings no longer grows.
 WARM_UP = 50
 BATCHES = 5
-# Without control robots drive in circles: straight on, all would end in heaps at the border.
-CIRCLE = (1.0, 0.8)
 
 
 def timing_run(rng: int, *, robots: int, map: str, sensors: int, milliseconds: float) -> dict[str, float]:
@@ -29,34 +26,21 @@ def timing_run(rng: int, *, robots: int, map: str, sensors: int, milliseconds: f
     takes about so many milliseconds of processor time.
     """
     model = timed_world(rng, robots, map, sensors).run(WARM_UP)
-    started = process_time()
-    model.run(20)
-    each = max((process_time() - started) / 20, 1e-6)
+    each = max(mean_seconds(model.step, 20, process_time), 1e-6)
     steps = max(int(milliseconds / 1000 / each), 5)
-    return {"seconds": min(batch_seconds(model, steps) for _ in range(BATCHES))}
+    return {"seconds": min(mean_seconds(model.step, steps, process_time) for _ in range(BATCHES))}
 
 
 def timed_world(rng: int, robots: int, map: str, sensors: int) -> SwarmModel:
     """Return the world that is timed."""
-    model = SwarmModel(map=map, rng=rng)
-    model.add_robots(BY_SENSORS[sensors] if sensors else RobotDesign(name="blind"), robots)
     if sensors:
-        model.control = Subsumption(Avoid(distance=15), Explore())
-    else:
-        model.swarm.columns["command"][:] = CIRCLE
+        return on_map(robots, map, sensors, rng)
+    model = SwarmModel(map=map, rng=rng)
+    model.add_robots(RobotDesign(name="blind"), robots)
+    model.swarm.columns["command"][:] = CIRCLE
     return model
 
 
-def batch_seconds(model: SwarmModel, steps: int) -> float:
-    """Return the mean processor time of a step."""
-    started = process_time()
-    for _ in range(steps):
-        model.step()
-    return (process_time() - started) / steps
-
-
-# In the thesis's order: dense, sparse, open.
-MAPS = ("original", "sparse", "openspace")
 ROBOTS = (6, 12, 18, 24, 30, 36, 42, 48)
 SENSORS = (3, 6, 9)
 SEEDS = 8
@@ -87,15 +71,18 @@ def exponents(times: np.ndarray, robots: Sequence[int] = ROBOTS) -> np.ndarray:
     return x @ np.log(times) / (x @ x)
 
 
+def at_most_squared(what: str, times: Times) -> list[Check]:
+    """Judge whether times grow at most as n^2 on each map."""
+    return [
+        judged_mean(f"{what} grows at most as n^2, map {name}: exponent", "O(n^2)", list(exponents(each)), high=2.0)
+        for (name, _), each in times.items()
+    ]
+
+
 def contact_alone(laboratory: Laboratory) -> Result:
     """Make figure 4.12: contact alone on three maps."""
     times = step_times(laboratory, MAPS, (0,))
-    checks = [
-        judged_mean(
-            f"contact grows at most as n^2, map {name}: exponent", "O(n^2)", list(exponents(times[name, 0])), high=2.0
-        )
-        for name in MAPS
-    ]
+    checks = at_most_squared("contact", times)
     dense, wide = times["original", 0][-1], times["openspace", 0][-1]
     matters = judged_difference(
         "the map matters: ms a step of 48 robots", "yes", wide, dense, names=("open", "dense"), main=False
@@ -108,12 +95,7 @@ def contact_alone(laboratory: Laboratory) -> Result:
 def whole_step(laboratory: Laboratory) -> Result:
     """Make figure 4.13: the whole step on three maps."""
     times = step_times(laboratory, MAPS, (3,))
-    checks = [
-        judged_mean(
-            f"the step grows at most as n^2, map {name}: exponent", "O(n^2)", list(exponents(times[name, 3])), high=2.0
-        )
-        for name in MAPS
-    ]
+    checks = at_most_squared("the step", times)
     few = [i for i, n in enumerate(ROBOTS) if FEWEST <= n <= DENSE_TO]
     dense = exponents(times["original", 3][few], [ROBOTS[i] for i in few])
     less = judged_mean(

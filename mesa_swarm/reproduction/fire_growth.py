@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -65,7 +65,7 @@ def put_out(chosen: FireConstants, fought: np.ndarray) -> tuple[Check, ...]:
 
 def as_printed(chosen: FireConstants) -> tuple[Check, ...]:
     """Judge the equations as they are printed."""
-    fought = course(with_k2(chosen, printed_k2(chosen.k1)), 1.0, robots=ROBOTS, steps=LONGEST)
+    fought = course(replace(chosen, k2=printed_k2(chosen.k1)), 1.0, robots=ROBOTS, steps=LONGEST)
     return (
         judged_number(
             "with k2 by (B.9) as printed they take 200 steps", "200", first(fought <= 0.0), low=199, high=202,
@@ -110,24 +110,14 @@ def printed_k2(k1: float) -> float:
     return (k1 * AREA / ROBOTS * grown + grown - 1.0) / (grown - 1.0)
 
 
-def with_k2(chosen: FireConstants, k2: float) -> FireConstants:
-    """Return the same constants with another k2."""
-    return FireConstants(chosen.k1, k2, chosen.k3, chosen.k4, chosen.leave, chosen.join)
-
-
 def course(chosen: FireConstants, start: float, *, robots: int, steps: int) -> np.ndarray:
     """Return a fire's temperature at steps 0, 1, ..., by the rule of the simulator, in which 0 is absorbing."""
-    return np.fromiter(temperatures(chosen, start, robots, steps), float)
-
-
-def temperatures(chosen: FireConstants, start: float, robots: int, steps: int) -> Iterator[float]:
-    """Yield a fire's temperature, from its start on, for a number of steps."""
     k = (chosen.k1, chosen.k2, chosen.k3, chosen.k4, chosen.leave, chosen.join)
-    now = start
-    yield now
+    temperatures = [start]
     for _ in range(steps):
-        now = next_temperature(now, AREA, robots, k) if robots == 0 or now > 0.0 else 0.0
-        yield now
+        now = temperatures[-1]
+        temperatures.append(next_temperature(now, AREA, robots, k) if robots == 0 or now > 0.0 else 0.0)
+    return np.array(temperatures)
 
 
 def solution(chosen: FireConstants, times: np.ndarray) -> np.ndarray:

@@ -1,7 +1,7 @@
 """Figures 8.1 to 8.7: robots that learn collision avoidance."""
 
 import math
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -196,18 +196,17 @@ def falling(rows: list[dict], share: float) -> Check:
     )
 
 
-def with_temperature(rows: list[dict]) -> Check:
-    """Judge whether collisions correlate with T over a run."""
-    values = column(rows, "with temperature")
-    return judged_mean("collisions correlate with T: correlation over a run", "correlate", values, low=0.0)
-
-
 def frequency(laboratory: Laboratory, robots: int, beta: float, share: float) -> Result:
-    """Make one of the figures of how often robots collide, with T."""
+    """Make one of figures 8.3 to 8.5: how often robots collide, with T."""
     rows = runs_of(laboratory, robots, beta)
     checks = (
         falling(rows, share),
-        with_temperature(rows),
+        judged_mean(
+            "collisions correlate with T: correlation over a run",
+            "correlate",
+            column(rows, "with temperature"),
+            low=0.0,
+        ),
         judged_mean(
             "the robots drive ahead in the last 3,000 steps: share of full speed",
             "fast, no number",
@@ -221,21 +220,6 @@ def frequency(laboratory: Laboratory, robots: int, beta: float, share: float) ->
         pictures={"": frequency_figure(rows, robots, beta, laboratory.pick(STEPS, 3_300))},
         settings=f"{LEARNING}; {robots} robot{'s' if robots > 1 else ''}, beta {beta:g}",
     )
-
-
-def one_robot(laboratory: Laboratory) -> Result:
-    """Make figure 8.3: one robot."""
-    return frequency(laboratory, 1, SLOW, 0.25)
-
-
-def many_slowly(laboratory: Laboratory) -> Result:
-    """Make figure 8.4: fifteen robots whose T falls slowly."""
-    return frequency(laboratory, 15, SLOW, 0.25)
-
-
-def many_fast(laboratory: Laboratory) -> Result:
-    """Make figure 8.5: fifteen robots whose T falls fast."""
-    return frequency(laboratory, 15, FAST, 0.5)
 
 
 def totals(laboratory: Laboratory) -> Result:
@@ -338,12 +322,15 @@ def avoidance(laboratory: Laboratory) -> Result:
     )
 
 
+ONE = partial(frequency, robots=1, beta=SLOW, share=0.25)
+SLOWLY = partial(frequency, robots=15, beta=SLOW, share=0.25)
+QUICKLY = partial(frequency, robots=15, beta=FAST, share=0.5)
 ITEMS = (
     Item(figure="8.1", title="how the temperature of the choice falls", section="8.3", make=temperatures),
     Item(figure="8.2", title="the rewards", section="8.2", make=rewards),
-    Item(figure="8.3", title="collisions of one learning robot", section="8.3", make=one_robot),
-    Item(figure="8.4", title="collisions of 15, temperature falling slowly", section="8.3", make=many_slowly),
-    Item(figure="8.5", title="collisions of 15, temperature falling fast", section="8.3", make=many_fast),
+    Item(figure="8.3", title="collisions of one learning robot", section="8.3", make=ONE),
+    Item(figure="8.4", title="collisions of 15, temperature falling slowly", section="8.3", make=SLOWLY),
+    Item(figure="8.5", title="collisions of 15, temperature falling fast", section="8.3", make=QUICKLY),
     Item(figure="8.6", title="cumulative collisions, for both", section="8.3", make=totals),
     Item(figure="8.7", title="distance at which robots turn, over gamma", section="8.4", make=avoidance),
 )

@@ -10,7 +10,7 @@ import numba
 import numpy as np
 
 from mesa_swarm.errors import check_choice
-from mesa_swarm.reproduction.judging import HEADER, VERDICTS, Check, Result
+from mesa_swarm.reproduction.judging import HEADER, VERDICTS, Result
 from mesa_swarm.reproduction.laboratory import Laboratory
 
 # A module for each subject, in the thesis's order.
@@ -88,30 +88,23 @@ def summary(made: Sequence[Made]) -> str:
     """Return how many results have which verdict, and a line for each."""
     count = {name: sum(one.result.verdict == name for one in made) for name in VERDICTS}
     counted = ", ".join(f"{number} {name}" for name, number in count.items())
-    lines = [row_of(one) for one in made]
+    lines = [
+        (one.item.figure, one.item.title, f"**{one.result.verdict}**", "; ".join(one.result.limits) or "-")
+        for one in made
+    ]
     table = table_of(("figure", "shows", "verdict", "not passed"), lines)
     return f"## All results\n\n{counted}.\n\n{table}"
 
 
-def row_of(one: Made) -> tuple[str, ...]:
-    """Return a result as a line of the summary."""
-    return one.item.figure, one.item.title, f"**{one.result.verdict}**", "; ".join(one.result.limits) or "-"
-
-
 def section(one: Made) -> str:
-    """Return the section of one result."""
-    rows = [(claim_of(check), *check.row[1:]) for check in one.result.checks]
+    """Return the section of one result, in which the claims that are not main ones are in italics."""
+    rows = [(check.claim if check.main else f"*{check.claim}*", *check.row[1:]) for check in one.result.checks]
     remarks = "".join(f"\n- {remark}" for remark in one.result.remarks)
     return (
         f"## {one.item.figure}: {one.item.title}\n\n"
         f"Thesis {one.item.section}. **{one.result.verdict.capitalize()}.**\n\n"
         f"{table_of(HEADER, rows)}\n\nSettings: {one.result.settings}.\n{remarks}"
     )
-
-
-def claim_of(check: Check) -> str:
-    """Return a claim, in italics if it is not a main one."""
-    return check.claim if check.main else f"*{check.claim}*"
 
 
 def table_of(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -12,17 +12,18 @@ from mesa_swarm.analysis.arrays import (
     check_steps,
     check_whole,
 )
-from mesa_swarm.analysis.chain_events import (
+from mesa_swarm.analysis.chain_history import (
     Lineage,
     Meetings,
     distances,
     facing_pairs,
     first_run,
     meeting_event,
+    settled,
+    turning_points,
 )
-from mesa_swarm.analysis.chain_history import settled, turning_points
 from mesa_swarm.analysis.chains import nearest_ahead, paths
-from mesa_swarm.analysis.pathology_track import ROBOT, Track, at, covered, flips_of, last_before, lasting, runs
+from mesa_swarm.analysis.pathology import ROBOT, Track, at, covered, flips_of, last_before, lasting, runs
 
 
 def column(*values):
@@ -59,7 +60,7 @@ def test_lasting_stretches_begin_after_step_zero():
 
 
 def test_a_track_reads_near_bodies_by_the_sensor_on_that_side():
-    track = Track.of(
+    track = Track(
         steps=[1], position=[[[0, 0]]], heading=[[0]], command=[[[1, 0]]], layer=[[0]], distance=[[[9]]],
         kind=[[[ROBOT]]], radius=[5], max_speed=[1], forward=[[0, -1, -1]],
     )  # fmt: skip
