@@ -84,9 +84,8 @@ class Lineage:
         self._remember([chain for chain in old if chain not in still], before)
         parents = [[old[o].number for _, o, n in shared if n == index] for index in range(len(self.chains))]
         children = [[self.chains[n].number for _, o, n in shared if o == index] for index in range(len(old))]
-        events = changes(step, self.chains, parents, ("birth", "merge")) + changes(
-            step, old, children, ("end", "split")
-        )
+        events = changes(step, self.chains, parents, ("birth", "merge"))
+        events += changes(step, old, children, ("end", "split"))
         for chain in self.chains:
             if chain not in known and not chain.closed:
                 events += self._reversals(step, chain)

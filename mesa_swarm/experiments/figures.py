@@ -160,16 +160,11 @@ def _end_axis(axes: Axes, numbers: np.ndarray) -> None:
 
 
 def places_of(values: Sequence[Any]) -> np.ndarray:
-    """Return the positions of values on an axis: numbers by value, words one after the other."""
-    if _are_numbers(values):
+    """Return the positions of values on an axis: rising numbers by value, others one after the other."""
+    numbers = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values)
+    if numbers and all(a < b for a, b in pairwise(values)):
         return np.array(values, float)
     return np.arange(len(values), dtype=float)
-
-
-def _are_numbers(values: Sequence[Any]) -> bool:
-    """Return whether values form an axis: rising numbers."""
-    numbers = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values)
-    return numbers and all(a < b for a, b in pairwise(values))
 
 
 def spread_out(n: int, reach: float) -> np.ndarray:

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from mesa_swarm.errors import InvalidValueError, UnknownNameError, check_choice, shortened, unknown_name
+from mesa_swarm.errors import InvalidValueError, check_choice, shortened
 from mesa_swarm.experiments.experiment import (
     Experiment,
     checked_class,
@@ -160,9 +160,7 @@ def _checked_parameter(model_class: type, name: str | None) -> tuple[str, tuple]
         raise InvalidValueError(
             f"{model_class.__name__} has no attribute compares with a parameter and values; give both"
         )
-    if name not in known:
-        raise UnknownNameError(unknown_name(f"parameter of {model_class.__name__}", name, known))
-    if name != declared:
+    if check_choice(f"parameter of {model_class.__name__}", name, known) != declared:
         control = known[name].control
         values = control.options if isinstance(control, Choice) else ()
     return name, values

@@ -57,9 +57,9 @@ def do_runs(
     """Do outstanding runs, store each outcome before the next is waited for, and yield both.
 
     Runs are read as workers become free, never far ahead. For the progress bar, `count` counts all runs and `done`
-    those that are not outstanding. An outcome replaces one in the ledger only if it has other results than that. A run
-    whose worker dies is tried again if there are several tries, which is then its outcome; else WorkerDiedError is
-    raised.
+    those that are not outstanding. An outcome replaces a stored one only if it has other results than that. A run
+    whose worker dies is tried so many times; after several, the death is its outcome, after a single one a
+    WorkerDiedError is raised.
     """
     if tries == 1:  # else a run that kills its process would end this one
         workers = min(workers, max(count - done, 1))

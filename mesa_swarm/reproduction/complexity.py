@@ -175,7 +175,7 @@ def linear_in_sensors(laboratory: Laboratory) -> Result:
         for i, n in enumerate(ROBOTS)
         if n in (6, 24, 48)
     )
-    figure, (axes,) = plain_axes("sensors", "whole step, map original, ms")
+    figure, axes = plain_axes("sensors", "whole step, map original, ms")
     for k, i in enumerate((0, 3, 5, 7)):
         draw_means(axes, SENSORS, [times["original", s][i] for s in SENSORS], f"{ROBOTS[i]} robots", k)
     axes.set_ylim(bottom=0)
@@ -193,7 +193,7 @@ def linear_in_sensors(laboratory: Laboratory) -> Result:
 
 def times_figure(times: Times, what: str) -> Figure:
     """Return a figure with a line for each map or number of sensors."""
-    figure, (axes,) = plain_axes("robots", what)
+    figure, axes = plain_axes("robots", what)
     several = len({sensors for _, sensors in times}) > 1
     for i, ((name, sensors), values) in enumerate(times.items()):
         draw_means(axes, ROBOTS, values, f"{sensors} sensors" if several else name, i)

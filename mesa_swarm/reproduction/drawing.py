@@ -24,19 +24,15 @@ MOST_POINTS = 1000
 FAINT = 0.18
 
 
-def plain_axes(
-    x: str, y: str, *, panels: int = 1, size: tuple[float, float] = (7.5, 4.2), share_y: bool = False
-) -> tuple[Figure, list[Axes]]:
-    """Return a figure with axes side by side, named, without frames."""
-    figure = Figure(figsize=size, layout="constrained")
-    grid = list(figure.subplots(1, panels, squeeze=False, sharey=share_y).ravel())
-    for axes in grid:
-        axes.set(xlabel=x)
-        axes.set_prop_cycle(color=LIGHT.series)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.grid(alpha=0.25)
-    grid[0].set(ylabel=y)
-    return figure, grid
+def plain_axes(x: str, y: str) -> tuple[Figure, Axes]:
+    """Return a figure with named axes without a frame."""
+    figure = Figure(figsize=(7.5, 4.2), layout="constrained")
+    axes = figure.subplots()
+    axes.set(xlabel=x, ylabel=y)
+    axes.set_prop_cycle(color=LIGHT.series)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(alpha=0.25)
+    return figure, axes
 
 
 def count_steps(axes: Axes) -> None:

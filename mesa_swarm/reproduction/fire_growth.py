@@ -85,7 +85,7 @@ def as_printed(chosen: FireConstants) -> tuple[Check, ...]:
 def growth_figure(alone: np.ndarray, law: np.ndarray, fought: np.ndarray) -> Figure:
     """Return a figure of a fire left alone beside the law, and of one that is put out."""
     times = np.arange(len(alone))
-    figure, (axes,) = plain_axes("step", "temperature of the fire")
+    figure, axes = plain_axes("step", "temperature of the fire")
     axes.plot(times, alone, linewidth=1.8, label="left alone")
     axes.plot(times[:: len(times) // 15], law[:: len(times) // 15], "o", markersize=4, label="e^(k1 t) - 1")
     axes.plot(np.arange(len(fought))[:260], fought[:260], linewidth=1.8, label="three robots, corrected k2")

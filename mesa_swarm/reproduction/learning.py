@@ -133,7 +133,7 @@ def temperatures(laboratory: Laboratory) -> Result:
             main=False,
         ),
     )  # fmt: skip
-    figure, (axes,) = plain_axes("step", "temperature T")
+    figure, axes = plain_axes("step", "temperature T")
     for beta in (SLOW, FAST):
         axes.plot(steps, [temperature_at(step, beta=beta) for step in steps], linewidth=1.8, label=f"beta {beta:g}")
     axes.set_ylim(0, 1.05)
@@ -169,7 +169,7 @@ def rewards(laboratory: Laboratory) -> Result:
             main=False,
         ),
     )
-    figure, (axes,) = plain_axes("nearest reading, as a share of the range", "reward")
+    figure, axes = plain_axes("nearest reading, as a share of the range", "reward")
     for kind, wheels, style in (("b", (1, 1), "-"), ("c", (1, 1), "--"), ("a", (1, 0), "-."), ("b", (1, 0), ":")):
         values = [reward(kind, float(reading), *wheels) for reading in readings]
         way = "ahead" if wheels == (1, 1) else "turning"
@@ -254,7 +254,7 @@ def totals(laboratory: Laboratory) -> Result:
             main=False,
         ),
     )
-    figure, (axes,) = plain_axes("step", "collisions of a robot so far")
+    figure, axes = plain_axes("step", "collisions of a robot so far")
     steps = np.linspace(0, laboratory.pick(STEPS, 3_300), POINTS)
     for i, (beta, rows) in enumerate(((SLOW, slow), (FAST, fast))):
         draw_bundle(axes, steps, np.array(column(rows, "sum")), COLOURS[i], f"beta {beta:g}")
@@ -265,7 +265,7 @@ def totals(laboratory: Laboratory) -> Result:
 
 def frequency_figure(rows: list[dict], robots: int, beta: float, last: int) -> Figure:
     """Return a figure of how often robots collide, smoothed, and of T."""
-    figure, (axes,) = plain_axes("step", "collisions a robot and 1,000 steps")
+    figure, axes = plain_axes("step", "collisions a robot and 1,000 steps")
     curves = np.array(column(rows, "curve"))
     draw_bundle(axes, np.linspace(0, last, curves.shape[1]), curves, COLOURS[0], "mean of runs")
     warmth = axes.twinx()
@@ -308,7 +308,7 @@ def avoidance(laboratory: Laboratory) -> Result:
             main=False,
         ),
     )
-    figure, (axes,) = plain_axes("gamma", "distance from the wall at which forward is no longer best")
+    figure, axes = plain_axes("gamma", "distance from the wall at which forward is no longer best")
     draw_means(axes, GAMMAS, list(distances.values()), "one robot", 0)
     axes.axhline(50 * CRITICAL, color=COLOURS[1], linestyle="--", label="d_crit")
     axes.legend(frameon=False)

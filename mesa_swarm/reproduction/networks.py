@@ -126,7 +126,7 @@ def choice(laboratory: Laboratory) -> Result:
             high=0.005,
         ),
     )
-    figure, (axes,) = plain_axes("temperature T", "probability")
+    figure, axes = plain_axes("temperature T", "probability")
     for value, line in zip(VALUES, shares.T, strict=True):
         axes.plot(temperatures, line, linewidth=1.8, label=f"Q = {value:g}")
     axes.set(xscale="log", ylim=(0, 1))

@@ -111,7 +111,7 @@ def test_what_could_not_be_measured_is_none():
 
 
 def test_axes_are_named_and_the_same_figure_gives_the_same_svg():
-    _, (axes,) = plain_axes("step", "collisions")
+    _, axes = plain_axes("step", "collisions")
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("step", "collisions")
     first, second = (svg(Figure(figsize=(1, 1))) for _ in range(2))
     assert b"<svg" in first
