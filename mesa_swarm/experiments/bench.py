@@ -89,7 +89,7 @@ def step_seconds(step: Callable[[], None], repetitions: int, budget: float) -> f
 
 
 def mean_seconds(step: Callable[[], object], count: int, clock: Callable[[], float] = perf_counter) -> float:
-    """Return the seconds of one of so many steps, in the mean."""
+    """Return the mean seconds of a step over this number of steps."""
     started = clock()
     for _ in range(count):
         step()

@@ -58,7 +58,7 @@ def do_runs(
 
     Runs are read as workers become free, never far ahead. For the progress bar, `count` counts all runs and `done`
     those that are not outstanding. An outcome replaces a stored one only if it has other results than that. A run
-    whose worker dies is tried so many times; after several, the death is its outcome, after a single one a
+    whose worker dies is repeated up to `tries` times; after several, the death is its outcome, after a single one a
     WorkerDiedError is raised.
     """
     if tries == 1:  # else a run that kills its process would end this one

@@ -23,7 +23,7 @@ def timing_run(rng: int, *, robots: int, map: str, sensors: int, milliseconds: f
     """Return the processor time of a step: the least mean of five batches, which other programs disturb least.
 
     Robots with 3, 6 or 9 sensors avoid and explore; with 0, they move in circles, and only contact is computed. A batch
-    takes about so many milliseconds of processor time.
+    takes about this number of milliseconds of processor time.
     """
     model = timed_world(rng, robots, map, sensors).run(WARM_UP)
     each = max(mean_seconds(model.step, 20, process_time), 1e-6)
