@@ -8,8 +8,8 @@ from types import ModuleType
 ROOT = "mesa_swarm."
 # New module: the modules of version 0.1.0 that are in it now.
 MOVED = {
-    "analysis.chain_events": "analysis.meetings",
-    "analysis.pathology": "analysis.pathology_finders",
+    "analysis.chain_history": "analysis.chain_events analysis.meetings",
+    "analysis.pathology": "analysis.pathology_finders analysis.pathology_track",
     "analysis.series": "analysis.collisions",
     "control.arbiter": "control.subsumption control.vector_sum",
     "control.behaviour": "control.rule_source",

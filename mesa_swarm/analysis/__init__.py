@@ -1,7 +1,6 @@
 """Measures of swarms on plain arrays: groups, chains, spacing, order, coverage, collisions, times, pathologies."""
 
-from mesa_swarm.analysis.chain_events import ChainEvent
-from mesa_swarm.analysis.chain_history import ChainHistory, follow_chains
+from mesa_swarm.analysis.chain_history import ChainEvent, ChainHistory, follow_chains
 from mesa_swarm.analysis.chains import Chains, chains
 from mesa_swarm.analysis.clusters import Clusters, clusters, kept_together
 from mesa_swarm.analysis.coverage import coverage, reachable_cells, visited_cells

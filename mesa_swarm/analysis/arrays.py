@@ -14,28 +14,9 @@ Bounds = tuple[float, float, float, float]
 
 
 def check_array(name: str, value: object, axes: Axes, *, finite: bool = True) -> np.ndarray:
-    """Return `value` as an array of float64 of the expected shape.
+    """Return `value` as an array of float64 of the expected shape, in which a letter stands for any length.
 
-    Parameters
-    ----------
-    name : str
-        The argument, as the user wrote it.
-    value : object
-        What the user gave: an array or nested lists of real numbers.
-    axes : tuple of int or str
-        The expected shape; a letter stands for any length.
-    finite : bool
-        Whether NaN and infinities are refused.
-
-    Raises
-    ------
-    InvalidValueError
-        If the shape differs, it does not hold real numbers, or one of them is not finite.
-
-    Examples
-    --------
-    >>> check_array("position", [[1, 2], [3, 4]], ("n", 2)).shape
-    (2, 2)
+    It is an array or nested lists of real numbers; NaN and infinities are refused where it must be finite.
     """
     array = _table(name, value, axes)
     if array.dtype.kind not in "iuf":
@@ -48,13 +29,7 @@ def check_array(name: str, value: object, axes: Axes, *, finite: bool = True) ->
 
 
 def check_points(name: str, value: object, axes: Axes = ("n", 2)) -> np.ndarray:
-    """Return `value` as an array of points (x, y) within the largest coordinates.
-
-    Examples
-    --------
-    >>> check_points("position", [[1, 2]])
-    array([[1., 2.]])
-    """
+    """Return `value` as an array of points (x, y) within the largest coordinates."""
     points = check_array(name, value, axes)
     if np.abs(points).max(initial=0.0) > LARGEST_COORDINATE:
         furthest = f"{np.abs(points).max():g}"
@@ -63,13 +38,7 @@ def check_points(name: str, value: object, axes: Axes = ("n", 2)) -> np.ndarray:
 
 
 def check_flags(name: str, value: object, axes: Axes) -> np.ndarray:
-    """Return `value` as an array of booleans, given as such or as 0 and 1.
-
-    Examples
-    --------
-    >>> check_flags("collided", [[0, 1]], ("k", "n"))
-    array([[False,  True]])
-    """
+    """Return `value` as an array of booleans, given as such or as 0 and 1."""
     array = _table(name, value, axes)
     if array.dtype == bool:
         return array
@@ -79,13 +48,7 @@ def check_flags(name: str, value: object, axes: Axes) -> np.ndarray:
 
 
 def check_whole(name: str, value: object, axes: Axes) -> np.ndarray:
-    """Return `value` as an array of int64, if it holds whole numbers.
-
-    Examples
-    --------
-    >>> check_whole("layer", [[0, -1]], ("k", "n"))
-    array([[ 0, -1]])
-    """
+    """Return `value` as an array of int64, if it holds whole numbers."""
     array = check_array(name, value, axes)
     if (array != np.floor(array)).any():
         raise InvalidValueError(f"{name} holds fractions; expected whole numbers")
@@ -93,13 +56,7 @@ def check_whole(name: str, value: object, axes: Axes) -> np.ndarray:
 
 
 def check_steps(steps: object) -> np.ndarray:
-    """Return the steps of the frames as int64, if they ascend.
-
-    Examples
-    --------
-    >>> check_steps([1, 2, 5])
-    array([1, 2, 5])
-    """
+    """Return the steps of the frames as int64, if they ascend."""
     array = check_whole("steps", steps, ("k",))
     if (np.diff(array) <= 0).any():
         raise InvalidValueError("steps do not ascend; expected the step of each frame, in the order of time")
@@ -107,13 +64,7 @@ def check_steps(steps: object) -> np.ndarray:
 
 
 def check_bounds(value: object) -> Bounds:
-    """Return the bounds of a world as four floats, if they enclose an area.
-
-    Examples
-    --------
-    >>> check_bounds([0, 0, 800, 600])
-    (0.0, 0.0, 800.0, 600.0)
-    """
+    """Return the bounds of a world as four floats, if they enclose an area."""
     x_min, y_min, x_max, y_max = check_points("bounds", value, (4,)).tolist()
     if x_max <= x_min or y_max <= y_min:
         raise InvalidValueError(f"bounds is {shortened(value)}; expected (x_min, y_min, x_max, y_max) with an area")
@@ -121,13 +72,7 @@ def check_bounds(value: object) -> Bounds:
 
 
 def check_length(name: str, value: object) -> float:
-    """Return `value` as a length above 0, of at most any map's size.
-
-    Examples
-    --------
-    >>> check_length("distance", 20)
-    20.0
-    """
+    """Return `value` as a length above 0, of at most any map's size."""
     return check_number(name, value, above=0.0, maximum=math.sqrt(8) * LARGEST_COORDINATE)
 
 

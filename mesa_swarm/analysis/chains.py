@@ -8,10 +8,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from mesa_swarm.analysis.arrays import check_array
+from mesa_swarm.analysis.arrays import LARGEST_COORDINATE, check_array
 from mesa_swarm.errors import check_number
-
-FARTHEST = 1e9
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -127,13 +125,7 @@ def chains(
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Links:
-    """The conditions of a link; see `chains`.
-
-    Examples
-    --------
-    >>> Links(distance=15).alignment_degrees
-    90.0
-    """
+    """The conditions of a link; see `chains`."""
 
     distance: float
     half_angle_degrees: float = 45.0
@@ -141,7 +133,7 @@ class Links:
 
     def __post_init__(self) -> None:
         """Check the parameters."""
-        check_number("link_distance", self.distance, above=0, maximum=FARTHEST)
+        check_number("link_distance", self.distance, above=0, maximum=LARGEST_COORDINATE)
         check_number("half_angle_degrees", self.half_angle_degrees, minimum=0, maximum=180)
         check_number("alignment_degrees", self.alignment_degrees, above=0, maximum=180)
 
@@ -163,26 +155,7 @@ def nearest_ahead(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the row of the nearest robot within `reach` and an angle of each one's heading, and its distance.
 
-    Parameters
-    ----------
-    position : ndarray, shape (n, 2)
-    heading : ndarray, shape (n,)
-    reach : float
-        Between centres.
-    half_angle_degrees : float
-        0 to 180.
-
-    Returns
-    -------
-    nearest : int64 ndarray, shape (n,)
-        -1 for none; of equally near ones the smaller row.
-    gap : ndarray, shape (n,)
-        Infinity for none.
-
-    Examples
-    --------
-    >>> nearest_ahead(np.array([[0.0, 0], [10, 0]]), np.zeros(2), 15.0, 45.0)
-    (array([ 1, -1]), array([10., inf]))
+    Without one, -1 and infinity; of equally near ones the smaller row.
     """
     if len(position) < 2:
         return np.full(len(position), -1), np.full(len(position), math.inf)
@@ -209,19 +182,9 @@ def _least_of_each(group: np.ndarray, size: np.ndarray, row: np.ndarray, n: int)
 
 
 def paths(leader: np.ndarray, position: np.ndarray) -> Chains:
-    """Return the paths and rings that leaders and followers form.
+    """Return the paths and rings that leaders, -1 for none, and followers form.
 
-    Parameters
-    ----------
-    leader : int64 ndarray, shape (n,)
-        -1 for none; no robot is followed by two.
-    position : ndarray, shape (n, 2)
-        Determines where rings are opened.
-
-    Examples
-    --------
-    >>> paths(np.array([1, 2, 0, -1]), np.array([[0.0, 0], [1, 0], [1, 9], [5, 5]])).closed
-    array([ True])
+    No robot is followed by two. Positions determine where rings are opened.
     """
     part = _parts(leader)
     ring = _rings(leader, part)

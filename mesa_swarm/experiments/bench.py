@@ -27,6 +27,8 @@ from mesa_swarm.world.shapes import disc
 AREA_PER_ROBOT = 40  # in robot bodies
 ROBOTS_PER_OBSTACLE = 10
 OBSTACLE_RADIUS = 5.0
+# Without control robots drive in circles: straight on, all would end in heaps at the border.
+CIRCLE = (1.0, 0.8)
 BY_SENSORS = {3: AGENT3, 6: AGENT6, 9: AGENT9}
 
 
@@ -34,18 +36,6 @@ def peer_workload(n: int, rng: int = 1) -> SwarmModel:
     """Return the world in which other simulators were timed.
 
     AGENT9 with range 16, Avoid and Explore, 40 robot bodies of area a robot, a small obstacle per 10 robots.
-
-    Parameters
-    ----------
-    n : int
-        Robots.
-    rng : int
-
-    Examples
-    --------
-    >>> model = peer_workload(50)
-    >>> len(model.robots), len(model.obstacles)
-    (50, 5)
     """
     design = AGENT9.with_proximity(range=16)
     model = SwarmModel(map=_scattered(n, design.radius, rng), rng=rng)
@@ -70,29 +60,15 @@ def _scattered(n: int, radius: float, rng: int) -> Map:
 
 
 def contact_alone(n: int, rng: int = 1) -> SwarmModel:
-    """Return a world of robots without sensors and control that drive in circles.
-
-    Driving straight on, all would end in heaps at the border.
-
-    Examples
-    --------
-    >>> contact_alone(10).swarm.distance.shape
-    (10, 0)
-    """
+    """Return a world of robots without sensors and control that drive in circles."""
     model = SwarmModel(map=_scattered(n, 5.0, rng), rng=rng)
     model.add_robots(RobotDesign(name="blind", radius=5.0, max_speed=1.0), n)
-    model.swarm.columns["command"][:] = (1.0, 0.8)
+    model.swarm.columns["command"][:] = CIRCLE
     return model
 
 
 def on_map(n: int, name: str = "original", sensors: int = 9, rng: int = 1) -> SwarmModel:
-    """Return n robots that avoid and explore on a map of the thesis.
-
-    Examples
-    --------
-    >>> on_map(3, "sparse", sensors=6).swarm.distance.shape
-    (3, 6)
-    """
+    """Return n robots that avoid and explore on a map of the thesis."""
     model = SwarmModel(map=name, rng=rng)
     model.add_robots(BY_SENSORS[sensors], n)
     model.control = Subsumption(Avoid(distance=15), Explore())
@@ -102,32 +78,22 @@ def on_map(n: int, name: str = "original", sensors: int = 9, rng: int = 1) -> Sw
 def step_seconds(step: Callable[[], None], repetitions: int, budget: float) -> float:
     """Return the seconds of one step: the median over repetitions, each of as many steps as its budget allows.
 
-    Parameters
-    ----------
-    step : callable
-    repetitions : int
-        At least 1.
-    budget : float
-        Seconds for all of them together, about.
-
-    Examples
-    --------
-    >>> step_seconds(lambda: None, repetitions=3, budget=0.001) < 0.01
-    True
+    `budget` is in seconds, about, for all of them together.
     """
     for _ in range(5):
         step()
     started = perf_counter()
     step()
     count = max(int(budget / repetitions / max(perf_counter() - started, 1e-7)), 1)
-    return float(np.median([_mean_seconds(step, count) for _ in range(repetitions)]))
+    return float(np.median([mean_seconds(step, count) for _ in range(repetitions)]))
 
 
-def _mean_seconds(step: Callable[[], None], count: int) -> float:
-    started = perf_counter()
+def mean_seconds(step: Callable[[], object], count: int, clock: Callable[[], float] = perf_counter) -> float:
+    """Return the mean seconds of a step over this number of steps."""
+    started = clock()
     for _ in range(count):
         step()
-    return (perf_counter() - started) / count
+    return (clock() - started) / count
 
 
 # ms a step: required, and measured of other simulators on a machine of the same kind.
@@ -143,6 +109,7 @@ WARM_UP = 100
 MOST_BYTES = 2000
 STEEPEST = 1.05
 FEW, MANY = 200, 10_000
+# In the thesis's order: dense, sparse, open.
 MAPS = ("original", "sparse", "openspace")
 FIRST_STEP = """
 from time import perf_counter
@@ -161,14 +128,9 @@ print(bare - start, imported - start, perf_counter() - imported)
 
 
 def report(folder: Path, quick: bool = False) -> Iterator[str]:
-    """Yield the report line by line as it is measured, and write the table and the picture.
+    """Yield the report line by line as it is measured, and write `step.csv` and `complexity.png`.
 
-    Parameters
-    ----------
-    folder : Path
-        For `step.csv` and `complexity.png`.
-    quick : bool
-        Fewer and shorter repetitions: a few seconds, and rougher.
+    A quick report takes a few seconds, and is rougher.
     """
     repetitions, budget = (3, 0.1) if quick else (9, 3.0)
     yield from _surroundings()
@@ -195,13 +157,7 @@ def _surroundings() -> Iterator[str]:
 
 
 def step_table(seconds: dict[int, float]) -> list[str]:
-    """Return the table of milliseconds a step.
-
-    Examples
-    --------
-    >>> step_table({50: 0.00005})[2].split()[:5]
-    ['50', '0.05', '0.06', 'yes', '20,000']
-    """
+    """Return the table of milliseconds a step."""
     header = ["robots", "ms a step", "required", "passed", "steps/s", *PEERS]
     rows = [
         [f"{n:,}", *_measured(n, t), *(_number(peer.get(n)) for peer in PEERS.values())] for n, t in seconds.items()
@@ -226,25 +182,13 @@ def step_csv(seconds: dict[int, float]) -> str:
 
 
 def verdict(what: str, value: float, most: float) -> str:
-    """Return one line: what was measured, what is required, and whether it is passed.
-
-    Examples
-    --------
-    >>> verdict("import, s", 0.5, 1.0)
-    'import, s: 0.5 (required: at most 1, passed)'
-    """
+    """Return one line: what was measured, what is required, and whether it is passed."""
     shown = f"{value:,.0f}" if value >= 100 else f"{value:.3g}"
     return f"{what}: {shown} (required: at most {most:g}, {'passed' if value <= most else 'FAILED'})"
 
 
 def exponent(seconds: dict[int, float]) -> float:
-    """Return the b of t = a n^b between 200 and 10,000 robots.
-
-    Examples
-    --------
-    >>> exponent({200: 1.0, 10_000: 50.0})
-    1.0
-    """
+    """Return the b of t = a n^b between 200 and 10,000 robots."""
     return math.log(seconds[MANY] / seconds[FEW]) / math.log(MANY / FEW)
 
 
@@ -274,11 +218,7 @@ def start_times() -> list[float]:
 def complexity(repetitions: int, budget: float) -> dict[str, dict[str, dict[int, float]]]:
     """Return seconds a step by panel, curve and number of robots: the thesis's complexity curves.
 
-    Parameters
-    ----------
-    repetitions : int
-    budget : float
-        Seconds for each point, about.
+    `budget` is in seconds for each point, about.
     """
     few, many = (1, 5, 10, 20, 30, 40, 50), (10, 30, 100, 300, 1000, 3000)
 
@@ -293,18 +233,7 @@ def complexity(repetitions: int, budget: float) -> dict[str, dict[str, dict[int,
 
 
 def complexity_figure(curves: dict[str, dict[str, dict[int, float]]]) -> Figure:
-    """Return a figure with a panel for each set of curves.
-
-    Parameters
-    ----------
-    curves : dict
-        From `complexity`.
-
-    Examples
-    --------
-    >>> len(complexity_figure({"contact alone": {"all": {10: 1e-5, 100: 1e-4}}}).axes)
-    1
-    """
+    """Return a figure with a panel for each set of curves."""
     figure = Figure(figsize=(4.2 * len(curves), 3.8), layout="constrained")
     panels = figure.subplots(1, len(curves), squeeze=False).ravel()
     for axes, (title, lines) in zip(panels, curves.items(), strict=True):

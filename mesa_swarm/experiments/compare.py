@@ -93,8 +93,19 @@ def compare(
 
     Parameters
     ----------
-    model, parameter, values, seeds, steps, settings, measures
-        See `checked_plan`.
+    model : type or str
+        A SwarmModel with a method ``results``, or the name of one of the gallery.
+    parameter, values
+        By default the model's attribute ``compares``; the values of another parameter may be left
+        out if it has a `Choice`.
+    seeds : int or sequence of int
+        Each value is run with rng 1, 2, ... seeds, or with these; at most 100,000.
+    steps : int
+        By default the model's attribute ``steps_to_compare``, else 3,000.
+    settings : mapping
+        Other parameters, the same in all runs.
+    measures : sequence of str
+        The results that are compared, in this order; all of them by default.
     jobs : int
         Processes that work at the same time; -1 for one on each core.
     progress : bool

@@ -34,16 +34,8 @@ GENERATIONS = len(BREEDING)
 class Trained:
     """The outcome of a training.
 
-    Parameters
-    ----------
-    frozen : Arbiter
-        Drives with the learned policy, without learning.
-    learning : Arbiter or None
-        Continues learning where the training ended; None for contestants that do not learn while they drive.
-    robot_steps : int
-        Of the training.
-    curve : list of float
-        Collisions per robot and 1,000 steps in each part of the training.
+    `frozen` drives with the learned policy; `learning` continues where the training ended, None for contestants that do
+    not learn while they drive. `curve` has the collisions per robot and 1,000 steps in each part of the training.
     """
 
     frozen: Arbiter
@@ -53,13 +45,7 @@ class Trained:
 
 
 def contestants() -> dict[str, Callable[[int, int], Trained]]:
-    """Return by name the functions that train each contestant, with a seed and a number of steps of 15 robots.
-
-    Examples
-    --------
-    >>> list(contestants())[:3]
-    ['random', 'Avoid + Explore', 'evolved reflex']
-    """
+    """Return by name the functions that train each contestant, with a seed and a number of steps of 15 robots."""
     return {
         "random": _random,
         "Avoid + Explore": _rule,
@@ -92,15 +78,9 @@ def _evolved(units: int, seed: int, steps: int) -> Trained:
 
 
 def bred(units: int, seed: int, share: float = 1.0) -> Evolved:
-    """Breed with robot-steps of its own, up to 10 million.
+    """Breed with robot-steps of its own, up to 10 million; 0 hidden units make reflexes.
 
-    Parameters
-    ----------
-    units : int
-        Hidden units; 0 for reflexes.
-    seed : int
-    share : float
-        Of the generations and of the steps of every trial, above 0, at most 1: a shorter benchmark breeds less.
+    `share` is that of the generations and of the steps of every trial: a shorter benchmark breeds less.
     """
     generations = max(round(GENERATIONS * share), 1)
     fitness = Fitness(collision_cost=700, coverage_worth=10, square=20)

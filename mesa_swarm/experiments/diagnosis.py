@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mesa_swarm.analysis.pathology import Pathologies, find_pathologies
-from mesa_swarm.analysis.pathology_track import flips_of
+from mesa_swarm.analysis.pathology import Pathologies, find_pathologies, flips_of
 from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number
 from mesa_swarm.experiments.pool import checked_jobs, in_order

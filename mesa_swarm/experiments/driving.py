@@ -33,14 +33,7 @@ def tallied(
 ) -> Tally:
     """Run a model for a number of steps, and return the tally of its robots.
 
-    Parameters
-    ----------
-    model : SwarmModel
-    steps : int
-    each : callable
-        Called after each step with its number, from 0 on.
-    square : float
-        Side of the squares that are counted, map units.
+    `each` is called after each step with its number, from 0 on; `square` is the side of the squares that are counted.
     """
     swarm = model.swarm
     tally = Tally(len(swarm), model.map.bounds, ranges_of(swarm.table.proximity), square)
@@ -52,28 +45,10 @@ def tallied(
 
 
 def drive_measured(model: SwarmModel, steps: int) -> dict[str, float]:
-    """Run a model for a number of steps, and measure them.
+    """Run a model, whose robots are all of one design, for a number of steps, and measure them.
 
-    Parameters
-    ----------
-    model : SwarmModel
-        With robots, all of one design.
-    steps : int
-        At least 1.
-
-    Returns
-    -------
-    dict of float
-        Collisions per 1,000 steps of the mean robot and of the worst; the mean speed ahead as a share of max_speed;
-        the share visited of the cells, of 40 x 40, that robots can reach from where they start.
-
-    Examples
-    --------
-    >>> from mesa_swarm.control import Explore, Subsumption
-    >>> from mesa_swarm.robots.design import AGENT9
-    >>> measured = drive_measured(driven_world(Subsumption(Explore()), AGENT9, 1, "openspace", 1), 10)
-    >>> measured["collisions"], measured["speed ahead"]
-    (0.0, 1.0)
+    Collisions are per 1,000 steps, of the mean robot and of the worst; the mean speed ahead is a share of max_speed;
+    the coverage is the share visited of the cells, of 40 x 40, that robots can reach from where they start.
     """
     reachable = within_reach(model)
     positions = np.empty((steps, len(model.swarm), 2))

@@ -29,20 +29,7 @@ LARGEST_FILE = 100_000_000
 
 
 class Diary:
-    """The fitness that an evolution has received so far, in a file; without a file, nothing is stored.
-
-    Parameters
-    ----------
-    file : path, optional
-        Ends with .json.
-    settings : dict
-        Of the evolution: texts and numbers.
-
-    Raises
-    ------
-    LearningError
-        If the name ends otherwise.
-    """
+    """The fitness that an evolution has received so far, in a .json file; without a file, nothing is stored."""
 
     def __init__(self, file: str | os.PathLike[str] | None, settings: dict) -> None:
         self.file = None if file is None else Path(file)
@@ -165,15 +152,7 @@ class Trial:
 
 @dataclass(frozen=True, slots=True)
 class Evolved:
-    """The outcome of an evolution.
-
-    Parameters
-    ----------
-    policy : ReflexPolicy
-        The best of the means of the last generations.
-    fitness : ndarray, shape (generations, population)
-        Of all candidates.
-    """
+    """The outcome of an evolution: the best policy, and the fitness of all candidates (generations, population)."""
 
     policy: ReflexPolicy
     fitness: np.ndarray

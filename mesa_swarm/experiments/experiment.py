@@ -34,26 +34,8 @@ package_version = cache(version)
 class Experiment:
     """What is to be run: every point with every seed. Made by `checked_experiment`.
 
-    Parameters
-    ----------
-    model_class : type
-    settings : dict
-        The same in all runs.
-    points : sequence of dict
-        Settings that vary.
-    seeds : sequence of int
-    steps : int
-    measures : tuple of str
-        The results that are wanted; all if empty.
-    name : str
-    source : str
-        Fingerprint of the model's code.
-
-    Examples
-    --------
-    >>> two = checked_experiment("fire_fighting", {"strategy": ["A", "B"]}, seeds=[7], steps=5)
-    >>> [(run.settings, run.rng) for run in two.runs()]
-    [({'strategy': 'A'}, 7), ({'strategy': 'B'}, 7)]
+    `settings` are the same in all runs; without `measures` all results are wanted; `source` is the fingerprint of the
+    model's code.
     """
 
     model_class: type
@@ -99,28 +81,7 @@ def checked_experiment(
     measure: Sequence[str] = (),
     name: str = "run",
 ) -> Experiment:
-    """Return an experiment after building its model once.
-
-    Parameters
-    ----------
-    model : type or str
-        A SwarmModel with a method ``results``, or the name of one of the gallery.
-    varied : mapping, Sample or sequence of mappings
-        A grid (values by parameter), a sample, or settings of your own, point by point.
-    seeds : int or sequence, array or Series of int
-        Seeds 1, 2, ... seeds, or these; the same at every point.
-    steps : int, optional
-        By default the model's attribute ``steps_to_compare``, else 3,000.
-    settings : mapping, optional
-        Other parameters, the same in all runs.
-    measure : sequence of str
-        The results that are wanted, all of them by default.
-
-    Raises
-    ------
-    SwarmError
-        If anything about it is wrong.
-    """
+    """Return an experiment after building its model once; see `sweep`."""
     model_class = checked_class(model)
     fixed = checked_settings(model_class, settings or {})
     points = _points(model_class, varied)
@@ -142,13 +103,7 @@ def checked_experiment(
 
 
 def checked_class(model: object) -> type:
-    """Return the class of a model, or of the model of this name in the gallery.
-
-    Examples
-    --------
-    >>> checked_class("fire_fighting").__name__
-    'FireFighting'
-    """
+    """Return the class of a model, or of the model of this name in the gallery."""
     model_class = find_model(model) if isinstance(model, str) else model
     if not isinstance(model_class, type):
         raise InvalidValueError(f"model is {shortened(model)}; expected a class or the name of a model")
@@ -156,25 +111,13 @@ def checked_class(model: object) -> type:
 
 
 def checked_steps(model_class: type, steps: int | None) -> int:
-    """Return the steps of each run, by default those that the model declares.
-
-    Examples
-    --------
-    >>> checked_steps(find_model("fire_fighting"), None)
-    15000
-    """
+    """Return the steps of each run, by default those that the model declares."""
     default = getattr(model_class, "steps_to_compare", DEFAULT_STEPS)
     return check_count("steps", default if steps is None else steps, minimum=1, maximum=MOST_STEPS)
 
 
 def checked_seeds(seeds: object) -> Sequence[int]:
-    """Return seeds 1, 2, ... for a number of them, or those of a list.
-
-    Examples
-    --------
-    >>> list(checked_seeds(3)), checked_seeds([7, 5])
-    ([1, 2, 3], (7, 5))
-    """
+    """Return seeds 1, 2, ... for a number of them, or those of a list."""
     seeds = as_list(seeds)
     if isinstance(seeds, (str, bytes)) or not isinstance(seeds, Sequence):
         return range(1, 1 + check_count("seeds", seeds, minimum=1, maximum=MOST_SEEDS))
@@ -186,13 +129,7 @@ def checked_seeds(seeds: object) -> Sequence[int]:
 
 
 def checked_settings(model_class: type, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Return settings as the types of a model's parameters, files of maps read.
-
-    Examples
-    --------
-    >>> checked_settings(find_model("fire_fighting"), {"n_robots": 3})
-    {'n_robots': 3}
-    """
+    """Return settings as the types of a model's parameters, files of maps read."""
     known, checked = parameters_of(model_class), {}
     for name, value in settings.items():
         check_choice(f"parameter of {model_class.__name__}", name, known)
@@ -203,13 +140,7 @@ def checked_settings(model_class: type, settings: Mapping[str, Any]) -> dict[str
 
 
 def shown_value(value: object) -> object:
-    """Return a parameter's value as it is stored: a map by name and content.
-
-    Examples
-    --------
-    >>> shown_value(Map.load("original")).partition(" ")[0], shown_value(2.5)
-    ('original', 2.5)
-    """
+    """Return a parameter's value as it is stored: a map by name and content."""
     if not isinstance(value, Map):
         return value
     return f"{value.name} ({blake2b(value.to_toml().encode(), digest_size=8).hexdigest()})"
@@ -243,14 +174,7 @@ def _check_measures(experiment: Experiment) -> None:
 
 
 def check_columns(results: Iterable[str], taken: Set[str]) -> None:
-    """Refuse results that are named as other columns of the table.
-
-    Examples
-    --------
-    >>> check_columns({"steps": 1.0}, {"rng", "steps"})
-    Traceback (most recent call last):
-    mesa_swarm.errors.InvalidValueError: result 'steps' is named as another column; rename it in results()
-    """
+    """Refuse results that are named as other columns of the table."""
     for name in results:
         if name in taken:
             raise InvalidValueError(f"result {shortened(name)} is named as another column; rename it in results()")

@@ -43,12 +43,6 @@ def comparison_figure(comparison: PairedRuns, measures: Sequence[str]) -> Figure
     A thin line is a seed. Rings are means, and bars their 95 % intervals, beside the runs and not upon them. An
     interval of the differences that excludes 0 is drawn in orange. Times that did not occur are drawn on a
     dotted line beyond a gap, where the axis has ended.
-
-    Parameters
-    ----------
-    comparison : PairedRuns
-    measures : sequence of str
-        At most twelve of them are drawn.
     """
     rows = list(measures)[:MOST_ROWS]
     width, height = WIDE
@@ -166,32 +160,15 @@ def _end_axis(axes: Axes, numbers: np.ndarray) -> None:
 
 
 def places_of(values: Sequence[Any]) -> np.ndarray:
-    """Return the positions of values on an axis: numbers by value, words one after the other.
-
-    Examples
-    --------
-    >>> places_of(("A", "B")), places_of((5, 10, 50))
-    (array([0., 1.]), array([ 5., 10., 50.]))
-    """
-    if _are_numbers(values):
+    """Return the positions of values on an axis: rising numbers by value, others one after the other."""
+    numbers = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values)
+    if numbers and all(a < b for a, b in pairwise(values)):
         return np.array(values, float)
     return np.arange(len(values), dtype=float)
 
 
-def _are_numbers(values: Sequence[Any]) -> bool:
-    """Return whether values form an axis: rising numbers."""
-    numbers = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values)
-    return numbers and all(a < b for a, b in pairwise(values))
-
-
 def spread_out(n: int, reach: float) -> np.ndarray:
-    """Return offsets of n dots beside each other.
-
-    Examples
-    --------
-    >>> spread_out(3, 1.0), spread_out(1, 1.0)
-    (array([-1.,  0.,  1.]), array([0.]))
-    """
+    """Return offsets of n dots beside each other."""
     return np.linspace(-reach, reach, n) if n > 1 else np.zeros(n)
 
 
@@ -252,17 +229,10 @@ def comparison_pictures(comparison: PairedRuns) -> dict[str, bytes]:
 def write_with_pictures(
     folder: Path, tables: Mapping[str, str], pictures: Callable[[], Mapping[str, bytes]]
 ) -> list[Path]:
-    """Write tables and pictures by name, all of them or none, and return their paths.
+    """Write tables and the PNGs that `pictures` draws, all of them or none, and return their paths.
 
     If a picture cannot be drawn, the tables are written without any, all of them or none, and the error is raised: the
     runs may have taken hours.
-
-    Parameters
-    ----------
-    folder : Path
-    tables : mapping of str to str
-    pictures : callable
-        Draws them, and returns PNGs by name.
     """
     try:
         drawn = pictures()
@@ -273,13 +243,7 @@ def write_with_pictures(
 
 
 def fires_figure(portraits: dict[str, FinalState]) -> Figure:
-    """Return a figure of the robots at each fire over time, -1 once it is out: a block for each run.
-
-    Parameters
-    ----------
-    portraits : dict of FinalState
-        By title; each block has one strip a fire, and all share their axes.
-    """
+    """Return a figure of the robots at each fire over time, -1 once it is out: a block for each run, a strip a fire."""
     strips = max(portrait.history["robots"].shape[1] for portrait in portraits.values())
     last = max(portrait.history["steps"][-1] for portrait in portraits.values())
     most = max(portrait.history["robots"].max() for portrait in portraits.values())
@@ -327,11 +291,6 @@ def series_figure(portraits: dict[str, FinalState]) -> Figure:
     """Return a figure of the variables that were collected in every step, a panel for each.
 
     Lines are means over a fortieth of the steps, so that rare events can be seen as rates.
-
-    Parameters
-    ----------
-    portraits : dict of FinalState
-        By title, which the legend shows.
     """
     names = list(next(iter(portraits.values())).series)
     figure = Figure(figsize=(7.5, 2.3 * len(names) + 0.4), layout="constrained")
@@ -358,13 +317,7 @@ def _draw_series(axes: Axes, name: str, portraits: dict[str, FinalState]) -> Non
 
 
 def window_means(values: np.ndarray, windows: int = 40) -> tuple[np.ndarray, np.ndarray]:
-    """Return the middles (in steps, counted from 1) and means of equal windows over a series.
-
-    Examples
-    --------
-    >>> window_means(np.array([1, 3, 5, 7]), windows=2)
-    (array([1.5, 3.5]), array([2., 6.]))
-    """
+    """Return the middles (in steps, counted from 1) and means of equal windows over a series."""
     parts = np.array_split(np.arange(len(values)), max(min(windows, len(values)), 1))
     middles = np.array([part.mean() + 1 for part in parts if len(part)])
     return middles, np.array([values[part].mean() for part in parts if len(part)])

@@ -23,24 +23,12 @@ ENGINE = (
 
 
 def fingerprint(*parts: object, default: Callable | None = None) -> str:
-    """Return the key of a run: a fingerprint of all that decides its outcome, as JSON.
-
-    Examples
-    --------
-    >>> fingerprint("boids", {"a": 1, "b": 2}, 7) == fingerprint("boids", {"b": 2, "a": 1}, 7)
-    True
-    """
+    """Return the key of a run: a fingerprint of all that decides its outcome, as JSON."""
     return blake2b(json.dumps(parts, sort_keys=True, default=default).encode(), digest_size=16).hexdigest()
 
 
 def files_hash(paths: Iterable[Path]) -> str:
-    """Return a fingerprint of the content of files.
-
-    Parameters
-    ----------
-    paths : iterable of Path
-        Files; of a folder all Python files in it.
-    """
+    """Return a fingerprint of the content of files; of a folder all Python files in it."""
     digest = blake2b(digest_size=8)
     for path in paths:
         for file in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
@@ -50,20 +38,7 @@ def files_hash(paths: Iterable[Path]) -> str:
 
 @cache
 def engine_hash(*more: str, models: bool = False) -> str:
-    """Return a fingerprint of the files of the engine, its rules and measures.
-
-    Parameters
-    ----------
-    *more : str
-        Other files: absolute, or relative to the package.
-    models : bool
-        Whether it covers the gallery.
-
-    Examples
-    --------
-    >>> len(engine_hash()), engine_hash() == engine_hash("errors.py")
-    (16, False)
-    """
+    """Return a fingerprint of the files of the engine, its rules and measures, and of others of the package."""
     gallery = [Path(next(iter(import_module(MODELS).__path__)))] if models else []
     return files_hash([*(PACKAGE / name for name in (*ENGINE, *more)), *gallery])
 
@@ -76,14 +51,6 @@ def source_hash(model_class: type) -> str:
     Packages with a version (mesa_swarm without its gallery, and mesa) are represented by it. Other files that a model
     imports, and other cells of a notebook, are not covered: after a change in them, choose another folder for
     the results.
-
-    Examples
-    --------
-    >>> from mesa_swarm.gallery import find_model
-    >>> source_hash(find_model("boids")) == source_hash(find_model("boids"))
-    True
-    >>> source_hash(find_model("boids")) == source_hash(find_model("flocking"))
-    False
     """
     digest = blake2b(digest_size=8)
     for base in model_class.__mro__:

@@ -5,7 +5,6 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
@@ -32,13 +31,13 @@ from mesa_swarm.world.map_toml import parsed_toml
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,59}")
 
 
-def _field(check: Callable, value: Any, info: ValidationInfo) -> Any:
-    return check(info.field_name, value)
-
-
 def _checked_by(check: Callable, **limits: Any) -> BeforeValidator:
     """Return a validator with this package's messages: the check gets the key and the value."""
-    return BeforeValidator(partial(_field, partial(check, **limits)))
+
+    def checked(value: Any, info: ValidationInfo) -> Any:
+        return check(info.field_name, value, **limits)
+
+    return BeforeValidator(checked)
 
 
 def _check_name(name: str, value: object) -> str:
@@ -67,19 +66,7 @@ def _as_table(value: Any) -> Any:
 
 
 class RecordTable(_Table):
-    """The keys of `[record]`: a file for each run, and options that `record` takes.
-
-    Parameters
-    ----------
-    file : str
-        Relative to the job's folder; ``{seed}`` and ``{name}`` stand for the seed and the run's name.
-    every : int
-        Steps from one row to the next.
-    columns : list of str, optional
-        By default what one needs to look at the run.
-    exact : bool
-        Whether real numbers are stored with all 64 bits.
-    """
+    """The keys of `[record]`: a file for each run, and options that `record` takes; see `RunRecords`."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -98,29 +85,7 @@ class RecordTable(_Table):
 
 
 class RunTable(_Table):
-    """The keys of one run.
-
-    Parameters
-    ----------
-    name : str, optional
-        Of its folder of results; by default run_1, run_2, ...
-    model : str
-        One of `mesa-swarm list`.
-    map : str, optional
-        A built-in one, or a file in the job's folder.
-    robots : int, optional
-        Short for the parameter n_robots.
-    steps : int, optional
-        At most; by default those that the model declares.
-    seeds : int or list of int
-        How many (1, 2, ...), or which.
-    measure : list of str, optional
-        The results that are wanted; by default all.
-    parameters, grid, sample : table, optional
-        Fixed values; lists of values; a `SampleTable`.
-    record : str or table, optional
-        A file to record to, or a `RecordTable`.
-    """
+    """The keys of one run; `robots` is short for the parameter n_robots."""
 
     name: Annotated[str | None, _checked_by(_check_name)] = None
     model: Annotated[str, _checked_by(lambda name, value: check_choice(name, value, model_names()))]
@@ -160,13 +125,7 @@ class RunTable(_Table):
 
 
 def checked_run(table: dict[str, Any]) -> RunTable:
-    """Return the run of a table, checked.
-
-    Examples
-    --------
-    >>> checked_run({"model": "boids", "steps": 10}).steps
-    10
-    """
+    """Return the run of a table, checked."""
     try:
         return RunTable.model_validate(table)
     except ValidationError as error:
@@ -201,14 +160,7 @@ LONGEST_MESSAGE = 300
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """The experiments of a job file, in its order, and how each is recorded, None if it is not.
-
-    Examples
-    --------
-    >>> job = read_job("fire_fighting_1.toml")
-    >>> job.name, [len(experiment) for experiment in job.experiments]
-    ('fire_fighting_1', [1])
-    """
+    """The experiments of a job file, in its order, and how each is recorded, None if it is not."""
 
     name: str
     experiments: tuple[Experiment, ...]
@@ -216,17 +168,9 @@ class Job:
 
 
 def read_job(path: str | os.PathLike[str]) -> Job:
-    """Return the job of a file, after building the model of every experiment in it once.
+    """Return the job of a .toml file or of a sample, after building the model of every experiment in it once.
 
-    Parameters
-    ----------
-    path : str or Path
-        A .toml file, else the name of one that comes with the package: see `sample_jobs`.
-
-    Raises
-    ------
-    JobError
-        On one line: the file, the table in it, and what is wrong.
+    A JobError has on one line the file, the table in it, and what is wrong.
     """
     file = _found(path)
     with _naming(file.name):
@@ -244,17 +188,7 @@ def read_job(path: str | os.PathLike[str]) -> Job:
 def recorded_to(job: Job, file: Path) -> Job:
     """Return a job whose runs are recorded to files of this name; the options that it has for that stay.
 
-    Parameters
-    ----------
-    job : Job
-    file : Path
-        ``{seed}`` and ``{name}`` in its name stand for each run's. Its folder may be any.
-
-    Examples
-    --------
-    >>> job = recorded_to(read_job("fire_fighting_1.toml"), Path("/runs/{name}.arrow"))
-    >>> job.records[0].path("first", 1).as_posix()
-    '/runs/first.arrow'
+    ``{seed}`` and ``{name}`` in the name stand for each run's. Its folder may be any.
     """
     filled_in(str(file), "name", 1)
     records = []
@@ -266,13 +200,7 @@ def recorded_to(job: Job, file: Path) -> Job:
 
 
 def sample_jobs() -> list[str]:
-    """Return the names of the job files that come with the package.
-
-    Examples
-    --------
-    >>> sample_jobs()[0]
-    'agglomeration.toml'
-    """
+    """Return the names of the job files that come with the package."""
     folder = resources.files("mesa_swarm.experiments") / "jobs"
     return sorted(file.name for file in folder.iterdir() if file.name.endswith(".toml"))
 

@@ -46,24 +46,9 @@ APART = 1_000_000
 
 @dataclass(frozen=True, kw_only=True)
 class Benchmark:
-    """A benchmark of learning.
+    """A benchmark of learning: contestants, all by default, trained with the seeds 1, 2, ...
 
-    Parameters
-    ----------
-    seeds : int
-        Each contestant is trained with the seeds 1, 2, ...
-    steps : int
-        Of training, of 15 robots on `original`.
-    evaluation_steps : int
-        On each map.
-    only : sequence of str
-        Names of contestants; all by default.
-
-    Examples
-    --------
-    >>> bench = Benchmark(seeds=10)
-    >>> len(list(bench.runs())), bench.maps(1), bench.maps(10)[-1]
-    (100, ('original', 'sparse', 'openspace', 'openspace_fire', 'random 1', 'random 2'), 'random 20')
+    `steps` are those of training, of 15 robots on `original`; `evaluation_steps` those on each map.
     """
 
     seeds: int = 10
@@ -135,23 +120,8 @@ def learn_bench(
     """Train and measure all contestants.
 
     Each finished training is on the disk, with its measurements, before the next is waited for. A benchmark that
-    was interrupted continues when it is called again with the same folder.
-
-    Parameters
-    ----------
-    benchmark : Benchmark
-    out : path
-        Folder of the ledger.
-    jobs : int
-        Processes; -1 for one on each core. Results do not depend on it.
-    resume : bool
-        Whether runs stored in the folder count; else they are done again.
-    progress : bool
-
-    Raises
-    ------
-    InvalidValueError
-        If the folder cannot be written to, or a training failed.
+    was interrupted continues when it is called again with the same folder, unless `resume` is False: then all is done
+    again. Results do not depend on the number of jobs.
     """
     workers = checked_jobs(jobs)
     file = check_writable(out) / LEDGER
@@ -164,13 +134,7 @@ def learn_bench(
 
 
 def is_training(outcome: Outcome) -> bool:
-    """Return whether an outcome is one of `measured`: figures of the training, and all measures of each map and mode.
-
-    Examples
-    --------
-    >>> is_training(Outcome(results={"robot-steps": 15.0}))
-    False
-    """
+    """Return whether an outcome is one of `measured`: figures of the training, all measures of each map and mode."""
     results = outcome.numbers
     places = {key.rpartition("|")[0] for key in results if key.count("|") == 2}
     wanted = {*OF_TRAINING, *(f"{place}|{measure}" for place in places for measure in MEASURES)}
@@ -212,25 +176,13 @@ def _measures(trained: Trained, mode: str, place: str, seed: int, steps: int) ->
 
 
 def map_named(place: str) -> Map:
-    """Return a map by the name that results have.
-
-    Examples
-    --------
-    >>> map_named("random 3").name, map_named("sparse").name
-    ('random 3', 'sparse')
-    """
+    """Return a map by the name that results have."""
     word, _, number = place.partition(" ")
     return random_map(int(number)) if word == "random" else Map.load(place)
 
 
 def group_of(place: str) -> str:
-    """Return the group of a map: that of the training, another built-in one, a generated one, or all unseen.
-
-    Examples
-    --------
-    >>> [group_of(place) for place in ("original", "sparse", "random 7")]
-    ['home', 'built in', 'generated']
-    """
+    """Return the group of a map: that of the training, another built-in one, a generated one, or all unseen."""
     if place in (HOME, EVERY):
         return "home" if place == HOME else "every"
     return "generated" if place.startswith("random") else "built in"
@@ -250,18 +202,10 @@ FEW, FAST = 0.5, 0.6
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """The results of one contestant on maps of one group.
+    """The results of one contestant on maps of one group, one of `GROUPS`, "frozen" or "learning".
 
-    Parameters
-    ----------
-    name, group, mode : str
-        Of the contestant; one of `GROUPS`; "frozen" or "learning".
-    collisions : Interval
-        Interquartile mean over seeds and maps, per robot and 1,000 steps.
-    worst : float
-        Of the worst robot of all.
-    ahead, coverage : float
-        Interquartile means.
+    Collisions are per robot and 1,000 steps; they, the speed ahead and the coverage are interquartile means over seeds
+    and maps; `worst` is of the worst robot of all.
     """
 
     name: str

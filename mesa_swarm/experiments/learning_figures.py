@@ -105,20 +105,7 @@ class FireRun:
 
 
 def fire_run(controller: str, *, rng: int, steps: int = 60_000, **settings: float) -> FireRun:
-    """Let robots fight fires in rounds, and return the outcome.
-
-    Parameters
-    ----------
-    controller : str
-    rng, steps : int
-    **settings
-        Of the model `LearningFires`.
-
-    Examples
-    --------
-    >>> fire_run("shared", rng=1, steps=30, round_steps=10, n_robots=2).rounds
-    array([10., 10., 10.])
-    """
+    """Let robots of the model `LearningFires`, with these settings, fight fires in rounds, and return the outcome."""
     model = find_model("learning_fires")(controller=controller, rng=rng, **settings)
     model.run(check_count("steps", steps, minimum=1))
     return FireRun(np.array([row[0] for row in model.rounds], dtype=float), model.results())
@@ -186,28 +173,13 @@ NOISE = 0.05
 
 
 def demonstrated(x: np.ndarray) -> np.ndarray:
-    """Return a curve of the form that two hidden units can have (6.1): 0.6 tanh(4 x + 1) - 0.4 tanh(3 x - 2).
-
-    Examples
-    --------
-    >>> demonstrated(np.array([0.0])).round(3)
-    array([0.843])
-    """
+    """Return a curve of the form that two hidden units can have (6.1): 0.6 tanh(4 x + 1) - 0.4 tanh(3 x - 2)."""
     return 0.6 * np.tanh(4.0 * x + 1.0) - 0.4 * np.tanh(3.0 * x - 2.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LearningRun:
-    """A run of learning.
-
-    Parameters
-    ----------
-    collisions : ndarray, shape (k,)
-        Robots that collided in each step.
-    temperature : ndarray, shape (k,)
-        Of the choice.
-    n_robots : int
-    """
+    """A run of learning: the robots that collided in each step (k,), the temperature of the choice (k,)."""
 
     collisions: np.ndarray
     temperature: np.ndarray
@@ -215,21 +187,7 @@ class LearningRun:
 
 
 def learning_run(*, beta: float, rng: int, steps: int = 33_000, progress: bool = False, **settings: Any) -> LearningRun:
-    """Let robots learn to avoid collisions, and return their collisions by step.
-
-    Parameters
-    ----------
-    beta : float
-    rng, steps : int
-    progress : bool
-    **settings
-        Of the model `QLearning`.
-
-    Examples
-    --------
-    >>> learning_run(beta=5e-3, rng=1, steps=20, n_robots=2).collisions.shape
-    (20,)
-    """
+    """Let robots of the model `QLearning` learn to avoid collisions, and return their collisions by step."""
     model = find_model("q_learning")(beta=beta, rng=rng, **settings)
     model.run(check_count("steps", steps, minimum=1), progress)
     layer = model.learner

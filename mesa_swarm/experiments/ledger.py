@@ -35,17 +35,9 @@ STORED = ("steps", "state_hash", "results", "error")
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """The outcome of a run: results, or the error that ended it.
+    """The outcome of a run: results, None for what did not happen, or the error that ended it.
 
-    Parameters
-    ----------
-    steps : int
-        That the model took.
-    state_hash : str, optional
-        Fingerprint of its final state.
-    results : dict of str to float or None, optional
-        None means that it did not happen.
-    error : str, optional
+    `steps` are those that the model took, `state_hash` the fingerprint of its final state.
     """
 
     steps: int = 0
@@ -70,33 +62,11 @@ class Ledger:
     apart is cut off when the ledger is opened again; a damaged line fails its checksum and counts as never
     written, as does one whose checksum is right and whose content is not the outcome of a run. Nothing else is ever
     cut: a file that is not a ledger is refused and stays as it is, as does one with the checksum of a first line at
-    most. Of two lines with one key the last counts. One process at a time may write.
+    most. Of two lines with one key the last counts. One process at a time may write, others may read.
 
     Memory grows by 24 bytes per run: its key, and where its line begins.
 
-    Parameters
-    ----------
-    path : Path
-        Created if it is missing.
-    retry_failed : bool
-        Whether runs that ended in an error count as not done.
-    read_only : bool
-        Nothing is changed, and another process may be writing to it.
-    fits : callable, optional
-        Returns whether an `Outcome` can be one of the runs that are wanted; others count as never written.
-
-    Raises
-    ------
-    InvalidValueError
-        If another process writes to it, it cannot be opened, or it is not a ledger.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as home, Ledger(Path(home) / "ledger.jsonl") as ledger:
-    ...     ledger.append("0" * 32, Outcome(steps=5, state_hash="", results={"groups": 2.0}))
-    ...     ledger.outcome("0" * 32).results, "f" * 32 in ledger
-    ({'groups': 2.0}, False)
+    With `retry_failed` runs that ended in an error count as not done, as do outcomes that do not fit.
     """
 
     def __init__(
@@ -147,13 +117,7 @@ class Ledger:
             self._read(retry_failed=False)
 
     def append(self, key: str, outcome: Outcome) -> None:
-        """Write the outcome of a run, and wait until the disk has it.
-
-        Raises
-        ------
-        InvalidValueError
-            If it cannot be written, or could not be read again. Nothing of it is left then.
-        """
+        """Write the outcome of a run, and wait until the disk has it; nothing is left of one that cannot be written."""
         line = _line(key, outcome)
         if _entry(line) is None:
             size = f"it has {len(line)} bytes" if line else "it is not of such types"

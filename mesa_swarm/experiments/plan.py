@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from mesa_swarm.errors import InvalidValueError, UnknownNameError, check_choice, shortened, unknown_name
+from mesa_swarm.errors import InvalidValueError, check_choice, shortened
 from mesa_swarm.experiments.experiment import (
     Experiment,
     checked_class,
@@ -24,17 +24,7 @@ MOST_VALUES = 100
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PairedOutcome(Outcome):
-    """The outcome of a run of a comparison.
-
-    Parameters
-    ----------
-    value
-        Of the parameter that is compared.
-    rng : int
-        The run's seed.
-    portrait : FinalState, optional
-        Of the final state; for the first seed only, and not stored.
-    """
+    """The outcome of a run of a comparison; the first seed has a portrait of the final state, which is not stored."""
 
     value: Any
     rng: int
@@ -43,20 +33,7 @@ class PairedOutcome(Outcome):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan(Experiment):
-    """An experiment that compares values of one parameter over the same seeds.
-
-    Parameters
-    ----------
-    parameter : str
-    values : tuple
-        The points, as they were given.
-
-    Examples
-    --------
-    >>> plan = checked_plan("fire_fighting", seeds=2)
-    >>> plan.parameter, plan.values, [(run.rng, run.settings) for run in plan.runs()][1:3]
-    ('strategy', ('A', 'B'), [(1, {'strategy': 'B'}), (2, {'strategy': 'A'})])
-    """
+    """An experiment that compares values of one parameter over the same seeds."""
 
     parameter: str
     values: tuple
@@ -93,13 +70,7 @@ class Plan(Experiment):
 class PairedRuns:
     """The runs of a plan: what tables, figures and findings are made of.
 
-    Parameters
-    ----------
-    plan : Plan
-    runs : tuple of PairedOutcome
-        By seed, then by value, whatever the order in which they were done.
-    done_before : int
-        How many of them an earlier call had done.
+    They are by seed, then by value, whatever the order in which they were done.
     """
 
     plan: Plan
@@ -131,29 +102,7 @@ def checked_plan(
     settings: Mapping[str, Any] | None = None,
     measures: Sequence[str] = (),
 ) -> Plan:
-    """Return the plan of a comparison, after building the model once with every value.
-
-    Parameters
-    ----------
-    model : type or str
-        A SwarmModel with a method ``results``, or the name of one of the gallery.
-    parameter, values
-        By default the model's attribute ``compares``; the values of another parameter may be left
-        out if it has a `Choice`.
-    seeds : int or sequence of int
-        Each value is run with rng 1, 2, ... seeds, or with these; at most 100,000.
-    steps : int
-        By default the model's attribute ``steps_to_compare``, else 3,000.
-    settings : mapping
-        Other parameters, the same in all runs.
-    measures : sequence of str
-        The results that are compared, in this order; all of them by default.
-
-    Raises
-    ------
-    SwarmError
-        If anything about it is wrong.
-    """
+    """Return the plan of a comparison, after building the model once with every value; see `compare`."""
     model_class = checked_class(model)
     settings = dict(settings or {})
     compared, chosen = _checked_values(model_class, parameter, values, settings)
@@ -177,13 +126,7 @@ def checked_plan(
 
 
 def checked_measures(measures: object) -> tuple[str, ...]:
-    """Return the names of results that are wanted; refuse a single text, and names that are repeated.
-
-    Examples
-    --------
-    >>> checked_measures(["fires out"])
-    ('fires out',)
-    """
+    """Return the names of results that are wanted; refuse a single text, and names that are repeated."""
     if isinstance(measures, str) or not isinstance(measures, Iterable):
         raise InvalidValueError(f"measures is {shortened(measures)}; expected a list of names, such as ['fires out']")
     names = tuple(measures)
@@ -217,9 +160,7 @@ def _checked_parameter(model_class: type, name: str | None) -> tuple[str, tuple]
         raise InvalidValueError(
             f"{model_class.__name__} has no attribute compares with a parameter and values; give both"
         )
-    if name not in known:
-        raise UnknownNameError(unknown_name(f"parameter of {model_class.__name__}", name, known))
-    if name != declared:
+    if check_choice(f"parameter of {model_class.__name__}", name, known) != declared:
         control = known[name].control
         values = control.options if isinstance(control, Choice) else ()
     return name, values

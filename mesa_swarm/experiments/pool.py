@@ -29,13 +29,7 @@ class WorkerDiedError(RuntimeError):
 
 
 def checked_jobs(jobs: int) -> int:
-    """Return how many processes will work: as many as there are cores for -1.
-
-    Examples
-    --------
-    >>> checked_jobs(2)
-    2
-    """
+    """Return how many processes will work: as many as there are cores for -1."""
     if jobs == -1:
         return cpu_count()
     try:
@@ -60,24 +54,9 @@ class Workers(LokyBackend):
 def on_all(workers: int, work: Callable, tasks: Iterable[tuple]) -> Iterator[Any]:
     """Yield what `work` returns for each task, as they are done; joblib hands out quick ones in chunks.
 
-    Parameters
-    ----------
-    workers : int
-        Processes on this machine. Inside `joblib.parallel_config` with another backend, such as dask, the work
-        is done there.
-    work : callable
-    tasks : iterable of tuple
-        The arguments of each call; read as workers become free, never far ahead.
-
-    Raises
-    ------
-    WorkerDiedError
-        As soon as a worker is gone. What was under way is lost.
-
-    Examples
-    --------
-    >>> sorted(on_all(2, pow, [(2, 3), (3, 2)]))
-    [8, 9]
+    Inside `joblib.parallel_config` with another backend, such as dask, the work is done there. Tasks are read as
+    workers become free, never far ahead. As soon as a worker is gone, WorkerDiedError is raised, and what was under way
+    is lost.
     """
     place = {"n_jobs": -1} if is_remote() else {"n_jobs": workers, "backend": _local()}
     parallel = Parallel(**place, return_as="generator_unordered")
@@ -95,13 +74,7 @@ def on_all(workers: int, work: Callable, tasks: Iterable[tuple]) -> Iterator[Any
 
 
 def in_order(workers: int, work: Callable, tasks: list[tuple]) -> list[Any]:
-    """Return what `work` returns for each task, in the order of the tasks: in this process if one is enough.
-
-    Examples
-    --------
-    >>> in_order(1, pow, [(2, 3), (3, 2)])
-    [8, 9]
-    """
+    """Return what `work` returns for each task, in the order of the tasks: in this process if one is enough."""
     if workers == 1:
         return [work(*task) for task in tasks]
     results = dict(on_all(workers, _numbered, ((k, work, task) for k, task in enumerate(tasks))))
@@ -109,35 +82,17 @@ def in_order(workers: int, work: Callable, tasks: list[tuple]) -> list[Any]:
 
 
 def is_remote() -> bool:
-    """Return whether joblib is set to another place for work than processes of this machine.
-
-    Examples
-    --------
-    >>> is_remote()
-    False
-    """
+    """Return whether joblib is set to another place for work than processes of this machine."""
     return type(get_active_backend()[0]).__name__ != LOCAL
 
 
 def end_with(parent: int) -> None:
-    """Let this process end at once when its parent is gone; also if it is gone already.
-
-    Parameters
-    ----------
-    parent : int
-        Id of the process that has started this one.
-    """
+    """Let this process end at once when its parent, which has this id, is gone; also if it is gone already."""
     Thread(target=_end_after, args=(parent,), name="end with the parent", daemon=True).start()
 
 
 def ending_with_us(script: str) -> str:
-    """Return Python code of a process that ends with this one, from before its imports on.
-
-    Examples
-    --------
-    >>> ending_with_us("print()").endswith("; print()")
-    True
-    """
+    """Return Python code of a process that ends with this one, from before its imports on."""
     return f"from {__name__} import end_with; end_with({os.getpid()}); {script}"
 
 

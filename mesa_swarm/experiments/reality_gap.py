@@ -36,21 +36,7 @@ SEEDS = 10
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Gap:
-    """The scores of a model over the dial.
-
-    Parameters
-    ----------
-    model : str
-    measure : str
-        The result that is the score.
-    preset : str
-    dial : tuple of float
-    seeds : sequence of int
-    steps : int
-        At most, of every run.
-    scores : dict
-        By place of the dial, one score a seed; None where it did not happen.
-    """
+    """The scores of a model over the dial: by place one score a seed, None where it did not happen."""
 
     model: str
     measure: str
@@ -186,13 +172,7 @@ def imperfect(model_class: type, imperfections: Imperfections | None, /, **setti
 
 
 def checked_dial(dial: Sequence[float]) -> tuple[float, ...]:
-    """Return places of the dial that rise from 0 to 1 at most.
-
-    Examples
-    --------
-    >>> checked_dial([0, 1])
-    (0.0, 1.0)
-    """
+    """Return places of the dial that rise from 0 to 1 at most."""
     places = tuple(check_number("dial", place, minimum=0, maximum=1) for place in dial)
     if len(places) < 2 or any(b <= a for a, b in pairwise(places)):
         raise InvalidValueError(f"dial is {shortened(dial)}; expected at least two rising places such as (0, 0.5, 1)")
@@ -203,11 +183,6 @@ def chosen_measure(rows: dict[float, list[dict]], measure: str | None, first: Se
     """Return the result that is the score: the one that is wanted, or the first that every run has.
 
     The names in `first` come before all others.
-
-    Examples
-    --------
-    >>> chosen_measure({0.0: [{"arrived at": None, "way left": 3.0}]}, None)
-    'way left'
     """
     runs = [run for place in rows.values() for run in place]
     if measure is not None:

@@ -25,28 +25,7 @@ DEVICE = re.compile(r"(con|prn|aux|nul|conin\$|conout\$|com\d|lpt\d)(\..*)?", re
 
 
 def file_within(folder: Path, name: str) -> Path:
-    """Return a file that a job names if it is in the job's folder, and not reached by a link.
-
-    Parameters
-    ----------
-    folder : Path
-        Of the job file.
-    name : str
-        Relative to the folder.
-
-    Raises
-    ------
-    InvalidValueError
-        If it leads elsewhere, or might.
-
-    Examples
-    --------
-    >>> file_within(Path("/jobs"), "maps/hall.toml").as_posix()
-    '/jobs/maps/hall.toml'
-    >>> file_within(Path("/jobs"), "../hall.toml")
-    Traceback (most recent call last):
-    mesa_swarm.errors.InvalidValueError: '../hall.toml' leads out of the job's folder; put the file into it
-    """
+    """Return a file that a job names if it is in the job's folder, and not reached by a link."""
     parts = PurePosixPath(name).parts
     windows = PureWindowsPath(name)
     if name.startswith("/") or windows.drive or windows.root or ".." in (*parts, *windows.parts):
@@ -62,18 +41,7 @@ def file_within(folder: Path, name: str) -> Path:
 def recording_within(folder: Path, name: str) -> Path:
     """Return a file to record to if it is in the job's folder and its name is portable.
 
-    Raises
-    ------
-    InvalidValueError
-        If it leads elsewhere, is a device, or could be taken for another kind of file.
-
-    Examples
-    --------
-    >>> recording_within(Path("/jobs"), "runs/1.arrow").as_posix()
-    '/jobs/runs/1.arrow'
-    >>> recording_within(Path("/jobs"), "nul.arrow")
-    Traceback (most recent call last):
-    mesa_swarm.errors.InvalidValueError: 'nul.arrow' is the name of a device; choose another
+    It must not be a device's, nor one that could be taken for another kind of file.
     """
     path = file_within(folder, name)
     for part in PurePosixPath(name).parts:
@@ -105,21 +73,10 @@ OPTIONS = tuple(
 
 @dataclass(frozen=True, kw_only=True)
 class RunRecords:
-    """Where and how the runs of an experiment are recorded.
+    """Where the runs of an experiment are recorded, and with which options of `mesa_swarm.recording.record`.
 
-    Parameters
-    ----------
-    folder : Path
-        Of the job file; recordings stay under it.
-    file : str
-        Relative to the folder; ``{seed}`` and ``{name}`` stand for the run's seed and its experiment's name.
-    options : mapping
-        What `mesa_swarm.recording.record` takes: every, columns, exact ...
-
-    Examples
-    --------
-    >>> RunRecords(folder=Path("/jobs"), file="runs/{seed}.arrow").path("run_1", 7).as_posix()
-    '/jobs/runs/7.arrow'
+    `file` is relative to the folder of the job; ``{seed}`` and ``{name}`` stand for the run's seed and its experiment's
+    name.
     """
 
     folder: Path
@@ -145,18 +102,7 @@ class RunRecords:
 
 
 def filled_in(file: str, name: str, seed: int) -> str:
-    """Return the name of a recording with ``{seed}`` and ``{name}`` filled in.
-
-    Raises
-    ------
-    InvalidValueError
-        If there are others in it.
-
-    Examples
-    --------
-    >>> filled_in("{name}_{seed}.arrow", "boids", 7)
-    'boids_7.arrow'
-    """
+    """Return the name of a recording with ``{seed}`` and ``{name}`` filled in."""
     filled = {"name": name, "seed": str(seed)}
     for place in PLACE.findall(file):
         if place not in PLACES:
@@ -165,13 +111,7 @@ def filled_in(file: str, name: str, seed: int) -> str:
 
 
 def chosen_options(record: object) -> Mapping[str, Any] | None:
-    """Return the options of recordings, none of them for True, and None if nothing is to be recorded.
-
-    Examples
-    --------
-    >>> chosen_options(True), chosen_options({"every": 10}), chosen_options(False)
-    ({}, {'every': 10}, None)
-    """
+    """Return the options of recordings, none of them for True, and None if nothing is to be recorded."""
     if record is None or isinstance(record, bool):
         return {} if record else None
     if not isinstance(record, Mapping):
@@ -191,18 +131,7 @@ def check_options(options: Mapping[str, Any], experiment: Experiment) -> None:
 
 @contextmanager
 def recorded(model: FireModel, path: Path, options: Mapping[str, Any], overwrite: bool = False) -> Iterator[None]:
-    """Record a model to a file, in a folder that is made if it is missing, while the context lasts.
-
-    Examples
-    --------
-    >>> from mesa_swarm import SwarmModel
-    >>> model = SwarmModel(rng=1)
-    >>> with TemporaryDirectory() as home:
-    ...     with recorded(model, Path(home, "runs", "1.arrow"), {"every": 2}):
-    ...         end = model.run(4)
-    ...     [file.name for file in Path(home, "runs").iterdir()]
-    ['1.arrow']
-    """
+    """Record a model to a file, in a folder that is made if it is missing, while the context lasts."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -213,19 +142,7 @@ def recorded(model: FireModel, path: Path, options: Mapping[str, Any], overwrite
 
 @dataclass(frozen=True, slots=True)
 class Archive:
-    """The recordings of a sweep: one file per run, named by the run's key.
-
-    Parameters
-    ----------
-    folder : Path
-    options : mapping
-        What `mesa_swarm.recording.record` takes.
-
-    Examples
-    --------
-    >>> Archive(Path("recordings"), {}).file("0a").name
-    '0a.arrow'
-    """
+    """The recordings of a sweep: one file per run, named by the run's key."""
 
     folder: Path
     options: Mapping[str, Any]
@@ -241,10 +158,8 @@ class Archive:
     def attempt(self, run: Run) -> Outcome:
         """Do a run and store its recording; that of a run that fails ends where it failed.
 
-        Raises
-        ------
-        RecordingError
-            If the recording cannot be written: the run is not the cause, and is to be done again.
+        If the recording cannot be written, a RecordingError is raised: the run is not the cause, and is to be done
+        again.
         """
         file = self.file(run.key)
         try:

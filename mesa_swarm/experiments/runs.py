@@ -23,18 +23,9 @@ LARGEST_WHOLE = 2**63 - 1
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One run to do.
+    """One run to do, of a model class or a function that returns numbers, given the settings and ``rng``.
 
-    Parameters
-    ----------
-    make : callable
-        Takes the settings and ``rng``: a model class, or a function that returns numbers.
-    settings : dict
-        In full.
-    rng, steps : int
-        Its seed, and the steps that a model takes at most.
-    key : str
-        Of no other run; in a ledger, the fingerprint of all that decides the outcome.
+    Its key is that of no other run; in a ledger, the fingerprint of all that decides the outcome.
     """
 
     make: Callable[..., Any]
@@ -65,34 +56,10 @@ def do_runs(
 ) -> Iterator[tuple[Run, SomeOutcome]]:
     """Do outstanding runs, store each outcome before the next is waited for, and yield both.
 
-    Parameters
-    ----------
-    runs : iterable of Run
-        Read as workers become free, never far ahead.
-    work : callable
-        Does a run.
-    count, done : int
-        All runs, and those of them that are not outstanding: for the progress bar.
-    ledger : Ledger, optional
-        An outcome replaces a stored one only if it has other results than that.
-    workers : int
-        Processes, from `checked_jobs`.
-    tries : int
-        How often a run is tried whose worker dies; after that, if they are several, this is its outcome.
-    progress : bool
-    unit : str
-        Of the progress bar.
-
-    Raises
-    ------
-    WorkerDiedError
-        If a worker dies and there is a single try.
-
-    Examples
-    --------
-    >>> squares = [Run(lambda rng: {"square": rng**2}, {}, rng) for rng in (2, 3)]
-    >>> [outcome.results for _, outcome in do_runs(squares, call, count=2)]
-    [{'square': 4}, {'square': 9}]
+    Runs are read as workers become free, never far ahead. For the progress bar, `count` counts all runs and `done`
+    those that are not outstanding. An outcome replaces a stored one only if it has other results than that. A run
+    whose worker dies is repeated up to `tries` times; after several, the death is its outcome, after a single one a
+    WorkerDiedError is raised.
     """
     if tries == 1:  # else a run that kills its process would end this one
         workers = min(workers, max(count - done, 1))
@@ -114,14 +81,9 @@ def completed(
     each: Callable[[Outcome], object] = lambda outcome: None,
     **how: Any,
 ) -> dict[str, Outcome]:
-    """Return the outcomes of all runs by key, after doing those that a ledger does not have.
+    """Return the outcomes of all runs by key, after doing those that a ledger does not have as `do_runs` does.
 
-    Parameters
-    ----------
-    runs, work, ledger
-        See `do_runs`, as for other parameters.
-    each : callable
-        Called with each new outcome.
+    `each` is called with each new outcome.
     """
     found = stored_in(ledger, runs)
     left = [run for run in runs if run.key not in found]
@@ -149,14 +111,7 @@ def call(run: Run) -> Outcome:
 
 
 def simulate(run: Run) -> Outcome:
-    """Do the run of a model; its errors are raised.
-
-    Examples
-    --------
-    >>> from mesa_swarm.gallery import find_model
-    >>> simulate(Run(find_model("fire_fighting"), {"n_robots": 2}, rng=1, steps=5)).numbers["fires out"]
-    0
-    """
+    """Do the run of a model; its errors are raised."""
     return outcome_of(run.made().run(run.steps))
 
 
@@ -172,23 +127,9 @@ def attempt(
     progress: bool = False,
     beyond: tuple[type[Exception], ...] = (),
 ) -> Outcome:
-    """Do the run of a model; its error is an outcome too.
+    """Do the run of a model; its error is an outcome too, except those `beyond`, which are not caused by the run.
 
-    Parameters
-    ----------
-    run : Run
-    observed : callable
-        Called with the model; its context manager is entered while the model runs, such as a recorder.
-    progress : bool
-        Whether to show a bar of the steps.
-    beyond : tuple of exception classes
-        These are raised: they are not caused by the run.
-
-    Examples
-    --------
-    >>> from mesa_swarm.gallery import find_model
-    >>> attempt(Run(find_model("fire_fighting"), {"n_robots": -1}, rng=1, steps=5)).error
-    'InvalidValueError: n_robots is -1; expected a whole number at least 0 and at most 2147483647'
+    The context manager that `observed` returns for the model is entered while it runs: a recorder.
     """
     try:
         model = run.made()
@@ -204,43 +145,19 @@ def attempt(
 
 
 def error_in_words(error: BaseException) -> str:
-    """Return an error as one line that is the same whenever it happens.
-
-    Examples
-    --------
-    >>> error_in_words(ValueError("no <Robot object at 0x7f00>"))
-    'ValueError: no <Robot object>'
-    """
+    """Return an error as one line that is the same whenever it happens."""
     words = " ".join(without_addresses(str(error)).split())
     # Names of files may hold what cannot be written as text.
     return f"{type(error).__name__}: {words}".encode("utf-8", "backslashreplace").decode()[:LONGEST_ERROR]
 
 
 def without_addresses(text: str) -> str:
-    """Return a text without the addresses of objects in memory, which differ between processes.
-
-    Examples
-    --------
-    >>> without_addresses("<Drive object at 0x7f00>")
-    '<Drive object>'
-    """
+    """Return a text without the addresses of objects in memory, which differ between processes."""
     return re.sub(r" at 0x[0-9a-fA-F]+", "", text)
 
 
 def numbers_of(results: Mapping[str, Any]) -> dict[str, float | None]:
-    """Return the results of a run as numbers of Python's, which read back from a file as the same.
-
-    Raises
-    ------
-    InvalidValueError
-        If one of them is not a number, or infinite.
-
-    Examples
-    --------
-    >>> from fractions import Fraction
-    >>> numbers_of({"groups": np.int64(3), "share": Fraction(1, 2), "arrived at": None})
-    {'groups': 3, 'share': 0.5, 'arrived at': None}
-    """
+    """Return the results of a run as numbers of Python's, which read back from a file as the same."""
     numbers = {}
     for name, number in results.items():
         is_numpy = isinstance(number, (np.generic, np.ndarray)) and number.ndim == 0
@@ -250,38 +167,19 @@ def numbers_of(results: Mapping[str, Any]) -> dict[str, float | None]:
 
 
 def is_plain(number: object) -> bool:
-    """Return whether this is a result as `numbers_of` returns it; NaN is, which tables leave out.
-
-    Examples
-    --------
-    >>> is_plain(None), is_plain(3), is_plain(10**300), is_plain([1.0])
-    (True, True, False, False)
-    """
+    """Return whether this is a result as `numbers_of` returns it; NaN is, which tables leave out."""
     if isinstance(number, float):
         return not math.isinf(number)
     return number is None or (isinstance(number, int) and abs(number) <= LARGEST_WHOLE)
 
 
 def has_numbers(outcome: Outcome) -> bool:
-    """Return whether an outcome is that of a run which `simulate` did: results, each of which is a number or None.
-
-    Examples
-    --------
-    >>> has_numbers(Outcome(results={"groups": 2.0})), has_numbers(Outcome(error="it broke"))
-    (True, False)
-    """
+    """Return whether an outcome is that of a run which `simulate` did: results, each of which is a number or None."""
     return bool(outcome.results) and all(map(is_plain, outcome.numbers.values()))
 
 
 def check_result(name: str, number: object) -> float:
-    """Return a result as a float, or refuse it.
-
-    Examples
-    --------
-    >>> check_result("groups", float("nan"))
-    Traceback (most recent call last):
-    mesa_swarm.errors.InvalidValueError: result 'groups' is nan; expected a finite number or None
-    """
+    """Return a result as a float, or refuse it."""
     try:
         return check_number(f"result {shortened(name)}", number)
     except InvalidValueError as error:

@@ -88,17 +88,8 @@ class Sample:
 class Points(Sequence[dict[str, Any]]):
     """Points of a grid or a sample, each made when it is read: a million of them take no memory.
 
-    Parameters
-    ----------
-    columns : mapping of str to sequence or array
-        Values of each parameter.
-    crossed : bool
-        Whether every value meets every other, the last name varying fastest; else the columns are read side by side.
-
-    Examples
-    --------
-    >>> list(Points({"a": [1, 2], "b": [3, 4]}, crossed=True))[1:3]
-    [{'a': 1, 'b': 4}, {'a': 2, 'b': 3}]
+    Crossed columns make a grid: every value meets every other, the last name varying fastest. Others are read side by
+    side.
     """
 
     def __init__(self, columns: Mapping[str, Sequence | np.ndarray], *, crossed: bool) -> None:
@@ -190,13 +181,7 @@ def _values(model_class: type, name: str, listed: Any) -> Iterator[Any]:
 
 
 def as_list(values: object) -> object:
-    """Return the values of an array or series as a list of Python's own, anything else as it is.
-
-    Examples
-    --------
-    >>> as_list(np.arange(2)), as_list("A")
-    ([0, 1], 'A')
-    """
+    """Return the values of an array or series as a list of Python's own, anything else as it is."""
     return values.tolist() if isinstance(values, (np.ndarray, pd.Series, pd.Index)) else values
 
 

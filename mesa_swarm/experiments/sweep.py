@@ -89,8 +89,18 @@ def sweep(
 
     Parameters
     ----------
-    model, varied, seeds, steps, settings, measure
-        See `checked_experiment`.
+    model : type or str
+        A SwarmModel with a method ``results``, or the name of one of the gallery.
+    varied : mapping, Sample or sequence of mappings
+        A grid (values by parameter), a sample, or settings of your own, point by point.
+    seeds : int or sequence, array or Series of int
+        Seeds 1, 2, ... seeds, or these; the same at every point.
+    steps : int, optional
+        By default the model's attribute ``steps_to_compare``, else 3,000.
+    settings : mapping, optional
+        Other parameters, the same in all runs.
+    measure : sequence of str
+        The results that are wanted, all of them by default.
     out : path
         Folder of the ledger and the table.
     jobs : int

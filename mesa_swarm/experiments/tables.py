@@ -26,21 +26,10 @@ GAP = "  "
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One measure under one value of the parameter.
+    """One measure under one value of the parameter, compared with the first value if it is another.
 
-    Parameters
-    ----------
-    measure : str
-    value
-        Of the parameter.
-    summary : Summary
-    difference : Interval or None
-        Of the measure to that under the first value, over the `pairs` seeds in which both happened; None for
-        the first value itself.
-    pairs : int
-    larger : Interval or None
-        Share of the `ranked` seeds on which it was larger than under the first value, ties half: see `superiority`.
-    ranked : int
+    The difference is over the `pairs` of seeds on which both happened. `larger` is the share of the `ranked` seeds on
+    which it was larger than under the first value, ties half: see `superiority`.
     """
 
     measure: str
@@ -130,26 +119,12 @@ def _larger(share: Interval) -> str:
 
 
 def percent(share: Interval) -> str:
-    """Return the limits of a share.
-
-    Examples
-    --------
-    >>> percent(Interval(0.5, 0.31, 0.69))
-    '31-69 %'
-    """
+    """Return the limits of a share."""
     return f"{100 * share.low:.0f}-{100 * share.high:.0f} %"
 
 
 def with_limits(interval: Interval, signed: bool = False) -> str:
-    """Return an estimate with its limits, all with digits according to the width of the interval.
-
-    Examples
-    --------
-    >>> with_limits(Interval(1234.56, 1200.1, 1269.0)), with_limits(Interval(0.123, 0.05, 0.2), signed=True)
-    ('1,235 [1,200, 1,269]', '+0.123 [+0.050, +0.200]')
-    >>> with_limits(Interval(7.0, math.nan, math.nan))
-    '7'
-    """
+    """Return an estimate with its limits, all with digits according to the width of the interval."""
     if math.isnan(interval.estimate):
         return "-"
     sign = "+" if signed else ""
@@ -170,26 +145,14 @@ def _digits(interval: Interval) -> int:
 
 
 def aligned(table: list[list[str]]) -> list[str]:
-    """Return rows of cells as lines with straight columns, a rule below the first.
-
-    Examples
-    --------
-    >>> aligned([["a", "b"], ["long", "1"]])
-    ['a     b', '-------', 'long  1']
-    """
+    """Return rows of cells as lines with straight columns, a rule below the first."""
     widths = [max(len(row[c]) for row in table) for c in range(len(table[0]))]
     lines = [GAP.join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in table]
     return [lines[0], "-" * (sum(widths) + len(GAP) * (len(widths) - 1)), *lines[1:]]
 
 
 def fitting(table: list[list[str]]) -> list[str]:
-    """Return aligned rows; if they are too wide, the first cells go on lines of their own.
-
-    Examples
-    --------
-    >>> fitting([["", "b"], ["c" * 99, "1"]])[2:]
-    ['ccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccccc', '   1']
-    """
+    """Return aligned rows; if they are too wide, the first cells go on lines of their own."""
     lines = aligned(table)
     if len(lines[1]) <= WIDEST:
         return lines
@@ -225,13 +188,7 @@ def _triple(interval: Interval | None) -> tuple:
 
 
 def csv_text(lines: Iterable[Sequence]) -> str:
-    """Return rows as CSV; None is an empty field.
-
-    Examples
-    --------
-    >>> csv_text([["a", None], [1, "b,c"]]).splitlines()
-    ['a,', '1,"b,c"']
-    """
+    """Return rows as CSV; None is an empty field."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows(lines)
     return text.getvalue()

@@ -6,10 +6,9 @@ from time import process_time
 import numpy as np
 from matplotlib.figure import Figure
 
-from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.experiments.bench import BY_SENSORS
+from mesa_swarm.experiments.bench import CIRCLE, MAPS, mean_seconds, on_map
 from mesa_swarm.reproduction.drawing import draw_means, plain_axes
-from mesa_swarm.reproduction.judging import Result, judged_difference, judged_mean
+from mesa_swarm.reproduction.judging import Check, Result, judged_difference, judged_mean
 from mesa_swarm.reproduction.laboratory import Laboratory
 from mesa_swarm.reproduction.registry import Item
 from mesa_swarm.robots.design import RobotDesign
@@ -18,63 +17,30 @@ from mesa_swarm.swarm_model import SwarmModel
 # Steps until the number of meetings no longer grows.
 WARM_UP = 50
 BATCHES = 5
-# Without control robots drive in circles: straight on, all would end in heaps at the border.
-CIRCLE = (1.0, 0.8)
 
 
 def timing_run(rng: int, *, robots: int, map: str, sensors: int, milliseconds: float) -> dict[str, float]:
     """Return the processor time of a step: the least mean of five batches, which other programs disturb least.
 
-    Parameters
-    ----------
-    rng : int
-    robots : int
-    map : str
-    sensors : int
-        3, 6 or 9 of robots that avoid and explore; with 0, robots move in circles, and only contact is computed.
-    milliseconds : float
-        Of processor time for each batch, about.
-
-    Examples
-    --------
-    >>> timing_run(1, robots=5, map="original", sensors=3, milliseconds=1.0)["seconds"] > 0
-    True
+    Robots with 3, 6 or 9 sensors avoid and explore; with 0, they move in circles, and only contact is computed. A batch
+    takes about this number of milliseconds of processor time.
     """
     model = timed_world(rng, robots, map, sensors).run(WARM_UP)
-    started = process_time()
-    model.run(20)
-    each = max((process_time() - started) / 20, 1e-6)
+    each = max(mean_seconds(model.step, 20, process_time), 1e-6)
     steps = max(int(milliseconds / 1000 / each), 5)
-    return {"seconds": min(batch_seconds(model, steps) for _ in range(BATCHES))}
+    return {"seconds": min(mean_seconds(model.step, steps, process_time) for _ in range(BATCHES))}
 
 
 def timed_world(rng: int, robots: int, map: str, sensors: int) -> SwarmModel:
-    """Return the world that is timed.
-
-    Examples
-    --------
-    >>> timed_world(1, 3, "sparse", 0).swarm.distance.shape
-    (3, 0)
-    """
-    model = SwarmModel(map=map, rng=rng)
-    model.add_robots(BY_SENSORS[sensors] if sensors else RobotDesign(name="blind"), robots)
+    """Return the world that is timed."""
     if sensors:
-        model.control = Subsumption(Avoid(distance=15), Explore())
-    else:
-        model.swarm.columns["command"][:] = CIRCLE
+        return on_map(robots, map, sensors, rng)
+    model = SwarmModel(map=map, rng=rng)
+    model.add_robots(RobotDesign(name="blind"), robots)
+    model.swarm.columns["command"][:] = CIRCLE
     return model
 
 
-def batch_seconds(model: SwarmModel, steps: int) -> float:
-    """Return the mean processor time of a step."""
-    started = process_time()
-    for _ in range(steps):
-        model.step()
-    return (process_time() - started) / steps
-
-
-# In the thesis's order: dense, sparse, open.
-MAPS = ("original", "sparse", "openspace")
 ROBOTS = (6, 12, 18, 24, 30, 36, 42, 48)
 SENSORS = (3, 6, 9)
 SEEDS = 8
@@ -100,26 +66,23 @@ def step_times(laboratory: Laboratory, maps: Sequence[str], sensors: Sequence[in
 
 
 def exponents(times: np.ndarray, robots: Sequence[int] = ROBOTS) -> np.ndarray:
-    """Return for every seed the b of t = a n^b, by least squares of the logarithms of times (robots, seeds).
-
-    Examples
-    --------
-    >>> exponents(np.array([[1.0], [4.0]]), (10, 20))
-    array([2.])
-    """
+    """Return for every seed the b of t = a n^b, by least squares of the logarithms of times (robots, seeds)."""
     x = np.log(np.asarray(robots, float)) - np.log(robots).mean()
     return x @ np.log(times) / (x @ x)
+
+
+def at_most_squared(what: str, times: Times) -> list[Check]:
+    """Judge whether times grow at most as n^2 on each map."""
+    return [
+        judged_mean(f"{what} grows at most as n^2, map {name}: exponent", "O(n^2)", list(exponents(each)), high=2.0)
+        for (name, _), each in times.items()
+    ]
 
 
 def contact_alone(laboratory: Laboratory) -> Result:
     """Make figure 4.12: contact alone on three maps."""
     times = step_times(laboratory, MAPS, (0,))
-    checks = [
-        judged_mean(
-            f"contact grows at most as n^2, map {name}: exponent", "O(n^2)", list(exponents(times[name, 0])), high=2.0
-        )
-        for name in MAPS
-    ]
+    checks = at_most_squared("contact", times)
     dense, wide = times["original", 0][-1], times["openspace", 0][-1]
     matters = judged_difference(
         "the map matters: ms a step of 48 robots", "yes", wide, dense, names=("open", "dense"), main=False
@@ -132,12 +95,7 @@ def contact_alone(laboratory: Laboratory) -> Result:
 def whole_step(laboratory: Laboratory) -> Result:
     """Make figure 4.13: the whole step on three maps."""
     times = step_times(laboratory, MAPS, (3,))
-    checks = [
-        judged_mean(
-            f"the step grows at most as n^2, map {name}: exponent", "O(n^2)", list(exponents(times[name, 3])), high=2.0
-        )
-        for name in MAPS
-    ]
+    checks = at_most_squared("the step", times)
     few = [i for i, n in enumerate(ROBOTS) if FEWEST <= n <= DENSE_TO]
     dense = exponents(times["original", 3][few], [ROBOTS[i] for i in few])
     less = judged_mean(
@@ -217,7 +175,7 @@ def linear_in_sensors(laboratory: Laboratory) -> Result:
         for i, n in enumerate(ROBOTS)
         if n in (6, 24, 48)
     )
-    figure, (axes,) = plain_axes("sensors", "whole step, map original, ms")
+    figure, axes = plain_axes("sensors", "whole step, map original, ms")
     for k, i in enumerate((0, 3, 5, 7)):
         draw_means(axes, SENSORS, [times["original", s][i] for s in SENSORS], f"{ROBOTS[i]} robots", k)
     axes.set_ylim(bottom=0)
@@ -235,7 +193,7 @@ def linear_in_sensors(laboratory: Laboratory) -> Result:
 
 def times_figure(times: Times, what: str) -> Figure:
     """Return a figure with a line for each map or number of sensors."""
-    figure, (axes,) = plain_axes("robots", what)
+    figure, axes = plain_axes("robots", what)
     several = len({sensors for _, sensors in times}) > 1
     for i, ((name, sensors), values) in enumerate(times.items()):
         draw_means(axes, ROBOTS, values, f"{sensors} sensors" if several else name, i)

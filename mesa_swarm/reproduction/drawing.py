@@ -24,26 +24,15 @@ MOST_POINTS = 1000
 FAINT = 0.18
 
 
-def plain_axes(
-    x: str, y: str, *, panels: int = 1, size: tuple[float, float] = (7.5, 4.2), share_y: bool = False
-) -> tuple[Figure, list[Axes]]:
-    """Return a figure with axes side by side, named, without frames.
-
-    Examples
-    --------
-    >>> figure, (axes,) = plain_axes("step", "collisions")
-    >>> axes.get_xlabel()
-    'step'
-    """
-    figure = Figure(figsize=size, layout="constrained")
-    grid = list(figure.subplots(1, panels, squeeze=False, sharey=share_y).ravel())
-    for axes in grid:
-        axes.set(xlabel=x)
-        axes.set_prop_cycle(color=LIGHT.series)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.grid(alpha=0.25)
-    grid[0].set(ylabel=y)
-    return figure, grid
+def plain_axes(x: str, y: str) -> tuple[Figure, Axes]:
+    """Return a figure with named axes without a frame."""
+    figure = Figure(figsize=(7.5, 4.2), layout="constrained")
+    axes = figure.subplots()
+    axes.set(xlabel=x, ylabel=y)
+    axes.set_prop_cycle(color=LIGHT.series)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(alpha=0.25)
+    return figure, axes
 
 
 def count_steps(axes: Axes) -> None:
@@ -70,14 +59,7 @@ def draw_means(axes: Axes, x: ArrayLike, samples: Iterable[Iterable[float | None
 
 
 def world_picture(model: SwarmModel, title: str, *, perceived: bool = False) -> Figure:
-    """Return a picture of a model's world as it is now, with its legend.
-
-    Examples
-    --------
-    >>> from mesa_swarm import SwarmModel
-    >>> world_picture(SwarmModel(rng=1), "a world").axes[0].get_title()
-    'a world'
-    """
+    """Return a picture of a model's world as it is now, with its legend."""
     world = frame_of(model, perceived=perceived), scene_of(model)
     figure = Figure(figsize=(7.0, 6.0), layout="constrained")
     axes = figure.add_subplot()
@@ -90,13 +72,7 @@ def world_picture(model: SwarmModel, title: str, *, perceived: bool = False) -> 
 
 
 def svg(figure: Figure) -> bytes:
-    """Return a figure as an SVG; the same figure gives the same bytes.
-
-    Examples
-    --------
-    >>> b"<svg" in svg(Figure(figsize=(1, 1)))
-    True
-    """
+    """Return a figure as an SVG; the same figure gives the same bytes."""
     file = io.BytesIO()
     FigureCanvasSVG(figure)
     with matplotlib.rc_context({"svg.hashsalt": "mesa_swarm", "svg.fonttype": "none"}):
@@ -105,11 +81,5 @@ def svg(figure: Figure) -> bytes:
 
 
 def column(rows: Sequence[dict], name: str) -> list:
-    """Return one number of every run.
-
-    Examples
-    --------
-    >>> column([{"a": 1}, {"a": 2}], "a")
-    [1, 2]
-    """
+    """Return one number of every run."""
     return [row[name] for row in rows]

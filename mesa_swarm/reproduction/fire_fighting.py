@@ -37,25 +37,8 @@ def fire_run(
 ) -> dict[str, Any]:
     """Let robots fight the seven fires; return how many they put out, when, and how many robots were at the largest.
 
-    Parameters
-    ----------
-    rng : int
-    strategy : str
-        "A" or "B".
-    robots : int
-    size : float
-        Factor of all fires' areas; robots and constants are the same.
-    rest : float
-        Steps that a hot robot rests. It can work 5/3 times as long, as with the default constants, so that
-        only the rhythm changes.
-    steps : int
-        At most.
-
-    Examples
-    --------
-    >>> run = fire_run(1, strategy="B", steps=20)
-    >>> run["out"], run["all out at"]
-    (0, None)
+    `size` is a factor of all fires' areas; robots and constants are the same. A robot that rests longer works in
+    proportion, as with the default constants, so that only the rhythm changes.
     """
     model = fire_model(rng, strategy, robots, size, rest).run(steps)
     out = model.fires.out_step
@@ -73,24 +56,12 @@ def fire_run(
 
 
 def fire_model(rng: int, strategy: str, robots: int = 10, size: float = 1.0, rest: float = 60.0) -> SwarmModel:
-    """Return the model of a run before its first step.
-
-    Examples
-    --------
-    >>> fire_model(1, "A", size=4.0).fires.area[LARGEST]
-    np.float64(64.0)
-    """
+    """Return the model of a run before its first step."""
     return find_model("fire_fighting")(rng=rng, strategy=strategy, n_robots=robots, map=grown_map(size), **rhythm(rest))
 
 
 def grown_map(size: float) -> Map | str:
-    """Return the map with the area of its fires times a factor; areas are (radius / 10)^2.
-
-    Examples
-    --------
-    >>> grown_map(1.0)
-    'openspace_fire'
-    """
+    """Return the map with the area of its fires times a factor; areas are (radius / 10)^2."""
     if size == 1.0:
         return "openspace_fire"
     plain = Map.load("openspace_fire")
@@ -99,13 +70,7 @@ def grown_map(size: float) -> Map | str:
 
 
 def rhythm(rest: float) -> Mapping[str, float]:
-    """Return the constants of robots that rest for this many steps, and work in proportion.
-
-    Examples
-    --------
-    >>> rhythm(60.0) == {"leave": 100.0, "join": 10.0}
-    True
-    """
+    """Return the constants of robots that rest for this many steps, and work in proportion."""
     constants = design_constants(stay_time=WORK_TO_REST * rest, rest_time=rest)
     return {"leave": round(constants.leave, 9), "join": round(constants.join, 9)}
 
@@ -125,18 +90,8 @@ SIDES = ("A", "B")
 class Cell:
     """Strategies A and B at one number of robots, size of fires and rest time, over paired seeds.
 
-    Parameters
-    ----------
-    robots : int
-    size, rest : float
-    out : (float, float)
-        Mean number of fires that A and B put out.
-    more : Interval
-        Of the paired difference, B less A.
-    sooner : Interval
-        Steps by which B was done sooner, over pairs in which both put out all fires.
-    pairs : int
-        The number of such pairs.
+    `out` has the mean numbers of fires that A and B put out, `more` is the paired difference, B less A. `sooner` are
+    the steps by which B was done sooner, over the `pairs` in which both put out all fires.
     """
 
     robots: int
@@ -154,13 +109,7 @@ class Cell:
 
 
 def sign(difference: Interval) -> str:
-    """Return which strategy the interval of a difference, B less A, favours: "A", "B" or "".
-
-    Examples
-    --------
-    >>> sign(Interval(1.0, 0.5, 1.5)), sign(Interval(0.0, -1.0, 1.0)), sign(Interval(-1.0, -2.0, -0.5))
-    ('B', '', 'A')
-    """
+    """Return which strategy the interval of a difference, B less A, favours: "A", "B" or ""."""
     if not difference.excludes_zero:
         return ""
     return "B" if difference.estimate > 0 else "A"
@@ -178,14 +127,7 @@ def compared(laboratory: Laboratory) -> list[Cell]:
 
 
 def cell_of(place: dict, leaving: Sequence[dict], waiting: Sequence[dict]) -> Cell:
-    """Return the cell of paired runs of A and of B.
-
-    Examples
-    --------
-    >>> runs = [{"out": 7, "all out at": 100}, {"out": 7, "all out at": 120}]
-    >>> cell_of({"robots": 5, "size": 1.0, "rest": 60.0}, runs, runs).winner
-    ''
-    """
+    """Return the cell of paired runs of A and of B."""
     more, _ = paired_difference(column(leaving, "out"), column(waiting, "out"))
     sooner, pairs = paired_difference(column(waiting, "all out at"), column(leaving, "all out at"))
     left, waited = (mean_interval(column(rows, "out")).estimate for rows in (leaving, waiting))

@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -65,7 +65,7 @@ def put_out(chosen: FireConstants, fought: np.ndarray) -> tuple[Check, ...]:
 
 def as_printed(chosen: FireConstants) -> tuple[Check, ...]:
     """Judge the equations as they are printed."""
-    fought = course(with_k2(chosen, printed_k2(chosen.k1)), 1.0, robots=ROBOTS, steps=LONGEST)
+    fought = course(replace(chosen, k2=printed_k2(chosen.k1)), 1.0, robots=ROBOTS, steps=LONGEST)
     return (
         judged_number(
             "with k2 by (B.9) as printed they take 200 steps", "200", first(fought <= 0.0), low=199, high=202,
@@ -85,7 +85,7 @@ def as_printed(chosen: FireConstants) -> tuple[Check, ...]:
 def growth_figure(alone: np.ndarray, law: np.ndarray, fought: np.ndarray) -> Figure:
     """Return a figure of a fire left alone beside the law, and of one that is put out."""
     times = np.arange(len(alone))
-    figure, (axes,) = plain_axes("step", "temperature of the fire")
+    figure, axes = plain_axes("step", "temperature of the fire")
     axes.plot(times, alone, linewidth=1.8, label="left alone")
     axes.plot(times[:: len(times) // 15], law[:: len(times) // 15], "o", markersize=4, label="e^(k1 t) - 1")
     axes.plot(np.arange(len(fought))[:260], fought[:260], linewidth=1.8, label="three robots, corrected k2")
@@ -95,13 +95,7 @@ def growth_figure(alone: np.ndarray, law: np.ndarray, fought: np.ndarray) -> Fig
 
 
 def example() -> FireConstants:
-    """Return the constants of the example; that one robot would suffice for it does not matter here.
-
-    Examples
-    --------
-    >>> round(example().k2, 7)
-    0.0020159
-    """
+    """Return the constants of the example; that one robot would suffice for it does not matter here."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FireConstantsWarning)
         return design_constants(
@@ -111,41 +105,19 @@ def example() -> FireConstants:
 
 
 def printed_k2(k1: float) -> float:
-    """Return k2 by (B.9) as the thesis prints it: k1 A / n multiplies the first term only.
-
-    Examples
-    --------
-    >>> round(printed_k2(math.log(2) / 1000), 4)
-    1.0018
-    """
+    """Return k2 by (B.9) as the thesis prints it: k1 A / n multiplies the first term only."""
     grown = math.exp(k1 * TIME)
     return (k1 * AREA / ROBOTS * grown + grown - 1.0) / (grown - 1.0)
 
 
-def with_k2(chosen: FireConstants, k2: float) -> FireConstants:
-    """Return the same constants with another k2."""
-    return FireConstants(chosen.k1, k2, chosen.k3, chosen.k4, chosen.leave, chosen.join)
-
-
 def course(chosen: FireConstants, start: float, *, robots: int, steps: int) -> np.ndarray:
-    """Return a fire's temperature at steps 0, 1, ..., by the rule of the simulator, in which 0 is absorbing.
-
-    Examples
-    --------
-    >>> course(example(), 0.5, robots=0, steps=2).shape
-    (3,)
-    """
-    return np.fromiter(temperatures(chosen, start, robots, steps), float)
-
-
-def temperatures(chosen: FireConstants, start: float, robots: int, steps: int) -> Iterator[float]:
-    """Yield a fire's temperature, from its start on, for a number of steps."""
+    """Return a fire's temperature at steps 0, 1, ..., by the rule of the simulator, in which 0 is absorbing."""
     k = (chosen.k1, chosen.k2, chosen.k3, chosen.k4, chosen.leave, chosen.join)
-    now = start
-    yield now
+    temperatures = [start]
     for _ in range(steps):
-        now = next_temperature(now, AREA, robots, k) if robots == 0 or now > 0.0 else 0.0
-        yield now
+        now = temperatures[-1]
+        temperatures.append(next_temperature(now, AREA, robots, k) if robots == 0 or now > 0.0 else 0.0)
+    return np.array(temperatures)
 
 
 def solution(chosen: FireConstants, times: np.ndarray) -> np.ndarray:
@@ -155,13 +127,7 @@ def solution(chosen: FireConstants, times: np.ndarray) -> np.ndarray:
 
 
 def first(happened: np.ndarray) -> float:
-    """Return the first step at which something is true, infinity if it never is.
-
-    Examples
-    --------
-    >>> first(np.array([False, True, True])), first(np.array([False]))
-    (1.0, inf)
-    """
+    """Return the first step at which something is true, infinity if it never is."""
     return float(happened.argmax()) if happened.any() else math.inf
 
 

@@ -20,27 +20,9 @@ HEADER = ("claim", "thesis", "measured", "required", "outcome")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Check:
-    """One claim of the thesis beside the result.
+    """One claim of the thesis, and what it reports, beside the result and what is required.
 
-    Parameters
-    ----------
-    claim : str
-        What is claimed.
-    reported : str
-        What the thesis reports of it.
-    measured : str
-        The result.
-    criterion : str
-        What is required.
-    outcome : str
-        "passed", "undecided" or "failed".
-    main : bool
-        Whether the verdict depends on it.
-
-    Examples
-    --------
-    >>> Check(claim="a", reported="1", measured="1", criterion="equal", outcome="passed").main
-    True
+    The outcome is one of `OUTCOMES`; the verdict depends on main checks.
     """
 
     claim: str
@@ -64,16 +46,8 @@ class Check:
 class Result:
     """One result of the thesis, reproduced.
 
-    Parameters
-    ----------
-    checks : tuple of Check
-        At least one of them a main one.
-    pictures : dict of matplotlib Figure
-        The result's own under "", others by a word.
-    settings : str
-        In words: what the thesis leaves open and we have chosen.
-    remarks : tuple of str
-        Further findings.
+    Its own picture is under "", others by a word. The settings state in words what the thesis leaves open and we have
+    chosen; remarks are further findings.
     """
 
     checks: tuple[Check, ...]
@@ -100,14 +74,6 @@ def verdict(checks: Iterable[Check]) -> str:
     """Return the verdict, which depends on the outcomes of checks only.
 
     Confirmed if all have passed; not confirmed if a main one has not; else confirmed with limits.
-
-    Examples
-    --------
-    >>> same = dict(claim="a", reported="1", measured="2", criterion="equal")
-    >>> verdict([Check(**same, outcome="passed"), Check(**same, outcome="failed", main=False)])
-    'confirmed with limits'
-    >>> verdict([Check(**same, outcome="undecided")])
-    'not confirmed'
     """
     listed = list(checks)
     if all(check.outcome == PASSED for check in listed):
@@ -119,13 +85,6 @@ def placed(interval: Interval, low: float = -math.inf, high: float = math.inf) -
     """Return whether an interval lies within limits (passed), wholly outside (failed), or across one (undecided).
 
     With unknown limits of the interval it is undecided.
-
-    Examples
-    --------
-    >>> placed(Interval(2.0, 1.0, 3.0), low=0.5), placed(Interval(2.0, 1.0, 3.0), low=1.5)
-    ('passed', 'undecided')
-    >>> placed(Interval(2.0, 1.0, 3.0), high=0.5)
-    'failed'
     """
     if math.isnan(interval.low) or math.isnan(interval.high):
         return UNDECIDED
@@ -135,13 +94,7 @@ def placed(interval: Interval, low: float = -math.inf, high: float = math.inf) -
 
 
 def limits_in_words(low: float, high: float) -> str:
-    """Return limits in words.
-
-    Examples
-    --------
-    >>> limits_in_words(-math.inf, 2), limits_in_words(0.5, math.inf), limits_in_words(0, 1)
-    ('at most 2', 'at least 0.5', '0 to 1')
-    """
+    """Return limits in words."""
     if high == math.inf:
         return f"at least {low:g}"
     return f"at most {high:g}" if low == -math.inf else f"{low:g} to {high:g}"
@@ -156,13 +109,7 @@ def judged_mean(
     high: float = math.inf,
     main: bool = True,
 ) -> Check:
-    """Judge whether a mean over runs lies within limits; None is left out.
-
-    Examples
-    --------
-    >>> judged_mean("groups", "many", [5.0, 6.0, 7.0], low=1).outcome
-    'passed'
-    """
+    """Judge whether a mean over runs lies within limits; None is left out."""
     seen = [value for value in values if value is not None]
     mean = mean_interval(seen)
     return Check(
@@ -187,13 +134,6 @@ def judged_share(
     """Judge whether the share of runs in which something happened lies within limits (Wilson's interval).
 
     Limits of 0 and 1 are not limits.
-
-    Examples
-    --------
-    >>> judged_share("all out", "always", [True] * 40, low=0.9).outcome
-    'passed'
-    >>> judged_share("all out", "always", [True] * 3, low=0.9).outcome
-    'undecided'
     """
     count = sum(map(bool, happened))
     share = share_interval(count, len(happened))
@@ -218,20 +158,7 @@ def judged_difference(
 ) -> Check:
     """Judge whether the second of a pair is larger in the mean: the interval of the paired difference is above 0.
 
-    Parameters
-    ----------
-    claim, reported : str
-    first, second : sequences of float or None
-        Of the same seeds; pairs with None are left out.
-    names : (str, str)
-        What the two are.
-    main : bool
-
-    Examples
-    --------
-    >>> check = judged_difference("grow", "longer", [1, 2, 3], [3, 4, 5.5], names=("before", "after"))
-    >>> check.outcome, check.measured
-    ('passed', 'before 2, after 4.17: +2.17 [+1.45, +2.88], 3 pairs')
+    Pairs with None are left out.
     """
     difference, pairs = paired_difference(first, second)
     means = [mean_interval([value for value in side if value is not None]).estimate for side in (first, second)]
@@ -247,13 +174,7 @@ def judged_difference(
 
 
 def above_zero(difference: Interval) -> str:
-    """Return whether a difference is above 0 (passed), below (failed) or its interval holds 0 (undecided).
-
-    Examples
-    --------
-    >>> above_zero(Interval(1.0, 0.0, 2.0)), above_zero(Interval(-1.0, -2.0, -0.5))
-    ('undecided', 'failed')
-    """
+    """Return whether a difference is above 0 (passed), below (failed) or its interval holds 0 (undecided)."""
     if difference.low > 0:
         return PASSED
     return FAILED if difference.high < 0 else UNDECIDED
@@ -269,13 +190,7 @@ def judged_number(
     unit: str = "",
     main: bool = True,
 ) -> Check:
-    """Judge a number that does not depend on chance.
-
-    Examples
-    --------
-    >>> judged_number("q", "4.2957", 4.29570457, low=4.29565, high=4.29575).outcome
-    'passed'
-    """
+    """Judge a number that does not depend on chance."""
     return Check(
         claim=claim,
         reported=reported,
@@ -289,12 +204,6 @@ def judged_number(
 def judged_fact(
     claim: str, reported: str, held: bool, *, measured: str, criterion: str = "exact", main: bool = True
 ) -> Check:
-    """Judge a fact.
-
-    Examples
-    --------
-    >>> judged_fact("four walls", "4", True, measured="4").outcome
-    'passed'
-    """
+    """Judge a fact."""
     outcome = PASSED if held else FAILED
     return Check(claim=claim, reported=reported, measured=measured, criterion=criterion, outcome=outcome, main=main)

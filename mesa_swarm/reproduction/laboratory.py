@@ -23,26 +23,6 @@ class Laboratory:
 
     A run is a function of a module, called with ``rng`` and settings, that returns numbers and lists of them.
     They are stored under a key of its code, its settings and its seed: the next time they are looked up.
-
-    Parameters
-    ----------
-    folder : Path
-        Where runs are stored.
-    quick : bool
-        Whether few seeds and short runs are enough.
-    jobs : int
-        Processes at a time, at least 1.
-    progress : bool
-        Whether to show bars.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from mesa_swarm.reproduction.swarms import chain_run
-    >>> with tempfile.TemporaryDirectory() as home, Laboratory(Path(home), quick=True) as laboratory:
-    ...     rows = laboratory.runs(chain_run, laboratory.seeds(40), n_robots=3)
-    ...     len(rows), laboratory.made
-    (3, 3)
     """
 
     def __init__(self, folder: Path, *, quick: bool = False, jobs: int = 1, progress: bool = False) -> None:
@@ -82,14 +62,7 @@ class Laboratory:
     ) -> list[list[Numbers]]:
         """Return the numbers of a run at every point, for every seed.
 
-        Parameters
-        ----------
-        run : callable
-        points : sequence of mappings
-            Settings of the run, plain values.
-        seeds : iterable of int
-        alone : bool
-            Whether runs are done one after the other, because their time is measured.
+        Runs whose time is measured are done alone: one after the other.
         """
         listed = list(seeds)
         rows = [[Run(run, dict(point), rng, key=key_of(run, point, rng)) for rng in listed] for point in points]
@@ -116,12 +89,6 @@ class Laboratory:
 
 
 def key_of(run: Function, settings: Mapping[str, Any], rng: int) -> str:
-    """Return the fingerprint of all that decides a run: its code, the engine's and the models', its settings and seed.
-
-    Examples
-    --------
-    >>> key_of(key_of, {"a": 1}, 1) == key_of(key_of, {"a": 1.5}, 1)
-    False
-    """
+    """Return the fingerprint of all that decides a run: its code, the engine's, the models', its settings and seed."""
     code = engine_hash(inspect.getfile(run), models=True)
     return fingerprint(run.__module__, run.__qualname__, code, dict(settings), rng)

@@ -1,7 +1,7 @@
 """Figures 8.1 to 8.7: robots that learn collision avoidance."""
 
 import math
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -32,14 +32,7 @@ PLACES = np.linspace(0.5, 55.0, 110)
 
 
 def learning_run(rng: int, *, steps: int = STEPS, **settings: Any) -> dict[str, Any]:
-    """Let robots learn; return collisions a robot and 1,000 steps early and late, their curve, and their thirds.
-
-    Examples
-    --------
-    >>> run = learning_run(1, steps=330, n_robots=2)
-    >>> len(run["curve"]), run["total"] >= 0
-    (330, True)
-    """
+    """Let robots learn; return collisions a robot and 1,000 steps early and late, their curve, and their thirds."""
     model = find_model("q_learning")(rng=rng, **settings).run(steps)
     robots = len(model.swarm)
     rate = 1000.0 * np.array(model.datacollector.model_vars["collisions"], float) / robots
@@ -61,25 +54,13 @@ def learning_run(rng: int, *, steps: int = STEPS, **settings: Any) -> dict[str, 
 
 
 def thinned(values: np.ndarray, points: int = POINTS) -> list[float]:
-    """Return values at equal steps, the last one too, with six digits.
-
-    Examples
-    --------
-    >>> thinned(np.arange(660.0))[-1]
-    659.0
-    """
+    """Return values at equal steps, the last one too, with six digits."""
     places = np.linspace(0, len(values) - 1, points).round().astype(int)
     return [float(f"{value:.6g}") for value in values[places]]
 
 
 def correlation(a: np.ndarray, b: np.ndarray) -> float | None:
-    """Return Pearson's correlation, None if one of the two never changes.
-
-    Examples
-    --------
-    >>> correlation(np.array([1.0, 2.0]), np.array([2.0, 4.0])), correlation(np.ones(2), np.ones(2))
-    (1.0, None)
-    """
+    """Return Pearson's correlation, None if one of the two never changes."""
     if np.ptp(a) == 0 or np.ptp(b) == 0:
         return None
     return round(float(np.corrcoef(a, b)[0, 1]), 12)
@@ -90,11 +71,6 @@ def avoidance_run(rng: int, *, steps: int = STEPS, gamma: float, **settings: Any
 
     The value of every action is computed from far to near: the distance is the one from which forward is
     no longer the best. None if forward never is.
-
-    Examples
-    --------
-    >>> avoidance_run(1, steps=50, gamma=0.7).keys()
-    dict_keys(['distance', 'collisions'])
     """
     model = find_model("q_learning")(rng=rng, gamma=gamma, n_robots=1, **settings).run(steps)
     distance, kind = readings_before_a_wall()
@@ -103,15 +79,7 @@ def avoidance_run(rng: int, *, steps: int = STEPS, gamma: float, **settings: Any
 
 
 def turning_distance(forward: np.ndarray) -> float | None:
-    """Return the least of `PLACES` down to which, coming from far, forward is the best action at each.
-
-    Examples
-    --------
-    >>> turning_distance(PLACES > 20.0)
-    20.5
-    >>> turning_distance(PLACES < 20.0) is None
-    True
-    """
+    """Return the least of `PLACES` down to which, coming from far, forward is the best action at each."""
     if not forward[-1]:
         return None
     turned = np.flatnonzero(~forward)
@@ -120,13 +88,7 @@ def turning_distance(forward: np.ndarray) -> float | None:
 
 @cache
 def readings_before_a_wall() -> tuple[np.ndarray, np.ndarray]:
-    """Return the readings of an AGENT9 in front of a long wall at each of `PLACES`: distances and kinds (110, 9).
-
-    Examples
-    --------
-    >>> readings_before_a_wall()[0].shape
-    (110, 9)
-    """
+    """Return the readings of an AGENT9 in front of a long wall at each of `PLACES`: distances and kinds (110, 9)."""
     model = SwarmModel(map="openspace", rng=1)
     (robot,) = model.add_robots(AGENT9, poses=[(400.0, 300.0, 0.0)])
     distances, kinds = [], []
@@ -171,7 +133,7 @@ def temperatures(laboratory: Laboratory) -> Result:
             main=False,
         ),
     )  # fmt: skip
-    figure, (axes,) = plain_axes("step", "temperature T")
+    figure, axes = plain_axes("step", "temperature T")
     for beta in (SLOW, FAST):
         axes.plot(steps, [temperature_at(step, beta=beta) for step in steps], linewidth=1.8, label=f"beta {beta:g}")
     axes.set_ylim(0, 1.05)
@@ -207,7 +169,7 @@ def rewards(laboratory: Laboratory) -> Result:
             main=False,
         ),
     )
-    figure, (axes,) = plain_axes("nearest reading, as a share of the range", "reward")
+    figure, axes = plain_axes("nearest reading, as a share of the range", "reward")
     for kind, wheels, style in (("b", (1, 1), "-"), ("c", (1, 1), "--"), ("a", (1, 0), "-."), ("b", (1, 0), ":")):
         values = [reward(kind, float(reading), *wheels) for reading in readings]
         way = "ahead" if wheels == (1, 1) else "turning"
@@ -234,18 +196,17 @@ def falling(rows: list[dict], share: float) -> Check:
     )
 
 
-def with_temperature(rows: list[dict]) -> Check:
-    """Judge whether collisions correlate with T over a run."""
-    values = column(rows, "with temperature")
-    return judged_mean("collisions correlate with T: correlation over a run", "correlate", values, low=0.0)
-
-
 def frequency(laboratory: Laboratory, robots: int, beta: float, share: float) -> Result:
-    """Make one of the figures of how often robots collide, with T."""
+    """Make one of figures 8.3 to 8.5: how often robots collide, with T."""
     rows = runs_of(laboratory, robots, beta)
     checks = (
         falling(rows, share),
-        with_temperature(rows),
+        judged_mean(
+            "collisions correlate with T: correlation over a run",
+            "correlate",
+            column(rows, "with temperature"),
+            low=0.0,
+        ),
         judged_mean(
             "the robots drive ahead in the last 3,000 steps: share of full speed",
             "fast, no number",
@@ -259,21 +220,6 @@ def frequency(laboratory: Laboratory, robots: int, beta: float, share: float) ->
         pictures={"": frequency_figure(rows, robots, beta, laboratory.pick(STEPS, 3_300))},
         settings=f"{LEARNING}; {robots} robot{'s' if robots > 1 else ''}, beta {beta:g}",
     )
-
-
-def one_robot(laboratory: Laboratory) -> Result:
-    """Make figure 8.3: one robot."""
-    return frequency(laboratory, 1, SLOW, 0.25)
-
-
-def many_slowly(laboratory: Laboratory) -> Result:
-    """Make figure 8.4: fifteen robots whose T falls slowly."""
-    return frequency(laboratory, 15, SLOW, 0.25)
-
-
-def many_fast(laboratory: Laboratory) -> Result:
-    """Make figure 8.5: fifteen robots whose T falls fast."""
-    return frequency(laboratory, 15, FAST, 0.5)
 
 
 def totals(laboratory: Laboratory) -> Result:
@@ -308,7 +254,7 @@ def totals(laboratory: Laboratory) -> Result:
             main=False,
         ),
     )
-    figure, (axes,) = plain_axes("step", "collisions of a robot so far")
+    figure, axes = plain_axes("step", "collisions of a robot so far")
     steps = np.linspace(0, laboratory.pick(STEPS, 3_300), POINTS)
     for i, (beta, rows) in enumerate(((SLOW, slow), (FAST, fast))):
         draw_bundle(axes, steps, np.array(column(rows, "sum")), COLOURS[i], f"beta {beta:g}")
@@ -319,7 +265,7 @@ def totals(laboratory: Laboratory) -> Result:
 
 def frequency_figure(rows: list[dict], robots: int, beta: float, last: int) -> Figure:
     """Return a figure of how often robots collide, smoothed, and of T."""
-    figure, (axes,) = plain_axes("step", "collisions a robot and 1,000 steps")
+    figure, axes = plain_axes("step", "collisions a robot and 1,000 steps")
     curves = np.array(column(rows, "curve"))
     draw_bundle(axes, np.linspace(0, last, curves.shape[1]), curves, COLOURS[0], "mean of runs")
     warmth = axes.twinx()
@@ -362,7 +308,7 @@ def avoidance(laboratory: Laboratory) -> Result:
             main=False,
         ),
     )
-    figure, (axes,) = plain_axes("gamma", "distance from the wall at which forward is no longer best")
+    figure, axes = plain_axes("gamma", "distance from the wall at which forward is no longer best")
     draw_means(axes, GAMMAS, list(distances.values()), "one robot", 0)
     axes.axhline(50 * CRITICAL, color=COLOURS[1], linestyle="--", label="d_crit")
     axes.legend(frameon=False)
@@ -376,12 +322,15 @@ def avoidance(laboratory: Laboratory) -> Result:
     )
 
 
+ONE = partial(frequency, robots=1, beta=SLOW, share=0.25)
+SLOWLY = partial(frequency, robots=15, beta=SLOW, share=0.25)
+QUICKLY = partial(frequency, robots=15, beta=FAST, share=0.5)
 ITEMS = (
     Item(figure="8.1", title="how the temperature of the choice falls", section="8.3", make=temperatures),
     Item(figure="8.2", title="the rewards", section="8.2", make=rewards),
-    Item(figure="8.3", title="collisions of one learning robot", section="8.3", make=one_robot),
-    Item(figure="8.4", title="collisions of 15, temperature falling slowly", section="8.3", make=many_slowly),
-    Item(figure="8.5", title="collisions of 15, temperature falling fast", section="8.3", make=many_fast),
+    Item(figure="8.3", title="collisions of one learning robot", section="8.3", make=ONE),
+    Item(figure="8.4", title="collisions of 15, temperature falling slowly", section="8.3", make=SLOWLY),
+    Item(figure="8.5", title="collisions of 15, temperature falling fast", section="8.3", make=QUICKLY),
     Item(figure="8.6", title="cumulative collisions, for both", section="8.3", make=totals),
     Item(figure="8.7", title="distance at which robots turn, over gamma", section="8.4", make=avoidance),
 )

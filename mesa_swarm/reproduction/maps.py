@@ -28,13 +28,7 @@ def boxes(shapes: tuple[Shape, ...]) -> set[tuple[float, ...]]:
 
 
 def listed_boxes() -> set[tuple[float, ...]]:
-    """Return the bounds of all shapes of the listing, with y upwards.
-
-    Examples
-    --------
-    >>> len(listed_boxes())
-    11
-    """
+    """Return the bounds of all shapes of the listing, with y upwards."""
     rectangles = [(a, HEIGHT - d, c, HEIGHT - b) for a, b, c, d in RECTANGLES]
     discs = [(x - r, HEIGHT - y - r, x + r, HEIGHT - y + r) for x, y, r in DISCS]
     return {tuple(round(float(value), 6) for value in box) for box in (*rectangles, *discs)}
@@ -139,13 +133,7 @@ def inside(drawn: Map) -> list[Shape]:
 
 
 def share_covered(drawn: Map) -> float:
-    """Return the share of the map within its walls that obstacles cover.
-
-    Examples
-    --------
-    >>> share_covered(Map.load("openspace"))
-    0.0
-    """
+    """Return the share of the map within its walls that obstacles cover."""
     covered = sum(np.pi * s.radius**2 if s.is_disc else s.geometry.area for s in inside(drawn))
     return float(covered / ((WIDTH - 2 * WALL) * (HEIGHT - 2 * WALL)))
 

@@ -28,25 +28,13 @@ def drawn_curve(rng: np.random.Generator) -> Curve:
 
 
 def noisy_points(rng: np.random.Generator, curve: Curve) -> tuple[np.ndarray, np.ndarray]:
-    """Return the points that are shown.
-
-    Examples
-    --------
-    >>> noisy_points(np.random.default_rng(1), demonstrated)[0].shape
-    (30,)
-    """
+    """Return the points that are shown."""
     x = np.linspace(-1, 1, POINTS)
     return x, curve(x) + rng.normal(0, NOISE, POINTS)
 
 
 def regression_run(rng: int, *, networks: int, curve: str) -> dict[str, float]:
-    """Fit networks to points of one curve; return the share that fits badly, and the median error over the noise.
-
-    Examples
-    --------
-    >>> sorted(regression_run(1, networks=2, curve="ours"))
-    ['bad', 'median']
-    """
+    """Fit networks to points of one curve; return the share that fits badly, and the median error over the noise."""
     random = np.random.default_rng(rng)
     true = demonstrated if curve == "ours" else drawn_curve(random)
     x, y = noisy_points(random, true)
@@ -57,13 +45,7 @@ def regression_run(rng: int, *, networks: int, curve: str) -> dict[str, float]:
 
 
 def choice_run(rng: int, *, draws: int) -> dict[str, float]:
-    """Let chance choose among Q = (3, 2, 1) at T = 1; return by how much the share of the best exceeds its probability.
-
-    Examples
-    --------
-    >>> abs(choice_run(1, draws=1000)["excess"]) < 0.1
-    True
-    """
+    """Let chance choose among Q = (3, 2, 1) at T = 1; return the share of the best less its probability."""
     values = np.array([3.0, 2.0, 1.0])
     taken = np.array([chosen(values, 1.0, chance) for chance in np.random.default_rng(rng).random(draws)])
     return {"excess": float(np.mean(taken == 0) - np.exp(3) / np.exp(values).sum())}
@@ -144,7 +126,7 @@ def choice(laboratory: Laboratory) -> Result:
             high=0.005,
         ),
     )
-    figure, (axes,) = plain_axes("temperature T", "probability")
+    figure, axes = plain_axes("temperature T", "probability")
     for value, line in zip(VALUES, shares.T, strict=True):
         axes.plot(temperatures, line, linewidth=1.8, label=f"Q = {value:g}")
     axes.set(xscale="log", ylim=(0, 1))

@@ -10,7 +10,7 @@ import numba
 import numpy as np
 
 from mesa_swarm.errors import check_choice
-from mesa_swarm.reproduction.judging import HEADER, VERDICTS, Check, Result
+from mesa_swarm.reproduction.judging import HEADER, VERDICTS, Result
 from mesa_swarm.reproduction.laboratory import Laboratory
 
 # A module for each subject, in the thesis's order.
@@ -19,19 +19,7 @@ CHAPTERS = ("complexity", "swarms", "networks", "learning", "fire_fighting", "fi
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Item:
-    """One result of the thesis.
-
-    Parameters
-    ----------
-    figure : str
-        Its number.
-    title : str
-        What it shows.
-    section : str
-        Of the thesis.
-    make : callable
-        Takes a `Laboratory` and returns a `Result`.
-    """
+    """One result of the thesis: its number, what it shows, where, and how it is made."""
 
     figure: str
     title: str
@@ -41,30 +29,13 @@ class Item:
 
 @cache
 def items() -> dict[str, Item]:
-    """Return all results by the number of their figure, in the thesis's order.
-
-    Examples
-    --------
-    >>> list(items())[:2], len(items())
-    (['4.12', '4.13'], 28)
-    """
+    """Return all results by the number of their figure, in the thesis's order."""
     modules = (import_module(f"mesa_swarm.reproduction.{name}") for name in CHAPTERS)
     return {item.figure: item for module in modules for item in module.ITEMS}
 
 
 def find_item(figure: str) -> Item:
-    """Return the result of this number.
-
-    Raises
-    ------
-    UnknownNameError
-        With the nearest number, if there is none.
-
-    Examples
-    --------
-    >>> find_item("7.3").section
-    '7.4'
-    """
+    """Return the result of this number."""
     return items()[check_choice("figure", figure, items())]
 
 
@@ -97,14 +68,7 @@ class Made:
 
 
 def report(made: Sequence[Made], *, quick: bool = False) -> str:
-    """Return the page.
-
-    Parameters
-    ----------
-    made : sequence of Made
-    quick : bool
-        Whether few seeds were enough, which is then stated on the page.
-    """
+    """Return the page; it states if few seeds were enough."""
     parts = [INTRODUCTION, surroundings(made, quick), summary(made), *map(section, made)]
     return "\n".join(part.rstrip() + "\n" for part in parts)
 
@@ -124,19 +88,17 @@ def summary(made: Sequence[Made]) -> str:
     """Return how many results have which verdict, and a line for each."""
     count = {name: sum(one.result.verdict == name for one in made) for name in VERDICTS}
     counted = ", ".join(f"{number} {name}" for name, number in count.items())
-    lines = [row_of(one) for one in made]
+    lines = [
+        (one.item.figure, one.item.title, f"**{one.result.verdict}**", "; ".join(one.result.limits) or "-")
+        for one in made
+    ]
     table = table_of(("figure", "shows", "verdict", "not passed"), lines)
     return f"## All results\n\n{counted}.\n\n{table}"
 
 
-def row_of(one: Made) -> tuple[str, ...]:
-    """Return a result as a line of the summary."""
-    return one.item.figure, one.item.title, f"**{one.result.verdict}**", "; ".join(one.result.limits) or "-"
-
-
 def section(one: Made) -> str:
-    """Return the section of one result."""
-    rows = [(claim_of(check), *check.row[1:]) for check in one.result.checks]
+    """Return the section of one result, in which the claims that are not main ones are in italics."""
+    rows = [(check.claim if check.main else f"*{check.claim}*", *check.row[1:]) for check in one.result.checks]
     remarks = "".join(f"\n- {remark}" for remark in one.result.remarks)
     return (
         f"## {one.item.figure}: {one.item.title}\n\n"
@@ -145,21 +107,8 @@ def section(one: Made) -> str:
     )
 
 
-def claim_of(check: Check) -> str:
-    """Return a claim, in italics if it is not a main one."""
-    return check.claim if check.main else f"*{check.claim}*"
-
-
 def table_of(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    r"""Return a Markdown table.
-
-    Examples
-    --------
-    >>> print(table_of(("a", "b"), [("1", "x|y")]))
-    | a | b |
-    |---|---|
-    | 1 | x\|y |
-    """
+    """Return a Markdown table."""
     lines = [header, *rows]
     cells = ["| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines]
     return "\n".join([cells[0], "|" + "---|" * len(header), *cells[1:]])

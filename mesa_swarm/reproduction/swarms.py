@@ -49,11 +49,6 @@ def exploration_run(rng: int, steps: int = 60_000, **settings: Any) -> Numbers:
 
     Cells are those of a 40 x 40 grid in which the robot's centre can be. The robot is the `EXPLORER`, unless
     settings of `CollisionAvoidance` are given.
-
-    Examples
-    --------
-    >>> sorted(exploration_run(1, steps=100))
-    ['collisions', 'coverage']
     """
     model = find_model("collision_avoidance")(rng=rng, **{**EXPLORER, **settings})
     solids = [(obstacle.shape.geometry, obstacle.shape.radius) for obstacle in model.obstacles if obstacle.contact]
@@ -68,13 +63,7 @@ def exploration_run(rng: int, steps: int = 60_000, **settings: Any) -> Numbers:
 
 
 def agglomeration_run(rng: int, **settings: Any) -> Numbers:
-    """Let robots agglomerate; return their spacing relative to the start, groups, and the pairs that stay together.
-
-    Examples
-    --------
-    >>> agglomeration_run(1, n_robots=5)["spacing at 1000"] > 0
-    True
-    """
+    """Let robots agglomerate; return their spacing relative to the start, groups, and the pairs that stay together."""
     model = find_model("agglomeration")(rng=rng, **settings)
     spacing = nearest_neighbour_distances(model.swarm.position).mean()
     numbers: Numbers = {"randomness at 0": float(clark_evans(model.swarm.position, INNER_AREA))}
@@ -103,11 +92,6 @@ def chain_run(rng: int, **settings: Any) -> Numbers:
     """Let robots form chains; return their lengths, the outcomes of head-on meetings, and the pairs that stay together.
 
     Lengths and shares are means over the 200 steps before step 1,000 and before step 3,000.
-
-    Examples
-    --------
-    >>> chain_run(1, n_robots=5)["meetings"] >= 0
-    True
     """
     model = find_model("chain_formation")(rng=rng, **settings)
     watched = model.watch(last=None, every=FRAME, columns=("position", "heading"))
@@ -136,13 +120,7 @@ def mean_or_one(lengths: np.ndarray) -> float:
 
 
 def known(numbers: Numbers) -> Numbers:
-    """Return the same with None for what could not be measured: JSON has no NaN.
-
-    Examples
-    --------
-    >>> known({"a": float("nan"), "b": 0.5})
-    {'a': None, 'b': 0.5}
-    """
+    """Return the same with None for what could not be measured: JSON has no NaN."""
     return {name: None if value is None or np.isnan(value) else value for name, value in numbers.items()}
 
 

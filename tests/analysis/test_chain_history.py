@@ -1,4 +1,4 @@
-"""Chains over time: births, ends, mergers, splits, reversals, meetings and what became of them."""
+"""Chains over time: births, ends, mergers, splits, reversals, meetings and their outcomes."""
 
 import math
 
@@ -317,7 +317,7 @@ def test_settled_links_are_those_that_came_and_went_for_patience_frames(seed, pa
 
 
 def flickering(rng):
-    """Return who follows whom among five robots, nobody followed by two, mostly the same."""
+    """Return who follows whom among five robots, none followed by two, mostly the same."""
     leader = np.array([-1, 0, 1, 2, 3])
     if rng.random() < 0.4:
         leader = rng.permutation(5)
@@ -351,7 +351,7 @@ def test_series_are_counted_in_each_frame():
 
 
 @pytest.mark.parametrize("shape", [(0, 3), (4, 0), (1, 1)])
-def test_nothing_and_nobody_have_no_history(shape):
+def test_without_steps_or_robots_there_is_no_history(shape):
     history = follow_chains(np.zeros((*shape, 2)), np.zeros(shape), np.arange(shape[0]), link_distance=15)
     assert history.events == ()
     assert history.chain.shape == shape

@@ -52,7 +52,7 @@ def expected_leaders(position, heading, distance, half_angle, alignment):
 
 
 @given(seeds, st.floats(10, 175), st.floats(10, 175))
-def test_who_follows_whom_is_what_the_definition_says_pair_by_pair(seed, half_angle, alignment):
+def test_who_follows_whom_agrees_with_the_definition_pair_by_pair(seed, half_angle, alignment):
     position, heading = crowd(seed, n=40, side=90.0)
     found = chains(position, heading, link_distance=20.0, half_angle_degrees=half_angle, alignment_degrees=alignment)
     expected = expected_leaders(position, heading, 20.0, math.radians(half_angle), math.radians(alignment))
@@ -117,7 +117,7 @@ def test_a_ring_is_opened_at_its_longest_link():
     assert found.members()[0].tolist() == [2, 1, 0, 7, 6, 5, 4, 3]
 
 
-def test_of_two_followers_the_nearer_keeps_the_link_and_the_other_follows_nobody():
+def test_of_two_followers_the_nearer_keeps_the_link_and_the_other_follows_none():
     found = chains([[0, 0], [-9, 3], [-8, -3]], np.zeros(3), link_distance=15)
     assert found.leader.tolist() == [-1, -1, 0]
 
@@ -144,7 +144,7 @@ def test_who_has_one_that_faces_it_right_ahead_does_not_follow_one_beyond():
     ],
     ids=["just near", "too far", "behind", "just ahead", "too far aside", "just aligned", "crosswise"],
 )
-def test_a_link_ends_where_its_limits_say(place, heading, follows):
+def test_a_link_ends_at_its_limits(place, heading, follows):
     leader = chains([[0, 0], place], [0, heading], link_distance=15).leader
     assert leader[0] == (1 if follows else -1)
 
@@ -176,7 +176,7 @@ def test_the_figures_are_those_of_the_chains():
 
 
 @pytest.mark.parametrize("n", [0, 1])
-def test_nobody_and_one_alone_are_no_chain(n):
+def test_no_robots_and_one_alone_have_no_chain(n):
     found = chains(np.zeros((n, 2)), np.zeros(n), link_distance=15)
     assert (found.count, found.longest, found.members()) == (0, 0, [])
     assert math.isnan(found.mean_length)

@@ -1,4 +1,4 @@
-"""Groups: what is linked by steps of at most a distance, whoever counts and wherever the swarm is."""
+"""Groups: what is linked by steps of at most a distance, in any order and wherever the swarm is."""
 
 import math
 

@@ -20,7 +20,7 @@ def ring(n, radius=10.0, centre=(0.0, 0.0)):
 
 
 @given(azimuths, st.floats(-10, 10), st.randoms(use_true_random=False))
-def test_polarization_is_the_mean_phasor_whoever_counts_and_however_the_swarm_is_turned(heading, turn, random):
+def test_polarization_is_the_mean_phasor_in_any_order_and_however_the_swarm_is_turned(heading, turn, random):
     expected = abs(sum(cmath.exp(1j * h) for h in heading)) / len(heading)
     assert polarization(heading) == pytest.approx(expected, abs=1e-12)
     assert polarization(np.array(random.sample(list(heading), len(heading))) + turn) == pytest.approx(
@@ -51,7 +51,7 @@ def test_polarization_of_random_headings_is_that_of_a_random_walk():
     assert mean == pytest.approx(math.sqrt(math.pi / (4 * n)), rel=0.1)
 
 
-def test_order_of_nobody_and_of_a_swarm_that_stands_is_not_defined():
+def test_order_of_no_robots_and_of_a_swarm_that_stands_is_not_defined():
     nowhere = [math.nan, math.nan]
     assert all(map(math.isnan, [polarization([]), polarization(nowhere), milling(np.empty((0, 2)), [])]))
     assert math.isnan(milling([[0, 0], [1, 1]], nowhere))

@@ -152,7 +152,7 @@ def test_two_robots_that_turn_to_and_fro_before_each_other_are_a_pair():
     only(find_pathologies(**track), HEAD_ON)
 
 
-def test_episodes_say_who_did_what_when_and_who_drove():
+def test_episodes_describe_which_robot_did_what_when_and_by_which_layer():
     episode = Episode(kind=HEAD_ON, robots=(2, 5), first_step=3, last_step=90, layers=(0, 1))
     assert episode.describe() == (
         "Robots 2 and 5 faced each other at close quarters and blocked each other's way, "

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from mesa_swarm.experiments.figures import comparison_figure
+from mesa_swarm.experiments.figures import comparison_figure, places_of, spread_out, window_means
 from mesa_swarm.gallery import find_model
 from support.comparisons import comparison_of
 
@@ -55,3 +55,17 @@ def test_where_nothing_ever_came_there_are_no_numbers():
     left, right = panels_of([None, None], [None, None])
     assert ticks_of(left) == []
     assert ticks_of(right) == [0]
+
+
+@pytest.mark.parametrize(("values", "places"), [(("A", "B"), [0, 1]), ((5, 10, 50), [5, 10, 50]), ((10, 5), [0, 1])])
+def test_rising_numbers_stand_at_their_values_and_others_one_after_the_other(values, places):
+    assert places_of(values).tolist() == places
+
+
+def test_dots_are_spread_evenly_and_a_single_one_is_not():
+    assert (spread_out(3, 1.0).tolist(), spread_out(1, 1.0).tolist()) == ([-1, 0, 1], [0])
+
+
+def test_a_series_is_shown_as_means_of_windows_at_their_middles():
+    middles, means = window_means(np.array([1, 3, 5, 7]), windows=2)
+    assert (middles.tolist(), means.tolist()) == ([1.5, 3.5], [2.0, 6.0])

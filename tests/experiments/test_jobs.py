@@ -7,8 +7,8 @@ import pytest
 
 from mesa_swarm.errors import InvalidValueError, JobError
 from mesa_swarm.experiments import jobs
-from mesa_swarm.experiments.jobs import read_job, sample_jobs
-from mesa_swarm.experiments.run_records import RunRecords
+from mesa_swarm.experiments.jobs import read_job, recorded_to, sample_jobs
+from mesa_swarm.experiments.run_records import RunRecords, chosen_options
 from mesa_swarm.gallery import find_model
 from mesa_swarm.world.map import Map
 from support.pace import work_within
@@ -285,3 +285,16 @@ def test_a_link_that_is_put_there_after_the_job_was_read_is_not_followed(tmp_pat
     (tmp_path / "runs").symlink_to(tmp_path / "away")
     with pytest.raises(InvalidValueError, match="reached by a link"):
         records.path("run_1", 1)
+
+
+def test_a_job_is_recorded_to_files_in_any_folder_with_the_options_that_it_has():
+    job = recorded_to(read_job("fire_fighting_1.toml"), Path("/runs/{name}.arrow"))
+    assert (job.name, [len(experiment) for experiment in job.experiments]) == ("fire_fighting_1", [1])
+    assert job.records[0].path("first", 7).as_posix() == "/runs/first.arrow"
+
+
+@pytest.mark.parametrize(
+    ("record", "options"), [(True, {}), ({"every": 10}, {"every": 10}), (False, None), (None, None)]
+)
+def test_nothing_is_recorded_by_default_and_true_records_with_the_defaults(record, options):
+    assert chosen_options(record) == options

@@ -252,6 +252,7 @@ def test_results_that_are_no_numbers_are_refused_in_one_line_and_not_written(tmp
 def test_a_closed_ledger_is_free_though_a_child_that_was_forked_meanwhile_has_it_open(tmp_path):
     with forked_while_open(tmp_path / "l"), Ledger(tmp_path / "l") as ledger:
         ledger.append(key(1), ended(1))
+        assert key(1) in ledger
 
 
 @contextmanager

@@ -37,7 +37,9 @@ def test_mesa_is_one_of_the_versions_of_the_page():
 @pytest.mark.parametrize("block", BLOCKS, ids=lambda block: block.strip().splitlines()[-1][:30])
 def test_every_block_of_the_page_runs(block, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    exec(compile(block, "docs/mesa.md", "exec"), {"__name__": "page"})
+    page = {"__name__": "page"}
+    exec(compile(block, "docs/mesa.md", "exec"), page)  # an error of the block fails the test
+    assert page.keys() - {"__name__", "__builtins__"}
 
 
 def test_the_page_has_blocks_to_run_and_names_this_file():

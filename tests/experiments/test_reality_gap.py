@@ -10,7 +10,7 @@ from mesa_swarm import cli
 from mesa_swarm.cli import compare
 from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.experiments import reality_gap as module
-from mesa_swarm.experiments.reality_gap import gap_figure, reality_gap
+from mesa_swarm.experiments.reality_gap import checked_dial, chosen_measure, gap_figure, reality_gap
 from mesa_swarm.experiments.runs import simulate
 from mesa_swarm.gallery import find_model, model_names
 
@@ -166,3 +166,8 @@ def test_a_picture_that_fails_costs_no_table(tmp_path, monkeypatch):
     with pytest.raises(RuntimeError, match="no picture"):
         gap.save(tmp_path)
     assert (tmp_path / "reality_gap.csv").read_text() == gap.csv()
+
+
+def test_places_of_the_dial_are_floats_and_the_score_is_what_every_run_has():
+    assert checked_dial([0, 1]) == (0.0, 1.0)
+    assert chosen_measure({0.0: [{"arrived at": None, "way left": 3.0}]}, None) == "way left"

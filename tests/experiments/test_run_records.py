@@ -7,7 +7,7 @@ import pytest
 
 from mesa_swarm.errors import RecordingError, SwarmError
 from mesa_swarm.experiments.pool import WorkerDiedError
-from mesa_swarm.experiments.run_records import Archive
+from mesa_swarm.experiments.run_records import Archive, recorded
 from mesa_swarm.experiments.sweep import sweep
 from mesa_swarm.files import draft_name, lock
 from mesa_swarm.gallery import find_model
@@ -146,3 +146,11 @@ def test_what_is_left_of_a_recording_is_deleted_unless_it_is_still_written_to(tm
         for key in ("0a", "0b", "0c"):
             archive.clear(key)
         assert list(tmp_path.iterdir()) == [drafts[1]]
+
+
+def test_a_model_is_recorded_in_a_folder_that_is_made_if_it_is_missing(tmp_path):
+    file = tmp_path / "runs" / "1.arrow"
+    model = FIRE(n_robots=2, rng=1)
+    with recorded(model, file, {"every": 2}):
+        model.run(4)
+    assert Recording(file).steps.tolist() == [2, 4]

@@ -112,3 +112,9 @@ def test_points_show_in_one_short_line_what_they_are():
     text = repr([Points({"a": [[0.5] * 10_000] * 10_000}, crossed=True), sample])
     assert len(text) < 500
     assert " at 0x" not in text
+
+
+def test_crossed_columns_vary_the_last_name_fastest_and_others_are_read_side_by_side():
+    columns = {"a": [1, 2], "b": [3, 4]}
+    assert list(Points(columns, crossed=True))[1:3] == [{"a": 1, "b": 4}, {"a": 2, "b": 3}]
+    assert list(Points(columns, crossed=False)) == [{"a": 1, "b": 3}, {"a": 2, "b": 4}]

@@ -183,7 +183,7 @@ def test_a_sweep_adds_less_than_20_ms_of_processor_time_to_a_run(tmp_path, jobs)
     runs, rounds = 100, []
     for i in range(3):  # caches may be shared with others: of three rounds the best counts
         swept = processor_seconds(lambda i=i: sweep(FIRE, seeds=runs, steps=30, out=tmp_path / str(i), jobs=jobs))
-        # Runs in workers are none of this process's time.
+        # The time of runs in workers does not count.
         bare = processor_seconds(lambda: [FIRE(rng=rng).run(30).results() for rng in range(1, runs + 1)])
         rounds.append((swept - (bare if jobs == 1 else 0.0)) / runs)
     print(f"{jobs} jobs: {[f'{1000 * extra:.2f}' for extra in rounds]} ms a run")

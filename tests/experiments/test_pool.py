@@ -1,0 +1,44 @@
+"""Processes that work at the same time."""
+
+import pytest
+from joblib import cpu_count, parallel_config
+from joblib.externals.loky import get_reusable_executor
+
+from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.experiments.pool import checked_jobs, ending_with_us, in_order, is_remote, on_all
+
+
+@pytest.fixture
+def own_workers():
+    """End the workers of a test: a later task that imports far more than theirs looks to joblib like a memory leak."""
+    yield
+    get_reusable_executor().shutdown(wait=True, kill_workers=True)
+
+
+def test_minus_one_is_a_job_on_each_core():
+    assert (checked_jobs(2), checked_jobs(-1)) == (2, cpu_count())
+    with pytest.raises(InvalidValueError, match="or -1 for one on each core"):
+        checked_jobs(0)
+
+
+@pytest.mark.usefixtures("own_workers")
+@pytest.mark.parametrize("workers", [1, 2])
+def test_results_come_in_the_order_of_the_tasks(workers):
+    assert in_order(workers, pow, [(2, 3), (3, 2)]) == [8, 9]
+
+
+@pytest.mark.usefixtures("own_workers")
+def test_every_task_is_done_once():
+    assert sorted(on_all(2, pow, [(2, k) for k in range(5)])) == [1, 2, 4, 8, 16]
+
+
+def test_another_backend_of_joblib_is_remote():
+    assert not is_remote()
+    with parallel_config(backend="threading"):
+        assert is_remote()
+
+
+def test_a_script_that_ends_with_this_process_watches_it_from_its_first_import_on():
+    script = ending_with_us("print()")
+    assert script.startswith("from mesa_swarm.experiments.pool import end_with; end_with(")
+    assert script.endswith("; print()")
