@@ -90,7 +90,7 @@ LONGER = 4
 Maps = Sequence[Map | str | os.PathLike[str]] | Map | str | os.PathLike[str]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Trial:
     """How a candidate is tried: robots of one design, in one world, for a number of steps.
 
@@ -150,7 +150,7 @@ class Trial:
         return self.fitness.of(**tallied(model, self.steps, square=self.fitness.square).means())
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Evolved:
     """The outcome of an evolution: the best policy, and the fitness of all candidates (generations, population)."""
 

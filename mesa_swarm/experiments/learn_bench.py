@@ -44,7 +44,7 @@ OF_TRAINING = ("train wall seconds", "train processor seconds", "robot-steps")
 APART = 1_000_000
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Benchmark:
     """A benchmark of learning: contestants, all by default, trained with the seeds 1, 2, ...
 

@@ -71,7 +71,7 @@ OPTIONS = tuple(
 )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class RunRecords:
     """Where the runs of an experiment are recorded, and with which options of `mesa_swarm.recording.record`.
 

@@ -7,7 +7,7 @@ from typing import Any, overload
 
 import numpy as np
 import pandas as pd
-from scipy.stats import qmc
+import scipy
 
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number, shortened
 from mesa_swarm.parameters import Parameter, parameters_of
@@ -81,7 +81,8 @@ class Sample:
     def _shares(self) -> np.ndarray:
         """Return the points in the unit box, shape (points, ranges)."""
         rng = np.random.default_rng(self.rng)
-        sampler = qmc.Sobol if self.kind == "sobol" else qmc.LatinHypercube
+        designs = scipy.stats.qmc  # scipy imports it now: processes that only run models do not wait for it
+        sampler = designs.Sobol if self.kind == "sobol" else designs.LatinHypercube
         return sampler(len(self.ranges), rng=rng).random(self.points)
 
 

@@ -17,7 +17,7 @@ SUMS = ("floreano", "ahead", "collisions")
 TALLIED = ("distance", "design", "command", "max_speed", "collided", "position")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Fitness:
     """The fitness of several robots in one run; more is better.
 

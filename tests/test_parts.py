@@ -1,0 +1,69 @@
+"""Dataclasses of the package: parts do not change, take no other attributes, and do not compare arrays."""
+
+import ast
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+PACKAGE = Path(__file__).parent.parent / "mesa_swarm"
+# Bound to a swarm, these remember things about its robots.
+MUTABLE = {
+    *("Align", "Explore", "HeadOn", "MatchVelocity", "Perimeter", "PolicyLayer", "VelocityMatching"),
+    *("HebbianLearning", "LearnFires", "Learner", "QLearning", "WireFittedQ"),
+    "Checkpoint",  # grows while it is written
+}
+# Layers and policies inherit from classes without slots, or compute attributes once; tasks check what they inherit with
+# super(), which slots break.
+WITHOUT_SLOTS = MUTABLE | {
+    *("Avoid", "Cohere", "Cruise", "FightFire", "Follow", "Gather", "Push", "Respond", "Separate"),
+    *("CollisionAvoidance", "ExtinguishFires", "FindFires", "FireTask", "Task"),
+    "Scene",
+    *("NetworkPolicy", "Networks", "QPolicy", "ReflexPolicy", "WirePolicy"),
+}
+
+
+class Part(NamedTuple):
+    """A dataclass of the package: the flags that are set, the annotations of its fields, its methods."""
+
+    flags: set[str]
+    fields: list[str]
+    methods: set[str]
+
+    @property
+    def compares_fields(self):
+        return "eq=False" not in self.flags and "__eq__" not in self.methods
+
+
+def parts():
+    """Return all dataclasses by name."""
+    found = {}
+    for path in PACKAGE.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            for decorator in getattr(node, "decorator_list", []):
+                if isinstance(node, ast.ClassDef) and ast.unparse(decorator).startswith("dataclass"):
+                    flags = {ast.unparse(keyword) for keyword in getattr(decorator, "keywords", [])}
+                    fields = [ast.unparse(line.annotation) for line in node.body if isinstance(line, ast.AnnAssign)]
+                    methods = {line.name for line in node.body if isinstance(line, ast.FunctionDef)}
+                    found[node.name] = Part(flags, fields, methods)
+    return found
+
+
+PARTS = parts()
+EVERY = pytest.mark.parametrize("name", sorted(PARTS))
+
+
+@EVERY
+def test_a_part_cannot_be_changed_unless_it_remembers(name):
+    assert ("frozen=True" in PARTS[name].flags) == (name not in MUTABLE)
+
+
+@EVERY
+def test_a_part_has_slots_unless_it_inherits_from_a_class_without(name):
+    assert ("slots=True" in PARTS[name].flags) == (name not in WITHOUT_SLOTS)
+
+
+@EVERY
+def test_a_part_that_holds_arrays_is_not_compared_by_its_fields(name):
+    part = PARTS[name]
+    assert not (part.compares_fields and any("ndarray" in field for field in part.fields))
