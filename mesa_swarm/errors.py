@@ -8,6 +8,7 @@ import math
 import re
 from collections.abc import Iterable
 from difflib import get_close_matches
+from numbers import Integral
 from typing import Any
 
 # Larger arrays are shown as NumPy abbreviates them.
@@ -125,10 +126,14 @@ def _checked(name: str, value: object, minimum: float, maximum: float, above: fl
 
 def check_count(name: str, value: object, *, minimum: int = 0, maximum: int = 2**31 - 1) -> int:
     """Return `value` as an int if it is a permitted count."""
-    what = "a whole number"
-    number = _checked(name, value, minimum, maximum, -math.inf, what)
-    if number != int(number):
-        wanted = _range_in_words(what, minimum, maximum, -math.inf)
+    if isinstance(value, Integral) and not isinstance(value, bool):  # a float would not be exact from 2**53 on
+        number: float = int(value)
+        permitted = minimum <= number <= maximum
+    else:
+        number = _checked(name, value, minimum, maximum, -math.inf, "a whole number")
+        permitted = number == int(number)
+    if not permitted:
+        wanted = _range_in_words("a whole number", minimum, maximum, -math.inf)
         raise InvalidValueError(f"{name} is {shortened(value)}; expected {wanted}")
     return int(number)
 

@@ -27,6 +27,14 @@ def test_any_other_value_than_such_a_count_is_refused_with_the_permitted_range(w
         check_count("n", wrong, minimum=1, maximum=10)
 
 
+@pytest.mark.parametrize("kind", [int, np.int64, np.uint64])
+@pytest.mark.parametrize("count", [2**53 + 1, 2**63 - 1])
+def test_a_large_whole_number_is_returned_exactly_and_a_larger_one_refused(kind, count):
+    assert check_count("rng", kind(count), maximum=2**63 - 1) == count
+    with pytest.raises(InvalidValueError, match=f"rng is {count}; expected a whole number"):
+        check_count("rng", kind(count), maximum=count - 1)
+
+
 def test_limits_of_counts_are_shown_to_the_last_digit():
     with pytest.raises(InvalidValueError, match=r"at most 2147483647$"):
         check_count("n", 2**40)

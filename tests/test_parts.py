@@ -4,8 +4,6 @@ import ast
 from pathlib import Path
 from typing import NamedTuple
 
-import pytest
-
 PACKAGE = Path(__file__).parent.parent / "mesa_swarm"
 # Bound to a swarm, these remember things about its robots.
 MUTABLE = {
@@ -50,20 +48,17 @@ def parts():
 
 
 PARTS = parts()
-EVERY = pytest.mark.parametrize("name", sorted(PARTS))
 
 
-@EVERY
-def test_a_part_cannot_be_changed_unless_it_remembers(name):
-    assert ("frozen=True" in PARTS[name].flags) == (name not in MUTABLE)
+def test_a_part_cannot_be_changed_unless_it_remembers():
+    assert {name for name, part in PARTS.items() if "frozen=True" not in part.flags} == MUTABLE
 
 
-@EVERY
-def test_a_part_has_slots_unless_it_inherits_from_a_class_without(name):
-    assert ("slots=True" in PARTS[name].flags) == (name not in WITHOUT_SLOTS)
+def test_a_part_has_slots_unless_it_inherits_from_a_class_without():
+    assert {name for name, part in PARTS.items() if "slots=True" not in part.flags} == WITHOUT_SLOTS
 
 
-@EVERY
-def test_a_part_that_holds_arrays_is_not_compared_by_its_fields(name):
-    part = PARTS[name]
-    assert not (part.compares_fields and any("ndarray" in field for field in part.fields))
+def test_a_part_that_holds_arrays_is_not_compared_by_its_fields():
+    holds = {name for name, part in PARTS.items() if any("ndarray" in field for field in part.fields)}
+    assert len(holds) > 20
+    assert not {name for name in holds if PARTS[name].compares_fields}

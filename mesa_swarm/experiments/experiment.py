@@ -166,7 +166,7 @@ def _points(model_class: type, varied: Mapping | Sample | Sequence[Mapping]) -> 
 def _check_measures(experiment: Experiment) -> None:
     """Refuse results that are unknown, not numbers, or named as another column of the table."""
     model = first_built(experiment)
-    check_results(experiment.model_class, model)
+    check_results(model)
     results = model.results()
     for name in experiment.measures:
         check_choice(f"result of {experiment.model_class.__name__}", name, results)

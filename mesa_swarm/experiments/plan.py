@@ -119,7 +119,7 @@ def checked_plan(
     )
     for value in plan.values:
         built = plan.built(plan.seeds[0], value)
-        check_results(model_class, built)
+        check_results(built)
         for name in plan.measures:
             check_choice(f"result of {model_class.__name__}", name, built.results())
     return plan

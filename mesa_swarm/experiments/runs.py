@@ -5,7 +5,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any, TypeVar, cast
 
@@ -57,7 +57,7 @@ def do_runs(
     """Do outstanding runs, store each outcome before the next is waited for, and yield both.
 
     Runs are read as workers become free, never far ahead. For the progress bar, `count` counts all runs and `done`
-    those that are not outstanding. An outcome replaces a stored one only if it has other results than that. A run
+    those that are not outstanding. An outcome replaces a stored one only if the names of its results differ. A run
     whose worker dies is repeated up to `tries` times; after several, the death is its outcome, after a single one a
     WorkerDiedError is raised.
     """
@@ -117,7 +117,7 @@ def simulate(run: Run) -> Outcome:
 
 def outcome_of(model: SwarmModel, measures: Sequence[str] = ()) -> Outcome:
     """Return the outcome of a model that has run: these results of it, all by default."""
-    results = model.results()
+    results = results_of(model)
     return Outcome(model.steps, model.state_hash(), numbers_of({name: results[name] for name in measures or results}))
 
 
@@ -135,9 +135,9 @@ def attempt(
         model = run.made()
         with observed(model):
             model.run(run.steps, progress=progress)
-        check_results(type(model), model)
-        results = {name: None if value is None else float(value) for name, value in model.results().items()}
-        return Outcome(model.steps, model.state_hash(), results)
+        outcome = outcome_of(model)
+        results = {name: None if value is None else float(value) for name, value in outcome.numbers.items()}
+        return replace(outcome, results=results)
     except beyond:
         raise
     except (Exception, SystemExit) as error:
@@ -157,19 +157,24 @@ def without_addresses(text: str) -> str:
 
 
 def numbers_of(results: Mapping[str, Any]) -> dict[str, float | None]:
-    """Return the results of a run as numbers of Python's, which read back from a file as the same."""
+    """Return the results of a run as numbers of Python's, which read back from a file as the same; NaN is None.
+
+    The mean of nothing is NaN: like None, it does not count as measured.
+    """
     numbers = {}
     for name, number in results.items():
         is_numpy = isinstance(number, (np.generic, np.ndarray)) and number.ndim == 0
         simple = number.item() if is_numpy else number
+        if isinstance(simple, float) and math.isnan(simple):
+            simple = None
         numbers[name] = simple if is_plain(simple) else check_result(name, simple)
     return numbers
 
 
 def is_plain(number: object) -> bool:
-    """Return whether this is a result as `numbers_of` returns it; NaN is, which tables leave out."""
+    """Return whether this is a result as `numbers_of` returns it."""
     if isinstance(number, float):
-        return not math.isinf(number)
+        return math.isfinite(number)
     return number is None or (isinstance(number, int) and abs(number) <= LARGEST_WHOLE)
 
 
@@ -186,12 +191,17 @@ def check_result(name: str, number: object) -> float:
         raise InvalidValueError(f"{error} or None") from None
 
 
-def check_results(model_class: type, model: SwarmModel) -> None:
-    """Refuse a model without results, or with a result that is not a number."""
+def results_of(model: SwarmModel) -> Mapping[str, Any]:
+    """Return the results of a model, or refuse a model that has none."""
     results = getattr(model, "results", None)
     if results is None:
-        raise InvalidValueError(f"{model_class.__name__} has no method results(), which returns what is compared")
-    for name, number in results().items():
+        raise InvalidValueError(f"{type(model).__name__} has no method results(), which returns what is compared")
+    return results()
+
+
+def check_results(model: SwarmModel) -> None:
+    """Refuse a model without results, or with a result that is not a number."""
+    for name, number in results_of(model).items():
         if number is not None and not isinstance(number, (bool, np.bool_)):
             check_result(name, number)
 

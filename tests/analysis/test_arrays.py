@@ -93,7 +93,7 @@ REFUSED = {
     "bounds has the shape (3,)": lambda: visited_cells(PLACES, (0, 0, 5), (2, 2)),
     "shape is 40; expected two whole numbers": lambda: visited_cells(PLACES, BOX, 40),
     "shape' rows is 0": lambda: visited_cells(PLACES, BOX, (0, 40)),
-    "cells' columns is 1e+09": lambda: reachable_cells(BOX, [], 5, (50, 50), (40, 10**9)),
+    "cells' columns is 1000000000": lambda: reachable_cells(BOX, [], 5, (50, 50), (40, 10**9)),
     "expected points within the bounds": lambda: visited_cells([[101, 50]], BOX, (2, 2)),
     "cells has no reachable cell": lambda: coverage(PLACES, [[False]], BOX),
     "cells has the shape (1,)": lambda: coverage(PLACES, [True], BOX),

@@ -3,6 +3,7 @@ import io
 import json
 import math
 from fractions import Fraction
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from zlib import crc32
@@ -15,6 +16,7 @@ from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments.compare import compare, run_plan
 from mesa_swarm.experiments.figures import comparison_figure
 from mesa_swarm.experiments.plan import checked_plan
+from mesa_swarm.experiments.runs import Run, attempt, numbers_of, simulate
 from mesa_swarm.experiments.tables import WIDEST, finding, fitting, runs_csv, summary_csv, summary_rows
 from mesa_swarm.files import check_writable, write_whole
 from mesa_swarm.gallery import class_name, description, find_model, model_names
@@ -108,7 +110,7 @@ def test_settings_reach_the_model():
         ({"seeds": 0}, "seeds is 0"),
         ({"seeds": float("nan")}, "seeds is nan"),
         ({"steps": 0}, "steps is 0"),
-        ({"steps": 10**12}, "steps is 1e\\+12"),
+        ({"steps": 10**12}, "steps is 1000000000000"),
         ({"jobs": 0}, "jobs is 0"),
         ({"jobs": -2}, "jobs is -2"),
         ({"parameter": "stratgy"}, "did you mean 'strategy'"),
@@ -444,6 +446,17 @@ def test_runs_that_end_in_what_is_no_number_are_remembered_too(tmp_path, monkeyp
     monkeypatch.setattr(Ending, "wanted", math.nan)
     made = [compare(Ending, "kind", ["a", "b"], seeds=2, steps=1, jobs=1, out=tmp_path) for _ in range(2)]
     assert [comparison.done_before for comparison in made] == [0, 4]
+
+
+@pytest.mark.parametrize("undefined", [math.nan, np.float64("nan"), np.float32("nan")])
+def test_a_result_that_is_nan_counts_as_not_measured_like_none(undefined):
+    assert numbers_of({"mean": undefined, "steps": 3}) == {"mean": None, "steps": 3}
+
+
+def test_a_sweep_and_a_comparison_read_the_same_numbers_from_a_model(monkeypatch):
+    monkeypatch.setattr(Ending, "wanted", math.nan)
+    run = Run(partial(Ending, kind="a"), {}, rng=1, steps=1, key="one")
+    assert attempt(run).results == simulate(run).results == {"a $x_{$": None, "b": 1.0}
 
 
 @pytest.mark.parametrize("values", [["a$x_{$", "b"], ["{n$^$}", "c"]])
