@@ -104,8 +104,10 @@ class ManyRuns:
             self._began = time.monotonic()
             try:
                 self._process = _begun(plan)
-            except OSError as error:
+            except Exception as error:
                 _under_way.release()
+                if not isinstance(error, OSError):  # a plan of a user's objects may not be picklable
+                    raise
                 raise SwarmError(f"no process could be started ({error.strerror})") from error
             threading.Thread(target=self._follow, args=(self._process,), name="many runs", daemon=True).start()
         self.changed.notify()
@@ -165,6 +167,7 @@ def workers_for(plan: Plan) -> int:
 
 def _begun(plan: Plan) -> subprocess.Popen:
     """Start the process, in its own group, and send it the plan."""
+    message = pickle.dumps((plan, workers_for(plan)))
     process = subprocess.Popen(
         [sys.executable, "-c", ending_with_us(f"from {__name__} import main; main()")],
         stdin=subprocess.PIPE,
@@ -173,7 +176,7 @@ def _begun(plan: Plan) -> subprocess.Popen:
     )
     with suppress(BrokenPipeError):  # it has ended already, which is noticed soon
         to_it, _ = _pipes(process)
-        pickle.dump((plan, workers_for(plan)), to_it)
+        to_it.write(message)
         to_it.flush()
     return process
 
@@ -194,7 +197,9 @@ def _received(process: subprocess.Popen) -> Iterator[tuple[str, Any]]:
 
 
 def _end(process: subprocess.Popen) -> None:
-    """End the process and all that it has started."""
+    """End the process and all that it has started, unless this was done: its number may be another's by now."""
+    if process.returncode is not None:
+        return
     with suppress(ProcessLookupError, PermissionError):  # it has ended by itself
         if hasattr(os, "killpg"):
             os.killpg(process.pid, signal.SIGKILL)
@@ -240,7 +245,7 @@ class Comparing:
         self.pair, self.runs = Pair(), ManyRuns()
         self.pair.set_speed(session.own_speed)
         self.seed, self.seeds = session.seed, USUAL_SEEDS
-        # Why a setting was refused, by "A", "B", "seed", "seeds", "steps" or "runs".
+        # Why a setting was refused, by "A", "B", "worlds", "seed", "seeds", "steps" or "runs".
         self.faults: dict[str, str] = {}
         self.choose_model(session.name)
 

@@ -109,7 +109,7 @@ class Session(Player):
     goal : int
         The step up to which it plays automatically, 0 for none.
     own_speed : float
-        Steps a second that the user requested, also while it plays as fast as it goes up to its goal.
+        Steps a second that the user requested last; to its goal it plays as fast as it goes until another is requested.
     built : dict
         Settings of the present model.
     series : Series
@@ -198,7 +198,7 @@ class Session(Player):
         super().rest()
 
     def set_speed(self, speed: float) -> None:
-        """Set the number of steps a second; up to its goal it still plays as fast as it goes."""
+        """Set the number of steps a second, at once; also on the way to a goal, to which it went as fast as it goes."""
         self.own_speed = speed
         super().set_speed(speed)
 

@@ -231,6 +231,24 @@ def test_runs_in_the_background_give_what_they_give_in_the_foreground():
     runs.close()
 
 
+def test_a_plan_that_cannot_be_sent_takes_no_place_on_the_server(monkeypatch):
+    plan = checked_plan("fire_fighting", "strategy", ["A", "B"], 2, steps=3)
+    monkeypatch.setattr(comparing_module, "workers_for", lambda plan: lambda: 1)
+    runs = ManyRuns()
+    for _ in range(MOST_AT_ONCE + 1):
+        with pytest.raises((AttributeError, pickle.PicklingError)):
+            runs.start(plan)
+    assert not runs.running
+
+
+def test_a_process_that_has_been_ended_is_not_ended_again(monkeypatch):
+    process = subprocess.Popen([sys.executable, "-c", ""], start_new_session=True)
+    process.wait()
+    monkeypatch.setattr(os, "killpg", lambda group, signal: pytest.fail("this group may be another's by now"))
+    comparing_module._end(process)
+    assert process.returncode == 0
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="this system has no process groups")
 def test_cancelling_ends_all_processes_before_a_run_is_done_and_makes_room_for_the_next(monkeypatch):
