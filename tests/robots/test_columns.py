@@ -168,9 +168,9 @@ def test_former_names_of_methods_do_the_same_and_are_deprecated():
     swarm = swarm_of(AGENT9)
     swarm.remember(LASTING + "wear", (), np.float64, 0.5)
     swarm.columns["task"].fill(3)
-    for name, now in (("shed", "drop_body_columns"), ("hush", "clear_messages")):
+    for former, now in ((swarm.shed, "drop_body_columns"), (swarm.hush, "clear_messages")):
         with pytest.warns(DeprecationWarning, match=f"is called {now} now") as caught:
-            getattr(swarm, name)()
+            former()
         assert caught[0].filename == __file__
     assert set(swarm.columns) == set(COLUMNS)
     assert swarm.task.tolist() == [-1]
