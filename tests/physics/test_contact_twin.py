@@ -204,7 +204,7 @@ def test_a_push_along_one_axis_moves_a_robot_too():
 
 def test_the_farthest_of_the_rows_that_moved_counts():
     listed = np.full((4, 2), [7.0, -3.0])
-    position = listed + [[3.0, 4.0], [0.0, 2.0], [9.0, 9.0], [-1.0, 0.0]]
+    position = listed + np.array([[3.0, 4.0], [0.0, 2.0], [9.0, 9.0], [-1.0, 0.0]])
     assert contact.farthest_from(listed, position, np.array([0, 1, 3])) == 5.0
     assert contact.farthest_from(listed, position, np.array([1, 3])) == 2.0
     assert contact.farthest_from(position, listed, np.array([3])) == 1.0

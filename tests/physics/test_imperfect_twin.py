@@ -18,6 +18,7 @@ from mesa_swarm.physics.imperfect import (
     PLACE,
     RADIATION,
     WHEEL,
+    Imperfect,
     chance,
     normal,
     spoil,
@@ -45,7 +46,7 @@ def splitmix(state):
 def hashed(word, *parts):
     """Return a number in [0, 1) that a word and some whole numbers decide, each a step of SplitMix64."""
     for part in parts:
-        word = splitmix((word + 0x9E3779B97F4A7C15 * part) % LARGEST_WORD)
+        word = splitmix((word + 0x9E3779B97F4A7C15 * int(part)) % LARGEST_WORD)
     return (word >> 11) * SHARE
 
 
@@ -201,11 +202,17 @@ def test_wheels_that_are_not_commanded_do_not_slip_whatever_they_do():
 
 
 def test_a_failed_step_leaves_the_commands_as_they_were_requested():
-    model = driven(Imperfections(driving=Imperfection(dropout=1.0)))
-    with pytest.raises(ZeroDivisionError), model._imperfect.driving(model.swarm, 5):
-        assert not model.swarm.command.any()
-        raise ZeroDivisionError
-    assert model.swarm.command.tolist() == [[0.5, 0.5]] * 2
+    swarm = driven(None).swarm
+    imperfect = Imperfect(Imperfections(driving=Imperfection(dropout=1.0)), swarm, KEY)
+
+    def fail():
+        with imperfect.driving(swarm, 5):
+            assert not swarm.command.any()
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fail()
+    assert swarm.command.tolist() == [[0.5, 0.5]] * 2
 
 
 def test_imperfect_wheels_leave_readings_and_imperfect_readings_leave_wheels_as_they_are():

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from mesa_swarm import AGENT9, AGENT_FIRE, LineSensor, ProximitySensor, RadiationSensor, RobotDesign
 from mesa_swarm.physics import shapely_sensing
+from mesa_swarm.physics.engine import CompiledEngine
 from mesa_swarm.physics.sensing import (
     ROUNDING,
     TOUCH,
@@ -24,6 +25,7 @@ from mesa_swarm.physics.sensing import (
     sense_line,
     sense_radiation,
 )
+from mesa_swarm.physics.shapely_engine import ShapelyEngine
 from mesa_swarm.robots.design import HOLD, MAGNITUDE, PROBABILITY, RANGE
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import FIRE, LOAD, NOTHING, OBSTACLE, ROBOT
@@ -250,12 +252,16 @@ def test_all_solids_of_the_twin_are_listed_with_owner_and_kind():
 @few
 @given(seeds)
 def test_both_engines_read_the_same_beside_fires_that_burn_and_that_are_out(seed):
-    swarm = swarm_of(seed)
-    distance, kind = np.zeros_like(swarm.distance), np.zeros_like(swarm.kind)
-    shapely_sensing.sense_proximity(swarm, WORLD.surroundings, WORLD.solids, distance, kind)
-    assert (distance[swarm.design == 1, 3:] == -1).all()
-    assert (kind[swarm.design == 1, 3:] == NOTHING).all()
+    read = []
+    for engine in (CompiledEngine(), ShapelyEngine()):
+        swarm = swarm_of(seed)
+        for column in (swarm.columns["distance"], swarm.columns["kind"]):
+            column.fill(9)
+        engine.sense(swarm, WORLD.surroundings, 1, None)
+        read.append((swarm.distance, swarm.kind, swarm.radiation, swarm.line))
+    for ours, twins in zip(*read, strict=True):
+        assert ours == pytest.approx(twins, abs=1e-9)
+    distance, kind = read[0][:2]
     assert ((distance == -1) == (kind == NOTHING)).all()
-    reach = swarm.table.proximity[swarm.design][..., RANGE]
-    assert (distance <= np.maximum(reach, -1)).all()
-    assert len(AGENT9.proximity) == distance.shape[1]
+    assert (distance[swarm.design == 1, 3:] == -1).all()
+    assert distance.shape[1] == len(AGENT9.proximity)

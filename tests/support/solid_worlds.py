@@ -35,7 +35,7 @@ class SolidWorld(NamedTuple):
 def solid_world(shapes=SHAPES, fires=FIRES, bounds=BOUNDS, touch=6.0) -> SolidWorld:
     """Return a world in which bodies within `touch` of a centre can be touched."""
     temperature = np.resize(TEMPERATURE, len(fires))
-    around = Surroundings.of(bounds, shapes, fires.reshape(-1, 3), temperature, sight=30.0, touch=touch)
+    around = Surroundings.of(bounds, shapes, fires.reshape(-1, 3), temperature, sight=70.0, touch=touch)
     s = around.statics
     statics = s.edges, s.discs, s.owner, s.body, s.bounds, s.grid.numbers, s.touched_start, s.touched_items
     return SolidWorld(around, statics, s.rings, Solids.of(around, 50.0), Grid.over(bounds, 3 * touch, 400).numbers)
