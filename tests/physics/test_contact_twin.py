@@ -8,12 +8,13 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from mesa_swarm import Map, RobotDesign, SwarmModel
+from mesa_swarm import Map, RobotDesign, SwarmModel, rectangle
 from mesa_swarm.errors import PlacementError
 from mesa_swarm.physics import contact, settle, shapely_engine
 from mesa_swarm.physics.contact import MOST_SWEEPS, SLOP, Contacts, coincident_direction
 from mesa_swarm.physics.shapely_engine import is_apart
 from mesa_swarm.world.statics import BORDER, FIRE, LOAD, OBSTACLE, ROBOT
+from support.scenes import PROMISED
 from support.solid_worlds import BOUNDS, contacts_of, solid_world
 
 WORLD = solid_world()
@@ -108,6 +109,21 @@ def test_robots_are_pushed_out_of_static_bodies_as_the_twin_pushes_them_and_rows
     for mine, theirs in zip(ours, (twin.kind, twin.index, twin.normal, twin.depth, twin.face), strict=True):
         touched = twin.depth > 0
         assert mine[touched] == pytest.approx(theirs[touched], abs=1e-9)
+
+
+@pytest.mark.parametrize(("behind", "out"), [(0.0, -1.0), (0.9, -1.0), (1.1, 1.0)])
+def test_a_centre_at_most_a_millionth_of_its_radius_behind_a_face_leaves_on_the_open_side(behind, out):
+    """Beyond, the nearest way from the face counts: no robot gets there."""
+    radius, face = 2.0, 40.0
+    x = face + behind * 1e-6 * radius
+    _, nx, ny, flat, _ = contact.deepest_static(x, 27.0, radius, WORLD.statics)
+    assert (nx, ny, flat) == (out, 0.0, True)
+    twin = shapely_engine.deepest_static(np.array([x, 27.0]), radius, WORLD.solids)
+    assert tuple(twin.normal) == pytest.approx((out, 0.0))
+
+
+def test_overlaps_that_are_left_as_rounding_are_a_tenth_of_what_is_promised():
+    assert pytest.approx(PROMISED / 10) == SLOP
 
 
 # ---- pairs of robots
@@ -278,6 +294,17 @@ def test_the_place_that_a_robot_is_moved_to_is_the_first_free_one_of_the_rings(p
     assert WORLD.solids.gaps(position[2:3])[0] >= radius * (1 - 1e-6)
     if apart:
         assert not settle.overlaps_any(2, *position[2], position, size)
+
+
+def test_deep_in_a_large_body_both_engines_search_the_same_coarser_rings():
+    block = solid_world((rectangle((20, 5), (100, 65)),), np.empty((0, 3)))
+    for place in ((55.0, 33.0), (62.0, 37.5), (97.0, 20.0)):
+        ours, twin, radius = np.array([place]), np.array([place]), np.array([0.5])
+        assert settle.find_room(0, ours, radius, block.statics, block.rings, False)
+        assert shapely_engine.find_room(0, twin, radius, BOUNDS, block.solids, apart=False)
+        assert ours == pytest.approx(twin, abs=1e-9)
+        nearest = min(place[0] - 20, 100 - place[0], place[1] - 5, 65 - place[1]) + 0.5
+        assert nearest <= math.dist(ours[0], place) <= 1.02 * nearest + 0.0625
 
 
 def test_there_is_no_room_for_a_robot_wider_than_the_map():

@@ -164,6 +164,27 @@ def test_the_speed_of_a_robot_that_turns_is_that_of_its_chord_half_way():
     assert push.arm == pytest.approx(0.0)
 
 
+@pytest.mark.parametrize(
+    ("width", "radii", "way"), [(40.0, [4.0, 8.0], 2.0), (40.0, [8.0, 4.0], 2.0), (2.0, [4.0, 8.0], 1.0)]
+)
+def test_a_load_moves_by_at_most_half_the_least_radius_and_half_its_own_width(width, radii, way):
+    (load,) = load_at(rectangle((200, 100), (200 + width, 140)), resistance=0.5)
+    around, radii = surroundings([load]), np.array(radii)
+    columns = {
+        "position": np.array([[200.0 - radii[0], 120.0], [50.0, 50.0]]),
+        "heading": np.zeros(2),
+        "radius": radii,
+        "max_speed": np.full(2, 30.0),
+    }
+    before, motion = load.pose, np.array([[30.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    assert loads.push_all(around, around.room, columns, motion) == {0: before}
+    assert load.pose == pytest.approx((before[0] + way, before[1], 0.0))
+    assert (load.pushers, load.moved) == (1, True)
+    assert around.shapes[0] == load.shape
+    assert loads.push_all(around, around.room, columns, 0 * motion) == {}
+    assert (load.pushers, load.moved) == (0, False)
+
+
 @pytest.mark.parametrize(("depth", "overlaps"), [(-0.1, False), (1.0, False), (3.0, True)])
 @pytest.mark.parametrize("place", [(1.0, 0.0), (0.0, 1.0), (-0.6, 0.8)])
 def test_a_robot_overlaps_a_load_where_it_does_by_more_than_twice_the_rounding(depth, overlaps, place):

@@ -206,6 +206,17 @@ def test_readings_err_by_the_magnitude_of_their_sensor_with_its_probability_and_
     assert distance == pytest.approx(expected, abs=1e-12)
 
 
+@pytest.mark.parametrize("radius", [2.0, 5.0])
+@pytest.mark.parametrize(("behind", "read"), [(-0.5, 0.0), (0.0, 0.0), (0.9, 0.0), (1.5, -1.0)])
+def test_a_rim_that_contact_leaves_in_a_wall_by_a_millionth_of_the_radius_reads_0(radius, behind, read):
+    swarm = Swarm()
+    front = RobotDesign(radius=radius, sensors=(ProximitySensor(range=9),))
+    swarm.add(front, np.array([[40.0 - radius + behind * 1e-6 * radius, 28.0]]), np.zeros(1), np.ones(1))
+    swarm.agents.append(None)
+    CompiledEngine().sense(swarm, WORLD.surroundings, 1, None)
+    assert swarm.distance[0, 0] == pytest.approx(read, abs=1e-5)
+
+
 # ---- the twin's own measures
 
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from mesa_swarm import AGENT3, AGENT9, AGENT_FIRE
 from mesa_swarm.errors import InvalidValueError, UnknownNameError
+from mesa_swarm.robots.robot import remove_together
 from mesa_swarm.robots.snapshots import DECISIONS, HEAT, Snapshots, check_watched
 from mesa_swarm.robots.swarm import COLUMNS, LASTING, MESSAGES, Swarm
 from mesa_swarm.world.statics import BORDER, FIRE, OBSTACLE, ROBOT
@@ -70,6 +71,14 @@ def test_equal_designs_are_stored_once_and_numbers_are_never_given_twice():
     swarm.remove([2])
     (row,) = swarm.add(AGENT3, np.array([[1.0, 1.0]]), np.zeros(1), np.ones(1))
     assert (row, swarm.number.tolist()) == (2, [0, 1, 3])
+
+
+def test_robots_added_together_get_the_next_rows_and_numbers_in_their_order():
+    swarm = swarm_of(AGENT9)
+    rows = swarm.add(AGENT3, np.array([[1.0, 2.0], [3.0, 4.0]]), np.array([0.5, 1.5]), np.array([1.0, -1.0]))
+    assert rows.tolist() == swarm.number[1:].tolist() == [1, 2]
+    assert swarm.position[1:].tolist() == [[1.0, 2.0], [3.0, 4.0]]
+    assert (swarm.heading[1:].tolist(), swarm.tendency[1:].tolist()) == ([0.5, 1.5], [1.0, -1.0])
 
 
 def test_a_swarm_is_printed_with_its_size_and_designs():
@@ -218,6 +227,14 @@ def test_speed_and_heat_may_be_set_from_nothing_to_the_most_that_there_is():
     for value in (0.0, 1e12):
         robot.temperature = value
         assert robot.temperature == value
+
+
+def test_to_take_out_no_robots_changes_nothing():
+    model = empty()
+    model.add_robots(AGENT3, poses=[(50, 50, 0.0)])
+    before = model.state_hash()
+    remove_together([])
+    assert model.state_hash() == before
 
 
 def test_a_handle_is_printed_with_its_pose_or_as_removed():
