@@ -52,6 +52,17 @@ def test_a_wedge_covers_its_whole_sector(half):
     assert area.area > half * 10**2
 
 
+@pytest.mark.parametrize(("half", "triangles"), [(0.1, 1), (0.5, 1), (0.6, 2), (1.5, 3), (2.5, 5), (math.pi, 6)])
+def test_a_wedge_is_cut_into_as_few_triangles_as_steps_of_60_degrees_make(half, triangles):
+    assert wedge((3, 4), 0.3, half, 10.0).area == pytest.approx(triangles * 10**2 * math.tan(half / triangles))
+
+
+def test_a_wedge_without_width_is_a_line_as_long_as_the_reach():
+    line = wedge((3, 4), math.pi / 2, 0.0, 10.0)
+    assert line.length == pytest.approx(10.0)
+    assert line.coords[1] == pytest.approx((3, 14))
+
+
 def test_corners_of_either_body_that_touch_the_other_are_found_once():
     found = _touching_corners(shapely.box(0, 0, 4, 4), shapely.box(4, 1, 9, 9), 0.01)
     assert sorted(found) == [(4.0, 1.0), (4.0, 4.0)]
