@@ -23,7 +23,7 @@ def test_a_division_by_zero_is_infinite_as_numpys_is_and_raises_nothing():
 def test_machine_code_is_stored_in_the_cache_of_these_sources_and_numbas_own_setting_stays():
     before = numba.config.CACHE_DIR
     assert compiled(quotient.py_func).stats.cache_path.startswith(str(module._CACHE))
-    assert numba.config.CACHE_DIR == before
+    assert before == numba.config.CACHE_DIR
 
 
 @pytest.mark.parametrize("exists", [False, True])

@@ -1,6 +1,7 @@
 """Tables of static bodies against Shapely: edges with their solid side, owners, kinds, and what each cell lists."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -35,7 +36,7 @@ def drawn(rng):
 def edges_of(shape):
     """Return the edges of a polygon, either way round, each from its lesser end."""
     rings = shapely.get_rings(shape.geometry)
-    lines = [line for ring in rings for line in zip(ring.coords[:-1], ring.coords[1:], strict=True)]
+    lines = [line for ring in rings for line in pairwise(ring.coords)]
     return sorted(tuple(sorted(line)) for line in lines)
 
 
@@ -52,7 +53,7 @@ def test_every_solid_shape_has_its_rows_and_every_row_its_owner_and_kind(seed):
     statics = Statics.of(BOUNDS, shapes, fires, burning, sight=10.0, touch=5.0, loads=loads)
     edges, discs, m = statics.edges, statics.discs, len(statics.edges)
     border = shapely.box(*BOUNDS).exterior.coords
-    assert rows_as_lines(edges[:4]) == sorted(tuple(sorted(e)) for e in zip(border[:-1], border[1:], strict=True))
+    assert rows_as_lines(edges[:4]) == sorted(tuple(sorted(e)) for e in pairwise(border))
     assert (statics.owner[:4] == BORDER).all()
     solid = {k: shape for k, shape in enumerate(shapes) if shape.contact}
     own = statics.owner[4 : len(statics.owner) - len(fires)]
@@ -122,8 +123,8 @@ def test_a_load_that_moved_is_followed_in_its_own_rows_alone():
     fires = np.array([[120.0, 40.0, 9.0]])
     options = {"sight": 10.0, "touch": 5.0, "loads": [1, 2]}
     statics = Statics.of(BOUNDS, shapes, fires, np.ones(1, bool), **options)
-    moved = [shapes[0], polygon(np.array(RING.geometry.exterior.coords[:-1]) + (3, 4), [
-        np.array(ring.coords[:-1]) + (3, 4) for ring in RING.geometry.interiors]), disc((101, 99), 7), shapes[3]]  # fmt: skip
+    outline, hole = (np.array(ring.coords[:-1]) + np.array([3, 4]) for ring in shapely.get_rings(RING.geometry))
+    moved = [shapes[0], polygon(outline, [hole]), disc((101, 99), 7), shapes[3]]
     expected = Statics.of(BOUNDS, moved, fires, np.ones(1, bool), **options)
     for k in (1, 2):
         statics.follow(k, moved[k])
