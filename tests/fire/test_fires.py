@@ -34,6 +34,7 @@ def test_a_fires_area_follows_from_its_radius_and_its_radius_from_its_area_unles
         ({"radius": 5, "area": 1e12}, {"radius": 5, "area": 1.1e12}),
         ({"radius": 5, "area": 1e-9}, {"radius": 5, "area": 0}),
         ({"area": 1e-9}, {"area": 0}),
+        ({"area": 1e10}, {"area": 1.1e12}),
         ({"radius": 5, "temperature": 1}, {"radius": 5, "temperature": 1.001}),
         ({"radius": 5, "temperature": 1e-9}, {"radius": 5, "temperature": 0}),
     ],
