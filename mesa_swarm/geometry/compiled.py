@@ -13,7 +13,7 @@ from numba import njit
 settings: Any = numba.config
 PACKAGE = Path(__file__).resolve().parent.parent
 # The rooms that hold compiled functions.
-FLOORS = ("geometry", "robots", "physics", "control", "fire", "learning")
+FLOORS = ("geometry", "robots", "physics", "control", "fire", "learning", "environments")
 
 
 def _stamp() -> str:

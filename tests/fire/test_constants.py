@@ -1,8 +1,10 @@
 """From required properties to constants, and their remarks."""
 
 import math
+import re
 import warnings
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -123,3 +125,115 @@ def test_requirements_out_of_range_are_refused_by_name(required):
 def test_leaving_and_joining_at_the_same_heat_is_refused():
     with pytest.raises(InvalidValueError, match="below leave"):
         FireConstants(0.001, 0.02, 0.1, 0.2, 10, 10)
+
+
+def test_constants_follow_from_the_requirements_that_are_the_defaults():
+    constants, share = design_constants(), 1 / (1 - math.exp(-math.log(2) * 1600 / 2000))
+    assert constants.k1 == pytest.approx(math.log(2) / 2000)
+    assert constants.k2 == pytest.approx(constants.k1 * 16 / 2 * (1 + share))
+    assert constants.k3 == pytest.approx(1 / (16 * 0.4))
+    assert constants.k4 == pytest.approx(1.5)
+    assert (constants.leave, constants.join) == (100.0, pytest.approx(10.0))
+
+
+LARGEST = {
+    "growth_time": 1e12,
+    "robots": 1e9,
+    "extinguish_time": 1e12,
+    "initial_temperature": 1.0,
+    "largest_area": 1e12,
+    "area": 16.0,
+    "balance_temperature": 0.999999,
+    "stay_time": 1e12,
+    "rest_time": 1e12,
+}
+
+
+@pytest.mark.parametrize("name", LARGEST)
+def test_every_requirement_is_above_zero_and_at_most_its_limit(name):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FireConstantsWarning)
+        design_constants(**{name: LARGEST[name]})
+    for wrong in (0, -1, LARGEST[name] * 1.000001, math.inf):
+        with pytest.raises(InvalidValueError, match=f"^{name} is"):
+            design_constants(**{name: wrong})
+
+
+RIGHT = {"k1": 1e6, "k2": 1e12, "k3": 1e6, "k4": 1e6, "leave": 1e12, "join": 9e11}
+
+
+@pytest.mark.parametrize(("name", "may_be_zero"), [(k, k in ("k3", "k4", "join")) for k in RIGHT])
+def test_every_constant_has_a_least_and_a_largest_value(name, may_be_zero):
+    FireConstants(**RIGHT)
+    beyond = 1.1e12 if name == "join" else 1.000001 * RIGHT[name]
+    for wrong in (-1e-9, beyond, math.nan, *([] if may_be_zero else [0])):
+        with pytest.raises(InvalidValueError, match=f"^{name} is"):
+            FireConstants(**{**RIGHT, name: wrong})
+    if may_be_zero:
+        assert getattr(FireConstants(**{**RIGHT, name: 0}), name) == 0
+
+
+def test_constants_of_other_kinds_of_numbers_become_floats_and_remarks_are_not_compared():
+    plain = FireConstants(0.5, 0.25, 0.5, 0.25, 10, 5)
+    other = FireConstants(*map(np.float32, (0.5, 0.25, 0.5, 0.25, 10, 5)), remarks=("a remark",))
+    assert [type(getattr(other, name)) for name in RIGHT] == [float] * 6
+    assert plain == other
+    assert plain.remarks == ()
+
+
+def test_a_fire_at_its_hottest_needs_the_robots_that_are_needed_by_default():
+    constants = design_constants()
+    assert robots_needed(constants, 7.0) == robots_needed(constants, 7.0, 1.0) == 2 * constants.k1 * 7 / constants.k2
+
+
+@pytest.mark.parametrize("balance", [0.2, 0.6, 0.9])
+def test_the_remarks_state_what_follows_from_the_constants(balance):
+    constants = quiet(balance_temperature=balance, largest_area=9, area=4)
+    heat, robots, alone = constants.remarks[-3:]
+    numbers = [
+        float(word) for remark in (heat, robots, alone) for word in re.findall(r"\d+\.\d+|(?<=below )\d+", remark)
+    ]
+    needed = robots_needed(constants, 9)
+    # Of its time a robot fights the balance temperature's share: it cools k4 a step, and warms by 1 at most.
+    (product, plain, with_rests, temperature) = (number for number in numbers if number != 1.0)
+    assert product == pytest.approx(balance * 9, abs=1e-3)
+    assert plain == pytest.approx(needed, abs=0.006)
+    assert with_rests == pytest.approx(needed / balance, abs=0.006)
+    assert temperature == pytest.approx(max(constants.k2 / (constants.k1 * 9) - 1, 0), abs=0.006)
+    if temperature:
+        assert robots_needed(constants, 9, temperature) == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.parametrize(("robots", "suffices"), [(1.0, True), (1.01, False)])
+def test_one_robot_suffices_if_with_its_rests_it_counts_as_many_as_are_needed(robots, suffices):
+    # The largest fire takes 0.597 robots for each that was asked for, and one counts as the balance temperature, 0.6.
+    constants = quiet(robots=robots)
+    assert (robots_needed(constants, 16) <= 0.6) is suffices
+    found = [remark for remark in constants.remarks if "one robot suffices" in remark]
+    assert len(found) == suffices
+    if suffices:
+        assert f"takes {robots_needed(constants, 16):.2f} robots" in found[0]
+        assert "counts as 0.60" in found[0]
+
+
+@pytest.mark.parametrize(("robots", "too_many"), [(990, False), (1010, True)])
+def test_more_than_a_thousand_robots_are_more_than_can_put_a_fire_out(robots, too_many):
+    short = quiet(robots=1, extinguish_time=1e9).k2
+    constants = quiet(robots=robots * short / (2 * math.log(2) / 2000 * 16), extinguish_time=1e9)
+    assert robots_needed(constants, 16) == pytest.approx(robots)
+    assert any("cannot put it out" in remark for remark in constants.remarks) is too_many
+
+
+@pytest.mark.parametrize(("rest", "completely"), [(66.6, False), (66.7, True)])
+def test_a_robot_that_would_have_to_cool_below_zero_cools_down_completely(rest, completely):
+    # It cools by 1.5 a step from 100.
+    remarks = [remark for remark in quiet(rest_time=rest).remarks if "join is 0" in remark]
+    assert len(remarks) == completely
+    if completely:
+        assert "in 67 steps, less than the rest_time of 67" in remarks[0]
+
+
+def test_a_warning_points_at_the_line_that_asked_for_the_constants():
+    with pytest.warns(FireConstantsWarning, match="one robot") as caught:
+        design_constants(robots=1, extinguish_time=100)
+    assert [warning.filename for warning in caught] == [__file__]

@@ -1,6 +1,7 @@
 """Grids: every point and every box is listed where it belongs, against the obvious loops."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -39,6 +40,29 @@ def test_a_grid_covers_its_rectangle_with_cells_wide_enough_and_not_too_many(cel
     assert grid.columns * grid.cell >= 200 * (1 - 1e-12)
     assert grid.rows * grid.cell >= 150 * (1 - 1e-12)
     assert grid.cells <= most + grid.columns + grid.rows + 1
+
+
+@given(st.floats(0.1, 300), st.floats(0.1, 300), st.floats(0.01, 500), st.integers(1, 1000))
+def test_a_grid_is_no_coarser_than_it_must_be_nor_has_cells_beyond_its_rectangle(width, height, cell, most):
+    grid = Grid.over((-7.0, 3.0, width - 7.0, height + 3.0), cell, most)
+    assert (grid.x, grid.y) == (-7.0, 3.0)
+    assert grid.cell == cell or grid.cells >= most * (1 - 1e-9)
+    assert grid.cells <= most + grid.columns + grid.rows + 1
+    assert (grid.columns - 1) * grid.cell < width * (1 + 1e-9)
+    assert (grid.rows - 1) * grid.cell < height * (1 + 1e-9)
+    assert grid.numbers == (-7.0, 3.0, 1 / grid.cell, grid.columns, grid.rows)
+
+
+@pytest.mark.parametrize("extent", [(1000.0, 1e-6), (1e-6, 1000.0), (0.0, 10.0), (10.0, 0.0)])
+def test_a_grid_over_a_strip_has_about_as_many_cells_as_asked_for(extent):
+    grid = Grid.over((0.0, 0.0, *extent), 1e-9, 50)
+    assert {grid.columns, grid.rows} == {1, 50}
+
+
+def test_a_cell_holds_its_lower_and_left_border_and_the_last_one_the_border_of_the_grid_too():
+    assert [cell_index(value, 10.0, 0.5, 3) for value in (9.0, 10.0, 11.9, 12.0, 14.0, 15.9, 16.0, 99.0)] == [
+        *(0, 0, 0, 1, 2, 2, 2, 2)
+    ]
 
 
 @given(st.floats(allow_nan=False), st.integers(1, 100))

@@ -66,6 +66,7 @@ def test_the_nearest_point_of_a_segment_is_as_far_as_shapelys(x, y, ax, ay, bx, 
 def test_the_nearest_point_is_on_the_face_or_at_an_end():
     assert nearest_on_segment(3.0, 4.0, 0.0, 0.0, 10.0, 0.0) == (3.0, 0.0, True)
     assert nearest_on_segment(0.0, 4.0, 0.0, 0.0, 10.0, 0.0) == (0.0, 0.0, False)
+    assert nearest_on_segment(10.0, 4.0, 0.0, 0.0, 10.0, 0.0) == (10.0, 0.0, False)
     assert nearest_on_segment(12.0, 4.0, 0.0, 0.0, 10.0, 0.0) == (10.0, 0.0, False)
     assert nearest_on_segment(1.0, 1.0, 7.0, 7.0, 7.0, 7.0) == (7.0, 7.0, False)
 

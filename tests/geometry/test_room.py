@@ -6,7 +6,7 @@ import shapely
 from shapely.geometry import Point
 
 from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.geometry.room import Crowded, outside, part_around, room_for_disc, room_to_try
+from mesa_swarm.geometry.room import Crowded, areas_by_cell, outside, part_around, room_for_disc, room_to_try
 from support.pace import work_within
 
 TWO = shapely.union_all([shapely.box(0, 0, 1, 1), shapely.box(5, 0, 7, 1)])
@@ -21,9 +21,10 @@ def test_a_grown_disc_is_drawn_around_the_circle_and_touches_it(quarter_segments
     assert max(math.hypot(*corner) for corner in corners) == pytest.approx(20.0 * outside(quarter_segments))
 
 
+@pytest.mark.parametrize("sides", [(100, 300), (300, 100), (100, 100)])
 @pytest.mark.parametrize("radius", [50.0, 60.0])
-def test_there_is_no_room_for_a_disc_as_wide_as_the_world(radius):
-    room = room_for_disc((0, 0, 100, 300), [], radius, 16)
+def test_there_is_no_room_for_a_disc_as_wide_as_the_world(radius, sides):
+    room = room_for_disc((7, 3, 7 + sides[0], 3 + sides[1]), [], radius, 16)
     assert room.is_empty
     assert part_around(room, (50, 50), 1e9) is None
 
@@ -74,3 +75,72 @@ def test_a_round_outline_of_very_many_corners_is_grown_whole():
     ring = shapely.Polygon(50 + 20 * np.column_stack([np.cos(azimuth), np.sin(azimuth)]))
     room = room_to_try((0, 0, 100, 100), [(ring, 0.0)], 5.0, 16)
     assert room.area == pytest.approx(90**2 - math.pi * 25**2, rel=1e-3)
+
+
+def test_without_solids_the_centre_may_be_a_radius_and_more_from_the_border():
+    for make in (room_for_disc, room_to_try):
+        assert make((10, 20, 110, 60), [], 5.0, 16).bounds == (15, 25, 105, 55)
+
+
+def apart(count, pitch=20.0):
+    """Return unit discs that are far from each other, and the bounds of the square that holds them."""
+    side = math.ceil(math.sqrt(count))
+    return [(Point(pitch * (k % side), pitch * (k // side)), 1.0) for k in range(count)], (0, 0, *[pitch * side] * 2)
+
+
+@pytest.mark.parametrize(("count", "is_crowd"), [(2000, False), (2001, True)])
+def test_more_than_two_thousand_solids_are_a_crowd(count, is_crowd):
+    solids, bounds = apart(count)
+    assert isinstance(room_to_try(bounds, solids, 1.0, 4), Crowded) is is_crowd
+
+
+def piled(*counts):
+    """Return piles of small discs, far apart, in each of which all would overlap once grown by 5, and now none."""
+    return [(Point(100 * pile + 0.01 * k, 10), 0.004) for pile, count in enumerate(counts) for k in range(count)]
+
+
+@pytest.mark.parametrize(
+    ("counts", "is_crowd"),
+    [((316,), False), ((317,), True), ((224, 224, *[1] * 60), False), ((225, 225, *[1] * 60), True)],
+)
+def test_more_than_fifty_thousand_pairs_that_overlap_once_grown_are_a_crowd(counts, is_crowd):
+    # n discs in a pile are n (n - 1) / 2 pairs: 49,770 of 316 and 50,086 of 317; 49,952 and 50,400 of two piles.
+    room = room_to_try((0, 0, 7000, 20), piled(*counts), 5.0, 4)
+    assert isinstance(room, Crowded) is is_crowd
+
+
+def test_in_a_crowd_a_place_is_free_if_it_is_far_enough_from_every_solid():
+    rng = np.random.default_rng(3)
+    centres, radii = rng.uniform(0, 300, (2400, 2)), rng.uniform(0.1, 2.5, 2400)
+    room = room_to_try((0, 0, 300, 200), list(zip(map(Point, centres), radii, strict=True)), 2.0, 16)
+    points = rng.uniform(-10, 310, (4000, 2))
+    x, y = points.T
+    gap = np.min(np.hypot(*(points[:, None] - centres).transpose(2, 0, 1)) - radii, axis=1)
+    gap = np.min([gap, x, 300 - x, y, 200 - y], axis=0)
+    free = room.holds(points)
+    assert free[gap > 2.0 * outside(16) + 0.01].all()
+    assert not free[gap < 2.0].any()
+    assert free.any()
+
+
+def test_the_areas_of_cells_are_those_of_the_parts_in_them_wherever_the_bounds_are():
+    space = shapely.Point(3, -4).buffer(3.0)
+    areas = areas_by_cell(space, (-1, -8, 7, 1), 3, 4)
+    for row in range(3):
+        for column in range(4):
+            cell = shapely.box(-1 + 2 * column, -8 + 3 * row, 1 + 2 * column, -5 + 3 * row)
+            assert areas[row, column] == pytest.approx(space.intersection(cell).area, abs=1e-12)
+
+
+def test_the_first_solid_that_is_no_valid_geometry_is_named():
+    bow_tie = shapely.Polygon([(0, 0), (10, 10), (10, 0), (0, 10)])
+    with pytest.raises(InvalidValueError, match=r"solids holds <POLYGON \(\(0 0, 10 10"):
+        room_for_disc((0, 0, 9, 9), [(Point(1, 1), 1.0), (bow_tie, 0.0), ("text", 0.0)], 1.0, 16)
+
+
+def test_a_long_jagged_outline_is_grown_whole_and_so_exactly():
+    x = np.arange(0, 1500.0, 1.5)
+    coast = shapely.Polygon([(-1, -9), *np.column_stack([x, 20 + 3 * (np.arange(len(x)) % 2)]), (1500, -9)])
+    room = room_for_disc((0, -50, 1500, 100), [(coast, 0.0)], 5.0, 16)
+    inner = shapely.box(5, -45, 1495, 95)
+    assert room.equals(inner.difference(coast.buffer(5.0 * outside(16), quad_segs=16)))

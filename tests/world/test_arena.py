@@ -243,6 +243,23 @@ def test_neighbours_do_not_include_oneself():
     assert agents[0].get_nearest_neighbors(99)[0] == agents[1:]
 
 
+def test_neighbours_are_those_within_one_unit_or_the_single_nearest_unless_asked_otherwise():
+    model = empty()
+    robots = list(model.add_robots(blind(0.25), poses=[(50, 50, 0), (51, 50, 0), (50, 48.999, 0), (50, 51.5, 0)]))
+    assert robots[0].get_neighbors_in_radius()[0] == [robots[1]]
+    assert robots[0].get_nearest_neighbors()[0] == [robots[1]]
+    assert model.space.get_k_nearest_agents((50, 51.4))[0] == [robots[3]]
+    assert [robots[0].get_nearest_neighbors(k)[0] for k in (0, -1, -(2**31))] == [[], [], []]
+    with pytest.raises(InvalidValueError, match="k is"):
+        robots[0].get_nearest_neighbors(-(2**31) - 1)
+
+
+def test_the_agents_of_a_model_may_be_indexed_and_sliced():
+    model = empty()
+    robots = list(model.add_robots(blind(), 4))
+    assert (model.robots[0], model.robots[-1], model.robots[1:3]) == (robots[0], robots[3], robots[1:3])
+
+
 def test_a_torus_takes_positions_from_beyond_its_border_to_the_other_side():
     space, (agent,) = populated([(10, 20)], torus=True)
     agent.position = (110, -5)

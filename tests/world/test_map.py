@@ -3,6 +3,7 @@
 import errno
 import math
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -115,6 +116,23 @@ def test_a_written_map_has_a_line_for_each_number_and_whole_numbers_have_no_poin
     assert head == ['name = "hall"', "width = 80", "height = 60", "", "[[obstacle]]", 'shape = "disc"']
     assert (centre, radius) == ("centre = [40, 20.5]", "radius = 5")
     assert '    <circle cx="40" cy="20.5" r="5"/>\n' in hall.to_svg()
+
+
+def test_a_drawing_has_marks_brown_and_fires_the_paler_the_cooler_with_all_that_is_needed_to_read_it():
+    marked = Map(
+        name="hall", bounds=(-5, 3, 75, 63), obstacles=[rectangle((1, 4), (2, 6), contact=False)],
+        fires=[FireSpot((30, 20), 5), FireSpot((50, 20.5), 5, 0.2)],
+    )  # fmt: skip
+    drawing = marked.to_svg()
+    assert 'width="80" height="60" viewBox="0 0 80 60" data-bounds="-5 3 75 63"' in drawing
+    assert '<g transform="translate(5 -3)">' in drawing
+    assert '<rect class="mark" fill="#9c8858" x="1" y="4" width="1" height="2"/>' in drawing
+    hot, cool = re.findall(r'r="5" data-temperature="(.*?)" fill="#e81c14" fill-opacity="(.*?)" stroke', drawing)
+    assert (hot, cool) == (("1", "1.00"), ("0.2", "0.48"))
+    assert drawing.count("<g ") == drawing.count("</g>") == 2
+    moved = Map(name="hall", bounds=(0, 3, 75, 63))
+    assert "data-bounds" in moved.to_svg()
+    assert "data-bounds" not in Map(name="hall", bounds=(0, 0, 75, 63)).to_svg()
 
 
 @pytest.mark.parametrize("name", ["x & <y> \"z\" 'w'", "back\\slash", "Häuschen 房子"])

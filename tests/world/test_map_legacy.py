@@ -85,6 +85,8 @@ def test_flat_lists_signs_floats_and_bare_calls_are_tolerated():
         ("[" + "1," * 100_000 + "]", "words, brackets and lines; expected at most 150,000"),
         ("9" * 5000, "hall.map"),
         ("f'" + "".join(f"{{a{i}}}xxxxxxxxxxxx" for i in range(36_000)) + "'", "begins with f"),
+        ("\n\n  t'x'", "line 3: has a string that begins with t"),
+        ("\n['', F'x']", "line 2: has a string that begins with F"),
         ('# it\'s\n[Rf"""' + "{a}x\n" * 20_000 + '"""]', "line 2: has a string that begins with Rf"),
         ("#" * 1_000_001, "more than"),
     ],
@@ -96,6 +98,13 @@ def test_a_wrong_legacy_map_is_refused_within_a_second_on_one_line(text, reason)
     assert str(error.value).startswith("hall.map: ")
     assert reason in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_the_map_spans_to_the_far_corner_of_all_bodies_whichever_corner_is_given_first():
+    boxes = "[Obstacle('rec', [[70, 9], [3, 40]]), Obstacle('cir', [[20, 30], 15]), Fire([[60, 20], 12])]"
+    assert read(boxes).bounds == (0, 0, 72, 45)
+    assert read(boxes).obstacles[0] == rectangle((3, 5), (70, 36))
+    assert read("[Fire([[10, 20], 5])]").bounds == (0, 0, 15, 25)
 
 
 def test_letters_before_quotes_in_remarks_and_strings_are_no_prefixes():

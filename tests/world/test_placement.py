@@ -106,6 +106,42 @@ def test_places_are_spread_evenly_over_the_free_space():
     assert abs(counts - 250).max() < 5 * math.sqrt(250)
 
 
+def test_places_are_spread_evenly_also_over_a_slanting_strip_of_a_vast_map():
+    strip = shapely.transform(shapely.box(0, 0, 3000, 4), lambda at: at @ [[0.8, 0.6], [-0.6, 0.8]] + [7, -9])
+    assert strip.area < 0.01 * shapely.box(*strip.bounds).area
+    places = place_apart(4000, 1e-3, strip, *NO_OTHERS, np.random.default_rng(1))
+    assert shapely.dwithin(strip, shapely.points(places), 1e-9).all()
+    along, across = ((places - [7, -9]) @ [[0.8, -0.6], [0.6, 0.8]]).T
+    counts = np.histogram2d(along, across, bins=(5, 4), range=[[0, 3000], [0, 4]])[0]
+    assert abs(counts - 200).max() < 5 * math.sqrt(200)
+    # In each triangle too: its corners' halves hold a quarter each.
+    counts = np.histogram2d(along, across / 4 - along / 3000, bins=(2, 2), range=[[0, 3000], [-1, 1]])[0]
+    assert np.abs(counts / 4000 - [[0.125, 0.375], [0.375, 0.125]]).max() < 0.04
+
+
+def test_of_a_number_beyond_all_bounds_it_is_known_how_many_fit_at_most():
+    space = shapely.box(0, 0, 8e6, 6e6)
+    with pytest.raises(
+        PlacementError, match=r"^10{17} robots of radius 5 do not fit on the map: at most \d+ would"
+    ) as caught:
+        place_apart(10**17, 5.0, space, *NO_OTHERS, np.random.default_rng(1))
+    most = int(re.search(r"at most (\d+)", str(caught.value))[1])
+    assert most == pytest.approx(8e6 * 6e6 / (math.pi * 25), rel=1e-5)
+
+
+def test_among_robots_that_are_there_already_a_place_is_drawn_as_if_they_were_not_unless_it_overlaps_one():
+    space = free_space((0, 0, 300, 200), [], NO_FIRES, 3.0)
+    rng = np.random.default_rng(2)
+    others = rng.uniform((0, 0), (300, 200), (60, 2)), rng.uniform(1, 20, 60)
+    alone, among = (place_apart(200, 3.0, space, *o, np.random.default_rng(5)) for o in (NO_OTHERS, others))
+    assert least_gap(among, 3.0, others) >= 0
+    gap = np.min(np.hypot(*(alone[:, None] - others[0]).transpose(2, 0, 1)) - others[1], axis=1)
+    # The places drawn first are the same ones, but for those that overlap.
+    first = [place for place, far in zip(alone[:40].tolist(), gap[:40] >= 3.0, strict=True) if far]
+    assert len(first) > 5
+    assert all(place in among.tolist() for place in first)
+
+
 @settings(max_examples=20)
 @given(
     width=st.floats(11, 200), height=st.floats(11, 200), radius=st.floats(2, 20), seed=st.integers(0, 1000),

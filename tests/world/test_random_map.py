@@ -1,5 +1,7 @@
 """Random maps: always the same for a number, whole, and with room for robots."""
 
+import math
+
 import numpy as np
 import pytest
 import shapely
@@ -15,6 +17,36 @@ from support.scenes import PROMISED, ahead, worst_overlap
 def test_a_number_always_gives_the_same_map_and_another_number_another():
     assert random_map(5) == random_map(5)
     assert len({random_map(k).to_toml() for k in range(6)}) == 6
+
+
+def test_a_number_names_the_same_map_in_every_release():
+    # Stored numbers; digits beyond a hundredth may depend on how a processor takes a sine.
+    sums = {4: (12, 91105.617), 11: (12, 100285.804)}
+    for number, (count, area) in sums.items():
+        made = random_map(number)
+        assert len(made.obstacles) == count
+        assert sum(o.geometry.area + math.pi * o.radius**2 for o in made.obstacles) == pytest.approx(area, abs=0.01)
+        assert (made.name, made.bounds) == (f"random {number}", (0, 0, 800, 600))
+
+
+def test_discs_and_walls_are_of_the_sizes_of_rooms_and_lie_within_the_map():
+    inside = [o for number in range(12) for o in random_map(number).obstacles[4:]]
+    radii = [o.radius for o in inside if o.is_disc]
+    assert 15 <= min(radii) < 25
+    assert 45 < max(radii) <= 60
+    assert 0.25 < len(radii) / len(inside) < 0.65
+    sides = np.array(
+        [sorted(np.hypot(*np.diff(o.geometry.exterior.coords, axis=0).T)) for o in inside if not o.is_disc]
+    )
+    thickness, length = np.sort(sides)[:, [0, -1]].T
+    assert sides == pytest.approx(np.sort(sides)[:, [0, 0, 3, 3]])
+    assert 15 <= thickness.min() < 20
+    assert thickness.max() <= 60
+    assert 200 < length.max() <= 320
+    assert all(((o.geometry.centroid.x, o.geometry.centroid.y) >= np.array([20, 20])).all() for o in inside)
+    walls = np.array([o.bounds for o in inside if not o.is_disc])
+    assert (walls[:, :2] >= 0).all()
+    assert (walls[:, 2:] <= (800, 600)).all()
 
 
 @pytest.mark.parametrize("number", range(8))

@@ -1,5 +1,6 @@
 """Shapes: what is accepted, what is refused, and when two are equal."""
 
+import json
 import math
 
 import numpy as np
@@ -8,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.world.shapes import MOST_VERTICES, disc, polygon, rectangle
+from mesa_swarm.world.shapes import MOST_VERTICES, disc, polygon, rectangle, shape_from_json, shape_to_json
 from support.pace import work_within
 
 WRONG_NUMBERS = [math.nan, math.inf, -math.inf, 2e9, 10**400, "1", None, True, [1]]
@@ -105,3 +106,37 @@ def test_a_mark_differs_from_an_obstacle_of_the_same_shape():
 
 def test_a_polygon_whose_outline_is_a_box_counts_as_a_rectangle():
     assert polygon([(0, 0), (4, 0), (4, 2), (0, 2)]) == rectangle((0, 0), (4, 2))
+
+
+def test_the_bounds_and_the_position_of_a_shape_are_those_of_its_body():
+    assert disc((3, -4), 5).bounds == (-2, -9, 8, 1)
+    assert disc((3, -4), 5).position.tolist() == [3, -4]
+    corner = polygon([(0, 0), (6, 0), (0, 9)])
+    assert corner.bounds == (0, 0, 6, 9)
+    assert corner.position == pytest.approx([2, 3])
+    assert not corner.is_disc
+    assert corner != "a corner"
+    assert len({disc((0, 0), 1), disc((0, 0), 2), disc((0, 0), 1, contact=False), disc((0, 0), 1)}) == 3
+
+
+@given(st.integers(3, 9), st.floats(-100, 100), st.floats(0.5, 50), st.booleans(), st.booleans())
+def test_a_shape_that_went_through_json_is_equal(n, x, size, has_hole, contact):
+    turn = 2 * math.pi * np.arange(n) / n
+    ring = size * np.column_stack([np.cos(turn), np.sin(turn)]) + (x, -x)
+    made = polygon(ring, [0.5 * (ring - (x, -x)) + (x, -x)] if has_hole else [], contact=contact)
+    for shape in (made, disc((x, 2 * x), size, contact=contact)):
+        text = json.dumps(shape_to_json(shape))
+        assert shape_from_json(json.loads(text)) == shape
+        assert ("mark" in text) is not contact
+
+
+def test_a_closed_outline_is_that_without_its_last_point_and_holes_too():
+    outline, hole = [(0, 0), (10, 0), (10, 9), (0, 9)], [(1, 1), (2, 1), (1, 2)]
+    assert polygon([*outline, outline[0]]) == polygon(np.array(outline, float)) == polygon(outline)
+    assert polygon([*outline, outline[0]], [[*hole, hole[0]]]) == polygon(outline, [hole])
+
+
+@pytest.mark.parametrize("point", [("1", 2), (1, "2"), (True, 2), (1, False), (1,), (1, 2, 3), None, (1, None)])
+def test_a_point_is_two_numbers_and_neither_text_nor_a_flag(point):
+    with pytest.raises(InvalidValueError, match=r"centre has the point .*; expected two numbers \(x, y\)"):
+        disc(point, 1)

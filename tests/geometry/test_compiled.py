@@ -1,0 +1,46 @@
+"""Compiled functions: NumPy's arithmetic, stored on disk, and a few caches of older sources at most."""
+
+import math
+import os
+
+import numba
+import pytest
+
+from mesa_swarm.geometry import compiled as module
+from mesa_swarm.geometry.compiled import MOST_CACHES, compiled
+
+
+@compiled
+def quotient(a, b):
+    return a / b
+
+
+def test_a_division_by_zero_is_infinite_as_numpys_is_and_raises_nothing():
+    assert quotient(1.0, 0.0) == math.inf
+    assert math.isnan(quotient(0.0, 0.0))
+
+
+def test_machine_code_is_stored_in_the_cache_of_these_sources_and_numbas_own_setting_stays():
+    before = numba.config.CACHE_DIR
+    assert compiled(quotient.py_func).stats.cache_path.startswith(str(module._CACHE))
+    assert before == numba.config.CACHE_DIR
+
+
+@pytest.mark.parametrize("exists", [False, True])
+def test_a_new_cache_leaves_the_newest_of_the_old_ones_and_an_old_one_leaves_all(tmp_path, monkeypatch, exists):
+    for age in range(7):
+        folder = tmp_path / f"kernels-{age * 37 % 7}"
+        folder.mkdir()
+        os.utime(folder, (1000 - age, 1000 - age))
+    monkeypatch.setattr(module, "_CACHES", tmp_path)
+    monkeypatch.setattr(module, "_CACHE", tmp_path / ("kernels-0" if exists else "kernels-new"))
+    module._drop_old_caches()
+    newest = {f"kernels-{age * 37 % 7}" for age in range(7 if exists else MOST_CACHES - 1)}
+    assert {folder.name for folder in tmp_path.iterdir()} == newest
+
+
+def test_the_stamp_is_that_of_every_source_that_may_hold_a_compiled_function():
+    sources = list(module.PACKAGE.glob("*/*.py"))
+    holding = {path.parent.name for path in sources if "geometry.compiled import" in path.read_text(encoding="utf-8")}
+    assert holding <= set(module.FLOORS)
+    assert (module.PACKAGE / "geometry" / "compiled.py").samefile(module.__file__)
