@@ -19,10 +19,11 @@ LASTING = "body."
 MESSAGES = ("task", "goal", "sent_goal", "heard_layer", "heard_task", "heard_from", "heard_goal")
 
 
-def _column(dtype: type, initial: object, *shape: int | str) -> Any:
-    """Declare a column: its type, the value of a new robot, and its shape after the row.
+def _column(shape: tuple[int | str, ...], dtype: type, initial: object) -> Any:
+    """Declare a column: its shape after the row, its type, and the value of a new robot.
 
-    A string names a width that the designs decide.
+    A string in the shape names a width that the designs decide. The declarations are removed from the class once
+    `COLUMNS` has them: an attribute is an array or does not exist.
     """
     return shape, dtype, initial
 
@@ -36,10 +37,14 @@ class Swarm:
 
     Attributes
     ----------
+    number : int64 ndarray, shape (n,)
+        Counts the robots from 0 in the order in which they were added; robots that are removed leave gaps.
+    design : int64 ndarray, shape (n,)
+        Index in `designs`.
     position : ndarray, shape (n, 2), map units
     heading : ndarray, shape (n,), rad in [-pi, pi)
-    command : ndarray, shape (n, 2)
-        Commanded rim speeds left and right, map units a step.
+    command, last_command : ndarrays, shape (n, 2)
+        Commanded rim speeds left and right, map units a step; those of the step before.
     layer : int64 ndarray, shape (n,)
         Index of the layer that won, -1 if none was active.
     task : int64 ndarray, shape (n,)
@@ -55,12 +60,20 @@ class Swarm:
     distance, kind : ndarrays, shape (n, s)
         What the proximity sensors read: distance, -1 for nothing; 0 obstacle, 1 robot, 2 fire, 3 load,
         -1 nothing.
+    error : ndarray, shape (n, s)
+        The relative error of each proximity sensor that is held at present.
     radiation : ndarray, shape (n, q)
+        The highest temperature of a fire in the sector of each radiation sensor, 0 to 1, 0 for none.
     line : bool ndarray, shape (n, l)
+        Whether each line sensor is over a mark on the ground.
     slip : ndarray, shape (n, 2)
-        (m - v) / m per wheel, 0 where m = 0 (A.5). The truth; robots do not know it.
+        (m - v) / m of the left and the right wheel, 0 where m = 0 (A.5). The truth; robots do not know it.
     collided : bool ndarray, shape (n,)
         Whether the robot overlapped anything during the step.
+    contact_kind, contact_index : int64 ndarrays, shape (n,)
+        Of its deepest contact: 0 obstacle or border, 1 robot, 2 fire, 3 load, -1 for none; and the row of that body.
+    contact_normal, contact_depth : ndarrays, shapes (n, 2), (n,)
+        The unit vector from that body to the robot, and how far they overlapped, map units.
     temperature, heat : ndarrays, shape (n,)
         Of the robot, and what it took from a fire in this step.
     hot : bool ndarray, shape (n,)
@@ -68,7 +81,7 @@ class Swarm:
     fire : int64 ndarray, shape (n,)
         Index of the fire that it fights, -1 for none.
     radius, max_speed, tendency : ndarrays, shape (n,)
-        Tendency is +1 for left, -1 for right.
+        In map units, and map units a step; the tendency is +1 for left, -1 for right.
 
     Examples
     --------
@@ -76,38 +89,38 @@ class Swarm:
     (0, 2)
     """
 
-    number: NDArray[np.int64] = _column(np.int64, 0)
-    design: NDArray[np.int64] = _column(np.int64, 0)
-    position: NDArray[np.float64] = _column(np.float64, 0.0, 2)
-    heading: NDArray[np.float64] = _column(np.float64, 0.0)
-    radius: NDArray[np.float64] = _column(np.float64, 0.0)
-    max_speed: NDArray[np.float64] = _column(np.float64, 0.0)
-    tendency: NDArray[np.float64] = _column(np.float64, 1.0)
-    distance: NDArray[np.float64] = _column(np.float64, -1.0, "proximity")
-    kind: NDArray[np.int8] = _column(np.int8, -1, "proximity")
-    error: NDArray[np.float64] = _column(np.float64, 0.0, "proximity")
-    radiation: NDArray[np.float64] = _column(np.float64, 0.0, "radiation")
-    line: NDArray[np.bool] = _column(np.bool_, False, "line")
-    command: NDArray[np.float64] = _column(np.float64, 0.0, 2)
-    last_command: NDArray[np.float64] = _column(np.float64, 0.0, 2)
-    layer: NDArray[np.int64] = _column(np.int64, -1)
-    task: NDArray[np.int64] = _column(np.int64, -1)
-    goal: NDArray[np.float64] = _column(np.float64, math.nan, 2)
-    sent_goal: NDArray[np.float64] = _column(np.float64, math.nan, 2)
-    heard_layer: NDArray[np.int64] = _column(np.int64, -1)
-    heard_task: NDArray[np.int64] = _column(np.int64, -1)
-    heard_from: NDArray[np.float64] = _column(np.float64, math.nan, 2)
-    heard_goal: NDArray[np.float64] = _column(np.float64, math.nan, 2)
-    slip: NDArray[np.float64] = _column(np.float64, 0.0, 2)
-    collided: NDArray[np.bool] = _column(np.bool_, False)
-    contact_kind: NDArray[np.int64] = _column(np.int64, -1)
-    contact_index: NDArray[np.int64] = _column(np.int64, -1)
-    contact_normal: NDArray[np.float64] = _column(np.float64, 0.0, 2)
-    contact_depth: NDArray[np.float64] = _column(np.float64, 0.0)
-    temperature: NDArray[np.float64] = _column(np.float64, 0.0)
-    heat: NDArray[np.float64] = _column(np.float64, 0.0)
-    hot: NDArray[np.bool] = _column(np.bool_, False)
-    fire: NDArray[np.int64] = _column(np.int64, -1)
+    number: NDArray[np.int64] = _column((), np.int64, 0)
+    design: NDArray[np.int64] = _column((), np.int64, 0)
+    position: NDArray[np.float64] = _column((2,), np.float64, 0.0)
+    heading: NDArray[np.float64] = _column((), np.float64, 0.0)
+    radius: NDArray[np.float64] = _column((), np.float64, 0.0)
+    max_speed: NDArray[np.float64] = _column((), np.float64, 0.0)
+    tendency: NDArray[np.float64] = _column((), np.float64, 1.0)
+    distance: NDArray[np.float64] = _column(("proximity",), np.float64, -1.0)
+    kind: NDArray[np.int8] = _column(("proximity",), np.int8, -1)
+    error: NDArray[np.float64] = _column(("proximity",), np.float64, 0.0)
+    radiation: NDArray[np.float64] = _column(("radiation",), np.float64, 0.0)
+    line: NDArray[np.bool] = _column(("line",), np.bool_, False)
+    command: NDArray[np.float64] = _column((2,), np.float64, 0.0)
+    last_command: NDArray[np.float64] = _column((2,), np.float64, 0.0)
+    layer: NDArray[np.int64] = _column((), np.int64, -1)
+    task: NDArray[np.int64] = _column((), np.int64, -1)
+    goal: NDArray[np.float64] = _column((2,), np.float64, math.nan)
+    sent_goal: NDArray[np.float64] = _column((2,), np.float64, math.nan)
+    heard_layer: NDArray[np.int64] = _column((), np.int64, -1)
+    heard_task: NDArray[np.int64] = _column((), np.int64, -1)
+    heard_from: NDArray[np.float64] = _column((2,), np.float64, math.nan)
+    heard_goal: NDArray[np.float64] = _column((2,), np.float64, math.nan)
+    slip: NDArray[np.float64] = _column((2,), np.float64, 0.0)
+    collided: NDArray[np.bool] = _column((), np.bool_, False)
+    contact_kind: NDArray[np.int64] = _column((), np.int64, -1)
+    contact_index: NDArray[np.int64] = _column((), np.int64, -1)
+    contact_normal: NDArray[np.float64] = _column((2,), np.float64, 0.0)
+    contact_depth: NDArray[np.float64] = _column((), np.float64, 0.0)
+    temperature: NDArray[np.float64] = _column((), np.float64, 0.0)
+    heat: NDArray[np.float64] = _column((), np.float64, 0.0)
+    hot: NDArray[np.bool] = _column((), np.bool_, False)
+    fire: NDArray[np.int64] = _column((), np.int64, -1)
 
     def __init__(self) -> None:
         self.table = DesignTable.of(())
@@ -118,6 +131,10 @@ class Swarm:
         self._memory: dict[str, tuple[tuple, type, object]] = {}
         self.columns: dict[str, np.ndarray] = {}
         self._resize(np.empty(0, np.int64), 0)
+
+    def __getstate__(self) -> dict:
+        """Leave out the views of columns, which would be stored as copies."""
+        return {name: value for name, value in self.__dict__.items() if name not in self.columns}
 
     def __setstate__(self, state: dict) -> None:
         """Give a copied or unpickled swarm views of its own columns."""
@@ -201,14 +218,17 @@ class Swarm:
     def forget(self) -> None:
         """Drop the columns of all layers."""
         for name in [name for name in self._memory if not name.startswith(LASTING)]:
-            del self.columns[name], self._memory[name]
+            self._drop(name)
         self.version += 1
 
     def drop_body_columns(self) -> None:
         """Drop the columns that belong to the robots' bodies."""
         for name in [name for name in self._memory if name.startswith(LASTING)]:
-            del self.columns[name], self._memory[name]
+            self._drop(name)
         self.version += 1
+
+    def _drop(self, name: str) -> None:
+        del self.columns[name], self._memory[name], self.__dict__[name]
 
     def clear_messages(self) -> None:
         """Clear all that robots have sent and heard."""
@@ -250,3 +270,5 @@ class Swarm:
 
 
 COLUMNS: dict[str, tuple[tuple, type, object]] = {name: vars(Swarm)[name] for name in get_annotations(Swarm)}
+for _name in COLUMNS:
+    delattr(Swarm, _name)
