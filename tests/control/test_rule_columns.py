@@ -111,14 +111,6 @@ def test_readings_are_a_view_that_cannot_be_written_and_sums_of_them_are_ordinar
         readings[0] = 1.0
 
 
-def test_a_rule_passes_only_where_both_wheels_are_infinite():
-    def wheels(me, left=0.0, right=0.0, passes=True):
-        return PASS if passes else (left, right)
-
-    assert step_with(behaviour(wheels)).swarm.layer.tolist() == [-1]
-    assert step_with(behaviour(wheels)(passes=False)).swarm.layer.tolist() == [0]
-
-
 def test_whole_parameters_stay_whole_as_far_as_floats_represent_them():
     @behaviour
     def rule(me, count=1):
