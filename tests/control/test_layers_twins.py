@@ -38,8 +38,6 @@ from support.made_senses import (
     model_of_three_designs,
 )
 
-SEEDS = st.integers(0, 10_000)
-
 
 def on_the_spot(me, bearing):
     rim = min(abs(bearing) * me.radius, me.max_speed)
