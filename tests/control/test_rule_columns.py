@@ -44,10 +44,11 @@ def test_every_field_is_that_of_the_robot_itself(rule):
     senses.temperature[:] = np.arange(ROBOTS)
     senses.heard_layer[:] = np.arange(ROBOTS) % 5
     senses.heard_task[:] = np.arange(ROBOTS) % 7
+    model = model_of_three_designs()
     for number, field in enumerate(FIELDS):
-        model = model_of_three_designs(Subsumption(rule(field=number)))
+        model.control = Subsumption(rule(field=number))
         command, won = decided(model.control.layers[0], senses, drivers)
-        for i in np.flatnonzero(drivers < 0)[:: 1 if number == 0 else 5]:
+        for i in np.flatnonzero(drivers < 0)[:: 1 if number == 0 else 7]:
             me = known_to(senses, i)
             there = np.flatnonzero(me.sensors[:, 6] > 0)  # a range
             readings = me.distance[there] + 100.0 * me.kind[there] + 0.01 * me.bearing[there]
