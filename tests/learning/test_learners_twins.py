@@ -8,13 +8,24 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, SwarmModel
-from mesa_swarm.control import Subsumption
-from mesa_swarm.learning import HebbianLearning, PolicyLayer, QLearning, SensorLayout, WireFittedQ, reward
+from mesa_swarm.control import Avoid, Subsumption
+from mesa_swarm.errors import LearningError
+from mesa_swarm.learning import (
+    HebbianLearning,
+    Networks,
+    PolicyLayer,
+    QLearning,
+    QPolicy,
+    ReflexPolicy,
+    SensorLayout,
+    WireFittedQ,
+    reward,
+)
 from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, boltzmann, ranges_of, write_inputs
 from mesa_swarm.learning.fire_learning import SITUATIONS, SKILLS, LearnFires
 from mesa_swarm.learning.fitness import Tally, floreano
-from mesa_swarm.learning.learner import cool
-from mesa_swarm.learning.wire_learning import learn_one, propose
+from mesa_swarm.learning.learner import cool, is_bounded
+from mesa_swarm.learning.wire_learning import WirePolicy, learn_one, propose
 from mesa_swarm.robots.reasons import Moment
 from support.made_senses import (
     FIRE,
@@ -332,3 +343,67 @@ def test_readings_without_kinds_are_of_obstacles_and_what_is_not_seen_is_nothing
     distance, kind = SensorLayout.of(AGENT9).check_readings(readings, None)
     assert (distance == readings).all()
     assert kind.tolist() == [[0, -1, 0, 0, -1, 0, 0, 0, 0]]
+
+
+LEARNERS = [QLearning, WireFittedQ, HebbianLearning]
+
+
+@pytest.mark.parametrize("learner", LEARNERS)
+def test_a_lesson_is_learned_in_just_those_steps_that_follow_an_action_of_the_layer_itself(learner):
+    model = SwarmModel(map="original", rng=1)
+    model.add_robots(AGENT9, 6)
+    model.control = Subsumption(Avoid(distance=25), learner())
+    lessons, own = np.zeros(6, int), np.zeros(6, bool)
+    for _ in range(80):
+        model.step()
+        lessons += own
+        own = model.swarm.layer == 1
+        assert (model.swarm.columns[f"1.{learner.__name__}.lessons"] == lessons).all()
+    assert len(set(lessons)) > 1
+
+
+@pytest.mark.parametrize("learner", LEARNERS)
+@pytest.mark.parametrize("rows", [(0, 1, 2), (1, 2), (2,)])
+def test_of_several_robots_that_diverge_the_first_is_named(learner, rows):
+    model = learning(learner()).run(3)
+    column(model, "usual" if learner is HebbianLearning else "outer_bias")[list(rows)] = 1e300
+    with pytest.raises(LearningError, match=f"robot {model.robots[rows[0]].unique_id} in step 4"):
+        model.step()
+
+
+@pytest.mark.parametrize(("number", "bounded"), [(1e9, True), (math.nextafter(1e9, math.inf), False)])
+def test_a_thousand_million_is_the_largest_step_and_weight(number, bounded):
+    for sign in (-1, 1):
+        assert is_bounded(np.zeros((2, 3)), 1, sign * number) == bounded
+        assert is_bounded(np.array([[0.0, 0.0], [0.0, sign * number]]), 1, 0.0) == bounded
+        assert is_bounded(np.array([[0.0, sign * number], [0.0, 0.0]]), 1, 0.0)
+
+
+@pytest.mark.parametrize("learner", [QLearning, WireFittedQ])
+@pytest.mark.parametrize(("encoding", "inputs"), [("distance", 9), ("typed", 36)])
+def test_first_weights_of_robots_are_within_the_root_of_what_feeds_a_node(learner, encoding, inputs):
+    model = learning(learner(encoding=encoding), robots=30).run(1)
+    for part, feeding in zip(PARTS, (inputs + 1, inputs + 1, 19, 19), strict=True):
+        weights, limit = column(model, part), 1 / math.sqrt(feeding)
+        assert 0.95 * limit < weights.max() <= limit
+        assert -limit <= weights.min() < -0.95 * limit
+        assert len(np.unique(weights)) == weights.size
+
+
+def test_robots_that_come_to_others_that_share_what_they_learn_know_the_same():
+    model = learning(QLearning(shared=True)).run(10)
+    model.add_robots(FAST, 2)
+    model.run(1)
+    for part in PARTS:
+        assert (column(model, part) == column(model, part)[0]).all()
+    assert (learning(QLearning(shared=True)).run(1).control.layers[0].policy().copies) == 1
+
+
+def test_policies_are_untrained_of_distances_and_moderately_random_unless_they_are_given_otherwise():
+    policy = QPolicy.untrained(AGENT9, rng=np.random.default_rng(1))
+    assert (policy.actions, policy.encoding, policy.temperature, policy.steps) == (8, "distance", 0.2, 0)
+    assert (policy.copies, policy.training, policy.networks.inner.shape) == (1, {}, (8, 9, 18))
+    wires = WirePolicy(sensors=policy.sensors, networks=Networks.random(12, inputs=9, rng=np.random.default_rng(1)))
+    assert (wires.wires, wires.copies, wires.temperature, wires.steps) == (4, 1, 0.2, 0)
+    reflex = ReflexPolicy.of_genome(policy.sensors, np.zeros(22))
+    assert (reflex.memory, reflex.squash, reflex.encoding, reflex.steps) == (0, "linear", "distance", 0)

@@ -12,6 +12,7 @@ from mesa_swarm.errors import InvalidValueError, LearningError, SwarmError
 from mesa_swarm.learning import QPolicy
 from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, boltzmann
 from mesa_swarm.learning.reward_lab import learned_profile, marks_of, reward_profile, wall_readings
+from mesa_swarm.world.statics import OBSTACLE
 
 POINTS = 201
 STEP = 1 / (POINTS - 1)
@@ -103,6 +104,13 @@ def test_a_learned_profile_of_all_robots_is_the_mean_of_theirs():
     whole = learned_profile(policy, AGENT9, points=9)
     assert whole.values == pytest.approx(np.mean([one.values for one in each], axis=0))
     assert whole.policy == pytest.approx(np.mean([one.policy for one in each], axis=0))
+
+
+def test_a_wall_is_an_obstacle_to_a_policy_that_distinguishes_kinds():
+    policy = untrained(1, encoding="typed")
+    profile = learned_profile(policy, AGENT9, points=9)
+    readings = wall_readings(AGENT9, profile.distance * 50)
+    assert (profile.values == policy.values(readings, np.where(readings >= 0, OBSTACLE, -1))).all()
 
 
 def test_switches_and_doubt_of_a_learned_profile_are_where_its_curves_show_them():
