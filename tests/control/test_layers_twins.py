@@ -176,16 +176,18 @@ def test_a_layer_commands_what_its_documentation_promises_and_leaves_other_robot
 @pytest.mark.parametrize("layer", [Explore(), Explore(turn_interval=2), MatchVelocity(), Perimeter()])
 def test_layers_that_remember_leave_robots_that_are_driven_as_they_are_too(layer):
     model = model_of_three_designs(Subsumption(layer))
-    if hasattr(layer, "memory"):
-        for name, value in {"compared": 9, "seen": 1, "velocity": 0.4}.items():
-            model.swarm.columns[f"0.{layer.name}.{name}"][:] = value
-    drivers = made_drivers(1)
-    for seed in range(6):
+    active = 0
+    for seed in range(12):
+        drivers = made_drivers(seed)
+        if hasattr(layer, "memory"):
+            for name, value in {"compared": 9, "seen": 1, "velocity": 0.4}.items():
+                model.swarm.columns[f"0.{layer.name}.{name}"][:] = value
         command, won = decided(model.control.layers[0], made_senses(seed), drivers, index=0)
         assert (won[drivers >= 0] == drivers[drivers >= 0]).all()
         assert (command[drivers >= 0] == NOTHING_WRITTEN).all()
-    assert ((command != NOTHING_WRITTEN).all(axis=1) == (won != drivers)).all()
-    assert (won != drivers).any()
+        assert ((command != NOTHING_WRITTEN).all(axis=1) == (won != drivers)).all()
+        active += (won != drivers).sum()
+    assert active > 100
 
 
 def test_a_perimeter_settles_within_its_tolerance_and_leaves_beyond_twice_of_it():
@@ -300,8 +302,11 @@ def test_encounters_begin_go_on_and_end_as_documented():
     for seed in range(60):
         senses, drivers = made_senses(seed, senses), made_drivers(seed)
         comes = np.flatnonzero(np.random.default_rng(seed).random(2 * EACH) < 0.8)  # of those with a sensor ahead
-        senses.kind[comes, 0] = ROBOT
-        senses.distance[comes, 0] = np.random.default_rng(seed).choice([0.0, 10.0, 11.0, 25.0, 30.0, 50.0], len(comes))
+        front = senses.forward[senses.design[comes], 0]
+        senses.kind[comes, front] = ROBOT
+        senses.distance[comes, front] = np.random.default_rng(seed).choice(
+            [0.0, 10.0, 11.0, 25.0, 30.0, 50.0], len(comes)
+        )
         draws = np.random.default_rng(seed).choice([0.3, 1.0, 9.0], ROBOTS)
         nearest = np.array([nearest_robot_ahead(known_to(senses, i)) for i in range(ROBOTS)])
         command, won = np.full((ROBOTS, 2), NOTHING_WRITTEN), drivers.copy()

@@ -407,3 +407,13 @@ def test_policies_are_untrained_of_distances_and_moderately_random_unless_they_a
     assert (wires.wires, wires.copies, wires.temperature, wires.steps) == (4, 1, 0.2, 0)
     reflex = ReflexPolicy.of_genome(policy.sensors, np.zeros(22))
     assert (reflex.memory, reflex.squash, reflex.encoding, reflex.steps) == (0, "linear", "distance", 0)
+
+
+def test_at_full_speed_trials_count_from_there_and_not_from_beyond():
+    model = learning(HebbianLearning(eta=0), robots=20).run(1)
+    column(model, "weights")[:] = 0.0
+    column(model, "constant")[:] = (3.0, -3.0)
+    model.step()
+    tried = column(model, "tried")
+    assert column(model, "command") == pytest.approx(np.clip(np.array([1.0, -1.0]) + tried, -1, 1))
+    assert (np.abs(column(model, "command")) < 1).any()
