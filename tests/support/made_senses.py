@@ -11,10 +11,10 @@ from mesa_swarm.control.layer import Senses
 from support.scenes import empty
 
 OBSTACLE, ROBOT, FIRE, LOAD = range(4)
-# In other orders than usual: the first sensor is the right one, or the left one and there is none ahead.
+# In other orders than usual: the first sensor is the right one, or the left one where there is none on the right.
 SHUFFLED, SIDE = (
     RobotDesign(name=name, sensors=tuple(ProximitySensor(bearing_degrees=b, range=50) for b in bearings))
-    for name, bearings in (("shuffled", (-40, 0, 40)), ("side", (40, 180)))
+    for name, bearings in (("shuffled", (-40, 0, 40)), ("side", (40, 0, 180)))
 )
 EACH = 40
 ROBOTS = 3 * EACH
@@ -22,7 +22,7 @@ NOTHING_WRITTEN = 99.0
 
 
 def model_of_three_designs(control=None, **options):
-    """Return a model with forty robots of each of three designs, one of which has no sensor ahead."""
+    """Return a model with forty robots of each of three designs, one of which has no sensor on the right."""
     model = empty(2000, 2000, **options)
     places = [(20.0 + 40 * (k % 40), 20.0 + 40 * (k // 40), 0.0) for k in range(ROBOTS)]
     for number, design in enumerate((AGENT9, SHUFFLED, SIDE)):
@@ -42,7 +42,7 @@ def made_senses(seed: int, before: Senses | None = None) -> Senses:
     """Return random readings of `ROBOTS` robots; about half of the robots go on to read what they read before."""
     rng, blank = np.random.default_rng(seed), _blank()
     n, s = blank.distance.shape
-    there = np.arange(s) < np.array([9, 3, 2])[blank.design][:, None]
+    there = np.arange(s) < np.array([9, 3, 3])[blank.design][:, None]
     kind = np.where(there & (rng.random((n, s)) < rng.choice([0.2, 0.7], (n, 1))), rng.integers(0, 4, (n, s)), -1)
     places = rng.choice([-80.0, -60.0, -20.0, 0.0, 20.0, 60.0, 80.0], (2, n, 2))
     places[rng.random((2, n)) < 0.4] = np.nan
