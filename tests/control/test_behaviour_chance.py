@@ -1,13 +1,15 @@
 """Chance in rules: of the model's seed, and of nothing else."""
 
 import random
+from random import Random
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 
 from mesa_swarm import AGENT9
 from mesa_swarm.control import Explore, Subsumption, behaviour
-from mesa_swarm.errors import BehaviourError
+from mesa_swarm.errors import BehaviourError, UncompiledBehaviourWarning
 from support.rules import facing_a_disc, timid, wander
 from support.scenes import empty
 
@@ -63,7 +65,7 @@ def test_chance_is_uniform():
     assert abs(counts - 150).max() < 60  # five standard deviations
 
 
-GENERATOR = np.random.default_rng(1)
+GENERATOR, BITS = np.random.default_rng(1), np.random.PCG64(1)
 
 
 def own_chance():
@@ -76,11 +78,33 @@ def imports_it(me):
     return chances.random(), 1.0  # noqa: NPY002
 
 
+def imports_the_module(me):
+    import random as chances  # noqa: PLC0415
+
+    return chances.random(), 1.0
+
+
+def imports_the_part(me):
+    import numpy.random  # noqa: PLC0415
+
+    return numpy.random.random(), 1.0  # noqa: NPY002
+
+
+def imports_no_chance(me):
+    import numpy  # noqa: PLC0415
+
+    return numpy.hypot(0.3, 0.4), np.hypot(0.3, 0.4)
+
+
 OWN_RANDOMNESS = {
     "np.random": lambda me: (np.random.random(), 1.0),  # noqa: NPY002
     "random": lambda me: (random.random(), 1.0),
     "GENERATOR": lambda me: (GENERATOR.random(), 1.0),
     "numpy": imports_it,
+    "numpy.random": imports_the_part,
+    "Random": lambda me: (Random(1).random(), 1.0),
+    "default_rng": lambda me: (default_rng(1).random(), 1.0),
+    "BITS": lambda me: (BITS.random_raw() / 2**64, 1.0),
 }
 
 
@@ -89,6 +113,16 @@ def test_random_numbers_that_the_seed_does_not_govern_are_refused_with_the_cure(
     model, _ = facing_a_disc()
     with pytest.raises(BehaviourError, match=f"uses {name}, which .*; use me.chance"):
         model.control = Subsumption(behaviour(OWN_RANDOMNESS[name]))
+
+
+def test_a_module_of_chance_that_the_rule_imports_itself_is_refused_and_arithmetic_is_not():
+    model, _ = facing_a_disc()
+    with pytest.raises(BehaviourError, match="uses random, which"):
+        model.control = Subsumption(behaviour(imports_the_module))
+    model.control = Subsumption(behaviour(imports_no_chance))
+    with pytest.warns(UncompiledBehaviourWarning):
+        model.step()
+    assert model.swarm.command == pytest.approx(np.array([[0.5, 0.5]]))
 
 
 def test_random_numbers_of_a_helper_are_refused_too():

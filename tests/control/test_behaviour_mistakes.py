@@ -43,6 +43,7 @@ WRONG_RETURNS = {
     "yes and no": (lambda me: (True, False), "returned (True, False)"),
     "nan": (lambda me: (math.nan, 1.0), "returned (nan, 1)"),
     "half a PASS": (lambda me: (math.inf, 1.0), "returned (inf, 1)"),
+    "the other half": (lambda me: (1.0, math.inf), "returned (1, inf)"),
 }
 
 

@@ -153,17 +153,20 @@ def test_an_explanation_is_plain_values_whatever_kind_of_number_the_step_is():
         assert json.loads(json.dumps(asdict(why)))["step"] == 20
 
 
-def test_a_layer_that_writes_an_unknown_index_is_reported():
+@pytest.mark.parametrize("index", [1, 7])
+def test_a_layer_that_writes_an_unknown_index_is_reported(index):
+    unknown = index
+
     class Stray:
         name = "Stray"
 
         def bind(self, swarm, prefix, rng): ...
 
         def decide(self, senses, command, layer, index):
-            layer[:] = 7
+            layer[:] = unknown
 
     model = watched(Stray()).run(1)
-    with pytest.raises(BehaviourError, match=r"layer 7 drove robot \d+ in step 1, of 1 layers; a custom layer"):
+    with pytest.raises(BehaviourError, match=rf"layer {index} drove robot \d+ in step 1, of 1 layers; a custom layer"):
         model.explain(first(model))
 
 

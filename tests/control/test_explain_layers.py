@@ -52,6 +52,11 @@ class TestAvoid:
         assert why.sensors == (0, 1, 2)
         assert why.reason.startswith("right sensor")
 
+    def test_a_reading_that_is_rounded_up_to_the_distance_is_just_under_it(self):
+        for x, words in ((224.97, "front sensor 15.0 (an obstacle) just under 15"), (224.9, "14.9 (an obstacle) < 15")):
+            model = watched(Avoid(distance=15), design=AGENT3, obstacles=[disc((x, 150), 5)])
+            assert explanation(model.run(1)).reason.endswith(words)
+
     def test_leaves_out_what_it_does_not_fear(self):
         model = watched(Avoid(loads="never", fires="never"), design=AGENT3, obstacles=[BESIDE[1]])
         model.add_load(disc((220, 150), 5), resistance=100)
@@ -106,7 +111,10 @@ class TestExplore:
 
 
 class TestFollow:
-    @pytest.mark.parametrize(("x", "sign", "does"), [(240, ">", "goes ahead at 1"), (220, "<=", "goes ahead at 0.7")])
+    @pytest.mark.parametrize(
+        ("x", "sign", "does"),
+        [(240, ">", "goes ahead at 1"), (225, "<=", "goes ahead at 0.7"), (220, "<=", "goes ahead at 0.7")],
+    )
     def test_names_the_nearest_ahead_and_compares_the_gap(self, x, sign, does):
         model = watched(Follow(gap=15), poses=[(200, 150, 0.0), (x, 150, 0.0), (160, 150, 0.0)])
         why = explanation(model.run(1))

@@ -16,6 +16,7 @@ from mesa_swarm.learning import (
     policy_files,
     save_policy,
 )
+from mesa_swarm.robots.design import MOST_SENSORS
 from support.q_learners import driven, learned, trained
 
 
@@ -220,3 +221,72 @@ def test_training_figures_that_json_does_not_know_are_refused(policy, tmp_path):
     with pytest.raises(LearningError, match="may only hold texts and finite numbers"):
         save_policy(wrong, tmp_path / "a.npz")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_policy_of_just_the_largest_size_is_saved_and_loaded_and_one_byte_more_is_not(policy, tmp_path, monkeypatch):
+    path = save_policy(policy, tmp_path / "mine.npz")
+    with np.load(path) as found:
+        header, size = found["header"].nbytes, sum(found[name].nbytes for name in found.files)
+    with zipfile.ZipFile(path) as archive:
+        unpacked = sum(member.file_size for member in archive.infolist())
+    for name, most, words in (("LARGEST_SAVED", size, "of a file"), ("LONGEST_HEADER", header, "as JSON")):
+        with monkeypatch.context() as patched:
+            patched.setattr(policy_files, name, most)
+            assert same_policy(load_policy(save_policy(policy, path)), policy)
+            patched.setattr(policy_files, name, most - 1)
+            with pytest.raises(LearningError, match=words):
+                save_policy(policy, path)
+    for name, most, words in (("LARGEST_BYTES", unpacked, "unpacks to"), ("LONGEST_HEADER", header, "no header")):
+        with monkeypatch.context() as patched:
+            patched.setattr(policy_files, name, most)
+            assert same_policy(load_policy(path), policy)
+            patched.setattr(policy_files, name, most - 1)
+            assert words in refused(path)
+
+
+def test_a_file_of_just_the_largest_size_is_read_and_one_byte_more_is_not(file, monkeypatch):
+    size = file.stat().st_size
+    unpacking = "more than 64 arrays"  # of a smaller archive, whose contents are larger than the file
+    for most, message in ((size, unpacking), (size - 1, r"unpacks to more than 0 MB")):
+        monkeypatch.setattr(policy_files, "LARGEST_BYTES", most)
+        assert message in refused(file)
+
+
+def test_a_list_of_contents_of_just_the_longest_length_is_read_and_one_byte_more_is_not(file, policy, monkeypatch):
+    length = policy_files.END.unpack(file.read_bytes()[-policy_files.END.size :])[5]
+    monkeypatch.setattr(policy_files, "LARGEST_LIST", length)
+    assert same_policy(load_policy(file), policy)
+    monkeypatch.setattr(policy_files, "LARGEST_LIST", length - 1)
+    assert "damaged, or not an .npz file" in refused(file)
+
+
+@pytest.mark.parametrize(("more", "message"), [(59, "a q policy has"), (60, "more than 64 arrays")])
+def test_a_file_may_hold_64_arrays(file, more, message):
+    remade(file, **{f"other{k}": np.zeros(1) for k in range(more)})
+    assert message in refused(file)
+
+
+@pytest.mark.parametrize(("more", "message"), [(0, "expected 360 inputs"), (1, "not a list of at most 360 numbers")])
+def test_the_sensors_of_a_file_are_no_more_than_those_of_a_design(file, more, message):
+    rows = {name: [1.0] * (MOST_SENSORS + more) for name in ("bearings", "ranges", "fields_of_view")}
+    remade(file, sensors=rows)
+    assert message in refused(file)
+
+
+@pytest.mark.parametrize("array", [np.zeros((24, 18), np.float32), np.zeros((24, 18), np.int64)])
+def test_arrays_of_other_numbers_are_refused(file, array):
+    remade(file, outer=array)
+    assert "its 'outer' holds other values than finite float64 numbers" in refused(file)
+
+
+def test_an_array_that_is_as_large_as_its_shape_claims_is_read_and_one_that_claims_more_is_not(file):
+    with np.load(file) as found:
+        arrays = {name: found[name] for name in found.files}
+    for name in ("outer", "header"):
+        with zipfile.ZipFile(file, "w") as archive:
+            for other, array in arrays.items():
+                buffer = io.BytesIO()
+                np.save(buffer, array)
+                written = buffer.getvalue()
+                archive.writestr(f"{other}.npy", written[:128] if other == name else written)
+        assert "larger than the file" in refused(file)

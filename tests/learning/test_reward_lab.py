@@ -12,6 +12,7 @@ from mesa_swarm.errors import InvalidValueError, LearningError, SwarmError
 from mesa_swarm.learning import QPolicy
 from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, boltzmann
 from mesa_swarm.learning.reward_lab import learned_profile, marks_of, reward_profile, wall_readings
+from mesa_swarm.world.statics import OBSTACLE
 
 POINTS = 201
 STEP = 1 / (POINTS - 1)
@@ -105,16 +106,47 @@ def test_a_learned_profile_of_all_robots_is_the_mean_of_theirs():
     assert whole.policy == pytest.approx(np.mean([one.policy for one in each], axis=0))
 
 
+def test_a_wall_is_an_obstacle_to_a_policy_that_distinguishes_kinds():
+    policy = untrained(1, encoding="typed")
+    profile = learned_profile(policy, AGENT9, points=9)
+    readings = wall_readings(AGENT9, profile.distance * 50)
+    assert (profile.values == policy.values(readings, np.where(readings >= 0, OBSTACLE, -1))).all()
+
+
 def test_switches_and_doubt_of_a_learned_profile_are_where_its_curves_show_them():
     profile = learned_profile(untrained(1), AGENT9, temperature=0.01)
     best = profile.values.argmax(axis=1)
     switches = [m for m in profile.marks if m.kind == "switch"]
     assert [profile.actions.index(m.action) for m in switches] == best[1:][np.diff(best) != 0].tolist()
+    assert [m.start for m in switches] == profile.distance[1:][np.diff(best) != 0].tolist()
+    assert all((m.start, m.size) == (m.end, 0.0) for m in switches)
     doubtful = np.zeros(len(best), bool)
     for mark in profile.marks:
         if mark.kind == "undecided":
             doubtful |= (profile.distance >= mark.start) & (profile.distance <= mark.end)
+            assert mark.action == profile.actions[best[profile.distance == mark.start][0]]
     assert (doubtful == (profile.policy.max(axis=1) < 0.5)).all()
+
+
+def test_what_was_found_is_sorted_by_its_place_and_points_are_as_many_as_there_should_be():
+    for profile, points in ((reward_profile("a"), 201), (learned_profile(untrained(), AGENT9), 101)):
+        assert (profile.distance == np.linspace(0, 1, points)).all()
+        assert [m.start for m in profile.marks] == sorted(m.start for m in profile.marks)
+    kinds = [(m.start, m.kind, m.action) for m in reward_profile("b", actions=4).marks if m.start > 0]
+    at = sorted({start for start, *_ in kinds})
+    assert len(at) == 1
+    assert [kind for _, kind, _ in kinds] == ["leap"] * 4 + ["plateau"] * 4
+    assert [action for *_, action in kinds] == list(ACTION_NAMES[:4]) * 2
+
+
+@pytest.mark.parametrize("size", [0.0101, -0.0101, 0.0099])
+def test_a_leap_is_more_than_a_hundredth_up_or_down(size):
+    found = marks_of(lambda x: size if x >= 0.55 else 0.0, np.linspace(0, 1, 11), "forward")
+    leaps = [m for m in found if m.kind == "leap"]
+    assert [(m.size, m.action) for m in leaps] == ([(size, "forward")] if abs(size) > 0.01 else [])
+    assert [m.start for m in leaps] == pytest.approx([0.55] * len(leaps), abs=1e-9)
+    plateaus = [(round(m.start, 6), round(m.end, 6)) for m in found if m.kind == "plateau"]
+    assert plateaus == [(0.0, 0.5), (0.55 if leaps else 0.6, 1.0)]
 
 
 @pytest.mark.parametrize(
