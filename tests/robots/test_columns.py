@@ -15,6 +15,7 @@ from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.robots.robot import remove_together
 from mesa_swarm.robots.snapshots import DECISIONS, HEAT, Snapshots, check_watched
 from mesa_swarm.robots.swarm import COLUMNS, LASTING, MESSAGES, Swarm
+from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.world.statics import BORDER, FIRE, OBSTACLE, ROBOT
 from support.scenes import empty
 
@@ -319,3 +320,24 @@ def test_what_a_purpose_needs_is_checked_in_one_sentence():
         check_watched(stored, ("heading",), "draw")
     stored.append(1)
     assert check_watched(stored, ("heading",), "draw") is stored
+
+
+def test_a_dropped_column_can_no_longer_be_read():
+    swarm = Swarm()
+    swarm.remember("0.X.turn", (), np.float64, 0.0)
+    swarm.remember("body.worn", (), np.float64, 0.0)
+    swarm.forget()
+    assert not hasattr(swarm, "0.X.turn")
+    swarm.drop_body_columns()
+    assert not hasattr(swarm, "body.worn")
+
+
+def test_a_pickled_swarm_holds_every_column_once():
+    swarm = SwarmModel(rng=1).swarm
+    swarm.remember("0.X.many", (10_000,), np.float64, 0.0)
+    swarm._resize(np.arange(0), 100)
+    assert len(pickle.dumps(swarm)) < 1.2 * sum(column.nbytes for column in swarm.columns.values())
+
+
+def test_a_column_is_an_array_or_does_not_exist():
+    assert not set(COLUMNS) & set(vars(Swarm))
