@@ -7,7 +7,7 @@ import pytest
 
 from mesa_swarm.analysis import follow_chains
 
-FAR, NEAR, ANGLE = 40.0, 30.0, 35.0
+FAR, NEAR, NARROW = 40.0, 30.0, 35.0
 
 
 def scene(seed, frames=70, n=9):
@@ -27,7 +27,7 @@ def ahead(position, heading, i):
     for j, place in enumerate(position.tolist()):
         x, y = place[0] - position[i, 0], place[1] - position[i, 1]
         bearing = math.remainder(math.atan2(y, x) - heading[i], math.tau)
-        if j != i and math.hypot(x, y) <= NEAR and abs(bearing) <= math.radians(ANGLE):
+        if j != i and math.hypot(x, y) <= NEAR and abs(bearing) <= math.radians(NARROW):
             seen.append((math.hypot(x, y), j))
     return min(seen, default=(0, None))[1]
 
@@ -68,7 +68,7 @@ def test_meetings_and_their_outcomes_are_those_of_every_pair_in_every_frame():
     for seed in range(30):
         position, heading, steps = scene(seed)
         options = {"link_distance": 12, "patience": 3, "window": 25, "meeting_distance": NEAR, "parting_distance": FAR}
-        history = follow_chains(position, heading, steps, meeting_angle_degrees=ANGLE, **options)
+        history = follow_chains(position, heading, steps, meeting_angle_degrees=NARROW, **options)
         expected = met(position, heading, history.chain)
         assert sorted((e.step, *e.robots) for e in history.of("meeting")) == sorted(
             (int(steps[t]), i, j) for t, i, j in expected

@@ -98,10 +98,10 @@ def test_the_nearest_fire_that_is_seen_is_the_first_of_the_nearest():
 
 def test_a_strategy_is_a_or_b_and_the_critical_angle_at_most_half_a_turn():
     assert FightFire() == FightFire(strategy="B", critical_angle_degrees=10.0, name="FightFire")
-    for angle in (0, 180):
-        assert FightFire(critical_angle_degrees=angle).critical_angle_degrees == angle
-    for angle in (-1, 181, math.nan):
+    for degrees in (0, 180):
+        assert FightFire(critical_angle_degrees=degrees).critical_angle_degrees == degrees
+    for degrees in (-1, 181, math.nan):
         with pytest.raises(InvalidValueError, match="critical_angle_degrees is"):
-            FightFire(critical_angle_degrees=angle)
+            FightFire(critical_angle_degrees=degrees)
     with pytest.raises(UnknownNameError, match="unknown strategy 'C'"):
         FightFire(strategy="C")

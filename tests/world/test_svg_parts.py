@@ -125,7 +125,7 @@ def test_corners_are_rounded_by_their_radii_one_of_which_holds_for_both_and_no_m
 
 
 @given(st.lists(st.booleans(), min_size=1, max_size=6), st.booleans(), st.randoms(use_true_random=False))
-def test_rings_in_each_other_are_solid_where_the_fill_rule_says(turns, even_odd, random):
+def test_rings_in_each_other_are_solid_where_the_fill_rule_means_so(turns, even_odd, random):
     # Ring k is a square of half side 60 - 8 k; where its turn is true it runs the other way round.
     paths, n = [], len(turns)
     for k, turned in enumerate(turns):
