@@ -50,7 +50,7 @@ def met(position, heading, chain):
 
 
 def outcome(meeting, position, chain, steps, window, patience):
-    """Return what becomes of a meeting, frame by frame."""
+    """Return the outcome of a meeting, frame by frame."""
     start, i, j = meeting
     for t in range(start, len(steps)):
         if steps[t] > steps[start] + window:

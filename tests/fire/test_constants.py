@@ -206,7 +206,7 @@ def test_the_remarks_state_what_follows_from_the_constants(balance):
 
 @pytest.mark.parametrize(("robots", "suffices"), [(1.0, True), (1.01, False)])
 def test_one_robot_suffices_if_with_its_rests_it_counts_as_many_as_are_needed(robots, suffices):
-    # The largest fire takes 0.597 robots for each one that was required, and one counts as the balance temperature, 0.6.
+    # The largest fire takes 0.597 robots for each required one, and one counts as the balance temperature, 0.6.
     constants = quiet(robots=robots)
     assert (robots_needed(constants, 16) <= 0.6) is suffices
     found = [remark for remark in constants.remarks if "one robot suffices" in remark]
