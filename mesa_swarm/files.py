@@ -122,7 +122,8 @@ def draft_of(path: Path, error: type[SwarmError] = InvalidValueError, *, folders
     The draft is synced to the disk before it is renamed, and the folder after: at any moment, also after a kill or
     a power cut, the name stands for the whole old file or the whole new one. A symbolic link is followed, and the
     permissions of an older file are preserved. Drafts of killed writers are deleted when the file is written again.
-    An error has the name of the file, never that of the draft; with `folders` its folder is created if it is missing.
+    If the file cannot be written, an `error` is raised that has its name, never that of the draft; with `folders` its
+    folder is created if it is missing.
     """
     made = [folder for folder in path.parents if not os.path.lexists(folder)] if folders else []
     try:

@@ -84,8 +84,8 @@ class Lineage:
         self._remember([chain for chain in old if chain not in still], before)
         parents = [[old[o].number for _, o, n in shared if n == index] for index in range(len(self.chains))]
         children = [[self.chains[n].number for _, o, n in shared if o == index] for index in range(len(old))]
-        events = changes(step, self.chains, parents, ("birth", "merge"))
-        events += changes(step, old, children, ("end", "split"))
+        events = lineage_events(step, self.chains, parents, ("birth", "merge"))
+        events += lineage_events(step, old, children, ("end", "split"))
         for chain in self.chains:
             if chain not in known and not chain.closed:
                 events += self._reversals(step, chain)
@@ -141,10 +141,10 @@ def common(old: tuple[NumberedChain, ...], label: np.ndarray) -> list[tuple[int,
     return shared
 
 
-def changes(
+def lineage_events(
     step: int, chains: tuple[NumberedChain, ...], relatives: list[list[int]], kinds: tuple[str, str]
 ) -> list[ChainEvent]:
-    """Return the events of chains with other than one predecessor, or successor: of a kind without, or with several."""
+    """Return an event for each chain that has no relative in the other frame (`kinds[0]`) or several (`kinds[1]`)."""
     events = []
     for chain, numbers in zip(chains, relatives, strict=True):
         if len(numbers) != 1:

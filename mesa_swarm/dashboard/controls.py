@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import anywidget
 import traitlets
 
-from mesa_swarm.dashboard.session import LIVE, Session
+from mesa_swarm.dashboard.session import LARGEST_MAP_FILE, LIVE, Session
 from mesa_swarm.dashboard.widgets import Link
 from mesa_swarm.errors import FireConstantsWarning, InvalidValueError, SwarmError
 from mesa_swarm.fire import FireConstants, design_constants
@@ -145,6 +145,7 @@ class ControlPanel(anywidget.AnyWidget):
     groups: traitlets.List[dict[str, Any]] = traitlets.List().tag(sync=True)
     values = traitlets.Dict().tag(sync=True)
     notes: traitlets.List[list[str]] = traitlets.List().tag(sync=True)
+    largest_map = traitlets.Int(LARGEST_MAP_FILE).tag(sync=True)
 
 
 class Panel(Link):

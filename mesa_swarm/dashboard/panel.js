@@ -1,8 +1,6 @@
 /* The controls beside the canvas. Python sends the controls (groups), their values (values) and remarks
    (notes); changes by the user are sent back, and shown when Python has accepted them. */
 
-const LARGEST_UPLOAD = 1_000_000;
-
 class PanelView {
   #model; #root; #fields = new Map(); #notes = null; #leave = [];
 
@@ -96,8 +94,10 @@ class PanelView {
     const [one] = file.files;
     file.value = "";
     if (!one) return;
-    if (one.size > LARGEST_UPLOAD) {
-      this.#fault(this.#fields.get("map"), `${one.name} has ${one.size.toLocaleString("en")} bytes; expected at most 1,000,000`);
+    const largest = this.#model.get("largest_map");
+    if (one.size > largest) {
+      const sizes = [one.size, largest].map((size) => size.toLocaleString("en"));
+      this.#fault(this.#fields.get("map"), `${one.name} has ${sizes[0]} bytes; expected at most ${sizes[1]}`);
       return;
     }
     this.#send({ do: "upload", name: one.name }, [await one.arrayBuffer()]);

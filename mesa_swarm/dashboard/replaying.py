@@ -29,7 +29,7 @@ from mesa_swarm.viewing.scene import Scene, scene_of_recording
 from mesa_swarm.world.map import Map, builtin_maps
 
 ENDING = ".arrow"
-LARGEST_UPLOAD = 200_000_000
+LARGEST_RECORDING = 200_000_000
 MOST_LISTED = 500
 MOST_EVENTS = 500
 # Shortest time between messages about background work, s.
@@ -267,8 +267,8 @@ class Replaying:
 
     def begin_upload(self, name: str, size: int) -> bool:
         """Begin the upload of a recording in pieces; return whether it is accepted."""
-        if size > LARGEST_UPLOAD:
-            self._fail(f"{name:.60} has {size:,} bytes; expected at most {LARGEST_UPLOAD:,}")
+        if size > LARGEST_RECORDING:
+            self._fail(f"{name:.60} has {size:,} bytes; expected at most {LARGEST_RECORDING:,}")
             return False
         self._drop()
         self._coming = Incoming(name)
@@ -281,9 +281,9 @@ class Replaying:
         if coming is None:
             return False
         try:
-            if coming.take(piece) <= LARGEST_UPLOAD:
+            if coming.take(piece) <= LARGEST_RECORDING:
                 return True
-            fault = f"{coming.name:.60} is too large; expected at most {LARGEST_UPLOAD:,} bytes"
+            fault = f"{coming.name:.60} is too large; expected at most {LARGEST_RECORDING:,} bytes"
         except InvalidValueError as problem:  # the disk is full
             fault = in_words(problem)
         self._drop()

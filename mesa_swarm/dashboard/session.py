@@ -21,7 +21,7 @@ from mesa_swarm.world.map import Map, builtin_maps
 from mesa_swarm.world.map_parts import stopping_when
 
 MOST_ROBOTS = 10_000
-LARGEST_UPLOAD = 1_000_000
+LARGEST_MAP_FILE = 1_000_000
 LARGEST_SEED = 2**53 - 1
 # Columns of the last steps that stay in memory for the inspector, and how much of them.
 WATCHED = (*DECISIONS, "heard_layer", "heard_task", "radiation", "line")
@@ -37,8 +37,8 @@ def checked_setting(parameter: Parameter, value: Any) -> Any:
 
 def map_from(name: str, content: bytes) -> Map:
     """Return the map in an uploaded file."""
-    if len(content) > LARGEST_UPLOAD:
-        raise InvalidValueError(f"{name:.60} has {len(content):,} bytes; expected at most {LARGEST_UPLOAD:,}")
+    if len(content) > LARGEST_MAP_FILE:
+        raise InvalidValueError(f"{name:.60} has {len(content):,} bytes; expected at most {LARGEST_MAP_FILE:,}")
     if name.lower().endswith(".svg"):
         return Map.from_svg(content, name)
     if name.lower().endswith(".toml"):

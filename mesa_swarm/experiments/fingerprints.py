@@ -38,7 +38,10 @@ def files_hash(paths: Iterable[Path]) -> str:
 
 @cache
 def engine_hash(*more: str, models: bool = False) -> str:
-    """Return a fingerprint of the files of the engine, its rules and measures, and of others of the package."""
+    """Return a fingerprint of the files of the engine, its rules and measures.
+
+    `more` are other files or folders, absolute or relative to the package; with `models` the gallery counts too.
+    """
     gallery = [Path(next(iter(import_module(MODELS).__path__)))] if models else []
     return files_hash([*(PACKAGE / name for name in (*ENGINE, *more)), *gallery])
 

@@ -66,7 +66,8 @@ class Ledger:
 
     Memory grows by 24 bytes per run: its key, and where its line begins.
 
-    With `retry_failed` runs that ended in an error count as not done, as do outcomes that do not fit.
+    With `retry_failed` runs that ended in an error count as not done; so do outcomes for which `fits` is false. The
+    file is created when it is opened, unless `read_only`: then it must exist, and another process may write to it.
     """
 
     def __init__(

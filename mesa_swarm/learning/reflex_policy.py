@@ -104,7 +104,8 @@ class ReflexPolicy:
     ) -> "ReflexPolicy":
         """Return the policy whose weights are these numbers, row by row: into the hidden units, then to the wheels.
 
-        There are `genome_length` of them; `more` are other fields of the policy.
+        There are `genome_length` of them, for 0 to 64 hidden `units`; 0 make reflexes. `encoding` is what its inputs
+        are, see `ReflexPolicy`; `more` are other fields of the policy.
         """
         rows, genes = rows_of(sensors, units, encoding), np.array(genome, dtype=float)
         if genes.shape != (rows * (units + 2),):
@@ -261,10 +262,10 @@ def half_length(sensors: SensorLayout, units: int, encoding: str = "distance") -
 def whole_genome(sensors: SensorLayout, half: np.ndarray, *, units: int = 0, encoding: str = "distance") -> np.ndarray:
     """Return the weights of a policy whose actions are mirrored where its readings are, for `ReflexPolicy.of_genome`.
 
-    `half` holds the left wheel's weights and those of the first half of the hidden units: row by row into the units,
-    then one column to the wheel. The right wheel and the other units have the same ones, exchanged between sensors at
-    mirrored bearings and between mirrored units; the whim's weight changes its sign. Such a robot has no preferred
-    side, and half as many weights to search.
+    `half` holds `half_length` numbers: the left wheel's weights and those of the first half of the hidden units: row by
+    row into the units, then one column to the wheel. The right wheel and the other units have the same ones, exchanged
+    between sensors at mirrored bearings and between mirrored units; the whim's weight changes its sign. Such a robot
+    has no preferred side, and half as many weights to search.
     """
     rows, genes = rows_of(sensors, units, encoding), np.array(half, dtype=float)
     length = half_length(sensors, units, encoding)

@@ -140,6 +140,8 @@ def travel(
 ):  # fmt: skip
     """Move all robots through one step, resolve every contact, and write the contact columns.
 
+    `position` (n, 2) and `heading` are changed; `motion` (n, 3) is the one that the wheels would make, along the body.
+
     A robot whose travel is farther than `turn_angle` (rad) from a flat face's normal is turned along the face;
     `extra_turn` becomes the turn that faces added. Ids, `number`, decide in which directions coincident centres part.
     The cells of `grid`, see `Grid.numbers`, are at least 2 r + margin wide. `statics` are edges, discs, owner, body,
@@ -281,7 +283,7 @@ def near_pairs(position, radius, margin, grid):
 
 @compiled
 def push_pairs(position, radius, number, pairs, awake, push, contacts, met):
-    """Add to `push` half of each overlap of two robots (A.7); return the number of pairs, rows ``met[:count]``."""
+    """Add to `push` half of each overlap of two robots (A.7); return how many overlap, rows ``met[:count]``."""
     count = 0
     for k in range(pairs.shape[0]):
         i, j = pairs[k, 0], pairs[k, 1]

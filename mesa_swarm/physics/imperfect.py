@@ -26,7 +26,7 @@ KEPT: dict[str, tuple[tuple, type, float]] = {
     "radiation": (("radiation",), np.float64, 0.0),
     "line": (("line",), np.bool_, False),
     "wheels": ((2,), np.float64, 0.0),
-    "told": ((2,), np.float64, 0.0),
+    "told": ((2,), np.float64, 0.0),  # the last fresh command; recordings have this name
     "used": ((), np.float64, 0.0),
     "broken": ((), np.bool_, False),
 }
@@ -55,16 +55,17 @@ class Imperfect:
         last = {name: kept(swarm, name) for name in ("distance", "kind", "radiation", "line")}
         seen = columns["distance"], columns["kind"], last["distance"], last["kind"]
         spoil(*seen, np.ascontiguousarray(table.proximity[:, :, RANGE]), NOTHING, 0, limits, *by_chance)
+        # The kinds that only proximity sensors read are neither looked at nor stored for the others.
         radiation, line = columns["radiation"], columns["line"]
         if radiation.shape[1]:
-            unused = np.empty(radiation.shape, np.int8)
+            no_kind = np.empty(radiation.shape, np.int8)
             hottest = np.where(table.radiation[:, :, RANGE] >= 0.0, 1.0, -1.0)
-            spoil(radiation, unused, last["radiation"], unused, hottest, 0.0, RADIATION, limits, *by_chance)
+            spoil(radiation, no_kind, last["radiation"], no_kind, hottest, 0.0, RADIATION, limits, *by_chance)
         if line.shape[1]:
             # A mark is dark ground. What line sensors read is yes or no, and so has no error: an outlier is either.
-            bright, last_bright, unused = 1.0 - line, 1.0 - last["line"], np.empty(line.shape, np.int8)
+            bright, last_bright, no_kind = 1.0 - line, 1.0 - last["line"], np.empty(line.shape, np.int8)
             brightest = np.where(np.isnan(table.line[:, :, 0]), -1.0, 1.0)
-            spoil(bright, unused, last_bright, unused, brightest, 1.0, LINE, (0.0, *limits[1:]), *by_chance)
+            spoil(bright, no_kind, last_bright, no_kind, brightest, 1.0, LINE, (0.0, *limits[1:]), *by_chance)
             line[:], last["line"][:] = bright < 0.5, last_bright < 0.5
 
     @contextmanager

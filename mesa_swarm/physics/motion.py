@@ -46,7 +46,12 @@ def advance(position, heading, motion, pieces):
 
 @compiled
 def achieved_motion(start, position, start_heading, extra_turn, collided, motion):
-    """Replace the motion of robots that collided by the one that they achieved; walls added `extra_turn`."""
+    """Replace the motion of robots that collided by the one that they achieved.
+
+    `motion` (n, 3) is along the body: ahead, to the left, and the turn (rad). `start`, `position` (n, 2) and
+    `start_heading` are on the map, before and after the step; walls have added `extra_turn`. Half a circle of length
+    pi / 2 takes a robot 1 to its left: its motion is (pi / 2, 0, pi).
+    """
     for i in range(position.shape[0]):
         if not collided[i]:
             continue

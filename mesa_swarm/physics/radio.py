@@ -69,7 +69,7 @@ def hear_states(
     """Write layer, task and place of the nearest robot heard that has a task; -1 and NaN where none is heard.
 
     `limits` are the range, the loss probability, the step's random word, and whether obstacles stop broadcasts; `grid`
-    is the one that the senders are sorted into. Places are in the hearer's frame.
+    is the one that the senders are sorted into; for `obstacles` see `is_cut`. Places are in the hearer's frame.
     """
     rows = np.flatnonzero(task >= 0)
     places = position[rows]

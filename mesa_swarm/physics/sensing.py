@@ -236,7 +236,10 @@ def err(distance, design, sensors, noise, draws, step, error):
 
 @compiled
 def sense_radiation(position, heading, design, sensors, fires, temperature, radiation):
-    """Write the highest temperature among the burning fires (x, y, radius) in each radiation sensor's sector."""
+    """Write the highest temperature among the burning fires (x, y, radius) in each radiation sensor's sector.
+
+    A fire that is out has the temperature 0.
+    """
     for i in range(position.shape[0]):
         d = design[i]
         cosine, sine = math.cos(heading[i]), math.sin(heading[i])
@@ -259,7 +262,10 @@ def sense_radiation(position, heading, design, sensors, fires, temperature, radi
 
 @compiled
 def sense_line(position, heading, design, mounts, marks, rings, discs, line):
-    """Write whether each line sensor is over a mark on the ground: a polygon of `rings`, or one of `discs`."""
+    """Write whether each line sensor is over a mark on the ground, a polygon or one of `discs` (x, y, radius).
+
+    `marks` are the edges of the polygons and `rings` the rows of each, as in `Statics`.
+    """
     for i in range(position.shape[0]):
         d = design[i]
         cosine, sine = math.cos(heading[i]), math.sin(heading[i])

@@ -76,14 +76,14 @@ def checked_scenery(scenery: Any) -> dict:
 
 
 def checked_content(name: str, content: bytes) -> Any:
-    """Return the JSON of a piece of this name: a `CHANGE` of the population or an `INTERVENTION`."""
+    """Return the JSON of a piece, a `CHANGE` of the population or an `INTERVENTION`; a ValueError if it is neither."""
     value = read_json(content)
     _check(value, CONTENTS[name], "")
     return value
 
 
 def read_json(text: bytes) -> Any:
-    """Return the value of a JSON text, unless it is too long or nested too deeply."""
+    """Return the value of a JSON text; a ValueError if it is too long or nested too deeply."""
     lists = 0 if text.startswith(b'"') else text.count(b"[") + text.count(b"{")
     if len(text) > LONGEST_TEXT or lists > MOST_LISTS:
         raise ValueError("JSON text is too long")
@@ -108,7 +108,10 @@ def check_columns(schema: pa.Schema, source: object) -> None:
 
 
 def checked_rows(batch: pa.RecordBatch, first: int, every: int, source: object) -> Rows:
-    """Return the rows of a chunk, from step `first` on, if they match the schema and each other."""
+    """Return the rows of a chunk, from step `first` on, if they match the schema and each other.
+
+    There is a row after `every` steps, except where steps failed; errors begin with `source`.
+    """
     try:
         batch.validate()
         wrong = _wrong_in(batch, first, every)
@@ -249,10 +252,12 @@ def _check(value: Any, form: Any, where: str) -> None:
         form(value, where)
     elif isinstance(form, dict):
         _check_items(value, form, where)
-    elif isinstance(form, tuple) and type(value) is list and len(value) == len(form):
+    elif isinstance(form, tuple):
+        if type(value) is not list or len(value) != len(form):
+            raise _unexpected(where, value)
         for one, own in zip(value, form, strict=True):
             _check(one, own, where)
-    elif type(value) is not form and not (isinstance(form, list) and any(_fits(value, one, where) for one in form)):
+    elif not (any(_fits(value, one, where) for one in form) if isinstance(form, list) else type(value) is form):
         raise _unexpected(where, value)
 
 

@@ -162,5 +162,5 @@ ROBOTARIUM_ROBOT = RobotDesign(
 
 
 def is_ideal(one: Imperfection) -> bool:
-    """Return whether an imperfection changes nothing, as one that only holds chance does."""
+    """Return whether an imperfection changes nothing; how long errors are held does not matter where there are none."""
     return all(getattr(one, field.name) == field.default for field in fields(one) if field.name != "hold")

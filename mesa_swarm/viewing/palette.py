@@ -218,7 +218,10 @@ def fire_steps(temperature: ArrayLike) -> np.ndarray:
 
 
 def style_sheet(light: str, dark: str) -> str:
-    """Return CSS rules that give two selectors every colour as a custom property, such as ``--swarm-robot-front``."""
+    """Return CSS rules that give two selectors every colour as a custom property, such as ``--swarm-robot-front``.
+
+    Fields of several colours, such as those of fires and layers, are for scripts only.
+    """
     rules = ((light, LIGHT), (dark, DARK))
     return "".join(f"{selector} {{ {_properties(palette)} }}\n" for selector, palette in rules)
 

@@ -162,7 +162,7 @@ class Played(ABC):
         self.loop = PlayLoop(self._play_step, self.show, self.rest)
         # Held while a model changes; hold it to look at a model that may be played.
         self.lock = threading.RLock()
-        # To all else than the frame: playing or not, an error, another model.
+        # Notified when anything but the frame changes: playing or not, an error, another model.
         self.changed = Listeners()
         self.viewers: tuple[Viewer, ...] = ()
         self._number = 0

@@ -253,7 +253,10 @@ class Work:
         self._given_up = _given_up.get()
 
     def spend(self, cost: float) -> None:
-        """Subtract the cost of work that is about to begin, and refuse it if that is more than is left."""
+        """Subtract the cost of work that is about to begin, and refuse it if that is more than is left.
+
+        A `CancelledError` is raised once the map is no longer waited for, see `stopping_when`.
+        """
         if self._given_up():
             raise CancelledError("the map is no longer waited for")
         if not cost <= self.left:

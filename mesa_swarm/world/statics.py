@@ -33,7 +33,8 @@ class Statics:
     owner : int64 ndarray, shape (m + k,)
         Index of the obstacle or of the fire that an item belongs to, -1 for the border.
     kind, body : int8 ndarrays, shape (m + k,)
-        Of the item as sensors see it: obstacle, burning fire or load; and of the body, burning or not.
+        Of the item as sensors see it, and of the body: 0 obstacle or border, 2 fire, 3 load. A fire that is out is seen
+        as an obstacle, and remains a fire to bump into.
     rings : int64 ndarray, shape (p, 2)
         First edge, and one past the last, of every solid polygon.
     bounds : ndarray, shape (4,)

@@ -12,7 +12,7 @@ import pytest
 from mesa_swarm.dashboard import RECORDINGS_VARIABLE
 from mesa_swarm.dashboard.controls import ControlPanel
 from mesa_swarm.dashboard.replay_view import BranchPanel, Upload
-from mesa_swarm.dashboard.replaying import LARGEST_UPLOAD, Replaying, ReplayPlayer
+from mesa_swarm.dashboard.replaying import LARGEST_RECORDING, Replaying, ReplayPlayer
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import FilePicker, Incoming
 from mesa_swarm.errors import RecordingError
@@ -228,10 +228,10 @@ def test_a_recording_stays_open_until_another_one_could_be_opened(replaying, fol
         assert (replaying.player, replaying.name, replaying.events) == (open_one, "mine.arrow", events)
     replaying.open_listed("text.arrow")
     replaying.open_listed("missing.arrow")
-    assert not replaying.begin_upload("large.arrow", LARGEST_UPLOAD + 1)
+    assert not replaying.begin_upload("large.arrow", LARGEST_RECORDING + 1)
     assert (open_one.step_shown, replaying.changes) == (60, {"strategy": "B"})
     assert place.exists()
-    monkeypatch.setattr("mesa_swarm.dashboard.replaying.LARGEST_UPLOAD", 1000)
+    monkeypatch.setattr("mesa_swarm.dashboard.replaying.LARGEST_RECORDING", 1000)
     assert replaying.begin_upload("lying.arrow", 10)
     assert (replaying.busy, replaying.player) == ("receiving lying.arrow ...", open_one)
     assert not replaying.take(b"x" * 2000)
@@ -249,9 +249,9 @@ def test_a_file_is_kept_in_its_folder_whatever_it_is_called(name):
 
 
 def test_what_is_too_large_is_refused_before_and_while_it_comes(replaying, monkeypatch):
-    assert not replaying.begin_upload("large.arrow", LARGEST_UPLOAD + 1)
+    assert not replaying.begin_upload("large.arrow", LARGEST_RECORDING + 1)
     assert replaying.fault == "large.arrow has 200,000,001 bytes; expected at most 200,000,000"
-    monkeypatch.setattr("mesa_swarm.dashboard.replaying.LARGEST_UPLOAD", 1000)
+    monkeypatch.setattr("mesa_swarm.dashboard.replaying.LARGEST_RECORDING", 1000)
     assert replaying.begin_upload("lying.arrow", 10)
     place = replaying._coming.path.parent
     assert not replaying.take(b"x" * 2000)
