@@ -198,8 +198,8 @@ TRAINING_PARAMETERS = ("reward", "alpha", "eta", "gamma", "beta", "critical", "s
 class Learner(LearningLayer):
     """Base of `QLearning`, where the parameters are described, and `WireFittedQ`: they learn in every step."""
 
-    made: ClassVar[type[NetworkPolicy]]  # the class of its policies
-    last_action: ClassVar[tuple]  # the column of each robot's last action
+    policy_class: ClassVar[type[NetworkPolicy]]  # the class of its policies
+    last_action: ClassVar[tuple]  # the column of each robot's last action: shape, type, initial value
     reward: str = "b"
     encoding: str = "distance"
     alpha: float = 0.4
@@ -235,10 +235,10 @@ class Learner(LearningLayer):
 
     def _check_start(self) -> None:
         """Check that it can continue from its start."""
-        start, counted = self.start, self.made.counted
-        if start is not None and not isinstance(start, self.made):
+        start, counted = self.start, self.policy_class.choices_field
+        if start is not None and not isinstance(start, self.policy_class):
             raise InvalidValueError(
-                f"start is {shortened(start)}; expected a {self.made.__name__}, as load_policy() returns it"
+                f"start is {shortened(start)}; expected a {self.policy_class.__name__}, as load_policy() returns it"
             )
         count = getattr(self, counted)
         if start is not None and (getattr(start, counted), start.encoding) != (count, self.encoding):
@@ -270,7 +270,7 @@ class Learner(LearningLayer):
     @property
     def _count(self) -> int:
         """The number of networks of a robot."""
-        return self.made.each * getattr(self, self.made.counted)
+        return self.policy_class.networks_per_choice * getattr(self, self.policy_class.choices_field)
 
     def _init_robots(self, new: np.ndarray, known: np.ndarray) -> None:
         """Initialise the networks of new robots; shared ones are copied from the others."""

@@ -240,8 +240,8 @@ class NetworkPolicy:
     """Base of `QPolicy` and `WirePolicy`, which choose by Boltzmann's probabilities of network outputs."""
 
     family: ClassVar[str]
-    counted: ClassVar[str]  # the field with the number of choices
-    each: ClassVar[int]  # networks for each choice
+    choices_field: ClassVar[str]  # the field with the number of choices
+    networks_per_choice: ClassVar[int]  # networks for each choice
     sensors: SensorLayout
     networks: Networks
     encoding: str = "distance"
@@ -252,7 +252,7 @@ class NetworkPolicy:
     @property
     def group(self) -> int:
         """The number of networks of a robot."""
-        return self.each * getattr(self, self.counted)
+        return self.networks_per_choice * getattr(self, self.choices_field)
 
     def _check_parts(self) -> None:
         """Check that the networks form groups for robots with these sensors."""
@@ -304,16 +304,16 @@ class NetworkPolicy:
 
     def settings(self) -> dict:
         """Return the other fields that acting depends on."""
-        return {name: getattr(self, name) for name in (self.counted, "encoding", "temperature")}
+        return {name: getattr(self, name) for name in (self.choices_field, "encoding", "temperature")}
 
     @classmethod
     def restored(
         cls, sensors: SensorLayout, steps: int, training: dict, settings: dict, arrays: dict[str, np.ndarray]
     ) -> Self:
         """Return the policy with these parts, from a file."""
-        if sorted(arrays) != sorted(PARTS) or settings.keys() != {cls.counted, "encoding", "temperature"}:
+        if sorted(arrays) != sorted(PARTS) or settings.keys() != {cls.choices_field, "encoding", "temperature"}:
             raise InvalidValueError(f"a {cls.family} policy has {', '.join(arrays)}; expected {', '.join(PARTS)}")
         networks = Networks(*(arrays[part] for part in PARTS))
-        known = {**settings, cls.counted: check_count(cls.counted, settings[cls.counted])}
+        known = {**settings, cls.choices_field: check_count(cls.choices_field, settings[cls.choices_field])}
         known["temperature"] = check_number("temperature", settings["temperature"])
         return cls(sensors=sensors, networks=networks, steps=steps, training=training, **known)

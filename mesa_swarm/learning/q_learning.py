@@ -52,8 +52,8 @@ class QPolicy(NetworkPolicy):
     """
 
     family: ClassVar[str] = "q"
-    counted: ClassVar[str] = "actions"
-    each: ClassVar[int] = 1
+    choices_field: ClassVar[str] = "actions"
+    networks_per_choice: ClassVar[int] = 1
     actions: int = 8
 
     def __post_init__(self) -> None:
@@ -195,7 +195,7 @@ class QLearning(Learner):
     0.7
     """
 
-    made: ClassVar[type[QPolicy]] = QPolicy
+    policy_class: ClassVar[type[QPolicy]] = QPolicy
     last_action: ClassVar[tuple] = ((), np.int64, -1)
     actions: int = 8
     start: QPolicy | None = None

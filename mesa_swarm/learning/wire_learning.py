@@ -129,8 +129,8 @@ class WirePolicy(NetworkPolicy):
     """
 
     family: ClassVar[str] = "wires"
-    counted: ClassVar[str] = "wires"
-    each: ClassVar[int] = OUTPUTS
+    choices_field: ClassVar[str] = "wires"
+    networks_per_choice: ClassVar[int] = OUTPUTS
     wires: int = 4
 
     def __post_init__(self) -> None:
@@ -216,7 +216,7 @@ self_adjusting, bump_rate, bump_window, bump_distance, frozen
     'c'
     """
 
-    made: ClassVar[type[WirePolicy]] = WirePolicy
+    policy_class: ClassVar[type[WirePolicy]] = WirePolicy
     last_action: ClassVar[tuple] = ((2,), np.float64, math.nan)
     wires: int = 4
     jitter: float = 0.2
