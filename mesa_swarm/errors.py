@@ -48,7 +48,7 @@ class RecordingError(SwarmError, RuntimeError):
     """
 
     def __init__(self, message: str = "") -> None:
-        super().__init__(_cut(" ".join(message.splitlines())))
+        super().__init__(without_middle(" ".join(message.splitlines())))
 
 
 class ExportError(SwarmError, RuntimeError):
@@ -88,10 +88,10 @@ def in_words(error: BaseException) -> str:
     if not text or not isinstance(error, SwarmError):
         text = f"{type(error).__name__}: {text}".removesuffix(": ")
     # A file's name may hold what ends a text or turns its direction.
-    return _cut("".join(letter if letter.isprintable() else "\ufffd" for letter in text))
+    return without_middle("".join(letter if letter.isprintable() else "\ufffd" for letter in text))
 
 
-def _cut(line: str) -> str:
+def without_middle(line: str) -> str:
     """Return a line without its middle if it is too long: an error begins with what it is and ends with the cure."""
     return line if len(line) <= LONGEST else f"{line[: LONGEST // 2 - 5]} ... {line[-LONGEST // 2 :]}"
 

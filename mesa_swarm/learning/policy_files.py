@@ -11,7 +11,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from mesa_swarm.errors import LONGEST, InvalidValueError, LearningError, check_count, check_number, shortened
+from mesa_swarm.errors import InvalidValueError, LearningError, check_count, check_number, shortened, without_middle
 from mesa_swarm.files import draft_of, shown_path
 from mesa_swarm.learning.policy import Policy, SensorLayout, check_policy
 from mesa_swarm.learning.q_learning import QPolicy
@@ -225,4 +225,4 @@ def _check_shape(file: Path, part: IO[bytes], size: int) -> None:
 
 def _refusal(file: Path, why: str) -> LearningError:
     text = f"{shown_path(file)} is not a usable policy: {' '.join(why.split())}"
-    return LearningError(text[:LONGEST])
+    return LearningError(without_middle(text))

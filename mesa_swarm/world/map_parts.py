@@ -17,7 +17,7 @@ import numpy as np
 import shapely
 from shapely.errors import GEOSException
 
-from mesa_swarm.errors import LONGEST, InvalidValueError, MapError, UnknownNameError, check_number, shortened
+from mesa_swarm.errors import InvalidValueError, MapError, UnknownNameError, check_number, shortened, without_middle
 from mesa_swarm.files import LONGEST_SHOWN
 from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape
 
@@ -128,7 +128,7 @@ def refusal(source: str, place: str, why: object) -> MapError:
     """Return the error that names, on one line, the file, the place in it, and the reason."""
     shown = source if len(source) <= LONGEST_SHOWN + 3 else f"...{source[-LONGEST_SHOWN:]}"
     text = " ".join(": ".join(str(part) for part in (shown, place, why) if part).split())
-    return MapError(text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}...")
+    return MapError(without_middle(text))
 
 
 @contextmanager
