@@ -19,7 +19,7 @@ from mesa_swarm.analysis import (
     visited_cells,
 )
 from mesa_swarm.analysis.arrays import check_bounds, check_flags, check_length, check_points, check_steps, check_whole
-from mesa_swarm.analysis.chain_events import ChainEvent, Meetings
+from mesa_swarm.analysis.chain_history import ChainEvent, Meetings
 from mesa_swarm.analysis.chains import Links, nearest_ahead
 from mesa_swarm.analysis.pathology import Thresholds
 from mesa_swarm.errors import InvalidValueError
