@@ -215,9 +215,12 @@ def test_a_file_is_read_up_to_its_limit(tmp_path):
         Map.load(legacy_file)
 
 
-def test_a_text_of_a_refusal_is_cut_only_where_it_is_longer_than_300_characters():
+def test_a_text_of_a_refusal_loses_its_middle_only_if_it_is_longer_than_300_characters():
     assert str(refusal("hall.map", "", "w" * 290)) == f"hall.map: {'w' * 290}"
-    assert str(refusal("hall.map", "", "w" * 291)) == f"hall.map: {'w' * 287}..."
+    long = str(refusal("hall.map", "", "w" * 280 + " is wrong; expected less"))
+    assert len(long) == 300
+    assert (long[:12], long[-24:]) == ("hall.map: ww", " is wrong; expected less")
+    assert " ... " in long
     assert str(refusal("hall.map", "line 3", " two\n lines ")) == "hall.map: line 3: two lines"
 
 
