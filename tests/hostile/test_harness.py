@@ -45,7 +45,9 @@ def work(what):
 )
 def test_each_way_to_end_is_named_and_what_follows_is_still_tried(what, status):
     inputs = [("first", "good"), ("attack", what), ("last", "good")]
-    results = list(attack(work, inputs, refusals=ValueError, cpu=0.2))
+    # Only what spins is stopped early: on a busy host the 700 MB of the others take seconds.
+    cpu = 0.2 if what == "spin" else 60
+    results = list(attack(work, inputs, refusals=ValueError, cpu=cpu))
     assert [result.status for result in results] == ["accepted", status, "accepted"]
 
 
