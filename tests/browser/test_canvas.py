@@ -13,6 +13,8 @@ from mesa_swarm.viewing import palette
 from mesa_swarm.viewing.packing import PACKED_FROM, packed_frame
 from mesa_swarm.viewing.scene import scene_of
 
+pytestmark = pytest.mark.slow
+
 SCRIPT = palette.script() + (files("mesa_swarm.viewing") / "canvas.js").read_text(encoding="utf-8")
 WIDTH, HEIGHT, LEFT = 900, 675, 150
 EVERYWHERE = 1e6

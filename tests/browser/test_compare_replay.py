@@ -5,6 +5,8 @@ import pytest
 from mesa_swarm.models.fire_fighting import FireFighting
 from support.waiting import wait_until
 
+pytestmark = pytest.mark.slow
+
 SIDES = ".swarm-worlds .swarm-player"
 # Of every map: its height, and what stands upon it.
 COVERED = """[...document.querySelectorAll(".swarm-stage")].map((stage) => {
@@ -117,7 +119,6 @@ def test_what_is_compared_is_chosen_and_named(compared, shots):
     page.screenshot(path=shots / "compare.png")
 
 
-@pytest.mark.slow
 def test_many_seeds_are_compared_in_the_background_or_cancelled(compared, shots):
     page = compared.page
     for name, text in (("seeds", "8"), ("steps", "100000")):

@@ -24,6 +24,8 @@ from mesa_swarm.viewing.replay_page import replay_page
 from mesa_swarm.viewing.scene import Scene, scene_of, scene_of_recording
 from support.waiting import comes_true
 
+pytestmark = pytest.mark.slow
+
 STEPS = 600
 
 
@@ -296,7 +298,6 @@ def test_a_load_is_drawn_where_it_was_pushed_to(blank, tmp_path):
     assert colour[:3] == palette.rgb(palette.LIGHT.load).tolist()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("robots", "most"), [(50, 8.0), (10_000, 60.0)])
 def test_drawing_is_quick(blank, robots, most):
     model = SwarmModel(map="openspace", rng=1)

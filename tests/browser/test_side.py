@@ -8,6 +8,8 @@ from PIL import Image
 from mesa_swarm.recording import Recording
 from support.waiting import wait_until
 
+pytestmark = pytest.mark.slow
+
 LISTEN = """(() => {
     const send = WebSocket.prototype.send;
     window.sent = [];

@@ -4,6 +4,8 @@ import pytest
 
 from mesa_swarm.viewing.canvas_widget import SwarmCanvas
 
+pytestmark = pytest.mark.slow
+
 LINK = "?model=fire_fighting&seed=1&step=50"
 # What is drawn: the world, and every chart.
 DRAWN = """[...document.querySelectorAll(".swarm-stage canvas, .swarm-chart canvas")].map((one) => one.toDataURL())"""

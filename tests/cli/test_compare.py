@@ -7,6 +7,8 @@ import sys
 import time
 from pathlib import Path
 
+import pytest
+
 from mesa_swarm.recording import Recording
 
 MODEL = 'model = "fire_fighting"\n'
@@ -35,6 +37,7 @@ def test_compare_takes_another_parameter_values_settings_and_folder(typed, tmp_p
     assert (tmp_path / "here" / "there" / "over_time.png").exists()
 
 
+@pytest.mark.slow
 def test_ctrl_c_stops_a_comparison_on_all_cores_and_leaves_only_its_runs(tmp_path):
     command = [sys.executable, "-m", "mesa_swarm.cli", "compare", "fire_fighting", "--jobs", "2", "--out", "made"]
     running = subprocess.Popen(

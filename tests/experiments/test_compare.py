@@ -49,6 +49,7 @@ def test_each_run_is_what_the_model_does_alone(comparison):
     assert (run.state_hash, run.results, run.steps) == (alone.state_hash(), alone.results(), alone.steps)
 
 
+@pytest.mark.slow
 def test_a_comparison_that_was_interrupted_goes_on_in_its_folder_and_ends_in_the_same_files(comparison, tmp_path):
     outcomes = []
     with pytest.raises(KeyboardInterrupt):

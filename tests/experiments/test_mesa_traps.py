@@ -105,6 +105,7 @@ def kept_by(work):
         tracemalloc.stop()
 
 
+@pytest.mark.slow
 def test_batch_run_keeps_every_row_of_every_run_in_memory_and_sweep_none(tmp_path):
     def batch(runs):
         odd = {"odd": list(range(runs))}

@@ -61,6 +61,7 @@ def test_a_run_that_fails_is_recorded_as_far_as_it_went_and_not_tried_again(tmp_
     assert [len(recording) for recording in recordings_of(made)] == [2, 1, 2]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="there is no SIGKILL")
 def test_a_run_whose_worker_is_killed_is_tried_again_and_recorded_whole_and_no_run_is_lost(tmp_path):
     settings = {"diary": str(tmp_path / "diary")}

@@ -98,6 +98,7 @@ def check_each_run_was_done_once(ledger, runs):
     assert len(keys) == len(set(keys)) == runs
 
 
+@pytest.mark.slow
 def test_a_sweep_whose_driver_is_killed_ends_in_the_same_table_byte_for_byte(tmp_path):
     folder = tmp_path / "killed"
     driver = started(tmp_path, folder, seeds=12)
