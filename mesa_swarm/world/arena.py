@@ -159,7 +159,14 @@ class Arena(ContinuousSpace):
 
 
 class Agents(AgentSet, Generic[Kind]):
-    """Agents in order: Mesa's AgentSet, which may also be indexed, as it will not be from Mesa 4 on."""
+    """Agents in order: Mesa's AgentSet, which may also be indexed, as it will not be from Mesa 4 on.
+
+    Mesa's set alone does not hold its agents: that of a model to which nothing else refers would become empty.
+    """
+
+    def __init__(self, agents: Iterable[Kind], random: Random | None = None) -> None:
+        super().__init__(agents, random)
+        self._model = getattr(next(iter(agents), None), "model", None)
 
     if TYPE_CHECKING:  # Mesa has no types
 

@@ -23,7 +23,8 @@ def test_diagnose_finds_robots_that_turn_on_the_spot_in_a_corridor(typed):
     Map(name="corridor", bounds=(0, 0, 300, 22)).save("corridor.toml")
     line = "diagnose collision_avoidance --set map=corridor.toml --set design=AGENT3 --set n_robots=2 --steps 500"
     status, out, err = typed(f"{line} --set turn=stationary")
-    ids = [robot.unique_id for robot in find_model("collision_avoidance")(n_robots=2, map="corridor.toml").robots]
+    model = find_model("collision_avoidance")(n_robots=2, map="corridor.toml")
+    ids = [robot.unique_id for robot in model.robots]
     assert status == 0
     assert "500/500 steps" in err
     assert ["corridor", "flip", "2"] in [word.split() for word in out.splitlines()]

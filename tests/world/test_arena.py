@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mesa.experimental.continuous_space import ContinuousSpaceAgent
 
-from mesa_swarm import AGENT9, SwarmModel, disc, rectangle
+from mesa_swarm import AGENT3, AGENT9, SwarmModel, disc, rectangle
 from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import InvalidValueError, RemovedRobotError
 from mesa_swarm.fire.fires import Fire
@@ -258,6 +258,17 @@ def test_the_agents_of_a_model_may_be_indexed_and_sliced():
     model = empty()
     robots = list(model.add_robots(blind(), 4))
     assert (model.robots[0], model.robots[-1], model.robots[1:3]) == (robots[0], robots[3], robots[1:3])
+
+
+def test_the_agents_of_a_model_to_which_nothing_else_refers_stay():
+    def robots_of_a_model():
+        model = SwarmModel(rng=1)
+        model.add_robots(AGENT3, 3)
+        return model.robots
+
+    robots = robots_of_a_model()
+    gc.collect()
+    assert (len(robots), robots[0].model.robots[2].unique_id) == (3, robots[2].unique_id)
 
 
 def test_a_torus_takes_positions_from_beyond_its_border_to_the_other_side():
