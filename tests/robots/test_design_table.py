@@ -20,25 +20,22 @@ from mesa_swarm import (
 from mesa_swarm.robots.design import HOLD, MAGNITUDE, PERIOD, PROBABILITY, DesignTable
 
 mounts = st.none() | st.tuples(st.floats(-20, 20), st.floats(-20, 20))
+sectors = {
+    "bearing_degrees": st.floats(-360, 360),
+    "range": st.floats(0, 100),
+    "field_of_view_degrees": st.floats(0, 360),
+    "mount": mounts,
+}
 eyes = st.builds(
     ProximitySensor,
-    bearing_degrees=st.floats(-360, 360),
-    range=st.floats(0, 100),
-    field_of_view_degrees=st.floats(0, 360),
-    mount=mounts,
+    **sectors,
     error_probability=st.floats(0, 1),
     error_magnitude=st.floats(0, 2),
     hold=st.integers(1, 9),
     period=st.integers(1, 9),
     rays=st.integers(0, 9),
 )
-heats = st.builds(
-    RadiationSensor,
-    bearing_degrees=st.floats(-360, 360),
-    range=st.floats(0, 100),
-    field_of_view_degrees=st.floats(0, 360),
-    mount=mounts,
-)
+heats = st.builds(RadiationSensor, **sectors)
 lines = st.builds(LineSensor, mount=st.tuples(st.floats(-20, 20), st.floats(-20, 20)))
 designs = st.builds(
     RobotDesign,
