@@ -5,6 +5,7 @@ import pytest
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
 from mesa_swarm.viewing.export import export
+from support.visits import blank_page
 
 SEEK = """seconds => {
   const drawing = document.documentElement;
@@ -26,7 +27,7 @@ def test_a_browser_shows_robots_where_they_were_recorded(tmp_path, chromium):
         model.run(120)
     recording = Recording(tmp_path / "run.arrow")
     (path,) = export(recording, tmp_path / "run.svg", animate=True, every=2, first=2, fps=10)
-    page = chromium.new_page()
+    page = blank_page(chromium)
     page.goto(path.as_uri())
     for place in (0, 1, 30, 58):
         page.evaluate(SEEK, place / 10)

@@ -12,6 +12,7 @@ from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.viewing import palette
 from mesa_swarm.viewing.packing import PACKED_FROM, packed_frame
 from mesa_swarm.viewing.scene import scene_of
+from support.visits import blank_page
 
 pytestmark = pytest.mark.slow
 
@@ -56,7 +57,7 @@ def drawn(chromium):
     model = CollisionAvoidance(n_robots=180, rng=1).run(50)
     scene = scene_of(model)
     world, frame = scene.world(), base64.b64encode(packed_frame(frame_of(model, PACKED_FROM), scene)).decode()
-    page = chromium.new_page(viewport={"width": WIDTH, "height": HEIGHT})
+    page = blank_page(chromium, viewport={"width": WIDTH, "height": HEIGHT})
 
     def draw(before: float, turned: float = 0.0, scale: float = 1.0) -> tuple[int, np.ndarray]:
         inputs = {"script": SCRIPT, "world": world, "frame": frame, "before": before, "turned": turned, "scale": scale}
@@ -87,7 +88,7 @@ def test_every_fire_has_the_number_that_charts_give_it_written_below_it(chromium
     model = FireFighting(rng=1).run(20)
     scene = scene_of(model)
     world, frame = scene.world(), base64.b64encode(packed_frame(frame_of(model, PACKED_FROM), scene)).decode()
-    page = chromium.new_page(viewport={"width": WIDTH, "height": HEIGHT})
+    page = blank_page(chromium, viewport={"width": WIDTH, "height": HEIGHT})
     page.set_content("<style>canvas { position: fixed; width: 900px; height: 675px }</style>")
     inputs = {"script": SCRIPT, "world": world, "frame": frame, "places": model.fires.position.tolist()}
     written, places = page.evaluate(WRITE, inputs)

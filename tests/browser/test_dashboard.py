@@ -252,19 +252,22 @@ def test_everything_is_reached_by_the_tab_key_and_shows_that_it_was(visitor):
     assert unseen == []
 
 
-def is_still(visitor) -> bool:
-    """Whether it rests for a second: none of the keys that were pressed is on its way."""
-    before = visitor.step
-    visitor.page.wait_for_timeout(1000)
-    return visitor.about("rest") == "true" and visitor.step == before
+def hear_all(visitor) -> None:
+    """Wait until Python has answered a message that is sent after all others."""
+    speed = visitor.page.locator(".swarm-speed")
+    before = speed.locator("output").inner_text()
+    speed.get_by_role("slider").press("ArrowLeft")
+    wait_until(lambda: speed.locator("output").inner_text() != before)
 
 
 def test_play_and_pause_pressed_quickly_leave_it_as_the_last_one_requests(visitor):
     for _ in range(15):
         visitor.page.keyboard.press(" ")
+    hear_all(visitor)
     visitor.wait("player.playing === 'true' && +player.step > 3")
     visitor.page.keyboard.press(" ")
-    wait_until(lambda: is_still(visitor))
+    hear_all(visitor)
+    visitor.wait("player.rest === 'true'")
     at_rest = visitor.step
     visitor.press("Step")
     visitor.wait_for_step(at_rest + 1)

@@ -10,8 +10,8 @@ from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
 from mesa_swarm.viewing.replay_page import replay_page
 from support.names import HOSTILE_NAMES, IMAGE
-from support.visits import HOST, LAUNCH, answers, free_port
-from support.waiting import wait_until
+from support.visits import HOST, LAUNCH, answers, blank_page, free_port
+from support.waiting import PATIENCE, wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -36,10 +36,10 @@ def server(folder):
     launch = LAUNCH.replace("open_browser=False", f"open_browser=False, recordings={str(folder)!r}")
     process = subprocess.Popen([sys.executable, "-c", launch, str(port)], stdout=subprocess.DEVNULL)
     try:
-        wait_until(lambda: answers(port), 90)
+        wait_until(lambda: answers(port))
         yield process, f"http://{HOST}:{port}/"
         process.send_signal(signal.SIGINT)
-        assert process.wait(20) == 0
+        assert process.wait(PATIENCE) == 0
     finally:
         process.kill()
 
@@ -74,7 +74,7 @@ def test_a_page_that_replays_runs_nothing_of_what_a_recording_is_called(chromium
     recording.provenance["parameters"][IMAGE] = IMAGE
     path = tmp_path / "page.html"
     path.write_text(replay_page(recording), encoding="utf-8")
-    page = chromium.new_page()
+    page = blank_page(chromium)
     complaints = []
     page.on("console", lambda message: complaints.append(message.text))
     page.goto(path.as_uri())

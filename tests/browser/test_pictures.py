@@ -4,6 +4,7 @@ import pytest
 
 from mesa_swarm.dashboard.app import MORE_TABS
 from mesa_swarm.gallery import model_names
+from support.visits import resize
 
 pytestmark = pytest.mark.slow
 
@@ -17,7 +18,7 @@ SIZES = {"laptop": (1366, 768), "projector": (1920, 1080)}
 def test_every_view_is_written_as_a_picture_and_fits_its_screen(visit, shots, size, theme):
     visitor, (width, height) = visit("?model=fire_fighting&n_robots=20&step=300", color_scheme=theme), SIZES[size]
     page = visitor.page
-    page.set_viewport_size({"width": width, "height": height})
+    resize(page, width, height)
     visitor.wait_for_step(300)
     for _ in range(3):
         visitor.press("Step")

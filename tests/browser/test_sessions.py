@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from mesa_swarm.dashboard.session import Session
-from support.visits import HOST, LAUNCH, Visit, answers, free_port
+from support.visits import HOST, LAUNCH, Visit, answers, blank_page, free_port
 from support.waiting import wait_until
 
 pytestmark = pytest.mark.slow
@@ -137,7 +137,7 @@ def test_memory_after_twenty_pages_is_as_it_was(chromium):
 def test_a_model_that_breaks_shows_a_card_and_a_third_page_that_there_is_no_place(chromium):
     with served(BREAKING) as (_, address):
         first, second = (Visit(chromium.new_context(), address) for _ in range(2))
-        third = chromium.new_page()
+        third = blank_page(chromium)
         third.goto(address)
         assert "2 pages of this dashboard are open" in third.get_by_role("alert").inner_text()
         first.press("Play")
@@ -161,7 +161,7 @@ def has_place(page) -> bool:
 
 def test_who_listens_to_others_asks_for_a_token(chromium):
     with served(GUARDED, MESA_SWARM_TOKEN=TOKEN) as (_, address):
-        page = chromium.new_page()
+        page = blank_page(chromium)
         assert page.goto(address).status == 403
         opened = page.evaluate(
             """address => new Promise((resolve) => {

@@ -5,7 +5,9 @@ import base64
 import pytest
 from PIL import Image
 
+from mesa_swarm.models.boids import Boids
 from mesa_swarm.recording import Recording
+from support.visits import settle
 from support.waiting import wait_until
 
 pytestmark = pytest.mark.slow
@@ -37,6 +39,13 @@ def downloaded(visitor, label: str, path):
         visitor.press(label)
     download.value.save_as(path / download.value.suggested_filename)
     return path / download.value.suggested_filename
+
+
+def on_canvas(canvas, bounds, place) -> dict[str, float]:
+    """Return where on the canvas a place of the map is."""
+    (left, top, right, bottom), (x0, y0, x1, y1) = canvas.evaluate("canvas => canvas.arena()"), bounds
+    along, up = (place[0] - x0) / (x1 - x0), (place[1] - y0) / (y1 - y0)
+    return {"x": left + along * (right - left), "y": bottom + up * (top - bottom)}
 
 
 def points(visitor) -> int:
@@ -102,17 +111,13 @@ def test_a_robot_is_looked_into_and_moved(visitor):
 
 
 def test_a_click_on_the_canvas_selects_a_robot_for_the_inspector(visit):
-    visitor = visit("?model=boids&n_robots=200")
-    page, heading = visitor.page, visitor.page.locator(".swarm-inspector h2")
-    box = page.locator(".swarm-stage canvas").bounding_box()
-    for k in range(40):
-        page.mouse.click(
-            box["x"] + box["width"] * (0.2 + 0.6 * (k % 8) / 7), box["y"] + box["height"] * (0.3 + k / 100)
-        )
-        page.wait_for_timeout(100)
-        if heading.inner_text() != "Robot":
-            break
-    assert heading.inner_text().startswith("Robot ")
+    visitor = visit("?model=boids&n_robots=20&seed=1")
+    heading, canvas = (visitor.page.locator(f".swarm-{part}") for part in ("inspector h2", "stage canvas"))
+    model = Boids(n_robots=20, rng=1)
+    assert heading.inner_text() == "Robot"
+    for robot in model.robots[:3]:
+        canvas.click(position=on_canvas(canvas, model.bounds, robot.position))
+        wait_until(lambda robot=robot: heading.inner_text() == f"Robot {robot.unique_id}")
 
 
 def test_a_run_is_recorded_and_exported(visitor, tmp_path):
@@ -150,7 +155,7 @@ def test_all_of_the_export_panel_is_in_sight_and_stays_there(visit, theme):
     start.click()
     fault = page.locator(".swarm-export .swarm-fault")
     fault.wait_for()
-    page.wait_for_timeout(100)
+    settle(page)
     assert fault.inner_text()
     assert page.evaluate(CUT_OFF) == [], "what went wrong is in sight without scrolling"
 
@@ -192,7 +197,7 @@ def test_everything_beside_the_canvas_is_looked_at(visit, shots):
         visitor = visit("?model=fire_fighting&step=400", color_scheme=theme)
         visitor.press("Next robot")
         visitor.page.wait_for_selector(".swarm-diagram svg")
-        visitor.page.wait_for_timeout(500)
+        settle(visitor.page)
         visitor.page.screenshot(path=shots / f"side_{theme}.png")
         assert visitor.page.locator(".swarm-diagram svg").is_visible()
         assert visitor.page.locator(".swarm-chart").count() > 0

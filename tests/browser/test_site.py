@@ -14,7 +14,7 @@ from urllib.parse import unquote, urlsplit
 import nbformat
 import pytest
 
-from support.visits import HOST
+from support.visits import HOST, blank_page
 
 pytest.importorskip("mkdocs_jupyter", reason="the site needs the extra docs (pip install -e '.[docs]')")
 pytestmark = pytest.mark.slow
@@ -115,7 +115,7 @@ def asked(chromium):
         answers: dict[str, int] = {}
         with http.server.ThreadingHTTPServer((HOST, 0), handler) as server:
             threading.Thread(target=server.serve_forever).start()
-            tab = chromium.new_page()
+            tab = blank_page(chromium)
             tab.on("request", lambda request: answers.setdefault(request.url, 0))
             tab.on("response", lambda response: answers.update({response.url: response.status}))
             for page in pages:

@@ -3,6 +3,7 @@
 import pytest
 
 from mesa_swarm.models.fire_fighting import FireFighting
+from support.visits import resize
 
 pytestmark = pytest.mark.slow
 
@@ -76,8 +77,7 @@ def test_the_world_is_large_in_a_window_of_any_size(watched, recording, tab, sho
     page = watched.page
     open_tab(watched, tab, recording)
     for (width, height), least in WINDOWS.items():
-        page.set_viewport_size({"width": width, "height": height})
-        page.wait_for_timeout(300)
+        resize(page, width, height)
         page.screenshot(path=shots / f"size_{tab}_{width}.png", full_page=True)
         assert [size for size in page.evaluate(MAPS) if size[0] < least[tab == "Compare"]] == [], (width, height)
         assert not page.evaluate(TOO_WIDE), (width, height)
@@ -91,9 +91,9 @@ def test_three_columns_stand_beside_each_other_on_a_laptop_and_two_or_one_where_
 
     columns = [".swarm-watch > :first-child", ".swarm-middle", ".swarm-side"]
     assert [left(one) for one in columns] == [0, 290, 1366 - 340]
-    page.set_viewport_size({"width": 1024, "height": 768})
+    resize(page, 1024, 768)
     assert [left(one) for one in columns] == [0, 290, 290]
-    page.set_viewport_size({"width": 800, "height": 600})
+    resize(page, 800, 600)
     assert [left(one) for one in columns] == [0, 0, 0]
     last = page.get_by_role("button", name="Export", exact=True)
     last.scroll_into_view_if_needed()
@@ -106,8 +106,7 @@ def test_on_a_projector_all_text_is_a_quarter_larger(watched, recording, shots):
     for tab in ("Compare", "Replay", "Models", "Watch"):
         watched.press(tab) if tab == "Models" else open_tab(watched, tab, recording)
         for size, least in (((1366, 768), 11), ((1920, 1080), 13.5)):
-            page.set_viewport_size(dict(zip(("width", "height"), size, strict=True)))
-            page.wait_for_timeout(300)
+            resize(page, *size)
             page.screenshot(path=shots / f"text_{tab}_{size[0]}.png")
             assert [text for text in page.evaluate(TEXT) if text[0] < least] == [], (tab, size)
     assert page.evaluate(CHART) == pytest.approx(1, abs=0.01), "it is drawn as large as it is seen"

@@ -3,6 +3,7 @@
 import pytest
 
 from mesa_swarm.viewing.canvas_widget import SwarmCanvas
+from support.visits import blank_page
 
 pytestmark = pytest.mark.slow
 
@@ -62,7 +63,7 @@ def test_the_button_and_the_system_change_all_that_is_drawn(opened, shots):
 
 
 def test_in_a_notebook_it_is_the_notebooks_theme_or_the_systems(chromium):
-    page = chromium.new_page(color_scheme="dark")
+    page = blank_page(chromium, color_scheme="dark")
     page.evaluate(NOTEBOOK, SwarmCanvas._esm)
     assert page.evaluate(THEME) == "dark"
     page.emulate_media(color_scheme="light")

@@ -38,6 +38,25 @@ def answers(port: int) -> bool:
         return False
 
 
+def blank_page(chromium, **looks):
+    """Return a page that waits as patiently as all tests do."""
+    page = chromium.new_page(**looks)
+    page.set_default_timeout(PATIENCE * 1000)
+    return page
+
+
+def settle(page) -> None:
+    """Return when the page has measured and drawn itself anew: after its second frame from now on."""
+    page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def resize(page, width: int, height: int) -> None:
+    """Give the page a window of this size, and return when all on it has found its place."""
+    page.set_viewport_size({"width": width, "height": height})
+    page.wait_for_function(f"innerWidth === {width} && innerHeight === {height}")
+    settle(page)
+
+
 class Visit:
     """One user's page."""
 
