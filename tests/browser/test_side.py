@@ -7,6 +7,7 @@ from PIL import Image
 
 from mesa_swarm.models.boids import Boids
 from mesa_swarm.recording import Recording
+from mesa_swarm.viewing.scene import scene_of
 from support.visits import settle
 from support.waiting import wait_until
 
@@ -114,9 +115,10 @@ def test_a_click_on_the_canvas_selects_a_robot_for_the_inspector(visit):
     visitor = visit("?model=boids&n_robots=20&seed=1")
     heading, canvas = (visitor.page.locator(f".swarm-{part}") for part in ("inspector h2", "stage canvas"))
     model = Boids(n_robots=20, rng=1)
+    bounds = scene_of(model).world()["bounds"]
     assert heading.inner_text() == "Robot"
     for robot in model.robots[:3]:
-        canvas.click(position=on_canvas(canvas, model.bounds, robot.position))
+        canvas.click(position=on_canvas(canvas, bounds, robot.position))
         wait_until(lambda robot=robot: heading.inner_text() == f"Robot {robot.unique_id}")
 
 
