@@ -28,6 +28,13 @@ from support.waiting import PATIENCE, comes_true
 pytestmark = pytest.mark.slow
 
 STEPS = 600
+# Draws, and returns how long it takes, milliseconds a drawing.
+TWENTY_DRAWINGS = """(() => {
+    const began = performance.now();
+    for (let i = 0; i < 20; i++) stage.draw();
+    document.getElementById("world").getContext("2d").getImageData(0, 0, 1, 1);
+    return (performance.now() - began) / 20;
+})()"""
 # No machine is so slow that a page's own time gets there before the test, milliseconds.
 LATER = 3_600_000
 
@@ -315,11 +322,7 @@ def test_drawing_is_quick(blank, robots, most):
     model.add_robots(all_round(9, range=50.0), 1)
     scene = scene_of(model)
     staged(blank, scene.world(), crowd(frame_of(model, PACKED_FROM), scene, robots))
-    took = blank.evaluate(
-        "(() => { const began = performance.now(); for (let i = 0; i < 20; i++) stage.draw();"
-        "document.getElementById('world').getContext('2d').getImageData(0, 0, 1, 1);"
-        "return (performance.now() - began) / 20; })()"
-    )
+    took = min(blank.evaluate(TWENTY_DRAWINGS) for _ in range(10))  # now and then something else has the processor
     print(f"{robots} robots: {took:.2f} ms a frame")
     assert took < most
 

@@ -1,4 +1,4 @@
-"""How busy this machine is, and with which processes, read from /proc."""
+"""What processes of ours take of this machine, read from /proc, and how fast it is."""
 
 import os
 import time
@@ -12,20 +12,14 @@ USUAL = 0.037
 
 
 class Watch:
-    """Processor time from now on, in seconds: of this process and all that it started, and of all processes."""
+    """Processor time from now on, in seconds, of this process and all that it started."""
 
     def __init__(self) -> None:
-        self._own, (self._busy, self._all) = own_seconds(), seconds()
-
-    def others(self) -> float:
-        """Return the share of the processors that others took."""
-        busy, everything = seconds()
-        others = (busy - self._busy) - sum(self.own().values())
-        return max(0.0, others / (everything - self._all))
+        self._before = own_seconds()
 
     def own(self) -> dict[int, float]:
         """Return what each process of this run took, by its id."""
-        return {process: took - self._own.get(process, 0.0) for process, took in own_seconds().items()}
+        return {process: took - self._before.get(process, 0.0) for process, took in own_seconds().items()}
 
 
 def slowness() -> float:
@@ -41,13 +35,6 @@ def slowness() -> float:
         kept[k % 97] = moved[k % 6, 0]
         np.isfinite(moved).all()
     return max(1.0, (time.process_time() - used) / USUAL)
-
-
-def seconds() -> tuple[float, float]:
-    """Return how long all processors together were busy, and how long they were there."""
-    user, nice, system, idle, waiting, *others = map(int, Path("/proc/stat").read_text().split("\n")[0].split()[1:9])
-    busy = user + nice + system + sum(others)
-    return busy / TICKS, (busy + idle + waiting) / TICKS
 
 
 def own_seconds() -> dict[int, float]:
