@@ -321,8 +321,11 @@ def test_drawing_is_quick(blank, robots, most):
     model = SwarmModel(map="openspace", rng=1)
     model.add_robots(all_round(9, range=50.0), 1)
     scene = scene_of(model)
-    staged(blank, scene.world(), crowd(frame_of(model, PACKED_FROM), scene, robots))
-    took = min(blank.evaluate(TWENTY_DRAWINGS) for _ in range(10))  # now and then something else has the processor
+    measured, frame = [], crowd(frame_of(model, PACKED_FROM), scene, robots)
+    for _ in range(8):  # of some of which something else had the processor; a canvas is read back once
+        staged(blank, scene.world(), frame)
+        measured.append(blank.evaluate(TWENTY_DRAWINGS))
+    took = min(measured)
     print(f"{robots} robots: {took:.2f} ms a frame")
     assert took < most
 
