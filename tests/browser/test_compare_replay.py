@@ -3,14 +3,11 @@
 import pytest
 
 from mesa_swarm.models.fire_fighting import FireFighting
-from mesa_swarm.viewing.canvas_widget import SPEEDS
 from support.visits import resize
 from support.waiting import wait_until
 
 pytestmark = pytest.mark.slow
 
-# The place of this speed on its slider.
-TWO_A_SECOND = str(SPEEDS.index(2.0))
 SIDES = ".swarm-worlds .swarm-player"
 # Of every map: its height, and what stands upon it.
 COVERED = """[...document.querySelectorAll(".swarm-stage")].map((stage) => {
@@ -149,10 +146,10 @@ def test_many_seeds_are_compared_in_the_background_or_cancelled(compared, shots)
 def test_a_recording_that_is_handed_over_is_played_and_scrubbed(replayed, shots):
     replayed.press("Step")
     replayed.wait("player.step === '2'")
-    replayed.page.get_by_role("slider", name="Speed").fill(TWO_A_SECOND)
+    replayed.play_slowly()
     replayed.press("Play")
     replayed.wait("+player.step > 5")
-    replayed.press("Pause")  # a minute before the end, however busy the machine
+    replayed.press("Pause")
     replayed.wait("player.playing === 'false'")
     replayed.page.get_by_role("slider", name="Steps in memory").press("End")
     replayed.wait("player.step === '120'")

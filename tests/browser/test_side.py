@@ -56,6 +56,7 @@ def points(visitor) -> int:
 def test_charts_grow_while_it_plays_are_cleared_by_a_reset_and_downloaded(visitor, tmp_path):
     page = visitor.page
     assert page.locator(".swarm-chart").count() == 3
+    visitor.play_slowly()  # a curve has a point for each of its first 256 steps
     visitor.press("Play")
     visitor.wait("+player.step > 5")
     before = int(page.evaluate(DRAWN))

@@ -6,6 +6,7 @@ import urllib.error
 import urllib.request
 from pathlib import Path
 
+from mesa_swarm.viewing.canvas_widget import SPEEDS
 from support.waiting import PATIENCE
 
 HOST = "127.0.0.1"
@@ -96,6 +97,10 @@ class Visit:
 
     def press(self, label: str) -> None:
         self.page.get_by_role("button", name=label, exact=True).click()
+
+    def play_slowly(self) -> None:
+        """Let steps come so slowly that what a busy machine does late is still early in the run: five a second."""
+        self.page.get_by_role("slider", name="Speed").fill(str(SPEEDS.index(5.0)))
 
     def field(self, name: str):
         return self.page.locator(f".swarm-field[data-name={json.dumps(name)}]")
