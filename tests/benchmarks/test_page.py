@@ -1,6 +1,6 @@
 """How fast the page is while it plays one step a frame: figures are printed beside what was promised.
 
-What others do on the machine makes pictures rarer, but takes no processor time of ours. With a processor for each
+What others do on the machine makes pictures rarer, but takes none of our processor time. With a processor for each
 process, pictures come as often as promised if none of them needs longer for one.
 """
 

@@ -83,7 +83,7 @@ def page(blank, html):
 
 @pytest.fixture
 def still(blank, html):
-    """A page whose time passes only when a test says so: how long a key takes to reach it does not matter."""
+    """A page whose time passes only when a test lets it: how long a key takes to reach it does not matter."""
     blank.clock.install()
     opened(blank, html.as_uri())
     blank.clock.pause_at(blank.evaluate("Date.now()") + LATER)

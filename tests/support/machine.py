@@ -1,4 +1,4 @@
-"""What processes of ours take of this machine, read from /proc, and how fast it is."""
+"""What our processes take of this machine, read from /proc, and how fast it is."""
 
 import os
 import time
