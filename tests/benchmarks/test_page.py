@@ -24,6 +24,7 @@ def rate(visitor, seconds: float = 5.0) -> tuple[float, float]:
     """Return frames a second, and the processor time that a frame takes of the busiest process, in seconds."""
     machine, (drawn, began) = Watch(), visitor.page.evaluate(COUNT)
     time.sleep(seconds)
+    visitor.wait(f"+player.drawn > {drawn}")
     later, ended = visitor.page.evaluate(COUNT)
     return 1000 * (later - drawn) / (ended - began), max(machine.own().values()) / (later - drawn)
 
@@ -46,7 +47,7 @@ def fill(visitor, robots: int, width: int, height: int) -> None:
 
 
 @pytest.mark.parametrize("robots", PROMISED)
-def test_pictures_come_as_often_as_promised(visit, robots):
+def test_no_process_needs_so_long_for_a_picture_that_they_could_not_come_as_often_as_promised(visit, robots):
     least, width, height = PROMISED[robots]
     visitor = visit("?model=collision_avoidance")
     fill(visitor, robots, width, height)
@@ -58,7 +59,7 @@ def test_pictures_come_as_often_as_promised(visit, robots):
     assert_within(cost, 1 / least)
 
 
-def test_the_first_picture_comes_soon_and_the_page_is_light(visit, chromium, server):
+def test_no_process_works_long_for_the_first_picture_and_the_page_is_light(visit, chromium, server):
     visit()
     machine, began = Watch(), time.perf_counter()
     visitor = Visit(chromium.new_context(viewport={"width": 1366, "height": 768}), server[1])
