@@ -11,7 +11,7 @@ from mesa_swarm.recording import Recording
 from mesa_swarm.viewing.replay_page import replay_page
 from support.names import HOSTILE_NAMES, IMAGE
 from support.visits import HOST, LAUNCH, answers, blank_page, free_port
-from support.waiting import PATIENCE, wait_until
+from support.waiting import wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -36,10 +36,10 @@ def server(folder):
     launch = LAUNCH.replace("open_browser=False", f"open_browser=False, recordings={str(folder)!r}")
     process = subprocess.Popen([sys.executable, "-c", launch, str(port)], stdout=subprocess.DEVNULL)
     try:
-        wait_until(lambda: answers(port))
+        wait_until(lambda: answers(port), 90)
         yield process, f"http://{HOST}:{port}/"
         process.send_signal(signal.SIGINT)
-        assert process.wait(PATIENCE) == 0
+        assert process.wait(20) == 0
     finally:
         process.kill()
 

@@ -23,7 +23,7 @@ from mesa_swarm.viewing.packing import PACKED_FROM, packed_frame
 from mesa_swarm.viewing.replay_page import replay_page
 from mesa_swarm.viewing.scene import Scene, scene_of, scene_of_recording
 from support.visits import blank_page, settle
-from support.waiting import PATIENCE, comes_true
+from support.waiting import comes_true
 
 pytestmark = pytest.mark.slow
 
@@ -258,7 +258,7 @@ def test_the_command_serves_the_same_frames_and_ends_with_ctrl_c(blank, recorded
         until(page, "mesaSwarmReplay.stage.frame.step === 401")
         assert_shows(page, Recording(recorded).at(401))
         process.send_signal(signal.SIGINT)
-        assert process.wait(PATIENCE) == 0
+        assert process.wait(20) == 0
     finally:
         process.kill()
         process.communicate()
@@ -316,7 +316,7 @@ def test_a_load_is_drawn_where_it_was_pushed_to(blank, tmp_path):
     assert colour[:3] == palette.rgb(palette.LIGHT.load).tolist()
 
 
-@pytest.mark.parametrize(("robots", "most"), [(50, 8.0), (10_000, 60.0)])
+@pytest.mark.parametrize(("robots", "most"), [(50, 5.0), (10_000, 40.0)])
 def test_drawing_is_quick(blank, robots, most):
     model = SwarmModel(map="openspace", rng=1)
     model.add_robots(all_round(9, range=50.0), 1)

@@ -76,7 +76,7 @@ def dashboard(assets):
         [sys.executable, "-c", LAUNCH, str(port)], env=settings, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     )
     try:
-        wait_until(lambda: answers(port))
+        wait_until(lambda: answers(port), 90)
         yield Served(process, port, "/readyz")
     finally:
         process.kill()

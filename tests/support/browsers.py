@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from support.visits import CHROMIUM, FLAGS, HOST, LAUNCH, Visit, answers, free_port
-from support.waiting import PATIENCE, wait_until
+from support.waiting import wait_until
 
 
 @pytest.fixture(scope="session")
@@ -18,10 +18,10 @@ def server():
     port = free_port()
     process = subprocess.Popen([sys.executable, "-c", LAUNCH, str(port)], stdout=subprocess.DEVNULL)
     try:
-        wait_until(lambda: answers(port))
+        wait_until(lambda: answers(port), 90)
         yield process, f"http://{HOST}:{port}/"
         process.send_signal(signal.SIGINT)
-        assert process.wait(PATIENCE) == 0, "Ctrl-C is how one ends it: no error"
+        assert process.wait(20) == 0, "Ctrl-C is how one ends it: no error"
     finally:
         process.kill()
 

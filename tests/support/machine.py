@@ -1,4 +1,4 @@
-"""What our processes take of this machine, read from /proc, and how fast it is."""
+"""How busy this machine is, and with which processes, read from /proc."""
 
 import os
 import time
@@ -12,14 +12,20 @@ USUAL = 0.037
 
 
 class Watch:
-    """Processor time from now on, in seconds, of this process and all that it started."""
+    """Processor time from now on, in seconds: of this process and all that it started, and of all processes."""
 
     def __init__(self) -> None:
-        self._before = own_seconds()
+        self._own, (self._busy, self._all) = own_seconds(), seconds()
+
+    def others(self) -> float:
+        """Return the share of the processors that others took."""
+        busy, everything = seconds()
+        others = (busy - self._busy) - sum(self.own().values())
+        return max(0.0, others / (everything - self._all))
 
     def own(self) -> dict[int, float]:
         """Return what each process of this run took, by its id."""
-        return {process: took - self._before.get(process, 0.0) for process, took in own_seconds().items()}
+        return {process: took - self._own.get(process, 0.0) for process, took in own_seconds().items()}
 
 
 def slowness() -> float:
@@ -35,6 +41,13 @@ def slowness() -> float:
         kept[k % 97] = moved[k % 6, 0]
         np.isfinite(moved).all()
     return max(1.0, (time.process_time() - used) / USUAL)
+
+
+def seconds() -> tuple[float, float]:
+    """Return how long all processors together were busy, and how long they were there."""
+    user, nice, system, idle, waiting, *others = map(int, Path("/proc/stat").read_text().split("\n")[0].split()[1:9])
+    busy = user + nice + system + sum(others)
+    return busy / TICKS, (busy + idle + waiting) / TICKS
 
 
 def own_seconds() -> dict[int, float]:

@@ -39,9 +39,9 @@ def answers(port: int) -> bool:
         return False
 
 
-def blank_page(chromium, **looks):
-    """Return a page that waits as patiently as all tests do."""
-    page = chromium.new_page(**looks)
+def blank_page(place, **looks):
+    """Return a page of a browser, or of a context, that waits as patiently as all tests do."""
+    page = place.new_page(**looks)
     page.set_default_timeout(PATIENCE * 1000)
     return page
 
@@ -62,11 +62,10 @@ class Visit:
     """One user's page."""
 
     def __init__(self, context, address: str) -> None:
-        self.context, self.page = context, context.new_page()
+        self.context, self.page = context, blank_page(context)
         self.asked: list[str] = []
         self.complaints: list[str] = []
         page = self.page
-        page.set_default_timeout(PATIENCE * 1000)
         page.on("request", lambda request: self._note(request.url))
         page.on("websocket", lambda connection: self._note(connection.url))
         page.on("console", lambda message: message.type == "error" and self.complaints.append(message.text))
