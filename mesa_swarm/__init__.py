@@ -23,6 +23,7 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.robots.radio import Radio
     from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSensor, bump_sensor, laser_sensor
     from mesa_swarm.swarm_model import SwarmModel
+    from mesa_swarm.world.fields import Field, ScalarField
     from mesa_swarm.world.map import Map
     from mesa_swarm.world.shapes import Shape, disc, polygon, rectangle
 
@@ -36,6 +37,7 @@ _MODULES = {
     "robots.radio": "Radio",
     "robots.sensors": "LineSensor ProximitySensor RadiationSensor bump_sensor laser_sensor",
     "swarm_model": "SwarmModel",
+    "world.fields": "Field ScalarField",
     "world.map": "Map",
     "world.shapes": "Shape disc polygon rectangle",
 }
@@ -47,6 +49,7 @@ __all__ = [
     "AGENT9",
     "AGENT_FIRE",
     "DifferentialDrive",
+    "Field",
     "HolonomicDrive",
     "LineSensor",
     "Map",
@@ -55,6 +58,7 @@ __all__ = [
     "Radio",
     "Recording",
     "RobotDesign",
+    "ScalarField",
     "Shape",
     "SwarmModel",
     "all_round",
