@@ -31,6 +31,7 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
         laser_sensor,
     )
     from mesa_swarm.swarm_model import SwarmModel
+    from mesa_swarm.world.fields import Field, ScalarField
     from mesa_swarm.world.map import Map
     from mesa_swarm.world.shapes import Shape, disc, polygon, rectangle
 
@@ -45,6 +46,7 @@ _MODULES = {
     "robots.radio": "Radio",
     "robots.sensors": "LineSensor ProximitySensor RadiationSensor Sensor bump_sensor laser_sensor",
     "swarm_model": "SwarmModel",
+    "world.fields": "Field ScalarField",
     "world.map": "Map",
     "world.shapes": "Shape disc polygon rectangle",
 }
@@ -57,6 +59,7 @@ __all__ = [
     "AGENT_FIRE",
     "Actuator",
     "DifferentialDrive",
+    "Field",
     "HolonomicDrive",
     "LineSensor",
     "Map",
@@ -66,6 +69,7 @@ __all__ = [
     "Recording",
     "RobotDesign",
     "Sensor",
+    "ScalarField",
     "Shape",
     "SwarmModel",
     "all_round",

@@ -199,11 +199,12 @@ class EngineModel(World):
         act         what actuators are set to                         what they are about
         move        command, loads                                    loads, position, heading
         resolve     position, obstacles, fires                        position, heading, slip, collided, contacts
-        process     position                                          fires' temperature, robots' temperature, fire
+        process     position, fields                                  fields; fires' and robots' temperature, fire
         collect     everything                                        datacollector, history
         ==========  ================================================  ===========================================
 
-        Every robot acts on what was published after the previous step; nothing depends on their order.
+        Every robot acts on what was published after the previous step; nothing depends on their order. Fields are the
+        first to advance in their phase.
         Without `communication` nothing is exchanged.
         """
         self.sense()
@@ -211,6 +212,8 @@ class EngineModel(World):
         self._decide()
         self._act()
         self._move()
+        if self._fields is not None:
+            self._advance_fields(self._fields)
         self._process()
         self._completed += 1
         self._collect()
@@ -444,6 +447,9 @@ class EngineModel(World):
         digest.update(f"{self._completed}".encode())
         for load in self._loads:
             digest.update(np.array([*load.pose, load.resistance]).tobytes())
+        for name, field in self.fields.items():
+            digest.update(f"fields.{name} {field.values.shape}".encode())
+            digest.update(field.values + 0)
         for prefix, columns in self._hashed_columns():
             for name, column in sorted(columns.items()):
                 if name not in NOT_HASHED:
