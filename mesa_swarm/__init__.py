@@ -22,7 +22,7 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive
     from mesa_swarm.robots.radio import Radio
     from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSensor, bump_sensor, laser_sensor
-    from mesa_swarm.swarm_model import SwarmModel
+    from mesa_swarm.swarm_model import SwarmModel, show
     from mesa_swarm.world.map import Map
     from mesa_swarm.world.shapes import Shape, disc, polygon, rectangle
 
@@ -35,7 +35,7 @@ _MODULES = {
     "robots.drive": "DifferentialDrive HolonomicDrive",
     "robots.radio": "Radio",
     "robots.sensors": "LineSensor ProximitySensor RadiationSensor bump_sensor laser_sensor",
-    "swarm_model": "SwarmModel",
+    "swarm_model": "SwarmModel show",
     "world.map": "Map",
     "world.shapes": "Shape disc polygon rectangle",
 }
@@ -64,6 +64,7 @@ __all__ = [
     "laser_sensor",
     "polygon",
     "rectangle",
+    "show",
     "sweep",
 ]
 
