@@ -32,6 +32,8 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     )
     from mesa_swarm.swarm_model import SwarmModel
     from mesa_swarm.world.fields import Field, ScalarField
+    from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSensor, bump_sensor, laser_sensor
+    from mesa_swarm.swarm_model import SwarmModel, show
     from mesa_swarm.world.map import Map
     from mesa_swarm.world.shapes import Shape, disc, polygon, rectangle
 
@@ -47,6 +49,8 @@ _MODULES = {
     "robots.sensors": "LineSensor ProximitySensor RadiationSensor Sensor bump_sensor laser_sensor",
     "swarm_model": "SwarmModel",
     "world.fields": "Field ScalarField",
+    "robots.sensors": "LineSensor ProximitySensor RadiationSensor bump_sensor laser_sensor",
+    "swarm_model": "SwarmModel show",
     "world.map": "Map",
     "world.shapes": "Shape disc polygon rectangle",
 }
@@ -79,6 +83,7 @@ __all__ = [
     "laser_sensor",
     "polygon",
     "rectangle",
+    "show",
     "sweep",
 ]
 
