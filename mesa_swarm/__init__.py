@@ -30,10 +30,8 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
         bump_sensor,
         laser_sensor,
     )
-    from mesa_swarm.swarm_model import SwarmModel
-    from mesa_swarm.world.fields import Field, ScalarField
-    from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSensor, bump_sensor, laser_sensor
     from mesa_swarm.swarm_model import SwarmModel, show
+    from mesa_swarm.world.fields import Field, ScalarField
     from mesa_swarm.world.map import Map
     from mesa_swarm.world.shapes import Shape, disc, polygon, rectangle
 
@@ -47,10 +45,8 @@ _MODULES = {
     "robots.drive": "DifferentialDrive HolonomicDrive",
     "robots.radio": "Radio",
     "robots.sensors": "LineSensor ProximitySensor RadiationSensor Sensor bump_sensor laser_sensor",
-    "swarm_model": "SwarmModel",
-    "world.fields": "Field ScalarField",
-    "robots.sensors": "LineSensor ProximitySensor RadiationSensor bump_sensor laser_sensor",
     "swarm_model": "SwarmModel show",
+    "world.fields": "Field ScalarField",
     "world.map": "Map",
     "world.shapes": "Shape disc polygon rectangle",
 }
@@ -72,8 +68,8 @@ __all__ = [
     "Radio",
     "Recording",
     "RobotDesign",
-    "Sensor",
     "ScalarField",
+    "Sensor",
     "Shape",
     "SwarmModel",
     "all_round",
