@@ -28,6 +28,7 @@ from mesa_swarm.recording.parts import (
     restore_objects,
 )
 from mesa_swarm.robots.design import LARGEST_RADIUS
+from mesa_swarm.world.fields import ScalarField
 
 # Attributes that are stored separately, follow from what is stored, or only describe how the model is viewed.
 # First Mesa's, then ours.
@@ -38,7 +39,7 @@ HANDLED = frozenset(
         *("_event_generators", "_scenario", "_default_schedule", "data_registry"),
         *("given", "_engine", "map", "streams", "space", "swarm", "fires", "_obstacles", "_loads", "_scene"),
         *("_scene_table", "observers", "_channel", "_fire_constants", "_senses", "_senses_version", "_sensed"),
-        *("_noise", "_imperfect", "datacollector", "_collect_every", "_control", "_snapshots"),
+        *("_noise", "_imperfect", "datacollector", "_collect_every", "_control", "_snapshots", "_fields"),
     )
 )
 HANDLED_OF_AGENTS = frozenset(
@@ -117,6 +118,7 @@ def checkpoint_of(model: FireModel, since: dict[Path, int] | None = None, *, ste
         "things": objects_to_json(model),
         "columns": {name: packed.pack(column) for name, column in sorted(model.swarm.columns.items())},
         "disturbed": model.swarm.disturbed,
+        **({"scalars": packed.pack(model._fields_as_stored())} if model.fields else {}),
         "fires": {name: packed.pack(column) for name, column in model.fires.columns.items()},
         "collect_every": model.collect_every,
         "history": [model.fires.history.every, list(model.fires.history._places), model.fires.history._fires],
@@ -158,6 +160,7 @@ def restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpoi
 def _restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpoint]) -> None:
     facts, packed = checkpoint.facts, _ModelPacked(model, checkpoint.arrays)
     restore_objects(model, facts["things"])
+    model._restore_fields(packed.unpack(facts.get("scalars", [])))
     model.fire_constants = part_from_json(facts["constants"])
     _restore_control(model, facts, packed)
     set_clock(model, facts["steps"])
@@ -290,6 +293,8 @@ def _attribute(value: object, name: str, packed: _ModelPacked) -> object:
     """Return an attribute as JSON: plain, a random generator, or an object with a state of its own."""
     if isinstance(value, np.random.Generator):
         return {"generator": _generator(value, name, packed)}
+    if isinstance(value, ScalarField) and packed.model.fields.get(value.name) is value:
+        return {"field": value.name}
     if isinstance(value, Checkpointed) and not isinstance(value, type):
         return {"own": packed.pack(value.checkpoint(), name)}
     for column, own in packed.model.swarm.columns.items():
@@ -341,6 +346,8 @@ def _value(now: object, name: str, content: dict, packed: _ModelPacked) -> objec
         return now
     if kind == "column":
         return packed.model.swarm.columns[value]
+    if kind == "field":
+        return packed.model.fields[value]
     return part_from_json(value) if kind == "part" else packed.unpack(value)
 
 
