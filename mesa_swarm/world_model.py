@@ -115,6 +115,7 @@ class World(mesa.Model):
         """
         if not isinstance(design, RobotDesign):
             raise InvalidValueError(f"design is {shortened(design)}; expected a RobotDesign such as AGENT9")
+        self.swarm.check_parts(design)
         self._check_driven(design)
         self._check_resolved(design.radius, (obstacle.shape for obstacle in self._obstacles))
         if (n is None) == (poses is None):

@@ -8,7 +8,7 @@ from shutil import rmtree
 from typing import Any
 
 import numba
-from numba import njit
+from numba import njit, typeof
 
 # Numba finds its settings when it is imported, where no type checker sees them.
 settings: Any = numba.config
@@ -68,3 +68,25 @@ def compiled(function: Callable[..., Any] | None = None, *, nogil: bool = False)
         return njit(error_model="numpy", nogil=nogil)(function)
     finally:
         settings.CACHE_DIR = previous
+
+
+def custom_compiled(function: Callable[..., Any]) -> Any:
+    """Compile a user's function when it is first called; it releases the GIL and is not stored on disk.
+
+    Bounds are checked: an index too large would otherwise read another robot's memory.
+
+    Examples
+    --------
+    >>> custom_compiled(lambda x: 2 * x)(21)
+    42
+    """
+    return njit(error_model="numpy", boundscheck=True, nogil=True)(function)
+
+
+def is_refused(compiled: Any, values: tuple) -> bool:
+    """Return whether Numba refuses to compile a function for these values; else an error is one of the function."""
+    try:
+        compiled.compile(tuple(map(typeof, values)))
+    except Exception:  # Numba's own code raises ordinary errors too
+        return True
+    return False
