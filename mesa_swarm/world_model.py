@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterable, Sequence
+from dataclasses import astuple
 from typing import Any, ClassVar, Self, cast
 
 import mesa
@@ -258,6 +259,21 @@ class World(mesa.Model):
         live = ScalarField(field, self.map.bounds, self._walls)
         self._fields = {**(self._fields or {}), field.name: live}
         return live
+
+    def _fields_as_stored(self) -> list:
+        """Return the declarations and the states of all fields, as plain values."""
+        return [[astuple(field.declared), field.checkpoint()] for field in self.fields.values()]
+
+    def _restore_fields(self, stored: Iterable[tuple[tuple, dict]]) -> None:
+        """Restore what `_fields_as_stored` returned; fields that the model has stay the same objects."""
+        before, self._fields = self.fields, None
+        for declared, state in stored:
+            field = Field(*declared)
+            known = before.get(field.name)
+            if known is None or known.declared != field:
+                known = self.add_field(field)
+            self._fields = {**(self._fields or {}), field.name: known}
+            known.restore(state)
 
     def _walls(self) -> list[Shape]:
         """Return the shapes of what stops fields: solid obstacles that do not move."""
