@@ -19,7 +19,7 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.experiments.sweep import sweep
     from mesa_swarm.recording.recording import Recording
     from mesa_swarm.robots.design import AGENT3, AGENT6, AGENT9, AGENT_FIRE, RobotDesign, all_round
-    from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive
+    from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive, OmniDrive, omni_speeds
     from mesa_swarm.robots.radio import Radio
     from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSensor, bump_sensor, laser_sensor
     from mesa_swarm.swarm_model import SwarmModel
@@ -32,7 +32,7 @@ _MODULES = {
     "experiments.sweep": "sweep",
     "recording.recording": "Recording",
     "robots.design": "AGENT3 AGENT6 AGENT9 AGENT_FIRE RobotDesign all_round",
-    "robots.drive": "DifferentialDrive HolonomicDrive",
+    "robots.drive": "DifferentialDrive HolonomicDrive OmniDrive omni_speeds",
     "robots.radio": "Radio",
     "robots.sensors": "LineSensor ProximitySensor RadiationSensor bump_sensor laser_sensor",
     "swarm_model": "SwarmModel",
@@ -50,6 +50,7 @@ __all__ = [
     "HolonomicDrive",
     "LineSensor",
     "Map",
+    "OmniDrive",
     "ProximitySensor",
     "RadiationSensor",
     "Radio",
@@ -62,6 +63,7 @@ __all__ = [
     "compare",
     "disc",
     "laser_sensor",
+    "omni_speeds",
     "polygon",
     "rectangle",
     "sweep",
