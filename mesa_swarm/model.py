@@ -32,7 +32,7 @@ from mesa_swarm.physics.radio import Channel, send_goals
 from mesa_swarm.physics.shapely_engine import ShapelyEngine
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.robots.design import RobotDesign
-from mesa_swarm.robots.drive import limit_command
+from mesa_swarm.robots.drive import clear_unused, limit_command, speeds_in_words
 from mesa_swarm.robots.imperfections import Imperfections
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.robot import Robot
@@ -290,12 +290,14 @@ class EngineModel(OpenModel):
             self._senses_version = self.swarm.version
         columns["last_command"][:] = command
         self._control.decide(self._senses, command, layer)
+        if self.swarm.table.mixed:
+            clear_unused(command, columns["design"], self.swarm.table.numbers)
         wrong = limit_command(command, columns["max_speed"], columns["design"], self.swarm.table.sideways)
         if wrong >= 0:
             name = driver(self._control, int(layer[wrong]))
             raise BehaviourError(
                 f"{name} commanded NaN to robot {self.swarm.agents[wrong].unique_id} in step {self.steps}; "
-                "expected two finite wheel speeds"
+                f"expected {speeds_in_words(self.swarm.agents[wrong].design.numbers)}"
             )
         if self._channel is not None:
             send_goals(columns["position"], columns["heading"], columns["goal"], columns["sent_goal"])
@@ -314,12 +316,12 @@ class EngineModel(OpenModel):
         if self.swarm.disturbed:
             self._engine.settle(self.swarm, scene)
             self.swarm.disturbed = False
-        draws = self.streams["slip"].random((len(self.swarm), 2)) if table.slips else None
+        draws = self.streams["slip"].random((len(self.swarm), table.wheels)) if table.slips else None
         if self._imperfect is None:
             self._engine.move(self.swarm, scene, self._turn_angle, draws)
             return
-        with self._imperfect.driving(self.swarm, self._completed):
-            self._engine.move(self.swarm, scene, self._turn_angle, draws)
+        with self._imperfect.driving(self.swarm, self._completed) as rolled:
+            rolled.append(self._engine.move(self.swarm, scene, self._turn_angle, draws))
 
     def _collect(self) -> None:
         self.collisions = int(np.count_nonzero(self.swarm.columns["collided"]))

@@ -243,7 +243,8 @@ def _robot_table(frame: Frame) -> dict[str, np.ndarray]:
         values = np.where(stored >= 0, stored + 1, stored) if name == "fire" else stored
         width = int(np.prod(values.shape[1:]))
         parts = [values] if values.ndim == 1 else values.reshape(len(values), width).T
-        names = [name] if values.ndim == 1 else AXES.get(name) or [f"{name}_{i}" for i in range(width)]
+        known = AXES.get(name, ())
+        names = [name] if values.ndim == 1 else known if len(known) == width else [f"{name}_{i}" for i in range(width)]
         flat |= dict(zip(names, parts, strict=True))
     return flat
 

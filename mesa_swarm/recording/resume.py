@@ -8,7 +8,7 @@ import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError, check_count, shortened, unknown_name
 from mesa_swarm.fire.model import FireModel
-from mesa_swarm.gallery import FORMS, is_address, shipped_class
+from mesa_swarm.gallery import FORMS, address_of, is_address, shipped_class
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.collected import reporters_of, set_clock
 from mesa_swarm.recording.container import ATOMS
@@ -238,8 +238,9 @@ def class_of(recording: Recording, base: type) -> type:
     alike = [model_class for model_class in loaded if is_of(recording.provenance, model_class)]
     if len(alike) == 1:
         return alike[0]
+    shown = address_of(base) if base.__qualname__ == name else base.__name__
     raise RecordingError(
-        f"{recording.path} is of {shortened(name)}, which is neither {base.__name__} nor a loaded subclass of it; "
+        f"{recording.path} is of {shortened(name)}, which is neither {shown} nor a loaded subclass of it; "
         f"import its class ({address_in(recording)}) and call its resume"
     )
 
