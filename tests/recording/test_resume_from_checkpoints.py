@@ -5,7 +5,7 @@ import pytest
 
 from mesa_swarm import AGENT9, SwarmModel, disc
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.errors import RecordingError
+from mesa_swarm.errors import RecordingError, UnstoredStateWarning
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording, verify
 from mesa_swarm.recording.sealed_stream import SealedReader
@@ -139,8 +139,11 @@ class Befriended(FireFighting):
 
 
 def test_of_a_model_that_cannot_be_stored_the_reason_is_and_it_is_run_again(tmp_path):
-    model = Befriended(rng=1)
-    with model.record(tmp_path / "run.arrow") as recorder:
+    model, match = Befriended(rng=1), "^Befriended is recorded without checkpoints, .* friend is <object"
+    with pytest.warns(UnstoredStateWarning, match=match) as seen:
+        recorder = model.record(tmp_path / "run.arrow")
+    assert [(str(one.message).count("\n"), one.filename) for one in seen] == [(0, __file__)]
+    with recorder:
         model.run(30)
     assert recorder.checkpoints == ()
     assert recorder.why_no_checkpoint.startswith("friend is <object")
