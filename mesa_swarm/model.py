@@ -24,7 +24,7 @@ from mesa_swarm.errors import (
 from mesa_swarm.moved import moved_name
 from mesa_swarm.observers import Observers
 from mesa_swarm.physics.contact import Contacts
-from mesa_swarm.physics.engine import CompiledEngine, Engine
+from mesa_swarm.physics.engine import CompiledEngine, Engine, begin_way
 from mesa_swarm.physics.imperfect import Imperfect
 from mesa_swarm.physics.radio import Channel, send_goals
 from mesa_swarm.physics.shapely_engine import ShapelyEngine
@@ -194,7 +194,7 @@ class EngineModel(World):
         sense       position, heading, obstacles, fires               distance, kind, radiation, line
         exchange    layer, task, sent_goal, pose, obstacles           heard_layer, heard_task, heard_from, heard_goal
         decide      what robots know (`control.Senses`)               command, layer, task, goal, sent_goal
-        move        command, loads                                    loads, position, heading
+        move        command, loads, driven bodies' aims               loads, driven bodies, position, heading
         resolve     position, obstacles, fires                        position, heading, slip, collided, contacts
         process     position                                          fires' temperature, robots' temperature, fire
         collect     everything                                        datacollector, history
@@ -203,6 +203,8 @@ class EngineModel(World):
         Every robot acts on what was published after the previous step; nothing depends on their order.
         Without `communication` nothing is exchanged.
         """
+        if self._movers is not None:
+            self._follow_agents(self._movers)
         self.sense()
         self._exchange()
         self._decide()
@@ -277,6 +279,19 @@ class EngineModel(World):
     def _move(self) -> None:
         for load in self._loads:
             load.rest()
+        if self._movers is None:
+            self._move_robots()
+            return
+        moving = self._current_scene().moving
+        if moving is not None:
+            moving.begin()
+        if moving is not None and not len(self.swarm):
+            begin_way(self._current_scene())
+            moving.go_freely()
+        self._move_robots()
+        self._movers.rest()
+
+    def _move_robots(self) -> None:
         if not len(self.swarm):
             return
         scene, table = self._current_scene(), self.swarm.table
@@ -322,6 +337,8 @@ class EngineModel(World):
         try:
             for observer in observers.complete:
                 observer.before_step(self)
+            if self._movers is not None:
+                self._movers.begin_step()
             type(self).step(self, *given, **named)
             for observer in observers.complete:
                 observer.between_steps(self)
@@ -431,6 +448,9 @@ class EngineModel(World):
         digest.update(f"{self._completed}".encode())
         for load in self._loads:
             digest.update(np.array([*load.pose, load.resistance]).tobytes())
+        if self._movers is not None:
+            for column in self._movers.poses:
+                digest.update((column + 0).tobytes())
         for prefix, columns in self._hashed_columns():
             for name, column in sorted(columns.items()):
                 if name not in NOT_HASHED:

@@ -76,6 +76,7 @@ CHANGES = (
     *(f"{name} of robots" for name in OF_ROBOTS),
     *(f"{name} of fires" for name in OF_FIRES),
     "pose or resistance of loads",
+    "pose of driven bodies",
 )
 ROBOTS, FIRES, BYTES = itemgetter(*OF_ROBOTS), itemgetter(*OF_FIRES), np.ndarray.tobytes
 # Attributes of a model that change when it is read or when Mesa counts a step, and on which no step depends.
@@ -139,4 +140,5 @@ def _objects(model: FireModel) -> tuple[Any, ...]:
         *map(BYTES, ROBOTS(swarm.columns)),
         *map(BYTES, FIRES(model.fires.columns)),
         [(load.pose, load.resistance) for load in model._loads] if model._loads else (),
+        () if model._movers is None else tuple(map(BYTES, model._movers.poses)),
     )

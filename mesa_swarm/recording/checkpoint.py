@@ -36,7 +36,7 @@ HANDLED = frozenset(
         *("steps", "step", "rng", "_rng", "random", "_seed", "_user_step", "_agents", "_agents_by_type", "_all_agents"),
         *("subscribers", "_batch_context", "_suppress", "_time", "agent_id_counter", "_simulator", "_event_list"),
         *("_event_generators", "_scenario", "_default_schedule", "data_registry"),
-        *("given", "_engine", "map", "streams", "space", "swarm", "fires", "_obstacles", "_loads", "_scene"),
+        *("given", "_engine", "map", "streams", "space", "swarm", "fires", "_obstacles", "_loads", "_movers", "_scene"),
         *("_scene_table", "observers", "_channel", "_fire_constants", "_senses", "_senses_version", "_sensed"),
         *("_noise", "_imperfect", "datacollector", "_collect_every", "_control", "_snapshots"),
     )
@@ -44,7 +44,7 @@ HANDLED = frozenset(
 HANDLED_OF_AGENTS = frozenset(
     (
         *("model", "unique_id", "space", "_mesa_index", "pos", "swarm", "row", "fires", "shape", "form", "pose"),
-        *("_resistance", "moved", "pushers"),
+        *("_resistance", "moved", "pushers", "_kind", "movers", "_shown", "agent"),
     )
 )
 # Attributes that every model has and computes with.
