@@ -17,8 +17,9 @@ if not any(isinstance(finder, MovedFinder) for finder in sys.meta_path):
 if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.experiments.compare import compare
     from mesa_swarm.experiments.sweep import sweep
+    from mesa_swarm.physics.neighbours import NeighbourSensor
     from mesa_swarm.recording.recording import Recording
-    from mesa_swarm.robots.actuators import Actuator
+    from mesa_swarm.robots.actuators import Actuator, Lamp
     from mesa_swarm.robots.design import AGENT3, AGENT6, AGENT9, AGENT_FIRE, RobotDesign, all_round
     from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive
     from mesa_swarm.robots.radio import Radio
@@ -39,7 +40,8 @@ _MODULES = {
     "experiments.compare": "compare",
     "experiments.sweep": "sweep",
     "recording.recording": "Recording",
-    "robots.actuators": "Actuator",
+    "physics.neighbours": "NeighbourSensor",
+    "robots.actuators": "Actuator Lamp",
     "robots.design": "AGENT3 AGENT6 AGENT9 AGENT_FIRE RobotDesign all_round",
     "robots.drive": "DifferentialDrive HolonomicDrive",
     "robots.radio": "Radio",
@@ -58,8 +60,10 @@ __all__ = [
     "Actuator",
     "DifferentialDrive",
     "HolonomicDrive",
+    "Lamp",
     "LineSensor",
     "Map",
+    "NeighbourSensor",
     "ProximitySensor",
     "RadiationSensor",
     "Radio",

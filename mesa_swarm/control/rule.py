@@ -16,7 +16,7 @@ from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic, lower_builtin, models, overload, register_model
 
-from mesa_swarm.control.custom_fields import RecordEntry, Fields, FieldForm, extension, plain_arrays, record_of
+from mesa_swarm.control.custom_fields import FieldForm, Fields, RecordEntry, extension, plain_arrays, record_of
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import BehaviourError, UncompiledBehaviourWarning, shortened, unknown_name
 from mesa_swarm.robots.design import RobotDesign
