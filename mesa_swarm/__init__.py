@@ -18,6 +18,7 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.experiments.compare import compare
     from mesa_swarm.experiments.sweep import sweep
     from mesa_swarm.physics.neighbours import NeighbourSensor
+    from mesa_swarm.process import Process
     from mesa_swarm.recording.recording import Recording
     from mesa_swarm.robots.actuators import Actuator, Lamp
     from mesa_swarm.robots.design import AGENT3, AGENT6, AGENT9, AGENT_FIRE, RobotDesign, all_round
@@ -31,7 +32,8 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
         bump_sensor,
         laser_sensor,
     )
-    from mesa_swarm.swarm_model import SwarmModel
+    from mesa_swarm.swarm_model import SwarmModel, show
+    from mesa_swarm.world.fields import Field, ScalarField
     from mesa_swarm.world.map import Map
     from mesa_swarm.world.shapes import Shape, disc, polygon, rectangle
 
@@ -39,6 +41,7 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
 _MODULES = {
     "experiments.compare": "compare",
     "experiments.sweep": "sweep",
+    "process": "Process",
     "recording.recording": "Recording",
     "physics.neighbours": "NeighbourSensor",
     "robots.actuators": "Actuator Lamp",
@@ -46,7 +49,8 @@ _MODULES = {
     "robots.drive": "DifferentialDrive HolonomicDrive",
     "robots.radio": "Radio",
     "robots.sensors": "LineSensor ProximitySensor RadiationSensor Sensor bump_sensor laser_sensor",
-    "swarm_model": "SwarmModel",
+    "swarm_model": "SwarmModel show",
+    "world.fields": "Field ScalarField",
     "world.map": "Map",
     "world.shapes": "Shape disc polygon rectangle",
 }
@@ -59,16 +63,19 @@ __all__ = [
     "AGENT_FIRE",
     "Actuator",
     "DifferentialDrive",
+    "Field",
     "HolonomicDrive",
     "Lamp",
     "LineSensor",
     "Map",
     "NeighbourSensor",
+    "Process",
     "ProximitySensor",
     "RadiationSensor",
     "Radio",
     "Recording",
     "RobotDesign",
+    "ScalarField",
     "Sensor",
     "Shape",
     "SwarmModel",
@@ -79,6 +86,7 @@ __all__ = [
     "laser_sensor",
     "polygon",
     "rectangle",
+    "show",
     "sweep",
 ]
 

@@ -1,8 +1,8 @@
 """World: a Mesa model with a map, robots, obstacles and loads, added and removed between two steps."""
 
 import os
-from collections.abc import Iterable, Sequence
-from typing import Any, Self, cast
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, ClassVar, Self, cast
 
 import mesa
 import numpy as np
@@ -13,10 +13,12 @@ from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.design import DesignTable, RobotDesign
 from mesa_swarm.robots.robot import SIDES, Robot, remove_together
 from mesa_swarm.robots.swarm import Swarm
+from mesa_swarm.state import Part, State
 from mesa_swarm.streams import Seed, Streams
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.arena import Agents, Arena, as_numbers
 from mesa_swarm.world.bodies import Form, Load, Obstacle, checked_resistance
+from mesa_swarm.world.fields import Field, Fields, ScalarField
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.placement import free_places, place_apart
 from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, disc
@@ -26,10 +28,29 @@ from mesa_swarm.world.statics import LOAD, OBSTACLE
 # may not be less than the rounding of a coordinate. And squares of lengths have to be floats.
 FINEST = 4e-9
 SMALLEST_RADIUS = 1e-12
+# Attributes of Mesa's models, of all versions: what changes when Mesa counts a step, and the others.
+MESA_COUNTS = ("steps", "_time", "_batch_context", "_suppress", "subscribers", "agent_id_counter")
+OF_MESA = (
+    *("step", "rng", "_rng", "random", "_seed", "_user_step", "_agents", "_agents_by_type", "_all_agents"),
+    *("_simulator", "_event_list", "_event_generators", "_scenario", "_default_schedule", "data_registry"),
+)
 
 
 class World(mesa.Model):
-    """The contents of a model, with the obstacles of its map; `EngineModel` adds the step."""
+    """The contents of a model, with the obstacles of its map; `EngineModel` adds the step.
+
+    A class declares its attributes where it makes them. All are stored in checkpoints as they are, but those that it
+    lists in `_stored_apart`: they are stored in another way, follow from others, or only describe how the model is
+    viewed. Those in `_fleeting` change when the model is read. The lists of a class and its bases add up.
+    """
+
+    _stored_apart: ClassVar[tuple[str, ...]] = (
+        *(*MESA_COUNTS, *OF_MESA, "given", "map", "streams", "space", "swarm", "_obstacles", "_loads", "_scene"),
+        *("_scene_table", "_state", "_parts", "_fields"),
+    )
+    _fleeting: ClassVar[tuple[str, ...]] = (*MESA_COUNTS, "time", "_scene", "_scene_table")
+
+    _fields: dict[str, ScalarField] | None = None  # by name; None without any
 
     def __new__(cls, *given: Any, **named: Any) -> Self:
         """Store the arguments of the outermost constructor, with which a recorded model is made again."""
@@ -41,6 +62,9 @@ class World(mesa.Model):
     def __init__(self, *, map: str | os.PathLike | Map, rng: Seed) -> None:
         self.map = Map.load(map)
         rng = _checked_seed(rng)
+        self._state = State()
+        # Declared by what adds to the state of a model (`Part`): fields for example.
+        self._parts: dict[str, Part] = {}
         super().__init__(rng=rng)
         self.streams = Streams(_seed_sequence(rng, self.rng))
         x_min, y_min, x_max, y_max = self.map.bounds
@@ -53,6 +77,25 @@ class World(mesa.Model):
         self._scene_table: DesignTable | None = None
         for shape in self.map.obstacles:
             self.add_obstacle(shape)
+
+    @property
+    def state(self) -> State:
+        """Custom values that belong to the model's state: hashed, stored, resumed and copied with it.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel
+        >>> model = SwarmModel(rng=1)
+        >>> model.state["delivered"] = 0
+        >>> model.state["delivered"] += 2
+        >>> model.state["delivered"]
+        2
+        """
+        return self._state
+
+    @state.setter
+    def state(self, values: Mapping[str, Any]) -> None:
+        self._state = State(values)
 
     @property
     def robots(self) -> Agents[Robot]:
@@ -209,6 +252,44 @@ class World(mesa.Model):
         self._scene_changed()
         return load
 
+    @property
+    def fields(self) -> Fields:
+        """The scalar fields by name, in the order in which they were added."""
+        return Fields(self._fields or {})
+
+    def add_field(self, field: Field) -> ScalarField:
+        """Add a scalar field, empty at first, and return it; it advances in each step, after contacts are resolved.
+
+        Raises
+        ------
+        InvalidValueError
+            If the model has a field of this name, or it would have too many cells or sub-steps.
+
+        Examples
+        --------
+        >>> from mesa_swarm import Field, SwarmModel
+        >>> model = SwarmModel(rng=1)
+        >>> trail = model.add_field(Field("trail", cell=10.0, diffusion=0.1, evaporation=0.01))
+        >>> trail.deposit((400, 300), 5.0)
+        >>> round(model.run(1).fields["trail"].total, 3)
+        4.95
+        """
+        if not isinstance(field, Field):
+            raise InvalidValueError(f'field is {shortened(field)}; expected a Field such as Field("trail")')
+        if field.name in self.fields:
+            raise InvalidValueError(f"the model has a field {field.name} already; expected another name")
+        live = ScalarField(field, self.map.bounds, self._walls)
+        self._fields = {**(self._fields or {}), field.name: live}
+        return live
+
+    def _walls(self) -> list[Shape]:
+        """Return the shapes of what stops fields: solid obstacles that do not move."""
+        return [body.shape for body in self._obstacles if body.contact and not isinstance(body, Load)]
+
+    def _advance_fields(self, fields: dict[str, ScalarField]) -> None:
+        for field in fields.values():
+            field.advance()
+
     def obstacles_changed(self) -> None:
         """Update the lists after obstacles or other bodies were removed."""
         for index in reversed(range(len(self._obstacles))):
@@ -223,6 +304,8 @@ class World(mesa.Model):
     def _scene_changed(self) -> None:
         self._scene = None
         self.swarm.disturbed = True
+        for field in (self._fields or {}).values():
+            field.walls_changed()
 
     def _current_scene(self) -> Surroundings:
         table = self.swarm.table
