@@ -143,6 +143,7 @@ class EngineModel(OpenModel):
         for beacon in () if radio is None else radio.beacons:
             self._checked_point(beacon)
         self._channel = None if radio is None else Channel(radio)
+        self.swarm.set_messages({} if radio is None else radio.columns())
         self.swarm.clear_messages()
 
     @property
@@ -287,6 +288,8 @@ class EngineModel(OpenModel):
         columns["goal"].fill(np.nan)
         if self.swarm.table.actions:
             clear_actions(self.swarm)
+        if self._channel is not None:
+            self._channel.begin_decision(self.swarm)
         if self._senses is None or self._senses_version != self.swarm.version:
             self._senses = Senses.of(self.swarm)
             self._senses_version = self.swarm.version

@@ -15,7 +15,9 @@ from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.fires import Fire
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.fire.strategy import FightFire
+from mesa_swarm.physics.neighbours import NeighbourSensor
 from mesa_swarm.recording.container import ATOMS
+from mesa_swarm.robots.actuators import Lamp
 from mesa_swarm.robots.design import DesignTable, RobotDesign
 from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive, OmniDrive
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections
@@ -27,7 +29,8 @@ from mesa_swarm.world.movers import Driven
 from mesa_swarm.world.shapes import Shape, outline_to_json, shape_from_json
 from mesa_swarm.world.statics import KINDS, LOAD, OBSTACLE
 
-OF_DESIGNS = (RobotDesign, ProximitySensor, RadiationSensor, LineSensor, DifferentialDrive, HolonomicDrive, OmniDrive)
+SENSORS = (ProximitySensor, RadiationSensor, LineSensor, NeighbourSensor)
+OF_DESIGNS = (RobotDesign, *SENSORS, Lamp, DifferentialDrive, HolonomicDrive, OmniDrive)
 OF_MODELS = (FireConstants, Radio, Imperfection, Imperfections)
 FLOCKING = (controls.Align, controls.Cohere, controls.Cruise, controls.MatchVelocity, controls.Separate)
 TOWARDS_BODIES = (controls.Follow, controls.Gather, controls.HeadOn, controls.Perimeter, controls.Push)
