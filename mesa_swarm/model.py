@@ -26,6 +26,7 @@ from mesa_swarm.observers import Observers
 from mesa_swarm.physics.contact import Contacts
 from mesa_swarm.physics.engine import CompiledEngine, Engine
 from mesa_swarm.physics.imperfect import Imperfect
+from mesa_swarm.physics.own_parts import OwnParts, clear_actions
 from mesa_swarm.physics.radio import Channel, send_goals
 from mesa_swarm.physics.shapely_engine import ShapelyEngine
 from mesa_swarm.progress import progress_bar
@@ -72,6 +73,7 @@ class EngineModel(World):
         self.communication = communication
         self.collect_every = collect_every
         self._imperfect: Imperfect | None = None
+        self._own_parts = OwnParts()
         self.collisions = 0
         self.total_collisions = 0
         self._senses: Senses | None = None
@@ -191,22 +193,27 @@ class EngineModel(World):
         ==========  ================================================  ===========================================
         phase       reads                                             writes
         ==========  ================================================  ===========================================
-        sense       position, heading, obstacles, fires               distance, kind, radiation, line
+        sense       position, heading, obstacles, fires               distance, kind, radiation, line, own sensors
         exchange    layer, task, sent_goal, pose, obstacles           heard_layer, heard_task, heard_from, heard_goal
-        decide      what robots know (`control.Senses`)               command, layer, task, goal, sent_goal
+        decide      what robots know (`control.Senses`)               command, layer, task, goal, sent_goal, act
+        act         what actuators are set to                         what they are about
         move        command, loads                                    loads, position, heading
         resolve     position, obstacles, fires                        position, heading, slip, collided, contacts
-        process     position                                          fires' temperature, robots' temperature, fire
+        process     position, fields                                  fields; fires' and robots' temperature, fire
         collect     everything                                        datacollector, history
         ==========  ================================================  ===========================================
 
-        Every robot acts on what was published after the previous step; nothing depends on their order.
+        Every robot acts on what was published after the previous step; nothing depends on their order. Fields are the
+        first to advance in their phase.
         Without `communication` nothing is exchanged.
         """
         self.sense()
         self._exchange()
         self._decide()
+        self._act()
         self._move()
+        if self._fields is not None:
+            self._advance_fields(self._fields)
         self._process()
         self._completed += 1
         self._collect()
@@ -215,12 +222,14 @@ class EngineModel(World):
         """Read all sensors for the current poses; reading twice gives the same."""
         scene = self._current_scene()
         state = (self._completed, self.swarm.version, scene)
-        if self._sensed == state and not self.swarm.disturbed:
-            return
-        self._engine.sense(self.swarm, scene, self._completed, self._noise_draws())
-        if self._imperfect is not None:
-            self._imperfect.spoil_readings(self.swarm, self._completed)
-        self._sensed = state
+        if self._sensed != state or self.swarm.disturbed:
+            self._engine.sense(self.swarm, scene, self._completed, self._noise_draws())
+            if self._imperfect is not None:
+                self._imperfect.spoil_readings(self.swarm, self._completed)
+            self._sensed = state
+        if self.swarm.table.readings:
+            # Always: what they read, such as a user's own agents, may have changed since the last reading.
+            self._own_parts.sense(self, scene)
 
     def run(self, steps: int, progress: bool = False) -> Self:
         """Take this many steps, fewer if the model stops running, and return the model.
@@ -259,6 +268,8 @@ class EngineModel(World):
         command, layer = columns["command"], columns["layer"]
         columns["task"].fill(-1)
         columns["goal"].fill(np.nan)
+        if self.swarm.table.actions:
+            clear_actions(self.swarm)
         if self._senses is None or self._senses_version != self.swarm.version:
             self._senses = Senses.of(self.swarm)
             self._senses_version = self.swarm.version
@@ -275,6 +286,11 @@ class EngineModel(World):
             )
         if self._channel is not None:
             send_goals(columns["position"], columns["heading"], columns["goal"], columns["sent_goal"])
+
+    def _act(self) -> None:
+        """Let actuators do what was decided."""
+        if self.swarm.table.actions:
+            self._own_parts.act(self, self._current_scene())
 
     def _move(self) -> None:
         for load in self._loads:
@@ -433,6 +449,9 @@ class EngineModel(World):
         digest.update(f"{self._completed}".encode())
         for load in self._loads:
             digest.update(np.array([*load.pose, load.resistance]).tobytes())
+        for name, field in self.fields.items():
+            digest.update(f"fields.{name} {field.values.shape}".encode())
+            digest.update(field.values + 0)
         for prefix, columns in self._hashed_columns():
             for name, column in sorted(columns.items()):
                 if name not in NOT_HASHED:

@@ -17,6 +17,7 @@ from mesa_swarm.streams import Seed, Streams
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.arena import Agents, Arena, as_numbers
 from mesa_swarm.world.bodies import Form, Load, Obstacle, checked_resistance
+from mesa_swarm.world.fields import Field, Fields, ScalarField
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.placement import free_places, place_apart
 from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, disc
@@ -30,6 +31,8 @@ SMALLEST_RADIUS = 1e-12
 
 class World(mesa.Model):
     """The contents of a model, with the obstacles of its map; `EngineModel` adds the step."""
+
+    _fields: dict[str, ScalarField] | None = None  # by name; None without any
 
     def __new__(cls, *given: Any, **named: Any) -> Self:
         """Store the arguments of the outermost constructor, with which a recorded model is made again."""
@@ -111,6 +114,7 @@ class World(mesa.Model):
         """
         if not isinstance(design, RobotDesign):
             raise InvalidValueError(f"design is {shortened(design)}; expected a RobotDesign such as AGENT9")
+        self.swarm.check_parts(design)
         self._check_driven(design)
         self._check_resolved(design.radius, (obstacle.shape for obstacle in self._obstacles))
         if (n is None) == (poses is None):
@@ -208,6 +212,44 @@ class World(mesa.Model):
         self._scene_changed()
         return load
 
+    @property
+    def fields(self) -> Fields:
+        """The scalar fields by name, in the order in which they were added."""
+        return Fields(self._fields or {})
+
+    def add_field(self, field: Field) -> ScalarField:
+        """Add a scalar field, empty at first, and return it; it advances in each step, after contacts are resolved.
+
+        Raises
+        ------
+        InvalidValueError
+            If the model has a field of this name, or it would have too many cells or sub-steps.
+
+        Examples
+        --------
+        >>> from mesa_swarm import Field, SwarmModel
+        >>> model = SwarmModel(rng=1)
+        >>> trail = model.add_field(Field("trail", cell=10.0, diffusion=0.1, evaporation=0.01))
+        >>> trail.deposit((400, 300), 5.0)
+        >>> round(model.run(1).fields["trail"].total, 3)
+        4.95
+        """
+        if not isinstance(field, Field):
+            raise InvalidValueError(f'field is {shortened(field)}; expected a Field such as Field("trail")')
+        if field.name in self.fields:
+            raise InvalidValueError(f"the model has a field {field.name} already; expected another name")
+        live = ScalarField(field, self.map.bounds, self._walls)
+        self._fields = {**(self._fields or {}), field.name: live}
+        return live
+
+    def _walls(self) -> list[Shape]:
+        """Return the shapes of what stops fields: solid obstacles that do not move."""
+        return [body.shape for body in self._obstacles if body.contact and not isinstance(body, Load)]
+
+    def _advance_fields(self, fields: dict[str, ScalarField]) -> None:
+        for field in fields.values():
+            field.advance()
+
     def obstacles_changed(self) -> None:
         """Update the lists after obstacles or other bodies were removed."""
         for index in reversed(range(len(self._obstacles))):
@@ -222,6 +264,8 @@ class World(mesa.Model):
     def _scene_changed(self) -> None:
         self._scene = None
         self.swarm.disturbed = True
+        for field in (self._fields or {}).values():
+            field.walls_changed()
 
     def _current_scene(self) -> Surroundings:
         table = self.swarm.table

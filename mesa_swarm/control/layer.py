@@ -5,12 +5,13 @@ error is part of the model (PHYSICS 3).
 """
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import ClassVar, Protocol
 
 import numpy as np
 
 from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.robots.actuators import ACT
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, MOUNT_X, MOUNT_Y
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import ROBOT
@@ -51,6 +52,10 @@ class Senses:
     bearing : ndarray, shape (d, s), rad
     sideways : bool ndarray, shape (d,)
         Whether a command is speeds forward and sideways.
+    own : dict
+        Of each name of custom sensors, what they read (n, width), NaN for nothing.
+    act : dict, written by layers
+        Of each name of actuators, what they are set to, (n,) or (n, width).
     """
 
     distance: np.ndarray
@@ -76,15 +81,19 @@ class Senses:
     sensors: np.ndarray
     bearing: np.ndarray
     sideways: np.ndarray
+    own: dict[str, np.ndarray] = field(default_factory=dict)
+    act: dict[str, np.ndarray] = field(default_factory=dict)
 
     @classmethod
     def of(cls, swarm: Swarm) -> "Senses":
         """Return what the robots of this swarm know."""
         table = swarm.table
-        known = {field.name for field in fields(cls)}
+        known = {one.name for one in fields(cls)}
         columns = {name: column for name, column in swarm.columns.items() if name in known}
         of_designs = {"forward": table.forward, "sensors": table.proximity, "bearing": table.bearing}
-        return cls(**columns, **of_designs, sideways=table.sideways)
+        own = {name: swarm.columns[name] for name in table.readings}
+        act = {name: swarm.columns[f"{ACT}{name}"] for name in table.actions}
+        return cls(**columns, **of_designs, sideways=table.sideways, own=own, act=act)
 
 
 class Layer(Protocol):

@@ -8,7 +8,6 @@ import warnings
 from collections import namedtuple
 from collections.abc import Callable
 from functools import cache, reduce
-from itertools import pairwise
 from types import FunctionType
 from typing import Any
 
@@ -21,6 +20,7 @@ from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import BehaviourError, UncompiledBehaviourWarning, shortened, unknown_name
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.drive import speeds_in_words
+from mesa_swarm.robots.parts import brief
 
 # A robot without a front sensor has me.front == -1. Python and Numba would take that as the last sensor, so
 # that a rule would steer by what is behind the robot. Arrays of a type of their own read "nothing" instead.
@@ -405,13 +405,3 @@ def failure(error: Exception, numbers: int) -> str:
     if isinstance(error, AttributeError) and isinstance(error.obj, Me) and error.name not in Me._fields:
         return f"uses an {unknown_name('field of me', error.name, Me._fields)}"
     return f"raised {type(error).__name__}: {error}"
-
-
-def brief(problem: str) -> str:
-    """Return the most specific line of Numba's explanation, and the line of the rule that it is about."""
-    lines = [line.strip() for line in problem.splitlines()]
-    lines = [line for line in lines if line and not line.startswith("Failed in nopython")]
-    inner = [after for before, after in pairwise(lines) if before.startswith("Rejected as")]
-    place = re.search(r'^File ".*", (line \d+)', problem, re.MULTILINE)
-    line = (inner or lines or ["no reason is known"])[0]
-    return f"{line[:200]} ({place[1]})" if place else line[:200]

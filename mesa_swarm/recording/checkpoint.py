@@ -38,7 +38,7 @@ HANDLED = frozenset(
         *("_event_generators", "_scenario", "_default_schedule", "data_registry"),
         *("given", "_engine", "map", "streams", "space", "swarm", "fires", "_obstacles", "_loads", "_scene"),
         *("_scene_table", "observers", "_channel", "_fire_constants", "_senses", "_senses_version", "_sensed"),
-        *("_noise", "_imperfect", "datacollector", "_collect_every", "_control", "_snapshots"),
+        *("_noise", "_imperfect", "_own_parts", "datacollector", "_collect_every", "_control", "_snapshots"),
     )
 )
 HANDLED_OF_AGENTS = frozenset(
