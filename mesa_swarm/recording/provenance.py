@@ -45,7 +45,7 @@ def scenery_of(model: FireModel) -> dict:
         the column `layer`; ``leave``, the temperature above which a robot is too hot, and ``join``, below which it
         has cooled.
     """
-    layers = () if model.control is None else model.control.layers
+    layers = () if model.control is None else model.control.names
     still = [obstacle.shape for obstacle in model.obstacle_list if not isinstance(obstacle, Load)]
     return {
         "designs": [_written_design(design) for design in model.swarm.designs],
@@ -54,7 +54,7 @@ def scenery_of(model: FireModel) -> dict:
         "loads": [
             {"id": load.unique_id, **outline_to_json(load.form.outline, load.form.radius)} for load in model.loads
         ],
-        "layers": [layer.name for layer in layers],
+        "layers": list(layers),
         "leave": model.fire_constants.leave,
         "join": model.fire_constants.join,
     }
