@@ -4,7 +4,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from hashlib import blake2b
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import mesa
 import numpy as np
@@ -24,6 +24,7 @@ from mesa_swarm.errors import (
 )
 from mesa_swarm.moved import moved_name
 from mesa_swarm.observers import Observers
+from mesa_swarm.open_model import OpenModel
 from mesa_swarm.physics.contact import Contacts
 from mesa_swarm.physics.engine import CompiledEngine, Engine
 from mesa_swarm.physics.imperfect import Imperfect
@@ -37,22 +38,35 @@ from mesa_swarm.robots.imperfections import Imperfections
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.snapshots import DECISIONS, Snapshots, check_watched
+from mesa_swarm.state import add_to, attributes_of
 from mesa_swarm.streams import Seed
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.map import Map
-from mesa_swarm.world_model import World
 
 ENGINES: dict[str, type[Engine]] = {"compiled": CompiledEngine, "shapely": ShapelyEngine}
 # Indices that depend on the order in which things were created are not part of the state.
 NOT_HASHED = frozenset({"number", "design", "contact_index", "group"})
 
 
-class EngineModel(World):
+class EngineModel(OpenModel):
     """A world of robots, obstacles and loads, advanced step by step; `SwarmModel` adds fires and recordings."""
 
     _control: Arbiter | None = None
     _completed: int = 0
     _snapshots: Snapshots | None = None
+    _stored_apart: ClassVar[tuple[str, ...]] = (
+        *("_engine", "_own_parts", "_channel", "_imperfect", "_control", "_senses", "_senses_version", "_sensed"),
+        *("_noise", "_snapshots", "observers", "datacollector", "_collect_every"),
+    )
+    _fleeting: ClassVar[tuple[str, ...]] = (
+        *("observers", "_senses", "_senses_version", "_sensed", "_noise", "_snapshots", "datacollector"),
+        "_collect_every",
+    )
+    _numbers: ClassVar[dict[str, tuple[type, ...]]] = {
+        "running": (bool, np.bool_),
+        **dict.fromkeys(("collisions", "total_collisions", "_completed"), (int,)),
+        "_turn_angle": (float, int, np.float64),
+    }
 
     def __init__(
         self,
@@ -218,7 +232,8 @@ class EngineModel(World):
         act         what actuators are set to                         what they are about
         move        command, loads                                    loads, position, heading
         resolve     position, obstacles, fires                        position, heading, slip, collided, contacts
-        process     position, fields                                  fields; fires' and robots' temperature, fire
+        process     position, fields                                  fields; fires' and robots' temperature, fire;
+                                                                      then what each of `processes` changes
         collect     everything                                        datacollector, history
         ==========  ================================================  ===========================================
 
@@ -326,9 +341,6 @@ class EngineModel(World):
             return
         with self._imperfect.driving(self.swarm, self._completed) as rolled:
             rolled.append(self._engine.move(self.swarm, scene, self._turn_angle, draws))
-
-    def _process(self) -> None:
-        """Advance what changes in each step besides robots; here nothing."""
 
     def _collect(self) -> None:
         self.collisions = int(np.count_nonzero(self.swarm.columns["collided"]))
@@ -479,7 +491,18 @@ class EngineModel(World):
         if self.swarm.groups:
             digest.update(f"groups {self.swarm.groups}".encode())
             digest.update(self.swarm.columns["group"].tobytes())
+        for name, value in self._declared_state():
+            digest.update(f"{name};".encode())
+            add_to(digest, value)
         return digest.hexdigest()
+
+    def _declared_state(self) -> Iterator[tuple[str, Any]]:
+        yield from super()._declared_state()
+        for place, layer in enumerate(getattr(self._control, "layers", ())):
+            own = {} if type(layer).__module__.startswith("mesa_swarm.") else attributes_of(layer)
+            arrays = {name: value for name, value in own.items() if isinstance(value, np.ndarray)}
+            if arrays:
+                yield f"layer {place}", arrays
 
     def _hashed_columns(self) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
         """Iterate over the tables of columns that are part of the state, each with a prefix for their names."""
