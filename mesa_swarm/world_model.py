@@ -13,6 +13,7 @@ from mesa_swarm.errors import (
     UnknownNameError,
     check_choice,
     check_count,
+    check_name,
     check_number,
     shortened,
     unknown_name,
@@ -163,6 +164,7 @@ class World(mesa.Model):
         *,
         poses: Iterable[Sequence[float]] | None = None,
         tendency: str | Sequence[str] | None = None,
+        group: str = "",
     ) -> list[Robot]:
         """Add robots at free random poses, or at given ones, and return their handles.
 
@@ -176,6 +178,8 @@ class World(mesa.Model):
             Within the map. Robots that overlap anything are moved to free space nearby in the next step.
         tendency : "left", "right" or a sequence of these, optional
             The side to which each turns from what is straight ahead; by default drawn by chance.
+        group : str
+            The name of a group, by which `model.control` may have an arbiter for them; "" for none.
 
         Raises
         ------
@@ -194,7 +198,9 @@ class World(mesa.Model):
         if not isinstance(design, RobotDesign):
             raise InvalidValueError(f"design is {shortened(design)}; expected a RobotDesign such as AGENT9")
         self.swarm.check_parts(design)
-        self._check_driven(design)
+        if group != "":
+            check_name("group", group)
+        self._check_driven(design, group)
         self._check_resolved(design.radius, (obstacle.shape for obstacle in self._obstacles))
         if (n is None) == (poses is None):
             raise InvalidValueError("add_robots takes either n or poses; give exactly one of them")
@@ -203,7 +209,7 @@ class World(mesa.Model):
         else:
             position, heading = self._checked_poses(poses)
         sides = self._sides(len(position), tendency)
-        rows = self.swarm.add(design, position, heading, sides)
+        rows = self.swarm.add(design, position, heading, sides, group)
         robots = [Robot(self.space, self, self.swarm, int(row)) for row in rows]
         self.swarm.agents += robots
         self.swarm.disturbed |= poses is not None
@@ -217,7 +223,7 @@ class World(mesa.Model):
         """Return the agents of these discs, in their order."""
         return ()
 
-    def _check_driven(self, design: RobotDesign) -> None:
+    def _check_driven(self, design: RobotDesign, group: str) -> None:
         """Refuse robots that the control cannot drive; a world without control accepts all."""
 
     def remove_robots(self, robots: Iterable[Robot]) -> None:

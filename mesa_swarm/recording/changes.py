@@ -69,7 +69,7 @@ def as_remark(interventions: Sequence[Intervention]) -> str:
 
 
 # Columns that handles set, and wheel commands, which persist where no controller decides.
-OF_ROBOTS = ("position", "heading", "command", "max_speed", "tendency", "temperature")
+OF_ROBOTS = ("position", "heading", "command", "max_speed", "tendency", "temperature", "group")
 OF_FIRES = ("temperature", "out")
 CHANGES = (
     "set of robots, obstacles or fires",

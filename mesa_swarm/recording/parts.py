@@ -10,7 +10,8 @@ from mesa.agent import Agent
 from shapely import Point, Polygon
 
 from mesa_swarm import control as controls
-from mesa_swarm.errors import RecordingError, SwarmError, check_flag, in_words, shortened
+from mesa_swarm.control.team import Key, Team, label_of
+from mesa_swarm.errors import RecordingError, SwarmError, check_flag, check_name, in_words, shortened
 from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.fires import Fire
 from mesa_swarm.fire.model import FireModel
@@ -103,9 +104,11 @@ def restored_outline(value: Any) -> tuple[Point | Polygon, float]:
 
 
 def control_to_json(control: controls.Arbiter | None) -> object:
-    """Return the layers and weights of an arbiter; of custom rules only their names."""
+    """Return the layers and weights of an arbiter, or of each of a team; of custom rules only their names."""
     if control is None:
         return None
+    if isinstance(control, Team):
+        return {"Team": [[_key_to_json(key), control_to_json(arbiter)] for key, arbiter in control.items()]}
     layers = [_layer_to_json(layer) for layer in control.layers]
     weights = getattr(control, "weights", None)
     return {type(control).__name__: {"layers": layers, "weights": None if weights is None else list(weights)}}
@@ -116,6 +119,9 @@ def control_from_json(value: object) -> Any:
     if value is None:
         return None
     name, given = _only_item(value)
+    if name == "Team" and isinstance(given, list):
+        arbiters = {_key_from_json(key): control_from_json(arbiter) for key, arbiter in map(tuple, given)}
+        return _made(name, lambda: Team(arbiters), {})
     if name not in ARBITERS or not isinstance(given, dict) or not isinstance(given.get("layers"), list):
         raise RecordingError(f"unknown arbiter {shortened(name)} in recording")
     own = own_code(value)
@@ -128,8 +134,24 @@ def control_from_json(value: object) -> Any:
 
 def own_code(control: Any) -> list[str]:
     """Return the names of the custom rules in what `control_to_json` returned."""
+    if control is not None and "Team" in control:
+        return [name for _, arbiter in control["Team"] for name in own_code(arbiter)]
     layers = [layer for given in (control or {}).values() for layer in given["layers"]]
     return [str(layer[OWN_CODE]) for layer in layers if isinstance(layer, dict) and OWN_CODE in layer]
+
+
+def _key_to_json(key: Key) -> object:
+    """Return a group's name, or a design; one with a custom drive only by its name."""
+    try:
+        return part_to_json(key)
+    except RecordingError:
+        return {OWN_CODE: label_of(key)}
+
+
+def _key_from_json(value: object) -> Any:
+    if isinstance(value, dict) and OWN_CODE in value:
+        raise RecordingError(f"the control is for a design of code of one's own ({shortened(value[OWN_CODE])})")
+    return part_from_json(value)
 
 
 def _layer_to_json(layer: object) -> object:
@@ -165,6 +187,7 @@ def objects_to_json(model: FireModel) -> dict:
         "created": swarm._created,
         "robots": [robot.unique_id for robot in swarm.agents],
         "designs_of_robots": swarm.design.tolist(),
+        "groups": list(swarm.groups),
         "obstacles": [_obstacle_to_json(obstacle) for obstacle in model.obstacle_list],
         "fires": [fire.unique_id for fire in model.fires.agents],
         "next_id": next_id(model),
@@ -195,6 +218,7 @@ def restore_objects(model: FireModel, stored: dict) -> None:
     _check_same(model, stored, obstacles)
     model.swarm.table = DesignTable.of(designs)
     model.swarm._created = _id(stored["created"])
+    model.swarm.groups = tuple(check_name("group", group) for group in stored.get("groups", ()))
     model.swarm._resize(np.arange(len(model.swarm)), 0)
     for load in model._loads:
         _restore_load(load, obstacles[load.unique_id], model.map.bounds)

@@ -47,7 +47,7 @@ def scenery_of(model: FireModel) -> dict:
         the order of the column `layer`; ``leave``, the temperature above which a robot is too hot, and ``join``, below
         which it has cooled.
     """
-    layers = () if model.control is None else model.control.layers
+    layers = () if model.control is None else model.control.names
     still = [body for body in model.obstacle_list if body.mode == "fixed"]
     own = {} if len(model.kinds) == len(KINDS) else {"kinds": list(model.kinds)}
     return {
@@ -59,7 +59,7 @@ def scenery_of(model: FireModel) -> dict:
             for body in model.displaced
         ],
         **own,
-        "layers": [layer.name for layer in layers],
+        "layers": list(layers),
         "leave": model.fire_constants.leave,
         "join": model.fire_constants.join,
     }

@@ -170,6 +170,8 @@ def _take_columns(new: FireModel, old: FireModel) -> None:
         if name in OF_PARAMETERS or source is None or old.swarm.columns[source].shape != column.shape:
             continue
         column[...] = old.swarm.columns[source]
+    new.swarm.groups = old.swarm.groups
+    new.swarm.regrouped += 1
 
 
 def _without_place(name: str) -> str:
