@@ -19,7 +19,6 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.experiments.sweep import sweep
     from mesa_swarm.open_model import Process
     from mesa_swarm.physics.neighbours import NeighbourSensor
-    from mesa_swarm.process import Process
     from mesa_swarm.recording.recording import Recording
     from mesa_swarm.robots.actuators import Actuator, Lamp
     from mesa_swarm.robots.design import AGENT3, AGENT6, AGENT9, AGENT_FIRE, RobotDesign, all_round
