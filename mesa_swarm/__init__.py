@@ -17,12 +17,22 @@ if not any(isinstance(finder, MovedFinder) for finder in sys.meta_path):
 if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.experiments.compare import compare
     from mesa_swarm.experiments.sweep import sweep
+    from mesa_swarm.process import Process
     from mesa_swarm.recording.recording import Recording
+    from mesa_swarm.robots.actuators import Actuator
     from mesa_swarm.robots.design import AGENT3, AGENT6, AGENT9, AGENT_FIRE, RobotDesign, all_round
     from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive
     from mesa_swarm.robots.radio import Radio
-    from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSensor, bump_sensor, laser_sensor
-    from mesa_swarm.swarm_model import SwarmModel
+    from mesa_swarm.robots.sensors import (
+        LineSensor,
+        ProximitySensor,
+        RadiationSensor,
+        Sensor,
+        bump_sensor,
+        laser_sensor,
+    )
+    from mesa_swarm.swarm_model import SwarmModel, show
+    from mesa_swarm.world.fields import Field, ScalarField
     from mesa_swarm.world.map import Map
     from mesa_swarm.world.shapes import Shape, disc, polygon, rectangle
 
@@ -30,12 +40,15 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
 _MODULES = {
     "experiments.compare": "compare",
     "experiments.sweep": "sweep",
+    "process": "Process",
     "recording.recording": "Recording",
+    "robots.actuators": "Actuator",
     "robots.design": "AGENT3 AGENT6 AGENT9 AGENT_FIRE RobotDesign all_round",
     "robots.drive": "DifferentialDrive HolonomicDrive",
     "robots.radio": "Radio",
-    "robots.sensors": "LineSensor ProximitySensor RadiationSensor bump_sensor laser_sensor",
-    "swarm_model": "SwarmModel",
+    "robots.sensors": "LineSensor ProximitySensor RadiationSensor Sensor bump_sensor laser_sensor",
+    "swarm_model": "SwarmModel show",
+    "world.fields": "Field ScalarField",
     "world.map": "Map",
     "world.shapes": "Shape disc polygon rectangle",
 }
@@ -46,15 +59,20 @@ __all__ = [
     "AGENT6",
     "AGENT9",
     "AGENT_FIRE",
+    "Actuator",
     "DifferentialDrive",
+    "Field",
     "HolonomicDrive",
     "LineSensor",
     "Map",
+    "Process",
     "ProximitySensor",
     "RadiationSensor",
     "Radio",
     "Recording",
     "RobotDesign",
+    "ScalarField",
+    "Sensor",
     "Shape",
     "SwarmModel",
     "all_round",
@@ -64,6 +82,7 @@ __all__ = [
     "laser_sensor",
     "polygon",
     "rectangle",
+    "show",
     "sweep",
 ]
 

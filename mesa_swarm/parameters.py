@@ -4,7 +4,8 @@ import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_type_hints
+from types import NoneType, UnionType
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from mesa_swarm.errors import (
     InvalidValueError,
@@ -75,6 +76,8 @@ class Parameter:
 
     def parse(self, text: str) -> Any:
         """Return the value that a user typed, as the parameter's type; any other text is refused."""
+        if text in ("", "None") and self.default is None:
+            return None
         if self.name == "map" and Path(text).suffix.lower() in READABLE:
             return text  # a file, which the model reads or refuses
         if isinstance(self.control, Choice):
@@ -88,6 +91,8 @@ class Parameter:
     def checked(self, value: Any) -> Any:
         """Return a value that a file or a program gives, as the parameter's type; any other is refused."""
         if self.name == "map" and isinstance(value, Map):
+            return value
+        if value is None and self.default is None:
             return value
         if isinstance(self.control, Choice):
             return check_choice(self.name, value, self.control.options)
@@ -113,17 +118,47 @@ class Parameter:
 
 def parameters_of(model: Callable) -> dict[str, Parameter]:
     """Return the parameters of a model by name, in order, `rng` left out."""
-    hints = get_type_hints(model.__init__, include_extras=True)
+    hints = _hints_of(model)
     parameters = {}
     for name, parameter in inspect.signature(model).parameters.items():
-        if name == "rng" or parameter.kind is not parameter.KEYWORD_ONLY:
+        if name == "rng" or parameter.kind not in (parameter.KEYWORD_ONLY, parameter.POSITIONAL_OR_KEYWORD):
             continue
-        hint = hints.get(name, type(parameter.default))
-        kind, extras = getattr(hint, "__origin__", hint), getattr(hint, "__metadata__", ())
-        kind = int if kind == int | Trigger else kind  # what is typed is a number of steps
+        default = None if parameter.default is parameter.empty else parameter.default
+        hint = hints.get(name, object if default is None else type(default))
+        extras = getattr(hint, "__metadata__", ())
+        kind = _kind_of(getattr(hint, "__origin__", hint) if extras else hint)
         control = next((extra for extra in extras if isinstance(extra, (Slider, Choice))), None)
-        parameters[name] = Parameter(name, parameter.default, kind, control)
+        if isinstance(control, Slider) and not isinstance(default, (int, float)):
+            control = None  # a slider begins at the default
+        parameters[name] = Parameter(name, default, kind, control or _choice_in(hint))
     return parameters
+
+
+def _hints_of(model: Callable) -> dict[str, Any]:
+    """Return the annotations of a model's parameters, none if a name in them is not defined when the model runs."""
+    try:
+        return get_type_hints(model.__init__, include_extras=True)
+    except Exception:  # annotations of a user's may be any expression
+        return {}
+
+
+def _kind_of(hint: Any) -> type:
+    """Return the type of what is typed for an annotation, `object` where any text may be meant."""
+    if hint == int | Trigger:  # what is typed is a number of steps
+        return int
+    if get_origin(hint) is Literal:
+        hint = type(get_args(hint)[0])
+    if get_origin(hint) in (Union, UnionType):
+        others = [one for one in get_args(hint) if one is not NoneType]
+        hint = others[0] if len(others) == 1 else object
+    kind = get_origin(hint) or hint
+    return kind if isinstance(kind, type) else object
+
+
+def _choice_in(hint: Any) -> Choice | None:
+    """Return the texts of a `Literal` as a choice."""
+    texts = get_args(hint) if get_origin(hint) is Literal else ()
+    return Choice(texts) if texts and all(isinstance(text, str) for text in texts) else None
 
 
 def parsed_settings(model: Callable, settings: Sequence[str]) -> dict[str, Any]:

@@ -1,11 +1,12 @@
-"""SwarmModel: the engine's model with fires, and methods to record, resume, verify and show it."""
+"""SwarmModel: the engine's model with fires, and methods to record, resume, verify and show it; `show`."""
 
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
-from mesa_swarm.errors import SwarmError
+from mesa_swarm.errors import InvalidValueError, SwarmError, shortened
 from mesa_swarm.fire.model import FireModel
+from mesa_swarm.gallery import find_model
 
 if TYPE_CHECKING:  # optional, or slow to load
     from mesa_swarm.recording.recorder import Recorder
@@ -191,3 +192,38 @@ class SwarmModel(FireModel):
                 f"show needs {error.name}; install it with: pip install 'mesa-swarm[dashboard]'"
             ) from error
         return show(self, speed=speed, height=height)
+
+
+def show(
+    model: SwarmModel | type[SwarmModel] | str, *, speed: float = 60.0, height: int = 560, **parameters: Any
+) -> "SwarmCanvas":
+    """Return a widget for notebooks that shows and plays a model; see `SwarmModel.show`.
+
+    Parameters
+    ----------
+    model : SwarmModel, class or str
+        A model, or the class, name or address of one, which is then made: see `gallery.find_model`.
+    speed : float
+        Steps a second when it is played, above 0, at most 1000.
+    height : int
+        Of the widget, 100 to 10,000 pixels.
+    **parameters
+        Of the model that is made, such as `n_robots` and `rng`.
+
+    Returns
+    -------
+    SwarmCanvas
+
+    Examples
+    --------
+    >>> type(show("fire_fighting", n_robots=4, rng=1)).__name__
+    'SwarmCanvas'
+    """
+    found = find_model(model) if isinstance(model, str) else model
+    if isinstance(found, type) and issubclass(found, SwarmModel):
+        found = found(**parameters)
+    elif parameters:
+        raise InvalidValueError(f"{', '.join(parameters)}: given beside a model that is made already; give its class")
+    if not isinstance(found, SwarmModel):
+        raise InvalidValueError(f"model is {shortened(found)}; expected a SwarmModel, or its class, name or address")
+    return found.show(speed=speed, height=height)

@@ -1,8 +1,8 @@
 """World: a Mesa model with a map, robots, obstacles and loads, added and removed between two steps."""
 
 import os
-from collections.abc import Iterable, Sequence
-from typing import Any, Self, cast
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, ClassVar, Self, cast
 
 import mesa
 import numpy as np
@@ -21,10 +21,12 @@ from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.design import DesignTable, RobotDesign
 from mesa_swarm.robots.robot import SIDES, Robot, remove_together
 from mesa_swarm.robots.swarm import Swarm
+from mesa_swarm.state import Part, State
 from mesa_swarm.streams import Seed, Streams
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.arena import Agents, Arena, as_numbers
 from mesa_swarm.world.bodies import Body, Form, Load, Obstacle, checked_resistance
+from mesa_swarm.world.fields import Field, Fields, ScalarField
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.movers import LARGEST_HEADING, Driven, Movers, poses_of_agents
 from mesa_swarm.world.placement import free_places, place_apart
@@ -36,10 +38,31 @@ from mesa_swarm.world.statics import FIRE, KINDS, LOAD, MOST_KINDS, OBSTACLE, RO
 FINEST = 4e-9
 SMALLEST_RADIUS = 1e-12
 MODES = ("driven", "fixed", "pushed")
+# Attributes of Mesa's models, of all versions: what changes when Mesa counts a step, and the others.
+MESA_COUNTS = ("steps", "_time", "_batch_context", "_suppress", "subscribers", "agent_id_counter")
+OF_MESA = (
+    *("step", "rng", "_rng", "random", "_seed", "_user_step", "_agents", "_agents_by_type", "_all_agents"),
+    *("_simulator", "_event_list", "_event_generators", "_scenario", "_default_schedule", "data_registry"),
+)
 
 
 class World(mesa.Model):
-    """The contents of a model, with the obstacles of its map; `EngineModel` adds the step."""
+    """The contents of a model, with the obstacles of its map; `EngineModel` adds the step.
+
+    A class declares its attributes where it makes them. All are stored in checkpoints as they are, but those that it
+    lists in `_stored_apart`: they are stored in another way, follow from others, or only describe how the model is
+    viewed. Those in `_fleeting` change when the model is read. The lists of a class and its bases add up.
+    """
+
+    _stored_apart: ClassVar[tuple[str, ...]] = (
+        *(*MESA_COUNTS, *OF_MESA, "given", "map", "streams", "space", "swarm", "_obstacles", "_loads", "_scene"),
+        *("_scene_table", "_state", "_parts", "_fields", "_movers", "_kinds"),
+    )
+    _fleeting: ClassVar[tuple[str, ...]] = (*MESA_COUNTS, "time", "_scene", "_scene_table")
+
+    _fields: dict[str, ScalarField] | None = None  # by name; None without any
+    _movers: Movers | None = None  # None until the first driven body
+    _kinds: tuple[str, ...] = KINDS
 
     def __new__(cls, *given: Any, **named: Any) -> Self:
         """Store the arguments of the outermost constructor, with which a recorded model is made again."""
@@ -51,6 +74,9 @@ class World(mesa.Model):
     def __init__(self, *, map: str | os.PathLike | Map, rng: Seed) -> None:
         self.map = Map.load(map)
         rng = _checked_seed(rng)
+        self._state = State()
+        # Declared by what adds to the state of a model (`Part`): fields for example.
+        self._parts: dict[str, Part] = {}
         super().__init__(rng=rng)
         self.streams = Streams(_seed_sequence(rng, self.rng))
         x_min, y_min, x_max, y_max = self.map.bounds
@@ -59,12 +85,29 @@ class World(mesa.Model):
         self.space.attach(self.swarm)
         self._obstacles: list[Body] = []
         self._loads: list[Load] = []
-        self._movers: Movers | None = None
-        self._kinds = list(KINDS)
         self._scene: Surroundings | None = None
         self._scene_table: DesignTable | None = None
         for shape in self.map.obstacles:
             self.add_obstacle(shape)
+
+    @property
+    def state(self) -> State:
+        """Custom values that belong to the model's state: hashed, stored, resumed and copied with it.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel
+        >>> model = SwarmModel(rng=1)
+        >>> model.state["delivered"] = 0
+        >>> model.state["delivered"] += 2
+        >>> model.state["delivered"]
+        2
+        """
+        return self._state
+
+    @state.setter
+    def state(self, values: Mapping[str, Any]) -> None:
+        self._state = State(values)
 
     @property
     def robots(self) -> Agents[Robot]:
@@ -113,7 +156,7 @@ class World(mesa.Model):
         >>> SwarmModel(rng=1).kinds
         ('obstacle', 'robot', 'fire', 'load')
         """
-        return tuple(self._kinds)
+        return self._kinds
 
     def kind_code(self, name: str) -> int:
         """Return the code of a kind in readings: what a rule compares ``me.kind[s]`` with.
@@ -172,6 +215,7 @@ class World(mesa.Model):
         """
         if not isinstance(design, RobotDesign):
             raise InvalidValueError(f"design is {shortened(design)}; expected a RobotDesign such as AGENT9")
+        self.swarm.check_parts(design)
         self._check_driven(design)
         self._check_resolved(design.radius, (obstacle.shape for obstacle in self._obstacles))
         if (n is None) == (poses is None):
@@ -233,7 +277,7 @@ class World(mesa.Model):
         shape : Shape
             From `disc`, `rectangle` or `polygon`.
         kind : str
-            What sensors see: a name of one's own, or "obstacle", "load"; by default "load" for pushed bodies, else
+            What sensors see: a name of your own, or "obstacle", "load"; by default "load" for pushed bodies, else
             "obstacle". See `kinds`.
         mode : str
             "driven": it goes where ``body.position = (x, y)``, ``body.heading = h`` or ``body.move_to(...)`` puts it.
@@ -408,7 +452,7 @@ class World(mesa.Model):
 
     def _know_kind(self, name: str) -> None:
         if name not in self._kinds:
-            self._kinds.append(name)
+            self._kinds = (*self._kinds, name)
 
     def _place_new(self, bodies: list[Driven], poses: np.ndarray) -> None:
         """Place bodies at once that were added after the last step."""
@@ -438,6 +482,44 @@ class World(mesa.Model):
             raise InvalidValueError(f"kind is {shortened(kind)}, one too many; expected at most {MOST_KINDS + 1} kinds")
         return kind
 
+    @property
+    def fields(self) -> Fields:
+        """The scalar fields by name, in the order in which they were added."""
+        return Fields(self._fields or {})
+
+    def add_field(self, field: Field) -> ScalarField:
+        """Add a scalar field, empty at first, and return it; it advances in each step, after contacts are resolved.
+
+        Raises
+        ------
+        InvalidValueError
+            If the model has a field of this name, or it would have too many cells or sub-steps.
+
+        Examples
+        --------
+        >>> from mesa_swarm import Field, SwarmModel
+        >>> model = SwarmModel(rng=1)
+        >>> trail = model.add_field(Field("trail", cell=10.0, diffusion=0.1, evaporation=0.01))
+        >>> trail.deposit((400, 300), 5.0)
+        >>> round(model.run(1).fields["trail"].total, 3)
+        4.95
+        """
+        if not isinstance(field, Field):
+            raise InvalidValueError(f'field is {shortened(field)}; expected a Field such as Field("trail")')
+        if field.name in self.fields:
+            raise InvalidValueError(f"the model has a field {field.name} already; expected another name")
+        live = ScalarField(field, self.map.bounds, self._walls)
+        self._fields = {**(self._fields or {}), field.name: live}
+        return live
+
+    def _walls(self) -> list[Shape]:
+        """Return the shapes of what stops fields: solid obstacles that do not move."""
+        return [body.shape for body in self._obstacles if body.contact and body.mode == "fixed"]
+
+    def _advance_fields(self, fields: dict[str, ScalarField]) -> None:
+        for field in fields.values():
+            field.advance()
+
     def obstacles_changed(self) -> None:
         """Update the lists after obstacles or other bodies were removed."""
         for index in reversed(range(len(self._obstacles))):
@@ -452,6 +534,8 @@ class World(mesa.Model):
     def _scene_changed(self) -> None:
         self._scene = None
         self.swarm.disturbed = True
+        for field in (self._fields or {}).values():
+            field.walls_changed()
 
     def _current_scene(self) -> Surroundings:
         table = self.swarm.table

@@ -167,7 +167,7 @@ def test_a_file_is_at_most_600_lines_long():
 
 @pytest.mark.parametrize("path", sorted((ROOT / "models").glob("*.py")), ids=lambda p: p.name)
 def test_a_model_file_is_short_enough_to_be_read_at_one_go(path):
-    assert len(path.read_text(encoding="utf-8").splitlines()) < 120
+    assert len(path.read_text(encoding="utf-8").splitlines()) <= 150
 
 
 def test_the_page_is_short_and_answers_twenty_questions():

@@ -79,8 +79,9 @@ def bench(
 @commands.command()
 def reproduce(
     *,
-    figure: Annotated[list[str] | None, typer.Option(metavar="NUMBER", help="Such as 8.3; may be repeated.")] = None,
-    every: Annotated[bool, typer.Option("--all", help="All of them, which is the default.")] = False,
+    figure: Annotated[list[str] | None, typer.Option(metavar="NUMBER", help="Such as 8.3 or task_allocation.")] = None,
+    every: Annotated[bool, typer.Option("--all", help="All of the thesis, which is the default.")] = False,
+    published: Annotated[bool, typer.Option("--published", help="All of published papers instead.")] = False,
     names: Annotated[bool, typer.Option("--list", help="Only list them.")] = False,
     out: Folder = Path("results", "reproduction"),
     quick: Annotated[bool, typer.Option("--quick", help="A trial: few seeds, short runs, other files.")] = False,
@@ -88,19 +89,21 @@ def reproduce(
     report: Annotated[Path | None, typer.Option(metavar="FILE.md", help="Write a page of the results.")] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Reproduce the thesis's results, each with a verdict; continue an interrupted call."""
-    if every and figure:
-        raise InvalidValueError("--all and --figure are given at once; leave one out")
+    """Reproduce results of the thesis or of papers, each with a verdict; continue an interrupted call."""
+    given = [name for name, used in (("--all", every), ("--published", published), ("--figure", figure)) if used]
+    if len(given) > 1:
+        raise InvalidValueError(f"{' and '.join(given)} are given at once; leave one out")
     from mesa_swarm.experiments.pool import checked_jobs
     from mesa_swarm.reproduction import registry
     from mesa_swarm.reproduction.laboratory import Laboratory
 
     if names:
         for item in registry.items().values():
-            print(f"{item.figure:5} {item.title} (thesis {item.section})")
+            print(f"{item.figure:5} {item.title} ({item.place})")
         return
     numbers = {registry.find_item(number).figure for number in figure or ()}
-    chosen = [item for item in registry.items().values() if item.figure in numbers or not numbers]
+    source = registry.PAPER if published else registry.THESIS
+    chosen = [i for i in registry.items().values() if (i.figure in numbers if numbers else i.source == source)]
     workers, folder = checked_jobs(jobs), check_writable(out)
     if report is not None:
         checked_file(report, ".md", "report")
@@ -111,11 +114,13 @@ def reproduce(
             picture = _written(one, folder, "_quick" if quick else "")[0]
             print(f"{one.item.figure:5} {one.result.verdict}: {one.item.title} ({one.seconds:.0f} s)")
             for check in one.result.checks:
-                print(f"        {check.outcome}: {check.claim}: {check.measured} (the thesis: {check.reported})")
+                reported = f"the {one.item.source}: {check.reported}"
+                print(f"        {check.outcome}: {check.claim}: {check.measured} ({reported})")
             print(f"        {picture}", flush=True)
     if quick:
         print("Few seeds and short runs: this shows that it works; the verdicts mean nothing.")
     if report is not None:
+        _write_pictures(made, report.parent / "pictures")
         print(write_whole(report, registry.report(made, quick=quick)))
 
 
@@ -139,6 +144,15 @@ def made_by(laboratory: "Laboratory", chosen: "Sequence[Item]") -> "Iterator[Mad
         yield Made(item=item, result=result, seconds=perf_counter() - started)
 
 
+def _write_pictures(made: "Sequence[Made]", folder: Path) -> None:
+    """Write the pictures to which the page of papers refers, beside it."""
+    from mesa_swarm.viewing.pictures import png
+
+    contents = {f"{one.item.figure}.png": png(one.result.pictures[""]) for one in made if one.item.paper}
+    if contents:
+        write_all(check_writable(folder), contents)
+
+
 def _written(made: "Made", folder: Path, ending: str) -> list[Path]:
     """Write the pictures and the table of a result, each whole or not at all; the first is its picture.
 
@@ -151,5 +165,5 @@ def _written(made: "Made", folder: Path, ending: str) -> list[Path]:
     for word, picture in made.result.pictures.items():
         name = f"figure_{made.item.figure}" + (f"_{word}" if word else "") + ending
         contents |= {f"{name}.png": png(picture), f"{name}.svg": svg(picture)}
-    contents[f"figure_{made.item.figure}{ending}.csv"] = made.result.csv()
+    contents[f"figure_{made.item.figure}{ending}.csv"] = made.result.csv(made.item.source)
     return write_all(folder, contents)

@@ -10,7 +10,7 @@ import typer
 from mesa_swarm.cli.options import FAILED, Jobs, Model, Quiet, Settings, StepsOfRuns, known_model, resumable
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.files import check_writable, write_whole
-from mesa_swarm.gallery import find_model, model_names
+from mesa_swarm.gallery import find_model, loaded_models, short_name
 
 if TYPE_CHECKING:
     from mesa_swarm.experiments.experiment import Experiment
@@ -93,7 +93,7 @@ def compare(
     from mesa_swarm.parameters import parsed_settings
 
     model_class = find_model(model)
-    folder = check_writable(out or Path("results", f"compare_{model}"))
+    folder = check_writable(out or Path("results", f"compare_{short_name(model)}"))
     workers = checked_jobs(jobs)
     plan = checked_plan(
         model_class,
@@ -151,9 +151,9 @@ def reality_gap(
     if model is None and (setting or measure is not None):
         option = "--set" if setting else "--measure"
         raise InvalidValueError(f"{option} is given without a model; name the model that it is for")
-    folder = check_writable(out or Path("results", f"reality_gap_{model}" if model else "reality_gap"))
+    folder = check_writable(out or Path("results", f"reality_gap_{short_name(model)}" if model else "reality_gap"))
     found = []
-    for name in (model,) if model else model_names():
+    for name in (model,) if model else loaded_models()[0]:
         home = folder if model else folder / name
         gap = gaps.reality_gap(
             name,

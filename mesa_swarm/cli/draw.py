@@ -18,6 +18,7 @@ from mesa_swarm.cli.options import (
 )
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count
 from mesa_swarm.files import checked_file, write_whole
+from mesa_swarm.gallery import short_name
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -54,7 +55,7 @@ def picture(
     if robots is not None and kind == "stages":
         raise InvalidValueError(f"robots is {robots}; stages show all of them; leave it out, or ask for another kind")
     chosen = parsed_steps(DEFAULT_STEPS[kind] if steps is None else steps, several=kind == "stages")
-    path = checked_file(out or Path("results", f"{model}_{kind}.png"), ".png")
+    path = checked_file(out or Path("results", f"{short_name(model)}_{kind}.png"), ".png")
     figure = drawn(built_model(model, setting, rng), kind, chosen, robots, not quiet)
     print(write_whole(path, png(figure)))
 

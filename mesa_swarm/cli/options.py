@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mesa_swarm.errors import check_choice
-from mesa_swarm.gallery import find_model, model_names
+from mesa_swarm.gallery import check_model, find_model
 
 if TYPE_CHECKING:
     from mesa_swarm.swarm_model import SwarmModel
@@ -22,12 +21,17 @@ FAILED = 1
 
 
 def known_model(name: str | None) -> str | None:
-    """Return the name of a model of the gallery, or None."""
-    return name if name is None else check_choice("model", name, model_names())
+    """Return the name or address of a model, or None."""
+    return name if name is None else check_model(name)
 
 
 Model = Annotated[
-    str, typer.Argument(callback=known_model, metavar="MODEL", help="One of those that `mesa-swarm list` shows.")
+    str,
+    typer.Argument(
+        callback=known_model,
+        metavar="MODEL",
+        help="One of `mesa-swarm list`, package.module:Class or ./file.py:Class.",
+    ),
 ]
 RecordingFile = Annotated[
     Path, typer.Argument(metavar="FILE", help="A recording, written by `mesa-swarm run --record`.")
@@ -49,7 +53,7 @@ Quiet = Annotated[bool, typer.Option("--quiet", help="No progress bar.")]
 
 
 def built_model(name: str, settings: Sequence[str] | None, rng: int) -> "SwarmModel":
-    """Build a model of the gallery with settings such as "n_robots=5"."""
+    """Build a model with settings such as "n_robots=5"."""
     from mesa_swarm.parameters import parsed_settings
 
     model_class = find_model(name)

@@ -19,10 +19,11 @@ from mesa_swarm.cli.options import (
     Settings,
     built_model,
     in_brief,
+    known_model,
     print_pairs,
 )
-from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice
-from mesa_swarm.gallery import description, find_model, model_names
+from mesa_swarm.errors import InvalidValueError, SwarmError
+from mesa_swarm.gallery import check_model, description, find_model, loaded_models, short_name
 
 JOB = ".toml"
 
@@ -30,21 +31,33 @@ commands = typer.Typer()
 
 
 @commands.command("list")
-def list_models() -> None:
-    """List the models, their parameters and the defaults."""
+def list_models(
+    model: Annotated[
+        str | None, typer.Argument(callback=known_model, metavar="[MODEL]", help="All models by default.")
+    ] = None,
+) -> None:
+    """List the models, those of installed packages too, their parameters and the defaults."""
+    found, faults = loaded_models() if model is None else ({model: find_model(model)}, {})
+    for name in sorted({*found, *faults}):
+        print("\n".join([name, *(listed(found[name]) if name in found else [f"    not loaded: {faults[name]}"])]))
+
+
+def listed(model_class: type) -> list[str]:
+    """Return what a model is and its parameters, as lines."""
     from mesa_swarm.parameters import parameters_of
 
-    for name in model_names():
-        model_class = find_model(name)
-        print(f"{name}\n    {description(model_class)}")
-        for parameter in parameters_of(model_class).values():
-            setting = f"{parameter.name}={in_brief(parameter.default)}"
-            print(f"      {setting:28} {parameter.help}".rstrip())
+    lines = [f"    {description(model_class)}"] if description(model_class) else []
+    for parameter in parameters_of(model_class).values():
+        setting = f"{parameter.name}={in_brief(parameter.default)}"
+        lines.append(f"      {setting:28} {parameter.help}".rstrip())
+    return lines
 
 
 @commands.command()
 def run(
-    model: Annotated[str, typer.Argument(metavar="MODEL|JOB.toml", help="One of `mesa-swarm list`, or a job file.")],
+    model: Annotated[
+        str, typer.Argument(metavar="MODEL|JOB.toml", help="One of `mesa-swarm list`, an address, or a job file.")
+    ],
     *,
     setting: Settings = None,
     steps: Annotated[int | None, typer.Option(min=1, max=MOST_STEPS, help="At most; 3000 by default.")] = None,
@@ -63,11 +76,11 @@ def run(
         if not run_job(model, record, force, progress=not quiet):
             raise typer.Exit(FAILED)
         return
-    check_choice("model", model, model_names())
+    check_model(model)
     from mesa_swarm.experiments.run_records import filled_in
 
     seed = 1 if rng is None else rng
-    file = record and Path(filled_in(str(record), model, seed))
+    file = record and Path(filled_in(str(record), short_name(model), seed))
     built = built_model(model, setting, seed)
     with built.record(file, overwrite=force) if file else nullcontext():
         try:
@@ -81,19 +94,29 @@ def run(
 
 
 @commands.command()
-def verify(file: RecordingFile, *, quiet: Quiet = False) -> None:
+def verify(
+    file: RecordingFile,
+    *,
+    model: Annotated[
+        str | None,
+        typer.Option(callback=known_model, help="Of a model that is not part of mesa_swarm: its name or address."),
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
     """Run a recording again; name the first step and robot that differ (exit status 1), if any.
 
-    A damaged recording counts as different, even if the rows before the damage agree.
+    A damaged recording counts as different, even if the rows before the damage agree. A file never causes an import:
+    the model is imported only if it is named here, or is part of mesa_swarm.
     """
     from mesa_swarm.recording.recording import Recording
-    from mesa_swarm.recording.resume import shipped_class_of
+    from mesa_swarm.recording.resume import class_of, shipped_class_of
     from mesa_swarm.recording.verify import verify as run_again
 
     recording = Recording(file)
     if not recording.complete and not recording.damage:
         print(f"{file} was not closed: {len(recording)} rows are whole, {recording.lost} bytes after them are not")
-    verification = run_again(recording, shipped_class_of(recording), not quiet)
+    model_class = class_of(recording, find_model(model)) if model else shipped_class_of(recording)
+    verification = run_again(recording, model_class, not quiet)
     print(verification)
     if not verification.same:
         raise typer.Exit(FAILED)

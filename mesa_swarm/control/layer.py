@@ -5,7 +5,7 @@ error is part of the model (PHYSICS 3).
 """
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import ClassVar, Protocol
 
 import numpy as np
@@ -51,6 +51,14 @@ class Senses:
     bearing : ndarray, shape (d, s), rad
     sideways : bool ndarray, shape (d,)
         Whether a command is speeds forward and sideways.
+    own : dict
+        Of each name of custom sensors, what they read (n, width), NaN for nothing.
+    act : dict, written by layers
+        Of each name of actuators, what they are set to, (n,) or (n, width).
+    send : dict, written by layers
+        Of each name of a message, what the robot sends, (n,) or (n, width), NaN for nothing; see `Radio`.
+    heard : dict
+        What robots hear: `n` (n,) messages, and `range`, `bearing` and each name (n, most, ...), NaN for none.
     """
 
     distance: np.ndarray
@@ -76,15 +84,23 @@ class Senses:
     sensors: np.ndarray
     bearing: np.ndarray
     sideways: np.ndarray
+    own: dict[str, np.ndarray] = field(default_factory=dict)
+    act: dict[str, np.ndarray] = field(default_factory=dict)
+    send: dict[str, np.ndarray] = field(default_factory=dict)
+    heard: dict[str, np.ndarray] = field(default_factory=dict)
 
     @classmethod
     def of(cls, swarm: Swarm) -> "Senses":
         """Return what the robots of this swarm know."""
         table = swarm.table
-        known = {field.name for field in fields(cls)}
+        known = {one.name for one in fields(cls)}
         columns = {name: column for name, column in swarm.columns.items() if name in known}
         of_designs = {"forward": table.forward, "sensors": table.proximity, "bearing": table.bearing}
-        return cls(**columns, **of_designs, sideways=table.sideways)
+        more = {"own": {name: swarm.columns[name] for name in table.readings}}
+        for group in ("act", "send", "heard"):
+            first = f"{group}."
+            more[group] = {n.removeprefix(first): c for n, c in swarm.columns.items() if n.startswith(first)}
+        return cls(**columns, **of_designs, sideways=table.sideways, **more)
 
 
 class Layer(Protocol):

@@ -8,12 +8,13 @@ import time
 import warnings
 import webbrowser
 from contextlib import suppress
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mesa_swarm.errors import SwarmError, check_choice, check_count
-from mesa_swarm.gallery import model_names
+from mesa_swarm.errors import SwarmError, UnknownNameError, check_choice, check_count, shortened
+from mesa_swarm.gallery import find_model, gallery_names, is_address, model_names
 
 if TYPE_CHECKING:
     import uvicorn
@@ -38,13 +39,13 @@ def launch(
     host: str = HOST,
     recordings: str | os.PathLike[str] | None = None,
 ) -> None:
-    """Serve the dashboard until interrupted.
+    """Serve the dashboard of all models, and of the one at this name or address, until interrupted.
 
     On a host other than 127.0.0.1, this machine's own, the page asks for a token, which is printed; the environment
     variable MESA_SWARM_TOKEN chooses it. All users of the page may replay `recordings`, a recording or a folder of
     them.
     """
-    check_choice("model", model_name, model_names())
+    find_model(model_name)  # now, since no link makes the page import anything
     _check_port(host, check_count("port", port, minimum=1, maximum=65535))
     if find_spec("solara") is None:
         raise SwarmError("the dashboard needs Solara; install it with: pip install 'mesa-swarm[dashboard]'")
@@ -59,6 +60,34 @@ def launch(
     address = f"http://{name}:{port}/" + (f"?token={token}" if token else "")
     print(f"mesa-swarm: the dashboard is at {address} (Ctrl-C ends it)", flush=True)
     _serve(application, host, port, address if open_browser else "")
+
+
+def page_models() -> list[str]:
+    """Return the names of the page's models: all that can be loaded, and the address that the server was given."""
+    started = os.environ.get(MODEL_VARIABLE, FIRST)
+    return sorted([*gallery_names(), *_usable(tuple(model_names()))]) + [started] * is_address(started)
+
+
+def check_page_model(name: str) -> str:
+    """Return the name of a model of the page; a link never makes it import another one."""
+    if is_address(name) and name not in page_models():
+        text = f"model {shortened(name)} was not given to this dashboard, and a link imports none; start it with: "
+        raise UnknownNameError(f"{text}mesa-swarm dashboard ADDRESS")
+    return check_choice("model", name, page_models())
+
+
+@cache
+def _usable(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return those names of models of installed packages whose models can be loaded."""
+    return tuple(name for name in names if name not in gallery_names() and _loads(name))
+
+
+def _loads(name: str) -> bool:
+    try:
+        find_model(name)
+    except SwarmError:
+        return False
+    return True
 
 
 def _serve(application: "Gate", host: str, port: int, address: str) -> None:

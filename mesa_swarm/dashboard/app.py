@@ -18,7 +18,7 @@ import traitlets
 from reacton import ipyvuetify as rv
 from solara.server import settings
 
-from mesa_swarm.dashboard import FIRST, MODEL_VARIABLE
+from mesa_swarm.dashboard import FIRST, MODEL_VARIABLE, check_page_model
 from mesa_swarm.dashboard.charts import ChartBoard, Charting
 from mesa_swarm.dashboard.compare_view import Compare
 from mesa_swarm.dashboard.controls import ControlPanel, Panel
@@ -29,7 +29,7 @@ from mesa_swarm.dashboard.replay_view import Replay
 from mesa_swarm.dashboard.session import LARGEST_SEED, Session, checked_setting, whole_number
 from mesa_swarm.dashboard.widgets import Button, Linked, TroubleCard
 from mesa_swarm.errors import SwarmError, UnknownNameError, check_choice, unknown_name
-from mesa_swarm.gallery import description, find_model, model_names
+from mesa_swarm.gallery import description, find_model
 from mesa_swarm.parameters import Parameter, parameters_of
 from mesa_swarm.viewing import text_of
 from mesa_swarm.viewing.canvas_widget import PlayerView
@@ -62,7 +62,7 @@ def address_from(query: str | None, first: str) -> Address:
     words = dict(parse_qsl((query or "")[:LONGEST]))
     words.pop("token", None)
     try:
-        name = check_choice("model", words.pop("model", first), model_names())
+        name = check_page_model(words.pop("model", first))
     except SwarmError as error:  # the settings of an unknown model cannot be checked
         return Address(model=first, faults=(str(error),))
     known, values, faults = parameters_of(find_model(name)), {}, []

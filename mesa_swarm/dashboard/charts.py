@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from mesa_swarm.dashboard.series import Chart, Series
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Downloads, Link
+from mesa_swarm.gallery import short_name
 from mesa_swarm.viewing import palette, text_of
 from mesa_swarm.viewing.pictures import literal, png
 from mesa_swarm.viewing.player import PackedFrame
@@ -120,7 +121,7 @@ class Charting(Link):
 
     def _hand_over(self, key: str, kind: str) -> None:
         """Make a file in a thread, since a picture takes a while, and send it."""
-        series, name = self.session.series, f"{self.session.name}_{key}.{kind}"
+        series, name = self.session.series, f"{short_name(self.session.name)}_{key}.{kind}"
 
         def work() -> None:
             content = csv_of(series, key) if kind == "csv" else png(figure_of(series, key))

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, StrMethodFormatter
 from reacton import ipyvuetify as rv
 
+from mesa_swarm.dashboard import page_models
 from mesa_swarm.dashboard.comparing import FEWEST_SEEDS, Comparing, Report
 from mesa_swarm.dashboard.controls import (
     LARGEST_RANDOM_SEED,
@@ -30,7 +31,6 @@ from mesa_swarm.dashboard.pair import NAMES, Pair, Side
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Button, Link, Linked, TroubleCard
 from mesa_swarm.experiments.figures import window_means
-from mesa_swarm.gallery import model_names
 from mesa_swarm.parameters import Slider
 from mesa_swarm.viewing.canvas_widget import PlayerView, SwarmCanvas, extent_of
 from mesa_swarm.viewing.palette import LIGHT
@@ -189,7 +189,7 @@ def groups_of(comparing: Comparing) -> list[dict[str, Any]]:
     choice = {"kind": "choice", "live": True}
     text = "differs between A and B; all others are as on the Watch page"
     fields = [
-        {**choice, "name": "model", "label": "model", "help": "", "options": model_names()},
+        {**choice, "name": "model", "label": "model", "help": "", "options": page_models()},
         {**choice, "name": "parameter", "label": "parameter", "help": text, "options": list(comparing.choices)},
     ]
     return [

@@ -15,6 +15,7 @@ from typing import IO, Any, cast
 
 from joblib import cpu_count
 
+from mesa_swarm.dashboard import FIRST, check_page_model
 from mesa_swarm.dashboard.pair import NAMES, Pair
 from mesa_swarm.dashboard.session import LARGEST_SEED, Session, checked_setting, whole_number
 from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, in_words
@@ -24,7 +25,7 @@ from mesa_swarm.experiments.figures import comparison_figure, main_measure
 from mesa_swarm.experiments.plan import Plan, checked_plan
 from mesa_swarm.experiments.pool import ending_with_us
 from mesa_swarm.experiments.tables import runs_csv, table_and_notes
-from mesa_swarm.gallery import find_model, model_names
+from mesa_swarm.gallery import find_model, imported, short_name
 from mesa_swarm.parameters import Choice, Parameter, Slider, parameters_of
 from mesa_swarm.viewing.pictures import png
 from mesa_swarm.viewing.play_loop import Listeners
@@ -167,7 +168,7 @@ def workers_for(plan: Plan) -> int:
 
 def _begun(plan: Plan) -> subprocess.Popen:
     """Start the process, in its own group, and send it the plan."""
-    message = pickle.dumps((plan, workers_for(plan)))
+    message = pickle.dumps((imported(), plan, workers_for(plan)))  # what is imported comes first
     process = subprocess.Popen(
         [sys.executable, "-c", ending_with_us(f"from {__name__} import main; main()")],
         stdin=subprocess.PIPE,
@@ -210,7 +211,7 @@ def _end(process: subprocess.Popen) -> None:
 
 def main() -> None:
     """Carry out the runs of the plan on stdin, and send the results."""
-    plan, workers = pickle.load(sys.stdin.buffer)
+    _, plan, workers = pickle.load(sys.stdin.buffer)
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what models print goes elsewhere
     if hasattr(os, "nice"):
@@ -272,11 +273,17 @@ class Comparing:
 
     def choose_model(self, name: str) -> None:
         """Compare another model, in the parameter that it suggests."""
-        self.name = check_choice("model", name, model_names())
+        self.name = check_page_model(name)
         self.model_class = find_model(name)
         self.parameters = parameters_of(self.model_class)
         self.steps = min(getattr(self.model_class, "steps_to_compare", DEFAULT_STEPS), MOST_STEPS)
-        self.choose_parameter(getattr(self.model_class, "compares", (None,))[0] or next(iter(self.choices)))
+        if not self.choices:
+            self.choose_model(FIRST)
+            self.faults["worlds"] = f"{short_name(name)} has no parameter with a Slider, a Choice or a map to compare"
+            self.pair.changed.notify()
+            return
+        suggested = getattr(self.model_class, "compares", (None,))[0]
+        self.choose_parameter(suggested if suggested in self.choices else next(iter(self.choices)))
 
     def choose_parameter(self, name: str) -> None:
         """Compare another parameter, and build both worlds."""

@@ -223,7 +223,9 @@ def field_of(parameter: Parameter, session: Session) -> dict[str, Any] | None:
     if isinstance(parameter.control, Slider):
         low, high = places_of(parameter)
         return {**about, "kind": "slider", "low": low, "high": high}
-    return None
+    if parameter.kind is bool:
+        return {**about, "kind": "choice", "options": ["True", "False"]}
+    return {**about, "kind": "text"} if parameter.kind in (int, float, str) else None
 
 
 def label_of(name: str) -> str:

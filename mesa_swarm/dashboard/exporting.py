@@ -29,6 +29,7 @@ from mesa_swarm.errors import (
     in_words,
 )
 from mesa_swarm.experiments.pool import ending_with_us
+from mesa_swarm.gallery import short_name
 from mesa_swarm.observers import Observer
 from mesa_swarm.recording.recorder import Recorder, record
 from mesa_swarm.swarm_model import SwarmModel
@@ -287,8 +288,8 @@ class Exporting:
             old.unlink()
         if wanted.kind in PICTURES:
             step, shown = self._shown()
-            figure = world_figure({f"{session.name}, step {step:,}": shown}, wanted.sectors)
-            name = f"{session.name}_{step}.{wanted.kind}"
+            figure = world_figure({f"{short_name(session.name)}, step {step:,}": shown}, wanted.sectors)
+            name = f"{short_name(session.name)}_{step}.{wanted.kind}"
             self._hand_over(name, png(figure) if wanted.kind == "png" else svg(figure))
             return name
         source = self.folder / "made.arrow"
@@ -300,7 +301,7 @@ class Exporting:
         self._check_cancelled()
         if made.stat().st_size > LARGEST_DOWNLOAD:
             raise ExportError(f"the file has {made.stat().st_size / 1e6:,.0f} MB; expected at most 500 MB: record less")
-        name = f"{session.name}{f'_{wanted.table}' if wanted.table else ''}.{wanted.ending}"
+        name = f"{short_name(session.name)}{f'_{wanted.table}' if wanted.table else ''}.{wanted.ending}"
         self._hand_over(name, made)
         return name
 
@@ -480,7 +481,7 @@ def status_of(exporting: Exporting) -> dict[str, Any]:
     model = session.model
     steps = model.completed if model is not None else 0
     return {
-        "name": session.name,
+        "name": short_name(session.name),
         "steps": steps if session.straight else 0,
         "straight": session.straight,
         "recording": switch.running,

@@ -6,13 +6,15 @@ share one path per colour, so that a browser draws a dozen elements, not a thous
 
 import threading
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from functools import cache
 
 import numpy as np
 import reacton.ipyvuetify as rv
 import solara
 
-from mesa_swarm.gallery import description, find_model, model_names
+from mesa_swarm.dashboard import page_models
+from mesa_swarm.gallery import description, find_model, short_name
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.palette import DARK, LIGHT, Palette, fire_colour
 from mesa_swarm.world.shapes import Shape
@@ -101,8 +103,14 @@ _DRAWING = threading.Lock()
 
 @cache
 def thumbnail(name: str) -> str:
-    """Return a picture of a model as SVG, drawn once in the life of the program."""
-    return drawn(find_model(name)(rng=1).run(STEPS))
+    """Return a picture of a model as SVG, drawn once in the life of the program; of one that fails its world."""
+    try:
+        model = find_model(name)(rng=1)
+    except Exception:  # a model of a user's may raise anything
+        return ""
+    with suppress(Exception):
+        model.run(STEPS)
+    return drawn(model)
 
 
 def drawn(model: SwarmModel) -> str:
@@ -120,7 +128,7 @@ def drawn(model: SwarmModel) -> str:
 
 def title(name: str) -> str:
     """Return a model's name as a title."""
-    return name.replace("_", " ").capitalize()
+    return short_name(name).replace("_", " ").capitalize()
 
 
 @solara.component
@@ -130,7 +138,7 @@ def Gallery(chosen: str, on_choose: Callable[[str], None]) -> None:
     pictures, set_pictures = solara.use_state(none_yet)
     solara.use_effect(lambda: _drawing_thread(set_pictures), [])
     with solara.Div(classes=["swarm-gallery"]):
-        for name in model_names():
+        for name in page_models():
             Card(name, pictures.get(name, ""), name == chosen, on_choose).key(name)
 
 
@@ -152,7 +160,7 @@ def _drawing_thread(set_pictures: Callable[[dict], None]) -> Callable[[], None]:
 
     def draw() -> None:
         pictures: dict[str, str] = {}
-        for name in model_names():
+        for name in page_models():
             with _DRAWING:
                 if stop.is_set():
                     return

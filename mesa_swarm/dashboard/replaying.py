@@ -8,15 +8,15 @@ from pathlib import Path
 from time import monotonic
 from typing import Any, cast
 
-from mesa_swarm.dashboard import RECORDINGS_VARIABLE
+from mesa_swarm.dashboard import RECORDINGS_VARIABLE, page_models
 from mesa_swarm.dashboard.session import LARGEST_SEED, MOST_ROBOTS, Session
 from mesa_swarm.dashboard.widgets import Incoming
 from mesa_swarm.errors import InvalidValueError, RecordingError, SwarmError, check_choice, check_count, in_words
 from mesa_swarm.fire.model import FireModel
-from mesa_swarm.gallery import class_name, find_model, model_names
+from mesa_swarm.gallery import PACKAGE, find_model, gallery_names
 from mesa_swarm.parameters import parameters_of
 from mesa_swarm.recording.frames import Event, Frame, events_of
-from mesa_swarm.recording.provenance import map_of
+from mesa_swarm.recording.provenance import is_of, map_of
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.resume import resumed
 from mesa_swarm.recording.verify import Watch
@@ -244,14 +244,14 @@ class Replaying:
 
     @property
     def model_name(self) -> str:
-        """The name of the recorded model in the gallery, empty for other models."""
-        return _gallery_name(self.provenance)
+        """The name of the recorded model on the page, empty for other models."""
+        return _page_name(self.provenance)
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """The parameters of the recorded run by name; empty for models outside the gallery."""
+        """The parameters of the recorded run by name; empty for models that are not on the page."""
         recorded = self.provenance  # once, as above
-        model_name = _gallery_name(recorded)
+        model_name = _page_name(recorded)
         if not model_name:
             return {}
         known, given = parameters_of(find_model(model_name)), recorded["parameters"]
@@ -330,7 +330,7 @@ class Replaying:
     def _branch(self, path: Path, step: int, changes: dict[str, Any], stop: threading.Event) -> None:
         try:
             (settings, seed), name = self._origin(), self.model_name
-            model = cast(SwarmModel, resumed(Recording(path), SwarmModel, step, changes, self._watch(step, stop)))
+            model = cast(SwarmModel, resumed(Recording(path), find_model(name), step, changes, self._watch(step, stop)))
         except StoppedError:
             return
         except Exception as problem:  # a recorded model may raise anything
@@ -450,17 +450,19 @@ def recordings_place() -> Path | None:
     return Path(place) if place else None
 
 
-def _gallery_name(provenance: dict[str, Any]) -> str:
+def _page_name(provenance: dict[str, Any]) -> str:
+    """Return the name of the recorded model on the page, empty for others: a recording makes it import none."""
     recorded = provenance.get("model", {"module": "", "name": ""})
-    name = recorded["module"].rpartition(".")[2]
-    if name not in model_names():
-        return ""
-    shipped = recorded["module"] == find_model(name).__module__ and recorded["name"] == class_name(name)
-    return name if shipped and _are_permitted(name, provenance["parameters"]) else ""
+    shipped = {f"{PACKAGE}.{name}": name for name in gallery_names()}
+    own = () if recorded["module"] in shipped else [name for name in page_models() if name not in gallery_names()]
+    for name in (*own, shipped.get(recorded["module"])):
+        if name and is_of(provenance, find_model(name)) and _are_permitted(name, provenance["parameters"]):
+            return name
+    return ""
 
 
 def _are_permitted(name: str, given: dict[str, Any]) -> bool:
-    """Return whether a model of the gallery permits these parameters."""
+    """Return whether a model of the page permits these parameters."""
     known = parameters_of(find_model(name))
     try:
         for one in known.keys() & given.keys():

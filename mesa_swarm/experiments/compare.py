@@ -94,7 +94,7 @@ def compare(
     Parameters
     ----------
     model : type or str
-        A SwarmModel with a method ``results``, or the name of one of the gallery.
+        A SwarmModel with a method ``results``, or its name or address (`gallery.find_model`).
     parameter, values
         By default the model's attribute ``compares``; the values of another parameter may be left
         out if it has a `Choice`.

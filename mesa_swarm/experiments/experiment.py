@@ -12,7 +12,7 @@ from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, check
 from mesa_swarm.experiments.fingerprints import fingerprint, source_hash
 from mesa_swarm.experiments.runs import Run, check_results
 from mesa_swarm.experiments.sampling import Points, Sample, as_list, grid_columns
-from mesa_swarm.gallery import find_model
+from mesa_swarm.gallery import address_of, find_model
 from mesa_swarm.parameters import parameters_of
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.world.map import Map, builtin_maps
@@ -61,7 +61,7 @@ class Experiment:
     def key(self, settings: Mapping[str, Any], rng: int) -> str:
         """Return the fingerprint of all that decides a run: model, source, version, parameters, seed and steps."""
         defaults = {name: parameter.default for name, parameter in parameters_of(self.model_class).items()}
-        place = f"{self.model_class.__module__}:{self.model_class.__qualname__}"
+        place = address_of(self.model_class)
         parameters = {name: shown_value(value) for name, value in {**defaults, **settings}.items()}
         return fingerprint(place, self.source, package_version("mesa-swarm"), parameters, rng, self.steps, default=repr)
 
@@ -103,10 +103,10 @@ def checked_experiment(
 
 
 def checked_class(model: object) -> type:
-    """Return the class of a model, or of the model of this name in the gallery."""
+    """Return the class of a model, or of the model of this name or address."""
     model_class = find_model(model) if isinstance(model, str) else model
     if not isinstance(model_class, type):
-        raise InvalidValueError(f"model is {shortened(model)}; expected a class or the name of a model")
+        raise InvalidValueError(f"model is {shortened(model)}; expected a class, or the name or address of a model")
     return model_class
 
 

@@ -15,7 +15,6 @@ from mesa_swarm.errors import (
     InvalidValueError,
     JobError,
     SwarmError,
-    check_choice,
     check_count,
     shortened,
     unknown_name,
@@ -23,7 +22,7 @@ from mesa_swarm.errors import (
 from mesa_swarm.experiments.experiment import MOST_STEPS, Experiment, checked_experiment, checked_seeds
 from mesa_swarm.experiments.run_records import OPTIONS, RunRecords, file_within, filled_in
 from mesa_swarm.experiments.sampling import MOST_POINTS, Sample
-from mesa_swarm.gallery import find_model, model_names
+from mesa_swarm.gallery import check_model, find_model, is_address
 from mesa_swarm.world.map import ALIASES, builtin_maps
 from mesa_swarm.world.map_parts import file_content, text_of
 from mesa_swarm.world.map_toml import parsed_toml
@@ -88,7 +87,7 @@ class RunTable(_Table):
     """The keys of one run; `robots` is short for the parameter n_robots."""
 
     name: Annotated[str | None, _checked_by(_check_name)] = None
-    model: Annotated[str, _checked_by(lambda name, value: check_choice(name, value, model_names()))]
+    model: Annotated[str, _checked_by(lambda _, value: check_model(value))]
     map: str | None = None
     robots: Annotated[int | None, _checked_by(check_count)] = None
     steps: Annotated[int | None, _checked_by(check_count, minimum=1, maximum=MOST_STEPS)] = None
@@ -283,7 +282,7 @@ def _run(number: int, table: dict[str, Any], file: Path, tables: list) -> tuple[
         run = checked_run(table)
         settings, varied = _with_maps(run, file.parent)
         experiment = checked_experiment(
-            find_model(run.model),
+            find_model(_model_of(run.model, file.parent)),
             varied,
             seeds=run.seeds,
             steps=run.steps,
@@ -302,6 +301,14 @@ def _with_maps(run: RunTable, folder: Path) -> tuple[dict[str, Any], Mapping | S
     if isinstance(varied, Mapping) and isinstance(varied.get("map"), list):
         varied = {**varied, "map": [_map_of(value, folder) for value in varied["map"]]}
     return settings, varied
+
+
+def _model_of(name: str, folder: Path) -> str:
+    """Return a model's name or address, the file of one looked for in the job's folder."""
+    if not is_address(name) or ".py" not in name:
+        return name
+    file, ending, class_name = name.rpartition(".py")
+    return f"{file_within(folder, file + ending)}{class_name}"
 
 
 def _map_of(value: object, folder: Path) -> object:

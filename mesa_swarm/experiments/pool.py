@@ -17,6 +17,7 @@ from joblib.parallel import LokyBackend, get_active_backend
 from tqdm import tqdm
 
 from mesa_swarm.errors import InvalidValueError, check_count
+from mesa_swarm.gallery import Imported, imported
 
 MOST_JOBS = 1024
 LOCAL = "LokyBackend"
@@ -62,7 +63,8 @@ def on_all(workers: int, work: Callable, tasks: Iterable[tuple]) -> Iterator[Any
     parallel = Parallel(**place, return_as="generator_unordered")
     try:
         with _interrupts_held():
-            results = parallel(delayed(_worked)(work, task) for task in tasks)
+            modules = imported()  # before the work, whose models may be in them
+            results = parallel(delayed(_worked)(modules, work, task) for task in tasks)
         yield from results
     except BaseException as error:
         if not is_remote():
@@ -140,7 +142,7 @@ def _numbered(k: int, work: Callable, task: tuple) -> tuple[int, Any]:
     return k, work(*task)
 
 
-def _worked(work: Callable, task: tuple) -> Any:
+def _worked(_modules: Imported, work: Callable, task: tuple) -> Any:
     # tqdm's own lock is one between processes, about which Python complains when a worker is stopped by Ctrl-C.
     tqdm.set_lock(RLock())
     return work(*task)

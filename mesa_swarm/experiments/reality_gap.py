@@ -24,7 +24,7 @@ from mesa_swarm.experiments.runs import Run, completed, has_numbers, simulate
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean, pair_differences
 from mesa_swarm.experiments.tables import aligned, csv_text, with_limits
 from mesa_swarm.files import check_writable
-from mesa_swarm.gallery import find_model
+from mesa_swarm.gallery import find_model, short_name
 from mesa_swarm.robots.imperfections import PRESETS, Imperfections
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.palette import LIGHT
@@ -96,11 +96,12 @@ def reality_gap(
     progress: bool = False,
     out: str | os.PathLike[str] | None = None,
 ) -> Gap:
-    """Run a model of the gallery at every place of the dial, over the same seeds.
+    """Run a model at every place of the dial, over the same seeds.
 
     Parameters
     ----------
     model : str
+        Its name or address (`gallery.find_model`).
     preset : str
         "measured" or "robotarium", see `robots.imperfections`.
     dial : sequence of float
@@ -147,7 +148,13 @@ def reality_gap(
     wanted = chosen_measure(rows, measure, getattr(model_class, "headline", ())[:1])
     scores = {place: [row[wanted] for row in row_of] for place, row_of in rows.items()}
     return Gap(
-        model=model, measure=wanted, preset=preset, dial=places, seeds=plan.seeds, steps=plan.steps, scores=scores
+        model=short_name(model),
+        measure=wanted,
+        preset=preset,
+        dial=places,
+        seeds=plan.seeds,
+        steps=plan.steps,
+        scores=scores,
     )
 
 

@@ -90,7 +90,7 @@ def sweep(
     Parameters
     ----------
     model : type or str
-        A SwarmModel with a method ``results``, or the name of one of the gallery.
+        A SwarmModel with a method ``results``, or its name or address (`gallery.find_model`).
     varied : mapping, Sample or sequence of mappings
         A grid (values by parameter), a sample, or settings of your own, point by point.
     seeds : int or sequence, array or Series of int

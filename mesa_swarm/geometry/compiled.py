@@ -1,13 +1,14 @@
 """The one way in which mesa_swarm compiles: Numba without fast-math, cached on disk, never stale."""
 
 from collections.abc import Callable
+from functools import partial
 from hashlib import blake2b
 from pathlib import Path
 from shutil import rmtree
 from typing import Any
 
 import numba
-from numba import njit
+from numba import njit, typeof
 
 # Numba finds its settings when it is imported, where no type checker sees them.
 settings: Any = numba.config
@@ -43,10 +44,11 @@ def _drop_old_caches() -> None:
 _drop_old_caches()
 
 
-def compiled(function: Callable[..., Any]) -> Any:
+def compiled(function: Callable[..., Any] | None = None, *, nogil: bool = False) -> Any:
     """Compile `function` when it is first called, and store the machine code on disk.
 
-    To a type checker the result is Any: Numba infers the types, and `py_func` is there besides the call.
+    To a type checker the result is Any: Numba infers the types, and `py_func` is there besides the call. With `nogil`
+    other threads run meanwhile: for functions that take long, on arrays that no other thread touches.
 
     Examples
     --------
@@ -56,11 +58,35 @@ def compiled(function: Callable[..., Any]) -> Any:
     >>> twice(21)
     42
     """
+    if function is None:
+        return partial(compiled, nogil=nogil)
     previous = settings.CACHE_DIR
     settings.CACHE_DIR = str(_CACHE)
     try:
-        return njit(cache=True, error_model="numpy")(function)
+        return njit(cache=True, error_model="numpy", nogil=nogil)(function)
     except RuntimeError:  # no folder can be written to, or the source is not in a file
-        return njit(error_model="numpy")(function)
+        return njit(error_model="numpy", nogil=nogil)(function)
     finally:
         settings.CACHE_DIR = previous
+
+
+def custom_compiled(function: Callable[..., Any]) -> Any:
+    """Compile a user's function when it is first called; it releases the GIL and is not stored on disk.
+
+    Bounds are checked: an index too large would otherwise read another robot's memory.
+
+    Examples
+    --------
+    >>> custom_compiled(lambda x: 2 * x)(21)
+    42
+    """
+    return njit(error_model="numpy", boundscheck=True, nogil=True)(function)
+
+
+def is_refused(compiled: Any, values: tuple) -> bool:
+    """Return whether Numba refuses to compile a function for these values; else an error is one of the function."""
+    try:
+        compiled.compile(tuple(map(typeof, values)))
+    except Exception:  # Numba's own code raises ordinary errors too
+        return True
+    return False

@@ -4,6 +4,7 @@ import inspect
 import json
 import math
 import platform
+import re
 from collections.abc import Sequence
 from importlib.metadata import version
 from typing import Any
@@ -184,11 +185,26 @@ def map_of(provenance: dict) -> Map:
 def check_class(provenance: dict, model_class: type) -> None:
     """Refuse another class than the one that was recorded."""
     recorded = provenance["model"]
-    if (model_class.__module__, model_class.__qualname__) != (recorded["module"], recorded["name"]):
+    if not is_of(provenance, model_class):
         raise RecordingError(
             f"the recording is of {recorded['module']}.{recorded['name']}, "
             f"not of {model_class.__module__}.{model_class.__qualname__}; give its class"
         )
+
+
+def is_of(provenance: dict, model_class: type) -> bool:
+    """Return whether a class may be the recorded one: its name is, and the last word of its module.
+
+    A file may be run as a program, whose module is called ``__main__``, imported, or loaded by its path.
+    """
+    recorded = provenance["model"]
+    words = {_last_word(recorded["module"]), _last_word(model_class.__module__)}
+    return model_class.__qualname__ == recorded["name"] and (len(words) == 1 or "__main__" in words)
+
+
+def _last_word(module: str) -> str:
+    """Return the last word of a module's address, without what `gallery` adds where a file's name is taken."""
+    return re.sub(r"_[0-9a-f]{8}$", "", module.rpartition(".")[2])
 
 
 def as_metadata(facts: dict) -> dict[str, str]:

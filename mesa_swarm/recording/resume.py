@@ -8,11 +8,11 @@ import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError, check_count, shortened, unknown_name
 from mesa_swarm.fire.model import FireModel
-from mesa_swarm.gallery import shipped_class
+from mesa_swarm.gallery import FORMS, is_address, shipped_class
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.collected import reporters_of, set_clock
 from mesa_swarm.recording.container import ATOMS
-from mesa_swarm.recording.provenance import rebuilt
+from mesa_swarm.recording.provenance import is_of, rebuilt
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.verify import Rerun, Watch, last_same, restored, run_to, started_again, states_to
 
@@ -20,6 +20,8 @@ from mesa_swarm.recording.verify import Rerun, Watch, last_same, restored, run_t
 OF_PARAMETERS = frozenset({"number", "design", "radius", "max_speed"})
 # Attributes that a run may change, in any model: plain values.
 PLAIN = (*ATOMS, np.ndarray, np.generic)
+# An address in a recording that is longer is not shown.
+LONGEST_ADDRESS = 80
 # Attributes that belong to the new model.
 OWN = frozenset({"_senses_version", "given"})
 
@@ -224,12 +226,16 @@ def class_of(recording: Recording, base: type) -> type:
     """Return the recorded class: `base`, a loaded class derived from it, or one that is part of mesa_swarm."""
     module, name = recording.provenance["model"]["module"], recording.provenance["model"]["name"]
     shipped_class(module, name)  # imports it
-    for model_class in _family(base):
+    family = _family(base)
+    for model_class in family:
         if (model_class.__module__, model_class.__qualname__) == (module, name):
             return model_class
+    alike = [model_class for model_class in family if is_of(recording.provenance, model_class)]
+    if len(alike) == 1:
+        return alike[0]
     raise RecordingError(
         f"{recording.path} is of {shortened(name)}, which is neither {base.__name__} nor a loaded subclass of it; "
-        "import its class and call its resume"
+        f"import its class ({address_in(recording)}) and call its resume"
     )
 
 
@@ -240,9 +246,17 @@ def shipped_class_of(recording: Recording) -> type:
     if model_class is None:
         raise RecordingError(
             f"{recording.path} is of {shortened(recorded['name'])}, which is not part of mesa_swarm; "
-            "call mesa_swarm.recording.verify(recording, its_class)"
+            f"name it: mesa-swarm verify FILE --model {address_in(recording)}, or call its class's verify"
         )
     return model_class
+
+
+def address_in(recording: Recording) -> str:
+    """Return the address of the recorded class, or its form if it is that of a program or is odd."""
+    recorded = recording.provenance["model"]
+    address = f"{recorded['module']}:{recorded['name']}"
+    is_plain = is_address(address) and len(address) <= LONGEST_ADDRESS and recorded["module"] != "__main__"
+    return address if is_plain and "<" not in address else FORMS
 
 
 def _family(base: type) -> list[type]:

@@ -15,12 +15,16 @@ PASSED, UNDECIDED, FAILED = "passed", "undecided", "failed"
 OUTCOMES = (PASSED, UNDECIDED, FAILED)
 CONFIRMED, LIMITED, NOT_CONFIRMED = "confirmed", "confirmed with limits", "not confirmed"
 VERDICTS = (CONFIRMED, LIMITED, NOT_CONFIRMED)
-HEADER = ("claim", "thesis", "measured", "required", "outcome")
+
+
+def header(source: str) -> tuple[str, ...]:
+    """Return the names of the columns of a table of checks; the second is where the claims come from."""
+    return "claim", source, "measured", "required", "outcome"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Check:
-    """One claim of the thesis, and what it reports, beside the result and what is required.
+    """One claim of the thesis or of a paper, and what it reports, beside the result and what is required.
 
     The outcome is one of `OUTCOMES`; the verdict depends on main checks.
     """
@@ -44,9 +48,9 @@ class Check:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Result:
-    """One result of the thesis, reproduced.
+    """One result of the thesis or of a paper, reproduced.
 
-    Its own picture is under "", others by a word. The settings state in words what the thesis leaves open and we have
+    Its own picture is under "", others by a word. The settings state in words what the source leaves open and we have
     chosen; remarks are further findings.
     """
 
@@ -65,9 +69,9 @@ class Result:
         """The claims whose checks have not passed."""
         return [check.claim for check in self.checks if check.outcome != PASSED]
 
-    def csv(self) -> str:
+    def csv(self, source: str = "thesis") -> str:
         """Return the checks for other programs."""
-        return csv_text([(*HEADER, "main"), *((*check.row, check.main) for check in self.checks)])
+        return csv_text([(*header(source), "main"), *((*check.row, check.main) for check in self.checks)])
 
 
 def verdict(checks: Iterable[Check]) -> str:

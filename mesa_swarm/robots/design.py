@@ -9,8 +9,17 @@ import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, asked, check_count, check_name, check_number, shortened
 from mesa_swarm.geometry.sector import half_angle
+from mesa_swarm.robots.actuators import ACT, Actuator, check_actions, check_actuator
 from mesa_swarm.robots.drive import DifferentialDrive, Drive
-from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSensor, Sensor, mount_of
+from mesa_swarm.robots.sensors import (
+    BUILT_IN,
+    LineSensor,
+    ProximitySensor,
+    RadiationSensor,
+    Sensor,
+    check_sensor,
+    mount_of,
+)
 
 LARGEST_RADIUS = 1e6
 # A step is cut into pieces of half a radius: faster robots than this would take too long.
@@ -31,11 +40,13 @@ class RobotDesign:
     max_speed : float
         Limit of each wheel's rim speed, of the body's speed where it goes sideways, map units a step, 0 to 1000 radii.
     sensors : tuple
-        Of `ProximitySensor`, `RadiationSensor` and `LineSensor`.
+        Of `ProximitySensor`, `RadiationSensor`, `LineSensor` and other classes of `Sensor`.
     slip_probability, slip_magnitude : float
         Each wheel and step, with this probability, a wheel rolls at m (1 - magnitude); both 0 to 1.
     drive : Drive
         How wheels move the body; `DifferentialDrive()` by default.
+    actuators : tuple of Actuator
+        What it has besides wheels.
 
     Raises
     ------
@@ -55,6 +66,7 @@ class RobotDesign:
     slip_probability: float = 0.0
     slip_magnitude: float = 0.0
     drive: Drive = field(default_factory=DifferentialDrive)
+    actuators: tuple[Actuator, ...] = ()
 
     def __post_init__(self) -> None:
         """Check every value."""
@@ -73,9 +85,21 @@ class RobotDesign:
                 raise InvalidValueError(
                     f"sensors holds {shortened(sensor)}; expected sensors such as ProximitySensor()"
                 )
+            check_sensor(sensor)
+        self._check_actuators()
         methods = [asked(self.drive, name) for name in ("motion", "wheels")]
         if isinstance(self.drive, type) or not all(map(callable, methods)):
             raise InvalidValueError(f"drive is {shortened(self.drive)}; expected a drive such as DifferentialDrive()")
+
+    def _check_actuators(self) -> None:
+        if not isinstance(self.actuators, (tuple, list)):
+            raise InvalidValueError(f"actuators is {shortened(self.actuators)}; expected a tuple of actuators")
+        object.__setattr__(self, "actuators", tuple(self.actuators))
+        if len(self.actuators) > MOST_SENSORS:
+            raise InvalidValueError(f"actuators has {len(self.actuators)} of them; expected at most {MOST_SENSORS}")
+        for actuator in self.actuators:
+            check_actuator(actuator)
+        check_actions(self.actuators)
 
     @property
     def proximity(self) -> tuple[ProximitySensor, ...]:
@@ -91,6 +115,11 @@ class RobotDesign:
     def line(self) -> tuple[LineSensor, ...]:
         """The line sensors, in the order of the column `line`."""
         return tuple(s for s in self.sensors if isinstance(s, LineSensor))
+
+    @property
+    def own(self) -> tuple[Sensor, ...]:
+        """The sensors with a function of their own, in their order."""
+        return tuple(s for s in self.sensors if type(s) not in BUILT_IN)
 
     @property
     def turns(self) -> bool | None:
@@ -217,6 +246,10 @@ class DesignTable:
     slips, noisy, slow, exposed : bool
         Whether any wheel slips at random, any sensor errs, any sensor is refreshed less often than every step,
         any proximity sensor sits outside its robot's body, where an obstacle can be.
+    readings : dict
+        Name and width of each column that sensors with a function of their own fill.
+    actions : dict
+        Name of each actuator: its width, and whether it holds.
     """
 
     designs: tuple[RobotDesign, ...]
@@ -234,6 +267,8 @@ class DesignTable:
     noisy: bool
     slow: bool
     exposed: bool
+    readings: dict[str, int]
+    actions: dict[str, tuple[int, bool]]
 
     @classmethod
     def of(cls, designs: Sequence[RobotDesign]) -> "DesignTable":
@@ -265,7 +300,33 @@ class DesignTable:
             noisy=bool((noise[..., PROBABILITY] * noise[..., MAGNITUDE] > 0).any()),
             slow=bool((noise[..., PERIOD] > 1).any()),
             exposed=bool((mounts > radii * (1 + 1e-9)).any()),
+            readings=_readings(designs),
+            actions=check_actions(a for design in designs for a in design.actuators),
         )
+
+    def columns(self) -> dict[str, tuple[tuple, type, object]]:
+        """Return the columns of a swarm that custom sensors and actuators need: shape, type, value at first."""
+        read: dict[str, Any] = {name: ((width,), np.float64, math.nan) for name, width in self.readings.items()}
+        for name, (width, _) in self.actions.items():
+            read[f"{ACT}{name}"] = ((width,) if width > 1 else (), np.float64, 0.0)
+        return read
+
+
+def places_of(design: RobotDesign) -> list[tuple[Sensor, int]]:
+    """Return the sensors of a design with a function of their own, and where in its column each begins to write."""
+    places, ends = [], dict.fromkeys((sensor.name for sensor in design.own), 0)
+    for sensor in design.own:
+        places.append((sensor, ends[sensor.name]))
+        ends[sensor.name] += int(sensor.width)
+    return places
+
+
+def _readings(designs: Sequence[RobotDesign]) -> dict[str, int]:
+    widths: dict[str, int] = {}
+    for design in designs:
+        for sensor, first in places_of(design):
+            widths[sensor.name] = max(widths.get(sensor.name, 0), first + int(sensor.width))
+    return widths
 
 
 def _sector(sensor: ProximitySensor | RadiationSensor, radius: float) -> tuple[float, ...]:

@@ -1,7 +1,7 @@
 """One robot: a handle on a row of the swarm, and a Mesa agent."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from mesa import Model
@@ -24,6 +24,7 @@ class Robot(ArenaAgent):
     """
 
     __slots__ = ("row", "swarm")
+    _stored_apart: ClassVar[tuple[str, ...]] = ("swarm", "row")
 
     def __init__(self, space: Arena, model: Model, swarm: Swarm, row: int) -> None:
         self.swarm = swarm
@@ -35,6 +36,14 @@ class Robot(ArenaAgent):
             return f"<Robot {self.unique_id}, removed>"
         x, y, heading = (round(float(number), 2) for number in (*self.position, self.heading))
         return f"<Robot {self.unique_id} at ({x}, {y}), heading {heading}>"
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what its custom sensors of this name read: ``robot.compass``, shape (width,)."""
+        # Without the first two, copying a half-made robot would never end.
+        if name.startswith("__") or name == "swarm" or name not in self.swarm.table.readings:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}", name=name, obj=self)
+        width = sum(int(sensor.width) for sensor in self.design.own if sensor.name == name)
+        return self._read(name)[:width].copy()
 
     @property
     def position(self) -> NDArray[np.float64]:

@@ -2,14 +2,83 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
+from mesa_swarm.robots.parts import RESERVED, Part, check_part, names_taken, own_function
 
 LARGEST_RANGE = 1e6
 MOST_RAYS = 10_000
 LONGEST_HOLD = 10**9
 
 Mount = tuple[float, float]
+
+
+class Sensor(Part):
+    """Base of all sensors; a custom class has a `name`, a `width` and a function `read`.
+
+    ``read`` is a static function that fills `out` (n, width), one row a robot that has the sensor; what it leaves out
+    stays NaN, which is nothing. The names of its other parameters decide what it gets: what `arguments` returns, the
+    sensor's own attributes, columns of the swarm such as `heading` (n,), the `rows` (n,) of these robots in the
+    swarm, and `obstacles`, as `mesa_swarm.physics.radio.is_cut` takes them. It changes nothing but `out`, and
+    reading twice gives the same. It is compiled when first used, and runs as plain Python where it cannot be.
+
+    Readings are ``me.compass`` in a rule, ``swarm.compass`` (n, width) and ``robot.compass``; NaN for robots without
+    one. Sensors of a design with the same name stand side by side in that column, in their order.
+
+    Attributes
+    ----------
+    name : str
+        One word that no column has.
+    width : int
+        How many numbers one sensor reads, 1 to 10,000.
+    minimum, maximum : float
+        Limits of a reading that is disturbed; replaced readings (`Imperfection.outliers`) need both to be finite.
+    spoiled : bool
+        Whether `SwarmModel.imperfections` disturb what it reads.
+
+    Examples
+    --------
+    >>> from mesa_swarm import RobotDesign, SwarmModel
+    >>> @dataclass(frozen=True, kw_only=True)
+    ... class Compass(Sensor):
+    ...     name: str = "compass"
+    ...
+    ...     @staticmethod
+    ...     def read(heading, out):
+    ...         for i in range(len(out)):
+    ...             out[i, 0] = -heading[i]
+    >>> model = SwarmModel(rng=1)
+    >>> (robot,) = model.add_robots(RobotDesign(sensors=(Compass(),)), poses=[(100, 100, 0.5)])
+    >>> model.sense()
+    >>> robot.compass
+    array([-0.5])
+    """
+
+    __slots__ = ()
+
+    read: ClassVar[Any] = None
+    minimum: ClassVar[Any] = -math.inf
+    maximum: ClassVar[Any] = math.inf
+    spoiled: ClassVar[Any] = True
+
+
+def check_sensor(sensor: Sensor) -> None:
+    """Refuse a custom sensor that cannot be used.
+
+    Raises
+    ------
+    InvalidValueError
+        If its name, its width or its function is not what `Sensor` describes.
+    """
+    if type(sensor) in BUILT_IN:
+        return
+    check_part("sensor", sensor, "read", RESERVED)
+    kind, function = type(sensor).__name__, own_function(sensor, "read")
+    if function is None:
+        raise InvalidValueError(f"sensor {kind} has no function read; give it a @staticmethod read(..., out)")
+    if "out" not in names_taken(function):
+        raise InvalidValueError(f"{kind}.read takes no parameter out, which it is to fill; add one")
 
 
 def _check_sector(sensor: "ProximitySensor | RadiationSensor") -> None:
@@ -37,7 +106,7 @@ def check_mount(mount: Mount | None) -> Mount | None:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class ProximitySensor:
+class ProximitySensor(Sensor):
     """An infrared sensor of the distance and kind of the nearest body in its sector.
 
     Parameters
@@ -66,6 +135,7 @@ class ProximitySensor:
     16
     """
 
+    name = "distance"
     bearing_degrees: float = 0.0
     range: float = 50.0
     field_of_view_degrees: float = 40.0
@@ -87,7 +157,7 @@ class ProximitySensor:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class RadiationSensor:
+class RadiationSensor(Sensor):
     """A sensor of the highest temperature among the burning fires whose body meets its sector, 0 if none.
 
     Parameters
@@ -101,6 +171,7 @@ class RadiationSensor:
     80.0
     """
 
+    name = "radiation"
     bearing_degrees: float = 0.0
     range: float = 80.0
     field_of_view_degrees: float = 60.0
@@ -112,7 +183,7 @@ class RadiationSensor:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class LineSensor:
+class LineSensor(Sensor):
     """A downward sensor: whether a point of the robot is over a ground mark.
 
     Parameters
@@ -126,6 +197,7 @@ class LineSensor:
     (5.0, 0.0)
     """
 
+    name = "line"
     mount: Mount = (0.0, 0.0)
 
     def __post_init__(self) -> None:
@@ -135,7 +207,8 @@ class LineSensor:
         object.__setattr__(self, "mount", check_mount(self.mount))
 
 
-Sensor = ProximitySensor | RadiationSensor | LineSensor
+# What the engines read themselves, into columns of their own.
+BUILT_IN = (ProximitySensor, RadiationSensor, LineSensor)
 
 
 def laser_sensor(bearing_degrees: float = 0.0, range: float = 200.0) -> ProximitySensor:
@@ -160,7 +233,7 @@ def bump_sensor(bearing_degrees: float = 0.0, field_of_view_degrees: float = 90.
     return ProximitySensor(bearing_degrees=bearing_degrees, range=0.5, field_of_view_degrees=field_of_view_degrees)
 
 
-def mount_of(sensor: Sensor, radius: float) -> Mount:
+def mount_of(sensor: ProximitySensor | RadiationSensor, radius: float) -> Mount:
     """Return where a sensor sits on a robot of this radius: its mount, or the rim at its bearing.
 
     Examples

@@ -2,15 +2,17 @@
 
 import math
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from inspect import get_annotations
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.errors import InvalidValueError, UnknownNameError, unknown_name
+from mesa_swarm.robots.actuators import check_actions
 from mesa_swarm.robots.design import DesignTable, RobotDesign
+from mesa_swarm.robots.parts import Part, names_taken, own_function
 from mesa_swarm.world.statics import BORDER, ROBOT
 
 # Columns with names that begin so stay when those of layers are dropped: they belong to the robots' bodies.
@@ -83,6 +85,9 @@ class Swarm:
     radius, max_speed, tendency : ndarrays, shape (n,)
         In map units, and map units a step; the tendency is +1 for left, -1 for right.
 
+    Custom sensors, actuators and messages have columns as well: ``swarm.compass``, ``swarm.columns["act.grip"]``,
+    ``swarm.columns["heard.count"]``.
+
     Examples
     --------
     >>> Swarm().position.shape
@@ -129,6 +134,7 @@ class Swarm:
         self.version = 0
         self._created = 0
         self._memory: dict[str, tuple[tuple, type, object]] = {}
+        self._messages: dict[str, tuple[tuple, type, object]] = {}
         self.columns: dict[str, np.ndarray] = {}
         self._resize(np.empty(0, np.int64), 0)
 
@@ -172,6 +178,7 @@ class Swarm:
     ) -> np.ndarray:
         """Append robots of one design and return their rows; their handles are set by the caller."""
         if design not in self.designs:
+            self.check_parts(design)
             self.table = DesignTable.of((*self.designs, design))
         old, new = len(self.columns["position"]), len(position)
         self._resize(np.arange(old), new)
@@ -188,6 +195,37 @@ class Swarm:
             self.columns[name][rows] = values
         self._created += new
         return rows
+
+    def check_parts(self, design: RobotDesign) -> None:
+        """Refuse a design whose sensors or actuators do not fit those of the other robots.
+
+        Raises
+        ------
+        InvalidValueError
+            If a sensor has the name of a layer's memory, takes what does not exist, or an actuator takes other numbers
+            than that of the same name of another design.
+        """
+        check_actions(actuator for other in (*self.designs, design) for actuator in other.actuators)
+        for sensor in design.own:
+            if sensor.name in self._memory:
+                raise InvalidValueError(f"sensor {sensor.name} has the name of a column of a layer; rename one of them")
+            if type(sensor).arguments is Part.arguments:
+                self.check_takes(sensor, own_function(sensor, "read"), ("out",))
+
+    def check_takes(self, part: Part, function: Any, known: Iterable[str]) -> None:
+        """Refuse a function of arrays that takes something unknown; `known` are more names that there are.
+
+        Raises
+        ------
+        UnknownNameError
+        """
+        own = [name for name in dir(part) if not name.startswith("_") and not callable(getattr(part, name))]
+        columns = (name for name in self.columns if name.isidentifier())
+        names = sorted({*own, *columns, *known, "rows", "obstacles"})
+        for name in names_taken(function):
+            if name not in names:
+                of = f"{type(part).__name__}.{function.__name__}"
+                raise UnknownNameError(unknown_name(f"parameter of {of}", name, names))
 
     def remove(self, rows: Sequence[int]) -> None:
         """Drop rows; the handles of the other robots get their new rows."""
@@ -230,10 +268,18 @@ class Swarm:
     def _drop(self, name: str) -> None:
         del self.columns[name], self._memory[name], self.__dict__[name]
 
+    def set_messages(self, columns: dict[str, tuple[tuple, type, object]]) -> None:
+        """Replace the columns of custom messages: shape, type and first value of each by name."""
+        if columns != self._messages:
+            self._messages = columns
+            self._resize(np.arange(len(self.columns["position"])), 0)
+
     def clear_messages(self) -> None:
         """Clear all that robots have sent and heard."""
         for name in MESSAGES:
             self.columns[name].fill(COLUMNS[name][2])
+        for name, (_, _, initial) in self._messages.items():
+            self.columns[name].fill(initial)
 
     def shed(self) -> None:
         """Drop the columns of bodies; deprecated, see `drop_body_columns`."""
@@ -251,8 +297,12 @@ class Swarm:
             "proximity": self.table.proximity.shape[1],
             "radiation": self.table.radiation.shape[1],
             "line": self.table.line.shape[1],
+            **self.table.readings,
         }
-        for name, (shape, dtype, initial) in {**COLUMNS, **self._memory}.items():
+        declared = {**COLUMNS, **self.table.columns(), **self._messages, **self._memory}
+        for name in [name for name in self.columns if name not in declared]:
+            del self.columns[name], self.__dict__[name]
+        for name, (shape, dtype, initial) in declared.items():
             full = (len(rows) + new, *(widths.get(w, w) for w in shape))
             column = np.full(full, initial, dtype)
             old = self.columns.get(name)

@@ -3,7 +3,7 @@
 import math
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import shapely
@@ -183,6 +183,7 @@ class Body(ArenaAgent):
 
     mode = "fixed"
     blocked = False
+    _stored_apart: ClassVar[tuple[str, ...]] = ("_kind",)
 
     def __init__(self, space: Arena, model: Model, kind: str) -> None:
         self._kind = kind
@@ -225,6 +226,8 @@ class Obstacle(Body):
     `polygon`.
     """
 
+    _stored_apart: ClassVar[tuple[str, ...]] = ("shape",)
+
     def __init__(self, space: Arena, model: Model, shape: Shape, kind: str = KINDS[OBSTACLE]) -> None:
         self.shape = shape
         super().__init__(space, model, kind)
@@ -257,6 +260,8 @@ class Load(Obstacle):
     """
 
     mode = "pushed"
+
+    _stored_apart: ClassVar[tuple[str, ...]] = ("form", "pose", "_resistance", "moved", "pushers")
 
     def __init__(self, space: Arena, model: Model, shape: Shape, resistance: float, kind: str = KINDS[LOAD]) -> None:
         super().__init__(space, model, shape, kind)

@@ -124,6 +124,7 @@ def test_a_quick_report_warns_that_its_verdicts_mean_nothing(typed, tmp_path):
     [
         ("reproduce --figure 8.9", "unknown figure '8.9'; did you mean"),
         ("reproduce --all --figure 8.2", "--all and --figure are given at once"),
+        ("reproduce --published --figure 8.2", "--published and --figure are given at once"),
         ("reproduce --figure 8.2 --report page.html", "expected the name of a .md file"),
         ("reproduce --figure 8.2 --jobs 0", "jobs is 0"),
         ("reproduce --figure 8.2 --out /proc/nowhere", "results cannot be written to"),

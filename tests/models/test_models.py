@@ -10,6 +10,7 @@ from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments.compare import compare
 from mesa_swarm.gallery import find_model, model_names
 from mesa_swarm.parameters import Choice, Slider, parameters_of
+from mesa_swarm.reproduction.registry import items
 
 NAMES = model_names()
 STEPS = 60
@@ -44,8 +45,9 @@ def batch_of_two(model_class, **more):
 
 @pytest.mark.parametrize("name", NAMES)
 class TestEveryModel:
-    def test_is_a_file_of_fewer_than_120_lines(self, name):
-        assert len(Path(inspect.getfile(find_model(name))).read_text().splitlines()) < 120
+    def test_is_a_file_of_fewer_than_120_lines_or_150_if_it_reproduces_a_paper(self, name):
+        most = 150 if name in items() else 119
+        assert len(Path(inspect.getfile(find_model(name))).read_text().splitlines()) <= most
 
     def test_runs_and_has_results_in_numbers(self, name):
         model = find_model(name)(rng=1).run(STEPS)

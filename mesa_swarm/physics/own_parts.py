@@ -1,0 +1,193 @@
+"""Custom sensors and actuators: their functions, called with the columns and numbers that they name."""
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from mesa_swarm.errors import (
+    BehaviourError,
+    InvalidValueError,
+    SwarmError,
+    UncompiledBehaviourWarning,
+    shortened,
+)
+from mesa_swarm.physics.radio import obstacles_of
+from mesa_swarm.physics.surroundings import Surroundings
+from mesa_swarm.robots.actuators import ACT, Actuator
+from mesa_swarm.robots.design import places_of
+from mesa_swarm.robots.parts import Kernel, Part, kernel_of, own_function
+from mesa_swarm.robots.sensors import Sensor
+from mesa_swarm.robots.swarm import Swarm
+
+
+class OwnParts:
+    """The sensors and actuators of a swarm with functions of their own, bound to the rows of their robots."""
+
+    def __init__(self) -> None:
+        self._version = -1
+        self._readers: list[Reader] = []
+        self._doers: list[Doer] = []
+
+    def __getstate__(self) -> dict:
+        """Leave out what is bound: a copied or unpickled model binds its parts again."""
+        return vars(OwnParts())
+
+    def sense(self, model: Any, scene: Surroundings) -> None:
+        """Read all custom sensors; robots without them read NaN."""
+        swarm = model.swarm
+        self._bind(swarm)
+        for name in swarm.table.readings:
+            swarm.columns[name].fill(np.nan)
+        for reader in self._readers:
+            _guarded(reader.read, reader.sensor, model, scene)
+
+    def act(self, model: Any, scene: Surroundings) -> None:
+        """Let all actuators do what is set."""
+        self._bind(model.swarm)
+        self._check_set(model)
+        for doer in self._doers:
+            _guarded(doer.act, doer.actuator, model, scene)
+
+    def _check_set(self, model: Any) -> None:
+        """Refuse numbers that are not finite: what they do cannot be undone."""
+        for name in model.swarm.table.actions:
+            column = model.swarm.columns[f"{ACT}{name}"]
+            if not np.isfinite(column).all():
+                row = int(np.argmin(np.isfinite(column).reshape(len(column), -1).all(axis=1)))
+                raise BehaviourError(
+                    f"act.{name} of robot {model.swarm.agents[row].unique_id} is {shortened(column[row])} in step "
+                    f"{model.steps}; expected finite numbers"
+                )
+
+    def _bind(self, swarm: Swarm) -> None:
+        if self._version == swarm.version:
+            return
+        self._readers = [Reader(swarm, sensor, first, rows) for sensor, first, rows in _sensors_by_rows(swarm)]
+        self._doers = [Doer(swarm, actuator, rows) for actuator, rows in _actuators_by_rows(swarm)]
+        self._version = swarm.version
+
+
+def clear_actions(swarm: Swarm) -> None:
+    """Set all actuators to 0 that do not hold what they were set to."""
+    for name, (_, holds) in swarm.table.actions.items():
+        if not holds:
+            swarm.columns[f"{ACT}{name}"].fill(0.0)
+
+
+class Reader:
+    """A sensor, the rows of the robots that have it, and its place in its column."""
+
+    def __init__(self, swarm: Swarm, sensor: Sensor, first: int, rows: np.ndarray) -> None:
+        self.sensor, self.rows = sensor, rows
+        column = swarm.columns[sensor.name]
+        width = int(sensor.width)
+        self._call = Call(swarm, sensor, "read", rows)
+        self._place = column[:, first : first + width]
+        self._whole = len(rows) == len(swarm) and column.shape[1] == width
+        self._out = column if self._whole else np.empty((len(rows), width))
+
+    def read(self, model: Any, scene: Surroundings) -> None:
+        """Write the readings."""
+        self._out.fill(np.nan)
+        self._call(model, scene, {"out": self._out})
+        if not self._whole:
+            self._place[self.rows] = self._out
+
+
+class Doer:
+    """An actuator and the rows of the robots that have it."""
+
+    def __init__(self, swarm: Swarm, actuator: Actuator, rows: np.ndarray) -> None:
+        self.actuator, self.rows = actuator, rows
+        self._column = swarm.columns[f"{ACT}{actuator.name}"]
+        self._call = None if own_function(actuator, "act") is None else Call(swarm, actuator, "act", rows)
+
+    def act(self, model: Any, scene: Surroundings) -> None:
+        """Do what the robots in these rows have set."""
+        if self._call is not None:
+            self._call(model, scene, {"value": _read_only(self._column[self.rows])})
+        self.actuator.apply(model, self.rows)
+
+
+class Call:
+    """A part's function of arrays, and where the values come from that its parameters name."""
+
+    def __init__(self, swarm: Swarm, part: Part, function: str, rows: np.ndarray) -> None:
+        self.kernel: Kernel = kernel_of(own_function(part, function))
+        self._part, self._swarm, self._rows = part, swarm, rows
+        self._asks = type(part).arguments is not Part.arguments
+        self._all = len(rows) == len(swarm)
+        self._sources: list[Callable] | None = None
+
+    def __call__(self, model: Any, scene: Surroundings, given: dict) -> None:
+        """Call the function for the present state."""
+        if self._asks:
+            given |= self._arguments(model)
+        if self._sources is None:
+            known = *given, *("obstacles", "rows")
+            self._swarm.check_takes(self._part, self.kernel.function, known)
+            self._sources = [self._source(name, given) for name in self.kernel.takes]
+        self.kernel(*[source(given, scene) for source in self._sources])
+
+    def _arguments(self, model: Any) -> Mapping[str, Any]:
+        more = self._part.arguments(model)
+        if not isinstance(more, Mapping):
+            raise InvalidValueError(
+                f"{type(self._part).__name__}.arguments returned {shortened(more)}; expected a dict by name"
+            )
+        return more
+
+    def _source(self, name: str, given: Mapping) -> Callable:
+        """Return a function that finds the value of a parameter in what is given at each call and the surroundings."""
+        if name in given:
+            return lambda given, scene: given[name]
+        if name == "rows":
+            return lambda given, scene: self._rows
+        if name == "obstacles":
+            return lambda given, scene: obstacles_of(scene)
+        if hasattr(self._part, name):
+            value = getattr(self._part, name)
+            return lambda given, scene: value
+        column = _read_only(self._swarm.columns[name].view())
+        if self._all:
+            return lambda given, scene: column
+        return lambda given, scene: _read_only(column[self._rows])
+
+
+def _read_only(array: np.ndarray) -> np.ndarray:
+    array.flags.writeable = False
+    return array
+
+
+def _rows_with(swarm: Swarm, has: list[bool]) -> np.ndarray:
+    """Return the rows of the robots whose designs have something, in ascending order."""
+    return _read_only(np.flatnonzero(np.array(has, np.bool_)[swarm.columns["design"]]))
+
+
+def _sensors_by_rows(swarm: Swarm) -> Iterator[tuple[Sensor, int, np.ndarray]]:
+    """Yield each sensor and where in its column it writes, with the rows of the robots that have it there."""
+    places = [places_of(design) for design in swarm.designs]
+    for place in dict.fromkeys(place for of_design in places for place in of_design):
+        rows = _rows_with(swarm, [place in of_design for of_design in places])
+        if len(rows):
+            yield *place, rows
+
+
+def _actuators_by_rows(swarm: Swarm) -> Iterator[tuple[Actuator, np.ndarray]]:
+    for actuator in dict.fromkeys(actuator for design in swarm.designs for actuator in design.actuators):
+        rows = _rows_with(swarm, [actuator in design.actuators for design in swarm.designs])
+        if len(rows):
+            yield actuator, rows
+
+
+def _guarded(do: Callable, part: Part, model: Any, scene: Surroundings) -> None:
+    """Call a function of the user's; an error of it becomes one line that names the part."""
+    try:
+        do(model, scene)
+    except (SwarmError, UncompiledBehaviourWarning):
+        raise
+    except Exception as error:
+        what = " ".join(f"{type(error).__name__}: {error}".split())
+        kind = "sensor" if isinstance(part, Sensor) else "actuator"
+        raise BehaviourError(f"{kind} {part.name} failed in step {model.steps}: it raised {what}") from error

@@ -1,0 +1,99 @@
+"""Actuators: numbers besides the wheels that a rule sets and a model acts on."""
+
+from collections.abc import Iterable
+from typing import Any, ClassVar
+
+import numpy as np
+
+from mesa_swarm.errors import InvalidValueError, check_flag, shortened
+from mesa_swarm.robots.parts import Part, check_part, own_function
+
+# Columns of what actuators are set to begin so.
+ACT = "act."
+
+
+class Actuator(Part):
+    """Base of all actuators; a custom class has a `name`, and `apply` or a function `act`.
+
+    A rule sets ``me.act.<name> = x``, or ``me.act.<name>[k] = x`` where `width` is more than 1; a layer that is a
+    class writes ``senses.act["<name>"]``. Before robots decide it is 0 again. What is set is the column
+    ``swarm.columns["act.<name>"]``, shape (n,) or (n, width). After all robots have decided and before they move, in
+    the phase `act` of the step, it takes effect.
+
+    ``apply(model, rows)`` is ordinary Python on arrays, called once a step for the robots in these rows; ``act`` is a
+    static function that is compiled, and takes what its parameters name, as `Sensor.read` does: `value` is what the
+    robots in `rows` have set.
+
+    Attributes
+    ----------
+    name : str
+        One word. Actuators of a design with the same name get the same numbers.
+    width : int
+        How many numbers it takes, 1 to 10,000.
+    holds : bool
+        Whether it stays as it was set, and is not 0 again before each decision.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> from mesa_swarm import RobotDesign, SwarmModel
+    >>> from mesa_swarm.control import Subsumption, behaviour
+    >>> @dataclass(frozen=True, kw_only=True)
+    ... class Horn(Actuator):
+    ...     name: str = "horn"
+    ...
+    ...     def apply(self, model, rows):
+    ...         print("volume", model.swarm.columns["act.horn"][rows].sum())
+    >>> @behaviour
+    ... def honk(me):
+    ...     me.act.horn = 2.0
+    ...     return me.max_speed, me.max_speed
+    >>> model = SwarmModel(rng=1)
+    >>> robots = model.add_robots(RobotDesign(actuators=(Horn(),)), 3)
+    >>> model.control = Subsumption(honk)
+    >>> model.step()
+    volume 6.0
+    """
+
+    __slots__ = ()
+
+    holds: ClassVar[Any] = False
+    act: ClassVar[Any] = None
+
+    def apply(self, model: Any, rows: np.ndarray) -> None:
+        """Do what the robots in these rows have set; by default nothing."""
+
+
+def check_actuator(actuator: object) -> None:
+    """Refuse what is not an actuator that can be used.
+
+    Raises
+    ------
+    InvalidValueError
+    """
+    if not isinstance(actuator, Actuator):
+        raise InvalidValueError(f"actuators holds {shortened(actuator)}; expected actuators such as Lamp()")
+    check_part("actuator", actuator, "act")
+    kind = type(actuator).__name__
+    check_flag(f"holds of actuator {kind}", actuator.holds)
+    if not callable(actuator.apply):
+        raise InvalidValueError(f"apply of actuator {kind} is {shortened(actuator.apply)}; expected a method")
+    own_function(actuator, "act")
+
+
+def check_actions(actuators: Iterable[Actuator]) -> dict[str, tuple[int, bool]]:
+    """Return what actuators of each name take: a width, and whether it holds; refuse names with two meanings.
+
+    Raises
+    ------
+    InvalidValueError
+    """
+    actions: dict[str, tuple[int, bool]] = {}
+    for actuator in actuators:
+        given = int(actuator.width), bool(actuator.holds)
+        if actions.setdefault(actuator.name, given) != given:
+            raise InvalidValueError(
+                f"actuators named {actuator.name} differ in width or holds: {actions[actuator.name]} and {given}; "
+                "give one of them another name"
+            )
+    return actions

@@ -1,0 +1,173 @@
+"""What sensors and actuators have in common: a name, a width, and a function of arrays that is compiled."""
+
+import inspect
+import keyword
+import re
+import warnings
+from collections.abc import Callable, Container, Mapping
+from functools import cache
+from itertools import pairwise
+from typing import Any, ClassVar
+
+from mesa_swarm.errors import InvalidValueError, UncompiledBehaviourWarning, asked, check_count, shortened
+from mesa_swarm.geometry.compiled import custom_compiled, is_refused
+
+MOST_NUMBERS = 10_000
+# Names that a robot, a swarm, a rule's `me` or a row of a recording has already.
+RESERVED = frozenset(
+    (
+        *("act", "add", "advance", "agent", "agents", "alive", "bearing", "bodies", "chance", "check_parts"),
+        *("clear_messages", "collided", "columns", "command", "contact_depth", "contact_index"),
+        *("contact_kind", "contact_normal", "contacts", "create_agents", "design", "designs"),
+        *("distance", "disturbed", "drop_body_columns", "error", "events", "extinguishing", "fields"),
+        *("fire", "fires", "forget", "forget_contact", "forward", "from_dataframe", "front", "get"),
+        *("get_nearest_neighbors", "get_neighbors_in_radius", "goal", "goal_x", "goal_y", "group"),
+        *("groups", "heading", "heard", "heard_from", "heard_goal", "heard_layer", "heard_task"),
+        *("heard_x", "heard_y", "heat", "hot", "indices", "kind", "last_command", "layer", "leave"),
+        *("left", "line", "loads", "max_speed", "memory", "model", "number", "obstacles", "out", "own", "pos"),
+        *("position", "radiation", "radius", "random", "readings", "remember", "remove", "right", "rng"),
+        *(
+            "robot",
+            "row",
+            "rows",
+            "scenario",
+            "send",
+            "sensors",
+            "sent_goal",
+            "set",
+            "set_messages",
+        ),
+        *("sideways", "slip", "space", "state_hash", "step", "swarm", "table", "task", "temperature"),
+        *("tendency", "unique_id", "value", "version"),
+    )
+)
+
+
+class Part:
+    """What a sensor and an actuator are: named numbers of every robot that has one.
+
+    Attributes
+    ----------
+    name : str
+        The word by which rules, columns and recordings call its numbers.
+    width : int
+        How many numbers one of them has, at least 1.
+    """
+
+    __slots__ = ()
+
+    name: ClassVar[Any] = ""
+    width: ClassVar[Any] = 1
+
+    def arguments(self, model: Any) -> Mapping[str, Any]:
+        """Return further arrays and numbers by name, which its function may take; called before each use."""
+        return {}
+
+
+def check_identifier(what: str, name: object, taken: Container[str] = ()) -> str:
+    """Return a name that can be written after a dot, as in ``me.compass``, and is not taken.
+
+    Raises
+    ------
+    InvalidValueError
+    """
+    if not isinstance(name, str) or not name.isidentifier() or keyword.iskeyword(name) or name.startswith("_"):
+        raise InvalidValueError(f"{what} is {shortened(name)}; expected one word of letters, such as 'compass'")
+    if name in taken:
+        raise InvalidValueError(f"{what} is {name!r}, which robots have already; choose another name")
+    return name
+
+
+def check_part(what: str, part: Any, function: str, taken: frozenset[str] = frozenset()) -> None:
+    """Refuse a sensor or actuator whose name, width or function cannot be used; `function` is the name of its own.
+
+    Raises
+    ------
+    InvalidValueError
+    """
+    kind = type(part).__name__
+    check_identifier(f"name of {what} {kind}", asked(part, "name"), taken)
+    check_count(f"width of {what} {kind}", asked(part, "width"), minimum=1, maximum=MOST_NUMBERS)
+    try:
+        hash(part)
+    except Exception:  # of a class of the user's
+        raise InvalidValueError(
+            f"{what} {kind} cannot be hashed; make its class with @dataclass(frozen=True, kw_only=True), "
+            "and its fields numbers, texts or tuples"
+        ) from None
+    if own_function(part, function) is not None:
+        names_taken(own_function(part, function), f"{kind}.{function}")
+
+
+def own_function(part: Any, name: str) -> Callable | None:
+    """Return a part's function of arrays as it was written, None without one."""
+    found = inspect.getattr_static(type(part), name, None)
+    if isinstance(found, staticmethod):
+        return found.__func__
+    if found is None or hasattr(found, "py_func"):
+        return found
+    raise InvalidValueError(f"{type(part).__name__}.{name} is {shortened(found)}; expected a @staticmethod of arrays")
+
+
+def names_taken(function: Any, what: str = "") -> tuple[str, ...]:
+    """Return the names of what a function of arrays takes.
+
+    Raises
+    ------
+    InvalidValueError
+        If it takes anything else than named parameters without defaults.
+    """
+    try:
+        parameters = list(inspect.signature(getattr(function, "py_func", function)).parameters.values())
+    except (TypeError, ValueError):
+        raise InvalidValueError(f"{what} is {shortened(function)}; expected a function of arrays") from None
+    for parameter in parameters:
+        if parameter.kind is not parameter.POSITIONAL_OR_KEYWORD or parameter.default is not parameter.empty:
+            raise InvalidValueError(f"{what} has the parameter {parameter}; expected plain names, such as heading")
+    return tuple(parameter.name for parameter in parameters)
+
+
+class Kernel:
+    """A function of arrays, compiled when first used; one that cannot be is run as plain Python, with a warning."""
+
+    def __init__(self, function: Any) -> None:
+        self.function = getattr(function, "py_func", function)
+        self.takes = names_taken(function)
+        self._run: Any = custom_compiled(function) if self.function is function else function
+
+    def __call__(self, *values: Any) -> None:
+        """Call it with the values of the names that it takes, in their order."""
+        try:
+            self._run(*values)
+        except Exception as error:
+            if self._run is self.function or not is_refused(self._run, values):
+                raise
+            self._warn(str(error) or type(error).__name__)
+            self._run = self.function
+            self._run(*values)
+
+    def _warn(self, problem: str) -> None:
+        code = self.function.__code__
+        warnings.warn_explicit(
+            f"{self.function.__qualname__} cannot be compiled and runs as plain Python, about 100 times slower: "
+            f"{brief(problem)}",
+            UncompiledBehaviourWarning,
+            code.co_filename,
+            code.co_firstlineno,
+        )
+
+
+@cache
+def kernel_of(function: Any) -> Kernel:
+    """Return the kernel that is made of a function, always the same one, so that it is compiled once."""
+    return Kernel(function)
+
+
+def brief(problem: str) -> str:
+    """Return the most specific line of Numba's explanation, and the line of the code that it is about."""
+    lines = [line.strip() for line in problem.splitlines()]
+    lines = [line for line in lines if line and not line.startswith("Failed in nopython")]
+    inner = [after for before, after in pairwise(lines) if before.startswith("Rejected as")]
+    place = re.search(r'^File ".*", (line \d+)', problem, re.MULTILINE)
+    line = (inner or lines or ["no reason is known"])[0]
+    return f"{line[:200]} ({place[1]})" if place else line[:200]
