@@ -11,7 +11,6 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.robots.actuators import ACT
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, MOUNT_X, MOUNT_Y
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import ROBOT
@@ -56,6 +55,10 @@ class Senses:
         Of each name of custom sensors, what they read (n, width), NaN for nothing.
     act : dict, written by layers
         Of each name of actuators, what they are set to, (n,) or (n, width).
+    send : dict, written by layers
+        Of each name of a message, what the robot sends, (n,) or (n, width), NaN for nothing; see `Radio`.
+    heard : dict
+        What robots hear: `n` (n,) messages, and `range`, `bearing` and each name (n, most, ...), NaN for none.
     """
 
     distance: np.ndarray
@@ -83,6 +86,8 @@ class Senses:
     sideways: np.ndarray
     own: dict[str, np.ndarray] = field(default_factory=dict)
     act: dict[str, np.ndarray] = field(default_factory=dict)
+    send: dict[str, np.ndarray] = field(default_factory=dict)
+    heard: dict[str, np.ndarray] = field(default_factory=dict)
 
     @classmethod
     def of(cls, swarm: Swarm) -> "Senses":
@@ -91,9 +96,11 @@ class Senses:
         known = {one.name for one in fields(cls)}
         columns = {name: column for name, column in swarm.columns.items() if name in known}
         of_designs = {"forward": table.forward, "sensors": table.proximity, "bearing": table.bearing}
-        own = {name: swarm.columns[name] for name in table.readings}
-        act = {name: swarm.columns[f"{ACT}{name}"] for name in table.actions}
-        return cls(**columns, **of_designs, sideways=table.sideways, own=own, act=act)
+        more = {"own": {name: swarm.columns[name] for name in table.readings}}
+        for group in ("act", "send", "heard"):
+            first = f"{group}."
+            more[group] = {n.removeprefix(first): c for n, c in swarm.columns.items() if n.startswith(first)}
+        return cls(**columns, **of_designs, sideways=table.sideways, **more)
 
 
 class Layer(Protocol):

@@ -16,6 +16,7 @@ from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic, lower_builtin, models, overload, register_model
 
+from mesa_swarm.control.custom_fields import RecordEntry, Fields, FieldForm, extension, plain_arrays, record_of
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import BehaviourError, UncompiledBehaviourWarning, shortened, unknown_name
 from mesa_swarm.robots.design import RobotDesign
@@ -121,6 +122,7 @@ WANTED = "expected two finite wheel speeds (left, right), or PASS"
 CHANGES = "changes its readings; a rule may only read me: change a copy()"
 # Numba's words for branches that return unlike things.
 UNLIKE = "Can't unify return type"
+UNKNOWN = "unknown field of a record:"
 # Where a layer stores the function that it was made of: pickle finds it there under the function's own name.
 PLACE = ".rule.function"
 
@@ -166,31 +168,32 @@ class Rule:
             )
         return rule_of, (function,)
 
-    def run(self, columns: tuple, values: tuple, at: np.ndarray, *written: Any) -> int:
+    def run(self, columns: tuple, fields: Fields, values: tuple, at: np.ndarray, *written: Any) -> int:
         """Apply the rule to every robot that no layer drives yet; return the first whose speeds are not finite, or -1.
 
-        `columns` are those of `columns_of`, and the column of chances; `written` are the columns `command` and `layer`,
-        and the index of the layer. `at` (1,) is set to the robot that the rule is about, to name it if the rule raises
-        an error.
+        `columns` are those of `columns_of`, and the column of chances; `fields` are what the model adds; `written` are
+        the columns `command` and `layer`, and the index of the layer. `at` (1,) is set to the robot that the rule is
+        about, to name it if the rule raises an error.
         """
-        kinds = tuple(map(type, values))
+        form, arrays = fields.form, fields.arrays
+        kinds = form, *map(type, values)
         if kinds in self._loops:
-            return self._loops[kinds](columns, values, at, *written)
-        loop, problem = _compiled(self.function, columns, values)
+            return self._loops[kinds](columns, arrays, values, at, *written)
+        loop, problem = _compiled(self.function, form, columns, arrays, values)
         if not problem:
             self._loops[kinds] = loop
-            return loop(columns, values, at, *written)
+            return loop(columns, arrays, values, at, *written)
         # What a rule does wrong to a robot is seen in plain Python: Numba only knows types.
-        wrong = loop(columns, values, at, *written)
+        wrong = loop(columns, arrays, values, at, *written)
         if wrong < 0:
             at[0] = -1
-            self._complain(problem)
+            self._complain(problem, form)
             self._loops[kinds] = loop
         return wrong
 
-    def _complain(self, problem: str) -> None:
+    def _complain(self, problem: str, form: FieldForm) -> None:
         """Refuse a rule that is wrong somewhere; warn of one that is only slow."""
-        defect = defect_in(problem)
+        defect = defect_in(problem, form, self.function)
         if defect:
             raise DefectError(defect)
         code = self.function.__code__
@@ -223,21 +226,27 @@ def columns_of(senses: Senses, designs: tuple[RobotDesign, ...]) -> tuple[np.nda
     return views
 
 
-def _compiled(function: FunctionType, columns: tuple, values: tuple) -> tuple[Callable, str]:
+def _compiled(
+    function: FunctionType, form: FieldForm, columns: tuple, arrays: tuple, values: tuple
+) -> tuple[Callable, str]:
     """Return the loop over all robots, compiled if that can be, and Numba's explanation if not."""
     # Bounds are checked: an index that is one too many would otherwise read another robot's memory.
     rule: Any = njit(error_model="numpy", boundscheck=True)(function)
-    run: Any = njit(error_model="numpy")(_loop(rule))
+    # Put into the loop itself: what a function returned would be a copy of a record, and assigning to it in vain.
+    extended: Any = njit(error_model="numpy", inline="always")(extension(form, Me, bearings))
+    run: Any = njit(error_model="numpy")(_loop(rule, extended))
     no_rows = np.empty(0, np.int64)
     try:
-        run(columns, values, no_rows, np.empty((0, 2)), no_rows, 0)
+        run(columns, arrays, values, no_rows, np.empty((0, 2)), no_rows, 0)
         problem = ""
+    except KeyError as error:  # Numba's for a field that a record does not have
+        problem = f"{UNKNOWN} {error.args[0]}"
     except Exception as error:  # it was about no robot, so that the rule itself cannot have raised it
         problem = str(error) or type(error).__name__
     returned = [result.signature.return_type for result in rule.overloads.values()]
     if not all(map(_is_pair, returned)):
         problem = f"{UNLIKE}: {returned[0]}"
-    return (_plain(function), problem) if problem else (run, "")
+    return (_plain(function, form), problem) if problem else (run, "")
 
 
 def _is_pair(kind: Any) -> bool:
@@ -247,10 +256,12 @@ def _is_pair(kind: Any) -> bool:
     return all(isinstance(types.unliteral(part), (types.Integer, types.Float)) for part in parts)
 
 
-def _loop(rule: Callable) -> Callable:
+def _loop(rule: Callable, extended: Callable) -> Callable:
     """Return the loop that applies a rule, compiled or not, to every robot that no layer drives yet."""
 
-    def run(columns: tuple, values: tuple, at: np.ndarray, command: np.ndarray, layer: np.ndarray, index: int) -> int:
+    def run(
+        columns: tuple, arrays: tuple, values: tuple, at: np.ndarray, command: np.ndarray, layer: np.ndarray, index: int
+    ) -> int:
         (
             distance, kind, bearing, radiation, line, forward, radius, max_speed, tendency, temperature, heat,
             hot, fire, design, heard_layer, heard_task, heard_from, heard_goal, counts, chance,
@@ -268,7 +279,7 @@ def _loop(rule: Callable) -> Callable:
                 temperature[i], heat[i], hot[i], fire[i] >= 0, heard_layer[i], heard_task[i],
                 heard_from[i, 0], heard_from[i, 1], heard_goal[i, 0], heard_goal[i, 1], chance[i],
             )  # fmt: skip
-            left, right = rule(me, *values)
+            left, right = rule(extended(me, arrays, i), *values)
             if left == math.inf and right == math.inf:
                 continue
             command[i, 0] = left
@@ -281,7 +292,7 @@ def _loop(rule: Callable) -> Callable:
     return run
 
 
-def _plain(function: FunctionType) -> Callable:
+def _plain(function: FunctionType, form: FieldForm) -> Callable:
     """Return the same loop for a rule that stays plain Python, whatever it returns."""
 
     def checked(me: Me, *values: float) -> tuple:
@@ -290,11 +301,11 @@ def _plain(function: FunctionType) -> Callable:
             raise WheelsError(wheels)
         return wheels
 
-    loop = _loop(checked)
+    loop = _loop(checked, extension(form, Me, bearings))
 
-    def run(*arguments: Any) -> int:
+    def run(columns: tuple, arrays: tuple, *more: Any) -> int:
         with np.errstate(all="ignore"):  # as in compiled rules: what is not finite is reported
-            return loop(*arguments)
+            return loop(columns, plain_arrays(form, arrays), *more)
 
     return run
 
@@ -303,16 +314,29 @@ def _is_number(value: object) -> bool:
     return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
 
 
-def defect_in(problem: str) -> str:
+def defect_in(problem: str, form: FieldForm, function: FunctionType) -> str:
     """Return what is wrong with a rule that Numba refused, or nothing if it is only slow."""
-    field = re.search(r"Unknown attribute '(\w+)' of type Me\(", problem)
+    field = re.search(r"Unknown attribute '(\w+)' of type (Me|Heard)\(", problem)
     if field:
-        return f"uses an {unknown_name('field of me', field[1], Me._fields)}"
+        known = {"Me": ("me", (*Me._fields, *form.names)), "Heard": ("me.heard", form.heard)}[field[2]]
+        return f"uses an {unknown_name(f'field of {known[0]}', field[1], known[1])}"
+    if problem.startswith(UNKNOWN):
+        name = problem.removeprefix(UNKNOWN).strip()
+        record = record_of(function, name)
+        fields = [field for word, kind in form.written if f"me.{word}" == record for field in kind.names or ()]
+        return f"uses an {unknown_name(f'field of {record}', name, fields)}"
     if re.search(r"Cannot modify readonly|No definition for lowering Me\(.*\)\.\w+ =", problem):
         return CHANGES
     if UNLIKE in problem:
         return f"does not return two wheel speeds in every branch; {WANTED}"
     return ""
+
+
+def _fields_of(owner: Any) -> tuple[str, tuple[str, ...]]:
+    """Return the name and the fields of `me` or a part of it."""
+    if isinstance(owner, RecordEntry):
+        return f"me.{owner._word}", owner._array.dtype.names
+    return {"Me": "me", "Heard": "me.heard"}.get(type(owner).__name__, ""), getattr(owner, "_fields", ())
 
 
 def failure(error: Exception) -> str:
@@ -322,6 +346,6 @@ def failure(error: Exception) -> str:
     if isinstance(error, WheelsError):
         hint = " (a branch without return?)" if error.args[0] is None else ""
         return f"returned {shortened(error.args[0])}{hint}; {WANTED}"
-    if isinstance(error, AttributeError) and isinstance(error.obj, Me) and error.name not in Me._fields:
-        return f"uses an {unknown_name('field of me', error.name, Me._fields)}"
+    if isinstance(error, AttributeError) and error.name not in (known := _fields_of(error.obj)[1]):
+        return f"uses an {unknown_name(f'field of {_fields_of(error.obj)[0]}', error.name, known)}"
     return f"raised {type(error).__name__}: {error}"
