@@ -4,7 +4,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from hashlib import blake2b
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import mesa
 import numpy as np
@@ -29,6 +29,7 @@ from mesa_swarm.physics.imperfect import Imperfect
 from mesa_swarm.physics.own_parts import OwnParts, clear_actions
 from mesa_swarm.physics.radio import Channel, send_goals
 from mesa_swarm.physics.shapely_engine import ShapelyEngine
+from mesa_swarm.process import Process, check_process
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.drive import limit_command
@@ -36,6 +37,7 @@ from mesa_swarm.robots.imperfections import Imperfections
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.snapshots import DECISIONS, Snapshots, check_watched
+from mesa_swarm.state import add_to, attributes_of, state_of
 from mesa_swarm.streams import Seed
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.map import Map
@@ -52,6 +54,28 @@ class EngineModel(World):
     _control: Arbiter | None = None
     _completed: int = 0
     _snapshots: Snapshots | None = None
+    _stored_apart: ClassVar[tuple[str, ...]] = (
+        *(
+            "_engine",
+            "observers",
+            "_channel",
+            "_imperfect",
+            "datacollector",
+            "_collect_every",
+            "_control",
+            "_processes",
+        ),
+        *("_senses", "_senses_version", "_sensed", "_noise", "_snapshots"),
+    )
+    _fleeting: ClassVar[tuple[str, ...]] = (
+        *("observers", "_senses", "_senses_version", "_sensed", "_noise", "_snapshots", "datacollector"),
+        "_collect_every",
+    )
+    _numbers: ClassVar[dict[str, tuple[type, ...]]] = {
+        "running": (bool, np.bool_),
+        **dict.fromkeys(("collisions", "total_collisions", "_completed"), (int,)),
+        "_turn_angle": (float, int, np.float64),
+    }
 
     def __init__(
         self,
@@ -69,6 +93,7 @@ class EngineModel(World):
         self._engine: Engine = ENGINES[check_choice("engine", engine, ENGINES)]()
         super().__init__(map=map, rng=rng)
         self.observers = ()
+        self._processes: dict[int, Process] = {}  # by the number under which they are stored
         self._user_step: Callable[..., None] = self._whole_step  # what Mesa calls in its own wrapping of a step
         self.communication = communication
         self.collect_every = collect_every
@@ -199,7 +224,8 @@ class EngineModel(World):
         act         what actuators are set to                         what they are about
         move        command, loads                                    loads, position, heading
         resolve     position, obstacles, fires                        position, heading, slip, collided, contacts
-        process     position, fields                                  fields; fires' and robots' temperature, fire
+        process     position, fields                                  fields; fires' and robots' temperature, fire;
+                                                                      then what each of `processes` changes
         collect     everything                                        datacollector, history
         ==========  ================================================  ===========================================
 
@@ -307,7 +333,10 @@ class EngineModel(World):
             self._engine.move(self.swarm, scene, self._turn_angle, draws)
 
     def _process(self) -> None:
-        """Advance what changes in each step besides robots; here nothing."""
+        """Advance what changes in each step besides robots."""
+        if self._processes:
+            for process in tuple(self._processes.values()):
+                process.step(self)
 
     def _collect(self) -> None:
         self.collisions = int(np.count_nonzero(self.swarm.columns["collided"]))
@@ -318,6 +347,56 @@ class EngineModel(World):
             self.datacollector.collect(self)
         for observer in self.__dict__["observers"].complete:  # without the cost of the property
             observer.after_step(self, self._completed)
+
+    @property
+    def processes(self) -> tuple[Process, ...]:
+        """What happens in each step besides robots, in the order in which it was added."""
+        return tuple(self._processes.values())
+
+    def add_process(self, process: Process) -> Process:
+        """Add what happens in each step besides robots, after contacts are resolved, and return it.
+
+        Parameters
+        ----------
+        process : Process
+            Any object with ``step(model)``. Its attributes are part of the model's state.
+
+        Raises
+        ------
+        InvalidValueError
+            If it has no `step`, or was added before.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel
+        >>> class Rain:
+        ...     amount = 0
+        ...
+        ...     def step(self, model):
+        ...         self.amount += 2
+        >>> model = SwarmModel(rng=1)
+        >>> rain = model.add_process(Rain())
+        >>> model.run(3).processes[0].amount
+        6
+        """
+        check_process(process)
+        if any(process is one for one in self._processes.values()):
+            raise InvalidValueError(f"process {shortened(process)} was added before; expected another one")
+        self._processes[max(self._processes, default=0) + 1] = process
+        return process
+
+    def remove_process(self, process: Process) -> None:
+        """Remove a process; what it has changed stays.
+
+        Raises
+        ------
+        InvalidValueError
+            If it is not one of `processes`.
+        """
+        others = {number: one for number, one in self._processes.items() if one is not process}
+        if len(others) == len(self._processes):
+            raise InvalidValueError(f"process is {shortened(process)}; expected one of model.processes")
+        self._processes = others
 
     def _check_driven(self, design: RobotDesign) -> None:
         """Refuse robots that the control is not for."""
@@ -455,11 +534,32 @@ class EngineModel(World):
                 if name not in NOT_HASHED:
                     digest.update(f"{prefix}.{name} {column.shape}".encode())
                     digest.update((column + 0 if column.dtype.kind == "f" else column).tobytes())
+        for name, value in self._declared_state():
+            digest.update(f"{name};".encode())
+            add_to(digest, value)
         return digest.hexdigest()
+
+    def _declared_state(self) -> Iterator[tuple[str, Any]]:
+        """Iterate over what the model and its parts declare, by name."""
+        if self._state:
+            yield "state", self._state
+        yield from self._stated_parts()
+        for place, layer in enumerate(getattr(self._control, "layers", ())):
+            own = {} if type(layer).__module__.startswith("mesa_swarm.") else attributes_of(layer)
+            arrays = {name: value for name, value in own.items() if isinstance(value, np.ndarray)}
+            if arrays:
+                yield f"layer {place}", arrays
 
     def _hashed_columns(self) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
         """Iterate over the tables of columns that are part of the state, each with a prefix for their names."""
         yield "robots", self.swarm.columns
+
+    def _stated_parts(self) -> Iterator[tuple[str, Any]]:
+        """Iterate over the state of parts and processes, by name."""
+        for name in sorted(self._parts):
+            yield f"part {name}", self._parts[name].arrays()
+        for number, process in self._processes.items():
+            yield f"process {number} ({type(process).__name__})", state_of(process)
 
     @contextmanager
     def _observed_run(self) -> Iterator[None]:

@@ -1,8 +1,8 @@
 """World: a Mesa model with a map, robots, obstacles and loads, added and removed between two steps."""
 
 import os
-from collections.abc import Iterable, Sequence
-from typing import Any, Self, cast
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, ClassVar, Self, cast
 
 import mesa
 import numpy as np
@@ -13,6 +13,7 @@ from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.design import DesignTable, RobotDesign
 from mesa_swarm.robots.robot import SIDES, Robot, remove_together
 from mesa_swarm.robots.swarm import Swarm
+from mesa_swarm.state import Part, State
 from mesa_swarm.streams import Seed, Streams
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.arena import Agents, Arena, as_numbers
@@ -27,10 +28,27 @@ from mesa_swarm.world.statics import LOAD, OBSTACLE
 # may not be less than the rounding of a coordinate. And squares of lengths have to be floats.
 FINEST = 4e-9
 SMALLEST_RADIUS = 1e-12
+# Attributes of Mesa's models, of all versions: what changes when Mesa counts a step, and the others.
+MESA_COUNTS = ("steps", "_time", "_batch_context", "_suppress", "subscribers", "agent_id_counter")
+OF_MESA = (
+    *("step", "rng", "_rng", "random", "_seed", "_user_step", "_agents", "_agents_by_type", "_all_agents"),
+    *("_simulator", "_event_list", "_event_generators", "_scenario", "_default_schedule", "data_registry"),
+)
 
 
 class World(mesa.Model):
-    """The contents of a model, with the obstacles of its map; `EngineModel` adds the step."""
+    """The contents of a model, with the obstacles of its map; `EngineModel` adds the step.
+
+    A class declares its attributes where it makes them. All are stored in checkpoints as they are, but those that it
+    lists in `_stored_apart`: they are stored in another way, follow from others, or only describe how the model is
+    viewed. Those in `_fleeting` change when the model is read. The lists of a class and its bases add up.
+    """
+
+    _stored_apart: ClassVar[tuple[str, ...]] = (
+        *(*MESA_COUNTS, *OF_MESA, "given", "map", "streams", "space", "swarm", "_obstacles", "_loads", "_scene"),
+        *("_scene_table", "_state", "_parts", "_fields"),
+    )
+    _fleeting: ClassVar[tuple[str, ...]] = (*MESA_COUNTS, "time", "_scene", "_scene_table")
 
     _fields: dict[str, ScalarField] | None = None  # by name; None without any
 
@@ -44,6 +62,9 @@ class World(mesa.Model):
     def __init__(self, *, map: str | os.PathLike | Map, rng: Seed) -> None:
         self.map = Map.load(map)
         rng = _checked_seed(rng)
+        self._state = State()
+        # Declared by what adds to the state of a model (`Part`): fields for example.
+        self._parts: dict[str, Part] = {}
         super().__init__(rng=rng)
         self.streams = Streams(_seed_sequence(rng, self.rng))
         x_min, y_min, x_max, y_max = self.map.bounds
@@ -56,6 +77,25 @@ class World(mesa.Model):
         self._scene_table: DesignTable | None = None
         for shape in self.map.obstacles:
             self.add_obstacle(shape)
+
+    @property
+    def state(self) -> State:
+        """Custom values that belong to the model's state: hashed, stored, resumed and copied with it.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel
+        >>> model = SwarmModel(rng=1)
+        >>> model.state["delivered"] = 0
+        >>> model.state["delivered"] += 2
+        >>> model.state["delivered"]
+        2
+        """
+        return self._state
+
+    @state.setter
+    def state(self, values: Mapping[str, Any]) -> None:
+        self._state = State(values)
 
     @property
     def robots(self) -> Agents[Robot]:

@@ -1,7 +1,7 @@
 """One robot: a handle on a row of the swarm, and a Mesa agent."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from mesa import Model
@@ -24,6 +24,7 @@ class Robot(ArenaAgent):
     """
 
     __slots__ = ("row", "swarm")
+    _stored_apart: ClassVar[tuple[str, ...]] = ("swarm", "row")
 
     def __init__(self, space: Arena, model: Model, swarm: Swarm, row: int) -> None:
         self.swarm = swarm
