@@ -23,49 +23,39 @@ from mesa_swarm.errors import (
 )
 from mesa_swarm.moved import moved_name
 from mesa_swarm.observers import Observers
+from mesa_swarm.open_model import OpenModel
 from mesa_swarm.physics.contact import Contacts
 from mesa_swarm.physics.engine import CompiledEngine, Engine
 from mesa_swarm.physics.imperfect import Imperfect
 from mesa_swarm.physics.own_parts import OwnParts, clear_actions
 from mesa_swarm.physics.radio import Channel, send_goals
 from mesa_swarm.physics.shapely_engine import ShapelyEngine
-from mesa_swarm.process import Process, check_process
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.robots.design import RobotDesign
-from mesa_swarm.robots.drive import limit_command
+from mesa_swarm.robots.drive import clear_unused, limit_command, speeds_in_words
 from mesa_swarm.robots.imperfections import Imperfections
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.snapshots import DECISIONS, Snapshots, check_watched
-from mesa_swarm.state import add_to, attributes_of, state_of
+from mesa_swarm.state import add_to, attributes_of
 from mesa_swarm.streams import Seed
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.map import Map
-from mesa_swarm.world_model import World
 
 ENGINES: dict[str, type[Engine]] = {"compiled": CompiledEngine, "shapely": ShapelyEngine}
 # Indices that depend on the order in which things were created are not part of the state.
 NOT_HASHED = frozenset({"number", "design", "contact_index"})
 
 
-class EngineModel(World):
+class EngineModel(OpenModel):
     """A world of robots, obstacles and loads, advanced step by step; `SwarmModel` adds fires and recordings."""
 
     _control: Arbiter | None = None
     _completed: int = 0
     _snapshots: Snapshots | None = None
     _stored_apart: ClassVar[tuple[str, ...]] = (
-        *(
-            "_engine",
-            "observers",
-            "_channel",
-            "_imperfect",
-            "datacollector",
-            "_collect_every",
-            "_control",
-            "_processes",
-        ),
-        *("_senses", "_senses_version", "_sensed", "_noise", "_snapshots"),
+        *("_engine", "_own_parts", "_channel", "_imperfect", "_control", "_senses", "_senses_version", "_sensed"),
+        *("_noise", "_snapshots", "observers", "datacollector", "_collect_every"),
     )
     _fleeting: ClassVar[tuple[str, ...]] = (
         *("observers", "_senses", "_senses_version", "_sensed", "_noise", "_snapshots", "datacollector"),
@@ -93,7 +83,6 @@ class EngineModel(World):
         self._engine: Engine = ENGINES[check_choice("engine", engine, ENGINES)]()
         super().__init__(map=map, rng=rng)
         self.observers = ()
-        self._processes: dict[int, Process] = {}  # by the number under which they are stored
         self._user_step: Callable[..., None] = self._whole_step  # what Mesa calls in its own wrapping of a step
         self.communication = communication
         self.collect_every = collect_every
@@ -301,12 +290,14 @@ class EngineModel(World):
             self._senses_version = self.swarm.version
         columns["last_command"][:] = command
         self._control.decide(self._senses, command, layer)
+        if self.swarm.table.mixed:
+            clear_unused(command, columns["design"], self.swarm.table.numbers)
         wrong = limit_command(command, columns["max_speed"], columns["design"], self.swarm.table.sideways)
         if wrong >= 0:
             name = driver(self._control, int(layer[wrong]))
             raise BehaviourError(
                 f"{name} commanded NaN to robot {self.swarm.agents[wrong].unique_id} in step {self.steps}; "
-                "expected two finite wheel speeds"
+                f"expected {speeds_in_words(self.swarm.agents[wrong].design.numbers)}"
             )
         if self._channel is not None:
             send_goals(columns["position"], columns["heading"], columns["goal"], columns["sent_goal"])
@@ -325,18 +316,12 @@ class EngineModel(World):
         if self.swarm.disturbed:
             self._engine.settle(self.swarm, scene)
             self.swarm.disturbed = False
-        draws = self.streams["slip"].random((len(self.swarm), 2)) if table.slips else None
+        draws = self.streams["slip"].random((len(self.swarm), table.wheels)) if table.slips else None
         if self._imperfect is None:
             self._engine.move(self.swarm, scene, self._turn_angle, draws)
             return
-        with self._imperfect.driving(self.swarm, self._completed):
-            self._engine.move(self.swarm, scene, self._turn_angle, draws)
-
-    def _process(self) -> None:
-        """Advance what changes in each step besides robots."""
-        if self._processes:
-            for process in tuple(self._processes.values()):
-                process.step(self)
+        with self._imperfect.driving(self.swarm, self._completed) as rolled:
+            rolled.append(self._engine.move(self.swarm, scene, self._turn_angle, draws))
 
     def _collect(self) -> None:
         self.collisions = int(np.count_nonzero(self.swarm.columns["collided"]))
@@ -347,56 +332,6 @@ class EngineModel(World):
             self.datacollector.collect(self)
         for observer in self.__dict__["observers"].complete:  # without the cost of the property
             observer.after_step(self, self._completed)
-
-    @property
-    def processes(self) -> tuple[Process, ...]:
-        """What happens in each step besides robots, in the order in which it was added."""
-        return tuple(self._processes.values())
-
-    def add_process(self, process: Process) -> Process:
-        """Add what happens in each step besides robots, after contacts are resolved, and return it.
-
-        Parameters
-        ----------
-        process : Process
-            Any object with ``step(model)``. Its attributes are part of the model's state.
-
-        Raises
-        ------
-        InvalidValueError
-            If it has no `step`, or was added before.
-
-        Examples
-        --------
-        >>> from mesa_swarm import SwarmModel
-        >>> class Rain:
-        ...     amount = 0
-        ...
-        ...     def step(self, model):
-        ...         self.amount += 2
-        >>> model = SwarmModel(rng=1)
-        >>> rain = model.add_process(Rain())
-        >>> model.run(3).processes[0].amount
-        6
-        """
-        check_process(process)
-        if any(process is one for one in self._processes.values()):
-            raise InvalidValueError(f"process {shortened(process)} was added before; expected another one")
-        self._processes[max(self._processes, default=0) + 1] = process
-        return process
-
-    def remove_process(self, process: Process) -> None:
-        """Remove a process; what it has changed stays.
-
-        Raises
-        ------
-        InvalidValueError
-            If it is not one of `processes`.
-        """
-        others = {number: one for number, one in self._processes.items() if one is not process}
-        if len(others) == len(self._processes):
-            raise InvalidValueError(f"process is {shortened(process)}; expected one of model.processes")
-        self._processes = others
 
     def _check_driven(self, design: RobotDesign) -> None:
         """Refuse robots that the control is not for."""
@@ -540,10 +475,7 @@ class EngineModel(World):
         return digest.hexdigest()
 
     def _declared_state(self) -> Iterator[tuple[str, Any]]:
-        """Iterate over what the model and its parts declare, by name."""
-        if self._state:
-            yield "state", self._state
-        yield from self._stated_parts()
+        yield from super()._declared_state()
         for place, layer in enumerate(getattr(self._control, "layers", ())):
             own = {} if type(layer).__module__.startswith("mesa_swarm.") else attributes_of(layer)
             arrays = {name: value for name, value in own.items() if isinstance(value, np.ndarray)}
@@ -553,13 +485,6 @@ class EngineModel(World):
     def _hashed_columns(self) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
         """Iterate over the tables of columns that are part of the state, each with a prefix for their names."""
         yield "robots", self.swarm.columns
-
-    def _stated_parts(self) -> Iterator[tuple[str, Any]]:
-        """Iterate over the state of parts and processes, by name."""
-        for name in sorted(self._parts):
-            yield f"part {name}", self._parts[name].arrays()
-        for number, process in self._processes.items():
-            yield f"process {number} ({type(process).__name__})", state_of(process)
 
     @contextmanager
     def _observed_run(self) -> Iterator[None]:

@@ -1,7 +1,8 @@
 """World: a Mesa model with a map, robots, obstacles and loads, added and removed between two steps."""
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import astuple
 from typing import Any, ClassVar, Self, cast
 
 import mesa
@@ -13,7 +14,6 @@ from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.design import DesignTable, RobotDesign
 from mesa_swarm.robots.robot import SIDES, Robot, remove_together
 from mesa_swarm.robots.swarm import Swarm
-from mesa_swarm.state import Part, State
 from mesa_swarm.streams import Seed, Streams
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.arena import Agents, Arena, as_numbers
@@ -46,7 +46,7 @@ class World(mesa.Model):
 
     _stored_apart: ClassVar[tuple[str, ...]] = (
         *(*MESA_COUNTS, *OF_MESA, "given", "map", "streams", "space", "swarm", "_obstacles", "_loads", "_scene"),
-        *("_scene_table", "_state", "_parts", "_fields"),
+        *("_scene_table", "_fields"),
     )
     _fleeting: ClassVar[tuple[str, ...]] = (*MESA_COUNTS, "time", "_scene", "_scene_table")
 
@@ -62,9 +62,6 @@ class World(mesa.Model):
     def __init__(self, *, map: str | os.PathLike | Map, rng: Seed) -> None:
         self.map = Map.load(map)
         rng = _checked_seed(rng)
-        self._state = State()
-        # Declared by what adds to the state of a model (`Part`): fields for example.
-        self._parts: dict[str, Part] = {}
         super().__init__(rng=rng)
         self.streams = Streams(_seed_sequence(rng, self.rng))
         x_min, y_min, x_max, y_max = self.map.bounds
@@ -77,25 +74,6 @@ class World(mesa.Model):
         self._scene_table: DesignTable | None = None
         for shape in self.map.obstacles:
             self.add_obstacle(shape)
-
-    @property
-    def state(self) -> State:
-        """Custom values that belong to the model's state: hashed, stored, resumed and copied with it.
-
-        Examples
-        --------
-        >>> from mesa_swarm import SwarmModel
-        >>> model = SwarmModel(rng=1)
-        >>> model.state["delivered"] = 0
-        >>> model.state["delivered"] += 2
-        >>> model.state["delivered"]
-        2
-        """
-        return self._state
-
-    @state.setter
-    def state(self, values: Mapping[str, Any]) -> None:
-        self._state = State(values)
 
     @property
     def robots(self) -> Agents[Robot]:
@@ -281,6 +259,21 @@ class World(mesa.Model):
         live = ScalarField(field, self.map.bounds, self._walls)
         self._fields = {**(self._fields or {}), field.name: live}
         return live
+
+    def _fields_as_stored(self) -> list:
+        """Return the declarations and the states of all fields, as plain values."""
+        return [[astuple(field.declared), field.checkpoint()] for field in self.fields.values()]
+
+    def _restore_fields(self, stored: Iterable[tuple[tuple, dict]]) -> None:
+        """Restore what `_fields_as_stored` returned; fields that the model has stay the same objects."""
+        before, self._fields = self.fields, None
+        for declared, state in stored:
+            field = Field(*declared)
+            known = before.get(field.name)
+            if known is None or known.declared != field:
+                known = self.add_field(field)
+            self._fields = {**(self._fields or {}), field.name: known}
+            known.restore(state)
 
     def _walls(self) -> list[Shape]:
         """Return the shapes of what stops fields: solid obstacles that do not move."""

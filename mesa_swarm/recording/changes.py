@@ -77,6 +77,7 @@ CHANGES = (
     *(f"{name} of robots" for name in OF_ROBOTS),
     *(f"{name} of fires" for name in OF_FIRES),
     "pose or resistance of loads",
+    "values of fields",
 )
 ROBOTS, FIRES, BYTES = itemgetter(*OF_ROBOTS), itemgetter(*OF_FIRES), np.ndarray.tobytes
 
@@ -85,9 +86,9 @@ class ChangeDetector:
     """Change detection between steps, in a few microseconds.
 
     Detected are robots, obstacles, loads and fires that were added or removed; whatever their handles set, columns of
-    `OF_ROBOTS` and `OF_FIRES` that were written directly, and loads that were moved; every attribute of the model that
-    was replaced: `control`, `fire_constants`, `imperfections`, `communication`, a number, a text; and whatever changed
-    in `model.state`, processes and other declared state.
+    `OF_ROBOTS` and `OF_FIRES` that were written directly, loads that were moved, values of fields; every attribute of
+    the model that was replaced: `control`, `fire_constants`, `imperfections`, `communication`, a number, a text; and
+    whatever changed in `model.state`, processes and other declared state.
 
     Not detected are attributes that change when a model is read (`World._fleeting`), such as its data collector; draws
     from the model's random streams; changes within an attribute, such as a list, an array, a learner or the memory of a
@@ -147,4 +148,5 @@ def _objects(model: FireModel) -> tuple[Any, ...]:
         *map(BYTES, ROBOTS(swarm.columns)),
         *map(BYTES, FIRES(model.fires.columns)),
         [(load.pose, load.resistance) for load in model._loads] if model._loads else (),
+        [field.changes for field in model._fields.values()] if model._fields else (),
     )

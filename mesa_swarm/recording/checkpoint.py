@@ -20,7 +20,7 @@ from mesa_swarm.recording.collected import (
     restore_collected,
     set_clock,
 )
-from mesa_swarm.recording.container import PLACES, Checkpoint, Packed
+from mesa_swarm.recording.container import ATOMS, PLACES, Checkpoint, Packed
 from mesa_swarm.recording.parts import (
     control_from_json,
     control_to_json,
@@ -37,6 +37,8 @@ LARGEST_NUMBER = 1e15
 OF_AGENTS = frozenset({"model", "unique_id"})
 # Bit generators of which every state is valid.
 GENERATORS = ("PCG64", "PCG64DXSM")
+# Kinds of references to parts of a model.
+REFERENCES = ("of_model", "process", "part_named", "layer", "field")
 # Of the state of Python's generator.
 WORDS = 625
 OURS = ("mesa_swarm.control.", "mesa_swarm.fire.")
@@ -89,6 +91,7 @@ def checkpoint_of(model: FireModel, since: dict[Path, int] | None = None, *, ste
         "things": objects_to_json(model),
         "columns": {name: packed.pack(column) for name, column in sorted(model.swarm.columns.items())},
         "disturbed": model.swarm.disturbed,
+        **({"scalars": packed.pack(model._fields_as_stored())} if model.fields else {}),
         "fires": {name: packed.pack(column) for name, column in model.fires.columns.items()},
         "collect_every": model.collect_every,
         "history": [model.fires.history.every, list(model.fires.history._places), model.fires.history._fires],
@@ -131,6 +134,7 @@ def restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpoi
 def _restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpoint]) -> None:
     facts, packed = checkpoint.facts, _ModelPacked(model, checkpoint.arrays)
     restore_objects(model, facts["things"])
+    model._restore_fields(packed.unpack(facts.get("scalars", [])))
     model.fire_constants = part_from_json(facts["constants"])
     _restore_control(model, facts)
     _adopt(model, facts, packed)
@@ -367,6 +371,9 @@ def own_attributes(model: FireModel) -> dict[str, Any]:
 
 def attribute_to_json(value: object, name: str, packed: _ModelPacked) -> object:
     """Return an attribute as JSON: plain, a random generator, a part of the model, or an object with a state."""
+    reference = None if type(value) in ATOMS else _reference(value, packed.model)
+    if reference is not None:
+        return reference
     if isinstance(value, np.random.Generator):
         return {"generator": _generator(value, name, packed)}
     if isinstance(value, Checkpointed) and not isinstance(value, type):
@@ -378,7 +385,7 @@ def attribute_to_json(value: object, name: str, packed: _ModelPacked) -> object:
         return {"plain": packed.pack(value, name)}
     except RecordingError as error:
         try:
-            return _reference(value, packed.model) or {"part": part_to_json(value)}
+            return {"part": part_to_json(value)}
         except RecordingError:
             raise RecordingError(f"{error}; give its class checkpoint() and restore(state)") from None
 
@@ -398,7 +405,7 @@ def _reference(value: object, model: FireModel) -> dict | None:
 def _owners(model: FireModel) -> dict[str, dict]:
     """Return by their keys the objects whose state is stored, to which attributes may refer."""
     layers = dict(enumerate(getattr(model.control, "layers", ())))
-    return {"process": model._processes, "part_named": model._parts, "layer": layers}
+    return {"process": model._processes, "part_named": model._parts, "layer": layers, "field": model._fields or {}}
 
 
 def _referred(kind: str, which: Any, model: FireModel) -> object:
@@ -449,7 +456,7 @@ def attribute_from_json(now: object, name: str, content: dict, packed: _ModelPac
         return now
     if kind == "column":
         return packed.model.swarm.columns[value]
-    if kind in ("of_model", "process", "part_named", "layer"):
+    if kind in REFERENCES:
         return _referred(kind, value, packed.model)
     return part_from_json(value) if kind == "part" else packed.unpack(value)
 

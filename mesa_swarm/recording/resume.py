@@ -8,7 +8,7 @@ import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError, check_count, shortened, unknown_name
 from mesa_swarm.fire.model import FireModel
-from mesa_swarm.gallery import FORMS, is_address, shipped_class
+from mesa_swarm.gallery import FORMS, address_of, is_address, shipped_class
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.collected import reporters_of, set_clock
 from mesa_swarm.recording.container import ATOMS
@@ -142,6 +142,7 @@ def take_over(new: FireModel, old: FireModel, fresh: FireModel) -> None:
         load.moved, load.pushers = moved.moved, moved.pushers
     _take_columns(new, old)
     _take_fires(new, old)
+    _take_fields(new, old)
     _take_randomness(new, old)
     _take_plain_values(new, old, fresh)
     _take_collected(new, old)
@@ -179,6 +180,13 @@ def _take_fires(new: FireModel, old: FireModel) -> None:
     every = new.fires.history.every
     new.fires.history = deepcopy(old.fires.history)
     new.fires.history.every = every
+
+
+def _take_fields(new: FireModel, old: FireModel) -> None:
+    """Copy the values of fields of the same name and grid."""
+    for name, field in new.fields.items():
+        if name in old.fields and old.fields[name].values.shape == field.values.shape:
+            field.restore(old.fields[name].checkpoint())
 
 
 def _take_randomness(new: FireModel, old: FireModel) -> None:
@@ -229,8 +237,9 @@ def class_of(recording: Recording, base: type) -> type:
     alike = [model_class for model_class in family if is_of(recording.provenance, model_class)]
     if len(alike) == 1:
         return alike[0]
+    shown = address_of(base) if base.__qualname__ == name else base.__name__
     raise RecordingError(
-        f"{recording.path} is of {shortened(name)}, which is neither {base.__name__} nor a loaded subclass of it; "
+        f"{recording.path} is of {shortened(name)}, which is neither {shown} nor a loaded subclass of it; "
         f"import its class ({address_in(recording)}) and call its resume"
     )
 

@@ -104,8 +104,8 @@ class Robot(ArenaAgent):
 
     @property
     def command(self) -> NDArray[np.float64]:
-        """Commanded rim speeds, left and right."""
-        return self._read("command").copy()
+        """Commanded rim speeds, left and right, or as many numbers as its drive has."""
+        return self._read("command")[: self.design.numbers].copy()
 
     @property
     def layer(self) -> int:
@@ -155,7 +155,7 @@ class Robot(ArenaAgent):
     @property
     def slip(self) -> NDArray[np.float64]:
         """The truth about its wheels, left and right: 0 rolled as commanded, 1 not at all (A.5)."""
-        return self._read("slip").copy()
+        return self._read("slip")[: self.design.numbers].copy()
 
     @property
     def heat(self) -> float:
