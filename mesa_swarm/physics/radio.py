@@ -33,13 +33,15 @@ class Channel:
         columns, radio = swarm.columns, self.radio
         position, heading, number = columns["position"], columns["heading"], columns["number"]
         limits = float(radio.range), float(radio.loss_probability), word, radio.occlusion
+        moving = surroundings.moving
+        obstacles = *self._obstacles, None if moving is None else moving.touched
         if radio.state:
             layer, task = columns["layer"], columns["task"]
             heard = columns["heard_layer"], columns["heard_task"], columns["heard_from"]
-            hear_states(position, heading, number, layer, task, limits, self._grid, self._obstacles, *heard)
+            hear_states(position, heading, number, layer, task, limits, self._grid, obstacles, *heard)
         if radio.goal:
             sent, heard_goal = columns["sent_goal"], columns["heard_goal"]
-            hear_goals(position, heading, number, sent, self._beacons, limits, self._grid, self._obstacles, heard_goal)
+            hear_goals(position, heading, number, sent, self._beacons, limits, self._grid, obstacles, heard_goal)
 
     def _prepare(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Make the grid anew when robots or obstacles have changed."""
@@ -158,9 +160,27 @@ def put_in_frames(position, heading, points, chosen, out):
 def is_cut(ax, ay, bx, by, obstacles):
     """Return whether an obstacle's edge or disc meets the segment a-b; touching it is enough.
 
-    `obstacles` are edges, discs, grid, and start and items of the lists of what can be touched, see `Statics`.
+    `obstacles` are edges, discs, grid, and start and items of the lists of what can be touched, see `Statics`, and
+    `Moving.touched` or None.
     """
-    edges, discs, (left, below, per_unit, columns, rows), start, items = obstacles
+    edges, discs, grid, start, items, moving = obstacles
+    return is_cut_by(ax, ay, bx, by, edges, discs, grid, start, items) or is_cut_by_driven(
+        ax, ay, bx, by, edges, discs, moving
+    )
+
+
+@compiled
+def is_cut_by_driven(ax, ay, bx, by, edges, discs, moving):
+    """Return the same for the driven bodies alone."""
+    if moving is None:
+        return False
+    return is_cut_by(ax, ay, bx, by, edges, discs, *moving)
+
+
+@compiled
+def is_cut_by(ax, ay, bx, by, edges, discs, grid, start, items):
+    """Return whether an item that a grid lists meets the segment a-b."""
+    left, below, per_unit, columns, rows = grid
     if ax > bx:
         ax, ay, bx, by = bx, by, ax, ay
     first, last = cell_index(ax, left, per_unit, columns), cell_index(bx, left, per_unit, columns)

@@ -22,8 +22,10 @@ from mesa_swarm.robots.imperfections import Imperfection, Imperfections
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSensor
-from mesa_swarm.world.bodies import Form, Load, Obstacle
+from mesa_swarm.world.bodies import Body, Form, Load, Obstacle, Pose
+from mesa_swarm.world.movers import Driven
 from mesa_swarm.world.shapes import Shape, outline_to_json, shape_from_json
+from mesa_swarm.world.statics import KINDS, LOAD, MOST_KINDS, OBSTACLE
 
 OF_DESIGNS = (RobotDesign, ProximitySensor, RadiationSensor, LineSensor, DifferentialDrive, HolonomicDrive, OmniDrive)
 OF_MODELS = (FireConstants, Radio, Imperfection, Imperfections)
@@ -163,6 +165,7 @@ def objects_to_json(model: FireModel) -> dict:
         "obstacles": [_obstacle_to_json(obstacle) for obstacle in model.obstacle_list],
         "fires": [fire.unique_id for fire in model.fires.agents],
         "next_id": next_id(model),
+        **({} if model.kinds == KINDS else {"kinds": list(model.kinds)}),
     }
 
 
@@ -173,6 +176,7 @@ def restore_objects(model: FireModel, stored: dict) -> None:
     """
     obstacles = {_id(body["id"]): body for body in stored["obstacles"]}
     _check_ids(stored, obstacles)
+    model._kinds = _checked_kinds(stored.get("kinds", list(KINDS)))
     _remove_others(model, {*stored["robots"], *obstacles, *stored["fires"]})
     designs = _designs(model, stored["designs"])
     makers: dict[int, Callable] = {}
@@ -193,6 +197,8 @@ def restore_objects(model: FireModel, stored: dict) -> None:
     model.swarm._resize(np.arange(len(model.swarm)), 0)
     for load in model._loads:
         _restore_load(load, obstacles[load.unique_id], model.map.bounds)
+    for body in model.movers.agents:
+        _restore_driven(body, obstacles[body.unique_id], model.map.bounds)
     model.obstacles_changed()
 
 
@@ -217,7 +223,22 @@ def summary(model: FireModel) -> list[list[int]]:
     return [[len(agents), agents[-1].unique_id if agents else 0] for agents in kinds]
 
 
-def _obstacle_to_json(obstacle: Obstacle) -> dict:
+def _obstacle_to_json(obstacle: Body) -> dict:
+    usual = KINDS[LOAD] if isinstance(obstacle, Load) else KINDS[OBSTACLE]
+    return {**_body_to_json(obstacle), **({} if obstacle.kind == usual else {"kind": obstacle.kind})}
+
+
+def _body_to_json(obstacle: Body) -> dict:
+    if isinstance(obstacle, Driven):
+        movers, row = obstacle.movers, obstacle.row
+        return {
+            "id": obstacle.unique_id,
+            "driven": stored_outline(obstacle.form.outline, obstacle.form.radius),
+            "pose": list(obstacle.pose),
+            "aim": [*movers.aim[row].tolist(), float(movers.aim_heading[row])],
+            "blocked": obstacle.blocked,
+            "fresh": bool(movers.fresh[row]),
+        }
     if isinstance(obstacle, Load):
         return {
             "id": obstacle.unique_id,
@@ -238,6 +259,13 @@ def _check_ids(stored: dict, obstacles: dict) -> None:
         raise RecordingError("unique_ids are not ascending, or not unique")
     if not all(0 < _id(one) < first_free for one in ids):
         raise RecordingError("invalid unique_id: not below that of the next agent")
+
+
+def _checked_kinds(stored: Any) -> tuple[str, ...]:
+    valid = isinstance(stored, list) and all(isinstance(name, str) and name.isidentifier() for name in stored)
+    if not valid or tuple(stored[: len(KINDS)]) != KINDS or not len(set(stored)) == len(stored) <= MOST_KINDS + 1:
+        raise RecordingError("invalid names of kinds")
+    return tuple(stored)
 
 
 def _remove_others(model: FireModel, ids: set[int]) -> None:
@@ -263,14 +291,27 @@ def _make_robot(model: FireModel, design: RobotDesign) -> None:
 
 
 def _make_obstacle(model: FireModel, body: dict) -> None:
-    if "load" not in body:
-        model._obstacles.append(Obstacle(model.space, model, restored_shape(body["shape"])))
-        return
-    form = Form.about_origin(*restored_outline(body["load"]))
-    load = Load(model.space, model, form.shape_at((0.0, 0.0, 0.0)), body["resistance"])
-    load.form = form
-    model._obstacles.append(load)
-    model._loads.append(load)
+    if "driven" in body:
+        model._obstacles.append(_made_driven(model, body))
+    elif "load" in body:
+        form = Form.about_origin(*restored_outline(body["load"]))
+        kind = model._checked_kind(body.get("kind"), KINDS[LOAD])
+        load = Load(model.space, model, form.shape_at((0.0, 0.0, 0.0)), body["resistance"], kind)
+        load.form = form
+        model._obstacles.append(load)
+        model._loads.append(load)
+    else:
+        kind = model._checked_kind(body.get("kind"), KINDS[OBSTACLE])
+        model._obstacles.append(Obstacle(model.space, model, restored_shape(body["shape"]), kind))
+    model._know_kind(model._obstacles[-1].kind)
+
+
+def _made_driven(model: FireModel, body: dict) -> Driven:
+    form = Form.about_origin(*restored_outline(body["driven"]))
+    kind = model._checked_kind(body.get("kind"), KINDS[OBSTACLE])
+    driven = Driven(model.space, model, form.shape_at((0.0, 0.0, 0.0)), kind, model._made_movers())
+    driven.form = form
+    return driven
 
 
 def _make_fire(model: FireModel) -> None:
@@ -290,18 +331,29 @@ def _check_same(model: FireModel, stored: dict, obstacles: dict) -> None:
         raise RecordingError("the objects that the model's constructor makes do not match the recording")
     for obstacle in model.obstacle_list:
         now, then = _obstacle_to_json(obstacle), obstacles[obstacle.unique_id]
-        form = "load" if "load" in now else "shape"
-        if now[form] != then.get(form):
+        form = next(name for name in ("driven", "load", "shape") if name in now)
+        if now[form] != then.get(form) or now.get("kind") != then.get("kind"):
             raise RecordingError(f"obstacle {obstacle.unique_id} does not match the recording")
+
+
+def _restore_driven(body: Driven, stored: dict, bounds: tuple[float, float, float, float]) -> None:
+    movers, row = body.movers, body.row
+    for place, heading, name in ((movers.position, movers.heading, "pose"), (movers.aim, movers.aim_heading, "aim")):
+        *place[row], heading[row] = _checked_pose(f"body {body.unique_id}", stored[name], bounds)
+    movers.blocked[row], movers.fresh[row] = bool(stored["blocked"]), bool(stored["fresh"])
+
+
+def _checked_pose(name: str, stored: Any, bounds: tuple[float, float, float, float]) -> Pose:
+    x, y, heading = map(float, stored)
+    x_min, y_min, x_max, y_max = bounds
+    if not (x_min <= x <= x_max and y_min <= y <= y_max and abs(heading) <= np.pi):
+        raise RecordingError(f"{name} has out-of-range values: its pose is outside the map")
+    return x, y, heading
 
 
 def _restore_load(load: Load, stored: dict, bounds: tuple[float, float, float, float]) -> None:
     load.resistance = stored["resistance"]
-    x, y, heading = map(float, stored["pose"])
-    x_min, y_min, x_max, y_max = bounds
-    if not (x_min <= x <= x_max and y_min <= y <= y_max and abs(heading) <= np.pi):
-        raise RecordingError(f"load {load.unique_id} has out-of-range values: its pose is outside the map")
-    load.move_to((x, y, heading))
+    load.move_to(_checked_pose(f"load {load.unique_id}", stored["pose"], bounds))
     load.moved, load.pushers = bool(stored["moved"]), _id(stored["pushers"])
 
 
