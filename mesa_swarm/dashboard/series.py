@@ -194,7 +194,7 @@ def charts_of(model: SwarmModel) -> list[Chart]:
 
 def layer_names(model: SwarmModel) -> tuple[str, ...]:
     """Return the names of a model's layers, numbered where names repeat."""
-    names = [layer.name for layer in model.control.layers] if model.control is not None else []
+    names = model.control.names if model.control is not None else ()
     return tuple(f"{name} {k + 1}" if names.count(name) > 1 else name for k, name in enumerate(names))
 
 

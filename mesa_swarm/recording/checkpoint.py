@@ -179,8 +179,8 @@ def _adopt(model: FireModel, facts: dict, packed: Packed) -> None:
 
 def _states_of(model: FireModel, facts: dict) -> Iterator[tuple[Any, object]]:
     """Iterate over what was stored of layers, processes and attributes, each with what the model has now."""
-    _, *states = facts["control_state"] or (None,)
-    yield from zip(states, getattr(model.control, "layers", ()), strict=False)
+    parts, layers = ((), ()) if model.control is None else (model.control.parts, model.control.layers)
+    yield from zip(facts["control_state"][len(parts) :], layers, strict=False)
     yield from ((state, model._processes.get(number)) for number, _, state in facts.get("processes", ()))
     yield from ((state, model.__dict__.get(name)) for name, state in facts["attributes"].items())
 
@@ -194,6 +194,8 @@ def _shared_places(facts: dict) -> frozenset[int]:
 
 def _restore_columns(columns: dict[str, np.ndarray], stored: dict, packed: Packed) -> None:
     """Write stored columns into those of a model, which must have the same types and shapes."""
+    if "group" in columns and "group" not in stored:  # in older recordings
+        columns = {name: column for name, column in columns.items() if name != "group"}
     if stored.keys() != columns.keys():
         odd = sorted(stored.keys() ^ columns.keys())
         raise RecordingError(f"column {shortened(odd[0])} is in the model or in the checkpoint, but not in both")
@@ -211,6 +213,7 @@ def _check_columns(model: FireModel) -> None:
     """Refuse values that compiled functions, which check nothing, would use as an index or a position."""
     robots, fires, designs = model.swarm.columns, model.fires.columns, model.swarm.designs
     ends = {"design": (0, len(designs)), "fire": (-1, len(model.fires)), "layer": (-1, MOST_LAYERS)}
+    ends["group"] = (-1, len(model.swarm.groups))
     for name, (first, end) in ends.items():
         if not ((robots[name] >= first) & (robots[name] < end)).all():
             raise RecordingError(f"column {name} has out-of-range values")
@@ -244,10 +247,14 @@ def _restore_history(model: FireModel, stored: list) -> None:
 def _control_state(model: FireModel, packed: ModelPacked) -> list:
     if model.control is None:
         return []
-    arbiter = model.control
+    arbiters, layers = model.control.parts, model.control.layers
+    return [*(_arbiter_state(one, packed) for one in arbiters), *(_layer_state(layer, packed) for layer in layers)]
+
+
+def _arbiter_state(arbiter: Any, packed: ModelPacked) -> object:
     values = {} if type(arbiter).__module__.startswith(OURS) else vars(arbiter)
-    own = {name: value for name, value in values.items() if name not in ("layers", "weights")}
-    return [_inner(own, type(arbiter).__name__, packed), *(_layer_state(layer, packed) for layer in arbiter.layers)]
+    own = {name: value for name, value in values.items() if name not in ("layers", "weights", "others")}
+    return _inner(own, type(arbiter).__name__, packed)
 
 
 def _layer_state(layer: Any, packed: ModelPacked) -> object:
@@ -288,9 +295,10 @@ def _restore_control(model: FireModel, facts: dict) -> None:
 def _restore_control_state(model: FireModel, facts: dict, packed: ModelPacked) -> None:
     if model.control is None:
         return
-    arbiter, *layers = facts["control_state"]
-    _restore_inner(model.control, arbiter, packed)
-    for layer, state in zip(model.control.layers, layers, strict=True):
+    arbiters, states = model.control.parts, facts["control_state"]
+    for arbiter, state in zip(arbiters, states, strict=False):
+        _restore_inner(arbiter, state, packed)
+    for layer, state in zip(model.control.layers, states[len(arbiters) :], strict=True):
         if isinstance(layer, Checkpointed):
             layer.restore(packed.unpack(state["own"]))
         elif state is not None:

@@ -11,12 +11,15 @@ from mesa.experimental.continuous_space import ContinuousSpaceAgent
 from shapely import Point, Polygon
 
 from mesa_swarm import control as controls
-from mesa_swarm.errors import RecordingError, SwarmError, check_flag, in_words, shortened
+from mesa_swarm.control.team import Key, Team, label_of
+from mesa_swarm.errors import RecordingError, SwarmError, check_flag, check_name, in_words, shortened
 from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.fires import Fire
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.fire.strategy import FightFire
+from mesa_swarm.physics.neighbours import NeighbourSensor
 from mesa_swarm.recording.container import ATOMS
+from mesa_swarm.robots.actuators import Lamp
 from mesa_swarm.robots.design import DesignTable, RobotDesign
 from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive, OmniDrive
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections
@@ -24,10 +27,13 @@ from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSensor
 from mesa_swarm.world.arena import ArenaAgent
-from mesa_swarm.world.bodies import Form, Load, Obstacle
+from mesa_swarm.world.bodies import Body, Form, Load, Obstacle, Pose
+from mesa_swarm.world.movers import Driven
 from mesa_swarm.world.shapes import Shape, outline_to_json, shape_from_json
+from mesa_swarm.world.statics import KINDS, LOAD, MOST_KINDS, OBSTACLE
 
-OF_DESIGNS = (RobotDesign, ProximitySensor, RadiationSensor, LineSensor, DifferentialDrive, HolonomicDrive, OmniDrive)
+SENSORS = (ProximitySensor, RadiationSensor, LineSensor, NeighbourSensor)
+OF_DESIGNS = (RobotDesign, *SENSORS, Lamp, DifferentialDrive, HolonomicDrive, OmniDrive)
 OF_MODELS = (FireConstants, Radio, Imperfection, Imperfections)
 FLOCKING = (controls.Align, controls.Cohere, controls.Cruise, controls.MatchVelocity, controls.Separate)
 TOWARDS_BODIES = (controls.Follow, controls.Gather, controls.HeadOn, controls.Perimeter, controls.Push)
@@ -100,9 +106,11 @@ def restored_outline(value: Any) -> tuple[Point | Polygon, float]:
 
 
 def control_to_json(control: controls.Arbiter | None) -> object:
-    """Return the layers and weights of an arbiter; of custom rules only their names."""
+    """Return the layers and weights of an arbiter, or of each of a team; of custom rules only their names."""
     if control is None:
         return None
+    if isinstance(control, Team):
+        return {"Team": [[_key_to_json(key), control_to_json(arbiter)] for key, arbiter in control.items()]}
     layers = [_layer_to_json(layer) for layer in control.layers]
     weights = getattr(control, "weights", None)
     return {type(control).__name__: {"layers": layers, "weights": None if weights is None else list(weights)}}
@@ -113,6 +121,9 @@ def control_from_json(value: object) -> Any:
     if value is None:
         return None
     name, given = _only_item(value)
+    if name == "Team" and isinstance(given, list):
+        arbiters = {_key_from_json(key): control_from_json(arbiter) for key, arbiter in map(tuple, given)}
+        return _made(name, lambda: Team(arbiters), {})
     if name not in ARBITERS or not isinstance(given, dict) or not isinstance(given.get("layers"), list):
         raise RecordingError(f"unknown arbiter {shortened(name)} in recording")
     own = own_code(value)
@@ -125,8 +136,24 @@ def control_from_json(value: object) -> Any:
 
 def own_code(control: Any) -> list[str]:
     """Return the names of the custom rules in what `control_to_json` returned."""
+    if control is not None and "Team" in control:
+        return [name for _, arbiter in control["Team"] for name in own_code(arbiter)]
     layers = [layer for given in (control or {}).values() for layer in given["layers"]]
     return [str(layer[OWN_CODE]) for layer in layers if isinstance(layer, dict) and OWN_CODE in layer]
+
+
+def _key_to_json(key: Key) -> object:
+    """Return a group's name, or a design; one with a custom drive only by its name."""
+    try:
+        return part_to_json(key)
+    except RecordingError:
+        return {OWN_CODE: label_of(key)}
+
+
+def _key_from_json(value: object) -> Any:
+    if isinstance(value, dict) and OWN_CODE in value:
+        raise RecordingError(f"the control is for a design of code of one's own ({shortened(value[OWN_CODE])})")
+    return part_from_json(value)
 
 
 def _layer_to_json(layer: object) -> object:
@@ -161,9 +188,11 @@ def objects_to_json(model: FireModel) -> dict:
         "created": swarm._created,
         "robots": [robot.unique_id for robot in swarm.agents],
         "designs_of_robots": swarm.design.tolist(),
+        "groups": list(swarm.groups),
         "obstacles": [_obstacle_to_json(obstacle) for obstacle in model.obstacle_list],
         "fires": [fire.unique_id for fire in model.fires.agents],
         "next_id": next_id(model),
+        **({} if model.kinds == KINDS else {"kinds": list(model.kinds)}),
     }
 
 
@@ -175,6 +204,7 @@ def restore_objects(model: FireModel, stored: dict) -> None:
     obstacles = {_id(body["id"]): body for body in stored["obstacles"]}
     others = {_id(one[0]): one[1:] for one in stored.get("others", ())}
     _check_ids(stored, obstacles, others)
+    model._kinds = _checked_kinds(stored.get("kinds", list(KINDS)))
     _remove_others(model, {*stored["robots"], *obstacles, *stored["fires"], *others})
     designs = _designs(model, stored["designs"])
     makers: dict[int, Callable] = {}
@@ -193,10 +223,17 @@ def restore_objects(model: FireModel, stored: dict) -> None:
     _check_same(model, stored, obstacles)
     model.swarm.table = DesignTable.of(designs)
     model.swarm._created = _id(stored["created"])
+    model.swarm.groups = tuple(check_name("group", group) for group in stored.get("groups", ()))
     model.swarm._resize(np.arange(len(model.swarm)), 0)
     _restore_others(model, others)
     for load in model._loads:
         _restore_load(load, obstacles[load.unique_id], model.map.bounds)
+    agents = {agent.unique_id: agent for agent in model.agents}
+    for body in model.movers.agents:
+        one = obstacles[body.unique_id]
+        body.agent = agents[one["agent"]] if "agent" in one else None
+        _restore_driven(body, one, model.map.bounds)
+    model.movers.list_followers()
     model.obstacles_changed()
 
 
@@ -271,7 +308,23 @@ def summary(model: FireModel) -> list[list[int]]:
     return [[len(agents), agents[-1].unique_id if agents else 0] for agents in kinds]
 
 
-def _obstacle_to_json(obstacle: Obstacle) -> dict:
+def _obstacle_to_json(obstacle: Body) -> dict:
+    usual = KINDS[LOAD] if isinstance(obstacle, Load) else KINDS[OBSTACLE]
+    return {**_body_to_json(obstacle), **({} if obstacle.kind == usual else {"kind": obstacle.kind})}
+
+
+def _body_to_json(obstacle: Body) -> dict:
+    if isinstance(obstacle, Driven):
+        movers, row = obstacle.movers, obstacle.row
+        return {
+            "id": obstacle.unique_id,
+            "driven": stored_outline(obstacle.form.outline, obstacle.form.radius),
+            "pose": list(obstacle.pose),
+            "aim": [*movers.aim[row].tolist(), float(movers.aim_heading[row])],
+            "blocked": obstacle.blocked,
+            "fresh": bool(movers.fresh[row]),
+            **({} if obstacle.agent is None else {"agent": obstacle.agent.unique_id}),
+        }
     if isinstance(obstacle, Load):
         return {
             "id": obstacle.unique_id,
@@ -292,6 +345,13 @@ def _check_ids(stored: dict, obstacles: dict, others: dict) -> None:
         raise RecordingError("unique_ids are not ascending, or not unique")
     if not all(0 < _id(one) < first_free for one in ids):
         raise RecordingError("invalid unique_id: not below that of the next agent")
+
+
+def _checked_kinds(stored: Any) -> tuple[str, ...]:
+    valid = isinstance(stored, list) and all(isinstance(name, str) and name.isidentifier() for name in stored)
+    if not valid or tuple(stored[: len(KINDS)]) != KINDS or not len(set(stored)) == len(stored) <= MOST_KINDS + 1:
+        raise RecordingError("invalid names of kinds")
+    return tuple(stored)
 
 
 def _remove_others(model: FireModel, ids: set[int]) -> None:
@@ -317,14 +377,27 @@ def _make_robot(model: FireModel, design: RobotDesign) -> None:
 
 
 def _make_obstacle(model: FireModel, body: dict) -> None:
-    if "load" not in body:
-        model._obstacles.append(Obstacle(model.space, model, restored_shape(body["shape"])))
-        return
-    form = Form.about_origin(*restored_outline(body["load"]))
-    load = Load(model.space, model, form.shape_at((0.0, 0.0, 0.0)), body["resistance"])
-    load.form = form
-    model._obstacles.append(load)
-    model._loads.append(load)
+    if "driven" in body:
+        model._obstacles.append(_made_driven(model, body))
+    elif "load" in body:
+        form = Form.about_origin(*restored_outline(body["load"]))
+        kind = model._checked_kind(body.get("kind"), KINDS[LOAD])
+        load = Load(model.space, model, form.shape_at((0.0, 0.0, 0.0)), body["resistance"], kind)
+        load.form = form
+        model._obstacles.append(load)
+        model._loads.append(load)
+    else:
+        kind = model._checked_kind(body.get("kind"), KINDS[OBSTACLE])
+        model._obstacles.append(Obstacle(model.space, model, restored_shape(body["shape"]), kind))
+    model._know_kind(model._obstacles[-1].kind)
+
+
+def _made_driven(model: FireModel, body: dict) -> Driven:
+    form = Form.about_origin(*restored_outline(body["driven"]))
+    kind = model._checked_kind(body.get("kind"), KINDS[OBSTACLE])
+    driven = Driven(model.space, model, form.shape_at((0.0, 0.0, 0.0)), kind, model._made_movers())
+    driven.form = form
+    return driven
 
 
 def _make_fire(model: FireModel) -> None:
@@ -344,18 +417,29 @@ def _check_same(model: FireModel, stored: dict, obstacles: dict) -> None:
         raise RecordingError("the objects that the model's constructor makes do not match the recording")
     for obstacle in model.obstacle_list:
         now, then = _obstacle_to_json(obstacle), obstacles[obstacle.unique_id]
-        form = "load" if "load" in now else "shape"
-        if now[form] != then.get(form):
+        form = next(name for name in ("driven", "load", "shape") if name in now)
+        if now[form] != then.get(form) or now.get("kind") != then.get("kind"):
             raise RecordingError(f"obstacle {obstacle.unique_id} does not match the recording")
+
+
+def _restore_driven(body: Driven, stored: dict, bounds: tuple[float, float, float, float]) -> None:
+    movers, row = body.movers, body.row
+    for place, heading, name in ((movers.position, movers.heading, "pose"), (movers.aim, movers.aim_heading, "aim")):
+        *place[row], heading[row] = _checked_pose(f"body {body.unique_id}", stored[name], bounds)
+    movers.blocked[row], movers.fresh[row] = bool(stored["blocked"]), bool(stored["fresh"])
+
+
+def _checked_pose(name: str, stored: Any, bounds: tuple[float, float, float, float]) -> Pose:
+    x, y, heading = map(float, stored)
+    x_min, y_min, x_max, y_max = bounds
+    if not (x_min <= x <= x_max and y_min <= y <= y_max and abs(heading) <= np.pi):
+        raise RecordingError(f"{name} has out-of-range values: its pose is outside the map")
+    return x, y, heading
 
 
 def _restore_load(load: Load, stored: dict, bounds: tuple[float, float, float, float]) -> None:
     load.resistance = stored["resistance"]
-    x, y, heading = map(float, stored["pose"])
-    x_min, y_min, x_max, y_max = bounds
-    if not (x_min <= x <= x_max and y_min <= y <= y_max and abs(heading) <= np.pi):
-        raise RecordingError(f"load {load.unique_id} has out-of-range values: its pose is outside the map")
-    load.move_to((x, y, heading))
+    load.move_to(_checked_pose(f"load {load.unique_id}", stored["pose"], bounds))
     load.moved, load.pushers = bool(stored["moved"]), _id(stored["pushers"])
 
 

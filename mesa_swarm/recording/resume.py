@@ -150,6 +150,10 @@ def take_over(new: FireModel, old: FireModel, fresh: FireModel) -> None:
     for load, moved in zip(new.loads, old.loads, strict=True):
         load.move_to(moved.pose)
         load.moved, load.pushers = moved.moved, moved.pushers
+    for column, source in zip(new.movers.poses, old.movers.poses, strict=True):
+        column[:] = source
+    new.movers.blocked[:], new.movers.fresh[:] = old.movers.blocked, old.movers.fresh
+    new.obstacles_changed()
     _take_columns(new, old, OF_PARAMETERS - MADE if remade else OF_PARAMETERS)
     _take_fires(new, old, fresh)
     _take_fields(new, old)
@@ -179,7 +183,7 @@ def _take_objects(new: FireModel, old: FireModel, fresh: FireModel) -> bool:
 
 def _objects_of(model: FireModel) -> dict[str, list[int]]:
     """Return the unique_ids of all agents by kind."""
-    kinds = {name: getattr(model, name) for name in ("robots", "fires", "obstacles", "loads")}
+    kinds = {name: getattr(model, name) for name in ("robots", "fires", "obstacles", "loads", "bodies")}
     kinds["agents"] = other_agents(model)
     return {name: [agent.unique_id for agent in agents] for name, agents in kinds.items()}
 
@@ -208,6 +212,8 @@ def _take_columns(new: FireModel, old: FireModel, of_parameters: frozenset[str])
         if name in of_parameters or source is None or old.swarm.columns[source].shape != column.shape:
             continue
         column[...] = old.swarm.columns[source]
+    new.swarm.groups = old.swarm.groups
+    new.swarm.regrouped += 1
 
 
 def _without_place(name: str) -> str:
