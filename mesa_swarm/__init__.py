@@ -22,6 +22,7 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.robots.actuators import Actuator
     from mesa_swarm.robots.design import AGENT3, AGENT6, AGENT9, AGENT_FIRE, RobotDesign, all_round
     from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive, OmniDrive, omni_speeds
+    from mesa_swarm.robots.gripper import Carried, Gripper
     from mesa_swarm.robots.radio import Radio
     from mesa_swarm.robots.sensors import (
         LineSensor,
@@ -45,6 +46,7 @@ _MODULES = {
     "robots.actuators": "Actuator",
     "robots.design": "AGENT3 AGENT6 AGENT9 AGENT_FIRE RobotDesign all_round",
     "robots.drive": "DifferentialDrive HolonomicDrive OmniDrive omni_speeds",
+    "robots.gripper": "Carried Gripper",
     "robots.radio": "Radio",
     "robots.sensors": "LineSensor ProximitySensor RadiationSensor Sensor bump_sensor laser_sensor",
     "swarm_model": "SwarmModel show",
@@ -60,8 +62,10 @@ __all__ = [
     "AGENT9",
     "AGENT_FIRE",
     "Actuator",
+    "Carried",
     "DifferentialDrive",
     "Field",
+    "Gripper",
     "HolonomicDrive",
     "LineSensor",
     "Map",

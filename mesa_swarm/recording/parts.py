@@ -18,6 +18,7 @@ from mesa_swarm.fire.strategy import FightFire
 from mesa_swarm.recording.container import ATOMS
 from mesa_swarm.robots.design import DesignTable, RobotDesign
 from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive, OmniDrive
+from mesa_swarm.robots.gripper import Carried, Gripper
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.robot import Robot
@@ -27,7 +28,8 @@ from mesa_swarm.world.movers import Driven
 from mesa_swarm.world.shapes import Shape, outline_to_json, shape_from_json
 from mesa_swarm.world.statics import KINDS, LOAD, MOST_KINDS, OBSTACLE
 
-OF_DESIGNS = (RobotDesign, ProximitySensor, RadiationSensor, LineSensor, DifferentialDrive, HolonomicDrive, OmniDrive)
+SENSORS = (ProximitySensor, RadiationSensor, LineSensor, Carried)
+OF_DESIGNS = (RobotDesign, *SENSORS, Gripper, DifferentialDrive, HolonomicDrive, OmniDrive)
 OF_MODELS = (FireConstants, Radio, Imperfection, Imperfections)
 FLOCKING = (controls.Align, controls.Cohere, controls.Cruise, controls.MatchVelocity, controls.Separate)
 TOWARDS_BODIES = (controls.Follow, controls.Gather, controls.HeadOn, controls.Perimeter, controls.Push)
@@ -238,6 +240,7 @@ def _body_to_json(obstacle: Body) -> dict:
             "aim": [*movers.aim[row].tolist(), float(movers.aim_heading[row])],
             "blocked": obstacle.blocked,
             "fresh": bool(movers.fresh[row]),
+            **({} if obstacle.carrier is None else {"carrier": obstacle.carrier.unique_id}),
         }
     if isinstance(obstacle, Load):
         return {
@@ -341,6 +344,9 @@ def _restore_driven(body: Driven, stored: dict, bounds: tuple[float, float, floa
     for place, heading, name in ((movers.position, movers.heading, "pose"), (movers.aim, movers.aim_heading, "aim")):
         *place[row], heading[row] = _checked_pose(f"body {body.unique_id}", stored[name], bounds)
     movers.blocked[row], movers.fresh[row] = bool(stored["blocked"]), bool(stored["fresh"])
+    robots = {robot.unique_id: robot for robot in body.model.swarm.agents} if "carrier" in stored else {}
+    body.carrier = robots[_id(stored["carrier"])] if "carrier" in stored else None
+    movers.carried[row] = body.carrier is not None
 
 
 def _checked_pose(name: str, stored: Any, bounds: tuple[float, float, float, float]) -> Pose:
