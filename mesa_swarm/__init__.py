@@ -19,11 +19,12 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.experiments.sweep import sweep
     from mesa_swarm.open_model import Process
     from mesa_swarm.recording.recording import Recording
-    from mesa_swarm.robots.actuators import Actuator
+    from mesa_swarm.robots.actuators import Actuator, Emitter
     from mesa_swarm.robots.design import AGENT3, AGENT6, AGENT9, AGENT_FIRE, RobotDesign, all_round
     from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive, OmniDrive, omni_speeds
     from mesa_swarm.robots.radio import Radio
     from mesa_swarm.robots.sensors import (
+        FieldSensor,
         LineSensor,
         ProximitySensor,
         RadiationSensor,
@@ -42,11 +43,11 @@ _MODULES = {
     "experiments.sweep": "sweep",
     "open_model": "Process",
     "recording.recording": "Recording",
-    "robots.actuators": "Actuator",
+    "robots.actuators": "Actuator Emitter",
     "robots.design": "AGENT3 AGENT6 AGENT9 AGENT_FIRE RobotDesign all_round",
     "robots.drive": "DifferentialDrive HolonomicDrive OmniDrive omni_speeds",
     "robots.radio": "Radio",
-    "robots.sensors": "LineSensor ProximitySensor RadiationSensor Sensor bump_sensor laser_sensor",
+    "robots.sensors": "FieldSensor LineSensor ProximitySensor RadiationSensor Sensor bump_sensor laser_sensor",
     "swarm_model": "SwarmModel show",
     "world.fields": "Field ScalarField",
     "world.map": "Map",
@@ -61,7 +62,9 @@ __all__ = [
     "AGENT_FIRE",
     "Actuator",
     "DifferentialDrive",
+    "Emitter",
     "Field",
+    "FieldSensor",
     "HolonomicDrive",
     "LineSensor",
     "Map",

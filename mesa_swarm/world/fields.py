@@ -203,6 +203,11 @@ class ScalarField:
         self._changed(float(self._values.max()))
 
     @property
+    def sides(self) -> np.ndarray:
+        """Which sides of cells are open, and which cells are blocked, see `geometry.diffusion`."""
+        return self._current_walls().sides
+
+    @property
     def total(self) -> float:
         """The sum of all values."""
         return float(self._values.sum())
@@ -469,7 +474,8 @@ class Fields(Mapping[str, ScalarField]):
 
     def __getitem__(self, name: str) -> ScalarField:
         if name not in self:
-            raise UnknownNameError(unknown_name("field", name, self._fields))
+            known = unknown_name("field", name, self._fields) if self._fields else f"unknown field {shortened(name)}"
+            raise UnknownNameError(f"{known}; add it with model.add_field(Field(...))")
         return self._fields[name]
 
     def __contains__(self, name: object) -> bool:
