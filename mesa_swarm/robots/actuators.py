@@ -131,6 +131,22 @@ class Emitter(Actuator):
         return position + np.column_stack([cos * x - sin * y, sin * x + cos * y])
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Lamp(Actuator):
+    """A light that others see: a number, which `NeighbourSensor(lamp=True)` reads.
+
+    It stays as it was set; 0 at first, which may stand for dark.
+
+    Examples
+    --------
+    >>> Lamp().name, Lamp().holds
+    ('lamp', True)
+    """
+
+    name: str = "lamp"
+    holds = True
+
+
 def check_actuator(actuator: object) -> None:
     """Refuse what is not an actuator that can be used.
 
