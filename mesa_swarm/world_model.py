@@ -27,7 +27,7 @@ from mesa_swarm.streams import Seed, Streams
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.arena import Agents, Arena, as_numbers
 from mesa_swarm.world.bodies import Body, Form, Load, Obstacle, checked_resistance
-from mesa_swarm.world.fields import Field, Fields, ScalarField
+from mesa_swarm.world.fields import Field, NamedFields, ScalarField
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.movers import LARGEST_HEADING, Driven, Movers, poses_of_agents
 from mesa_swarm.world.placement import free_places, place_apart
@@ -467,9 +467,9 @@ class World(mesa.Model):
         return kind
 
     @property
-    def fields(self) -> Fields:
+    def fields(self) -> NamedFields:
         """The scalar fields by name, in the order in which they were added."""
-        return Fields(self._fields or {})
+        return NamedFields(self._fields or {})
 
     def add_field(self, field: Field) -> ScalarField:
         """Add a scalar field, empty at first, and return it; it advances in each step, after contacts are resolved.
@@ -512,8 +512,8 @@ class World(mesa.Model):
             known.restore(state)
 
     def _walls(self) -> list[Shape]:
-        """Return the shapes of what stops fields: solid obstacles that do not move."""
-        return [body.shape for body in self._obstacles if body.contact and body.mode == "fixed"]
+        """Return the shapes of what stops fields: solid bodies that do not move."""
+        return [body.shape for body in self._obstacles if body.mode == "fixed" and body.contact]
 
     def _advance_fields(self, fields: dict[str, ScalarField]) -> None:
         for field in fields.values():
