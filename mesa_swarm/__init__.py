@@ -17,6 +17,7 @@ if not any(isinstance(finder, MovedFinder) for finder in sys.meta_path):
 if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.experiments.compare import compare
     from mesa_swarm.experiments.sweep import sweep
+    from mesa_swarm.looks import Chart, ColourMap, Looks
     from mesa_swarm.recording.recording import Recording
     from mesa_swarm.robots.actuators import Actuator
     from mesa_swarm.robots.design import AGENT3, AGENT6, AGENT9, AGENT_FIRE, RobotDesign, all_round
@@ -39,6 +40,7 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
 _MODULES = {
     "experiments.compare": "compare",
     "experiments.sweep": "sweep",
+    "looks": "Chart ColourMap Looks",
     "recording.recording": "Recording",
     "robots.actuators": "Actuator",
     "robots.design": "AGENT3 AGENT6 AGENT9 AGENT_FIRE RobotDesign all_round",
@@ -58,10 +60,13 @@ __all__ = [
     "AGENT9",
     "AGENT_FIRE",
     "Actuator",
+    "Chart",
+    "ColourMap",
     "DifferentialDrive",
     "Field",
     "HolonomicDrive",
     "LineSensor",
+    "Looks",
     "Map",
     "ProximitySensor",
     "RadiationSensor",

@@ -14,6 +14,7 @@ import numpy as np
 from mesa_swarm.errors import RecordingError, SwarmError, in_words, shortened
 from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.model import FireModel
+from mesa_swarm.looks import looks_of
 from mesa_swarm.recording.parts import part_from_json, part_to_json
 from mesa_swarm.recording.schema import checked_provenance, read_json
 from mesa_swarm.robots.design import RobotDesign
@@ -43,9 +44,9 @@ def scenery_of(model: FireModel) -> dict:
         ``designs``; ``robots``, rows [first id, last id, index of their design]; ``shapes`` of obstacles and
         ground marks on the map; ``loads``, shapes about their own centres; ``layers``, names in the order of
         the column `layer`; ``leave``, the temperature above which a robot is too hot, and ``join``, below which it
-        has cooled.
+        has cooled; ``looks``, from `Looks.as_json`, if the model declares any.
     """
-    layers = () if model.control is None else model.control.layers
+    layers, looks = () if model.control is None else model.control.layers, looks_of(model)
     still = [obstacle.shape for obstacle in model.obstacle_list if not isinstance(obstacle, Load)]
     return {
         "designs": [_written_design(design) for design in model.swarm.designs],
@@ -57,6 +58,7 @@ def scenery_of(model: FireModel) -> dict:
         "layers": [layer.name for layer in layers],
         "leave": model.fire_constants.leave,
         "join": model.fire_constants.join,
+        **({"looks": looks.as_json()} if looks is not None and looks.as_json() else {}),
     }
 
 
