@@ -18,10 +18,11 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.experiments.compare import compare
     from mesa_swarm.experiments.sweep import sweep
     from mesa_swarm.looks import Chart, ColourMap, Looks
+    from mesa_swarm.open_model import Process
     from mesa_swarm.recording.recording import Recording
     from mesa_swarm.robots.actuators import Actuator
     from mesa_swarm.robots.design import AGENT3, AGENT6, AGENT9, AGENT_FIRE, RobotDesign, all_round
-    from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive
+    from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive, OmniDrive, omni_speeds
     from mesa_swarm.robots.radio import Radio
     from mesa_swarm.robots.sensors import (
         LineSensor,
@@ -41,10 +42,11 @@ _MODULES = {
     "experiments.compare": "compare",
     "experiments.sweep": "sweep",
     "looks": "Chart ColourMap Looks",
+    "open_model": "Process",
     "recording.recording": "Recording",
     "robots.actuators": "Actuator",
     "robots.design": "AGENT3 AGENT6 AGENT9 AGENT_FIRE RobotDesign all_round",
-    "robots.drive": "DifferentialDrive HolonomicDrive",
+    "robots.drive": "DifferentialDrive HolonomicDrive OmniDrive omni_speeds",
     "robots.radio": "Radio",
     "robots.sensors": "LineSensor ProximitySensor RadiationSensor Sensor bump_sensor laser_sensor",
     "swarm_model": "SwarmModel show",
@@ -68,6 +70,8 @@ __all__ = [
     "LineSensor",
     "Looks",
     "Map",
+    "OmniDrive",
+    "Process",
     "ProximitySensor",
     "RadiationSensor",
     "Radio",
@@ -82,6 +86,7 @@ __all__ = [
     "compare",
     "disc",
     "laser_sensor",
+    "omni_speeds",
     "polygon",
     "rectangle",
     "show",

@@ -4,7 +4,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from hashlib import blake2b
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import mesa
 import numpy as np
@@ -23,6 +23,7 @@ from mesa_swarm.errors import (
 )
 from mesa_swarm.moved import moved_name
 from mesa_swarm.observers import Observers
+from mesa_swarm.open_model import OpenModel
 from mesa_swarm.physics.contact import Contacts
 from mesa_swarm.physics.engine import CompiledEngine, Engine
 from mesa_swarm.physics.imperfect import Imperfect
@@ -31,27 +32,40 @@ from mesa_swarm.physics.radio import Channel, send_goals
 from mesa_swarm.physics.shapely_engine import ShapelyEngine
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.robots.design import RobotDesign
-from mesa_swarm.robots.drive import limit_command
+from mesa_swarm.robots.drive import clear_unused, limit_command, speeds_in_words
 from mesa_swarm.robots.imperfections import Imperfections
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.snapshots import DECISIONS, Snapshots, check_watched
+from mesa_swarm.state import add_to, attributes_of
 from mesa_swarm.streams import Seed
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.map import Map
-from mesa_swarm.world_model import World
 
 ENGINES: dict[str, type[Engine]] = {"compiled": CompiledEngine, "shapely": ShapelyEngine}
 # Indices that depend on the order in which things were created are not part of the state.
 NOT_HASHED = frozenset({"number", "design", "contact_index"})
 
 
-class EngineModel(World):
+class EngineModel(OpenModel):
     """A world of robots, obstacles and loads, advanced step by step; `SwarmModel` adds fires and recordings."""
 
     _control: Arbiter | None = None
     _completed: int = 0
     _snapshots: Snapshots | None = None
+    _stored_apart: ClassVar[tuple[str, ...]] = (
+        *("_engine", "_own_parts", "_channel", "_imperfect", "_control", "_senses", "_senses_version", "_sensed"),
+        *("_noise", "_snapshots", "observers", "datacollector", "_collect_every"),
+    )
+    _fleeting: ClassVar[tuple[str, ...]] = (
+        *("observers", "_senses", "_senses_version", "_sensed", "_noise", "_snapshots", "datacollector"),
+        "_collect_every",
+    )
+    _numbers: ClassVar[dict[str, tuple[type, ...]]] = {
+        "running": (bool, np.bool_),
+        **dict.fromkeys(("collisions", "total_collisions", "_completed"), (int,)),
+        "_turn_angle": (float, int, np.float64),
+    }
 
     def __init__(
         self,
@@ -199,7 +213,8 @@ class EngineModel(World):
         act         what actuators are set to                         what they are about
         move        command, loads                                    loads, position, heading
         resolve     position, obstacles, fires                        position, heading, slip, collided, contacts
-        process     position, fields                                  fields; fires' and robots' temperature, fire
+        process     position, fields                                  fields; fires' and robots' temperature, fire;
+                                                                      then what each of `processes` changes
         collect     everything                                        datacollector, history
         ==========  ================================================  ===========================================
 
@@ -275,12 +290,14 @@ class EngineModel(World):
             self._senses_version = self.swarm.version
         columns["last_command"][:] = command
         self._control.decide(self._senses, command, layer)
+        if self.swarm.table.mixed:
+            clear_unused(command, columns["design"], self.swarm.table.numbers)
         wrong = limit_command(command, columns["max_speed"], columns["design"], self.swarm.table.sideways)
         if wrong >= 0:
             name = driver(self._control, int(layer[wrong]))
             raise BehaviourError(
                 f"{name} commanded NaN to robot {self.swarm.agents[wrong].unique_id} in step {self.steps}; "
-                "expected two finite wheel speeds"
+                f"expected {speeds_in_words(self.swarm.agents[wrong].design.numbers)}"
             )
         if self._channel is not None:
             send_goals(columns["position"], columns["heading"], columns["goal"], columns["sent_goal"])
@@ -299,15 +316,12 @@ class EngineModel(World):
         if self.swarm.disturbed:
             self._engine.settle(self.swarm, scene)
             self.swarm.disturbed = False
-        draws = self.streams["slip"].random((len(self.swarm), 2)) if table.slips else None
+        draws = self.streams["slip"].random((len(self.swarm), table.wheels)) if table.slips else None
         if self._imperfect is None:
             self._engine.move(self.swarm, scene, self._turn_angle, draws)
             return
-        with self._imperfect.driving(self.swarm, self._completed):
-            self._engine.move(self.swarm, scene, self._turn_angle, draws)
-
-    def _process(self) -> None:
-        """Advance what changes in each step besides robots; here nothing."""
+        with self._imperfect.driving(self.swarm, self._completed) as rolled:
+            rolled.append(self._engine.move(self.swarm, scene, self._turn_angle, draws))
 
     def _collect(self) -> None:
         self.collisions = int(np.count_nonzero(self.swarm.columns["collided"]))
@@ -455,7 +469,18 @@ class EngineModel(World):
                 if name not in NOT_HASHED:
                     digest.update(f"{prefix}.{name} {column.shape}".encode())
                     digest.update((column + 0 if column.dtype.kind == "f" else column).tobytes())
+        for name, value in self._declared_state():
+            digest.update(f"{name};".encode())
+            add_to(digest, value)
         return digest.hexdigest()
+
+    def _declared_state(self) -> Iterator[tuple[str, Any]]:
+        yield from super()._declared_state()
+        for place, layer in enumerate(getattr(self._control, "layers", ())):
+            own = {} if type(layer).__module__.startswith("mesa_swarm.") else attributes_of(layer)
+            arrays = {name: value for name, value in own.items() if isinstance(value, np.ndarray)}
+            if arrays:
+                yield f"layer {place}", arrays
 
     def _hashed_columns(self) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
         """Iterate over the tables of columns that are part of the state, each with a prefix for their names."""

@@ -2,7 +2,8 @@
 
 import os
 from collections.abc import Iterable, Sequence
-from typing import Any, Self, cast
+from dataclasses import astuple
+from typing import Any, ClassVar, Self, cast
 
 import mesa
 import numpy as np
@@ -27,10 +28,27 @@ from mesa_swarm.world.statics import LOAD, OBSTACLE
 # may not be less than the rounding of a coordinate. And squares of lengths have to be floats.
 FINEST = 4e-9
 SMALLEST_RADIUS = 1e-12
+# Attributes of Mesa's models, of all versions: what changes when Mesa counts a step, and the others.
+MESA_COUNTS = ("steps", "_time", "_batch_context", "_suppress", "subscribers", "agent_id_counter")
+OF_MESA = (
+    *("step", "rng", "_rng", "random", "_seed", "_user_step", "_agents", "_agents_by_type", "_all_agents"),
+    *("_simulator", "_event_list", "_event_generators", "_scenario", "_default_schedule", "data_registry"),
+)
 
 
 class World(mesa.Model):
-    """The contents of a model, with the obstacles of its map; `EngineModel` adds the step."""
+    """The contents of a model, with the obstacles of its map; `EngineModel` adds the step.
+
+    A class declares its attributes where it makes them. All are stored in checkpoints as they are, but those that it
+    lists in `_stored_apart`: they are stored in another way, follow from others, or only describe how the model is
+    viewed. Those in `_fleeting` change when the model is read. The lists of a class and its bases add up.
+    """
+
+    _stored_apart: ClassVar[tuple[str, ...]] = (
+        *(*MESA_COUNTS, *OF_MESA, "given", "map", "streams", "space", "swarm", "_obstacles", "_loads", "_scene"),
+        *("_scene_table", "_fields"),
+    )
+    _fleeting: ClassVar[tuple[str, ...]] = (*MESA_COUNTS, "time", "_scene", "_scene_table")
 
     _fields: dict[str, ScalarField] | None = None  # by name; None without any
 
@@ -241,6 +259,21 @@ class World(mesa.Model):
         live = ScalarField(field, self.map.bounds, self._walls)
         self._fields = {**(self._fields or {}), field.name: live}
         return live
+
+    def _fields_as_stored(self) -> list:
+        """Return the declarations and the states of all fields, as plain values."""
+        return [[astuple(field.declared), field.checkpoint()] for field in self.fields.values()]
+
+    def _restore_fields(self, stored: Iterable[tuple[tuple, dict]]) -> None:
+        """Restore what `_fields_as_stored` returned; fields that the model has stay the same objects."""
+        before, self._fields = self.fields, None
+        for declared, state in stored:
+            field = Field(*declared)
+            known = before.get(field.name)
+            if known is None or known.declared != field:
+                known = self.add_field(field)
+            self._fields = {**(self._fields or {}), field.name: known}
+            known.restore(state)
 
     def _walls(self) -> list[Shape]:
         """Return the shapes of what stops fields: solid obstacles that do not move."""

@@ -71,14 +71,20 @@ class Arbiter:
                 unbind()
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray) -> None:
-        """Write the command (n, 2) and the winning layer (n,) of every robot."""
+        """Write the command (n, w) and the winning layer (n,) of every robot."""
         raise NotImplementedError
 
 
 def check_drives(control: Arbiter, designs: Iterable[RobotDesign]) -> None:
-    """Refuse designs whose drive takes another kind of command than a layer gives, where both declare it."""
+    """Refuse designs whose drive takes another kind of command, or more or fewer numbers, than a layer gives."""
     for design in designs:
         for layer in control.layers:
+            numbers = getattr(layer, "numbers", 2)
+            if numbers is not None and numbers != design.numbers:
+                raise InvalidValueError(
+                    f"{layer.name} commands {numbers} numbers, but robots of the design {design.name} take "
+                    f"{design.numbers}; give the design another drive, or use layers that are for its drive"
+                )
             wheels = getattr(layer, "commands_wheels", None)
             if wheels is None or design.turns is None or bool(wheels) == design.turns:
                 continue
@@ -114,7 +120,7 @@ class Subsumption(Arbiter):
     """
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray) -> None:
-        """Write the command (n, 2) and the winning layer (n,) of every robot."""
+        """Write the command (n, w) and the winning layer (n,) of every robot."""
         command.fill(0.0)
         layer.fill(-1)
         for index, part in enumerate(self.layers):
@@ -164,7 +170,7 @@ class VectorSum(Arbiter):
         self.weights = tuple(check_number("weight", weight, minimum=-HEAVIEST, maximum=HEAVIEST) for weight in given)
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray) -> None:
-        """Write the summed command (n, 2) and the layer with the largest share (n,) of every robot."""
+        """Write the summed command (n, w) and the layer with the largest share (n,) of every robot."""
         wanted, active, largest = np.empty_like(command), np.empty_like(layer), np.zeros(len(layer))
         command.fill(0.0)
         layer.fill(-1)
@@ -185,15 +191,28 @@ def add_weighted(wanted, active, weight, index, command, layer, largest):
     for i in range(layer.shape[0]):
         if active[i] < 0:
             continue
-        if weight != 0.0 and (math.isnan(wanted[i, 0]) or math.isnan(wanted[i, 1])) and largest[i] < math.inf:
+        if weight != 0.0 and any_nan(wanted[i]) and largest[i] < math.inf:
             command[i, 0], command[i, 1], layer[i], largest[i] = math.nan, math.nan, index, math.inf
             continue
         x, y = weighted(wanted[i, 0], weight), weighted(wanted[i, 1], weight)
         command[i, 0] += x
         command[i, 1] += y
         share = math.hypot(x, y)
+        for w in range(2, wanted.shape[1]):
+            z = weighted(wanted[i, w], weight)
+            command[i, w] += z
+            share = math.hypot(share, z)
         if layer[i] < 0 or share > largest[i]:
             layer[i], largest[i] = index, share
+
+
+@compiled
+def any_nan(numbers) -> bool:
+    """Return whether any of these numbers is NaN."""
+    for number in numbers:
+        if math.isnan(number):
+            return True
+    return False
 
 
 @compiled
@@ -212,7 +231,9 @@ def slow_down(command, max_speed, design, sideways):
             command[i, 0], command[i, 1] = no_longer(command[i, 0], command[i, 1], max_speed[i])
             continue
         most = max(abs(command[i, 0]), abs(command[i, 1]))
+        for w in range(2, command.shape[1]):
+            most = max(most, abs(command[i, w]))
         if most > max_speed[i]:
             share = max_speed[i] / most
-            command[i, 0] *= share
-            command[i, 1] *= share
+            for w in range(command.shape[1]):
+                command[i, w] *= share

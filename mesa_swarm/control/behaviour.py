@@ -3,14 +3,16 @@
 import dis
 import inspect
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from types import CodeType, FunctionType, ModuleType
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
+from mesa_swarm.control.custom_fields import Fields, checked_memory
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.control.rule import WANTED, Rule, columns_of, failure, rule_of
+from mesa_swarm.control.rule import PASS, Rule, columns_of, failure, rule_of, wanted
 from mesa_swarm.errors import (
     BehaviourError,
     InvalidValueError,
@@ -22,6 +24,8 @@ from mesa_swarm.errors import (
 )
 from mesa_swarm.robots.swarm import Swarm
 
+# Of which senses a rule has views, the views, and the fields that the model adds.
+NOT_KNOWN = (None, (), Fields())
 GENERATORS = (np.random.Generator, np.random.RandomState, np.random.BitGenerator, random.Random)
 
 
@@ -82,8 +86,7 @@ def _operands(function: FunctionType, *operations: str) -> set[str]:
     return {step.argval for step in steps if step.opname in operations}
 
 
-# What a rule returns when it is not active: a pair of numbers like any other, so that it compiles.
-PASS = (np.inf, np.inf)
+__all__ = ["PASS", "Behaviour", "behaviour"]
 # Functions that return something to wait for, which no step does.
 NOT_AT_ONCE = (inspect.iscoroutinefunction, inspect.isgeneratorfunction, inspect.isasyncgenfunction)
 # Beyond this, floats do not represent all whole numbers.
@@ -93,12 +96,18 @@ LARGEST_WHOLE = 2**53
 class Behaviour:
     """A rule about one robot, as a layer. Made by `behaviour`; call it to change the rule's parameters."""
 
-    def __init__(self, rule: Rule, parameters: dict[str, float]) -> None:
+    # As many as the rule returns: known when it is compiled.
+    numbers = None
+
+    def __init__(
+        self, rule: Rule, parameters: dict[str, float], memory: Mapping[str, np.ndarray] | None = None
+    ) -> None:
         self.rule = rule
         self.parameters = parameters
+        self.memory = dict(memory or {})
         self.name = rule.name
         self.__doc__ = rule.function.__doc__
-        self._known: tuple = (None, ())
+        self._known: tuple = NOT_KNOWN
 
     def __repr__(self) -> str:
         values = ", ".join(f"{name}={value!r}" for name, value in self.parameters.items())
@@ -106,7 +115,7 @@ class Behaviour:
 
     def __getstate__(self) -> dict:
         """Leave out the views of columns: copies have columns of their own."""
-        return {**self.__dict__, "_known": (None, ())}
+        return {**self.__dict__, "_known": NOT_KNOWN}
 
     def __call__(self, **changes: float) -> "Behaviour":
         """Return the same rule with other parameters."""
@@ -115,10 +124,10 @@ class Behaviour:
             if name not in values:
                 raise UnknownNameError(unknown_name(f"parameter of {self.name}", name, values))
             values[name] = _checked(f"{self.name}'s {name}", value, values[name])
-        return Behaviour(self.rule, values)
+        return Behaviour(self.rule, values, self.memory)
 
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
-        """Store the swarm, and the stream of `me.chance` if the rule reads it.
+        """Store the swarm, and the stream of `me.chance` if the rule reads it; make columns for what it remembers.
 
         A rule that draws random numbers itself is refused, since the model's seed does not govern them.
         """
@@ -128,7 +137,9 @@ class Behaviour:
                 f"rule {self.name} uses {source}, which the model's seed does not govern; "
                 "use me.chance, a number from 0 to 1 that is drawn for every robot in every step"
             )
-        self._swarm = swarm
+        self._swarm, self._prefix = swarm, prefix
+        for name, first in self.memory.items():
+            swarm.remember(f"{prefix}.{name}", first.shape, first.dtype.type, first)
         self._rng = rng if uses_attribute(self.rule.function, "chance") else None
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
@@ -138,22 +149,41 @@ class Behaviour:
         at = np.array([-1])
         values = tuple(self.parameters.values())
         try:
-            wrong = self.rule.run(self._columns(senses), values, at, command, layer, index)
+            columns, fields = self._columns(senses)
+            fields.load()
+            wrong = self.rule.run(columns, fields, values, at, command, layer, index)
+            fields.store()
         except UncompiledBehaviourWarning:  # where warnings are errors
             raise
         except Exception as error:
-            raise self._refusal(at[0], failure(error)) from error
+            raise self._refusal(at[0], failure(error, self._numbers(at[0]))) from error
+        if wrong < -1:
+            row = -2 - wrong
+            raise self._refusal(row, f"returns a command of another drive; {wanted(self._numbers(row))}")
         if wrong >= 0:
-            left, right = command[wrong]
-            raise self._refusal(wrong, f"returned ({left:g}, {right:g}); {WANTED}")
+            numbers = self._numbers(wrong)
+            speeds = ", ".join(f"{speed:g}" for speed in command[wrong, :numbers])
+            raise self._refusal(wrong, f"returned ({speeds}); {wanted(numbers)}")
 
-    def _columns(self, senses: Senses) -> tuple[np.ndarray, ...]:
+    def _columns(self, senses: Senses) -> tuple[tuple[np.ndarray, ...], Fields]:
         """Return what the rule may know; views are made again when robots are added or removed."""
         if self._known[0] is not senses:
             unused = np.full(len(self._swarm), np.nan)
-            self._known = senses, (*columns_of(senses, self._swarm.designs), unused)
-        known = self._known[1]
-        return known if self._rng is None else (*known[:-1], self._rng.random(len(self._swarm)))
+            columns = (*columns_of(senses, self._swarm.designs), unused)
+            self._known = senses, columns, self._fields(senses)
+        _, known, fields = self._known
+        return (known if self._rng is None else (*known[:-1], self._rng.random(len(self._swarm)))), fields
+
+    def _fields(self, senses: Senses) -> Fields:
+        """Return what the model adds to `me`; only records that the rule uses, for they are copied in each step."""
+        memory = {name: self._swarm.columns[f"{self._prefix}.{name}"] for name in self.memory}
+        written = {"act": senses.act, "memory": memory, "send": senses.send}
+        used = {name: columns for name, columns in written.items() if uses_attribute(self.rule.function, name)}
+        return Fields(senses.own, used, senses.heard)
+
+    def _numbers(self, row: int) -> int:
+        """Return how many numbers the drive of the robot in this row takes."""
+        return self._swarm.agents[row].design.numbers
 
     def _refusal(self, row: int, what: str) -> BehaviourError:
         robot = self._swarm.agents[row]
@@ -163,7 +193,17 @@ class Behaviour:
         )
 
 
-def behaviour(rule: Callable) -> Behaviour:
+@overload
+def behaviour(rule: Callable) -> Behaviour: ...
+
+
+@overload
+def behaviour(*, memory: Mapping[str, Any] | None = None) -> Callable[[Callable], Behaviour]: ...
+
+
+def behaviour(
+    rule: Callable | None = None, *, memory: Mapping[str, Any] | None = None
+) -> Behaviour | Callable[[Callable], Behaviour]:
     """Make a layer of a rule about one robot.
 
     The rule gets `me`, what the robot knows: `distance`, `kind`, `bearing` (one entry a proximity sensor),
@@ -176,10 +216,23 @@ def behaviour(rule: Callable) -> Behaviour:
     none), and where that is, `heard_x` ahead and `heard_y` left; and where the nearest goal is, `goal_x` and
     `goal_y` (NaN for none).
 
-    The rule returns the speeds of the left and the right wheel, or `PASS` to leave the robot to the layers
-    below. Its other parameters need defaults: numbers, True or False. It is compiled when first used; a rule
-    that cannot be is run as plain Python, with a warning. Models with rules of the top level of a module can be
-    pickled.
+    A model adds fields: the name of each custom `Sensor` (an array; -1 and what the robot does not have read NaN);
+    `act`, to which numbers for its actuators are assigned, ``me.act.lamp = 1.0``; with messages (`Radio`) `send`,
+    likewise, and `heard`. With ``@behaviour(memory={"count": 0})`` each robot has a number of its own that the rule
+    reads and assigns, ``me.memory.count += 1``. What is assigned stays if the rule returns `PASS`.
+
+    The rule returns the speeds of the left and the right wheel, or as many numbers as the robots' drive takes
+    (see `Drive`), or `PASS`, by this name, to leave the robot to the layers below. Its other parameters need
+    defaults: numbers, True or False. It is compiled when first used; a rule that cannot be is run as plain Python,
+    with a warning. Models with rules of the top level of a module can be pickled.
+
+    Parameters
+    ----------
+    rule : function
+    memory : dict, optional
+        What each robot remembers from step to step: names, and with what each begins, a number, True or False, or a
+        list of numbers. The type of the first value stays. Each is a column of the swarm, such as ``0.pause.steps``
+        of the first layer; it is part of a checkpoint, and begins anew when `SwarmModel.control` is set.
 
     Raises
     ------
@@ -195,7 +248,17 @@ def behaviour(rule: Callable) -> Behaviour:
     ...     return PASS
     >>> timid(distance=25)
     <Behaviour timid(distance=25.0)>
+    >>> @behaviour(memory={"steps": 0})
+    ... def pause(me, every=10):
+    ...     me.memory.steps += 1
+    ...     return (0.0, 0.0) if me.memory.steps % every == 0 else PASS
     """
+    if rule is None:
+        return partial(_behaviour, memory=memory)
+    return _behaviour(rule, memory)
+
+
+def _behaviour(rule: Callable, memory: Mapping[str, Any] | None) -> Behaviour:
     function = getattr(rule, "py_func", rule)  # as it was written, if Numba has it already
     if not isinstance(function, FunctionType):
         raise InvalidValueError(f"behaviour got {shortened(rule)}; expected a function of me")
@@ -206,7 +269,8 @@ def behaviour(rule: Callable) -> Behaviour:
     parameters = list(inspect.signature(function).parameters.values())
     if not parameters:
         raise InvalidValueError(f"rule {function.__name__} takes nothing; expected me as its first parameter")
-    return Behaviour(rule_of(function), {p.name: _default(function.__name__, p) for p in parameters[1:]})
+    values = {p.name: _default(function.__name__, p) for p in parameters[1:]}
+    return Behaviour(rule_of(function), values, checked_memory(function.__name__, memory))
 
 
 def _default(rule: str, parameter: inspect.Parameter) -> float:

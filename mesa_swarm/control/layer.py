@@ -11,7 +11,6 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.robots.actuators import ACT
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, MOUNT_X, MOUNT_Y
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import ROBOT
@@ -32,7 +31,7 @@ class Senses:
     hot : bool ndarray, shape (n,)
     fire : int64 ndarray, shape (n,)
         Not below 0 while the robot is extinguishing.
-    last_command : ndarray, shape (n, 2)
+    last_command : ndarray, shape (n, w)
         Of the step before; the robot does not know whether its wheels slipped.
     radius, max_speed, tendency : ndarrays, shape (n,)
     task : int64 ndarray, shape (n,), written by layers
@@ -56,6 +55,10 @@ class Senses:
         Of each name of custom sensors, what they read (n, width), NaN for nothing.
     act : dict, written by layers
         Of each name of actuators, what they are set to, (n,) or (n, width).
+    send : dict, written by layers
+        Of each name of a message, what the robot sends, (n,) or (n, width), NaN for nothing; see `Radio`.
+    heard : dict
+        What robots hear: `n` (n,) messages, and `range`, `bearing` and each name (n, most, ...), NaN for none.
     """
 
     distance: np.ndarray
@@ -83,6 +86,8 @@ class Senses:
     sideways: np.ndarray
     own: dict[str, np.ndarray] = field(default_factory=dict)
     act: dict[str, np.ndarray] = field(default_factory=dict)
+    send: dict[str, np.ndarray] = field(default_factory=dict)
+    heard: dict[str, np.ndarray] = field(default_factory=dict)
 
     @classmethod
     def of(cls, swarm: Swarm) -> "Senses":
@@ -91,9 +96,11 @@ class Senses:
         known = {one.name for one in fields(cls)}
         columns = {name: column for name, column in swarm.columns.items() if name in known}
         of_designs = {"forward": table.forward, "sensors": table.proximity, "bearing": table.bearing}
-        own = {name: swarm.columns[name] for name in table.readings}
-        act = {name: swarm.columns[f"{ACT}{name}"] for name in table.actions}
-        return cls(**columns, **of_designs, sideways=table.sideways, own=own, act=act)
+        more = {"own": {name: swarm.columns[name] for name in table.readings}}
+        for group in ("act", "send", "heard"):
+            first = f"{group}."
+            more[group] = {n.removeprefix(first): c for n, c in swarm.columns.items() if n.startswith(first)}
+        return cls(**columns, **of_designs, sideways=table.sideways, **more)
 
 
 class Layer(Protocol):
@@ -104,7 +111,9 @@ class Layer(Protocol):
     ``reason(moment) -> Reason``, why it drove a robot (`SwarmModel.explain`), and a fourth, ``unbind()``,
     which is called before another control takes the place of the one that it is in, and all columns are dropped.
     It may declare what it commands: ``commands_wheels`` is True for speeds of wheels left and right, False for speeds
-    forward and sideways. It is then refused for robots with a drive of the other kind.
+    forward and sideways. It is then refused for robots with a drive of the other kind. ``numbers`` is how many numbers
+    of a command it writes, 2 by default: it is refused for drives that take more or fewer. A layer for drives of all
+    kinds declares None.
     """
 
     @property
@@ -115,7 +124,7 @@ class Layer(Protocol):
         """Take what the layer needs: columns to remember in (`swarm.remember`), a random stream."""
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Write `command` (n, 2) and ``layer = index`` where the layer is active and `layer` is still -1.
+        """Write `command` (n, w) and ``layer = index`` where the layer is active and `layer` is still -1.
 
         There it may also write what the robot is to broadcast: `senses.task` and `senses.goal`.
         """

@@ -1,7 +1,7 @@
 """Fires as columns, as Mesa agents, and their history."""
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,6 +120,8 @@ class Fires:
 
 class Fire(ArenaAgent):
     """One fire: a handle on a row of `Fires`. Created by `SwarmModel.add_fire`."""
+
+    _stored_apart: ClassVar[tuple[str, ...]] = ("fires", "row")
 
     def __init__(self, space: Arena, model: Model, fires: Fires, row: int) -> None:
         self.fires = fires

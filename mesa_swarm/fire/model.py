@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterator, Sequence
+from typing import ClassVar
 
 import mesa
 import numpy as np
@@ -21,6 +22,12 @@ from mesa_swarm.world.statics import FIRE
 
 class FireModel(EngineModel):
     """A world of robots, obstacles, loads and fires; the parameters are those of `SwarmModel`, which records too."""
+
+    _stored_apart: ClassVar[tuple[str, ...]] = ("fires", "_fire_constants")
+    _numbers: ClassVar[dict[str, tuple[type, ...]]] = {
+        "_burns": (bool, np.bool_),
+        "extinguish_range": (float, int, np.float64),
+    }
 
     def __init__(
         self,
@@ -115,9 +122,12 @@ class FireModel(EngineModel):
         self.obstacles_changed()
 
     def _process(self) -> None:
+        if self._burns:
+            self._burn()
+        super()._process()
+
+    def _burn(self) -> None:
         """Let fires burn and heat robots."""
-        if not self._burns:
-            return
         if self._snapshots is not None:
             self._snapshots.note()
         columns, fires, c = self.swarm.columns, self.fires.columns, self.fire_constants

@@ -277,12 +277,12 @@ class PolicyLayer:
         returned = self.policy.act(senses.distance, senses.kind, chance, *memory, **numbers)
         shares = returned
         # Compiled code reads one row a robot, and is compiled anew for other kinds of arrays.
-        if type(returned) is not np.ndarray or returned.shape != command.shape or returned.dtype != DOUBLE:
+        if type(returned) is not np.ndarray or returned.shape != (len(layer), 2) or returned.dtype != DOUBLE:
             shares = _shares_of(returned)
-        if shares.shape != command.shape or not drive(shares, senses.max_speed, command, layer, index):
+        if shares.shape != (len(layer), 2) or not drive(shares, senses.max_speed, command, layer, index):
             raise BehaviourError(
                 f"{self.name}: its policy returned {described(returned)}; "
-                f"expected finite numbers of shape {command.shape}"
+                f"expected finite numbers of shape {(len(layer), 2)}"
             )
 
     def reason(self, moment: Moment) -> Reason:

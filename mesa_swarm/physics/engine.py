@@ -13,8 +13,8 @@ from mesa_swarm.physics.sensing import err, sense_inside, sense_line, sense_prox
 from mesa_swarm.physics.settle import settle
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.design import PERIOD
-from mesa_swarm.robots.drive import Drive, slipped_wheels
-from mesa_swarm.robots.swarm import Swarm
+from mesa_swarm.robots.drive import Drive, accelerate, slipped_wheels
+from mesa_swarm.robots.swarm import DRIVE_SPEED, Swarm
 
 FEWEST_CELLS = 64
 CELLS_PER_ROBOT = 4
@@ -28,8 +28,11 @@ class Engine(Protocol):
     def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
         """Write all readings; `draws` (n, s), uniform in [0, 1), are for the sensors' errors."""
 
-    def move(self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, draws: np.ndarray | None) -> None:
-        """Move all robots by their commands and resolve contacts; `draws` (n, 2) are for the wheels' slip."""
+    def move(self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, draws: np.ndarray | None) -> np.ndarray:
+        """Move all robots by their commands, resolve contacts, and return the speeds at which wheels rolled (n, w).
+
+        `draws` (n, w) are for the wheels' slip.
+        """
 
     def settle(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Move robots that overlap anything to free room nearby."""
@@ -59,8 +62,8 @@ class CompiledEngine:
             marks = surroundings.marks
             sense_line(position, heading, design, table.line, marks.edges, marks.rings, marks.discs, columns["line"])
 
-    def move(self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, draws: np.ndarray | None) -> None:
-        """Write position, heading, slip and the contact columns."""
+    def move(self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, draws: np.ndarray | None) -> np.ndarray:
+        """Write position, heading, slip and the contact columns; return the speeds at which wheels rolled."""
         self._prepare(swarm, surroundings)
         columns = swarm.columns
         position, heading, radius, number = (columns[name] for name in ("position", "heading", "radius", "number"))
@@ -71,7 +74,7 @@ class CompiledEngine:
             travel(position, heading, self._motion, radius, number, *fixed, *written)
             return self._extra_turn
 
-        move_by_commands(swarm, surroundings, draws, self._drives, self._motion, go)
+        return move_by_commands(swarm, surroundings, draws, self._drives, self._motion, go)
 
     def settle(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Move robots that overlap anything to free room nearby."""
@@ -144,8 +147,11 @@ def move_by_commands(
     drives: Rows,
     motion: np.ndarray,
     travel: Callable[[], np.ndarray],
-) -> None:
-    """Write the motion (n, 3), then slip; `travel` moves all robots by it and returns by how much faces turned each."""
+) -> np.ndarray:
+    """Write the motion (n, 3), then slip, and return the speeds at which wheels rolled (n, w).
+
+    `travel` moves all robots by the motion and returns by how much faces turned each.
+    """
     columns = swarm.columns
     wheels = rolling_wheels(swarm, draws)
     write_motion(swarm, drives, wheels, motion)
@@ -155,31 +161,37 @@ def move_by_commands(
         achieved_motion(before, columns["position"], heading_before, extra_turn, collided, motion)
         wheels = np.where(collided[:, None], wheels_of(swarm, drives, motion), wheels)
     slip_of(columns["command"], wheels, columns["slip"])
+    return wheels
 
 
 def rolling_wheels(swarm: Swarm, draws: np.ndarray | None) -> np.ndarray:
-    """Return the wheel speeds that slip leaves of the commands, shape (n, 2)."""
-    command = swarm.columns["command"]
+    """Return the wheel speeds that acceleration and slip leave of the commands, shape (n, w)."""
+    command, table = swarm.columns["command"], swarm.table
+    if table.limited:
+        reached = swarm.columns[DRIVE_SPEED]
+        accelerate(command, table.acceleration, swarm.columns["design"], table.sideways, reached)
+        command = reached
     if draws is None:
         return command
     wheels = np.empty_like(command)
-    slipped_wheels(command, *swarm.table.slip, swarm.columns["design"], draws, wheels)
+    slipped_wheels(command, *table.slip, swarm.columns["design"], draws, wheels)
     return wheels
 
 
 def write_motion(swarm: Swarm, drives: Rows, wheels: np.ndarray, motion: np.ndarray) -> None:
-    """Write the motion (n, 3) that wheel speeds (n, 2) make."""
+    """Write the motion (n, 3) that wheel speeds (n, w) make."""
     for drive, rows in drives:
         made = motion[rows]
-        drive.motion(wheels[rows], swarm.columns["radius"][rows], made)
+        drive.motion(wheels[rows, : getattr(drive, "numbers", 2)], swarm.columns["radius"][rows], made)
         motion[rows] = made
 
 
 def wheels_of(swarm: Swarm, drives: Rows, motion: np.ndarray) -> np.ndarray:
-    """Return the wheel speeds (n, 2) that would have made these motions (n, 3)."""
-    wheels = np.empty((len(motion), 2))
+    """Return the wheel speeds (n, w) that would have made these motions (n, 3)."""
+    wheels = np.zeros((len(motion), swarm.table.wheels))
     for drive, rows in drives:
-        made = wheels[rows]
+        own = slice(getattr(drive, "numbers", 2))
+        made = wheels[rows, own]
         drive.wheels(motion[rows], swarm.columns["radius"][rows], made)
-        wheels[rows] = made
+        wheels[rows, own] = made
     return wheels

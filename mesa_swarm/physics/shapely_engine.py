@@ -288,14 +288,14 @@ class ShapelyEngine:
         sense_radiation(swarm, surroundings, columns["radiation"])
         sense_line(swarm, surroundings, columns["line"])
 
-    def move(self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, draws: np.ndarray | None) -> None:
-        """Write position, heading, slip and the contact columns."""
+    def move(self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, draws: np.ndarray | None) -> np.ndarray:
+        """Write position, heading, slip and the contact columns; return the speeds at which wheels rolled."""
         motion = np.zeros((len(swarm), 3))
 
         def go() -> np.ndarray:
             return travel(swarm.columns, motion, turn_angle, self._solids_of(swarm, surroundings))
 
-        move_by_commands(swarm, surroundings, draws, drives_by_rows(swarm), motion, go)
+        return move_by_commands(swarm, surroundings, draws, drives_by_rows(swarm), motion, go)
 
     def settle(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Move robots that overlap anything to free room nearby."""

@@ -14,6 +14,7 @@ from mesa_swarm.fire.model import FireModel
 from mesa_swarm.recording.layout import population_of
 from mesa_swarm.recording.schema import checked_content
 from mesa_swarm.recording.sealed_stream import INTERVENTION
+from mesa_swarm.state import declared, fingerprint
 
 MOST_NAMED = 5
 
@@ -76,46 +77,46 @@ CHANGES = (
     *(f"{name} of robots" for name in OF_ROBOTS),
     *(f"{name} of fires" for name in OF_FIRES),
     "pose or resistance of loads",
+    "values of fields",
 )
 ROBOTS, FIRES, BYTES = itemgetter(*OF_ROBOTS), itemgetter(*OF_FIRES), np.ndarray.tobytes
-# Attributes of a model that change when it is read or when Mesa counts a step, and on which no step depends.
-IGNORED = frozenset(
-    (
-        *("steps", "_time", "time", "_sensed", "_noise", "_scene", "_scene_table", "_senses", "_senses_version"),
-        *("_snapshots", "observers", "datacollector", "_collect_every", "_batch_context", "_suppress", "subscribers"),
-        *("agent_id_counter",),
-    )
-)
 
 
 class ChangeDetector:
     """Change detection between steps, in a few microseconds.
 
     Detected are robots, obstacles, loads and fires that were added or removed; whatever their handles set, columns of
-    `OF_ROBOTS` and `OF_FIRES` that were written directly, and loads that were moved; every attribute of the model that
-    was replaced: `control`, `fire_constants`, `imperfections`, `communication`, a number, a text.
+    `OF_ROBOTS` and `OF_FIRES` that were written directly, loads that were moved, values of fields; every attribute of
+    the model that was replaced: `control`, `fire_constants`, `imperfections`, `communication`, a number, a text; and
+    whatever changed in `model.state`, processes and other declared state.
 
-    Not detected are attributes that change when a model is read (`IGNORED`), such as its data collector; draws from the
-    model's random streams; changes within an attribute, such as a list, an array, a learner or the memory of a layer;
-    other columns that were written directly; attributes of agents. What a failed step has left behind is reported like
-    a change by hand.
+    Not detected are attributes that change when a model is read (`World._fleeting`), such as its data collector; draws
+    from the model's random streams; changes within an attribute, such as a list, an array, a learner or the memory of a
+    layer; other columns that were written directly; attributes of agents. What a failed step has left behind is
+    reported like a change by hand.
     """
 
-    __slots__ = ("_attributes", "_objects")
+    __slots__ = ("_attributes", "_declared", "_fleeting", "_objects")
 
     def __init__(self, model: FireModel) -> None:
         self._objects = _objects(model)
         self._attributes = model.__dict__.copy()
+        self._fleeting = declared(model, "_fleeting")
+        self._declared = _declared(model)
 
     def changes(self, model: FireModel) -> list[str]:
         """Return the names of what has changed in the model, an empty list if nothing has."""
         was, now, objects = self._attributes, model.__dict__, _objects(model)
+        stated = _declared(model)
         # Nothing was replaced, as a rule: seen at once where names stand in the same order.
         replaced = compress(now, map(is_not, was.values(), now.values()))
-        if objects == self._objects and len(was) == len(now) and IGNORED.issuperset(replaced):
+        unchanged = objects == self._objects and stated == self._declared
+        if unchanged and len(was) == len(now) and self._fleeting.issuperset(replaced):
             return []
-        names = [name for name in {**was, **now} if name not in IGNORED and not _same(name, was, now)]
+        names = [name for name in {**was, **now} if name not in self._fleeting and not _same(name, was, now)]
         changes = [name.lstrip("_") for name in names] + self._of_objects(objects)
+        different = [name for name in {**self._declared, **stated} if self._declared.get(name) != stated.get(name)]
+        changes += [name for name in different if name not in changes]
         return changes or ([CHANGES[1]] if objects != self._objects else [])
 
     def _of_objects(self, objects: tuple) -> list[str]:
@@ -123,6 +124,14 @@ class ChangeDetector:
         if CHANGES[0] in different:  # all columns have other rows then
             return [CHANGES[0]]
         return [name for name in different if name != CHANGES[1]]
+
+
+def _declared(model: FireModel) -> dict[str, bytes]:
+    """Return a fingerprint of each declared value and process by name, of most models none."""
+    if not (model._state or model._processes or model._parts):
+        return {}
+    state = {f"state of {name}": fingerprint(value) for name, value in model._state.items()}
+    return state | {name: fingerprint(value) for name, value in model._stated_parts()}
 
 
 def _same(name: str, was: dict, now: dict) -> bool:
@@ -139,4 +148,5 @@ def _objects(model: FireModel) -> tuple[Any, ...]:
         *map(BYTES, ROBOTS(swarm.columns)),
         *map(BYTES, FIRES(model.fires.columns)),
         [(load.pose, load.resistance) for load in model._loads] if model._loads else (),
+        [field.changes for field in model._fields.values()] if model._fields else (),
     )

@@ -1,10 +1,12 @@
 """Checkpoints: everything a model needs to continue."""
 
-from collections.abc import Sequence
-from typing import Any, Protocol, runtime_checkable
+import json
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
-from mesa.agent import Agent
+from mesa.agent import Agent, AgentSet
 
 from mesa_swarm.control.arbiter import MOST_LAYERS
 from mesa_swarm.errors import RecordingError, SwarmError, in_words, shortened
@@ -18,7 +20,7 @@ from mesa_swarm.recording.collected import (
     restore_collected,
     set_clock,
 )
-from mesa_swarm.recording.container import Checkpoint, Packed
+from mesa_swarm.recording.container import ATOMS, PLACES, Checkpoint, Packed
 from mesa_swarm.recording.parts import (
     control_from_json,
     control_to_json,
@@ -28,51 +30,18 @@ from mesa_swarm.recording.parts import (
     restore_objects,
 )
 from mesa_swarm.robots.design import LARGEST_RADIUS
+from mesa_swarm.state import Checkpointed, attributes_of, declared
 
-# Attributes that are stored separately, follow from what is stored, or only describe how the model is viewed.
-# First Mesa's, then ours.
-HANDLED = frozenset(
-    (
-        *("steps", "step", "rng", "_rng", "random", "_seed", "_user_step", "_agents", "_agents_by_type", "_all_agents"),
-        *("subscribers", "_batch_context", "_suppress", "_time", "agent_id_counter", "_simulator", "_event_list"),
-        *("_event_generators", "_scenario", "_default_schedule", "data_registry"),
-        *("given", "_engine", "map", "streams", "space", "swarm", "fires", "_obstacles", "_loads", "_scene"),
-        *("_scene_table", "observers", "_channel", "_fire_constants", "_senses", "_senses_version", "_sensed"),
-        *("_noise", "_imperfect", "_own_parts", "datacollector", "_collect_every", "_control", "_snapshots"),
-    )
-)
-HANDLED_OF_AGENTS = frozenset(
-    (
-        *("model", "unique_id", "space", "_mesa_index", "pos", "swarm", "row", "fires", "shape", "form", "pose"),
-        *("_resistance", "moved", "pushers"),
-    )
-)
-# Attributes that every model has and computes with.
-OF_EVERY_MODEL = {
-    **dict.fromkeys(("_burns", "running"), (bool, np.bool_)),
-    **dict.fromkeys(("collisions", "total_collisions", "_completed"), (int,)),
-    **dict.fromkeys(("_turn_angle", "extinguish_range"), (float, int, np.float64)),
-}
 LARGEST_NUMBER = 1e15
+# Attributes of each of Mesa's agents that are stored with what the model contains.
+OF_AGENTS = frozenset({"model", "unique_id"})
 # Bit generators of which every state is valid.
 GENERATORS = ("PCG64", "PCG64DXSM")
+# Kinds of references to parts of a model.
+REFERENCES = ("of_model", "process", "part_named", "layer", "field")
 # Of the state of Python's generator.
 WORDS = 625
 OURS = ("mesa_swarm.control.", "mesa_swarm.fire.")
-
-
-@runtime_checkable
-class Checkpointed(Protocol):
-    """An attribute of the model, or a layer of its control, with a state of its own: a learner for example.
-
-    A layer whose whole memory is in columns of the swarm (`Swarm.remember`) needs neither method.
-    """
-
-    def checkpoint(self) -> dict:
-        """Return all that a later step depends on: arrays and plain values (`container.Packed`) by name."""
-
-    def restore(self, state: dict) -> None:
-        """Restore what `checkpoint` returned."""
 
 
 class _ModelPacked(Packed):
@@ -89,6 +58,8 @@ class _ModelPacked(Packed):
             if value not in self.model.agents:
                 raise RecordingError(f"{what} refers to an agent that is not in the model, which cannot be stored")
             return {"agent": value.unique_id}
+        if type(value) is AgentSet:
+            return {"agents": [self.pack(agent, what) for agent in value]}
         return super().pack(value, what, depth)
 
     def unpack(self, content: Any) -> Any:
@@ -97,14 +68,17 @@ class _ModelPacked(Packed):
             if self._agents is None:
                 self._agents = {agent.unique_id: agent for agent in self.model.agents}
             return self._agents[content["agent"]]
+        if isinstance(content, dict) and "agents" in content:
+            return AgentSet([self.unpack(agent) for agent in content["agents"]], random=self.model.random)
         return super().unpack(content)
 
 
 def checkpoint_of(model: FireModel, since: dict[Path, int] | None = None, *, steps: int | None = None) -> Checkpoint:
     """Return the complete state of a model, between two steps; an error names what cannot be stored.
 
-    Stored are the swarm, obstacles, loads, fires, radio, control, all random streams, Mesa's counters, collected data,
-    and all other attributes of the model that are plain, or have `checkpoint` and `restore`. Snapshots of `watch` are
+    Stored are the swarm, obstacles, loads, fires, radio, control, processes, the declared state, all random streams,
+    Mesa's counters, collected data, and all other attributes of the model that are plain, or have `checkpoint` and
+    `restore`. An array that is found in two of these is one array again when it is restored. Snapshots of `watch` are
     not. `since` has the lengths of the collected series at the last checkpoint (`lengths_of`): only values added since
     then are stored. `steps` is what Mesa had counted, if it has already counted a step that has not begun.
     """
@@ -117,6 +91,7 @@ def checkpoint_of(model: FireModel, since: dict[Path, int] | None = None, *, ste
         "things": objects_to_json(model),
         "columns": {name: packed.pack(column) for name, column in sorted(model.swarm.columns.items())},
         "disturbed": model.swarm.disturbed,
+        **({"scalars": packed.pack(model._fields_as_stored())} if model.fields else {}),
         "fires": {name: packed.pack(column) for name, column in model.fires.columns.items()},
         "collect_every": model.collect_every,
         "history": [model.fires.history.every, list(model.fires.history._places), model.fires.history._fires],
@@ -131,8 +106,9 @@ def checkpoint_of(model: FireModel, since: dict[Path, int] | None = None, *, ste
             name: packed.pack(reporter.checkpoint(), f"reporter {name}")
             for name, reporter in reporters_of(model).items()
         },
-        "attributes": {n: _attribute(v, n, packed) for n, v in model.__dict__.items() if n not in HANDLED},
+        "attributes": {n: attribute_to_json(v, n, packed) for n, v in own_attributes(model).items()},
         "of_things": _agent_attributes(model, packed),
+        **_declared_to_json(model, packed),
     }
     return Checkpoint(step=model.completed, state_hash=state_hash, facts=facts, arrays=packed.arrays)
 
@@ -158,11 +134,15 @@ def restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpoi
 def _restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpoint]) -> None:
     facts, packed = checkpoint.facts, _ModelPacked(model, checkpoint.arrays)
     restore_objects(model, facts["things"])
+    model._restore_fields(packed.unpack(facts.get("scalars", [])))
     model.fire_constants = part_from_json(facts["constants"])
-    _restore_control(model, facts, packed)
+    _restore_control(model, facts)
+    _adopt(model, facts, packed)
+    _restore_control_state(model, facts, packed)
     set_clock(model, facts["steps"])
     model.collect_every = facts.get("collect_every", model.collect_every)  # absent from older checkpoints
     _restore_attributes(model, facts, packed)
+    _restore_declared(model, facts, packed)
     _restore_columns(model.swarm.columns, facts["columns"], packed)
     _restore_columns(model.fires.columns, facts["fires"], packed)
     _check_columns(model)
@@ -178,12 +158,43 @@ def _restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpo
     model.swarm.disturbed = bool(facts["disturbed"])
 
 
+def _adopt(model: FireModel, facts: dict, packed: Packed) -> None:
+    """Let the columns, the arrays of parts, and those that a layer or a process restores itself, remain the same."""
+    for columns, stored in ((model.swarm.columns, facts["columns"]), (model.fires.columns, facts["fires"])):
+        for name in columns.keys() & stored.keys():
+            packed.adopt(stored[name], columns[name], write=False)
+    for name, arrays in facts.get("parts", {}).items():
+        if name in model._parts:
+            packed.adopt(arrays, model._parts[name].arrays())
+    owners = [(state, owner) for state, owner in _states_of(model, facts) if isinstance(owner, Checkpointed)]
+    shared = _shared_places(facts) if owners else frozenset()
+    for state, owner in owners:
+        if isinstance(state, dict) and shared:
+            packed.adopt(state.get("own"), owner.checkpoint(), shared)
+
+
+def _states_of(model: FireModel, facts: dict) -> Iterator[tuple[Any, object]]:
+    """Iterate over what was stored of layers, processes and attributes, each with what the model has now."""
+    _, *states = facts["control_state"] or (None,)
+    yield from zip(states, getattr(model.control, "layers", ()), strict=False)
+    yield from ((state, model._processes.get(number)) for number, _, state in facts.get("processes", ()))
+    yield from ((state, model.__dict__.get(name)) for name, state in facts["attributes"].items())
+
+
+def _shared_places(facts: dict) -> frozenset[int]:
+    """Return the numbers of the arrays that are found in more than one place."""
+    found = {name: value for name, value in facts.items() if name != "collected"}
+    places = Counter(PLACES.findall(json.dumps(found, separators=(",", ":"))))
+    return frozenset(int(place) for place, count in places.items() if count > 1)
+
+
 def _restore_columns(columns: dict[str, np.ndarray], stored: dict, packed: Packed) -> None:
     """Write stored columns into those of a model, which must have the same types and shapes."""
     if stored.keys() != columns.keys():
         odd = sorted(stored.keys() ^ columns.keys())
         raise RecordingError(f"column {shortened(odd[0])} is in the model or in the checkpoint, but not in both")
-    values = {name: packed.unpack(column) for name, column in stored.items()}
+    apart = Packed(packed.arrays)  # the columns themselves may be what others view
+    values = {name: apart.unpack(column) for name, column in stored.items()}
     for name, column in columns.items():
         value = values[name]
         if not isinstance(value, np.ndarray) or value.dtype != column.dtype or value.shape != column.shape:
@@ -245,7 +256,7 @@ def _layer_state(layer: Any, packed: _ModelPacked) -> object:
 
 def _inner(values: dict, what: str, packed: _ModelPacked) -> dict:
     swarm = packed.model.swarm
-    return {n: _attribute(v, f"{what}'s {n}", packed) for n, v in values.items() if v is not swarm}
+    return {n: attribute_to_json(v, f"{what}'s {n}", packed) for n, v in values.items() if v is not swarm}
 
 
 def _restore_imperfect(model: FireModel, stored: list | None) -> None:
@@ -260,7 +271,7 @@ def _restore_imperfect(model: FireModel, stored: list | None) -> None:
         model._imperfect.key = key
 
 
-def _restore_control(model: FireModel, facts: dict, packed: _ModelPacked) -> None:
+def _restore_control(model: FireModel, facts: dict) -> None:
     """Restore the radio and the control, unless the model's constructor has made the same."""
     _restore_imperfect(model, facts.get("imperfect"))
     radio = part_from_json(facts["radio"])
@@ -268,6 +279,9 @@ def _restore_control(model: FireModel, facts: dict, packed: _ModelPacked) -> Non
         model.communication = radio
     if control_to_json(model.control) != facts["control"]:
         model.control = control_from_json(facts["control"])
+
+
+def _restore_control_state(model: FireModel, facts: dict, packed: _ModelPacked) -> None:
     if model.control is None:
         return
     arbiter, *layers = facts["control_state"]
@@ -283,11 +297,83 @@ def _restore_inner(owner: object, state: dict, packed: _ModelPacked) -> None:
     if state and type(owner).__module__.startswith(OURS):
         raise RecordingError(f"{type(owner).__name__} has no state of its own")
     for name, content in state.items():
-        object.__setattr__(owner, name, _value(getattr(owner, name, None), name, content, packed))
+        object.__setattr__(owner, name, attribute_from_json(getattr(owner, name, None), name, content, packed))
 
 
-def _attribute(value: object, name: str, packed: _ModelPacked) -> object:
-    """Return an attribute as JSON: plain, a random generator, or an object with a state of its own."""
+def _declared_to_json(model: FireModel, packed: _ModelPacked) -> dict:
+    """Return `model.state`, processes and parts, without those of which there are none."""
+    declared_state = {
+        "state": model._state and packed.pack(dict(model._state), "state"),
+        "processes": [_process_to_json(place, process, packed) for place, process in model._processes.items()],
+        "parts": {name: packed.pack(part.arrays(), name) for name, part in model._parts.items()},
+    }
+    return {name: content for name, content in declared_state.items() if content}
+
+
+def _process_to_json(number: int, process: object, packed: _ModelPacked) -> list:
+    kind = type(process)
+    what = f"process {kind.__name__}"
+    if isinstance(process, Checkpointed):
+        state: dict = {"own": packed.pack(process.checkpoint(), what)}
+    else:
+        state = _inner(attributes_of(process), what, packed)
+    return [number, f"{kind.__module__}.{kind.__qualname__}", state]
+
+
+def _restore_declared(model: FireModel, facts: dict, packed: _ModelPacked) -> None:
+    model.state = packed.unpack(facts["state"]) if "state" in facts else {}
+    stored = {number: (kind, state) for number, kind, state in facts.get("processes", ())}
+    for number, process in list(model._processes.items()):
+        if number not in stored:
+            model.remove_process(process)
+    for number, (kind, state) in stored.items():
+        own: Any = model._processes.get(number)
+        if own is None or f"{type(own).__module__}.{type(own).__qualname__}" != kind:
+            raise RecordingError(
+                f"process {shortened(kind)} is not one that the constructor of {type(model).__name__} adds; "
+                "add it in the constructor of a class derived from SwarmModel"
+            )
+        _restore_process(own, state, packed)
+    _restore_parts(model, facts.get("parts", {}), packed)
+
+
+def _restore_process(process: Any, state: dict, packed: _ModelPacked) -> None:
+    if isinstance(process, Checkpointed):
+        process.restore(packed.unpack(state["own"]))
+        return
+    for name in [name for name in getattr(process, "__dict__", {}) if name not in state]:
+        delattr(process, name)
+    for name, content in state.items():
+        value = attribute_from_json(getattr(process, name, None), name, content, packed)
+        object.__setattr__(process, name, value)
+
+
+def _restore_parts(model: FireModel, stored: dict, packed: _ModelPacked) -> None:
+    """Write the stored arrays of parts that were not adopted; refuse other names, types and shapes."""
+    if stored.keys() != model._parts.keys():
+        odd = sorted(stored.keys() ^ model._parts.keys())
+        raise RecordingError(f"{shortened(odd[0])} is in the model or in the checkpoint, but not in both")
+    for name, part in model._parts.items():
+        values = packed.unpack(stored[name])
+        for key, array in part.arrays().items():
+            value = values.get(key)
+            if not isinstance(value, np.ndarray) or (value.dtype, value.shape) != (array.dtype, array.shape):
+                raise RecordingError(f"{key} of {name} does not match the model; expected {array.dtype} {array.shape}")
+            if value is not array:
+                array[...] = value
+
+
+def own_attributes(model: FireModel) -> dict[str, Any]:
+    """Return the attributes of a model that are stored as they are."""
+    apart = declared(model, "_stored_apart")
+    return {name: value for name, value in model.__dict__.items() if name not in apart}
+
+
+def attribute_to_json(value: object, name: str, packed: _ModelPacked) -> object:
+    """Return an attribute as JSON: plain, a random generator, a part of the model, or an object with a state."""
+    reference = None if type(value) in ATOMS else _reference(value, packed.model)
+    if reference is not None:
+        return reference
     if isinstance(value, np.random.Generator):
         return {"generator": _generator(value, name, packed)}
     if isinstance(value, Checkpointed) and not isinstance(value, type):
@@ -304,22 +390,50 @@ def _attribute(value: object, name: str, packed: _ModelPacked) -> object:
             raise RecordingError(f"{error}; give its class checkpoint() and restore(state)") from None
 
 
+def _reference(value: object, model: FireModel) -> dict | None:
+    """Return which part of the model an object is: the model itself, or what it stores apart; None if it is neither."""
+    if value is model:
+        return {"of_model": ""}
+    apart = declared(model, "_stored_apart")
+    names = [name for name in sorted(apart & model.__dict__.keys()) if model.__dict__[name] is value]
+    found = [{"of_model": name} for name in names]
+    for kind, owners in _owners(model).items():
+        found += [{kind: key} for key, owner in owners.items() if owner is value]
+    return found[0] if found else None
+
+
+def _owners(model: FireModel) -> dict[str, dict]:
+    """Return by their keys the objects whose state is stored, to which attributes may refer."""
+    layers = dict(enumerate(getattr(model.control, "layers", ())))
+    return {"process": model._processes, "part_named": model._parts, "layer": layers, "field": model._fields or {}}
+
+
+def _referred(kind: str, which: Any, model: FireModel) -> object:
+    """Return the object for which `_reference` returned this."""
+    if kind == "of_model":
+        if which not in declared(model, "_stored_apart") | {""}:
+            raise RecordingError(f"{shortened(which)} is not a part of a model")
+        return model.__dict__[which] if which else model
+    return _owners(model)[kind][which]
+
+
 def _restore_attributes(model: FireModel, facts: dict, packed: _ModelPacked) -> None:
     attributes = facts["attributes"]
-    _refuse(HANDLED & attributes.keys())
-    for name in [name for name in model.__dict__ if name not in HANDLED and name not in attributes]:
+    _refuse(declared(model, "_stored_apart") & attributes.keys())
+    for name in own_attributes(model).keys() - attributes.keys():
         del model.__dict__[name]
     for name, content in attributes.items():
-        model.__dict__[name] = _value(model.__dict__.get(name), name, content, packed)
-    for name, kinds in OF_EVERY_MODEL.items():
+        model.__dict__[name] = attribute_from_json(model.__dict__.get(name), name, content, packed)
+    numbers = {name: kinds for base in type(model).__mro__ for name, kinds in vars(base).get("_numbers", {}).items()}
+    for name, kinds in numbers.items():
         number: Any = getattr(model, name, None)
         if type(number) not in kinds or not 0 <= number < LARGEST_NUMBER:
             raise RecordingError(f"invalid {name}: {shortened(number)}")
     agents = {agent.unique_id: agent for agent in model.agents}
     for unique_id, values in facts["of_things"]:
-        _refuse(HANDLED_OF_AGENTS & values.keys())
+        _refuse(apart_of_agent(agents[unique_id]) & values.keys())
         for name, content in values.items():
-            agents[unique_id].__dict__[name] = _value(None, name, content, packed)
+            agents[unique_id].__dict__[name] = attribute_from_json(None, name, content, packed)
 
 
 def _refuse(names: frozenset[str]) -> None:
@@ -327,7 +441,8 @@ def _refuse(names: frozenset[str]) -> None:
         raise RecordingError(f"attribute {min(names)} is not part of a state")
 
 
-def _value(now: object, name: str, content: dict, packed: _ModelPacked) -> object:
+def attribute_from_json(now: object, name: str, content: dict, packed: _ModelPacked) -> object:
+    """Return the attribute for which `attribute_to_json` returned this; what has a state of its own stays the same."""
     ((kind, value),) = content.items()
     if kind == "generator":
         if not isinstance(now, np.random.Generator):
@@ -341,14 +456,22 @@ def _value(now: object, name: str, content: dict, packed: _ModelPacked) -> objec
         return now
     if kind == "column":
         return packed.model.swarm.columns[value]
+    if kind in REFERENCES:
+        return _referred(kind, value, packed.model)
     return part_from_json(value) if kind == "part" else packed.unpack(value)
+
+
+def apart_of_agent(agent: Agent) -> frozenset[str]:
+    """Return the names of the attributes of an agent that are not stored as they are."""
+    return declared(agent, "_stored_apart") | OF_AGENTS
 
 
 def _agent_attributes(model: FireModel, packed: Packed) -> list:
     """Return the attributes that users have added to robots and other agents."""
     extra = []
     for agent in model.agents:
-        names = [name for name in agent.__dict__ if name not in HANDLED_OF_AGENTS]
+        apart = apart_of_agent(agent)
+        names = [name for name in agent.__dict__ if name not in apart]
         if names:
             what = f"{type(agent).__name__} {agent.unique_id}'s "
             own = {name: {"plain": packed.pack(agent.__dict__[name], what + name)} for name in names}

@@ -2,7 +2,6 @@
 
 import json
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import accumulate, pairwise
@@ -12,13 +11,12 @@ import numpy as np
 
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.fire.model import FireModel
-from mesa_swarm.recording.container import Checkpoint, Packed, memory_of
+from mesa_swarm.recording.container import PLACES, Checkpoint, Packed, memory_of
 
 MOST_STEPS = 100_000_000
 # Types of which one array holds all values exactly.
 UNIFORM = {float: np.float64, bool: np.bool_, np.float64: np.float64, np.int64: np.int64, np.bool_: np.bool_}
-# References to arrays in packed values. Bytes that Python needs for a value of an array, and for a row, in a list.
-PLACES = re.compile(r'"(?:array|number)":(\d{1,9})\b')
+# Bytes that Python needs for a value of an array, and for a row, in a list.
 OF_VALUE, OF_ROW = 48, 128
 # Limit in bytes of all that was collected up to a stored state, or as a multiple of the size of the recording.
 MOST_COLLECTED, MOST_PACKED = 100_000_000, 64
@@ -102,7 +100,7 @@ def collected_to_json(model: FireModel, packed: Packed, since: dict[Path, int]) 
 def without_rest(checkpoint: Checkpoint) -> Checkpoint:
     """Return a checkpoint reduced to what it collected, which is all that later ones refer to."""
     collected = checkpoint.facts["collected"]
-    needed, empty = _places(_json(collected)), np.empty(0)
+    needed, empty = set(_places(_json(collected))), np.empty(0)
     arrays = [array.copy() if place in needed else empty for place, array in enumerate(checkpoint.arrays)]
     return replace(checkpoint, facts={"collected": collected}, arrays=arrays)
 
@@ -110,8 +108,8 @@ def without_rest(checkpoint: Checkpoint) -> Checkpoint:
 def size_of_collected(checkpoint: Checkpoint) -> int:
     """Return an upper estimate of the bytes that the collected data of a checkpoint take in a model."""
     text = _json(checkpoint.facts["collected"])
-    places = _places(text)
-    arrays = [array for place, array in enumerate(checkpoint.arrays) if place in places]
+    # As often as they are referred to: each time the values become a list.
+    arrays = [checkpoint.arrays[place] for place in _places(text) if place < len(checkpoint.arrays)]
     spread = sum(OF_VALUE * math.prod(max(width, 1) for width in array.shape) for array in arrays)
     return memory_of(text) + spread + sum(OF_ROW * len(array) for array in arrays if array.ndim > 1)
 
@@ -198,8 +196,8 @@ def _json(content: list) -> str:
     return json.dumps(content, separators=(",", ":"))
 
 
-def _places(text: str) -> set[int]:
-    return set(map(int, PLACES.findall(text)))
+def _places(text: str) -> list[int]:
+    return list(map(int, PLACES.findall(text)))
 
 
 def _unpack(content: Any, packed: Packed) -> list:

@@ -12,12 +12,8 @@ import numpy as np
 import pyarrow as pa
 
 from mesa_swarm.errors import RecordingError, shortened
+from mesa_swarm.state import ATOMS, DEEPEST, KINDS, SEQUENCES
 
-ATOMS = (bool, int, str, float, type(None))
-# An array of these kinds is its bytes: bool, integers, real and complex numbers, bytes, text, dates and durations.
-KINDS = frozenset("biufcSUmM")
-DEEPEST = 100
-SEQUENCES: dict[str, type] = {kind.__name__: kind for kind in (list, tuple, set, frozenset, deque)}
 MAGIC = b"swarm checkpoint 1\n"
 LENGTH = 8
 # No state is larger; nor may reading it take more memory than this, or than this multiple of its size in the file, so
@@ -26,6 +22,8 @@ LARGEST = 1 << 30
 MOST_MEMORY, MOST_TIMES = 100_000_000, 4
 MOST_AXES = 32
 CODEC = pa.Codec("zstd", compression_level=1)
+# References to arrays in packed values, as JSON without spaces.
+PLACES = re.compile(r'"(?:array|number)":(\d{1,9})\b')
 # `KINDS` with their widths; objects and records are never stored.
 DTYPE = re.compile(
     r"[<>|=]?(b1|[iu][1248]|f(2|4|8|12|16)|c(8|16|24|32)|[SU][1-9]\d{0,6}|[mM]8(\[\d{0,6}[A-Za-z]{1,2}\])?)"
@@ -36,7 +34,8 @@ class Packed:
     """Plain values of a checkpoint: JSON, and the arrays beside it.
 
     Numbers, texts, None, arrays, and lists, tuples, sets, deques and dicts of these are restored with their types and
-    bits.
+    bits. An array that is found in two places is stored once and remains one array, and views of an array remain views
+    of it.
 
     Examples
     --------
@@ -46,11 +45,19 @@ class Packed:
     {'dict': [[1, {'tuple': [2.5, {'array': 0}]}]]}
     >>> packed.unpack(content)
     {1: (2.5, array([0, 1, 2]))}
+    >>> trail = np.zeros(2)
+    >>> first, second = packed.unpack(packed.pack([trail, trail]))
+    >>> first is second
+    True
     """
 
     def __init__(self, arrays: list[np.ndarray] | None = None) -> None:
         self.arrays = [] if arrays is None else arrays
-        self._taken: set[int] = set()
+        # Packed arrays by their id, with their content: those that are in use keep it. And by that of their root, the
+        # array whose memory they view.
+        self._known: dict[int, tuple[np.ndarray, dict]] = {}
+        self._of_root: dict[int, list[tuple[np.ndarray, dict]]] = {}
+        self._made: dict[object, np.ndarray] = {}
 
     def pack(self, value: Any, what: str = "a value", depth: int = 0) -> object:
         """Return a value as JSON, in which numbers stand for arrays."""
@@ -60,7 +67,8 @@ class Packed:
         if kind in ATOMS:
             return value
         if isinstance(value, (np.ndarray, np.generic)):
-            return {"array" if kind is np.ndarray else "number": self._added(value, what)}
+            plain: Any = value
+            return self._packed_array(plain, what) if kind is np.ndarray else {"number": self._added(value, what)}
         if kind is bytes:
             return {"bytes": base64.b64encode(value).decode()}
         if kind is complex:
@@ -93,8 +101,7 @@ class Packed:
     def _unpacked(self, content: dict) -> Any:
         name, given = list(content.items())[0]  # noqa: RUF015 - the caller expects an IndexError, not StopIteration
         if name in ("array", "number"):
-            array = self._array(given)
-            return array.copy() if name == "array" else array[()]
+            return self._unpacked_array(given, content.get("view")) if name == "array" else self._array(given)[()]
         if name == "dict":
             return {self.unpack(key): self.unpack(value) for key, value in given}
         if name == "deque":
@@ -117,10 +124,110 @@ class Packed:
         return len(self.arrays) - 1
 
     def _array(self, place: object) -> np.ndarray:
-        if type(place) is not int or not 0 <= place < len(self.arrays) or place in self._taken:
-            raise RecordingError(f"array {shortened(place)} is not stored, or was read already")
-        self._taken.add(place)  # each is stored for one value: many references to one array would fill the memory
+        if type(place) is not int or not 0 <= place < len(self.arrays):
+            raise RecordingError(f"array {shortened(place)} is not stored")
         return self.arrays[place]
+
+    def adopt(self, content: Any, live: Any, places: frozenset[int] | None = None, *, write: bool = True) -> None:
+        """Let arrays of a model, within a value that is now where another was packed, be those that are unpacked.
+
+        They take the stored values, unless `write` is False. `places` limits this to arrays with these numbers.
+        """
+        if isinstance(live, np.ndarray):
+            self._adopt_array(content, live, places, write)
+        elif isinstance(live, dict) and isinstance(content, dict) and "dict" in content:
+            for key, value in content["dict"]:
+                if type(key) in ATOMS and key in live:
+                    self.adopt(value, live[key], places, write=write)
+        elif isinstance(live, (list, tuple)):
+            inner = content.get(type(live).__name__, ()) if isinstance(content, dict) else content
+            if isinstance(inner, list):
+                for one, own in zip(inner, live, strict=False):
+                    self.adopt(one, own, places, write=write)
+
+    def _adopt_array(self, content: Any, live: np.ndarray, places: frozenset[int] | None, write: bool) -> None:
+        if not isinstance(content, dict) or "array" not in content or not live.flags.writeable:
+            return
+        place, view = content["array"], content.get("view")
+        if place in self._made or (places is not None and place not in places):
+            return
+        stored = self._array(place)
+        whole = live.size == stored.size and live.dtype == stored.dtype and live.flags.c_contiguous
+        layout = [0, list(live.shape), list(live.strides)]
+        if not whole or (live.shape != stored.shape if view is None else layout != view):
+            return
+        self._made[place] = live
+        if view:
+            self._made[_key_of(place, view)] = live
+        if write:
+            live.reshape(-1)[...] = stored.reshape(-1)
+
+    def _packed_array(self, value: np.ndarray, what: str) -> dict:
+        if id(value) not in self._known:
+            # The root stays in memory with the value, and so does its id.
+            self._known[id(value)] = (value, self._new_content(value, _root_of(value), what))
+        return self._known[id(value)][1]
+
+    def _new_content(self, value: np.ndarray, root: np.ndarray, what: str) -> dict:
+        """Return the content of an array; arrays that view one other array are stored as views of it."""
+        relatives = self._of_root.setdefault(id(root), [])
+        similar = _is_part(value, root)
+        for other, _ in relatives:
+            if not (similar and _is_part(other, root)) and np.shares_memory(value, other):
+                raise RecordingError(f"{what} is a view of an array with another type or shape, which cannot be stored")
+        joined = [pair for pair in relatives if similar and _is_part(pair[0], root)]
+        content = self._view_content(value, root, *joined[0], what) if joined else {"array": self._added(value, what)}
+        relatives.append((value, content))
+        return content
+
+    def _view_content(self, value: np.ndarray, root: np.ndarray, first: np.ndarray, content: dict, what: str) -> dict:
+        memory = np.asarray(root).ravel(order="K")
+        if not np.shares_memory(memory, root):
+            raise RecordingError(f"{what} is a view of an array that is not contiguous, which cannot be stored")
+        if "view" not in content:
+            self.arrays[content["array"]] = memory
+            content["view"] = _layout_of(first, memory)
+        return {"array": content["array"], "view": _layout_of(value, memory)}
+
+    def _unpacked_array(self, place: Any, view: Any) -> np.ndarray:
+        key = place if view is None else _key_of(place, view)
+        if key not in self._made:
+            stored = self._array(place)
+            if place not in self._made:
+                self._made[place] = stored.copy()
+            if view is not None:
+                self._made[key] = _viewed(self._made[place], *view)
+        return self._made[key]
+
+
+def _root_of(array: np.ndarray) -> np.ndarray:
+    """Return the array whose memory an array views; if it is not a view, the array itself."""
+    while isinstance(array.base, np.ndarray):
+        array = array.base
+    return array
+
+
+def _is_part(array: np.ndarray, root: np.ndarray) -> bool:
+    """Return whether an array can be stored as a view of its root."""
+    return array.dtype == root.dtype and 0 < array.nbytes <= root.nbytes
+
+
+def _layout_of(array: np.ndarray, memory: np.ndarray) -> list:
+    """Return where an array lies in memory: offset in bytes, shape, and strides."""
+    offset = array.__array_interface__["data"][0] - memory.__array_interface__["data"][0]
+    return [offset, list(array.shape), list(array.strides)]
+
+
+def _key_of(place: Any, view: Any) -> tuple:
+    offset, shape, strides = view
+    return place, offset, tuple(shape), tuple(strides)
+
+
+def _viewed(whole: np.ndarray, offset: int, shape: list, strides: list) -> np.ndarray:
+    """Return a view of an array, which cannot reach beyond it, nor be larger."""
+    if len(shape) > MOST_AXES or math.prod(shape) > whole.size:
+        raise ValueError
+    return np.ndarray(tuple(shape), whole.dtype, whole.reshape(-1), offset, tuple(strides))
 
 
 @dataclass(kw_only=True, eq=False)

@@ -7,9 +7,13 @@ import pyarrow as pa
 
 from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError, shortened, unknown_name
 from mesa_swarm.fire.model import FireModel
+from mesa_swarm.world.fields import ScalarField
 from mesa_swarm.world.statics import BORDER, FIRE, ROBOT
 
-DEFAULT = ("position", "heading", "command", "layer", "distance", "kind", "temperature", "fires", "contacts", "loads")
+DEFAULT = (
+    *("position", "heading", "command", "layer", "distance", "kind", "temperature", "fires", "contacts", "loads"),
+    "fields",
+)
 # Columns of the swarm from which the contacts are made when a chunk is written.
 CONTACT = ("collided", "contact_kind", "contact_index", "contact_normal", "contact_depth")
 # Columns written by sensing.
@@ -19,21 +23,31 @@ TABLES = {
     "fires": ("fire", "x", "y", "radius", "temperature", "robots", "out"),
     "contacts": ("robot", "kind", "other", "normal_x", "normal_y", "depth"),
     "loads": ("load", "x", "y", "heading"),
+    "fields": ("field", "peak", "total"),
 }
-WHOLE = frozenset({"fire", "robots", "robot", "kind", "other", "load"})
+WHOLE = frozenset({"fire", "robots", "robot", "kind", "other", "load", "field"})
+# Begins the names of the columns that hold the pixels of a field: rows (columns,) from the bottom up.
+PIXELS = "fields."
 # The first fields of a row.
 FIRST_COLUMNS = {"step": pa.int64(), "state_hash": pa.string(), "robot": pa.list_(pa.int32())}
 
 
 class Layout:
-    """Which columns are recorded of a model, and whether real numbers are float64 (`exact`) or float32."""
+    """Which columns are recorded of a model, and whether real numbers are float64 (`exact`) or float32.
+
+    With "fields" all fields are recorded that the model has now, or those named as "fields.trail": their
+    values if `exact`, else pictures (`levels_of`).
+    """
 
     def __init__(self, model: FireModel, columns: Sequence[str], exact: bool) -> None:
         self.real = np.float64 if exact else np.float32
-        names = _checked_names(columns, (*model.swarm.columns, *TABLES))
-        widths = {name: model.swarm.columns[name].shape[1:] for name in names if name not in TABLES}
+        pixels = {PIXELS + name: name for name in model.fields}
+        names = _checked_names(columns, (*model.swarm.columns, *TABLES, *pixels))
+        chosen = tuple(pixels[name] for name in names if name in pixels)
+        self.fields = chosen or (tuple(model.fields) if "fields" in names else ())
+        widths = {name: model.swarm.columns[name].shape[1:] for name in names if not is_table(name)}
         self.columns = tuple(name for name in widths if 0 not in widths[name])
-        self.tables = tuple(name for name in names if name in TABLES)
+        self.tables = tuple(name for name in names if name in TABLES and (name != "fields" or self.fields))
         self.has_readings = not READINGS.isdisjoint(self.columns)
         self.schema = self._schema(model, widths)
 
@@ -56,7 +70,20 @@ class Layout:
                 value = pa.list_(value, width)
             fields.append((name, pa.list_(value)))
         real = pa.from_numpy_dtype(self.real)
-        return pa.schema([*fields, *((name, pa.list_(table_type(name, real))) for name in self.tables)])
+        fields += [(name, pa.list_(table_type(name, real))) for name in self.tables]
+        for name in self.fields:
+            pixels = self.pixels(model.fields[name])
+            fields.append((PIXELS + name, pa.list_(pa.list_(pa.from_numpy_dtype(pixels.dtype), pixels.shape[1]))))
+        return pa.schema(fields)
+
+    def pixels(self, field: ScalarField) -> np.ndarray:
+        """Return what is stored of the values of a field."""
+        return field.values if self.real is np.float64 else field.levels()
+
+
+def is_table(column: str) -> bool:
+    """Return whether a column has rows of its own, rather than one a robot."""
+    return column in TABLES or column.startswith(PIXELS)
 
 
 def table_type(table: str, real: pa.DataType) -> pa.DataType:
@@ -79,6 +106,9 @@ class Chunk:
         self._places = model.fires.discs.astype(layout.real)
         self._bodies = list(model.loads) if "loads" in layout.tables else []
         self._load_poses = np.zeros((capacity, len(self._bodies), 3), layout.real)
+        self._fields = [model.fields[name] for name in layout.fields]
+        self._pixels = [np.zeros((capacity, *p.shape), p.dtype) for p in map(layout.pixels, self._fields)]
+        self._sums = np.zeros((capacity, len(self._fields), 2), layout.real)
         self._robot_rows = self._buffers(model.swarm.columns, layout.columns)
         self._contact_rows = self._buffers(model.swarm.columns, CONTACT if "contacts" in layout.tables else ())
         fires = ("temperature", "robots", "out") if "fires" in layout.tables else ()
@@ -89,7 +119,8 @@ class Chunk:
     @property
     def row_bytes(self) -> int:
         """Bytes of a row in memory."""
-        return sum(rows.nbytes for _, rows in self._pairs) // self.capacity + 1
+        buffers = [*(rows for _, rows in self._pairs), *self._pixels]
+        return sum(rows.nbytes for rows in buffers) // self.capacity + 1
 
     def put(self, row: int, step: int, state_hash: str | None) -> None:
         """Store the present state of the model as a row."""
@@ -97,6 +128,9 @@ class Chunk:
             rows[row] = source
         for place, load in enumerate(self._bodies):
             self._load_poses[row, place] = load.pose
+        for place, field in enumerate(self._fields):
+            self._pixels[place][row] = self.layout.pixels(field)
+            self._sums[row, place] = field.peak, field.total
         self.steps[row] = step
         self.hashes[row] = state_hash
 
@@ -106,7 +140,9 @@ class Chunk:
         arrays.append(_listed(np.broadcast_to(self._robots, (rows, len(self._robots)))))
         arrays += [_listed(values[:rows]) for _, values in self._robot_rows.values()]
         makers = {"fires": self._fire_table, "contacts": self._contact_table, "loads": self._load_table}
+        makers["fields"] = self._field_table
         arrays += [makers[name](rows) for name in self.layout.tables]
+        arrays += [_listed(pixels[:rows]) for pixels in self._pixels]
         return pa.record_batch(arrays, schema=self.layout.schema)
 
     def _buffers(self, columns: dict[str, np.ndarray], names: Sequence[str]) -> dict[str, tuple]:
@@ -165,6 +201,12 @@ class Chunk:
         x, y, heading = (self._load_poses[:rows, :, i].ravel() for i in range(3))
         values = {"load": np.tile(self._loads, rows), "x": x, "y": y, "heading": heading}
         return self._table("loads", np.full(rows, len(self._loads)), values)
+
+    def _field_table(self, rows: int) -> pa.Array:
+        peak, total = (self._sums[:rows, :, i].ravel() for i in range(2))
+        count = len(self._fields)
+        values = {"field": np.tile(np.arange(count, dtype=np.int32), rows), "peak": peak, "total": total}
+        return self._table("fields", np.full(rows, count), values)
 
     def _table(self, name: str, counts: np.ndarray, values: dict[str, np.ndarray]) -> pa.Array:
         wanted = self.layout.schema.field(name).type.value_type

@@ -17,7 +17,7 @@ from mesa_swarm.fire.model import FireModel
 from mesa_swarm.fire.strategy import FightFire
 from mesa_swarm.recording.container import ATOMS
 from mesa_swarm.robots.design import DesignTable, RobotDesign
-from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive
+from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive, OmniDrive
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.robot import Robot
@@ -25,7 +25,7 @@ from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSens
 from mesa_swarm.world.bodies import Form, Load, Obstacle
 from mesa_swarm.world.shapes import Shape, outline_to_json, shape_from_json
 
-OF_DESIGNS = (RobotDesign, ProximitySensor, RadiationSensor, LineSensor, DifferentialDrive, HolonomicDrive)
+OF_DESIGNS = (RobotDesign, ProximitySensor, RadiationSensor, LineSensor, DifferentialDrive, HolonomicDrive, OmniDrive)
 OF_MODELS = (FireConstants, Radio, Imperfection, Imperfections)
 FLOCKING = (controls.Align, controls.Cohere, controls.Cruise, controls.MatchVelocity, controls.Separate)
 TOWARDS_BODIES = (controls.Follow, controls.Gather, controls.HeadOn, controls.Perimeter, controls.Push)

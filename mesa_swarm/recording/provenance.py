@@ -92,7 +92,7 @@ def _written_design(design: RobotDesign) -> dict:
         "name": design.name,
         "radius": design.radius,
         "max_speed": design.max_speed,
-        "holonomic": not design.turns,
+        "holonomic": not design.turns and design.numbers == 2,
         "sensors": [
             [
                 *mount_of(sensor, design.radius),

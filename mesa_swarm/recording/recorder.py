@@ -423,8 +423,8 @@ def record(
     every : int
         Steps from one row to the next, 1 to 1,000,000: its multiples are recorded. Or a `Trigger`.
     columns : sequence of str, optional
-        Of the swarm, and "fires", "contacts", "loads"; by default those needed to view the run. Columns of
-        sensors that no robot has are omitted.
+        Of the swarm, and "fires", "contacts", "loads", "fields"; by default those needed to view the run. Columns of
+        sensors that no robot has are omitted. Of fields pictures are stored, see `Recording.fields`.
     exact : bool
         Whether real numbers are stored as float64. By default they are float32, which is 3e-5 map units at 800, and
         files are half as large; state hashes are always of all bits.

@@ -142,6 +142,7 @@ def take_over(new: FireModel, old: FireModel, fresh: FireModel) -> None:
         load.moved, load.pushers = moved.moved, moved.pushers
     _take_columns(new, old)
     _take_fires(new, old)
+    _take_fields(new, old)
     _take_randomness(new, old)
     _take_plain_values(new, old, fresh)
     _take_collected(new, old)
@@ -179,6 +180,13 @@ def _take_fires(new: FireModel, old: FireModel) -> None:
     every = new.fires.history.every
     new.fires.history = deepcopy(old.fires.history)
     new.fires.history.every = every
+
+
+def _take_fields(new: FireModel, old: FireModel) -> None:
+    """Copy the values of fields of the same name and grid."""
+    for name, field in new.fields.items():
+        if name in old.fields and old.fields[name].values.shape == field.values.shape:
+            field.restore(old.fields[name].checkpoint())
 
 
 def _take_randomness(new: FireModel, old: FireModel) -> None:

@@ -37,15 +37,20 @@ class Actuator(Part):
     --------
     >>> from dataclasses import dataclass
     >>> from mesa_swarm import RobotDesign, SwarmModel
+    >>> from mesa_swarm.control import Subsumption, behaviour
     >>> @dataclass(frozen=True, kw_only=True)
     ... class Horn(Actuator):
     ...     name: str = "horn"
     ...
     ...     def apply(self, model, rows):
     ...         print("volume", model.swarm.columns["act.horn"][rows].sum())
+    >>> @behaviour
+    ... def honk(me):
+    ...     me.act.horn = 2.0
+    ...     return me.max_speed, me.max_speed
     >>> model = SwarmModel(rng=1)
     >>> robots = model.add_robots(RobotDesign(actuators=(Horn(),)), 3)
-    >>> model.swarm.columns["act.horn"][:] = 2.0
+    >>> model.control = Subsumption(honk)
     >>> model.step()
     volume 6.0
     """

@@ -1,7 +1,7 @@
 """One robot: a handle on a row of the swarm, and a Mesa agent."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from mesa import Model
@@ -24,6 +24,7 @@ class Robot(ArenaAgent):
     """
 
     __slots__ = ("row", "swarm")
+    _stored_apart: ClassVar[tuple[str, ...]] = ("swarm", "row")
 
     def __init__(self, space: Arena, model: Model, swarm: Swarm, row: int) -> None:
         self.swarm = swarm
@@ -103,8 +104,8 @@ class Robot(ArenaAgent):
 
     @property
     def command(self) -> NDArray[np.float64]:
-        """Commanded rim speeds, left and right."""
-        return self._read("command").copy()
+        """Commanded rim speeds, left and right, or as many numbers as its drive has."""
+        return self._read("command")[: self.design.numbers].copy()
 
     @property
     def layer(self) -> int:
@@ -154,7 +155,7 @@ class Robot(ArenaAgent):
     @property
     def slip(self) -> NDArray[np.float64]:
         """The truth about its wheels, left and right: 0 rolled as commanded, 1 not at all (A.5)."""
-        return self._read("slip").copy()
+        return self._read("slip")[: self.design.numbers].copy()
 
     @property
     def heat(self) -> float:

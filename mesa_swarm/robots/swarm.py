@@ -17,6 +17,8 @@ from mesa_swarm.world.statics import BORDER, ROBOT
 
 # Columns with names that begin so stay when those of layers are dropped: they belong to the robots' bodies.
 LASTING = "body."
+# And the column of the speeds that motors of limited acceleration have reached.
+DRIVE_SPEED = "drive.speed"
 # What robots send and hear.
 MESSAGES = ("task", "goal", "sent_goal", "heard_layer", "heard_task", "heard_from", "heard_goal")
 
@@ -45,8 +47,9 @@ class Swarm:
         Index in `designs`.
     position : ndarray, shape (n, 2), map units
     heading : ndarray, shape (n,), rad in [-pi, pi)
-    command, last_command : ndarrays, shape (n, 2)
-        Commanded rim speeds left and right, map units a step; those of the step before.
+    command, last_command : ndarrays, shape (n, w)
+        Commanded rim speeds left and right, map units a step; those of the step before. As many numbers as the widest
+        drive has; those that a robot's drive does not have are 0.
     layer : int64 ndarray, shape (n,)
         Index of the layer that won, -1 if none was active.
     task : int64 ndarray, shape (n,)
@@ -68,8 +71,8 @@ class Swarm:
         The highest temperature of a fire in the sector of each radiation sensor, 0 to 1, 0 for none.
     line : bool ndarray, shape (n, l)
         Whether each line sensor is over a mark on the ground.
-    slip : ndarray, shape (n, 2)
-        (m - v) / m of the left and the right wheel, 0 where m = 0 (A.5). The truth; robots do not know it.
+    slip : ndarray, shape (n, w)
+        (m - v) / m of each wheel, 0 where m = 0 (A.5). The truth; robots do not know it.
     collided : bool ndarray, shape (n,)
         Whether the robot overlapped anything during the step.
     contact_kind, contact_index : int64 ndarrays, shape (n,)
@@ -106,8 +109,8 @@ class Swarm:
     error: NDArray[np.float64] = _column(("proximity",), np.float64, 0.0)
     radiation: NDArray[np.float64] = _column(("radiation",), np.float64, 0.0)
     line: NDArray[np.bool] = _column(("line",), np.bool_, False)
-    command: NDArray[np.float64] = _column((2,), np.float64, 0.0)
-    last_command: NDArray[np.float64] = _column((2,), np.float64, 0.0)
+    command: NDArray[np.float64] = _column(("wheels",), np.float64, 0.0)
+    last_command: NDArray[np.float64] = _column(("wheels",), np.float64, 0.0)
     layer: NDArray[np.int64] = _column((), np.int64, -1)
     task: NDArray[np.int64] = _column((), np.int64, -1)
     goal: NDArray[np.float64] = _column((2,), np.float64, math.nan)
@@ -116,7 +119,7 @@ class Swarm:
     heard_task: NDArray[np.int64] = _column((), np.int64, -1)
     heard_from: NDArray[np.float64] = _column((2,), np.float64, math.nan)
     heard_goal: NDArray[np.float64] = _column((2,), np.float64, math.nan)
-    slip: NDArray[np.float64] = _column((2,), np.float64, 0.0)
+    slip: NDArray[np.float64] = _column(("wheels",), np.float64, 0.0)
     collided: NDArray[np.bool] = _column((), np.bool_, False)
     contact_kind: NDArray[np.int64] = _column((), np.int64, -1)
     contact_index: NDArray[np.int64] = _column((), np.int64, -1)
@@ -255,7 +258,7 @@ class Swarm:
 
     def forget(self) -> None:
         """Drop the columns of all layers."""
-        for name in [name for name in self._memory if not name.startswith(LASTING)]:
+        for name in [name for name in self._memory if name != DRIVE_SPEED and not name.startswith(LASTING)]:
             self._drop(name)
         self.version += 1
 
@@ -298,7 +301,10 @@ class Swarm:
             "radiation": self.table.radiation.shape[1],
             "line": self.table.line.shape[1],
             **self.table.readings,
+            "wheels": self.table.wheels,
         }
+        if self.table.limited:
+            self._memory[DRIVE_SPEED] = (("wheels",), np.float64, 0.0)
         declared = {**COLUMNS, **self.table.columns(), **self._messages, **self._memory}
         for name in [name for name in self.columns if name not in declared]:
             del self.columns[name], self.__dict__[name]

@@ -12,7 +12,7 @@ import numpy as np
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.looks import LABEL, LABEL_BYTES, VALUE, label_text
-from mesa_swarm.recording.frames import Frame
+from mesa_swarm.recording.frames import Frame, field_names
 from mesa_swarm.recording.provenance import map_of, scenery_of
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.robots.design import RobotDesign
@@ -65,6 +65,8 @@ class Scene:
     changes: tuple[tuple[int, dict], ...]
     # Which of `COLUMNS` frames in front of it can be packed with.
     columns: tuple[str, ...] = tuple(name for name in COLUMNS if name not in OF_LOOKS)
+    # The names of scalar fields, in the order of their colours.
+    fields: tuple[str, ...] = ()
 
     def world(self, step: int = 0) -> dict:
         """Return what a browser needs to draw frames of a step, as JSON: see the top of ``canvas.js``.
@@ -167,6 +169,7 @@ class Scene:
                 dict(zip(("name", "table", "width", "type"), (name, *COLUMNS[name]), strict=True))
                 for name in self.columns
             ],
+            **({"fields": list(self.fields)} if self.fields else {}),
         }
 
 
@@ -181,6 +184,7 @@ def scene_of(model: FireModel) -> Scene:
         bounds=model.map.bounds,
         changes=((model.completed, scenery),),
         columns=columns,
+        fields=tuple(model.fields),
     )
 
 
@@ -205,6 +209,7 @@ def scene_of_recording(recording: Recording, sceneries: Sequence[tuple[int, dict
         bounds=its_map.bounds,
         changes=changes,
         columns=tuple(columns),
+        fields=field_names(recording.columns),
     )
 
 

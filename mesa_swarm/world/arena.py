@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import count
 from random import Random
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, overload
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar, overload
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -184,7 +184,12 @@ class Agents(AgentSet, Generic[Kind]):
 
 
 class ArenaAgent(ContinuousSpaceAgent):
-    """A Mesa agent of the arena whose `pos` is its `position`, as Mesa's drawing code expects."""
+    """A Mesa agent of the arena whose `pos` is its `position`, as Mesa's drawing code expects.
+
+    Attributes in `_stored_apart`, of a class and its bases, are stored in another way than as they are.
+    """
+
+    _stored_apart: ClassVar[tuple[str, ...]] = ("model", "unique_id", "space", "_mesa_index", "pos")
 
     @property
     def pos(self) -> np.ndarray:

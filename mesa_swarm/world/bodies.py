@@ -3,6 +3,7 @@
 import math
 import warnings
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import shapely
@@ -173,6 +174,8 @@ class Obstacle(ArenaAgent):
     `polygon`.
     """
 
+    _stored_apart: ClassVar[tuple[str, ...]] = ("shape",)
+
     def __init__(self, space: Arena, model: Model, shape: Shape) -> None:
         self.shape = shape
         super().__init__(space, model)
@@ -223,6 +226,8 @@ class Load(Obstacle):
     pushers : int
         Number of robots that pushed it in the last step.
     """
+
+    _stored_apart: ClassVar[tuple[str, ...]] = ("form", "pose", "_resistance", "moved", "pushers")
 
     def __init__(self, space: Arena, model: Model, shape: Shape, resistance: float) -> None:
         super().__init__(space, model, shape)

@@ -1,0 +1,186 @@
+"""Fields of `me` that a model adds: custom readings, what robots hear, and records that a rule writes."""
+
+import dis
+from collections import namedtuple
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import pairwise
+from types import FunctionType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mesa_swarm.errors import InvalidValueError, shortened
+from mesa_swarm.robots.parts import check_identifier
+
+# What a rule may write, each a record with a field a name.
+WRITTEN = ("act", "memory", "send")
+KINDS = {"b": np.bool_, "i": np.int64, "u": np.int64, "f": np.float64}
+
+
+class FieldForm(NamedTuple):
+    """Names of the fields that a model adds, in the order of `Fields.arrays`, and their types.
+
+    `readings` are names of custom sensors, `written` pairs of a record's name and its type, `heard` the names of what
+    messages hold.
+    """
+
+    readings: tuple[str, ...] = ()
+    written: tuple[tuple[str, np.dtype], ...] = ()
+    heard: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the fields."""
+        return (*self.readings, *(name for name, _ in self.written), *(("heard",) if self.heard else ()))
+
+
+class Records:
+    """Columns as an array of records, which a rule can assign to: ``me.act.lamp = 1.0``."""
+
+    def __init__(self, columns: Mapping[str, np.ndarray]) -> None:
+        self._columns = columns
+        rows = len(next(iter(columns.values())))
+        kind = np.dtype([(name, column.dtype, column.shape[1:]) for name, column in columns.items()])
+        self.array = np.empty(rows, kind)
+
+    def load(self) -> None:
+        """Read the columns."""
+        for name, column in self._columns.items():
+            self.array[name] = column
+
+    def store(self) -> None:
+        """Write the columns."""
+        for name, column in self._columns.items():
+            column[...] = self.array[name]
+
+
+class Fields:
+    """The values of the fields that a model adds for one rule."""
+
+    def __init__(
+        self,
+        readings: Mapping[str, np.ndarray] | None = None,
+        written: Mapping[str, Mapping[str, np.ndarray]] | None = None,
+        heard: Mapping[str, np.ndarray] | None = None,
+    ) -> None:
+        readings, written, heard = readings or {}, written or {}, heard or {}
+        records = {name: Records(columns) for name, columns in written.items() if columns}
+        self._records = tuple(records.values())
+        kinds = tuple((name, one.array.dtype) for name, one in records.items())
+        self.form = FieldForm(tuple(readings), kinds, tuple(heard))
+        seen = tuple(map(_read_only, readings.values())), tuple(map(_read_only, heard.values()))
+        self.arrays = (*seen[0], *(one.array for one in self._records), *seen[1])
+
+    def load(self) -> None:
+        """Read what rules and layers before have written."""
+        for records in self._records:
+            records.load()
+
+    def store(self) -> None:
+        """Write what the rule has written."""
+        for records in self._records:
+            records.store()
+
+
+def _read_only(column: np.ndarray) -> np.ndarray:
+    view = column.view()
+    view.flags.writeable = False
+    return view
+
+
+class RecordEntry:
+    """A record in plain Python: its fields can be read and assigned, and there are no others."""
+
+    __slots__ = ("_array", "_row", "_word")
+
+    def __init__(self, array: np.ndarray, row: int, word: str) -> None:
+        for name, value in (("_array", array), ("_row", row), ("_word", word)):
+            object.__setattr__(self, name, value)
+
+    def __getattr__(self, name: str) -> Any:
+        return self._column(name)[self._row]
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        self._column(name)[self._row] = value
+
+    def _column(self, name: str) -> np.ndarray:
+        if name not in self._array.dtype.names:
+            raise AttributeError(f"me.{self._word} has no field {name!r}", name=name, obj=self)
+        return self._array[name]
+
+
+class RecordEntries:
+    """An array of records in plain Python."""
+
+    def __init__(self, array: np.ndarray, word: str) -> None:
+        self._array, self._word = array, word
+
+    def __getitem__(self, row: int) -> RecordEntry:
+        return RecordEntry(self._array, row, self._word)
+
+
+def plain_arrays(form: FieldForm, arrays: Sequence[np.ndarray]) -> tuple:
+    """Return the values of the fields as plain Python needs them."""
+    first = len(form.readings)
+    words = {first + place: name for place, (name, _) in enumerate(form.written)}
+    return tuple(RecordEntries(array, words[k]) if k in words else array for k, array in enumerate(arrays))
+
+
+def extension(form: FieldForm, base: Any, reading: Callable) -> FunctionType:
+    """Return the function that makes `me` of one robot: the fields of `base`, then those of a form.
+
+    It is written as text, since Numba knows a tuple only if its parts are named one by one.
+    """
+    if not form.names:
+        return _same
+    parts = [f"me.{name}" for name in base._fields] + list(_parts(form))
+    names = {"Me": namedtuple("Me", (*base._fields, *form.names)), "Heard": namedtuple("Heard", form.heard)}
+    space = {**names, "reading": reading}
+    exec(f"def extended(me, arrays, i):\n    return Me({', '.join(parts)})\n", space)
+    return space["extended"]
+
+
+def _parts(form: FieldForm) -> Iterator[str]:
+    """Yield the text of each field's value for robot i."""
+    first = len(form.readings)
+    yield from (f"reading(arrays[{k}][i])" for k in range(first))
+    yield from (f"arrays[{first + k}][i]" for k in range(len(form.written)))
+    first += len(form.written)
+    if form.heard:
+        yield f"Heard({', '.join(f'arrays[{first + k}][i]' for k in range(len(form.heard)))})"
+
+
+def _same(me: Any, arrays: tuple, i: int) -> Any:
+    return me
+
+
+def record_of(function: FunctionType, field: str) -> str:
+    """Return which of the records a function's code uses a field of, `me` if that is not seen in it."""
+    used = (step.argval for step in dis.get_instructions(function) if step.opname.endswith(("_ATTR", "_METHOD")))
+    return next((f"me.{before}" for before, after in pairwise(used) if after == field and before in WRITTEN), "me")
+
+
+def checked_memory(rule: str, memory: object) -> dict[str, np.ndarray]:
+    """Return the first value of each name that a rule remembers, as an array of its type.
+
+    Raises
+    ------
+    InvalidValueError
+    """
+    if memory is None:
+        return {}
+    if not isinstance(memory, Mapping):
+        raise InvalidValueError(f"memory of rule {rule} is {shortened(memory)}; expected names and first values")
+    return {check_identifier(f"memory of rule {rule}", name): _first(rule, name, v) for name, v in memory.items()}
+
+
+def _first(rule: str, name: str, value: object) -> np.ndarray:
+    try:
+        array = np.asarray(value)
+    except Exception:  # of a class of the user's, or lists of unequal lengths
+        array = np.empty(0, object)
+    if array.dtype.kind not in KINDS or array.ndim > 1 or not array.size:
+        raise InvalidValueError(
+            f"memory {name} of rule {rule} is {shortened(value)}; expected a number, True, False, or a list of numbers"
+        )
+    return array.astype(KINDS[array.dtype.kind])

@@ -1,0 +1,214 @@
+"""State: what a model declares beside its columns, and the fingerprint of any declared value."""
+
+from collections import deque
+from collections.abc import Iterator, Mapping, MutableMapping
+from functools import cache
+from hashlib import blake2b
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from mesa import Agent
+
+from mesa_swarm.errors import InvalidValueError, check_name, shortened
+
+# Values that are restored with their types and bits: these, NumPy's numbers and arrays, and what holds them.
+ATOMS = (bool, int, str, float, type(None))
+SEQUENCES: dict[str, type] = {kind.__name__: kind for kind in (list, tuple, set, frozenset, deque)}
+# An array of these kinds is its bytes: bool, integers, real and complex numbers, bytes, text, dates and durations.
+KINDS = frozenset("biufcSUmM")
+DEEPEST = 100
+# Bytes; of larger arrays the fingerprint of changes between steps is of sums.
+LARGE, SUMS = 1 << 16, 1 << 12
+
+
+@runtime_checkable
+class Checkpointed(Protocol):
+    """An attribute of the model, a layer of its control, or a process, with a state of its own: a learner for example.
+
+    A layer whose whole memory is in columns of the swarm (`Swarm.remember`) needs neither method; nor does a process
+    whose attributes are plain values and arrays.
+    """
+
+    def checkpoint(self) -> dict:
+        """Return all that a later step depends on: arrays and plain values (`container.Packed`) by name."""
+
+    def restore(self, state: dict) -> None:
+        """Restore what `checkpoint` returned."""
+
+
+class DeclaredPart(Protocol):
+    """Something that a model adds to its state, by name in `World._parts`: hashed, stored, resumed, watched.
+
+    A resumed model makes its parts in its constructor; the stored arrays are written into theirs, in place.
+    """
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Return all arrays on which a later step depends, by name; not copies of them."""
+
+
+class State(MutableMapping[str, Any]):
+    """Custom values that belong to the state of a model, by name, see `SwarmModel.state`.
+
+    Values are numbers, texts, truth values, None, NumPy arrays, and lists, tuples, sets and dicts of these. They are
+    part of the state hash, and are stored, resumed and copied with the model.
+
+    Raises
+    ------
+    InvalidValueError
+        If a name is not one line of text, or a value is of another kind.
+
+    Examples
+    --------
+    >>> state = State()
+    >>> state["delivered"] = 0
+    >>> state["delivered"] += 1
+    >>> state
+    {'delivered': 1}
+    """
+
+    def __init__(self, values: Mapping[str, Any] | None = None) -> None:
+        self._values: dict[str, Any] = {}
+        if values is not None and not isinstance(values, Mapping):
+            raise InvalidValueError(
+                f"state is {shortened(values)}; expected values by name, as in model.state['n'] = 0"
+            )
+        self.update(values or {})
+
+    def __repr__(self) -> str:
+        return repr(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __getitem__(self, name: str) -> Any:
+        return self._values[name]
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        """Declare a value, or replace it."""
+        check_name("name of a value of state", name)
+        self._values[name] = check_plain(f"state[{name!r}]", value)
+
+    def __delitem__(self, name: str) -> None:
+        del self._values[name]
+
+
+def check_plain(name: str, value: Any) -> Any:
+    """Return a value if it can be stored with its type and bits."""
+    odd = _odd_in(value, 0)
+    if odd is None:
+        return value
+    raise InvalidValueError(
+        f"{name} is or has {shortened(odd[0])}; expected numbers, texts, arrays of these, and lists, tuples, sets or "
+        "dicts of them"
+    )
+
+
+def _odd_in(value: Any, depth: int) -> tuple[Any] | None:
+    """Return the first value within another that cannot be stored, None if there is none."""
+    kind = type(value)
+    if kind in ATOMS or kind in (bytes, complex):
+        return None
+    if isinstance(value, (np.ndarray, np.generic)):
+        exact = kind in (np.ndarray, value.dtype.type) and value.dtype.kind in KINDS and value.dtype.itemsize
+        return None if exact else (value,)
+    if depth > DEEPEST or (kind is not dict and SEQUENCES.get(kind.__name__) is not kind):
+        return (value,)
+    inner = (*value.keys(), *value.values()) if kind is dict else value
+    return next((odd for one in inner if (odd := _odd_in(one, depth + 1))), None)
+
+
+def attributes_of(owner: object) -> dict[str, Any]:
+    """Return the attributes of an object by name: those of its `__dict__` and of its slots."""
+    slots = [slot for kind in type(owner).__mro__ for slot in _slots_of(kind) if hasattr(owner, slot)]
+    return {**{slot: getattr(owner, slot) for slot in reversed(slots)}, **getattr(owner, "__dict__", {})}
+
+
+def _slots_of(kind: type) -> tuple[str, ...]:
+    slots = kind.__dict__.get("__slots__", ())
+    names = (slots,) if isinstance(slots, str) else tuple(slots)
+    return tuple(name for name in names if name not in ("__dict__", "__weakref__"))
+
+
+def state_of(owner: object) -> dict[str, Any]:
+    """Return the state of a process or a layer: what its `checkpoint` returns, without one its attributes."""
+    if isinstance(owner, Checkpointed) and not isinstance(owner, type):
+        return owner.checkpoint()
+    return attributes_of(owner)
+
+
+def declared(owner: object, name: str) -> frozenset[str]:
+    """Return the names that the class of an object, and its bases, list in a class attribute of this name."""
+    kind: Any = type(owner)
+    return _declared_by(kind, name)
+
+
+@cache
+def _declared_by(kind: Any, name: str) -> frozenset[str]:
+    return frozenset(one for base in kind.__mro__ for one in vars(base).get(name, ()))
+
+
+def fingerprint(value: Any) -> bytes:
+    """Return what differs, almost surely, after a value was changed, in a microsecond and one for each 10 kB.
+
+    Of what cannot be stored only the type counts.
+    """
+    digest = blake2b(digest_size=16)
+    add_to(digest, value, quickly=True)
+    return digest.digest()
+
+
+def add_to(digest: Any, value: Any, depth: int = 0, *, quickly: bool = False) -> None:
+    """Add a value to a digest: equal for equal values, whatever the order of dicts and sets.
+
+    Of agents the unique_id counts, of random generators the state, of other objects only the type.
+    """
+    kind = type(value)
+    if isinstance(value, (np.ndarray, np.generic)):
+        _add_array(digest, np.asarray(value), quickly)
+    elif kind is float:
+        digest.update(f"float {value + 0.0!r};".encode())
+    elif kind in ATOMS or kind in (bytes, complex):
+        digest.update(f"{kind.__name__} {value!r};".encode())
+    elif depth > DEEPEST or not isinstance(value, (dict, State, *SEQUENCES.values())):
+        _add_object(digest, value, depth, quickly)
+    else:
+        items = _in_order(value)
+        digest.update(f"{kind.__name__} {len(items)};".encode())
+        for item in items:
+            add_to(digest, item, depth + 1, quickly=quickly)
+
+
+def _in_order(values: Any) -> list:
+    """Return the items of a container, those of a dict as pairs, in an order that follows from the values alone."""
+    if isinstance(values, (dict, State)):
+        return sorted(values.items(), key=lambda item: repr(item[0]))
+    return sorted(values, key=repr) if isinstance(values, (set, frozenset)) else list(values)
+
+
+def _add_object(digest: Any, value: Any, depth: int, quickly: bool) -> None:
+    digest.update(f"{type(value).__name__};".encode())
+    if isinstance(value, Agent):
+        digest.update(f"{value.unique_id};".encode())
+    elif isinstance(value, np.random.Generator):
+        add_to(digest, value.bit_generator.state, depth + 1, quickly=quickly)
+
+
+def _add_array(digest: Any, array: np.ndarray, quickly: bool) -> None:
+    digest.update(f"{array.dtype.str}{array.shape};".encode())
+    if array.dtype.kind not in KINDS:
+        return
+    if quickly and array.nbytes > LARGE:
+        digest.update(_condensed(array))
+    else:
+        digest.update((array + 0 if array.dtype.kind == "f" else array).tobytes())
+
+
+def _condensed(array: np.ndarray) -> bytes:
+    """Return sums of the bytes of an array, read as whole numbers, and the bytes that are left over."""
+    content = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
+    whole = len(content) // (8 * SUMS) * 8 * SUMS
+    sums = content[:whole].view(np.uint64).reshape(-1, SUMS).sum(axis=0)
+    return sums.tobytes() + content[whole:].tobytes()
