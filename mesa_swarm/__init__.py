@@ -19,8 +19,9 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.experiments.sweep import sweep
     from mesa_swarm.looks import Chart, ColourMap, Looks
     from mesa_swarm.open_model import Process
+    from mesa_swarm.physics.neighbours import NeighbourSensor
     from mesa_swarm.recording.recording import Recording
-    from mesa_swarm.robots.actuators import Actuator
+    from mesa_swarm.robots.actuators import Actuator, Lamp
     from mesa_swarm.robots.design import AGENT3, AGENT6, AGENT9, AGENT_FIRE, RobotDesign, all_round
     from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive, OmniDrive, omni_speeds
     from mesa_swarm.robots.radio import Radio
@@ -44,7 +45,8 @@ _MODULES = {
     "looks": "Chart ColourMap Looks",
     "open_model": "Process",
     "recording.recording": "Recording",
-    "robots.actuators": "Actuator",
+    "physics.neighbours": "NeighbourSensor",
+    "robots.actuators": "Actuator Lamp",
     "robots.design": "AGENT3 AGENT6 AGENT9 AGENT_FIRE RobotDesign all_round",
     "robots.drive": "DifferentialDrive HolonomicDrive OmniDrive omni_speeds",
     "robots.radio": "Radio",
@@ -67,9 +69,11 @@ __all__ = [
     "DifferentialDrive",
     "Field",
     "HolonomicDrive",
+    "Lamp",
     "LineSensor",
     "Looks",
     "Map",
+    "NeighbourSensor",
     "OmniDrive",
     "Process",
     "ProximitySensor",

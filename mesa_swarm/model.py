@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import mesa
 import numpy as np
 
-from mesa_swarm.control.arbiter import Arbiter, check_drives, driver
+from mesa_swarm.control.arbiter import Arbiter, driver
 from mesa_swarm.control.explain import Explanation, explanation
 from mesa_swarm.control.layer import Senses
+from mesa_swarm.control.team import Key, Team, robots_of
 from mesa_swarm.errors import (
     BehaviourError,
     InvalidValueError,
@@ -25,7 +26,7 @@ from mesa_swarm.moved import moved_name
 from mesa_swarm.observers import Observers
 from mesa_swarm.open_model import OpenModel
 from mesa_swarm.physics.contact import Contacts
-from mesa_swarm.physics.engine import CompiledEngine, Engine
+from mesa_swarm.physics.engine import CompiledEngine, Engine, begin_way
 from mesa_swarm.physics.imperfect import Imperfect
 from mesa_swarm.physics.own_parts import OwnParts, clear_actions
 from mesa_swarm.physics.radio import Channel, send_goals
@@ -44,7 +45,7 @@ from mesa_swarm.world.map import Map
 
 ENGINES: dict[str, type[Engine]] = {"compiled": CompiledEngine, "shapely": ShapelyEngine}
 # Indices that depend on the order in which things were created are not part of the state.
-NOT_HASHED = frozenset({"number", "design", "contact_index"})
+NOT_HASHED = frozenset({"number", "design", "contact_index", "group"})
 
 
 class EngineModel(OpenModel):
@@ -143,6 +144,7 @@ class EngineModel(OpenModel):
         for beacon in () if radio is None else radio.beacons:
             self._checked_point(beacon)
         self._channel = None if radio is None else Channel(radio)
+        self.swarm.set_messages({} if radio is None else radio.columns())
         self.swarm.clear_messages()
 
     @property
@@ -172,17 +174,35 @@ class EngineModel(OpenModel):
 
     @property
     def control(self) -> Arbiter | None:
-        """What drives the robots: an arbiter such as `Subsumption`, or None."""
+        """What drives the robots: an arbiter such as `Subsumption`, or None.
+
+        It may be set to a mapping of designs and names of groups to arbiters, and then is a `Team`: a mapping of
+        the same keys to the arbiters that belong to this model. The arbiter of a robot's group drives it, or else that
+        of its design; every robot needs one.
+
+        Examples
+        --------
+        >>> from mesa_swarm import AGENT3, AGENT9, SwarmModel
+        >>> from mesa_swarm.control import Avoid, Explore, Subsumption
+        >>> model = SwarmModel(rng=1)
+        >>> scouts, others = model.add_robots(AGENT9, 2, group="scouts"), model.add_robots(AGENT3, 3)
+        >>> avoid = Avoid(distance=15)
+        >>> model.control = {"scouts": Subsumption(avoid, Explore()), AGENT3: Subsumption(avoid)}
+        >>> model.control.names
+        ('scouts: Avoid', 'Explore', 'AGENT3: Avoid')
+        """
         return self._control
 
     @control.setter
-    def control(self, control: Arbiter | None) -> None:
+    def control(self, control: Arbiter | Mapping[Key, Arbiter | None] | None) -> None:
+        if isinstance(control, Mapping) and not isinstance(control, Team):
+            control = Team(control)
         if control is not None and (isinstance(control, type) or asked(control, "bound") is None):
             raise InvalidValueError(
                 f"control is {shortened(control)}; expected an arbiter such as Subsumption(Avoid(), Explore())"
             )
         if isinstance(control, Arbiter):
-            check_drives(control, [self.swarm.designs[d] for d in np.unique(self.swarm.design)])
+            control.check_robots(robots_of(self.swarm))
         before = self._control
         if isinstance(before, Arbiter):
             before.unbind()
@@ -211,7 +231,7 @@ class EngineModel(OpenModel):
         exchange    layer, task, sent_goal, pose, obstacles           heard_layer, heard_task, heard_from, heard_goal
         decide      what robots know (`control.Senses`)               command, layer, task, goal, sent_goal, act
         act         what actuators are set to                         what they are about
-        move        command, loads                                    loads, position, heading
+        move        command, loads, driven bodies' aims               loads, driven bodies, position, heading
         resolve     position, obstacles, fires                        position, heading, slip, collided, contacts
         process     position, fields                                  fields; fires' and robots' temperature, fire;
                                                                       then what each of `processes` changes
@@ -222,6 +242,8 @@ class EngineModel(OpenModel):
         first to advance in their phase.
         Without `communication` nothing is exchanged.
         """
+        if self._movers is not None:
+            self._follow_agents(self._movers)
         self.sense()
         self._exchange()
         self._decide()
@@ -285,6 +307,8 @@ class EngineModel(OpenModel):
         columns["goal"].fill(np.nan)
         if self.swarm.table.actions:
             clear_actions(self.swarm)
+        if self._channel is not None:
+            self._channel.begin_decision(self.swarm)
         if self._senses is None or self._senses_version != self.swarm.version:
             self._senses = Senses.of(self.swarm)
             self._senses_version = self.swarm.version
@@ -310,6 +334,19 @@ class EngineModel(OpenModel):
     def _move(self) -> None:
         for load in self._loads:
             load.rest()
+        if self._movers is None:
+            self._move_robots()
+            return
+        moving = self._current_scene().moving
+        if moving is not None:
+            moving.begin()
+        if moving is not None and not len(self.swarm):
+            begin_way(self._current_scene())
+            moving.go_freely()
+        self._move_robots()
+        self._movers.rest()
+
+    def _move_robots(self) -> None:
         if not len(self.swarm):
             return
         scene, table = self._current_scene(), self.swarm.table
@@ -333,10 +370,10 @@ class EngineModel(OpenModel):
         for observer in self.__dict__["observers"].complete:  # without the cost of the property
             observer.after_step(self, self._completed)
 
-    def _check_driven(self, design: RobotDesign) -> None:
+    def _check_driven(self, design: RobotDesign, group: str) -> None:
         """Refuse robots that the control is not for."""
-        if self._control is not None:
-            check_drives(self._control, [design])
+        if isinstance(self._control, Arbiter):
+            self._control.check_robots([(design, group)])
 
     @property
     def completed(self) -> int:
@@ -352,6 +389,8 @@ class EngineModel(OpenModel):
         try:
             for observer in observers.complete:
                 observer.before_step(self)
+            if self._movers is not None:
+                self._movers.begin_step()
             type(self).step(self, *given, **named)
             for observer in observers.complete:
                 observer.between_steps(self)
@@ -461,6 +500,9 @@ class EngineModel(OpenModel):
         digest.update(f"{self._completed}".encode())
         for load in self._loads:
             digest.update(np.array([*load.pose, load.resistance]).tobytes())
+        if self._movers is not None:
+            for column in self._movers.poses:
+                digest.update((column + 0).tobytes())
         for name, field in self.fields.items():
             digest.update(f"fields.{name} {field.values.shape}".encode())
             digest.update(field.values + 0)
@@ -469,6 +511,9 @@ class EngineModel(OpenModel):
                 if name not in NOT_HASHED:
                     digest.update(f"{prefix}.{name} {column.shape}".encode())
                     digest.update((column + 0 if column.dtype.kind == "f" else column).tobytes())
+        if self.swarm.groups:
+            digest.update(f"groups {self.swarm.groups}".encode())
+            digest.update(self.swarm.columns["group"].tobytes())
         for name, value in self._declared_state():
             digest.update(f"{name};".encode())
             add_to(digest, value)

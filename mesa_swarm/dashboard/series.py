@@ -162,7 +162,7 @@ def grouped(steps: np.ndarray, rows: np.ndarray, width: int) -> Curves:
 
 def form_of(model: SwarmModel) -> tuple:
     """Return a key that changes with the columns."""
-    return len(model.fires), id(model.control), len(model.datacollector.model_vars)
+    return len(model.fires), id(model.control), len(model.datacollector.model_vars), len(model.events.names)
 
 
 def placed(charts: Iterable[Plot]) -> list[Plot]:
@@ -188,6 +188,8 @@ def charts_of(model: SwarmModel) -> list[Plot]:
         charts.append(Plot("fire_temperature", "Temperature of each fire", "", names))
     if model.control is not None:
         charts.append(Plot("layers", "Layers that drive", "% of robots", (*layer_names(model), NO_LAYER)))
+    if model.events:
+        charts.append(Plot("events", "Events so far", "events", tuple(model.events.names)))
     return charts + [Plot(f"own {own.name}", own.name, own.unit, own.curves) for own in own_charts(model)]
 
 
@@ -199,7 +201,7 @@ def own_charts(model: SwarmModel) -> tuple[Chart, ...]:
 
 def layer_names(model: SwarmModel) -> tuple[str, ...]:
     """Return the names of a model's layers, numbered where names repeat."""
-    names = [layer.name for layer in model.control.layers] if model.control is not None else []
+    names = model.control.names if model.control is not None else ()
     return tuple(f"{name} {k + 1}" if names.count(name) > 1 else name for k, name in enumerate(names))
 
 
@@ -219,6 +221,9 @@ def measure(model: SwarmModel, row: np.ndarray) -> None:
         row[column : column + layers] = 100.0 * counts[1:] / max(robots, 1)
         row[column + layers] = 100.0 * counts[0] / max(robots, 1)
         column += layers + 1
+    if model.events:
+        row[column : column + len(model.events.names)] = list(model.events.counts.values())
+        column += len(model.events.names)
     for own in own_charts(model):
         row[column : column + len(own.curves)] = own.measure(model)
         column += len(own.curves)

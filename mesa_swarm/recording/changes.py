@@ -69,7 +69,7 @@ def as_remark(interventions: Sequence[Intervention]) -> str:
 
 
 # Columns that handles set, and wheel commands, which persist where no controller decides.
-OF_ROBOTS = ("position", "heading", "command", "max_speed", "tendency", "temperature")
+OF_ROBOTS = ("position", "heading", "command", "max_speed", "tendency", "temperature", "group")
 OF_FIRES = ("temperature", "out")
 CHANGES = (
     "set of robots, obstacles or fires",
@@ -77,6 +77,7 @@ CHANGES = (
     *(f"{name} of robots" for name in OF_ROBOTS),
     *(f"{name} of fires" for name in OF_FIRES),
     "pose or resistance of loads",
+    "pose of driven bodies",
     "values of fields",
 )
 ROBOTS, FIRES, BYTES = itemgetter(*OF_ROBOTS), itemgetter(*OF_FIRES), np.ndarray.tobytes
@@ -128,9 +129,10 @@ class ChangeDetector:
 
 def _declared(model: FireModel) -> dict[str, bytes]:
     """Return a fingerprint of each declared value and process by name, of most models none."""
-    if not (model._state or model._processes or model._parts):
+    if not (model._state or model._processes or model._parts or model._events):
         return {}
     state = {f"state of {name}": fingerprint(value) for name, value in model._state.items()}
+    state["events"] = str(len(model._events)).encode()
     return state | {name: fingerprint(value) for name, value in model._stated_parts()}
 
 
@@ -148,5 +150,6 @@ def _objects(model: FireModel) -> tuple[Any, ...]:
         *map(BYTES, ROBOTS(swarm.columns)),
         *map(BYTES, FIRES(model.fires.columns)),
         [(load.pose, load.resistance) for load in model._loads] if model._loads else (),
+        () if model._movers is None else tuple(map(BYTES, model._movers.poses)),
         [field.changes for field in model._fields.values()] if model._fields else (),
     )

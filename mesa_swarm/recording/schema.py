@@ -41,7 +41,7 @@ MOST_ROWS = 100_000
 WIDEST = 100_000
 # Columns that are never NaN or infinite, with their largest value; absent messages are NaN.
 FINITE = dict.fromkeys(("position", "heading", "command", *TABLES), LARGEST)
-FINITE |= dict.fromkeys(("temperature", "fields"), sys.float_info.max)
+FINITE |= dict.fromkeys(("temperature", "fields", "events"), sys.float_info.max)
 SHOWN = 60
 # Raises an error if a value at a place of a JSON text does not have the form.
 Check = Callable[[Any, str], None]
@@ -362,8 +362,8 @@ RINGS = _each(list, _each(list, (NUMBER, NUMBER)), least=1)
 
 
 def _shape(**more: Any) -> list:
-    disc = {"disc": (NUMBER, NUMBER, POSITIVE), "mark_": bool, **more}
-    return [disc, {"rings": RINGS, "mark_": bool, **more}]
+    disc = {"disc": (NUMBER, NUMBER, POSITIVE), "mark_": bool, "kind_": str, **more}
+    return [disc, {"rings": RINGS, "mark_": bool, "kind_": str, **more}]
 
 
 DESIGN = {
@@ -389,6 +389,7 @@ SCENERY = {
     "robots": _each(list, (ID, ID, ID)),
     "shapes": _each(list, _shape()),
     "loads": _each(list, _shape(id=ID)),
+    "kinds_": _each(list, str),
     "layers": _each(list, str),
     "leave": NUMBER,
     "join_": NUMBER,
@@ -416,5 +417,5 @@ PROVENANCE = {
     "hash_every_": _whole(MOST_STEPS, 1),
     "checkpoint_every_": STEP,
     "why_no_checkpoint_": str,
-    "start": {"step": STEP, "state_hash": str},
+    "start": {"step": STEP, "state_hash": str, "events_": STEP},
 }
