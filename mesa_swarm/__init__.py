@@ -18,8 +18,9 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.experiments.compare import compare
     from mesa_swarm.experiments.sweep import sweep
     from mesa_swarm.open_model import Process
+    from mesa_swarm.physics.neighbours import NeighbourSensor
     from mesa_swarm.recording.recording import Recording
-    from mesa_swarm.robots.actuators import Actuator
+    from mesa_swarm.robots.actuators import Actuator, Lamp
     from mesa_swarm.robots.design import AGENT3, AGENT6, AGENT9, AGENT_FIRE, RobotDesign, all_round
     from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive, OmniDrive, omni_speeds
     from mesa_swarm.robots.radio import Radio
@@ -42,7 +43,8 @@ _MODULES = {
     "experiments.sweep": "sweep",
     "open_model": "Process",
     "recording.recording": "Recording",
-    "robots.actuators": "Actuator",
+    "physics.neighbours": "NeighbourSensor",
+    "robots.actuators": "Actuator Lamp",
     "robots.design": "AGENT3 AGENT6 AGENT9 AGENT_FIRE RobotDesign all_round",
     "robots.drive": "DifferentialDrive HolonomicDrive OmniDrive omni_speeds",
     "robots.radio": "Radio",
@@ -63,8 +65,10 @@ __all__ = [
     "DifferentialDrive",
     "Field",
     "HolonomicDrive",
+    "Lamp",
     "LineSensor",
     "Map",
+    "NeighbourSensor",
     "OmniDrive",
     "Process",
     "ProximitySensor",

@@ -26,7 +26,7 @@ from mesa_swarm.moved import moved_name
 from mesa_swarm.observers import Observers
 from mesa_swarm.open_model import OpenModel
 from mesa_swarm.physics.contact import Contacts
-from mesa_swarm.physics.engine import CompiledEngine, Engine
+from mesa_swarm.physics.engine import CompiledEngine, Engine, begin_way
 from mesa_swarm.physics.imperfect import Imperfect
 from mesa_swarm.physics.own_parts import OwnParts, clear_actions
 from mesa_swarm.physics.radio import Channel, send_goals
@@ -144,6 +144,7 @@ class EngineModel(OpenModel):
         for beacon in () if radio is None else radio.beacons:
             self._checked_point(beacon)
         self._channel = None if radio is None else Channel(radio)
+        self.swarm.set_messages({} if radio is None else radio.columns())
         self.swarm.clear_messages()
 
     @property
@@ -230,7 +231,7 @@ class EngineModel(OpenModel):
         exchange    layer, task, sent_goal, pose, obstacles           heard_layer, heard_task, heard_from, heard_goal
         decide      what robots know (`control.Senses`)               command, layer, task, goal, sent_goal, act
         act         what actuators are set to                         what they are about
-        move        command, loads                                    loads, position, heading
+        move        command, loads, driven bodies' aims               loads, driven bodies, position, heading
         resolve     position, obstacles, fires                        position, heading, slip, collided, contacts
         process     position, fields                                  fields; fires' and robots' temperature, fire;
                                                                       then what each of `processes` changes
@@ -241,6 +242,8 @@ class EngineModel(OpenModel):
         first to advance in their phase.
         Without `communication` nothing is exchanged.
         """
+        if self._movers is not None:
+            self._follow_agents(self._movers)
         self.sense()
         self._exchange()
         self._decide()
@@ -304,6 +307,8 @@ class EngineModel(OpenModel):
         columns["goal"].fill(np.nan)
         if self.swarm.table.actions:
             clear_actions(self.swarm)
+        if self._channel is not None:
+            self._channel.begin_decision(self.swarm)
         if self._senses is None or self._senses_version != self.swarm.version:
             self._senses = Senses.of(self.swarm)
             self._senses_version = self.swarm.version
@@ -329,6 +334,19 @@ class EngineModel(OpenModel):
     def _move(self) -> None:
         for load in self._loads:
             load.rest()
+        if self._movers is None:
+            self._move_robots()
+            return
+        moving = self._current_scene().moving
+        if moving is not None:
+            moving.begin()
+        if moving is not None and not len(self.swarm):
+            begin_way(self._current_scene())
+            moving.go_freely()
+        self._move_robots()
+        self._movers.rest()
+
+    def _move_robots(self) -> None:
         if not len(self.swarm):
             return
         scene, table = self._current_scene(), self.swarm.table
@@ -371,6 +389,8 @@ class EngineModel(OpenModel):
         try:
             for observer in observers.complete:
                 observer.before_step(self)
+            if self._movers is not None:
+                self._movers.begin_step()
             type(self).step(self, *given, **named)
             for observer in observers.complete:
                 observer.between_steps(self)
@@ -480,6 +500,9 @@ class EngineModel(OpenModel):
         digest.update(f"{self._completed}".encode())
         for load in self._loads:
             digest.update(np.array([*load.pose, load.resistance]).tobytes())
+        if self._movers is not None:
+            for column in self._movers.poses:
+                digest.update((column + 0).tobytes())
         for name, field in self.fields.items():
             digest.update(f"fields.{name} {field.values.shape}".encode())
             digest.update(field.values + 0)

@@ -71,6 +71,7 @@ class CompiledEngine:
         written = columns["collided"], *(columns[name] for name in CONTACT_COLUMNS), self._extra_turn
 
         def go() -> np.ndarray:
+            begin_way(surroundings)
             travel(position, heading, self._motion, radius, number, *fixed, *written)
             return self._extra_turn
 
@@ -89,10 +90,11 @@ class CompiledEngine:
         distance, kind = columns["distance"], columns["kind"]
         sort_into_cells(position, self._cells, self._start, self._order, self._cell_of)
         sensors, items = (table.proximity, table.counts), (statics.seen_start, statics.seen_items)
+        moving = None if surroundings.moving is None else surroundings.moving.seen
         sense_proximity(
             position, heading, columns["radius"], self._largest_radius, design, *sensors, table.reach,
             self._cells, self._start, self._order, statics.edges, statics.discs, statics.kind,
-            self._static_cells, *items, distance, kind,
+            self._static_cells, *items, moving, distance, kind,
         )  # fmt: skip
         if table.exposed or swarm.disturbed:
             solids = statics.edges, statics.kind, statics.rings, statics.bounds
@@ -116,9 +118,16 @@ class CompiledEngine:
         self._motion, self._extra_turn = np.zeros((n, 3)), np.zeros(n)
         statics = surroundings.statics
         touched = self._static_cells, statics.touched_start, statics.touched_items
-        self._statics = statics.edges, statics.discs, statics.owner, statics.body, statics.bounds, *touched
+        movers = None if surroundings.moving is None else surroundings.moving.numbers
+        self._statics = statics.edges, statics.discs, statics.owner, statics.body, statics.bounds, *touched, movers
         self._drives = drives_by_rows(swarm)
         self._version, self._surroundings = swarm.version, surroundings
+
+
+def begin_way(surroundings: Surroundings) -> None:
+    """Put driven bodies where they begin this step, and stop those that have a load in their way."""
+    if surroundings.moving is not None:
+        surroundings.moving.return_to_start(surroundings.blocked_by_loads)
 
 
 def hold_readings(swarm: Swarm, step: int, old_distance: np.ndarray, old_kind: np.ndarray) -> None:

@@ -78,6 +78,7 @@ CHANGES = (
     *(f"{name} of fires" for name in OF_FIRES),
     "pose or resistance of loads",
     "values of fields",
+    "pose of driven bodies",
 )
 ROBOTS, FIRES, BYTES = itemgetter(*OF_ROBOTS), itemgetter(*OF_FIRES), np.ndarray.tobytes
 
@@ -149,4 +150,5 @@ def _objects(model: FireModel) -> tuple[Any, ...]:
         *map(BYTES, FIRES(model.fires.columns)),
         [(load.pose, load.resistance) for load in model._loads] if model._loads else (),
         [field.changes for field in model._fields.values()] if model._fields else (),
+        () if model._movers is None else tuple(map(BYTES, model._movers.poses)),
     )

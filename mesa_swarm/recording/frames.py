@@ -110,7 +110,7 @@ def _live_contacts(model: FireModel) -> np.ndarray:
 
 
 def _live_loads(model: FireModel) -> np.ndarray:
-    return np.array([(load.unique_id, *load.pose) for load in model.loads], TABLE_TYPES["loads"])
+    return np.array([(load.unique_id, *load.pose) for load in model.displaced], TABLE_TYPES["loads"])
 
 
 def _live_fields(model: FireModel) -> dict[str, np.ndarray]:

@@ -102,9 +102,9 @@ class Chunk:
         self.hashes: list[str | None] = [None] * capacity
         self._robots = _ids(model.swarm.agents)
         self._obstacles, self._fires = _ids(model.obstacle_list), _ids(model.fires.agents)
-        self._loads = _ids(list(model.loads))
+        self._loads = _ids(model.displaced)
         self._places = model.fires.discs.astype(layout.real)
-        self._bodies = list(model.loads) if "loads" in layout.tables else []
+        self._bodies = model.displaced if "loads" in layout.tables else []
         self._load_poses = np.zeros((capacity, len(self._bodies), 3), layout.real)
         self._fields = [model.fields[name] for name in layout.fields]
         self._pixels = [np.zeros((capacity, *p.shape), p.dtype) for p in map(layout.pixels, self._fields)]

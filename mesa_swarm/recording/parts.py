@@ -16,17 +16,22 @@ from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.fires import Fire
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.fire.strategy import FightFire
+from mesa_swarm.physics.neighbours import NeighbourSensor
 from mesa_swarm.recording.container import ATOMS
+from mesa_swarm.robots.actuators import Lamp
 from mesa_swarm.robots.design import DesignTable, RobotDesign
 from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive, OmniDrive
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSensor
-from mesa_swarm.world.bodies import Form, Load, Obstacle
+from mesa_swarm.world.bodies import Body, Form, Load, Obstacle, Pose
+from mesa_swarm.world.movers import Driven
 from mesa_swarm.world.shapes import Shape, outline_to_json, shape_from_json
+from mesa_swarm.world.statics import KINDS, LOAD, OBSTACLE
 
-OF_DESIGNS = (RobotDesign, ProximitySensor, RadiationSensor, LineSensor, DifferentialDrive, HolonomicDrive, OmniDrive)
+SENSORS = (ProximitySensor, RadiationSensor, LineSensor, NeighbourSensor)
+OF_DESIGNS = (RobotDesign, *SENSORS, Lamp, DifferentialDrive, HolonomicDrive, OmniDrive)
 OF_MODELS = (FireConstants, Radio, Imperfection, Imperfections)
 FLOCKING = (controls.Align, controls.Cohere, controls.Cruise, controls.MatchVelocity, controls.Separate)
 TOWARDS_BODIES = (controls.Follow, controls.Gather, controls.HeadOn, controls.Perimeter, controls.Push)
@@ -217,6 +222,8 @@ def restore_objects(model: FireModel, stored: dict) -> None:
     model.swarm._resize(np.arange(len(model.swarm)), 0)
     for load in model._loads:
         _restore_load(load, obstacles[load.unique_id], model.map.bounds)
+    for body in model.movers.agents:
+        _restore_driven(body, obstacles[body.unique_id], model.map.bounds)
     model.obstacles_changed()
 
 
@@ -241,7 +248,22 @@ def summary(model: FireModel) -> list[list[int]]:
     return [[len(agents), agents[-1].unique_id if agents else 0] for agents in kinds]
 
 
-def _obstacle_to_json(obstacle: Obstacle) -> dict:
+def _obstacle_to_json(obstacle: Body) -> dict:
+    usual = KINDS[LOAD] if isinstance(obstacle, Load) else KINDS[OBSTACLE]
+    return {**_body_to_json(obstacle), **({} if obstacle.kind == usual else {"kind": obstacle.kind})}
+
+
+def _body_to_json(obstacle: Body) -> dict:
+    if isinstance(obstacle, Driven):
+        movers, row = obstacle.movers, obstacle.row
+        return {
+            "id": obstacle.unique_id,
+            "driven": stored_outline(obstacle.form.outline, obstacle.form.radius),
+            "pose": list(obstacle.pose),
+            "aim": [*movers.aim[row].tolist(), float(movers.aim_heading[row])],
+            "blocked": obstacle.blocked,
+            "fresh": bool(movers.fresh[row]),
+        }
     if isinstance(obstacle, Load):
         return {
             "id": obstacle.unique_id,
@@ -287,14 +309,27 @@ def _make_robot(model: FireModel, design: RobotDesign) -> None:
 
 
 def _make_obstacle(model: FireModel, body: dict) -> None:
-    if "load" not in body:
-        model._obstacles.append(Obstacle(model.space, model, restored_shape(body["shape"])))
-        return
-    form = Form.about_origin(*restored_outline(body["load"]))
-    load = Load(model.space, model, form.shape_at((0.0, 0.0, 0.0)), body["resistance"])
-    load.form = form
-    model._obstacles.append(load)
-    model._loads.append(load)
+    if "driven" in body:
+        model._obstacles.append(_made_driven(model, body))
+    elif "load" in body:
+        form = Form.about_origin(*restored_outline(body["load"]))
+        kind = model._checked_kind(body.get("kind"), KINDS[LOAD])
+        load = Load(model.space, model, form.shape_at((0.0, 0.0, 0.0)), body["resistance"], kind)
+        load.form = form
+        model._obstacles.append(load)
+        model._loads.append(load)
+    else:
+        kind = model._checked_kind(body.get("kind"), KINDS[OBSTACLE])
+        model._obstacles.append(Obstacle(model.space, model, restored_shape(body["shape"]), kind))
+    model._know_kind(model._obstacles[-1].kind)
+
+
+def _made_driven(model: FireModel, body: dict) -> Driven:
+    form = Form.about_origin(*restored_outline(body["driven"]))
+    kind = model._checked_kind(body.get("kind"), KINDS[OBSTACLE])
+    driven = Driven(model.space, model, form.shape_at((0.0, 0.0, 0.0)), kind, model._made_movers())
+    driven.form = form
+    return driven
 
 
 def _make_fire(model: FireModel) -> None:
@@ -314,18 +349,29 @@ def _check_same(model: FireModel, stored: dict, obstacles: dict) -> None:
         raise RecordingError("the objects that the model's constructor makes do not match the recording")
     for obstacle in model.obstacle_list:
         now, then = _obstacle_to_json(obstacle), obstacles[obstacle.unique_id]
-        form = "load" if "load" in now else "shape"
-        if now[form] != then.get(form):
+        form = next(name for name in ("driven", "load", "shape") if name in now)
+        if now[form] != then.get(form) or now.get("kind") != then.get("kind"):
             raise RecordingError(f"obstacle {obstacle.unique_id} does not match the recording")
+
+
+def _restore_driven(body: Driven, stored: dict, bounds: tuple[float, float, float, float]) -> None:
+    movers, row = body.movers, body.row
+    for place, heading, name in ((movers.position, movers.heading, "pose"), (movers.aim, movers.aim_heading, "aim")):
+        *place[row], heading[row] = _checked_pose(f"body {body.unique_id}", stored[name], bounds)
+    movers.blocked[row], movers.fresh[row] = bool(stored["blocked"]), bool(stored["fresh"])
+
+
+def _checked_pose(name: str, stored: Any, bounds: tuple[float, float, float, float]) -> Pose:
+    x, y, heading = map(float, stored)
+    x_min, y_min, x_max, y_max = bounds
+    if not (x_min <= x <= x_max and y_min <= y <= y_max and abs(heading) <= np.pi):
+        raise RecordingError(f"{name} has out-of-range values: its pose is outside the map")
+    return x, y, heading
 
 
 def _restore_load(load: Load, stored: dict, bounds: tuple[float, float, float, float]) -> None:
     load.resistance = stored["resistance"]
-    x, y, heading = map(float, stored["pose"])
-    x_min, y_min, x_max, y_max = bounds
-    if not (x_min <= x <= x_max and y_min <= y <= y_max and abs(heading) <= np.pi):
-        raise RecordingError(f"load {load.unique_id} has out-of-range values: its pose is outside the map")
-    load.move_to((x, y, heading))
+    load.move_to(_checked_pose(f"load {load.unique_id}", stored["pose"], bounds))
     load.moved, load.pushers = bool(stored["moved"]), _id(stored["pushers"])
 
 

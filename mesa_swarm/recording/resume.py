@@ -140,6 +140,10 @@ def take_over(new: FireModel, old: FireModel, fresh: FireModel) -> None:
     for load, moved in zip(new.loads, old.loads, strict=True):
         load.move_to(moved.pose)
         load.moved, load.pushers = moved.moved, moved.pushers
+    for column, source in zip(new.movers.poses, old.movers.poses, strict=True):
+        column[:] = source
+    new.movers.blocked[:], new.movers.fresh[:] = old.movers.blocked, old.movers.fresh
+    new.obstacles_changed()
     _take_columns(new, old)
     _take_fires(new, old)
     _take_fields(new, old)
@@ -150,7 +154,7 @@ def take_over(new: FireModel, old: FireModel, fresh: FireModel) -> None:
 
 
 def _check_same_objects(new: FireModel, old: FireModel) -> None:
-    for name in ("robots", "fires", "obstacles", "loads"):
+    for name in ("robots", "fires", "obstacles", "loads", "bodies"):
         ids, was = ([agent.unique_id for agent in getattr(model, name)] for model in (new, old))
         if ids != was:
             raise InvalidValueError(

@@ -355,8 +355,8 @@ RINGS = _each(list, _each(list, (NUMBER, NUMBER)), least=1)
 
 
 def _shape(**more: Any) -> list:
-    disc = {"disc": (NUMBER, NUMBER, POSITIVE), "mark_": bool, **more}
-    return [disc, {"rings": RINGS, "mark_": bool, **more}]
+    disc = {"disc": (NUMBER, NUMBER, POSITIVE), "mark_": bool, "kind_": str, **more}
+    return [disc, {"rings": RINGS, "mark_": bool, "kind_": str, **more}]
 
 
 DESIGN = {
@@ -371,6 +371,7 @@ SCENERY = {
     "robots": _each(list, (ID, ID, ID)),
     "shapes": _each(list, _shape()),
     "loads": _each(list, _shape(id=ID)),
+    "kinds_": _each(list, str),
     "layers": _each(list, str),
     "leave": NUMBER,
     "join_": NUMBER,

@@ -1,6 +1,7 @@
 """Actuators: numbers besides the wheels that a rule sets and a model acts on."""
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -62,6 +63,22 @@ class Actuator(Part):
 
     def apply(self, model: Any, rows: np.ndarray) -> None:
         """Do what the robots in these rows have set; by default nothing."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Lamp(Actuator):
+    """A light that others see: a number, which `NeighbourSensor(lamp=True)` reads.
+
+    It stays as it was set; 0 at first, which may stand for dark.
+
+    Examples
+    --------
+    >>> Lamp().name, Lamp().holds
+    ('lamp', True)
+    """
+
+    name: str = "lamp"
+    holds = True
 
 
 def check_actuator(actuator: object) -> None:
