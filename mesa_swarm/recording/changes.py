@@ -77,8 +77,8 @@ CHANGES = (
     *(f"{name} of robots" for name in OF_ROBOTS),
     *(f"{name} of fires" for name in OF_FIRES),
     "pose or resistance of loads",
-    "values of fields",
     "pose of driven bodies",
+    "values of fields",
 )
 ROBOTS, FIRES, BYTES = itemgetter(*OF_ROBOTS), itemgetter(*OF_FIRES), np.ndarray.tobytes
 
@@ -129,9 +129,10 @@ class ChangeDetector:
 
 def _declared(model: FireModel) -> dict[str, bytes]:
     """Return a fingerprint of each declared value and process by name, of most models none."""
-    if not (model._state or model._processes or model._parts):
+    if not (model._state or model._processes or model._parts or model._events):
         return {}
     state = {f"state of {name}": fingerprint(value) for name, value in model._state.items()}
+    state["events"] = str(len(model._events)).encode()
     return state | {name: fingerprint(value) for name, value in model._stated_parts()}
 
 
@@ -149,6 +150,6 @@ def _objects(model: FireModel) -> tuple[Any, ...]:
         *map(BYTES, ROBOTS(swarm.columns)),
         *map(BYTES, FIRES(model.fires.columns)),
         [(load.pose, load.resistance) for load in model._loads] if model._loads else (),
-        [field.changes for field in model._fields.values()] if model._fields else (),
         () if model._movers is None else tuple(map(BYTES, model._movers.poses)),
+        [field.changes for field in model._fields.values()] if model._fields else (),
     )

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from mesa.agent import Agent, AgentSet
+from mesa.experimental.continuous_space import ContinuousSpaceAgent
 
 from mesa_swarm.control.arbiter import MOST_LAYERS
 from mesa_swarm.errors import RecordingError, SwarmError, in_words, shortened
@@ -25,16 +26,19 @@ from mesa_swarm.recording.parts import (
     control_from_json,
     control_to_json,
     objects_to_json,
+    other_agents,
     part_from_json,
     part_to_json,
     restore_objects,
 )
 from mesa_swarm.robots.design import LARGEST_RADIUS
 from mesa_swarm.state import Checkpointed, attributes_of, declared
+from mesa_swarm.world.arena import ArenaAgent
 
 LARGEST_NUMBER = 1e15
 # Attributes of each of Mesa's agents that are stored with what the model contains.
 OF_AGENTS = frozenset({"model", "unique_id"})
+OF_ARENA = OF_AGENTS | {"space", "_mesa_index", "pos"}
 # Bit generators of which every state is valid.
 GENERATORS = ("PCG64", "PCG64DXSM")
 # Kinds of references to parts of a model.
@@ -58,7 +62,7 @@ class _ModelPacked(Packed):
             if value not in self.model.agents:
                 raise RecordingError(f"{what} refers to an agent that is not in the model, which cannot be stored")
             return {"agent": value.unique_id}
-        if type(value) is AgentSet:
+        if isinstance(value, AgentSet):
             return {"agents": [self.pack(agent, what) for agent in value]}
         return super().pack(value, what, depth)
 
@@ -437,11 +441,20 @@ def _restore_attributes(model: FireModel, facts: dict, packed: _ModelPacked) -> 
         number: Any = getattr(model, name, None)
         if type(number) not in kinds or not 0 <= number < LARGEST_NUMBER:
             raise RecordingError(f"invalid {name}: {shortened(number)}")
+    _restore_agents(model, dict(facts["of_things"]), packed)
+
+
+def _restore_agents(model: FireModel, stored: dict[int, dict], packed: _ModelPacked) -> None:
+    for agent in other_agents(model):
+        for name in own_attributes_of_agent(agent).keys() - stored.get(agent.unique_id, {}).keys():
+            delattr(agent, name)
     agents = {agent.unique_id: agent for agent in model.agents}
-    for unique_id, values in facts["of_things"]:
-        _refuse(apart_of_agent(agents[unique_id]) & values.keys())
+    for unique_id, values in stored.items():
+        agent = agents[unique_id]
+        _refuse(apart_of_agent(agent) & values.keys())
         for name, content in values.items():
-            agents[unique_id].__dict__[name] = attribute_from_json(None, name, content, packed)
+            value = attribute_from_json(getattr(agent, name, None), name, content, packed)
+            object.__setattr__(agent, name, value)
 
 
 def _refuse(names: frozenset[str]) -> None:
@@ -471,20 +484,25 @@ def attribute_from_json(now: object, name: str, content: dict, packed: _ModelPac
 
 def apart_of_agent(agent: Agent) -> frozenset[str]:
     """Return the names of the attributes of an agent that are not stored as they are."""
-    return declared(agent, "_stored_apart") | OF_AGENTS
+    return declared(agent, "_stored_apart") | (OF_ARENA if isinstance(agent, ContinuousSpaceAgent) else OF_AGENTS)
 
 
-def _agent_attributes(model: FireModel, packed: Packed) -> list:
-    """Return the attributes that users have added to robots and other agents."""
+def _agent_attributes(model: FireModel, packed: _ModelPacked) -> list:
+    """Return the attributes that users have added to robots and other agents, and all of agents of their own."""
     extra = []
     for agent in model.agents:
-        apart = apart_of_agent(agent)
-        names = [name for name in agent.__dict__ if name not in apart]
-        if names:
+        own = own_attributes_of_agent(agent)
+        if own:
             what = f"{type(agent).__name__} {agent.unique_id}'s "
-            own = {name: {"plain": packed.pack(agent.__dict__[name], what + name)} for name in names}
-            extra.append([agent.unique_id, own])
+            extra.append([agent.unique_id, {n: attribute_to_json(v, what + n, packed) for n, v in own.items()}])
     return extra
+
+
+def own_attributes_of_agent(agent: Agent) -> dict[str, Any]:
+    """Return the attributes of an agent that are stored as they are."""
+    apart = apart_of_agent(agent)
+    values = agent.__dict__ if isinstance(agent, ArenaAgent) else attributes_of(agent)
+    return {name: value for name, value in values.items() if name not in apart}
 
 
 def _randomness(model: FireModel, packed: Packed) -> dict:

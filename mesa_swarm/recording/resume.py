@@ -12,6 +12,7 @@ from mesa_swarm.gallery import FORMS, address_of, is_address, shipped_class
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.collected import reporters_of, set_clock
 from mesa_swarm.recording.container import ATOMS
+from mesa_swarm.recording.parts import family
 from mesa_swarm.recording.provenance import is_of, rebuilt
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.verify import Rerun, Watch, last_same, restored, run_to, started_again, states_to
@@ -236,11 +237,11 @@ def class_of(recording: Recording, base: type) -> type:
     """Return the recorded class: `base`, a loaded class derived from it, or one that is part of mesa_swarm."""
     module, name = recording.provenance["model"]["module"], recording.provenance["model"]["name"]
     shipped_class(module, name)  # imports it
-    family = _family(base)
-    for model_class in family:
+    loaded = family(base)
+    for model_class in loaded:
         if (model_class.__module__, model_class.__qualname__) == (module, name):
             return model_class
-    alike = [model_class for model_class in family if is_of(recording.provenance, model_class)]
+    alike = [model_class for model_class in loaded if is_of(recording.provenance, model_class)]
     if len(alike) == 1:
         return alike[0]
     shown = address_of(base) if base.__qualname__ == name else base.__name__
@@ -268,8 +269,3 @@ def address_in(recording: Recording) -> str:
     address = f"{recorded['module']}:{recorded['name']}"
     is_plain = is_address(address) and len(address) <= LONGEST_ADDRESS and recorded["module"] != "__main__"
     return address if is_plain and "<" not in address else FORMS
-
-
-def _family(base: type) -> list[type]:
-    children: list[type] = base.__subclasses__()
-    return [base, *(derived for child in children for derived in _family(child))]

@@ -40,7 +40,7 @@ MOST_ROWS = 100_000
 WIDEST = 100_000
 # Columns that are never NaN or infinite, with their largest value; absent messages are NaN.
 FINITE = dict.fromkeys(("position", "heading", "command", *TABLES), LARGEST)
-FINITE |= dict.fromkeys(("temperature", "fields"), sys.float_info.max)
+FINITE |= dict.fromkeys(("temperature", "fields", "events"), sys.float_info.max)
 SHOWN = 60
 # Raises an error if a value at a place of a JSON text does not have the form.
 Check = Callable[[Any, str], None]
@@ -398,5 +398,5 @@ PROVENANCE = {
     "hash_every_": _whole(MOST_STEPS, 1),
     "checkpoint_every_": STEP,
     "why_no_checkpoint_": str,
-    "start": {"step": STEP, "state_hash": str},
+    "start": {"step": STEP, "state_hash": str, "events_": STEP},
 }
