@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import mesa
 import numpy as np
 
-from mesa_swarm.control.arbiter import Arbiter, check_drives, driver
+from mesa_swarm.control.arbiter import Arbiter, driver
 from mesa_swarm.control.explain import Explanation, explanation
 from mesa_swarm.control.layer import Senses
+from mesa_swarm.control.team import Key, Team, robots_of
 from mesa_swarm.errors import (
     BehaviourError,
     InvalidValueError,
@@ -44,7 +45,7 @@ from mesa_swarm.world.map import Map
 
 ENGINES: dict[str, type[Engine]] = {"compiled": CompiledEngine, "shapely": ShapelyEngine}
 # Indices that depend on the order in which things were created are not part of the state.
-NOT_HASHED = frozenset({"number", "design", "contact_index"})
+NOT_HASHED = frozenset({"number", "design", "contact_index", "group"})
 
 
 class EngineModel(OpenModel):
@@ -143,6 +144,7 @@ class EngineModel(OpenModel):
         for beacon in () if radio is None else radio.beacons:
             self._checked_point(beacon)
         self._channel = None if radio is None else Channel(radio)
+        self.swarm.set_messages({} if radio is None else radio.columns())
         self.swarm.clear_messages()
 
     @property
@@ -172,17 +174,35 @@ class EngineModel(OpenModel):
 
     @property
     def control(self) -> Arbiter | None:
-        """What drives the robots: an arbiter such as `Subsumption`, or None."""
+        """What drives the robots: an arbiter such as `Subsumption`, or None.
+
+        It may be set to a mapping of designs and names of groups to arbiters, and then is a `Team`: a mapping of
+        the same keys to the arbiters that belong to this model. The arbiter of a robot's group drives it, or else that
+        of its design; every robot needs one.
+
+        Examples
+        --------
+        >>> from mesa_swarm import AGENT3, AGENT9, SwarmModel
+        >>> from mesa_swarm.control import Avoid, Explore, Subsumption
+        >>> model = SwarmModel(rng=1)
+        >>> scouts, others = model.add_robots(AGENT9, 2, group="scouts"), model.add_robots(AGENT3, 3)
+        >>> avoid = Avoid(distance=15)
+        >>> model.control = {"scouts": Subsumption(avoid, Explore()), AGENT3: Subsumption(avoid)}
+        >>> model.control.names
+        ('scouts: Avoid', 'Explore', 'AGENT3: Avoid')
+        """
         return self._control
 
     @control.setter
-    def control(self, control: Arbiter | None) -> None:
+    def control(self, control: Arbiter | Mapping[Key, Arbiter | None] | None) -> None:
+        if isinstance(control, Mapping) and not isinstance(control, Team):
+            control = Team(control)
         if control is not None and (isinstance(control, type) or asked(control, "bound") is None):
             raise InvalidValueError(
                 f"control is {shortened(control)}; expected an arbiter such as Subsumption(Avoid(), Explore())"
             )
         if isinstance(control, Arbiter):
-            check_drives(control, [self.swarm.designs[d] for d in np.unique(self.swarm.design)])
+            control.check_robots(robots_of(self.swarm))
         before = self._control
         if isinstance(before, Arbiter):
             before.unbind()
@@ -287,6 +307,8 @@ class EngineModel(OpenModel):
         columns["goal"].fill(np.nan)
         if self.swarm.table.actions:
             clear_actions(self.swarm)
+        if self._channel is not None:
+            self._channel.begin_decision(self.swarm)
         if self._senses is None or self._senses_version != self.swarm.version:
             self._senses = Senses.of(self.swarm)
             self._senses_version = self.swarm.version
@@ -350,10 +372,10 @@ class EngineModel(OpenModel):
         for observer in self.__dict__["observers"].complete:  # without the cost of the property
             observer.after_step(self, self._completed)
 
-    def _check_driven(self, design: RobotDesign) -> None:
+    def _check_driven(self, design: RobotDesign, group: str) -> None:
         """Refuse robots that the control is not for."""
-        if self._control is not None:
-            check_drives(self._control, [design])
+        if isinstance(self._control, Arbiter):
+            self._control.check_robots([(design, group)])
 
     @property
     def completed(self) -> int:
@@ -492,6 +514,9 @@ class EngineModel(OpenModel):
                 if name not in NOT_HASHED:
                     digest.update(f"{prefix}.{name} {column.shape}".encode())
                     digest.update((column + 0 if column.dtype.kind == "f" else column).tobytes())
+        if self.swarm.groups:
+            digest.update(f"groups {self.swarm.groups}".encode())
+            digest.update(self.swarm.columns["group"].tobytes())
         for name, value in self._declared_state():
             digest.update(f"{name};".encode())
             add_to(digest, value)

@@ -12,6 +12,7 @@ from mesa_swarm.errors import (
     InvalidValueError,
     check_choice,
     check_count,
+    check_name,
     check_number,
     shortened,
 )
@@ -24,7 +25,7 @@ from mesa_swarm.streams import Seed, Streams
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.arena import Agents, Arena, as_numbers
 from mesa_swarm.world.bodies import Body, Load
-from mesa_swarm.world.fields import Field, Fields, ScalarField
+from mesa_swarm.world.fields import Field, NamedFields, ScalarField
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.placement import free_places, place_apart
 from mesa_swarm.world.shapes import Shape
@@ -87,6 +88,7 @@ class World(BodyWorld):
         *,
         poses: Iterable[Sequence[float]] | None = None,
         tendency: str | Sequence[str] | None = None,
+        group: str = "",
     ) -> list[Robot]:
         """Add robots at free random poses, or at given ones, and return their handles.
 
@@ -100,6 +102,8 @@ class World(BodyWorld):
             Within the map. Robots that overlap anything are moved to free space nearby in the next step.
         tendency : "left", "right" or a sequence of these, optional
             The side to which each turns from what is straight ahead; by default drawn by chance.
+        group : str
+            The name of a group, by which `model.control` may have an arbiter for them; "" for none.
 
         Raises
         ------
@@ -118,7 +122,9 @@ class World(BodyWorld):
         if not isinstance(design, RobotDesign):
             raise InvalidValueError(f"design is {shortened(design)}; expected a RobotDesign such as AGENT9")
         self.swarm.check_parts(design)
-        self._check_driven(design)
+        if group != "":
+            check_name("group", group)
+        self._check_driven(design, group)
         self._check_resolved(design.radius, (obstacle.shape for obstacle in self._obstacles))
         if (n is None) == (poses is None):
             raise InvalidValueError("add_robots takes either n or poses; give exactly one of them")
@@ -127,13 +133,13 @@ class World(BodyWorld):
         else:
             position, heading = self._checked_poses(poses)
         sides = self._sides(len(position), tendency)
-        rows = self.swarm.add(design, position, heading, sides)
+        rows = self.swarm.add(design, position, heading, sides, group)
         robots = [Robot(self.space, self, self.swarm, int(row)) for row in rows]
         self.swarm.agents += robots
         self.swarm.disturbed |= poses is not None
         return robots
 
-    def _check_driven(self, design: RobotDesign) -> None:
+    def _check_driven(self, design: RobotDesign, group: str) -> None:
         """Refuse robots that the control cannot drive; a world without control accepts all."""
 
     def remove_robots(self, robots: Iterable[Robot]) -> None:
@@ -156,9 +162,9 @@ class World(BodyWorld):
         remove_together(chosen)
 
     @property
-    def fields(self) -> Fields:
+    def fields(self) -> NamedFields:
         """The scalar fields by name, in the order in which they were added."""
-        return Fields(self._fields or {})
+        return NamedFields(self._fields or {})
 
     def add_field(self, field: Field) -> ScalarField:
         """Add a scalar field, empty at first, and return it; it advances in each step, after contacts are resolved.
@@ -201,8 +207,8 @@ class World(BodyWorld):
             known.restore(state)
 
     def _walls(self) -> list[Shape]:
-        """Return the shapes of what stops fields: solid obstacles that do not move."""
-        return [body.shape for body in self._obstacles if body.contact and body.mode == "fixed"]
+        """Return the shapes of what stops fields: solid bodies that do not move."""
+        return [body.shape for body in self._obstacles if body.mode == "fixed" and body.contact]
 
     def _advance_fields(self, fields: dict[str, ScalarField]) -> None:
         for field in fields.values():

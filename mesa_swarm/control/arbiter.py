@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Sequence
 from copy import copy
+from typing import Any
 
 import numpy as np
 
@@ -33,6 +34,8 @@ class Arbiter:
 
     # Whether all active layers drive a robot together; else the one that won drives it alone.
     sums = False
+    # Rows of robots that another arbiter of a `Team` drives; None without a team.
+    others: np.ndarray | None = None
 
     def __init__(self, *layers: Layer) -> None:
         kind = type(self).__name__
@@ -51,17 +54,63 @@ class Arbiter:
             check_name(f"name of a {type(layer).__name__}", layer.name)
         self.layers: Sequence[Layer] = layers
 
-    def bound(self, swarm: Swarm, streams: Streams) -> "Arbiter":
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the layers, as explanations, charts and recordings have them."""
+        return tuple(layer.name for layer in self.layers)
+
+    @property
+    def parts(self) -> "tuple[Arbiter, ...]":
+        """The arbiters that it is made of: itself, or those of a `Team`."""
+        return (self,)
+
+    def arbiter_of(self, index: int) -> "Arbiter":
+        """Return the arbiter that a layer belongs to."""
+        return self
+
+    def layers_of(self, row: int) -> Sequence[Layer]:
+        """Return the layers that may drive the robot in this row."""
+        return self.layers
+
+    def check_robots(self, robots: Iterable[tuple[RobotDesign, str]]) -> None:
+        """Refuse robots, given as design and group, whose drive its layers do not command."""
+        check_drives(self, [design for design, _ in robots])
+
+    def bound(
+        self,
+        swarm: Swarm,
+        streams: Streams,
+        *,
+        first: int = 0,
+        label: str = "",
+        driven: tuple[RobotDesign, ...] | None = None,
+    ) -> "Arbiter":
         """Return a copy whose layers have their columns and random streams in this swarm.
 
         A copy, so that one arbiter can be given to many models. Layers that were bound before begin anew, but
-        learners go on with what they have learned.
+        learners go on with what they have learned. In a `Team` the index of its first layer is `first`, `label` names
+        its columns and streams, and it has robots of the designs `driven` only.
         """
-        mine = copy(self)
+        mine, place = copy(self), f"{label}." if label else ""
+        mine.others = None
         mine.layers = tuple(map(copy, self.layers))
-        for index, layer in enumerate(mine.layers):
-            layer.bind(swarm, f"{index}.{layer.name}", streams[f"decide.{layer.name}"])
+        mine.set_driven(driven)
+        for index, layer in enumerate(mine.layers, start=first):
+            layer.bind(swarm, f"{index}.{place}{layer.name}", streams[f"decide.{place}{layer.name}"])
         return mine
+
+    def set_driven(self, driven: tuple[RobotDesign, ...] | None) -> None:
+        """Inform layers with an attribute ``driven`` of the designs of their robots, None for all of the swarm."""
+        layers: Iterable[Any] = self.layers
+        for layer in layers:
+            if hasattr(layer, "driven"):
+                layer.driven = driven
+
+    def clear(self, layer: np.ndarray) -> None:
+        """Set the winning layer (n,) to -1 for robots that it drives, and to 0 for others, which layers then skip."""
+        layer.fill(-1)
+        if self.others is not None:
+            layer[self.others] = 0
 
     def unbind(self) -> None:
         """Let layers with an ``unbind()`` store their state, as all columns are about to be dropped."""
@@ -99,7 +148,8 @@ def driver(control: Arbiter, index: int) -> str:
     """Return the name of the layer with this index, and a description of any other index."""
     if index < 0:
         return "no layer"
-    return control.layers[index].name if index < len(control.layers) else f"unknown layer {index}"
+    names = control.names
+    return names[index] if index < len(names) else f"unknown layer {index}"
 
 
 class Subsumption(Arbiter):
@@ -122,7 +172,7 @@ class Subsumption(Arbiter):
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray) -> None:
         """Write the command (n, w) and the winning layer (n,) of every robot."""
         command.fill(0.0)
-        layer.fill(-1)
+        self.clear(layer)
         for index, part in enumerate(self.layers):
             part.decide(senses, command, layer, index)
 
@@ -176,7 +226,7 @@ class VectorSum(Arbiter):
         layer.fill(-1)
         for index, (part, weight) in enumerate(zip(self.layers, self.weights, strict=True)):
             wanted.fill(0.0)
-            active.fill(-1)
+            self.clear(active)
             part.decide(senses, wanted, active, index)
             add_weighted(wanted, active, weight, index, command, layer, largest)
         slow_down(command, senses.max_speed, senses.design, senses.sideways)

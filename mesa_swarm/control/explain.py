@@ -43,14 +43,14 @@ def explanation(control: Arbiter, swarm: Swarm, snapshots: Snapshots, row: int, 
         )
     layer = control.layers[won] if won >= 0 else None
     reason = Reason("") if layer is None else reason_of(layer, moment)
-    if layer is not None and control.sums:
+    if layer is not None and control.arbiter_of(won).sums:
         # What the robot did is the sum of all that were active; the reason is that of one of them.
         why = f" ({reason.words})" if reason.sensors else ""
         reason = Reason(f"its share of the sum of all active layers is the largest{why}", reason.sensors)
     return Explanation(
         robot=swarm.agents[row].unique_id,
         step=step,
-        layer="" if layer is None else layer.name,
+        layer="" if layer is None else control.names[won],
         does=moment.motion,
         reason=reason.words,
         sensors=reason.sensors,

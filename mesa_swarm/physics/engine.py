@@ -12,9 +12,9 @@ from mesa_swarm.physics.motion import achieved_motion, slip_of
 from mesa_swarm.physics.sensing import err, sense_inside, sense_line, sense_proximity, sense_radiation
 from mesa_swarm.physics.settle import settle
 from mesa_swarm.physics.surroundings import Surroundings
-from mesa_swarm.robots.design import PERIOD
+from mesa_swarm.robots.design import DRIVE_SPEED, PERIOD
 from mesa_swarm.robots.drive import Drive, accelerate, slipped_wheels
-from mesa_swarm.robots.swarm import DRIVE_SPEED, Swarm
+from mesa_swarm.robots.swarm import Swarm
 
 FEWEST_CELLS = 64
 CELLS_PER_ROBOT = 4

@@ -10,7 +10,7 @@ from mesa_swarm.geometry.overlap import nearest_on_segment, segments_meet
 from mesa_swarm.physics.engine import CELLS_PER_ROBOT, FEWEST_CELLS
 from mesa_swarm.physics.sensing import into_frame
 from mesa_swarm.physics.surroundings import Surroundings
-from mesa_swarm.robots.radio import Radio
+from mesa_swarm.robots.radio import HEARD, OF_HEARD, SEND, Radio
 from mesa_swarm.robots.swarm import Swarm
 
 GOLDEN, FIRST_FACTOR, SECOND_FACTOR = map(np.uint64, (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB))
@@ -26,7 +26,7 @@ class Channel:
         self._surroundings: Surroundings | None = None
 
     def exchange(self, swarm: Swarm, surroundings: Surroundings, word: np.uint64) -> None:
-        """Write the columns heard_layer, heard_task, heard_from and heard_goal; random bits decide what is lost."""
+        """Write the columns of what is heard; random bits decide what is lost."""
         if not len(swarm):
             return
         self._prepare(swarm, surroundings)
@@ -40,6 +40,27 @@ class Channel:
         if radio.goal:
             sent, heard_goal = columns["sent_goal"], columns["heard_goal"]
             hear_goals(position, heading, number, sent, self._beacons, limits, self._grid, self._obstacles, heard_goal)
+        if radio.message:
+            self._exchange_messages(columns, limits, self._obstacles)
+
+    def begin_decision(self, swarm: Swarm) -> None:
+        """Clear what robots sent before: they send what they set in each decision."""
+        for name, _ in self.radio.message:
+            swarm.columns[f"{SEND}{name}"].fill(math.nan)
+
+    def _exchange_messages(self, columns: dict[str, np.ndarray], limits: tuple, obstacles: tuple) -> None:
+        position, heading, number = columns["position"], columns["heading"], columns["number"]
+        sent = [columns[f"{SEND}{name}"] for name, _ in self.radio.message]
+        sends = np.zeros(len(position), np.bool_)
+        for column in sent:
+            sends |= ~np.isnan(column.reshape(len(position), -1)).all(axis=1)
+        heard = tuple(columns[f"{HEARD}{name}"] for name in OF_HEARD)
+        senders = np.empty((len(position), int(self.radio.most)), np.int64)
+        hear_messages(position, heading, number, sends, limits, self._grid, obstacles, *heard, senders)
+        for (name, _), column in zip(self.radio.message, sent, strict=True):
+            out = columns[f"{HEARD}{name}"]
+            out[...] = column[senders]
+            out[senders < 0] = math.nan
 
     def _prepare(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Make the grid anew when robots or obstacles have changed."""
@@ -99,6 +120,58 @@ def hear_goals(position, heading, number, sent_goal, beacons, limits, grid, obst
     numbers = np.concatenate((np.arange(-beacons.shape[0], 0), number[rows]))
     heard = nearest_heard(position, number, places, goals, numbers, limits, grid, obstacles)
     put_in_frames(position, heading, goals, heard, heard_goal)
+
+
+@compiled
+def hear_messages(
+    position, heading, number, sends, limits, grid, obstacles, count, away, bearing, senders,
+):  # fmt: skip
+    """Write how many messages each robot hears, and of each how far and where its sender is, and its row.
+
+    The nearest come first; at most as many as `senders` (n, most) has columns; what is left over is NaN, and row -1.
+    """
+    reach, loss, word, occlusion = limits
+    left, below, per_unit, columns, rows = grid
+    of_row = np.flatnonzero(sends)
+    places, most = position[of_row], senders.shape[1]
+    start, order = sorted_senders(places, grid)
+    count[:], away[:], bearing[:], senders[:] = 0, math.nan, math.nan, -1
+    for i in range(position.shape[0]):
+        x, y, heard = position[i, 0], position[i, 1], 0
+        first = cell_index(x - reach, left, per_unit, columns)
+        last = cell_index(x + reach, left, per_unit, columns)
+        lowest = cell_index(y - reach, below, per_unit, rows)
+        highest = cell_index(y + reach, below, per_unit, rows)
+        for row in range(lowest, highest + 1):
+            for k in range(start[first + columns * row], start[last + columns * row + 1]):
+                j = of_row[order[k]]
+                square = (position[j, 0] - x) ** 2 + (position[j, 1] - y) ** 2
+                if j == i or square > reach * reach:
+                    continue
+                if heard == most and not is_nearer(square, number[j], away[i, most - 1], number[senders[i, most - 1]]):
+                    continue
+                if loss > 0.0 and is_lost(word, number[j], number[i], loss):
+                    continue
+                if occlusion and is_cut(position[j, 0], position[j, 1], x, y, obstacles):
+                    continue
+                heard = min(heard + 1, most)
+                place = heard - 1
+                while place > 0 and is_nearer(square, number[j], away[i, place - 1], number[senders[i, place - 1]]):
+                    away[i, place], senders[i, place] = away[i, place - 1], senders[i, place - 1]
+                    place -= 1
+                away[i, place], senders[i, place] = square, j
+        count[i] = heard
+        cosine, sine = math.cos(heading[i]), math.sin(heading[i])
+        for k in range(heard):
+            j = senders[i, k]
+            ahead, aside = into_frame(position[j, 0] - x, position[j, 1] - y, cosine, sine)
+            away[i, k], bearing[i, k] = math.sqrt(away[i, k]), math.atan2(aside, ahead)
+
+
+@compiled
+def is_nearer(square, number, other_square, other_number):
+    """Return whether one robot comes before another: by distance, then by its number."""
+    return square < other_square or (square == other_square and number < other_number)
 
 
 @compiled

@@ -69,7 +69,7 @@ def as_remark(interventions: Sequence[Intervention]) -> str:
 
 
 # Columns that handles set, and wheel commands, which persist where no controller decides.
-OF_ROBOTS = ("position", "heading", "command", "max_speed", "tendency", "temperature")
+OF_ROBOTS = ("position", "heading", "command", "max_speed", "tendency", "temperature", "group")
 OF_FIRES = ("temperature", "out")
 CHANGES = (
     "set of robots, obstacles or fires",
@@ -129,9 +129,10 @@ class ChangeDetector:
 
 def _declared(model: FireModel) -> dict[str, bytes]:
     """Return a fingerprint of each declared value and process by name, of most models none."""
-    if not (model._state or model._processes or model._parts):
+    if not (model._state or model._processes or model._parts or model._events):
         return {}
     state = {f"state of {name}": fingerprint(value) for name, value in model._state.items()}
+    state["events"] = str(len(model._events)).encode()
     return state | {name: fingerprint(value) for name, value in model._stated_parts()}
 
 

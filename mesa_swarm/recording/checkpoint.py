@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from mesa.agent import Agent, AgentSet
+from mesa.experimental.continuous_space import ContinuousSpaceAgent
 
 from mesa_swarm.control.arbiter import MOST_LAYERS
 from mesa_swarm.errors import RecordingError, SwarmError, in_words, shortened
@@ -25,16 +26,19 @@ from mesa_swarm.recording.parts import (
     control_from_json,
     control_to_json,
     objects_to_json,
+    other_agents,
     part_from_json,
     part_to_json,
     restore_objects,
 )
 from mesa_swarm.robots.design import LARGEST_RADIUS
 from mesa_swarm.state import Checkpointed, attributes_of, declared
+from mesa_swarm.world.arena import ArenaAgent
 
 LARGEST_NUMBER = 1e15
 # Attributes of each of Mesa's agents that are stored with what the model contains.
 OF_AGENTS = frozenset({"model", "unique_id"})
+OF_ARENA = OF_AGENTS | {"space", "_mesa_index", "pos"}
 # Bit generators of which every state is valid.
 GENERATORS = ("PCG64", "PCG64DXSM")
 # Kinds of references to parts of a model.
@@ -44,7 +48,7 @@ WORDS = 625
 OURS = ("mesa_swarm.control.", "mesa_swarm.fire.")
 
 
-class _ModelPacked(Packed):
+class ModelPacked(Packed):
     """Plain values of a model, which may refer to its agents by unique_id."""
 
     def __init__(self, model: FireModel, arrays: list[np.ndarray] | None = None) -> None:
@@ -58,7 +62,7 @@ class _ModelPacked(Packed):
             if value not in self.model.agents:
                 raise RecordingError(f"{what} refers to an agent that is not in the model, which cannot be stored")
             return {"agent": value.unique_id}
-        if type(value) is AgentSet:
+        if isinstance(value, AgentSet):
             return {"agents": [self.pack(agent, what) for agent in value]}
         return super().pack(value, what, depth)
 
@@ -85,7 +89,7 @@ def checkpoint_of(model: FireModel, since: dict[Path, int] | None = None, *, ste
     state_hash = model.state_hash()  # reads the sensors, as their next use does
     if has_own_events(model):
         raise RecordingError("Mesa's schedule has events besides the step, which cannot be stored")
-    packed = _ModelPacked(model)
+    packed = ModelPacked(model)
     facts = {
         "steps": model.steps if steps is None else steps,
         "things": objects_to_json(model),
@@ -132,7 +136,7 @@ def restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpoi
 
 
 def _restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpoint]) -> None:
-    facts, packed = checkpoint.facts, _ModelPacked(model, checkpoint.arrays)
+    facts, packed = checkpoint.facts, ModelPacked(model, checkpoint.arrays)
     restore_objects(model, facts["things"])
     model._restore_fields(packed.unpack(facts.get("scalars", [])))
     model.fire_constants = part_from_json(facts["constants"])
@@ -147,7 +151,7 @@ def _restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpo
     _restore_columns(model.fires.columns, facts["fires"], packed)
     _check_columns(model)
     _restore_history(model, facts["history"])
-    parts = [(part.facts["collected"], _ModelPacked(model, part.arrays)) for part in earlier]
+    parts = [(part.facts["collected"], ModelPacked(model, part.arrays)) for part in earlier]
     restore_collected(model, joined([*parts, (facts["collected"], packed)]))
     for name, reporter in reporters_of(model).items():
         reporter.restore(packed.unpack(facts["reporters"][name]))
@@ -190,6 +194,8 @@ def _shared_places(facts: dict) -> frozenset[int]:
 
 def _restore_columns(columns: dict[str, np.ndarray], stored: dict, packed: Packed) -> None:
     """Write stored columns into those of a model, which must have the same types and shapes."""
+    if "group" in columns and "group" not in stored:  # in older recordings
+        columns = {name: column for name, column in columns.items() if name != "group"}
     if stored.keys() != columns.keys():
         odd = sorted(stored.keys() ^ columns.keys())
         raise RecordingError(f"column {shortened(odd[0])} is in the model or in the checkpoint, but not in both")
@@ -207,6 +213,7 @@ def _check_columns(model: FireModel) -> None:
     """Refuse values that compiled functions, which check nothing, would use as an index or a position."""
     robots, fires, designs = model.swarm.columns, model.fires.columns, model.swarm.designs
     ends = {"design": (0, len(designs)), "fire": (-1, len(model.fires)), "layer": (-1, MOST_LAYERS)}
+    ends["group"] = (-1, len(model.swarm.groups))
     for name, (first, end) in ends.items():
         if not ((robots[name] >= first) & (robots[name] < end)).all():
             raise RecordingError(f"column {name} has out-of-range values")
@@ -237,16 +244,20 @@ def _restore_history(model: FireModel, stored: list) -> None:
     history.every, history._places, history._fires = every, list(places), fires
 
 
-def _control_state(model: FireModel, packed: _ModelPacked) -> list:
+def _control_state(model: FireModel, packed: ModelPacked) -> list:
     if model.control is None:
         return []
-    arbiter = model.control
+    arbiters, layers = model.control.parts, model.control.layers
+    return [*(_arbiter_state(one, packed) for one in arbiters), *(_layer_state(layer, packed) for layer in layers)]
+
+
+def _arbiter_state(arbiter: Any, packed: ModelPacked) -> object:
     values = {} if type(arbiter).__module__.startswith(OURS) else vars(arbiter)
-    own = {name: value for name, value in values.items() if name not in ("layers", "weights")}
-    return [_inner(own, type(arbiter).__name__, packed), *(_layer_state(layer, packed) for layer in arbiter.layers)]
+    own = {name: value for name, value in values.items() if name not in ("layers", "weights", "others")}
+    return _inner(own, type(arbiter).__name__, packed)
 
 
-def _layer_state(layer: Any, packed: _ModelPacked) -> object:
+def _layer_state(layer: Any, packed: ModelPacked) -> object:
     if isinstance(layer, Checkpointed):
         return {"own": packed.pack(layer.checkpoint(), f"layer {getattr(layer, 'name', '')}")}
     if type(layer).__module__.startswith(OURS):
@@ -254,7 +265,7 @@ def _layer_state(layer: Any, packed: _ModelPacked) -> object:
     return _inner(getattr(layer, "__dict__", {}), f"layer {getattr(layer, 'name', '')}", packed)
 
 
-def _inner(values: dict, what: str, packed: _ModelPacked) -> dict:
+def _inner(values: dict, what: str, packed: ModelPacked) -> dict:
     swarm = packed.model.swarm
     return {n: attribute_to_json(v, f"{what}'s {n}", packed) for n, v in values.items() if v is not swarm}
 
@@ -281,26 +292,27 @@ def _restore_control(model: FireModel, facts: dict) -> None:
         model.control = control_from_json(facts["control"])
 
 
-def _restore_control_state(model: FireModel, facts: dict, packed: _ModelPacked) -> None:
+def _restore_control_state(model: FireModel, facts: dict, packed: ModelPacked) -> None:
     if model.control is None:
         return
-    arbiter, *layers = facts["control_state"]
-    _restore_inner(model.control, arbiter, packed)
-    for layer, state in zip(model.control.layers, layers, strict=True):
+    arbiters, states = model.control.parts, facts["control_state"]
+    for arbiter, state in zip(arbiters, states, strict=False):
+        _restore_inner(arbiter, state, packed)
+    for layer, state in zip(model.control.layers, states[len(arbiters) :], strict=True):
         if isinstance(layer, Checkpointed):
             layer.restore(packed.unpack(state["own"]))
         elif state is not None:
             _restore_inner(layer, state, packed)
 
 
-def _restore_inner(owner: object, state: dict, packed: _ModelPacked) -> None:
+def _restore_inner(owner: object, state: dict, packed: ModelPacked) -> None:
     if state and type(owner).__module__.startswith(OURS):
         raise RecordingError(f"{type(owner).__name__} has no state of its own")
     for name, content in state.items():
         object.__setattr__(owner, name, attribute_from_json(getattr(owner, name, None), name, content, packed))
 
 
-def _declared_to_json(model: FireModel, packed: _ModelPacked) -> dict:
+def _declared_to_json(model: FireModel, packed: ModelPacked) -> dict:
     """Return `model.state`, processes and parts, without those of which there are none."""
     declared_state = {
         "state": model._state and packed.pack(dict(model._state), "state"),
@@ -310,7 +322,7 @@ def _declared_to_json(model: FireModel, packed: _ModelPacked) -> dict:
     return {name: content for name, content in declared_state.items() if content}
 
 
-def _process_to_json(number: int, process: object, packed: _ModelPacked) -> list:
+def _process_to_json(number: int, process: object, packed: ModelPacked) -> list:
     kind = type(process)
     what = f"process {kind.__name__}"
     if isinstance(process, Checkpointed):
@@ -320,7 +332,7 @@ def _process_to_json(number: int, process: object, packed: _ModelPacked) -> list
     return [number, f"{kind.__module__}.{kind.__qualname__}", state]
 
 
-def _restore_declared(model: FireModel, facts: dict, packed: _ModelPacked) -> None:
+def _restore_declared(model: FireModel, facts: dict, packed: ModelPacked) -> None:
     model.state = packed.unpack(facts["state"]) if "state" in facts else {}
     stored = {number: (kind, state) for number, kind, state in facts.get("processes", ())}
     for number, process in list(model._processes.items()):
@@ -337,7 +349,7 @@ def _restore_declared(model: FireModel, facts: dict, packed: _ModelPacked) -> No
     _restore_parts(model, facts.get("parts", {}), packed)
 
 
-def _restore_process(process: Any, state: dict, packed: _ModelPacked) -> None:
+def _restore_process(process: Any, state: dict, packed: ModelPacked) -> None:
     if isinstance(process, Checkpointed):
         process.restore(packed.unpack(state["own"]))
         return
@@ -348,7 +360,7 @@ def _restore_process(process: Any, state: dict, packed: _ModelPacked) -> None:
         object.__setattr__(process, name, value)
 
 
-def _restore_parts(model: FireModel, stored: dict, packed: _ModelPacked) -> None:
+def _restore_parts(model: FireModel, stored: dict, packed: ModelPacked) -> None:
     """Write the stored arrays of parts that were not adopted; refuse other names, types and shapes."""
     if stored.keys() != model._parts.keys():
         odd = sorted(stored.keys() ^ model._parts.keys())
@@ -369,7 +381,7 @@ def own_attributes(model: FireModel) -> dict[str, Any]:
     return {name: value for name, value in model.__dict__.items() if name not in apart}
 
 
-def attribute_to_json(value: object, name: str, packed: _ModelPacked) -> object:
+def attribute_to_json(value: object, name: str, packed: ModelPacked) -> object:
     """Return an attribute as JSON: plain, a random generator, a part of the model, or an object with a state."""
     reference = None if type(value) in ATOMS else _reference(value, packed.model)
     if reference is not None:
@@ -417,7 +429,7 @@ def _referred(kind: str, which: Any, model: FireModel) -> object:
     return _owners(model)[kind][which]
 
 
-def _restore_attributes(model: FireModel, facts: dict, packed: _ModelPacked) -> None:
+def _restore_attributes(model: FireModel, facts: dict, packed: ModelPacked) -> None:
     attributes = facts["attributes"]
     _refuse(declared(model, "_stored_apart") & attributes.keys())
     for name in own_attributes(model).keys() - attributes.keys():
@@ -429,11 +441,20 @@ def _restore_attributes(model: FireModel, facts: dict, packed: _ModelPacked) -> 
         number: Any = getattr(model, name, None)
         if type(number) not in kinds or not 0 <= number < LARGEST_NUMBER:
             raise RecordingError(f"invalid {name}: {shortened(number)}")
+    _restore_agents(model, dict(facts["of_things"]), packed)
+
+
+def _restore_agents(model: FireModel, stored: dict[int, dict], packed: ModelPacked) -> None:
+    for agent in other_agents(model):
+        for name in own_attributes_of_agent(agent).keys() - stored.get(agent.unique_id, {}).keys():
+            delattr(agent, name)
     agents = {agent.unique_id: agent for agent in model.agents}
-    for unique_id, values in facts["of_things"]:
-        _refuse(apart_of_agent(agents[unique_id]) & values.keys())
+    for unique_id, values in stored.items():
+        agent = agents[unique_id]
+        _refuse(apart_of_agent(agent) & values.keys())
         for name, content in values.items():
-            agents[unique_id].__dict__[name] = attribute_from_json(None, name, content, packed)
+            value = attribute_from_json(getattr(agent, name, None), name, content, packed)
+            object.__setattr__(agent, name, value)
 
 
 def _refuse(names: frozenset[str]) -> None:
@@ -441,7 +462,7 @@ def _refuse(names: frozenset[str]) -> None:
         raise RecordingError(f"attribute {min(names)} is not part of a state")
 
 
-def attribute_from_json(now: object, name: str, content: dict, packed: _ModelPacked) -> object:
+def attribute_from_json(now: object, name: str, content: dict, packed: ModelPacked) -> object:
     """Return the attribute for which `attribute_to_json` returned this; what has a state of its own stays the same."""
     ((kind, value),) = content.items()
     if kind == "generator":
@@ -463,20 +484,25 @@ def attribute_from_json(now: object, name: str, content: dict, packed: _ModelPac
 
 def apart_of_agent(agent: Agent) -> frozenset[str]:
     """Return the names of the attributes of an agent that are not stored as they are."""
-    return declared(agent, "_stored_apart") | OF_AGENTS
+    return declared(agent, "_stored_apart") | (OF_ARENA if isinstance(agent, ContinuousSpaceAgent) else OF_AGENTS)
 
 
-def _agent_attributes(model: FireModel, packed: Packed) -> list:
-    """Return the attributes that users have added to robots and other agents."""
+def _agent_attributes(model: FireModel, packed: ModelPacked) -> list:
+    """Return the attributes that users have added to robots and other agents, and all of agents of their own."""
     extra = []
     for agent in model.agents:
-        apart = apart_of_agent(agent)
-        names = [name for name in agent.__dict__ if name not in apart]
-        if names:
+        own = own_attributes_of_agent(agent)
+        if own:
             what = f"{type(agent).__name__} {agent.unique_id}'s "
-            own = {name: {"plain": packed.pack(agent.__dict__[name], what + name)} for name in names}
-            extra.append([agent.unique_id, own])
+            extra.append([agent.unique_id, {n: attribute_to_json(v, what + n, packed) for n, v in own.items()}])
     return extra
+
+
+def own_attributes_of_agent(agent: Agent) -> dict[str, Any]:
+    """Return the attributes of an agent that are stored as they are."""
+    apart = apart_of_agent(agent)
+    values = agent.__dict__ if isinstance(agent, ArenaAgent) else attributes_of(agent)
+    return {name: value for name, value in values.items() if name not in apart}
 
 
 def _randomness(model: FireModel, packed: Packed) -> dict:

@@ -11,6 +11,7 @@ from mesa_swarm.analysis.clusters import clusters
 from mesa_swarm.control.layer import Senses, centroids
 from mesa_swarm.errors import UnknownNameError, unknown_name
 from mesa_swarm.fire.model import FireModel
+from mesa_swarm.looks import looks_of
 from mesa_swarm.recording.layout import PIXELS, READINGS, TABLES, field_type, is_table
 from mesa_swarm.world.fields import levels_of, values_of
 from mesa_swarm.world.statics import FIRE
@@ -23,6 +24,8 @@ BURST_GAP = 10
 MERGE_EVERY = 10
 MERGE_LINK = 30.0
 MERGE_ROBOTS = 3
+# Robots that the text of an event names.
+MOST_NAMED = 3
 AXES = {"position": ("x", "y"), "command": ("command_left", "command_right")}
 # What pictures show of a step.
 PICTURED = ("position", "heading", "hot", "fires", "loads", "fields")
@@ -84,6 +87,9 @@ def frame_of(model: FireModel, columns: Sequence[str] = PICTURED, *, perceived: 
             raise UnknownNameError(unknown_name("column", name, (*found, *TABLES)))
     if perceived:
         shown["perceived"] = _perceived(model)
+    looks = looks_of(model)
+    if looks is not None:
+        shown |= looks.columns_of(model)
     robots = np.array([robot.unique_id for robot in model.swarm.agents], np.int32)
     return Frame(step=model.completed, state_hash=None, robots=robots, columns=shown)
 
@@ -150,10 +156,17 @@ def _peak(frame: Frame, name: str) -> float:
     return float(peaks[place]) if place < len(peaks) else 0.0
 
 
+def _live_events(model: FireModel) -> np.ndarray:
+    """Return the events of the last step."""
+    log = model.events
+    return np.array(log.rows(int(np.searchsorted(log.step, model.steps))), TABLE_TYPES["events"])
+
+
 LIVE_TABLES: Mapping[str, Callable[[FireModel], np.ndarray]] = {
     "fires": _live_fires,
     "contacts": _live_contacts,
     "loads": _live_loads,
+    "events": _live_events,
 }
 
 
@@ -210,6 +223,8 @@ def _array(values: pa.Array) -> np.ndarray:
         for name, part in parts.items():
             table[name] = part
         return table
+    if pa.types.is_string(values.type):
+        return np.array(values.to_pylist(), TABLE_TYPES["events"]["name"])
     return values.to_numpy(zero_copy_only=False)  # of numbers a read-only view
 
 
@@ -262,9 +277,9 @@ class Event:
     step : int
         Its first step.
     kind : str
-        "fire out", "collision burst" or "merge".
+        "fire out", "collision burst" or "merge", or the name of events of the model's own (`SwarmModel.event`).
     ids : tuple of int
-        unique_ids: of the fire, of the robots that collided, of the robots of the merged group.
+        unique_ids: of the fire, of the robots that collided, of those of the merged group or of the model's own events.
     text : str
         A description. Fires are numbered from 1, as in charts and pictures.
     """
@@ -281,10 +296,31 @@ class Event:
 def events_of(frames: Iterable) -> list[Event]:
     """Return the events of frames, oldest first; a table or column that was not recorded has no events.
 
-    The frames, in the order of steps, are iterated over up to three times.
+    The frames, in the order of steps, are iterated over up to four times.
     """
-    found = [*_fires_out(frames), *_bursts(frames), *_merges(frames)]
+    found = [*_fires_out(frames), *_bursts(frames), *_merges(frames), *_noted(frames)]
     return sorted(found, key=lambda event: (event.step, event.kind, event.ids))
+
+
+def _noted(frames: Iterable) -> Iterator[Event]:
+    """Iterate over the events of the model's own; those of one step and name are one."""
+    for frame in frames:
+        if "events" not in frame.columns:
+            return
+        together: dict[tuple[int, str], list[tuple[int, float]]] = {}
+        for step, name, unique_id, value in frame["events"].tolist():
+            together.setdefault((step, name), []).append((unique_id, value))
+        for (step, name), ones in together.items():
+            ids = tuple(dict.fromkeys(unique_id for unique_id, _ in ones if unique_id >= 0))
+            yield Event(step=step, kind=name, ids=ids, text=_noted_text(name, ids, [value for _, value in ones]))
+
+
+def _noted_text(name: str, ids: Sequence[int], values: Sequence[float]) -> str:
+    times = f" {len(values)} times" if len(values) > 1 else ""
+    more = f" and {len(ids) - MOST_NAMED} more" if len(ids) > MOST_NAMED else ""
+    robots = f"robot{'s' if len(ids) > 1 else ''} {', '.join(map(str, ids[:MOST_NAMED]))}{more}" if ids else ""
+    value = f"value {sum(values):g}" if set(values) != {1.0} else ""
+    return ": ".join(part for part in (name + times, ", ".join(part for part in (robots, value) if part)) if part)
 
 
 def _fires_out(frames: Iterable) -> Iterator[Event]:

@@ -1,18 +1,19 @@
 """The content of a row of a recording, as NumPy arrays in memory and as Arrow lists in the file."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
-from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError, shortened, unknown_name
+from mesa_swarm.errors import LONGEST_NAME, InvalidValueError, RecordingError, UnknownNameError, shortened, unknown_name
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.world.fields import ScalarField
 from mesa_swarm.world.statics import BORDER, FIRE, ROBOT
 
 DEFAULT = (
     *("position", "heading", "command", "layer", "distance", "kind", "temperature", "fires", "contacts", "loads"),
-    "fields",
+    *("fields", "events"),
 )
 # Columns of the swarm from which the contacts are made when a chunk is written.
 CONTACT = ("collided", "contact_kind", "contact_index", "contact_normal", "contact_depth")
@@ -24,8 +25,11 @@ TABLES = {
     "contacts": ("robot", "kind", "other", "normal_x", "normal_y", "depth"),
     "loads": ("load", "x", "y", "heading"),
     "fields": ("field", "peak", "total"),
+    "events": ("step", "name", "unique_id", "value"),
 }
-WHOLE = frozenset({"fire", "robots", "robot", "kind", "other", "load", "field"})
+WHOLE = frozenset({"fire", "robots", "robot", "kind", "other", "load", "field", "unique_id"})
+# Fields of events, which are stored exactly.
+EXACT: dict[str, Any] = {"step": np.int64, "name": f"U{LONGEST_NAME}", "value": np.float64}
 # Begins the names of the columns that hold the pixels of a field: rows (columns,) from the bottom up.
 PIXELS = "fields."
 # The first fields of a row.
@@ -88,8 +92,10 @@ def is_table(column: str) -> bool:
 
 def table_type(table: str, real: pa.DataType) -> pa.DataType:
     """Return the Arrow type of a row of a table."""
-    dtype = real.to_pandas_dtype()
-    return pa.struct([(field, pa.from_numpy_dtype(field_type(field, dtype))) for field in TABLES[table]])
+    types = {field: field_type(field, real.to_pandas_dtype()) for field in TABLES[table]}
+    return pa.struct(
+        [(field, pa.string() if kind.kind == "U" else pa.from_numpy_dtype(kind)) for field, kind in types.items()]
+    )
 
 
 class Chunk:
@@ -109,6 +115,8 @@ class Chunk:
         self._fields = [model.fields[name] for name in layout.fields]
         self._pixels = [np.zeros((capacity, *p.shape), p.dtype) for p in map(layout.pixels, self._fields)]
         self._sums = np.zeros((capacity, len(self._fields), 2), layout.real)
+        self._log = model.events
+        self._noted = [0] * (capacity + 1)  # how many events there were before each row, and after the last
         self._robot_rows = self._buffers(model.swarm.columns, layout.columns)
         self._contact_rows = self._buffers(model.swarm.columns, CONTACT if "contacts" in layout.tables else ())
         fires = ("temperature", "robots", "out") if "fires" in layout.tables else ()
@@ -122,8 +130,11 @@ class Chunk:
         buffers = [*(rows for _, rows in self._pairs), *self._pixels]
         return sum(rows.nbytes for rows in buffers) // self.capacity + 1
 
-    def put(self, row: int, step: int, state_hash: str | None) -> None:
-        """Store the present state of the model as a row."""
+    def put(self, row: int, step: int, state_hash: str | None, noted: int) -> None:
+        """Store the present state of the model as a row; `noted` events are in rows before the first one."""
+        if not row:
+            self._noted[0] = noted
+        self._noted[row + 1] = len(self._log)
         for source, rows in self._pairs:
             rows[row] = source
         for place, load in enumerate(self._bodies):
@@ -140,7 +151,7 @@ class Chunk:
         arrays.append(_listed(np.broadcast_to(self._robots, (rows, len(self._robots)))))
         arrays += [_listed(values[:rows]) for _, values in self._robot_rows.values()]
         makers = {"fires": self._fire_table, "contacts": self._contact_table, "loads": self._load_table}
-        makers["fields"] = self._field_table
+        makers |= {"fields": self._field_table, "events": self._event_table}
         arrays += [makers[name](rows) for name in self.layout.tables]
         arrays += [_listed(pixels[:rows]) for pixels in self._pixels]
         return pa.record_batch(arrays, schema=self.layout.schema)
@@ -208,7 +219,14 @@ class Chunk:
         values = {"field": np.tile(np.arange(count, dtype=np.int32), rows), "peak": peak, "total": total}
         return self._table("fields", np.full(rows, count), values)
 
-    def _table(self, name: str, counts: np.ndarray, values: dict[str, np.ndarray]) -> pa.Array:
+    def _event_table(self, rows: int) -> pa.Array:
+        first, end = self._noted[0], self._noted[rows]
+        columns = zip(*self._log.rows(first, end), strict=True) if end > first else ((),) * len(TABLES["events"])
+        return self._table(
+            "events", np.diff(self._noted[: rows + 1]), dict(zip(TABLES["events"], columns, strict=True))
+        )
+
+    def _table(self, name: str, counts: np.ndarray, values: dict[str, Any]) -> pa.Array:
         wanted = self.layout.schema.field(name).type.value_type
         arrays = [pa.array(values[field.name], field.type) for field in wanted]
         struct = pa.StructArray.from_arrays(arrays, fields=list(wanted))
@@ -232,6 +250,8 @@ def population_of(model: FireModel) -> tuple:
 
 def field_type(field: str, real: type) -> np.dtype:
     """Return the type of a field of a table."""
+    if field in EXACT:
+        return np.dtype(EXACT[field])
     return np.dtype(np.bool_ if field == "out" else np.int32 if field in WHOLE else real)
 
 

@@ -24,6 +24,8 @@ from mesa_swarm.robots.sensors import (
 LARGEST_RADIUS = 1e6
 # Numbers of a command.
 MOST_NUMBERS = 12
+# The column of the speeds that motors of limited acceleration have reached.
+DRIVE_SPEED = "drive.speed"
 # A step is cut into pieces of half a radius: faster robots than this would take too long.
 FASTEST_IN_RADII = 1000
 MOST_SENSORS = 360
@@ -342,10 +344,12 @@ class DesignTable:
         )
 
     def columns(self) -> dict[str, tuple[tuple, type, object]]:
-        """Return the columns of a swarm that custom sensors and actuators need: shape, type, value at first."""
+        """Return the columns of a swarm that custom parts and drives need: shape, type, value at first."""
         read: dict[str, Any] = {name: ((width,), np.float64, math.nan) for name, width in self.readings.items()}
         for name, (width, _) in self.actions.items():
             read[f"{ACT}{name}"] = ((width,) if width > 1 else (), np.float64, 0.0)
+        if self.limited:
+            read[DRIVE_SPEED] = ((self.wheels,), np.float64, 0.0)
         return read
 
 

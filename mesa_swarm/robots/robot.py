@@ -1,13 +1,13 @@
 """One robot: a handle on a row of the swarm, and a Mesa agent."""
 
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 from mesa import Model
 from numpy.typing import NDArray
 
-from mesa_swarm.errors import RemovedRobotError, check_choice, check_number
+from mesa_swarm.errors import RemovedRobotError, check_choice, check_name, check_number
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.swarm import Swarm
@@ -96,6 +96,19 @@ class Robot(ArenaAgent):
     def design(self) -> RobotDesign:
         """What it is built like."""
         return self.swarm.designs[self._read("design")]
+
+    @property
+    def group(self) -> str:
+        """The name of its group, "" for none; `model.control` may have an arbiter for each."""
+        group = int(self._read("group"))
+        return self.swarm.groups[group] if group >= 0 else ""
+
+    @group.setter
+    def group(self, value: str) -> None:
+        row, model = self.alive(), cast(Any, self.model)
+        name = value if value == "" else check_name("group", value)
+        model._check_driven(self.design, name)
+        self.swarm.set_group(row, name)
 
     @property
     def radius(self) -> float:

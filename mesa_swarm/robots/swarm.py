@@ -17,8 +17,6 @@ from mesa_swarm.world.statics import BORDER, ROBOT
 
 # Columns with names that begin so stay when those of layers are dropped: they belong to the robots' bodies.
 LASTING = "body."
-# And the column of the speeds that motors of limited acceleration have reached.
-DRIVE_SPEED = "drive.speed"
 # What robots send and hear.
 MESSAGES = ("task", "goal", "sent_goal", "heard_layer", "heard_task", "heard_from", "heard_goal")
 
@@ -45,6 +43,8 @@ class Swarm:
         Counts the robots from 0 in the order in which they were added; robots that are removed leave gaps.
     design : int64 ndarray, shape (n,)
         Index in `designs`.
+    group : int64 ndarray, shape (n,)
+        Index in `groups`, -1 for none.
     position : ndarray, shape (n, 2), map units
     heading : ndarray, shape (n,), rad in [-pi, pi)
     command, last_command : ndarrays, shape (n, w)
@@ -99,6 +99,7 @@ class Swarm:
 
     number: NDArray[np.int64] = _column((), np.int64, 0)
     design: NDArray[np.int64] = _column((), np.int64, 0)
+    group: NDArray[np.int64] = _column((), np.int64, -1)
     position: NDArray[np.float64] = _column((2,), np.float64, 0.0)
     heading: NDArray[np.float64] = _column((), np.float64, 0.0)
     radius: NDArray[np.float64] = _column((), np.float64, 0.0)
@@ -135,6 +136,8 @@ class Swarm:
         self.agents: list = []
         self.disturbed = False
         self.version = 0
+        self.groups: tuple[str, ...] = ()
+        self.regrouped = 0
         self._created = 0
         self._memory: dict[str, tuple[tuple, type, object]] = {}
         self._messages: dict[str, tuple[tuple, type, object]] = {}
@@ -178,8 +181,9 @@ class Swarm:
         position: np.ndarray,
         heading: np.ndarray,
         tendency: np.ndarray,
+        group: str = "",
     ) -> np.ndarray:
-        """Append robots of one design and return their rows; their handles are set by the caller."""
+        """Append robots of one design and group and return their rows; their handles are set by the caller."""
         if design not in self.designs:
             self.check_parts(design)
             self.table = DesignTable.of((*self.designs, design))
@@ -189,6 +193,7 @@ class Swarm:
         for name, values in {
             "number": np.arange(self._created, self._created + new),
             "design": self.designs.index(design),
+            "group": self._index_of(group),
             "position": position,
             "heading": heading,
             "radius": design.radius,
@@ -249,6 +254,17 @@ class Swarm:
         met[(kinds == kind) & (met == index)] = BORDER
         met[(kinds == kind) & (met > index)] -= 1
 
+    def set_group(self, row: int, group: str) -> None:
+        """Move a robot to a group, "" for none."""
+        self.columns["group"][row] = self._index_of(group)
+        self.regrouped += 1
+
+    def _index_of(self, group: str) -> int:
+        """Return the index of a group, which is made if it is new, -1 for none."""
+        if group and group not in self.groups:
+            self.groups = (*self.groups, group)
+        return self.groups.index(group) if group else -1
+
     def remember(self, name: str, shape: tuple[int | str, ...], dtype: type, initial: object) -> np.ndarray:
         """Return the column of a layer's memory of each robot, made if it is new."""
         if name not in self.columns:
@@ -258,7 +274,7 @@ class Swarm:
 
     def forget(self) -> None:
         """Drop the columns of all layers."""
-        for name in [name for name in self._memory if name != DRIVE_SPEED and not name.startswith(LASTING)]:
+        for name in [name for name in self._memory if not name.startswith(LASTING)]:
             self._drop(name)
         self.version += 1
 
@@ -300,11 +316,9 @@ class Swarm:
             "proximity": self.table.proximity.shape[1],
             "radiation": self.table.radiation.shape[1],
             "line": self.table.line.shape[1],
-            **self.table.readings,
             "wheels": self.table.wheels,
+            **self.table.readings,
         }
-        if self.table.limited:
-            self._memory[DRIVE_SPEED] = (("wheels",), np.float64, 0.0)
         declared = {**COLUMNS, **self.table.columns(), **self._messages, **self._memory}
         for name in [name for name in self.columns if name not in declared]:
             del self.columns[name], self.__dict__[name]
