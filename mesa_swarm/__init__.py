@@ -17,6 +17,7 @@ if not any(isinstance(finder, MovedFinder) for finder in sys.meta_path):
 if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.experiments.compare import compare
     from mesa_swarm.experiments.sweep import sweep
+    from mesa_swarm.looks import Chart, ColourMap, Looks
     from mesa_swarm.open_model import Process
     from mesa_swarm.physics.neighbours import NeighbourSensor
     from mesa_swarm.recording.recording import Recording
@@ -42,6 +43,7 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
 _MODULES = {
     "experiments.compare": "compare",
     "experiments.sweep": "sweep",
+    "looks": "Chart ColourMap Looks",
     "open_model": "Process",
     "recording.recording": "Recording",
     "physics.neighbours": "NeighbourSensor",
@@ -63,6 +65,8 @@ __all__ = [
     "AGENT9",
     "AGENT_FIRE",
     "Actuator",
+    "Chart",
+    "ColourMap",
     "DifferentialDrive",
     "Emitter",
     "Field",
@@ -70,6 +74,7 @@ __all__ = [
     "HolonomicDrive",
     "Lamp",
     "LineSensor",
+    "Looks",
     "Map",
     "NeighbourSensor",
     "OmniDrive",

@@ -38,13 +38,13 @@ from mesa_swarm.world.statics import FIRE, KINDS, LOAD, MOST_KINDS, OBSTACLE, RO
 # may not be less than the rounding of a coordinate. And squares of lengths have to be floats.
 FINEST = 4e-9
 SMALLEST_RADIUS = 1e-12
+MODES = ("driven", "fixed", "pushed")
 # Attributes of Mesa's models, of all versions: what changes when Mesa counts a step, and the others.
 MESA_COUNTS = ("steps", "_time", "_batch_context", "_suppress", "subscribers", "agent_id_counter")
 OF_MESA = (
     *("step", "rng", "_rng", "random", "_seed", "_user_step", "_agents", "_agents_by_type", "_all_agents"),
     *("_simulator", "_event_list", "_event_generators", "_scenario", "_default_schedule", "data_registry"),
 )
-MODES = ("driven", "fixed", "pushed")
 
 
 class World(mesa.Model):
@@ -57,11 +57,13 @@ class World(mesa.Model):
 
     _stored_apart: ClassVar[tuple[str, ...]] = (
         *(*MESA_COUNTS, *OF_MESA, "given", "map", "streams", "space", "swarm", "_obstacles", "_loads", "_scene"),
-        *("_scene_table", "_fields", "_movers"),
+        *("_scene_table", "_fields", "_movers", "_kinds"),
     )
     _fleeting: ClassVar[tuple[str, ...]] = (*MESA_COUNTS, "time", "_scene", "_scene_table")
 
     _fields: dict[str, ScalarField] | None = None  # by name; None without any
+    _movers: Movers | None = None  # None until the first driven body
+    _kinds: tuple[str, ...] = KINDS
 
     def __new__(cls, *given: Any, **named: Any) -> Self:
         """Store the arguments of the outermost constructor, with which a recorded model is made again."""
@@ -81,8 +83,6 @@ class World(mesa.Model):
         self.space.attach(self.swarm)
         self._obstacles: list[Body] = []
         self._loads: list[Load] = []
-        self._movers: Movers | None = None
-        self._kinds = list(KINDS)
         self._scene: Surroundings | None = None
         self._scene_table: DesignTable | None = None
         for shape in self.map.obstacles:
@@ -135,7 +135,7 @@ class World(mesa.Model):
         >>> SwarmModel(rng=1).kinds
         ('obstacle', 'robot', 'fire', 'load')
         """
-        return tuple(self._kinds)
+        return self._kinds
 
     def kind_code(self, name: str) -> int:
         """Return the code of a kind in readings: what a rule compares ``me.kind[s]`` with.
@@ -261,7 +261,7 @@ class World(mesa.Model):
         shape : Shape
             From `disc`, `rectangle` or `polygon`.
         kind : str
-            What sensors see: a name of one's own, or "obstacle", "load"; by default "load" for pushed bodies, else
+            What sensors see: a name of your own, or "obstacle", "load"; by default "load" for pushed bodies, else
             "obstacle". See `kinds`.
         mode : str
             "driven": it goes where ``body.position = (x, y)``, ``body.heading = h`` or ``body.move_to(...)`` puts it.
@@ -404,6 +404,68 @@ class World(mesa.Model):
         self._take(load)
         return load
 
+    def _add_driven(self, shape: Shape, kind: str, agent: mesa.Agent | None) -> Driven:
+        if not shape.contact:
+            raise InvalidValueError("body is a mark on the ground, which cannot be driven; leave out contact=False")
+        if agent is not None and not isinstance(agent, mesa.Agent):
+            raise InvalidValueError(f"agent is {shortened(agent)}; expected a Mesa agent or None")
+        self._check_fine_enough(shape)
+        self._checked_point(shape.position)
+        self._check_clear_of_loads("body", shape)
+        body = Driven(self.space, self, shape, kind, self._made_movers(), agent)
+        self._take(body)
+        if agent is not None:
+            try:
+                self.move_bodies([body], poses_of_agents([body], self.space))
+            except InvalidValueError:
+                body.remove()
+                raise
+        return body
+
+    def _made_movers(self) -> Movers:
+        """Return the table of driven bodies, made with the first of them."""
+        if self._movers is None:
+            self._movers = Movers()
+            self.space.attach(self._movers)
+        return self._movers
+
+    def _take(self, body: Body) -> None:
+        self._know_kind(body.kind)
+        self._obstacles.append(body)
+        self._scene_changed()
+
+    def _know_kind(self, name: str) -> None:
+        if name not in self._kinds:
+            self._kinds = (*self._kinds, name)
+
+    def _place_new(self, bodies: list[Driven], poses: np.ndarray) -> None:
+        """Place bodies at once that were added after the last step."""
+        for body, pose in zip(bodies, poses.tolist(), strict=True):
+            self._check_clear_of_loads("body", body.form.shape_at(tuple(pose)))
+        movers, rows = cast(Movers, self._movers), [body.row for body in bodies]
+        movers.position[rows], movers.heading[rows] = poses[:, :2], wrapped_all(poses[:, 2])
+        self._scene_changed()
+
+    def _follow_agents(self, movers: Movers) -> None:
+        """Ask for the poses of the agents that bodies follow, and remove the bodies of agents that were removed."""
+        gone = [body for body in movers.followers if body.agent not in self.agents]
+        for body in gone:
+            body.remove()
+        if movers.followers:
+            self.move_bodies(movers.followers, poses_of_agents(movers.followers, self.space))
+
+    def _checked_kind(self, kind: str | None, default: str) -> str:
+        """Return the name of a kind that bodies may have."""
+        if kind is None:
+            return default
+        if not isinstance(kind, str) or not kind.isidentifier() or kind in (KINDS[ROBOT], KINDS[FIRE]):
+            raise InvalidValueError(
+                f"kind is {shortened(kind)}; expected a name such as 'door', which is neither 'robot' nor 'fire'"
+            )
+        if kind not in self._kinds and len(self._kinds) > MOST_KINDS:
+            raise InvalidValueError(f"kind is {shortened(kind)}, one too many; expected at most {MOST_KINDS + 1} kinds")
+        return kind
+
     @property
     def fields(self) -> NamedFields:
         """The scalar fields by name, in the order in which they were added."""
@@ -456,68 +518,6 @@ class World(mesa.Model):
     def _advance_fields(self, fields: dict[str, ScalarField]) -> None:
         for field in fields.values():
             field.advance()
-
-    def _add_driven(self, shape: Shape, kind: str, agent: mesa.Agent | None) -> Driven:
-        if not shape.contact:
-            raise InvalidValueError("body is a mark on the ground, which cannot be driven; leave out contact=False")
-        if agent is not None and not isinstance(agent, mesa.Agent):
-            raise InvalidValueError(f"agent is {shortened(agent)}; expected a Mesa agent or None")
-        self._check_fine_enough(shape)
-        self._checked_point(shape.position)
-        self._check_clear_of_loads("body", shape)
-        body = Driven(self.space, self, shape, kind, self._made_movers(), agent)
-        self._take(body)
-        if agent is not None:
-            try:
-                self.move_bodies([body], poses_of_agents([body], self.space))
-            except InvalidValueError:
-                body.remove()
-                raise
-        return body
-
-    def _made_movers(self) -> Movers:
-        """Return the table of driven bodies, made with the first of them."""
-        if self._movers is None:
-            self._movers = Movers()
-            self.space.attach(self._movers)
-        return self._movers
-
-    def _take(self, body: Body) -> None:
-        self._know_kind(body.kind)
-        self._obstacles.append(body)
-        self._scene_changed()
-
-    def _know_kind(self, name: str) -> None:
-        if name not in self._kinds:
-            self._kinds.append(name)
-
-    def _place_new(self, bodies: list[Driven], poses: np.ndarray) -> None:
-        """Place bodies at once that were added after the last step."""
-        for body, pose in zip(bodies, poses.tolist(), strict=True):
-            self._check_clear_of_loads("body", body.form.shape_at(tuple(pose)))
-        movers, rows = cast(Movers, self._movers), [body.row for body in bodies]
-        movers.position[rows], movers.heading[rows] = poses[:, :2], wrapped_all(poses[:, 2])
-        self._scene_changed()
-
-    def _follow_agents(self, movers: Movers) -> None:
-        """Ask for the poses of the agents that bodies follow, and remove the bodies of agents that were removed."""
-        gone = [body for body in movers.followers if body.agent not in self.agents]
-        for body in gone:
-            body.remove()
-        if movers.followers:
-            self.move_bodies(movers.followers, poses_of_agents(movers.followers, self.space))
-
-    def _checked_kind(self, kind: str | None, default: str) -> str:
-        """Return the name of a kind that bodies may have."""
-        if kind is None:
-            return default
-        if not isinstance(kind, str) or not kind.isidentifier() or kind in (KINDS[ROBOT], KINDS[FIRE]):
-            raise InvalidValueError(
-                f"kind is {shortened(kind)}; expected a name such as 'door', which is neither 'robot' nor 'fire'"
-            )
-        if kind not in self._kinds and len(self._kinds) > MOST_KINDS:
-            raise InvalidValueError(f"kind is {shortened(kind)}, one too many; expected at most {MOST_KINDS + 1} kinds")
-        return kind
 
     def obstacles_changed(self) -> None:
         """Update the lists after obstacles or other bodies were removed."""

@@ -73,7 +73,7 @@ class Moving:
 
     @property
     def seen(self) -> tuple:
-        """The same of what can be seen, listed when it is asked for."""
+        """The same of what can be seen, listed when it is read."""
         if not self._listed_for_sight:
             list_items(self._statics.edges, self._statics.discs, self.items, self._seen)
             self._listed_for_sight = True

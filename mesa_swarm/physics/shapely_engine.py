@@ -391,10 +391,10 @@ class ShapelyEngine:
             bodies = Travelling(surroundings, lambda: self._solids_of(swarm, surroundings), swarm.radius)
             return travel(swarm.columns, motion, turn_angle, bodies)
 
-        moved = move_by_commands(swarm, surroundings, draws, drives_by_rows(swarm), motion, go)
+        wheels = move_by_commands(swarm, surroundings, draws, drives_by_rows(swarm), motion, go)
         if surroundings.moving is not None:
             surroundings.moving.place()
-        return moved
+        return wheels
 
     def settle(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Move robots that overlap anything to free room nearby."""

@@ -77,8 +77,8 @@ CHANGES = (
     *(f"{name} of robots" for name in OF_ROBOTS),
     *(f"{name} of fires" for name in OF_FIRES),
     "pose or resistance of loads",
-    "values of fields",
     "pose of driven bodies",
+    "values of fields",
 )
 ROBOTS, FIRES, BYTES = itemgetter(*OF_ROBOTS), itemgetter(*OF_FIRES), np.ndarray.tobytes
 
@@ -150,6 +150,6 @@ def _objects(model: FireModel) -> tuple[Any, ...]:
         *map(BYTES, ROBOTS(swarm.columns)),
         *map(BYTES, FIRES(model.fires.columns)),
         [(load.pose, load.resistance) for load in model._loads] if model._loads else (),
-        [field.changes for field in model._fields.values()] if model._fields else (),
         () if model._movers is None else tuple(map(BYTES, model._movers.poses)),
+        [field.changes for field in model._fields.values()] if model._fields else (),
     )

@@ -30,7 +30,7 @@ from mesa_swarm.world.arena import ArenaAgent
 from mesa_swarm.world.bodies import Body, Form, Load, Obstacle, Pose
 from mesa_swarm.world.movers import Driven
 from mesa_swarm.world.shapes import Shape, outline_to_json, shape_from_json
-from mesa_swarm.world.statics import KINDS, LOAD, OBSTACLE
+from mesa_swarm.world.statics import KINDS, LOAD, MOST_KINDS, OBSTACLE
 
 SENSORS = (ProximitySensor, RadiationSensor, LineSensor, NeighbourSensor)
 OF_DESIGNS = (RobotDesign, *SENSORS, Lamp, DifferentialDrive, HolonomicDrive, OmniDrive)
@@ -192,6 +192,7 @@ def objects_to_json(model: FireModel) -> dict:
         "obstacles": [_obstacle_to_json(obstacle) for obstacle in model.obstacle_list],
         "fires": [fire.unique_id for fire in model.fires.agents],
         "next_id": next_id(model),
+        **({} if model.kinds == KINDS else {"kinds": list(model.kinds)}),
     }
 
 
@@ -203,6 +204,7 @@ def restore_objects(model: FireModel, stored: dict) -> None:
     obstacles = {_id(body["id"]): body for body in stored["obstacles"]}
     others = {_id(one[0]): one[1:] for one in stored.get("others", ())}
     _check_ids(stored, obstacles, others)
+    model._kinds = _checked_kinds(stored.get("kinds", list(KINDS)))
     _remove_others(model, {*stored["robots"], *obstacles, *stored["fires"], *others})
     designs = _designs(model, stored["designs"])
     makers: dict[int, Callable] = {}
@@ -338,6 +340,13 @@ def _check_ids(stored: dict, obstacles: dict, others: dict) -> None:
         raise RecordingError("unique_ids are not ascending, or not unique")
     if not all(0 < _id(one) < first_free for one in ids):
         raise RecordingError("invalid unique_id: not below that of the next agent")
+
+
+def _checked_kinds(stored: Any) -> tuple[str, ...]:
+    valid = isinstance(stored, list) and all(isinstance(name, str) and name.isidentifier() for name in stored)
+    if not valid or tuple(stored[: len(KINDS)]) != KINDS or not len(set(stored)) == len(stored) <= MOST_KINDS + 1:
+        raise RecordingError("invalid names of kinds")
+    return tuple(stored)
 
 
 def _remove_others(model: FireModel, ids: set[int]) -> None:

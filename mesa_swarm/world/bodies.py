@@ -259,8 +259,9 @@ class Load(Obstacle):
         Number of robots that pushed it in the last step.
     """
 
-    _stored_apart: ClassVar[tuple[str, ...]] = ("form", "pose", "_resistance", "moved", "pushers")
     mode = "pushed"
+
+    _stored_apart: ClassVar[tuple[str, ...]] = ("form", "pose", "_resistance", "moved", "pushers")
 
     def __init__(self, space: Arena, model: Model, shape: Shape, resistance: float, kind: str = KINDS[LOAD]) -> None:
         super().__init__(space, model, shape, kind)

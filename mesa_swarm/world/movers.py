@@ -19,7 +19,7 @@ LARGEST_HEADING = 1e9
 class Movers:
     """The poses of all driven bodies of a model, one row each, in the order in which they were added.
 
-    A pose that is asked for is a request: the body goes there in the phase move of the next step, as far as robots
+    A pose that is set is a request: the body goes there in the phase move of the next step, as far as robots
     can give way. A body that was added after the last step is placed at once.
 
     Attributes

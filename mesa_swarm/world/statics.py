@@ -11,7 +11,7 @@ from mesa_swarm.geometry.grid import Grid, list_boxes_by_cell
 from mesa_swarm.world.shapes import Shape
 
 OBSTACLE, ROBOT, FIRE, LOAD, NOTHING = 0, 1, 2, 3, -1
-# The names of these kinds; those of one's own follow, as far as the code fits into a byte.
+# The names of these kinds; custom ones follow, as far as the code fits into a byte.
 KINDS = ("obstacle", "robot", "fire", "load")
 MOST_KINDS = 127
 BORDER = -1
@@ -37,8 +37,8 @@ class Statics:
     owner : int64 ndarray, shape (m + k,)
         Index of the obstacle or of the fire that an item belongs to, -1 for the border.
     kind, body : int8 ndarrays, shape (m + k,)
-        Of the item as sensors see it, and of the body: 0 obstacle or border, 2 fire, 3 load, from 4 on the kinds of
-        one's own. A fire that is out is seen as an obstacle, and remains a fire to bump into.
+        Of the item as sensors see it, and of the body: 0 obstacle or border, 2 fire, 3 load, from 4 on custom
+        kinds. A fire that is out is seen as an obstacle, and remains a fire to bump into.
     rings : int64 ndarray, shape (p, 2)
         First edge, and one past the last, of every solid polygon.
     bounds : ndarray, shape (4,)

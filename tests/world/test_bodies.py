@@ -122,14 +122,14 @@ def test_an_agent_off_the_map_stops_the_step_before_anything_has_changed(model):
 def test_many_bodies_move_at_once(model):
     flock = [model.add_body(disc((50 + 20 * k, 100), 5), kind="sheep") for k in range(30)]
     model.step()
-    poses = np.array([body.pose for body in flock]) + [0.5, 1.0, 0.1]
+    poses = np.array([body.pose for body in flock]) + np.array([0.5, 1.0, 0.1])
     model.move_bodies(flock, poses)
     model.step()
     assert np.array([body.pose for body in flock]) == pytest.approx(poses)
     assert model.movers.position == pytest.approx(poses[:, :2])
 
 
-def test_a_removed_body_is_gone_for_all_and_its_handle_says_so(model):
+def test_a_removed_body_is_gone_for_all_and_its_handle_is_useless(model):
     (robot,) = model.add_robots(AGENT9, poses=[(100, 100, 0.0)])
     first, second = (model.add_body(disc((x, 100), 5), kind="ball") for x in (115, 300))
     model.step()
@@ -156,7 +156,7 @@ def test_the_arena_knows_where_bodies_are(model):
 
 
 @pytest.mark.parametrize(
-    ("given", "says"),
+    ("given", "reason"),
     [
         ({"shape": "disc"}, "body"),
         ({"shape": disc((100, 100), 5, contact=False)}, "mark"),
@@ -172,10 +172,10 @@ def test_the_arena_knows_where_bodies_are(model):
         ({"shape": disc((400, 300), 5)}, "overlaps a load"),
     ],
 )
-def test_a_wrong_body_is_refused_in_one_line_and_nothing_is_added(model, given, says):
+def test_a_wrong_body_is_refused_in_one_line_and_nothing_is_added(model, given, reason):
     model.add_load(disc((400, 300), 5), resistance=1.0)
     count, kinds = len(model.agents), model.kinds
-    with pytest.raises(SwarmError, match=says) as caught:
+    with pytest.raises(SwarmError, match=reason) as caught:
         model.add_body(**{"shape": disc((100, 100), 5), **given})
     assert "\n" not in str(caught.value)
     assert (len(model.agents), len(model.bodies), model.kinds) == (count, count, kinds)
