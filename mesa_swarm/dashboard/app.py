@@ -3,8 +3,11 @@
 Every browser session builds its own `Session`, and closes it with the page; sessions share nothing.
 """
 
+import math
 import os
+import sys
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
@@ -28,13 +31,16 @@ from mesa_swarm.dashboard.inspector import Inspecting, Inspector
 from mesa_swarm.dashboard.replay_view import Replay
 from mesa_swarm.dashboard.session import LARGEST_SEED, Session, checked_setting, whole_number
 from mesa_swarm.dashboard.widgets import Button, Linked, TroubleCard
-from mesa_swarm.errors import SwarmError, UnknownNameError, check_choice, unknown_name
+from mesa_swarm.errors import SwarmError, UnknownNameError, check_choice, in_words, unknown_name
 from mesa_swarm.gallery import description, find_model
+from mesa_swarm.looks import looks_of
 from mesa_swarm.parameters import Parameter, parameters_of
+from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing import text_of
 from mesa_swarm.viewing.canvas_widget import PlayerView
 from mesa_swarm.viewing.palette import style_sheet
-from mesa_swarm.viewing.play_loop import use_changes
+from mesa_swarm.viewing.play_loop import Listeners, use_changes
+from mesa_swarm.viewing.player import PackedFrame
 from mesa_swarm.world.map import builtin_maps
 
 LONGEST = 4000
@@ -42,6 +48,8 @@ LONGEST = 4000
 MOST_STEPS = 20_000
 COUNTS = {"seed": LARGEST_SEED, "step": MOST_STEPS}
 MOST_FAULTS = 5
+# Shortest time between drawings of panels while the model is played, s.
+EVERY = 0.5
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -268,7 +276,57 @@ def Watch(session: Session, faults: tuple[str, ...]) -> None:
         with solara.Div(classes=["swarm-side"]):
             Linked(Inspector, Inspecting, session)
             Linked(ChartBoard, Charting, session)
+            OwnPanels(session)
             Linked(Exporter, ExportDesk, session)
+
+
+class Beat:
+    """Notifies when panels are to be drawn anew: after a change at rest, and now and then while a model is played."""
+
+    ready = False  # panels alone need no picture
+
+    def __init__(self, session: Session, *, clock: Callable[[], float] = time.monotonic) -> None:
+        self.changed = Listeners()
+        self._session, self._clock, self._last = session, clock, -math.inf
+
+    def begin(self) -> Callable[[], None]:
+        """Notify from now on, until what is returned is called."""
+        self._session.add_viewer(self)
+        return partial(self._session.remove_viewer, self)
+
+    def push(self, number: int, frame: PackedFrame) -> None:
+        """Notify, if that is due."""
+        if not self._session.playing or self._clock() - self._last >= EVERY:
+            self._last = self._clock()
+            if "mesa.visualization.utils" in sys.modules:  # components made for Mesa's SolaraViz listen to this
+                counter = sys.modules["mesa.visualization.utils"].update_counter
+                counter.set(counter.value + 1)
+            self.changed.notify()
+
+
+@solara.component
+def OwnPanels(session: Session) -> None:
+    """Show the panels that the model declares."""
+    use_changes(session.changed)
+    beat = solara.use_memo(lambda: Beat(session), [])
+    solara.use_effect(beat.begin, [])
+    panels = session.model.looks.panels if session.model is not None and looks_of(session.model) else ()
+    for place, panel in enumerate(panels):
+        with solara.Div(classes=["swarm-own"]):
+            OwnPanel(panel, session, beat).key(f"{session.name} {place}")
+
+
+@solara.component
+def OwnPanel(panel: Callable[[SwarmModel], object], session: Session, beat: Beat) -> None:
+    """Show one panel of the present model; what it raises is shown in its place."""
+    use_changes(beat.changed)
+    use_changes(session.changed)
+    try:
+        with session.lock:
+            if session.model is not None:
+                getattr(panel, "f", panel)(session.model)  # here, so that it is drawn anew with the same model
+    except Exception as problem:  # a panel of a user's may raise anything
+        TroubleCard("A panel of the model failed", in_words(problem))
 
 
 @solara.component

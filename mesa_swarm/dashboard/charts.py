@@ -12,7 +12,7 @@ import pandas as pd
 import traitlets
 from matplotlib.figure import Figure
 
-from mesa_swarm.dashboard.series import Chart, Series
+from mesa_swarm.dashboard.series import Plot, Series
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Downloads, Link
 from mesa_swarm.gallery import short_name
@@ -161,7 +161,7 @@ def csv_of(series: Series, key: str) -> bytes:
     return pd.DataFrame({"step": steps, **counts}).to_csv(index=False, lineterminator="\n").encode()
 
 
-def with_unit(name: str, chart: Chart) -> str:
+def with_unit(name: str, chart: Plot) -> str:
     """Return a curve's name, with its unit if it has one."""
     return f"{name} ({chart.unit})" if chart.unit else name
 
@@ -184,7 +184,7 @@ def figure_of(series: Series, key: str) -> Figure:
     return figure
 
 
-def colours_of(chart: Chart) -> Sequence[str]:
+def colours_of(chart: Plot) -> Sequence[str]:
     """Return the colours of a chart's curves on paper; for layers their own colours, the last without a layer."""
     if chart.key != "layers":
         return palette.LIGHT.series

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mesa_swarm.errors import UnknownNameError, unknown_name
+from mesa_swarm.looks import Chart, looks_of
 from mesa_swarm.observers import Observer
 from mesa_swarm.swarm_model import SwarmModel
 
@@ -17,7 +18,7 @@ NO_LAYER = "no layer"
 
 
 @dataclass(frozen=True, slots=True)
-class Chart:
+class Plot:
     """Title, unit and curves of one chart."""
 
     key: str
@@ -51,7 +52,7 @@ class Series(Observer):
         self.every = 1
         self._lock = threading.Lock()
         self.model: SwarmModel | None = None
-        self._charts: dict[str, Chart] = {}
+        self._charts: dict[str, Plot] = {}
         self._form: tuple = ()
         self._forget()
 
@@ -84,11 +85,11 @@ class Series(Observer):
                 measure(model, self._table[self._count])
                 self._count += 1
 
-    def charts(self) -> list[Chart]:
+    def charts(self) -> list[Plot]:
         """Return the charts."""
         return list(self._charts.values())
 
-    def chart(self, key: str) -> Chart:
+    def chart(self, key: str) -> Plot:
         """Return one of them."""
         if key not in self._charts:
             raise UnknownNameError(unknown_name("chart", key, self._charts))
@@ -164,9 +165,9 @@ def form_of(model: SwarmModel) -> tuple:
     return len(model.fires), id(model.control), len(model.datacollector.model_vars), len(model.events.names)
 
 
-def placed(charts: Iterable[Chart]) -> list[Chart]:
+def placed(charts: Iterable[Plot]) -> list[Plot]:
     """Return charts with consecutive columns."""
-    found: list[Chart] = []
+    found: list[Plot] = []
     first = 0
     for chart in charts:
         found.append(replace(chart, first=first))
@@ -174,22 +175,28 @@ def placed(charts: Iterable[Chart]) -> list[Chart]:
     return found
 
 
-def charts_of(model: SwarmModel) -> list[Chart]:
+def charts_of(model: SwarmModel) -> list[Plot]:
     """Return the charts of a model, in the order in which `measure` writes them."""
     known = {"collisions": ("Collisions in a step", "robots"), "total_collisions": ("Collisions in all", "collisions")}
     charts = []
     for name in model.datacollector.model_vars:
         title, unit = known.get(name, (name.replace("_", " ").capitalize(), ""))
-        charts.append(Chart(name, title, unit, (title,)))
+        charts.append(Plot(name, title, unit, (title,)))
     if len(model.fires):
         names = tuple(f"fire {number}" for number in range(1, len(model.fires) + 1))
-        charts.append(Chart("at_fires", "Robots at each fire", "robots", names))
-        charts.append(Chart("fire_temperature", "Temperature of each fire", "", names))
+        charts.append(Plot("at_fires", "Robots at each fire", "robots", names))
+        charts.append(Plot("fire_temperature", "Temperature of each fire", "", names))
     if model.control is not None:
-        charts.append(Chart("layers", "Layers that drive", "% of robots", (*layer_names(model), NO_LAYER)))
+        charts.append(Plot("layers", "Layers that drive", "% of robots", (*layer_names(model), NO_LAYER)))
     if model.events:
-        charts.append(Chart("events", "Events so far", "events", tuple(model.events.names)))
-    return charts
+        charts.append(Plot("events", "Events so far", "events", tuple(model.events.names)))
+    return charts + [Plot(f"own {own.name}", own.name, own.unit, own.curves) for own in own_charts(model)]
+
+
+def own_charts(model: SwarmModel) -> tuple[Chart, ...]:
+    """Return the charts that a model declares."""
+    looks = looks_of(model)
+    return looks.charts if looks is not None else ()
 
 
 def layer_names(model: SwarmModel) -> tuple[str, ...]:
@@ -215,7 +222,11 @@ def measure(model: SwarmModel, row: np.ndarray) -> None:
         row[column + layers] = 100.0 * counts[0] / max(robots, 1)
         column += layers + 1
     if model.events:
-        row[column:] = list(model.events.counts.values())
+        row[column : column + len(model.events.names)] = list(model.events.counts.values())
+        column += len(model.events.names)
+    for own in own_charts(model):
+        row[column : column + len(own.curves)] = own.measure(model)
+        column += len(own.curves)
 
 
 def number_of(value: object) -> float:

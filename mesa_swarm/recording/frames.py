@@ -11,6 +11,7 @@ from mesa_swarm.analysis.clusters import clusters
 from mesa_swarm.control.layer import Senses, centroids
 from mesa_swarm.errors import UnknownNameError, unknown_name
 from mesa_swarm.fire.model import FireModel
+from mesa_swarm.looks import looks_of
 from mesa_swarm.recording.layout import PIXELS, READINGS, TABLES, field_type, is_table
 from mesa_swarm.world.fields import levels_of, values_of
 from mesa_swarm.world.statics import FIRE
@@ -86,6 +87,9 @@ def frame_of(model: FireModel, columns: Sequence[str] = PICTURED, *, perceived: 
             raise UnknownNameError(unknown_name("column", name, (*found, *TABLES)))
     if perceived:
         shown["perceived"] = _perceived(model)
+    looks = looks_of(model)
+    if looks is not None:
+        shown |= looks.columns_of(model)
     robots = np.array([robot.unique_id for robot in model.swarm.agents], np.int32)
     return Frame(step=model.completed, state_hash=None, robots=robots, columns=shown)
 

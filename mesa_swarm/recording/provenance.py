@@ -14,6 +14,7 @@ import numpy as np
 from mesa_swarm.errors import RecordingError, SwarmError, in_words, shortened
 from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.model import FireModel
+from mesa_swarm.looks import looks_of
 from mesa_swarm.recording.parts import part_from_json, part_to_json
 from mesa_swarm.recording.schema import checked_provenance, read_json
 from mesa_swarm.robots.design import RobotDesign
@@ -45,9 +46,9 @@ def scenery_of(model: FireModel) -> dict:
         ground marks on the map; ``loads``, shapes of loads and driven bodies about their own centres, with the name of
         their `kind` if it is not load; ``kinds``, the names of all kinds if there are own ones; ``layers``, names in
         the order of the column `layer`; ``leave``, the temperature above which a robot is too hot, and ``join``, below
-        which it has cooled.
+        which it has cooled; ``looks``, from `Looks.as_json`, if the model declares any.
     """
-    layers = () if model.control is None else model.control.names
+    layers, looks = () if model.control is None else model.control.names, looks_of(model)
     still = [body for body in model.obstacle_list if body.mode == "fixed"]
     own = {} if len(model.kinds) == len(KINDS) else {"kinds": list(model.kinds)}
     return {
@@ -62,6 +63,7 @@ def scenery_of(model: FireModel) -> dict:
         "layers": list(layers),
         "leave": model.fire_constants.leave,
         "join": model.fire_constants.join,
+        **({"looks": looks.as_json()} if looks is not None and looks.as_json() else {}),
     }
 
 

@@ -16,6 +16,7 @@ import numpy as np
 import pyarrow as pa
 
 from mesa_swarm.errors import RecordingError, shortened
+from mesa_swarm.looks import COLOUR, MOST_COLOURS
 from mesa_swarm.recording.frames import Rows
 from mesa_swarm.recording.layout import FIRST_COLUMNS, PIXELS, TABLES, is_table, table_type
 from mesa_swarm.recording.sealed_stream import CHANGE, INTERVENTION, Piece
@@ -328,6 +329,12 @@ def _whole(most: int, least: int = 0) -> Check:
     return _number(least, most, (int,))
 
 
+def _colour(value: Any, where: str) -> None:
+    """Refuse what is not a colour: pictures and pages are drawn with it."""
+    if not isinstance(value, str) or not COLOUR.fullmatch(value):
+        raise _unexpected(where, value)
+
+
 def _check_depth(value: Any) -> None:
     """Refuse values nested so deeply that writing or comparing them might fail."""
     level: Sequence[Any] = [value]
@@ -366,6 +373,17 @@ DESIGN = {
     "holonomic": bool,
     "sensors": _each(list, (NUMBER, NUMBER, NUMBER, NOT_NEGATIVE, POSITIVE), most=WIDEST),
 }
+LOOKS = {
+    "kinds_": _each(dict, (_colour, _colour)),
+    "column_": {
+        "name": str,
+        "label": str,
+        "low": NUMBER,
+        "high": NUMBER,
+        "colours": _each(list, (_colour, _colour), most=MOST_COLOURS),
+    },
+    "label_": str,
+}
 SCENERY = {
     "designs": _each(list, DESIGN),
     "robots": _each(list, (ID, ID, ID)),
@@ -375,6 +393,7 @@ SCENERY = {
     "layers": _each(list, str),
     "leave": NUMBER,
     "join_": NUMBER,
+    "looks_": LOOKS,
 }
 POPULATION = ((ID, ID),) * 3
 CONTENTS = {

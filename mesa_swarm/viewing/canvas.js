@@ -22,6 +22,7 @@
      designs     [{ name, radius, holonomic, sensors: [[mount_x, mount_y, bearing, half_angle, range], ...] }]
      layers      names; the column layer holds indices into them
      columns     [{ name, table, width, type }] of a packed frame, in its order
+     looks       { kinds: by theme colours by kind, column: { label, low, high, and by theme its colours } }, if any
      fields      names of the scalar fields, if there are any
 
    frame: step, counts { robots, sensors, fires, loads, contacts }, and typed arrays, row after row:
@@ -34,6 +35,7 @@
      fires       Float32, x, y, radius, temperature, robots, 1 if out
      loads       Float32, index in world.loads, x, y, heading
      contacts    Float32, row of the robot, azimuth from it to what it met
+     value       Int8, index of the colour by which a robot is drawn, -1 none; label: UTF-8 of 12 bytes, zeros behind
      fields      [{ rows, columns, levels }] of each field, from the bottom up: Uint8, 255 is its largest value so far
    Columns other than ids and pose may be missing. */
 
@@ -71,6 +73,9 @@ const TRAIL_EVERY = 2;
 // Frames farther apart in time belong to different stretches of the run.
 const LONGEST_GAP = 200;
 const NARROWEST = 4;
+// More robots in sight than this have no texts.
+const MOST_LABELLED = 300;
+const DECODER = new TextDecoder();
 // The number of a smaller fire is not drawn, radius in px.
 const SMALLEST_NUMBERED = 4;
 
@@ -212,7 +217,8 @@ export class Stage {
 
   /** Return the layers and the colours of their rings. */
   legend() {
-    return this.#world.layers.map((name, index) => ({ name, colour: this.#layerColour(index) }));
+    const layers = this.#world.layers.map((name, index) => ({ name, colour: this.#layerColour(index) }));
+    return [...layers, ...this.#valueLegend()];
   }
 
   /** Return the scalar fields and their colours. */
@@ -275,12 +281,25 @@ export class Stage {
     if (on.contacts && frame.contacts) this.#drawContacts(frame);
     this.#drawChosen(frame);
     if (on.labels) this.#drawLabels(frame);
+    if (on.labels && frame.label && rows.length <= MOST_LABELLED) this.#drawTexts(frame, rows);
   }
 
   get #colours() { return PALETTE[this.#theme]; }
   #layerColour(index) {
     const { layers, no_layer } = this.#colours;
     return index < 0 ? no_layer : layers[index % layers.length];
+  }
+
+  /** Return the colours of values, undefined without any. */
+  get #values() { return this.#world.looks?.column?.[this.#theme]; }
+
+  #kindColour(kind, usual) { return this.#world.looks?.kinds[this.#theme][kind] ?? usual; }
+
+  /** Return the ends of the range of values, and its middle. */
+  #valueLegend() {
+    const colours = this.#values, { label, low, high } = this.#world.looks?.column ?? {};
+    const at = (share) => ({ name: `${label} ${Number((low + share * (high - low)).toPrecision(3))}`, colour: colours[share * (colours.length - 1)] });
+    return colours ? [0, 0.5, 1].map(at) : [];
   }
 
   #fieldColour(index) {
@@ -293,7 +312,7 @@ export class Stage {
   #prepare() {
     const { designs, shapes, loads } = this.#world;
     this.#designs = designs.map((design) => ({ ...design, rows: design.sensors.map(sensorRow) }));
-    this.#shapes = shapes.map((shape) => ({ path: pathOf(shape), mark: shape.mark }));
+    this.#shapes = shapes.map((shape) => ({ path: pathOf(shape), mark: shape.mark, kind: shape.kind }));
     this.#loads = loads.map(pathOf);
     this.#sheets.scale = 0;
   }
@@ -347,8 +366,11 @@ export class Stage {
   #drawStanding(context) {
     const colours = this.#colours, [x0, y0, x1, y1] = this.#world.bounds;
     for (const wanted of [true, false]) {
-      context.fillStyle = wanted ? colours.mark : colours.obstacle;
-      for (const { path, mark } of this.#shapes) if (Boolean(mark) === wanted) context.fill(path, "evenodd");
+      for (const { path, mark, kind } of this.#shapes) {
+        if (Boolean(mark) !== wanted) continue;
+        context.fillStyle = this.#kindColour(kind ?? (mark ? "mark" : "obstacle"), mark ? colours.mark : colours.obstacle);
+        context.fill(path, "evenodd");
+      }
     }
     context.strokeStyle = colours.border;
     context.lineWidth = 1.5 * this.#pixel;
@@ -445,7 +467,7 @@ export class Stage {
       context.save();
       context.translate(x, y);
       context.rotate(heading);
-      context.fillStyle = this.#colours.load;
+      context.fillStyle = this.#kindColour(this.#world.loads[index].kind ?? "load", this.#colours.load);
       context.fill(this.#loads[index], "evenodd");
       context.restore();
     }
@@ -533,15 +555,17 @@ export class Stage {
   #drawBodies(frame, rows, rings) {
     const bodies = rows.map((i) => {
       const [x, y, heading] = frame.pose.subarray(3 * i, 3 * i + 3);
-      return { x, y, heading, radius: this.#design(frame, i).radius, layer: rings ? frame.layer[i] : -1 };
+      return { x, y, heading, radius: this.#design(frame, i).radius, layer: rings ? frame.layer[i] : -1, value: frame.value ? frame.value[i] : -1 };
     });
     this.#drawDiscs(this.#context, bodies);
   }
 
   /** Draw discs in two colours with a line ahead, and a ring in the colour of the layer, -1 for none. */
   #drawDiscs(context, bodies) {
-    const colours = this.#colours, rear = new Path2D(), front = new Path2D(), edge = new Path2D();
-    for (const { x, y, heading, radius } of bodies) {
+    const colours = this.#colours, rears = new Map(), front = new Path2D(), edge = new Path2D();
+    for (const { x, y, heading, radius, value = -1 } of bodies) {
+      if (!rears.has(value)) rears.set(value, new Path2D());
+      const rear = rears.get(value);
       const cos = radius * Math.cos(heading), sin = radius * Math.sin(heading);
       rear.moveTo(x - sin, y + cos);
       rear.arc(x, y, radius, heading + TAU / 4, heading + (3 * TAU) / 4);
@@ -551,8 +575,10 @@ export class Stage {
       edge.moveTo(x, y);
       edge.lineTo(x + cos, y + sin);
     }
-    context.fillStyle = colours.robot;
-    context.fill(rear);
+    for (const [value, rear] of rears) {
+      context.fillStyle = this.#robotColour(value);
+      context.fill(rear);
+    }
     context.fillStyle = colours.robot_front;
     context.fill(front);
     context.strokeStyle = colours.robot_outline;
@@ -560,6 +586,8 @@ export class Stage {
     context.stroke(edge);
     this.#drawRings(context, bodies);
   }
+
+  #robotColour(value) { return this.#values?.[value] ?? this.#kindColour("robot", this.#colours.robot); }
 
   #drawRings(context, bodies) {
     const rings = new Map();
@@ -588,22 +616,22 @@ export class Stage {
     const context = this.#context, { pose } = frame, [s, left, top] = this.#origin();
     context.setTransform(1, 0, 0, 1, 0, 0);
     for (const i of rows) {
-      const sheet = this.#sheet(this.#design(frame, i).radius, rings ? frame.layer[i] : -1);
+      const sheet = this.#sheet(this.#design(frame, i).radius, rings ? frame.layer[i] : -1, frame.value ? frame.value[i] : -1);
       sheet.copy(context, left + s * pose[3 * i], top - s * pose[3 * i + 1], pose[3 * i + 2]);
     }
     this.#toMap(context);
   }
 
-  /** Return the sheet of robots of this radius and layer, drawn when the scale or the theme has changed. */
-  #sheet(radius, layer) {
+  /** Return the sheet of robots of this radius, layer and value, drawn when the scale or the theme has changed. */
+  #sheet(radius, layer, value) {
     const [scale] = this.#origin();
     if (this.#sheets.scale !== scale) this.#sheets = { scale, made: new Map() };
-    const { made } = this.#sheets, key = 256 * radius + layer;
+    const { made } = this.#sheets, key = 64 * (256 * radius + layer) + value;
     if (!made.has(key)) {
       const outer = this.#ringRadius(radius) + this.#ringWidth / 2;
       made.set(key, new Sheet(scale * radius, scale * outer, (context, places) => {
         context.scale(scale, -scale);
-        const bodies = places.map(({ x, y, heading }) => ({ x: x / scale, y: -y / scale, heading, radius, layer }));
+        const bodies = places.map(({ x, y, heading }) => ({ x: x / scale, y: -y / scale, heading, radius, layer, value }));
         this.#drawDiscs(context, bodies);
       }));
     }
@@ -615,13 +643,13 @@ export class Stage {
     const context = this.#context, { pose } = frame, coloured = this.#toggles.layers && frame.layer;
     const groups = new Map();
     for (const i of rows) {
-      const layer = coloured ? frame.layer[i] : -1;
+      const layer = frame.value ? frame.value[i] : coloured ? frame.layer[i] : -1;
       if (!groups.has(layer)) groups.set(layer, []);
       groups.get(layer).push(i);
     }
     const small = this.#designs[0].radius * this.#view.scale < 3.5;
     for (const [layer, members] of groups) {
-      context.fillStyle = coloured ? this.#layerColour(layer) : this.#colours.robot;
+      context.fillStyle = coloured && !frame.value ? this.#layerColour(layer) : this.#robotColour(layer);
       if (small) this.#fillSquares(frame, members);
       else this.#fillDiscs(frame, members);
     }
@@ -700,6 +728,27 @@ export class Stage {
       context.font = `600 ${out ? 0.85 * size : size}px system-ui, sans-serif`;
       context.fillStyle = out ? this.#colours.on_ashes : this.#colours.on_fire;
       context.fillText(out ? "out" : String(robots), ...this.toCanvas(x, y));
+    }
+  }
+
+  /** Write above each robot its text. */
+  #drawTexts({ pose, label, ...frame }, rows) {
+    const context = this.#context, ratio = this.#ratio, width = label.length / frame.counts.robots;
+    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    context.font = "600 11px system-ui, sans-serif";
+    context.textAlign = "center";
+    context.textBaseline = "bottom";
+    context.lineWidth = 3;
+    context.lineJoin = "round";
+    context.strokeStyle = this.#colours.ground;
+    context.fillStyle = this.#colours.ink;
+    for (const i of rows) {
+      const bytes = new Uint8Array(label.buffer, label.byteOffset + width * i, width), end = bytes.indexOf(0);
+      const text = DECODER.decode(bytes.subarray(0, end < 0 ? width : end));
+      if (!text) continue;
+      const [x, y] = this.toCanvas(pose[3 * i], pose[3 * i + 1]), top = y - this.#design(frame, i).radius * this.#view.scale - 3;
+      context.strokeText(text, x, top);
+      context.fillText(text, x, top);
     }
   }
 

@@ -22,9 +22,11 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
+from mesa_swarm.looks import label_bytes
 from mesa_swarm.recording.frames import NO_ROWS, Frame, field_levels
 from mesa_swarm.recording.layout import PIXELS
-from mesa_swarm.viewing.scene import COLUMNS, Scene
+from mesa_swarm.viewing.palette import value_steps
+from mesa_swarm.viewing.scene import COLUMNS, Scene, looks_in
 from mesa_swarm.world.fields import shrunk
 
 TYPES = {"f4": "<f4", "i4": "<i4", "i1": "i1"}
@@ -83,12 +85,25 @@ def drawn_columns(frame: Frame, scene: Scene) -> Columns:
         drawn["heat"] = known["temperature"] / scene.world(frame.step)["leave"]
     if "heard" in scene.columns:
         drawn["heard"] = position + _turned(known["heard_from"], heading)
+    drawn |= _looks(frame, scene)
     fires, loads, contacts = (known.get(table, NO_ROWS[table]) for table in ("fires", "loads", "contacts"))
     drawn["fires"] = _fields(fires, FIRE_FIELDS)
     drawn["loads"] = _loads(loads, scene)
     drawn["contacts"] = _contacts(contacts, frame.robots)
     pictures = {PIXELS + name: field_levels(frame, name) for name in scene.fields}
     return {name: _typed(values, COLUMNS[name][2]) for name, values in drawn.items()} | pictures
+
+
+def _looks(frame: Frame, scene: Scene) -> Columns:
+    """Return the index of each robot's colour, -1 for none, and its text as bytes, as far as the scene has them."""
+    drawn: Columns = {}
+    values, texts = looks_in(frame, scene)
+    if "value" in scene.columns:
+        column = scene.looks["column"]
+        drawn["value"] = value_steps(values, column["low"], column["high"])
+    if "label" in scene.columns:
+        drawn["label"] = label_bytes(texts)
+    return drawn
 
 
 def _typed(values: np.ndarray, kind: str) -> np.ndarray:

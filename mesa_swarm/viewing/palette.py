@@ -13,6 +13,8 @@ from numpy.typing import ArrayLike
 
 # Colours of fires from temperature 0 to 1, both included.
 FIRE_STEPS = 65
+# Colours of values, with which robots are drawn.
+VALUE_STEPS = 17
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -73,6 +75,8 @@ class Palette:
     layers: tuple[str, ...]
     no_layer: str
     series: tuple[str, ...]
+    # From the least to the greatest value by which robots are coloured.
+    values: tuple[str, ...]
     # Single points behind a mean; an area behind everything; a map of colours with zero in its middle.
     faint: str
     band: str
@@ -147,6 +151,7 @@ LIGHT = Palette(
     layers=LIGHT_LAYERS,
     no_layer="#858b94",
     series=_blue_first(LIGHT_LAYERS),
+    values=ramp("#440154", "#31688e", "#1f9d76", "#b59b00", steps=VALUE_STEPS),
     faint="#8a8a8a",
     band="#efefec",
     diverging=ramp("#f1a340", "#f7f7f7", "#998ec3", steps=33),
@@ -198,6 +203,7 @@ DARK = Palette(
     layers=DARK_LAYERS,
     no_layer="#90959e",
     series=_blue_first(DARK_LAYERS),
+    values=ramp("#8a63d2", "#4aa3d8", "#54cf8b", "#fde725", steps=VALUE_STEPS),
     faint="#8c9097",
     band="#262c35",
     diverging=ramp("#8a5200", "#2b2f36", "#5c4f94", steps=33),
@@ -236,6 +242,27 @@ def scalar_pixels(levels: np.ndarray, place: int, palette: Palette = LIGHT) -> n
 def fire_steps(temperature: ArrayLike) -> np.ndarray:
     """Return the index in `Palette.fire` of each temperature; ``canvas.js`` rounds in the same way."""
     return np.floor(np.clip(temperature, 0.0, 1.0) * (FIRE_STEPS - 1) + 0.5).astype(int)
+
+
+def value_colours(looks: dict, theme: str) -> tuple[str, ...]:
+    """Return the colours of values, from `Looks.as_json`: those that a model declares, else those of the palette."""
+    pairs = looks["column"]["colours"]
+    own = [pair[theme == "dark"] for pair in pairs]
+    return ramp(*own, steps=VALUE_STEPS) if own else PALETTES[theme].values
+
+
+def value_steps(values: ArrayLike, low: float, high: float) -> np.ndarray:
+    """Return the index of the colour of each value, -1 for NaN."""
+    with np.errstate(all="ignore"):  # a range in a recording may be of any two numbers
+        shares = (np.asarray(values, float) - low) / (high - low)
+    steps = np.floor(np.clip(np.nan_to_num(shares), 0.0, 1.0) * (VALUE_STEPS - 1) + 0.5)
+    return np.where(np.isnan(shares), -1, steps).astype(np.int8)
+
+
+def kind_colour(looks: dict, kind: str, usual: str, theme: str = "light") -> str:
+    """Return the colour that a model declares for a kind of body, else the usual one."""
+    pair = looks.get("kinds", {}).get(kind)
+    return pair[theme == "dark"] if pair else usual
 
 
 def style_sheet(light: str, dark: str) -> str:

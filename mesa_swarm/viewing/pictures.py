@@ -24,13 +24,22 @@ from numpy.typing import ArrayLike
 from mesa_swarm.errors import ExportError, InvalidValueError, check_count, shortened
 from mesa_swarm.files import write_whole
 from mesa_swarm.fire.model import FireModel
+from mesa_swarm.looks import LABEL_BYTES
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.frames import NO_ROWS, Frame, field_levels, frame_of
 from mesa_swarm.robots.sensors import ProximitySensor, mount_of
 from mesa_swarm.viewing.final_state import FinalState
-from mesa_swarm.viewing.palette import LIGHT, fire_colour, scalar_colour, scalar_pixels
+from mesa_swarm.viewing.palette import (
+    LIGHT,
+    fire_colour,
+    kind_colour,
+    scalar_colour,
+    scalar_pixels,
+    value_colours,
+    value_steps,
+)
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
-from mesa_swarm.viewing.scene import Scene, scene_of
+from mesa_swarm.viewing.scene import Scene, looks_in, scene_of
 from mesa_swarm.world.map_parts import Bounds
 from mesa_swarm.world.shapes import Shape
 
@@ -129,18 +138,24 @@ def draw_scene(axes: Axes, scene: Scene, step: int) -> None:
     axes.set(xlim=(x_min, x_max), ylim=(y_min, y_max), aspect="equal", facecolor=LIGHT.ground)
     axes.set(xlabel="x (map units)", ylabel="y (map units)")
     obstacles = scene.obstacles(step)
-    _draw_shapes(axes, [s for s in obstacles if not s.contact], LIGHT.mark, 1, "marks")
-    _draw_shapes(axes, [s for s in obstacles if s.contact], LIGHT.obstacle, 2, "obstacles")
+    pairs = list(zip(obstacles, scene.obstacle_kinds(step), strict=True))
+    for height, label, usual in ((1, "marks", LIGHT.mark), (2, "obstacles", LIGHT.obstacle)):
+        chosen = [(shape, kind) for shape, kind in pairs if shape.contact == (height == 2)]
+        colours = [kind_colour(scene.looks, kind, usual) for _, kind in chosen]
+        _draw_shapes(axes, [shape for shape, _ in chosen], colours, height, label)
 
 
 def draw_frame(axes: Axes, frame: Frame, scene: Scene, sectors: bool = False) -> None:
     """Draw fields, loads, fires and robots."""
     _draw_fields(axes, frame, scene)
-    _draw_shapes(axes, scene.loads(frame), LIGHT.load, 2, "loads")
+    colours = [kind_colour(scene.looks, kind, LIGHT.load) for kind in scene.load_kinds(frame)]
+    _draw_shapes(axes, scene.loads(frame), colours, 2, "loads")
     _draw_fires(axes, frame)
     if sectors:
         _draw_sectors(axes, frame, scene)
-    _draw_robots(axes, frame, scene.radius_of(frame.robots))
+    _draw_robots(axes, frame, scene)
+    if "label" in scene.columns:
+        _draw_labels(axes, frame, scene)
     if "perceived" in frame.columns:
         _draw_perceived(axes, frame)
 
@@ -156,10 +171,10 @@ def _draw_fields(axes: Axes, frame: Frame, scene: Scene) -> None:
         axes.add_image(image)
 
 
-def _draw_shapes(axes: Axes, shapes: Sequence[Shape], colour: str, height: int, label: str) -> None:
+def _draw_shapes(axes: Axes, shapes: Sequence[Shape], colours: Sequence[str], height: int, label: str) -> None:
     if shapes:
         paths = [_outline(shape) for shape in shapes]
-        axes.add_collection(PathCollection(paths, facecolors=colour, linewidths=0, zorder=height, label=label))
+        axes.add_collection(PathCollection(paths, facecolors=colours, linewidths=0, zorder=height, label=label))
 
 
 def _outline(shape: Shape) -> Outline:
@@ -194,11 +209,11 @@ def _discs(
     axes.add_collection(discs)
 
 
-def _draw_robots(axes: Axes, frame: Frame, radius: np.ndarray) -> None:
+def _draw_robots(axes: Axes, frame: Frame, scene: Scene) -> None:
     position, heading = frame["position"].astype(float), frame["heading"].astype(float)
     if not len(position):
         return
-    backs = np.where(frame["hot"], LIGHT.robot_hot, LIGHT.robot)
+    radius, backs = scene.radius_of(frame.robots), _backs(frame, scene)
     _discs(axes, position, radius, backs, LIGHT.robot_outline, 5, label="robots")
     ahead = radius[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
     fronts = _half_discs(position, 0.92 * ahead)
@@ -208,6 +223,35 @@ def _draw_robots(axes: Axes, frame: Frame, radius: np.ndarray) -> None:
         list(np.stack([position, tips], axis=1)), colors=LIGHT.robot_outline, linewidths=0.7, zorder=7
     )
     axes.add_collection(lines)
+
+
+def _backs(frame: Frame, scene: Scene) -> np.ndarray:
+    """Return the colour of each robot: of its value if the model's looks have one, else whether it is too hot."""
+    backs = np.where(frame["hot"], LIGHT.robot_hot, kind_colour(scene.looks, "robot", LIGHT.robot))
+    if "value" not in scene.columns:
+        return backs
+    column, values = scene.looks["column"], looks_in(frame, scene)[0]
+    steps = value_steps(values, column["low"], column["high"])
+    return np.where(steps < 0, backs, np.array(value_colours(scene.looks, "light"))[steps])
+
+
+def _draw_labels(axes: Axes, frame: Frame, scene: Scene) -> None:
+    """Write a robot's text above it."""
+    radius, texts = scene.radius_of(frame.robots), looks_in(frame, scene)[1]
+    for (x, y), r, text in zip(frame["position"].tolist(), radius.tolist(), texts.tolist(), strict=True):
+        if text:
+            axes.annotate(
+                literal(str(text)[:LABEL_BYTES]),
+                (x, y + r),
+                (0, 1.5),
+                textcoords="offset points",
+                ha="center",
+                size=6,
+                color=LIGHT.ink,
+                zorder=8,
+                annotation_clip=True,
+                label="robot labels",
+            )
 
 
 def _half_discs(position: np.ndarray, ahead: np.ndarray) -> list[Outline]:
@@ -251,15 +295,14 @@ def _sector(sensor: ProximitySensor, position: np.ndarray, heading: float, radiu
 def legend_of(shown: Shown) -> list[Artist]:
     """Return the entries of a legend for what is drawn of a model, or of (Frame, Scene), and nothing else."""
     frame, scene = frame_and_scene(shown)
-    solid = [shape.contact for shape in scene.obstacles(frame.step)]
-    shapes = [("obstacle", LIGHT.obstacle, any(solid)), ("load", LIGHT.load, bool(scene.loads(frame)))]
-    shapes += [("ground mark", LIGHT.mark, not all(solid))]
-    entries: list[Artist] = [Patch(color=colour, label=label) for label, colour, seen in shapes if seen]
+    entries = _body_entries(frame, scene)
     peaks = frame.columns.get("fields", NO_ROWS["fields"])["peak"].tolist()
     for place, (name, peak) in enumerate(zip(scene.fields, peaks, strict=False)):
         entries.append(Patch(color=scalar_colour(place), label=literal(f"{name}, full at {peak:.3g}")))
     if len(frame.robots):
-        entries.append(_robot_entry("robot, its front pale", LIGHT.robot))
+        entries += _value_entries(scene) or [
+            _robot_entry("robot, its front pale", kind_colour(scene.looks, "robot", LIGHT.robot))
+        ]
     if np.isfinite(frame.columns.get("perceived", np.nan)).any():
         entries.append(Line2D([], [], color=LIGHT.perceived, label="to the centroid that it perceives"))
     if frame["hot"].any():
@@ -268,6 +311,35 @@ def legend_of(shown: Shown) -> list[Artist]:
         entries += [Patch(color=fire_colour(t), label=f"fire, T = {t:g}") for t in (0.0, 0.5, 1.0)]
         entries.append(Patch(facecolor=LIGHT.ashes, edgecolor=LIGHT.border, label="fire, out"))
     return entries
+
+
+def _body_entries(frame: Frame, scene: Scene) -> list[Artist]:
+    """Return the entries of bodies and marks: those of own kinds with colours of their own by name."""
+    declared = set(scene.looks.get("kinds", {})) - {"obstacle", "load", "mark"}
+    standing, moving = set(scene.obstacle_kinds(frame.step)), set(scene.load_kinds(frame))
+    named = {
+        "obstacle": ("obstacle", LIGHT.obstacle, bool(standing - declared - {"mark"})),
+        "load": ("load", LIGHT.load, bool(moving - declared)),
+        "mark": ("ground mark", LIGHT.mark, "mark" in standing),
+        **{kind: (literal(kind), LIGHT.load, True) for kind in sorted(declared & (standing | moving))},
+    }
+    return [
+        Patch(color=kind_colour(scene.looks, kind, usual), label=label)
+        for kind, (label, usual, seen) in named.items()
+        if seen
+    ]
+
+
+def _value_entries(scene: Scene) -> list[Artist]:
+    """Return three entries over the range of the values by which robots are coloured, none without."""
+    if "value" not in scene.columns:
+        return []
+    column, colours = scene.looks["column"], value_colours(scene.looks, "light")
+    places = {0: column["low"], len(colours) // 2: (column["low"] + column["high"]) / 2, -1: column["high"]}
+    return [
+        _robot_entry(literal(f"robot, {column['label']} = {value:.3g}"), colours[place])
+        for place, value in places.items()
+    ]
 
 
 def _robot_entry(label: str, colour: str) -> Line2D:

@@ -84,6 +84,8 @@ class Segment {
       kind: signed(of("kind", sensors)),
       layer: signed(of("layer", 1)),
       design: signed(of("design", 1)),
+      value: signed(of("value", 1)),
+      label: of("label", 12),
       fires: this.#firesAt(row),
       loads: this.#loadsAt(row),
       contacts,
@@ -93,7 +95,7 @@ class Segment {
 
   #tracks(source) {
     const { robots, sensors, fires, loads } = this.counts, found = {};
-    const widths = { command: 2, heard: 2, distance: sensors, kind: sensors };
+    const widths = { command: 2, heard: 2, distance: sensors, kind: sensors, label: 12 };
     found.pose = source.track(this.rows, 3 * robots, 2, PREDICTED.pose);
     for (const { name, table, type } of this.world.columns) {
       if (table !== "robots" || name === "pose" || name === "ids") continue;

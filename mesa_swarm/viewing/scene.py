@@ -11,11 +11,13 @@ import numpy as np
 
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.fire.model import FireModel
+from mesa_swarm.looks import LABEL, LABEL_BYTES, VALUE, label_text
 from mesa_swarm.recording.frames import Frame, field_names
 from mesa_swarm.recording.provenance import map_of, scenery_of
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.sensors import ProximitySensor
+from mesa_swarm.viewing.palette import PALETTES, value_colours
 from mesa_swarm.world.bodies import Form
 from mesa_swarm.world.map_parts import Bounds
 from mesa_swarm.world.shapes import Shape, shape_from_json, shape_to_json
@@ -34,7 +36,11 @@ COLUMNS: dict[str, tuple[str, int | str, str]] = {
     "kind": ("robots", "sensors", "i1"),
     "layer": ("robots", 1, "i1"),
     "design": ("robots", 1, "i1"),
+    "value": ("robots", 1, "i1"),
+    "label": ("robots", LABEL_BYTES, "i1"),
 }
+# Only where a model's looks declare them.
+OF_LOOKS = {"value": "column", "label": "label"}
 # Which recorded column a drawn one is made from, where the names differ; those that are always there are not named.
 MADE_FROM = {"heat": "temperature", "heard": "heard_from"}
 ALWAYS = frozenset({"ids", "pose", "design", "fires", "loads", "contacts"})
@@ -44,6 +50,7 @@ OWN = ("shapes", "layers", "leave")
 USUAL_DESIGN = {"name": "robot", "radius": 5.0, "max_speed": 1.0, "holonomic": False, "sensors": []}
 USUAL_RADIUS = 10.0
 USUAL_LEAVE = 100.0
+THEMES = tuple(enumerate(PALETTES))
 UNKNOWN = RobotDesign(name="unknown", radius=5.0)
 
 
@@ -57,7 +64,7 @@ class Scene:
     # What is true from each of these steps on, from `scenery_of`; robots, designs and loads are the same in all.
     changes: tuple[tuple[int, dict], ...]
     # Which of `COLUMNS` frames in front of it can be packed with.
-    columns: tuple[str, ...] = tuple(COLUMNS)
+    columns: tuple[str, ...] = tuple(name for name in COLUMNS if name not in OF_LOOKS)
     # The names of scalar fields, in the order of their colours.
     fields: tuple[str, ...] = ()
 
@@ -73,6 +80,11 @@ class Scene:
         """How the world of the first step changes: the step of each change, and what is true from then on."""
         return [{"step": step, **{name: scenery[name] for name in OWN}} for step, scenery in self.changes[1:]]
 
+    @property
+    def looks(self) -> dict:
+        """What the model declares about its drawing, from `Looks.as_json`; empty without."""
+        return self.changes[0][1].get("looks", {})
+
     def build(self) -> None:
         """Build all shapes and designs now; an error if one of them is described wrongly."""
         _ = self._obstacles, self.forms, self.designs
@@ -80,6 +92,17 @@ class Scene:
     def obstacles(self, step: int) -> tuple[Shape, ...]:
         """Return obstacles and ground marks; one object for all steps between two changes of them."""
         return self._obstacles[self._place(step)]
+
+    def obstacle_kinds(self, step: int) -> tuple[str, ...]:
+        """Return the kind of each of `obstacles`, "mark" for those on the ground."""
+        shapes = self.changes[self._place(step)][1]["shapes"]
+        return tuple(shape.get("kind", "mark" if shape.get("mark") else "obstacle") for shape in shapes)
+
+    def load_kinds(self, frame: Frame) -> tuple[str, ...]:
+        """Return the kind of each of `loads`."""
+        kinds = {load["id"]: load.get("kind", "load") for load in self.changes[0][1]["loads"]}
+        ids = (int(load) for load, *_ in frame.columns.get("loads", np.empty(0)).tolist())
+        return tuple(kinds[load] for load in ids if load in self.forms)
 
     def limits(self, step: int) -> tuple[float, float]:
         """Return the temperature from which on a robot is too hot to fight, and the one down to which it then is."""
@@ -152,6 +175,7 @@ class Scene:
             "leave": scenery["leave"],
             "reach": max(ranges, default=0.0) or 1.0,
             "fastest": max(design["max_speed"] for design in designs) or 1.0,
+            **({"looks": _themed_looks(self.looks)} if self.looks else {}),
             "columns": [
                 dict(zip(("name", "table", "width", "type"), (name, *COLUMNS[name]), strict=True))
                 for name in self.columns
@@ -162,12 +186,15 @@ class Scene:
 
 def scene_of(model: FireModel) -> Scene:
     """Return the scene of a model; make it anew when robots, obstacles or loads were added or removed."""
-    changes = ((model.completed, scenery_of(model)),)
+    scenery = scenery_of(model)
+    declared = scenery.get("looks", {})
+    columns = tuple(name for name in COLUMNS if name not in OF_LOOKS or OF_LOOKS[name] in declared)
     return Scene(
         name=type(model).__name__,
         map=model.map.name,
         bounds=model.map.bounds,
-        changes=changes,
+        changes=((model.completed, scenery),),
+        columns=columns,
         fields=tuple(model.fields),
     )
 
@@ -180,17 +207,46 @@ def scene_of_recording(recording: Recording, sceneries: Sequence[tuple[int, dict
     if "position" not in recording.columns:
         raise RecordingError(f"{recording.path} has no positions to draw; record the column 'position' as well")
     its_map = map_of(recording.provenance)
-    columns = [name for name in COLUMNS if name in ALWAYS or MADE_FROM.get(name, name) in recording.columns]
+    known = [name for name in COLUMNS if name not in OF_LOOKS]
+    columns = [name for name in known if name in ALWAYS or MADE_FROM.get(name, name) in recording.columns]
     if "kind" not in columns or "distance" not in columns:
         columns = [name for name in columns if name not in ("kind", "distance")]
+    changes = tuple(sceneries or recording.sceneries or ((0, usual_scenery(recording)),))
+    made_from = recorded_looks(changes[0][1].get("looks", {}))
+    columns += [name for name in OF_LOOKS if made_from.get(name) in recording.columns]
     return Scene(
         name=recording.provenance["model"]["name"],
         map=its_map.name,
         bounds=its_map.bounds,
-        changes=tuple(sceneries or recording.sceneries or ((0, usual_scenery(recording)),)),
+        changes=changes,
         columns=tuple(columns),
         fields=field_names(recording.columns),
     )
+
+
+def recorded_looks(looks: dict) -> dict[str, str]:
+    """Return the columns of a recording from which "value" and "label" are drawn, as far as looks name any."""
+    return {"value": looks.get("column", {}).get("name", ""), "label": looks.get("label", "")}
+
+
+def looks_in(frame: Frame, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Return by what robots of a frame are coloured, and their texts: NaN and empty where the frame has none."""
+    known, names, n = frame.columns, recorded_looks(scene.looks), len(frame.robots)
+    values, texts = known.get(VALUE, known.get(names["value"])), known.get(LABEL)
+    if texts is None and names["label"] in known and known[names["label"]].size == n:
+        texts = np.array([label_text(value) for value in known[names["label"]].ravel().tolist()], object)
+    if values is None or values.size != n or values.dtype.kind not in "biuf":
+        values = np.full(n, np.nan)
+    return values.reshape(n).astype(float), np.full(n, "", object) if texts is None else texts
+
+
+def _themed_looks(looks: dict) -> dict:
+    """Return looks as a browser draws them: by theme."""
+    found: dict = {"kinds": {t: {k: pair[place] for k, pair in looks.get("kinds", {}).items()} for place, t in THEMES}}
+    if "column" in looks:
+        about = {name: looks["column"][name] for name in ("label", "low", "high")}
+        found["column"] = {**about, **{theme: value_colours(looks, theme) for _, theme in THEMES}}
+    return found
 
 
 def usual_scenery(recording: Recording) -> dict:

@@ -62,7 +62,7 @@ def segment(reader: Reader, world: dict) -> list[tuple[int, dict]]:
     steps, ids, index, robots = (reader.take("<i4", count) for count in (rows, n, k, met))
     discs = reader.take("<f4", 3 * f).reshape(f, 3)
     tracks = {"pose": reader.track(rows, 3 * n, np.uint16, 2)}
-    widths = {"distance": sensors, "kind": sensors, "command": 2, "heard": 2}
+    widths = {"distance": sensors, "kind": sensors, "command": 2, "heard": 2, "label": 12}
     for column in world["columns"]:
         name = column["name"]
         if column["table"] == "robots" and name not in ("ids", "pose"):

@@ -96,6 +96,8 @@ def drawn_row(rng, step, n, sensors, fires, k):
         "heard": np.where(heard, rng.uniform(low, high, (n, 2)), np.nan),
         "layer": rng.integers(-1, 5, (n, 1)),
         "design": np.zeros((n, 1)),
+        "value": rng.integers(-1, 17, (n, 1)),
+        "label": rng.integers(-128, 128, (n, 12)),
         "fires": np.column_stack([fires, burning]),
         "loads": np.column_stack([np.arange(k), poses(k)]),
         "contacts": np.column_stack([np.arange(met), rng.uniform(-np.pi, np.pi, met)]),
