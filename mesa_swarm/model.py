@@ -55,16 +55,8 @@ class EngineModel(World):
     _completed: int = 0
     _snapshots: Snapshots | None = None
     _stored_apart: ClassVar[tuple[str, ...]] = (
-        *(
-            "_engine",
-            "observers",
-            "_channel",
-            "_imperfect",
-            "datacollector",
-            "_collect_every",
-            "_control",
-            "_processes",
-        ),
+        *("_engine", "observers", "_channel", "_imperfect", "_own_parts", "datacollector", "_collect_every"),
+        *("_control", "_processes"),
         *("_senses", "_senses_version", "_sensed", "_noise", "_snapshots"),
     )
     _fleeting: ClassVar[tuple[str, ...]] = (
@@ -257,6 +249,8 @@ class EngineModel(World):
         if self.swarm.table.readings:
             # Always: what they read, such as a user's own agents, may have changed since the last reading.
             self._own_parts.sense(self, scene)
+            if self._imperfect is not None:
+                self._imperfect.spoil_custom(self.swarm, self._completed)
 
     def run(self, steps: int, progress: bool = False) -> Self:
         """Take this many steps, fewer if the model stops running, and return the model.

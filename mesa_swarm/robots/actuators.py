@@ -7,13 +7,13 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, check_flag, shortened
-from mesa_swarm.robots.parts import Part, check_part, own_function
+from mesa_swarm.robots.parts import RobotPart, check_part, own_function
 
 # Columns of what actuators are set to begin so.
 ACT = "act."
 
 
-class Actuator(Part):
+class Actuator(RobotPart):
     """Base of all actuators; a custom class has a `name`, and `apply` or a function `act`.
 
     A rule sets ``me.act.<name> = x``, or ``me.act.<name>[k] = x`` where `width` is more than 1; a layer that is a

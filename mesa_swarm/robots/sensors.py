@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
-from mesa_swarm.robots.parts import RESERVED, Part, check_part, names_taken, own_function
+from mesa_swarm.robots.parts import RESERVED, RobotPart, check_part, names_taken, own_function
 
 LARGEST_RANGE = 1e6
 MOST_RAYS = 10_000
@@ -14,7 +14,7 @@ LONGEST_HOLD = 10**9
 Mount = tuple[float, float]
 
 
-class Sensor(Part):
+class Sensor(RobotPart):
     """Base of all sensors; a custom class has a `name`, a `width` and a function `read`.
 
     ``read`` is a static function that fills `out` (n, width), one row a robot that has the sensor; what it leaves out
