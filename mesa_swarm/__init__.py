@@ -17,12 +17,12 @@ if not any(isinstance(finder, MovedFinder) for finder in sys.meta_path):
 if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.experiments.compare import compare
     from mesa_swarm.experiments.sweep import sweep
+    from mesa_swarm.open_model import Process
     from mesa_swarm.physics.neighbours import NeighbourSensor
-    from mesa_swarm.process import Process
     from mesa_swarm.recording.recording import Recording
     from mesa_swarm.robots.actuators import Actuator, Lamp
     from mesa_swarm.robots.design import AGENT3, AGENT6, AGENT9, AGENT_FIRE, RobotDesign, all_round
-    from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive
+    from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive, OmniDrive, omni_speeds
     from mesa_swarm.robots.radio import Radio
     from mesa_swarm.robots.sensors import (
         LineSensor,
@@ -41,12 +41,12 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
 _MODULES = {
     "experiments.compare": "compare",
     "experiments.sweep": "sweep",
-    "process": "Process",
+    "open_model": "Process",
     "recording.recording": "Recording",
     "physics.neighbours": "NeighbourSensor",
     "robots.actuators": "Actuator Lamp",
     "robots.design": "AGENT3 AGENT6 AGENT9 AGENT_FIRE RobotDesign all_round",
-    "robots.drive": "DifferentialDrive HolonomicDrive",
+    "robots.drive": "DifferentialDrive HolonomicDrive OmniDrive omni_speeds",
     "robots.radio": "Radio",
     "robots.sensors": "LineSensor ProximitySensor RadiationSensor Sensor bump_sensor laser_sensor",
     "swarm_model": "SwarmModel show",
@@ -69,6 +69,7 @@ __all__ = [
     "LineSensor",
     "Map",
     "NeighbourSensor",
+    "OmniDrive",
     "Process",
     "ProximitySensor",
     "RadiationSensor",
@@ -84,6 +85,7 @@ __all__ = [
     "compare",
     "disc",
     "laser_sensor",
+    "omni_speeds",
     "polygon",
     "rectangle",
     "show",

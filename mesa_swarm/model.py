@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import mesa
 import numpy as np
 
-from mesa_swarm.control.arbiter import Arbiter, check_drives, driver
+from mesa_swarm.control.arbiter import Arbiter, driver
 from mesa_swarm.control.explain import Explanation, explanation
 from mesa_swarm.control.layer import Senses
+from mesa_swarm.control.team import Key, Team, robots_of
 from mesa_swarm.errors import (
     BehaviourError,
     InvalidValueError,
@@ -23,41 +24,39 @@ from mesa_swarm.errors import (
 )
 from mesa_swarm.moved import moved_name
 from mesa_swarm.observers import Observers
+from mesa_swarm.open_model import OpenModel
 from mesa_swarm.physics.contact import Contacts
-from mesa_swarm.physics.engine import CompiledEngine, Engine
+from mesa_swarm.physics.engine import CompiledEngine, Engine, begin_way
 from mesa_swarm.physics.imperfect import Imperfect
 from mesa_swarm.physics.own_parts import OwnParts, clear_actions
 from mesa_swarm.physics.radio import Channel, send_goals
 from mesa_swarm.physics.shapely_engine import ShapelyEngine
-from mesa_swarm.process import Process, check_process
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.robots.design import RobotDesign
-from mesa_swarm.robots.drive import limit_command
+from mesa_swarm.robots.drive import clear_unused, limit_command, speeds_in_words
 from mesa_swarm.robots.imperfections import Imperfections
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.snapshots import DECISIONS, Snapshots, check_watched
-from mesa_swarm.state import add_to, attributes_of, state_of
+from mesa_swarm.state import add_to, attributes_of
 from mesa_swarm.streams import Seed
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.map import Map
-from mesa_swarm.world_model import World
 
 ENGINES: dict[str, type[Engine]] = {"compiled": CompiledEngine, "shapely": ShapelyEngine}
 # Indices that depend on the order in which things were created are not part of the state.
-NOT_HASHED = frozenset({"number", "design", "contact_index"})
+NOT_HASHED = frozenset({"number", "design", "contact_index", "group"})
 
 
-class EngineModel(World):
+class EngineModel(OpenModel):
     """A world of robots, obstacles and loads, advanced step by step; `SwarmModel` adds fires and recordings."""
 
     _control: Arbiter | None = None
     _completed: int = 0
     _snapshots: Snapshots | None = None
     _stored_apart: ClassVar[tuple[str, ...]] = (
-        *("_engine", "observers", "_channel", "_imperfect", "_own_parts", "datacollector", "_collect_every"),
-        *("_control", "_processes"),
-        *("_senses", "_senses_version", "_sensed", "_noise", "_snapshots"),
+        *("_engine", "_own_parts", "_channel", "_imperfect", "_control", "_senses", "_senses_version", "_sensed"),
+        *("_noise", "_snapshots", "observers", "datacollector", "_collect_every"),
     )
     _fleeting: ClassVar[tuple[str, ...]] = (
         *("observers", "_senses", "_senses_version", "_sensed", "_noise", "_snapshots", "datacollector"),
@@ -85,7 +84,6 @@ class EngineModel(World):
         self._engine: Engine = ENGINES[check_choice("engine", engine, ENGINES)]()
         super().__init__(map=map, rng=rng)
         self.observers = ()
-        self._processes: dict[int, Process] = {}  # by the number under which they are stored
         self._user_step: Callable[..., None] = self._whole_step  # what Mesa calls in its own wrapping of a step
         self.communication = communication
         self.collect_every = collect_every
@@ -176,17 +174,35 @@ class EngineModel(World):
 
     @property
     def control(self) -> Arbiter | None:
-        """What drives the robots: an arbiter such as `Subsumption`, or None."""
+        """What drives the robots: an arbiter such as `Subsumption`, or None.
+
+        It may be set to a mapping of designs and names of groups to arbiters, and then is a `Team`: a mapping of
+        the same keys to the arbiters that belong to this model. The arbiter of a robot's group drives it, or else that
+        of its design; every robot needs one.
+
+        Examples
+        --------
+        >>> from mesa_swarm import AGENT3, AGENT9, SwarmModel
+        >>> from mesa_swarm.control import Avoid, Explore, Subsumption
+        >>> model = SwarmModel(rng=1)
+        >>> scouts, others = model.add_robots(AGENT9, 2, group="scouts"), model.add_robots(AGENT3, 3)
+        >>> avoid = Avoid(distance=15)
+        >>> model.control = {"scouts": Subsumption(avoid, Explore()), AGENT3: Subsumption(avoid)}
+        >>> model.control.names
+        ('scouts: Avoid', 'Explore', 'AGENT3: Avoid')
+        """
         return self._control
 
     @control.setter
-    def control(self, control: Arbiter | None) -> None:
+    def control(self, control: Arbiter | Mapping[Key, Arbiter | None] | None) -> None:
+        if isinstance(control, Mapping) and not isinstance(control, Team):
+            control = Team(control)
         if control is not None and (isinstance(control, type) or asked(control, "bound") is None):
             raise InvalidValueError(
                 f"control is {shortened(control)}; expected an arbiter such as Subsumption(Avoid(), Explore())"
             )
         if isinstance(control, Arbiter):
-            check_drives(control, [self.swarm.designs[d] for d in np.unique(self.swarm.design)])
+            control.check_robots(robots_of(self.swarm))
         before = self._control
         if isinstance(before, Arbiter):
             before.unbind()
@@ -215,7 +231,7 @@ class EngineModel(World):
         exchange    layer, task, sent_goal, pose, obstacles           heard_layer, heard_task, heard_from, heard_goal
         decide      what robots know (`control.Senses`)               command, layer, task, goal, sent_goal, act
         act         what actuators are set to                         what they are about
-        move        command, loads                                    loads, position, heading
+        move        command, loads, driven bodies' aims               loads, driven bodies, position, heading
         resolve     position, obstacles, fires                        position, heading, slip, collided, contacts
         process     position, fields                                  fields; fires' and robots' temperature, fire;
                                                                       then what each of `processes` changes
@@ -226,6 +242,8 @@ class EngineModel(World):
         first to advance in their phase.
         Without `communication` nothing is exchanged.
         """
+        if self._movers is not None:
+            self._follow_agents(self._movers)
         self.sense()
         self._exchange()
         self._decide()
@@ -298,12 +316,14 @@ class EngineModel(World):
             self._senses_version = self.swarm.version
         columns["last_command"][:] = command
         self._control.decide(self._senses, command, layer)
+        if self.swarm.table.mixed:
+            clear_unused(command, columns["design"], self.swarm.table.numbers)
         wrong = limit_command(command, columns["max_speed"], columns["design"], self.swarm.table.sideways)
         if wrong >= 0:
             name = driver(self._control, int(layer[wrong]))
             raise BehaviourError(
                 f"{name} commanded NaN to robot {self.swarm.agents[wrong].unique_id} in step {self.steps}; "
-                "expected two finite wheel speeds"
+                f"expected {speeds_in_words(self.swarm.agents[wrong].design.numbers)}"
             )
         if self._channel is not None:
             send_goals(columns["position"], columns["heading"], columns["goal"], columns["sent_goal"])
@@ -316,24 +336,31 @@ class EngineModel(World):
     def _move(self) -> None:
         for load in self._loads:
             load.rest()
+        if self._movers is None:
+            self._move_robots()
+            return
+        moving = self._current_scene().moving
+        if moving is not None:
+            moving.begin()
+        if moving is not None and not len(self.swarm):
+            begin_way(self._current_scene())
+            moving.go_freely()
+        self._move_robots()
+        self._movers.rest()
+
+    def _move_robots(self) -> None:
         if not len(self.swarm):
             return
         scene, table = self._current_scene(), self.swarm.table
         if self.swarm.disturbed:
             self._engine.settle(self.swarm, scene)
             self.swarm.disturbed = False
-        draws = self.streams["slip"].random((len(self.swarm), 2)) if table.slips else None
+        draws = self.streams["slip"].random((len(self.swarm), table.wheels)) if table.slips else None
         if self._imperfect is None:
             self._engine.move(self.swarm, scene, self._turn_angle, draws)
             return
-        with self._imperfect.driving(self.swarm, self._completed):
-            self._engine.move(self.swarm, scene, self._turn_angle, draws)
-
-    def _process(self) -> None:
-        """Advance what changes in each step besides robots."""
-        if self._processes:
-            for process in tuple(self._processes.values()):
-                process.step(self)
+        with self._imperfect.driving(self.swarm, self._completed) as rolled:
+            rolled.append(self._engine.move(self.swarm, scene, self._turn_angle, draws))
 
     def _collect(self) -> None:
         self.collisions = int(np.count_nonzero(self.swarm.columns["collided"]))
@@ -345,60 +372,10 @@ class EngineModel(World):
         for observer in self.__dict__["observers"].complete:  # without the cost of the property
             observer.after_step(self, self._completed)
 
-    @property
-    def processes(self) -> tuple[Process, ...]:
-        """What happens in each step besides robots, in the order in which it was added."""
-        return tuple(self._processes.values())
-
-    def add_process(self, process: Process) -> Process:
-        """Add what happens in each step besides robots, after contacts are resolved, and return it.
-
-        Parameters
-        ----------
-        process : Process
-            Any object with ``step(model)``. Its attributes are part of the model's state.
-
-        Raises
-        ------
-        InvalidValueError
-            If it has no `step`, or was added before.
-
-        Examples
-        --------
-        >>> from mesa_swarm import SwarmModel
-        >>> class Rain:
-        ...     amount = 0
-        ...
-        ...     def step(self, model):
-        ...         self.amount += 2
-        >>> model = SwarmModel(rng=1)
-        >>> rain = model.add_process(Rain())
-        >>> model.run(3).processes[0].amount
-        6
-        """
-        check_process(process)
-        if any(process is one for one in self._processes.values()):
-            raise InvalidValueError(f"process {shortened(process)} was added before; expected another one")
-        self._processes[max(self._processes, default=0) + 1] = process
-        return process
-
-    def remove_process(self, process: Process) -> None:
-        """Remove a process; what it has changed stays.
-
-        Raises
-        ------
-        InvalidValueError
-            If it is not one of `processes`.
-        """
-        others = {number: one for number, one in self._processes.items() if one is not process}
-        if len(others) == len(self._processes):
-            raise InvalidValueError(f"process is {shortened(process)}; expected one of model.processes")
-        self._processes = others
-
-    def _check_driven(self, design: RobotDesign) -> None:
+    def _check_driven(self, design: RobotDesign, group: str) -> None:
         """Refuse robots that the control is not for."""
-        if self._control is not None:
-            check_drives(self._control, [design])
+        if isinstance(self._control, Arbiter):
+            self._control.check_robots([(design, group)])
 
     @property
     def completed(self) -> int:
@@ -414,6 +391,8 @@ class EngineModel(World):
         try:
             for observer in observers.complete:
                 observer.before_step(self)
+            if self._movers is not None:
+                self._movers.begin_step()
             type(self).step(self, *given, **named)
             for observer in observers.complete:
                 observer.between_steps(self)
@@ -523,6 +502,9 @@ class EngineModel(World):
         digest.update(f"{self._completed}".encode())
         for load in self._loads:
             digest.update(np.array([*load.pose, load.resistance]).tobytes())
+        if self._movers is not None:
+            for column in self._movers.poses:
+                digest.update((column + 0).tobytes())
         for name, field in self.fields.items():
             digest.update(f"fields.{name} {field.values.shape}".encode())
             digest.update(field.values + 0)
@@ -531,16 +513,16 @@ class EngineModel(World):
                 if name not in NOT_HASHED:
                     digest.update(f"{prefix}.{name} {column.shape}".encode())
                     digest.update((column + 0 if column.dtype.kind == "f" else column).tobytes())
+        if self.swarm.groups:
+            digest.update(f"groups {self.swarm.groups}".encode())
+            digest.update(self.swarm.columns["group"].tobytes())
         for name, value in self._declared_state():
             digest.update(f"{name};".encode())
             add_to(digest, value)
         return digest.hexdigest()
 
     def _declared_state(self) -> Iterator[tuple[str, Any]]:
-        """Iterate over what the model and its parts declare, by name."""
-        if self._state:
-            yield "state", self._state
-        yield from self._stated_parts()
+        yield from super()._declared_state()
         for place, layer in enumerate(getattr(self._control, "layers", ())):
             own = {} if type(layer).__module__.startswith("mesa_swarm.") else attributes_of(layer)
             arrays = {name: value for name, value in own.items() if isinstance(value, np.ndarray)}
@@ -550,13 +532,6 @@ class EngineModel(World):
     def _hashed_columns(self) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
         """Iterate over the tables of columns that are part of the state, each with a prefix for their names."""
         yield "robots", self.swarm.columns
-
-    def _stated_parts(self) -> Iterator[tuple[str, Any]]:
-        """Iterate over the state of parts and processes, by name."""
-        for name in sorted(self._parts):
-            yield f"part {name}", self._parts[name].arrays()
-        for number, process in self._processes.items():
-            yield f"process {number} ({type(process).__name__})", state_of(process)
 
     @contextmanager
     def _observed_run(self) -> Iterator[None]:

@@ -1,9 +1,10 @@
-"""Reporters for Mesa's DataCollector that measure only after some steps."""
+"""Reporters for Mesa's DataCollector: of what changes slowly, and of events."""
 
 from functools import partial
 
 from mesa import Model
 
+from mesa_swarm.errors import check_name
 from mesa_swarm.trigger import Trigger
 
 
@@ -46,3 +47,40 @@ def held(*names: str, every: int | Trigger = 10) -> dict[str, partial]:
     """
     # Mesa hands the model to functions and partials only; a partial can be pickled with the model.
     return {name: partial(Held(name, every)) for name in names}
+
+
+def event_count(name: str) -> partial:
+    """Return a reporter of the number of events of a name so far, for `model_reporters`; 0 before the first.
+
+    Examples
+    --------
+    >>> from mesa_swarm import SwarmModel
+    >>> model = SwarmModel(rng=1, model_reporters={"delivered": event_count("delivered")})
+    >>> model.event("delivered")
+    >>> model.run(2).datacollector.model_vars["delivered"]
+    [1, 1]
+    """
+    return partial(_event_count, check_name("name of an event", name))
+
+
+def event_total(name: str) -> partial:
+    """Return a reporter of the sum of the values of events of a name so far, for `model_reporters`.
+
+    Examples
+    --------
+    >>> from mesa_swarm import SwarmModel
+    >>> model = SwarmModel(rng=1, model_reporters={"food": event_total("delivered")})
+    >>> model.event("delivered", value=2.5)
+    >>> model.run(1).datacollector.model_vars["food"]
+    [2.5]
+    """
+    return partial(_event_total, check_name("name of an event", name))
+
+
+# Of a name and a model, in this order: Mesa gives the model to a partial last.
+def _event_count(name: str, model: Model) -> int:
+    return model.events.count(name)
+
+
+def _event_total(name: str, model: Model) -> float:
+    return model.events.total(name)

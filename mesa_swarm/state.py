@@ -36,7 +36,7 @@ class Checkpointed(Protocol):
         """Restore what `checkpoint` returned."""
 
 
-class Part(Protocol):
+class DeclaredPart(Protocol):
     """Something that a model adds to its state, by name in `World._parts`: hashed, stored, resumed, watched.
 
     A resumed model makes its parts in its constructor; the stored arrays are written into theirs, in place.

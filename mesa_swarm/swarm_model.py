@@ -80,7 +80,7 @@ class SwarmModel(FireModel):
         every : int
             Steps from one row to the next.
         columns : sequence of str, optional
-            Of the swarm, and "fires", "contacts", "loads"; by default those needed to replay the run.
+            Of the swarm, and "fires", "contacts", "loads", "fields", "events"; by default those needed to replay.
         exact : bool
             Whether real numbers are stored with all 64 bits.
         overwrite : bool

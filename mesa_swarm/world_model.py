@@ -1,33 +1,44 @@
 """World: a Mesa model with a map, robots, obstacles and loads, added and removed between two steps."""
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import astuple
 from typing import Any, ClassVar, Self, cast
 
 import mesa
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number, shortened
+from mesa_swarm.errors import (
+    InvalidValueError,
+    UnknownNameError,
+    check_choice,
+    check_count,
+    check_name,
+    check_number,
+    shortened,
+    unknown_name,
+)
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.design import DesignTable, RobotDesign
 from mesa_swarm.robots.robot import SIDES, Robot, remove_together
 from mesa_swarm.robots.swarm import Swarm
-from mesa_swarm.state import Part, State
 from mesa_swarm.streams import Seed, Streams
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.arena import Agents, Arena, as_numbers
-from mesa_swarm.world.bodies import Form, Load, Obstacle, checked_resistance
+from mesa_swarm.world.bodies import Body, Form, Load, Obstacle, checked_resistance
 from mesa_swarm.world.fields import Field, Fields, ScalarField
 from mesa_swarm.world.map import Map
+from mesa_swarm.world.movers import LARGEST_HEADING, Driven, Movers, poses_of_agents
 from mesa_swarm.world.placement import free_places, place_apart
 from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, disc
-from mesa_swarm.world.statics import LOAD, OBSTACLE
+from mesa_swarm.world.statics import FIRE, KINDS, LOAD, MOST_KINDS, OBSTACLE, ROBOT
 
 # The least radius as a share of the largest coordinate: overlap differs from touch by 1e-7 of a radius, which
 # may not be less than the rounding of a coordinate. And squares of lengths have to be floats.
 FINEST = 4e-9
 SMALLEST_RADIUS = 1e-12
+MODES = ("driven", "fixed", "pushed")
 # Attributes of Mesa's models, of all versions: what changes when Mesa counts a step, and the others.
 MESA_COUNTS = ("steps", "_time", "_batch_context", "_suppress", "subscribers", "agent_id_counter")
 OF_MESA = (
@@ -46,11 +57,13 @@ class World(mesa.Model):
 
     _stored_apart: ClassVar[tuple[str, ...]] = (
         *(*MESA_COUNTS, *OF_MESA, "given", "map", "streams", "space", "swarm", "_obstacles", "_loads", "_scene"),
-        *("_scene_table", "_state", "_parts", "_fields"),
+        *("_scene_table", "_fields", "_movers", "_kinds"),
     )
     _fleeting: ClassVar[tuple[str, ...]] = (*MESA_COUNTS, "time", "_scene", "_scene_table")
 
     _fields: dict[str, ScalarField] | None = None  # by name; None without any
+    _movers: Movers | None = None  # None until the first driven body
+    _kinds: tuple[str, ...] = KINDS
 
     def __new__(cls, *given: Any, **named: Any) -> Self:
         """Store the arguments of the outermost constructor, with which a recorded model is made again."""
@@ -62,16 +75,13 @@ class World(mesa.Model):
     def __init__(self, *, map: str | os.PathLike | Map, rng: Seed) -> None:
         self.map = Map.load(map)
         rng = _checked_seed(rng)
-        self._state = State()
-        # Declared by what adds to the state of a model (`Part`): fields for example.
-        self._parts: dict[str, Part] = {}
         super().__init__(rng=rng)
         self.streams = Streams(_seed_sequence(rng, self.rng))
         x_min, y_min, x_max, y_max = self.map.bounds
         self.space = Arena([[x_min, x_max], [y_min, y_max]], random=self.random, n_agents=0)
         self.swarm = Swarm()
         self.space.attach(self.swarm)
-        self._obstacles: list[Obstacle] = []
+        self._obstacles: list[Body] = []
         self._loads: list[Load] = []
         self._scene: Surroundings | None = None
         self._scene_table: DesignTable | None = None
@@ -79,43 +89,73 @@ class World(mesa.Model):
             self.add_obstacle(shape)
 
     @property
-    def state(self) -> State:
-        """Custom values that belong to the model's state: hashed, stored, resumed and copied with it.
-
-        Examples
-        --------
-        >>> from mesa_swarm import SwarmModel
-        >>> model = SwarmModel(rng=1)
-        >>> model.state["delivered"] = 0
-        >>> model.state["delivered"] += 2
-        >>> model.state["delivered"]
-        2
-        """
-        return self._state
-
-    @state.setter
-    def state(self, values: Mapping[str, Any]) -> None:
-        self._state = State(values)
-
-    @property
     def robots(self) -> Agents[Robot]:
         """The robots as Mesa agents, in the order of the swarm's rows."""
         return Agents(self.swarm.agents, random=self.random)
 
     @property
-    def obstacle_list(self) -> list[Obstacle]:
-        """The obstacles, loads and ground marks as a list, which is quicker to look at; to be read only."""
+    def obstacle_list(self) -> list[Body]:
+        """All of `bodies` as a list, which is quicker to look at; to be read only."""
         return self._obstacles
+
+    @property
+    def bodies(self) -> Agents[Body]:
+        """The obstacles, loads, driven bodies and ground marks as Mesa agents, in the order in which they came."""
+        return Agents(self._obstacles, random=self.random)
 
     @property
     def obstacles(self) -> Agents[Obstacle]:
         """The obstacles, loads and ground marks as Mesa agents, in the order in which they were added."""
-        return Agents(self._obstacles, random=self.random)
+        return Agents([body for body in self._obstacles if isinstance(body, Obstacle)], random=self.random)
 
     @property
     def loads(self) -> Agents[Load]:
         """The loads as Mesa agents, in the order in which they were added."""
         return Agents(self._loads, random=self.random)
+
+    @property
+    def displaced(self) -> list[Load | Driven]:
+        """The bodies that may change their places, loads and driven bodies, in the order in which they were added."""
+        if self._movers is None:
+            return [*self._loads]
+        return [body for body in self._obstacles if isinstance(body, Load | Driven)]
+
+    @property
+    def movers(self) -> Movers:
+        """The poses of all driven bodies as arrays, to be read only; see `move_bodies`."""
+        return Movers() if self._movers is None else self._movers
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """The names of what sensors see: the place of a name is its code in `swarm.kind` and `swarm.contact_kind`.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel
+        >>> SwarmModel(rng=1).kinds
+        ('obstacle', 'robot', 'fire', 'load')
+        """
+        return self._kinds
+
+    def kind_code(self, name: str) -> int:
+        """Return the code of a kind in readings: what a rule compares ``me.kind[s]`` with.
+
+        Raises
+        ------
+        UnknownNameError
+            If no body of this kind was added.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel, disc
+        >>> model = SwarmModel(rng=1)
+        >>> puck = model.add_body(disc((100, 100), 5), kind="puck")
+        >>> model.kind_code("puck")
+        4
+        """
+        if name not in self._kinds:
+            raise UnknownNameError(unknown_name("kind", name, self._kinds))
+        return self._kinds.index(name)
 
     def add_robots(
         self,
@@ -124,6 +164,7 @@ class World(mesa.Model):
         *,
         poses: Iterable[Sequence[float]] | None = None,
         tendency: str | Sequence[str] | None = None,
+        group: str = "",
     ) -> list[Robot]:
         """Add robots at free random poses, or at given ones, and return their handles.
 
@@ -137,6 +178,8 @@ class World(mesa.Model):
             Within the map. Robots that overlap anything are moved to free space nearby in the next step.
         tendency : "left", "right" or a sequence of these, optional
             The side to which each turns from what is straight ahead; by default drawn by chance.
+        group : str
+            The name of a group, by which `model.control` may have an arbiter for them; "" for none.
 
         Raises
         ------
@@ -155,7 +198,9 @@ class World(mesa.Model):
         if not isinstance(design, RobotDesign):
             raise InvalidValueError(f"design is {shortened(design)}; expected a RobotDesign such as AGENT9")
         self.swarm.check_parts(design)
-        self._check_driven(design)
+        if group != "":
+            check_name("group", group)
+        self._check_driven(design, group)
         self._check_resolved(design.radius, (obstacle.shape for obstacle in self._obstacles))
         if (n is None) == (poses is None):
             raise InvalidValueError("add_robots takes either n or poses; give exactly one of them")
@@ -164,7 +209,7 @@ class World(mesa.Model):
         else:
             position, heading = self._checked_poses(poses)
         sides = self._sides(len(position), tendency)
-        rows = self.swarm.add(design, position, heading, sides)
+        rows = self.swarm.add(design, position, heading, sides, group)
         robots = [Robot(self.space, self, self.swarm, int(row)) for row in rows]
         self.swarm.agents += robots
         self.swarm.disturbed |= poses is not None
@@ -178,7 +223,7 @@ class World(mesa.Model):
         """Return the agents of these discs, in their order."""
         return ()
 
-    def _check_driven(self, design: RobotDesign) -> None:
+    def _check_driven(self, design: RobotDesign, group: str) -> None:
         """Refuse robots that the control cannot drive; a world without control accepts all."""
 
     def remove_robots(self, robots: Iterable[Robot]) -> None:
@@ -200,6 +245,111 @@ class World(mesa.Model):
                 raise InvalidValueError(f"robots holds {shortened(robot)}; expected some of model.robots")
         remove_together(chosen)
 
+    def add_body(
+        self,
+        shape: Shape,
+        *,
+        kind: str | None = None,
+        mode: str = MODES[0],
+        agent: mesa.Agent | None = None,
+        resistance: float | None = None,
+    ) -> Body:
+        """Add a body that robots see and bump into, and return its agent.
+
+        Parameters
+        ----------
+        shape : Shape
+            From `disc`, `rectangle` or `polygon`.
+        kind : str
+            What sensors see: a name of your own, or "obstacle", "load"; by default "load" for pushed bodies, else
+            "obstacle". See `kinds`.
+        mode : str
+            "driven": it goes where ``body.position = (x, y)``, ``body.heading = h`` or ``body.move_to(...)`` puts it.
+            "fixed": an obstacle. "pushed": a load, which robots push; needs `resistance`.
+        agent : mesa.Agent, optional
+            For a driven body, which then follows the agent's `position` or `pos`, and its `heading` if it has
+            one, in each step. A body whose agent was removed from the model is removed as well.
+        resistance : float
+            See `add_load`.
+
+        Raises
+        ------
+        InvalidValueError
+            If a driven body is a mark on the ground, overlaps a load, or has its centre outside the map.
+
+        Examples
+        --------
+        >>> from mesa_swarm import AGENT9, SwarmModel, disc
+        >>> model = SwarmModel(rng=1)
+        >>> (robot,) = model.add_robots(AGENT9, poses=[(100, 100, 0.0)])
+        >>> predator = model.add_body(disc((120, 100), 5), kind="predator")
+        >>> predator.position = (115, 100)
+        >>> model.sense()
+        >>> robot.distance[0], model.kinds[robot.kind[0]]
+        (5.0, 'predator')
+        """
+        mode = check_choice("mode", mode, MODES)
+        _check_shape("body", shape)
+        name = self._checked_kind(kind, KINDS[LOAD] if mode == "pushed" else KINDS[OBSTACLE])
+        if mode != "pushed" and resistance is not None:
+            raise InvalidValueError(f"resistance was given for a {mode} body; leave it out, or use mode='pushed'")
+        if mode != "driven" and agent is not None:
+            raise InvalidValueError(f"agent was given for a {mode} body; leave it out, or use mode='driven'")
+        if mode == "fixed":
+            return self._add_fixed(shape, name)
+        if mode == "pushed":
+            return self._add_pushed(shape, checked_resistance(cast(float, resistance)), name)
+        return self._add_driven(shape, name, agent)
+
+    def move_bodies(self, bodies: Sequence[Body], poses: Sequence[Sequence[float]] | np.ndarray) -> None:
+        """Ask for poses of driven bodies, all at once: the quick way for many.
+
+        Parameters
+        ----------
+        bodies : sequence of Driven
+            From `add_body`, of this model.
+        poses : array_like, shape (m, 3)
+            x, y, heading of each; the centres on the map.
+
+        Raises
+        ------
+        InvalidValueError
+            If a body is not a driven one of this model, or a pose is wrong; none has moved then.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel, disc
+        >>> model = SwarmModel(rng=1)
+        >>> sheep = [model.add_body(disc((x, 100), 5), kind="sheep") for x in (100, 200, 300)]
+        >>> model.run(1).move_bodies(sheep, [(body.position[0], 102, 0.0) for body in sheep])
+        >>> model.run(1).movers.position[:, 1]
+        array([102., 102., 102.])
+        """
+        movers, chosen = self._movers, list(bodies)
+        if not all(isinstance(body, Driven) and body.movers is movers for body in chosen):
+            raise InvalidValueError("bodies holds others than driven bodies of this model; expected some of add_body")
+        table = np.empty((0, 3)) if not chosen else as_numbers(poses)
+        if table.shape != (len(chosen), 3):
+            raise InvalidValueError(f"poses has shape {table.shape}; expected {(len(chosen), 3)}: x, y, heading each")
+        low, high = self.space.dimensions.T
+        good = ((table[:, :2] >= low) & (table[:, :2] <= high)).all(axis=1) & (np.abs(table[:, 2]) <= LARGEST_HEADING)
+        if not good.all():
+            wrong = table[int(np.argmin(good))].tolist()
+            raise InvalidValueError(
+                f"pose {wrong} is not on map {self.map.name}; expected x and y within {self.space.dimensions.tolist()} "
+                "and a finite heading"
+            )
+        if movers is None or not chosen:
+            return
+        rows = np.array([cast(Driven, body).alive() for body in chosen])
+        new = movers.fresh[rows]
+        if new.any():
+            self._place_new(
+                [cast(Driven, body) for body, is_new in zip(chosen, new, strict=True) if is_new], table[new]
+            )
+        movers.aim[rows] = table[:, :2]
+        movers.aim_heading[rows] = wrapped_all(table[:, 2])
+
     def add_obstacle(self, shape: Shape) -> Obstacle:
         """Add an obstacle or a ground mark and return its agent.
 
@@ -210,13 +360,7 @@ class World(mesa.Model):
         True
         """
         _check_shape("obstacle", shape)
-        if len(self.swarm):
-            self._check_resolved(float(self.swarm.radius.min()), [shape])
-        self._check_clear_of_loads("obstacle", shape)
-        obstacle = Obstacle(self.space, self, shape)
-        self._obstacles.append(obstacle)
-        self._scene_changed()
-        return obstacle
+        return self._add_fixed(shape, KINDS[OBSTACLE])
 
     def add_load(self, shape: Shape, *, resistance: float) -> Load:
         """Add a body that robots can push, together if need be, and return its agent.
@@ -242,15 +386,85 @@ class World(mesa.Model):
         array([120., 110.])
         """
         _check_shape("load", shape)
-        resistance = checked_resistance(resistance)
+        return self._add_pushed(shape, checked_resistance(resistance), KINDS[LOAD])
+
+    def _add_fixed(self, shape: Shape, kind: str) -> Obstacle:
+        self._check_fine_enough(shape)
+        self._check_clear_of_loads("obstacle", shape)
+        obstacle = Obstacle(self.space, self, shape, kind)
+        self._take(obstacle)
+        return obstacle
+
+    def _add_pushed(self, shape: Shape, resistance: float, kind: str) -> Load:
         if not shape.contact:
             raise InvalidValueError("load is a mark on the ground, which cannot be pushed; leave out contact=False")
         self._check_room_for_load(shape)
-        load = Load(self.space, self, shape, resistance)
-        self._obstacles.append(load)
+        load = Load(self.space, self, shape, resistance, kind)
         self._loads.append(load)
-        self._scene_changed()
+        self._take(load)
         return load
+
+    def _add_driven(self, shape: Shape, kind: str, agent: mesa.Agent | None) -> Driven:
+        if not shape.contact:
+            raise InvalidValueError("body is a mark on the ground, which cannot be driven; leave out contact=False")
+        if agent is not None and not isinstance(agent, mesa.Agent):
+            raise InvalidValueError(f"agent is {shortened(agent)}; expected a Mesa agent or None")
+        self._check_fine_enough(shape)
+        self._checked_point(shape.position)
+        self._check_clear_of_loads("body", shape)
+        body = Driven(self.space, self, shape, kind, self._made_movers(), agent)
+        self._take(body)
+        if agent is not None:
+            try:
+                self.move_bodies([body], poses_of_agents([body], self.space))
+            except InvalidValueError:
+                body.remove()
+                raise
+        return body
+
+    def _made_movers(self) -> Movers:
+        """Return the table of driven bodies, made with the first of them."""
+        if self._movers is None:
+            self._movers = Movers()
+            self.space.attach(self._movers)
+        return self._movers
+
+    def _take(self, body: Body) -> None:
+        self._know_kind(body.kind)
+        self._obstacles.append(body)
+        self._scene_changed()
+
+    def _know_kind(self, name: str) -> None:
+        if name not in self._kinds:
+            self._kinds = (*self._kinds, name)
+
+    def _place_new(self, bodies: list[Driven], poses: np.ndarray) -> None:
+        """Place bodies at once that were added after the last step."""
+        for body, pose in zip(bodies, poses.tolist(), strict=True):
+            self._check_clear_of_loads("body", body.form.shape_at(tuple(pose)))
+        movers, rows = cast(Movers, self._movers), [body.row for body in bodies]
+        movers.position[rows], movers.heading[rows] = poses[:, :2], wrapped_all(poses[:, 2])
+        self._scene_changed()
+
+    def _follow_agents(self, movers: Movers) -> None:
+        """Ask for the poses of the agents that bodies follow, and remove the bodies of agents that were removed."""
+        gone = [body for body in movers.followers if body.agent not in self.agents]
+        for body in gone:
+            body.remove()
+        if movers.followers:
+            self.move_bodies(movers.followers, poses_of_agents(movers.followers, self.space))
+
+    def _checked_kind(self, kind: str | None, default: str) -> str:
+        """Return the name of a kind that bodies may have."""
+        if kind is None:
+            return default
+        if not isinstance(kind, str) or not kind.isidentifier() or kind in (KINDS[ROBOT], KINDS[FIRE]):
+            raise InvalidValueError(
+                f"kind is {shortened(kind)}; expected a name such as 'door', which is neither 'robot' nor 'fire'"
+            )
+        if kind not in self._kinds and len(self._kinds) > MOST_KINDS:
+            raise InvalidValueError(f"kind is {shortened(kind)}, one too many; expected at most {MOST_KINDS + 1} kinds")
+        return kind
 
     @property
     def fields(self) -> Fields:
@@ -282,9 +496,24 @@ class World(mesa.Model):
         self._fields = {**(self._fields or {}), field.name: live}
         return live
 
+    def _fields_as_stored(self) -> list:
+        """Return the declarations and the states of all fields, as plain values."""
+        return [[astuple(field.declared), field.checkpoint()] for field in self.fields.values()]
+
+    def _restore_fields(self, stored: Iterable[tuple[tuple, dict]]) -> None:
+        """Restore what `_fields_as_stored` returned; fields that the model has stay the same objects."""
+        before, self._fields = self.fields, None
+        for declared, state in stored:
+            field = Field(*declared)
+            known = before.get(field.name)
+            if known is None or known.declared != field:
+                known = self.add_field(field)
+            self._fields = {**(self._fields or {}), field.name: known}
+            known.restore(state)
+
     def _walls(self) -> list[Shape]:
         """Return the shapes of what stops fields: solid obstacles that do not move."""
-        return [body.shape for body in self._obstacles if body.contact and not isinstance(body, Load)]
+        return [body.shape for body in self._obstacles if body.contact and body.mode == "fixed"]
 
     def _advance_fields(self, fields: dict[str, ScalarField]) -> None:
         for field in fields.values():
@@ -295,7 +524,7 @@ class World(mesa.Model):
         for index in reversed(range(len(self._obstacles))):
             if self._obstacles[index].space is None:
                 del self._obstacles[index]
-                for kind in (OBSTACLE, LOAD):
+                for kind in (OBSTACLE, LOAD, *range(len(KINDS), len(self._kinds))):
                     self.swarm.forget_contact(kind, index)
         if self._loads:
             self._loads = [obstacle for obstacle in self._obstacles if isinstance(obstacle, Load)]
@@ -316,10 +545,23 @@ class World(mesa.Model):
             touch = max((design.radius for design in table.designs), default=1.0)
             loads = [(row, body) for row, body in enumerate(self._obstacles) if isinstance(body, Load)]
             self._scene = Surroundings.of(
-                self.map.bounds, shapes, discs, temperature, sight=sight, touch=touch, loads=loads
+                self.map.bounds,
+                shapes,
+                discs,
+                temperature,
+                sight=sight,
+                touch=touch,
+                loads=loads,
+                codes=[self._kinds.index(body.kind) for body in self._obstacles],
+                driven=[row for row, body in enumerate(self._obstacles) if isinstance(body, Driven)],
+                movers=self._movers,
             )
             self._scene_table = table
         return self._scene
+
+    def _check_fine_enough(self, shape: Shape) -> None:
+        if len(self.swarm):
+            self._check_resolved(float(self.swarm.radius.min()), [shape])
 
     def _check_resolved(self, radius: float, shapes: Iterable[Shape]) -> None:
         """Refuse robots so small that rounding of positions among these shapes would hide overlaps."""
@@ -391,6 +633,14 @@ class World(mesa.Model):
         if len(names) != n:
             raise InvalidValueError(f"tendency names {len(names)} sides for {n} robots; expected one each")
         return np.array([SIDES[check_choice("tendency", name, SIDES)] for name in names], dtype=float)
+
+
+def wrapped_all(headings: np.ndarray) -> np.ndarray:
+    """Return headings in [-pi, pi), those that are there already unchanged."""
+    outside = np.flatnonzero(~((headings >= -np.pi) & (headings < np.pi)))
+    turned = headings.copy()
+    turned[outside] = [wrapped(heading) for heading in headings[outside].tolist()]
+    return turned
 
 
 def _check_shape(name: str, shape: Shape) -> None:

@@ -10,6 +10,7 @@ MUTABLE = {
     *("Align", "Explore", "HeadOn", "MatchVelocity", "Perimeter", "PolicyLayer", "VelocityMatching"),
     *("HebbianLearning", "LearnFires", "Learner", "QLearning", "WireFittedQ"),
     "Checkpoint",  # grows while it is written
+    "_Motors",  # drives that users derive from it have attributes of their own
 }
 # Layers and policies inherit from classes without slots, or compute attributes once; tasks check what they inherit with
 # super(), which slots break.

@@ -1,11 +1,13 @@
 """Reporters that measure now and then."""
 
+import pickle
+
 import pytest
 
 from mesa_swarm import SwarmModel
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.models.agglomeration import Agglomeration
-from mesa_swarm.reporters import Held, held
+from mesa_swarm.reporters import Held, event_count, event_total, held
 
 
 def test_what_is_collected_is_measured_when_due_and_held_in_between():
@@ -56,3 +58,15 @@ def test_a_model_that_is_resumed_collects_as_the_recorded_one_did(tmp_path):
     model.run(6)
     assert again.datacollector.model_vars == model.datacollector.model_vars
     assert len(again.datacollector.model_vars["groups"]) == 4
+
+
+def test_events_are_counted_by_reporters_in_copies_and_sweeps_too():
+    reporters = {"delivered": event_count("delivered"), "food": event_total("delivered")}
+    model = pickle.loads(pickle.dumps(SwarmModel(rng=1, model_reporters=reporters)))
+    model.run(1)
+    model.event("delivered", value=2.5)
+    model.run(1)
+    assert model.datacollector.model_vars["delivered"] == [0, 1]
+    assert model.datacollector.model_vars["food"] == [0.0, 2.5]
+    with pytest.raises(InvalidValueError, match="name of an event"):
+        event_count(3)

@@ -48,8 +48,8 @@ def diagnose(
     check_wheels(built)
     built.watch(last=None, columns=NEEDED)
     found = pathologies_of(built.run(steps, progress=not quiet))
-    layers = built.control.layers if built.control else ()
-    names = ", ".join(f"{index} {layer.name}" for index, layer in enumerate(layers))
+    layers = built.control.names if built.control else ()
+    names = ", ".join(f"{index} {name}" for index, name in enumerate(layers))
     print_pairs({"steps": built.steps, "robots": len(built.swarm), "layers": names, **found.counts()})
     print("\n".join(["", *described_episodes(found, [robot.unique_id for robot in built.robots])]))
 

@@ -12,6 +12,7 @@ from mesa_swarm.control.layer import Layer, Senses
 from mesa_swarm.control.perimeter import Perimeter
 from mesa_swarm.control.push import Push
 from mesa_swarm.control.respond import Respond
+from mesa_swarm.control.team import Team
 from mesa_swarm.robots.reasons import Moment, Reason
 
 __all__ = [
@@ -35,6 +36,7 @@ __all__ = [
     "Senses",
     "Separate",
     "Subsumption",
+    "Team",
     "VectorSum",
     "behaviour",
 ]

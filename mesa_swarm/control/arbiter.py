@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Sequence
 from copy import copy
+from typing import Any
 
 import numpy as np
 
@@ -33,6 +34,8 @@ class Arbiter:
 
     # Whether all active layers drive a robot together; else the one that won drives it alone.
     sums = False
+    # Rows of robots that another arbiter of a `Team` drives; None without a team.
+    others: np.ndarray | None = None
 
     def __init__(self, *layers: Layer) -> None:
         kind = type(self).__name__
@@ -51,17 +54,63 @@ class Arbiter:
             check_name(f"name of a {type(layer).__name__}", layer.name)
         self.layers: Sequence[Layer] = layers
 
-    def bound(self, swarm: Swarm, streams: Streams) -> "Arbiter":
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the layers, as explanations, charts and recordings have them."""
+        return tuple(layer.name for layer in self.layers)
+
+    @property
+    def parts(self) -> "tuple[Arbiter, ...]":
+        """The arbiters that it is made of: itself, or those of a `Team`."""
+        return (self,)
+
+    def arbiter_of(self, index: int) -> "Arbiter":
+        """Return the arbiter that a layer belongs to."""
+        return self
+
+    def layers_of(self, row: int) -> Sequence[Layer]:
+        """Return the layers that may drive the robot in this row."""
+        return self.layers
+
+    def check_robots(self, robots: Iterable[tuple[RobotDesign, str]]) -> None:
+        """Refuse robots, given as design and group, whose drive its layers do not command."""
+        check_drives(self, [design for design, _ in robots])
+
+    def bound(
+        self,
+        swarm: Swarm,
+        streams: Streams,
+        *,
+        first: int = 0,
+        label: str = "",
+        driven: tuple[RobotDesign, ...] | None = None,
+    ) -> "Arbiter":
         """Return a copy whose layers have their columns and random streams in this swarm.
 
         A copy, so that one arbiter can be given to many models. Layers that were bound before begin anew, but
-        learners go on with what they have learned.
+        learners go on with what they have learned. In a `Team` the index of its first layer is `first`, `label` names
+        its columns and streams, and it has robots of the designs `driven` only.
         """
-        mine = copy(self)
+        mine, place = copy(self), f"{label}." if label else ""
+        mine.others = None
         mine.layers = tuple(map(copy, self.layers))
-        for index, layer in enumerate(mine.layers):
-            layer.bind(swarm, f"{index}.{layer.name}", streams[f"decide.{layer.name}"])
+        mine.set_driven(driven)
+        for index, layer in enumerate(mine.layers, start=first):
+            layer.bind(swarm, f"{index}.{place}{layer.name}", streams[f"decide.{place}{layer.name}"])
         return mine
+
+    def set_driven(self, driven: tuple[RobotDesign, ...] | None) -> None:
+        """Inform layers with an attribute ``driven`` of the designs of their robots, None for all of the swarm."""
+        layers: Iterable[Any] = self.layers
+        for layer in layers:
+            if hasattr(layer, "driven"):
+                layer.driven = driven
+
+    def clear(self, layer: np.ndarray) -> None:
+        """Set the winning layer (n,) to -1 for robots that it drives, and to 0 for others, which layers then skip."""
+        layer.fill(-1)
+        if self.others is not None:
+            layer[self.others] = 0
 
     def unbind(self) -> None:
         """Let layers with an ``unbind()`` store their state, as all columns are about to be dropped."""
@@ -71,14 +120,20 @@ class Arbiter:
                 unbind()
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray) -> None:
-        """Write the command (n, 2) and the winning layer (n,) of every robot."""
+        """Write the command (n, w) and the winning layer (n,) of every robot."""
         raise NotImplementedError
 
 
 def check_drives(control: Arbiter, designs: Iterable[RobotDesign]) -> None:
-    """Refuse designs whose drive takes another kind of command than a layer gives, where both declare it."""
+    """Refuse designs whose drive takes another kind of command, or more or fewer numbers, than a layer gives."""
     for design in designs:
         for layer in control.layers:
+            numbers = getattr(layer, "numbers", 2)
+            if numbers is not None and numbers != design.numbers:
+                raise InvalidValueError(
+                    f"{layer.name} commands {numbers} numbers, but robots of the design {design.name} take "
+                    f"{design.numbers}; give the design another drive, or use layers that are for its drive"
+                )
             wheels = getattr(layer, "commands_wheels", None)
             if wheels is None or design.turns is None or bool(wheels) == design.turns:
                 continue
@@ -93,7 +148,8 @@ def driver(control: Arbiter, index: int) -> str:
     """Return the name of the layer with this index, and a description of any other index."""
     if index < 0:
         return "no layer"
-    return control.layers[index].name if index < len(control.layers) else f"unknown layer {index}"
+    names = control.names
+    return names[index] if index < len(names) else f"unknown layer {index}"
 
 
 class Subsumption(Arbiter):
@@ -114,9 +170,9 @@ class Subsumption(Arbiter):
     """
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray) -> None:
-        """Write the command (n, 2) and the winning layer (n,) of every robot."""
+        """Write the command (n, w) and the winning layer (n,) of every robot."""
         command.fill(0.0)
-        layer.fill(-1)
+        self.clear(layer)
         for index, part in enumerate(self.layers):
             part.decide(senses, command, layer, index)
 
@@ -164,13 +220,13 @@ class VectorSum(Arbiter):
         self.weights = tuple(check_number("weight", weight, minimum=-HEAVIEST, maximum=HEAVIEST) for weight in given)
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray) -> None:
-        """Write the summed command (n, 2) and the layer with the largest share (n,) of every robot."""
+        """Write the summed command (n, w) and the layer with the largest share (n,) of every robot."""
         wanted, active, largest = np.empty_like(command), np.empty_like(layer), np.zeros(len(layer))
         command.fill(0.0)
         layer.fill(-1)
         for index, (part, weight) in enumerate(zip(self.layers, self.weights, strict=True)):
             wanted.fill(0.0)
-            active.fill(-1)
+            self.clear(active)
             part.decide(senses, wanted, active, index)
             add_weighted(wanted, active, weight, index, command, layer, largest)
         slow_down(command, senses.max_speed, senses.design, senses.sideways)
@@ -185,15 +241,28 @@ def add_weighted(wanted, active, weight, index, command, layer, largest):
     for i in range(layer.shape[0]):
         if active[i] < 0:
             continue
-        if weight != 0.0 and (math.isnan(wanted[i, 0]) or math.isnan(wanted[i, 1])) and largest[i] < math.inf:
+        if weight != 0.0 and any_nan(wanted[i]) and largest[i] < math.inf:
             command[i, 0], command[i, 1], layer[i], largest[i] = math.nan, math.nan, index, math.inf
             continue
         x, y = weighted(wanted[i, 0], weight), weighted(wanted[i, 1], weight)
         command[i, 0] += x
         command[i, 1] += y
         share = math.hypot(x, y)
+        for w in range(2, wanted.shape[1]):
+            z = weighted(wanted[i, w], weight)
+            command[i, w] += z
+            share = math.hypot(share, z)
         if layer[i] < 0 or share > largest[i]:
             layer[i], largest[i] = index, share
+
+
+@compiled
+def any_nan(numbers) -> bool:
+    """Return whether any of these numbers is NaN."""
+    for number in numbers:
+        if math.isnan(number):
+            return True
+    return False
 
 
 @compiled
@@ -212,7 +281,9 @@ def slow_down(command, max_speed, design, sideways):
             command[i, 0], command[i, 1] = no_longer(command[i, 0], command[i, 1], max_speed[i])
             continue
         most = max(abs(command[i, 0]), abs(command[i, 1]))
+        for w in range(2, command.shape[1]):
+            most = max(most, abs(command[i, w]))
         if most > max_speed[i]:
             share = max_speed[i] / most
-            command[i, 0] *= share
-            command[i, 1] *= share
+            for w in range(command.shape[1]):
+                command[i, w] *= share

@@ -12,7 +12,7 @@ import numpy as np
 
 from mesa_swarm.control.custom_fields import RuleFields, checked_memory
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.control.rule import WANTED, Rule, columns_of, failure, rule_of
+from mesa_swarm.control.rule import PASS, Rule, columns_of, failure, rule_of, wanted
 from mesa_swarm.errors import (
     BehaviourError,
     InvalidValueError,
@@ -86,8 +86,7 @@ def _operands(function: FunctionType, *operations: str) -> set[str]:
     return {step.argval for step in steps if step.opname in operations}
 
 
-# What a rule returns when it is not active: a pair of numbers like any other, so that it compiles.
-PASS = (np.inf, np.inf)
+__all__ = ["PASS", "Behaviour", "behaviour"]
 # Functions that return something to wait for, which no step does.
 NOT_AT_ONCE = (inspect.iscoroutinefunction, inspect.isgeneratorfunction, inspect.isasyncgenfunction)
 # Beyond this, floats do not represent all whole numbers.
@@ -96,6 +95,9 @@ LARGEST_WHOLE = 2**53
 
 class Behaviour:
     """A rule about one robot, as a layer. Made by `behaviour`; call it to change the rule's parameters."""
+
+    # As many as the rule returns: known when it is compiled.
+    numbers = None
 
     def __init__(
         self, rule: Rule, parameters: dict[str, float], memory: Mapping[str, np.ndarray] | None = None
@@ -154,10 +156,14 @@ class Behaviour:
         except UncompiledBehaviourWarning:  # where warnings are errors
             raise
         except Exception as error:
-            raise self._refusal(at[0], failure(error)) from error
+            raise self._refusal(at[0], failure(error, self._numbers(at[0]))) from error
+        if wrong < -1:
+            row = -2 - wrong
+            raise self._refusal(row, f"returns a command of another drive; {wanted(self._numbers(row))}")
         if wrong >= 0:
-            left, right = command[wrong]
-            raise self._refusal(wrong, f"returned ({left:g}, {right:g}); {WANTED}")
+            numbers = self._numbers(wrong)
+            speeds = ", ".join(f"{speed:g}" for speed in command[wrong, :numbers])
+            raise self._refusal(wrong, f"returned ({speeds}); {wanted(numbers)}")
 
     def _columns(self, senses: Senses) -> tuple[tuple[np.ndarray, ...], RuleFields]:
         """Return what the rule may know; views are made again when robots are added or removed."""
@@ -174,6 +180,10 @@ class Behaviour:
         written = {"act": senses.act, "memory": memory, "send": senses.send}
         used = {name: columns for name, columns in written.items() if uses_attribute(self.rule.function, name)}
         return RuleFields(senses.own, used, senses.heard)
+
+    def _numbers(self, row: int) -> int:
+        """Return how many numbers the drive of the robot in this row takes."""
+        return self._swarm.agents[row].design.numbers
 
     def _refusal(self, row: int, what: str) -> BehaviourError:
         robot = self._swarm.agents[row]
@@ -211,10 +221,10 @@ def behaviour(
     likewise, and `heard`. With ``@behaviour(memory={"count": 0})`` each robot has a number of its own that the rule
     reads and assigns, ``me.memory.count += 1``. What is assigned stays if the rule returns `PASS`.
 
-    The rule returns the speeds of the left and the right wheel, or `PASS` to leave the robot to the layers
-    below. Its other parameters need defaults: numbers, True or False. It is compiled when first used; a rule
-    that cannot be is run as plain Python, with a warning. Models with rules of the top level of a module can be
-    pickled.
+    The rule returns the speeds of the left and the right wheel, or as many numbers as the robots' drive takes
+    (see `Drive`), or `PASS`, by this name, to leave the robot to the layers below. Its other parameters need
+    defaults: numbers, True or False. It is compiled when first used; a rule that cannot be is run as plain Python,
+    with a warning. Models with rules of the top level of a module can be pickled.
 
     Parameters
     ----------

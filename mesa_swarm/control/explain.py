@@ -7,6 +7,7 @@ import numpy as np
 from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.control.layer import Layer
 from mesa_swarm.errors import BehaviourError
+from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.snapshots import Snapshots
 from mesa_swarm.robots.swarm import Swarm
@@ -42,14 +43,14 @@ def explanation(control: Arbiter, swarm: Swarm, snapshots: Snapshots, row: int, 
         )
     layer = control.layers[won] if won >= 0 else None
     reason = Reason("") if layer is None else reason_of(layer, moment)
-    if layer is not None and control.sums:
+    if layer is not None and control.arbiter_of(won).sums:
         # What the robot did is the sum of all that were active; the reason is that of one of them.
         why = f" ({reason.words})" if reason.sensors else ""
         reason = Reason(f"its share of the sum of all active layers is the largest{why}", reason.sensors)
     return Explanation(
         robot=swarm.agents[row].unique_id,
         step=step,
-        layer="" if layer is None else layer.name,
+        layer="" if layer is None else control.names[won],
         does=moment.motion,
         reason=reason.words,
         sensors=reason.sensors,
@@ -59,6 +60,8 @@ def explanation(control: Arbiter, swarm: Swarm, snapshots: Snapshots, row: int, 
 def moment_of(swarm: Swarm, columns: dict[str, np.ndarray], row: int) -> tuple[Moment, int]:
     """Return what one robot knew, and which layer won."""
     table, d = swarm.table, swarm.columns["design"][row]
+    design = swarm.designs[d]
+    command = columns["command"][row, : design.numbers]
     front, left, right = (int(index) for index in table.forward[d])
     sensors = table.counts[d]
     moment = Moment(
@@ -67,11 +70,21 @@ def moment_of(swarm: Swarm, columns: dict[str, np.ndarray], row: int) -> tuple[M
         sensors=table.proximity[d, :sensors],
         bearing=table.bearing[d, :sensors],
         forward=(front, left, right),
-        command=columns["command"][row],
-        turns=bool(swarm.designs[d].turns),
+        command=command,
+        turns=bool(design.turns),
+        moved=_moved(design, command),
         columns={name: column[row] for name, column in columns.items()},
     )
     return moment, int(columns["layer"][row])
+
+
+def _moved(design: RobotDesign, command: np.ndarray) -> tuple[float, ...] | None:
+    """Return the motion that a command asks for, None where the command itself states it."""
+    if design.turns is not None:
+        return None
+    motion = np.zeros((1, 3))
+    design.drive.motion(command[None].copy(), np.array([design.radius]), motion)
+    return tuple(motion[0].tolist())
 
 
 def reason_of(layer: Layer, moment: Moment) -> Reason:

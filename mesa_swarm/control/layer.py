@@ -31,7 +31,7 @@ class Senses:
     hot : bool ndarray, shape (n,)
     fire : int64 ndarray, shape (n,)
         Not below 0 while the robot is extinguishing.
-    last_command : ndarray, shape (n, 2)
+    last_command : ndarray, shape (n, w)
         Of the step before; the robot does not know whether its wheels slipped.
     radius, max_speed, tendency : ndarrays, shape (n,)
     task : int64 ndarray, shape (n,), written by layers
@@ -111,7 +111,9 @@ class Layer(Protocol):
     ``reason(moment) -> Reason``, why it drove a robot (`SwarmModel.explain`), and a fourth, ``unbind()``,
     which is called before another control takes the place of the one that it is in, and all columns are dropped.
     It may declare what it commands: ``commands_wheels`` is True for speeds of wheels left and right, False for speeds
-    forward and sideways. It is then refused for robots with a drive of the other kind.
+    forward and sideways. It is then refused for robots with a drive of the other kind. ``numbers`` is how many numbers
+    of a command it writes, 2 by default: it is refused for drives that take more or fewer. A layer for drives of all
+    kinds declares None.
     """
 
     @property
@@ -122,7 +124,7 @@ class Layer(Protocol):
         """Take what the layer needs: columns to remember in (`swarm.remember`), a random stream."""
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Write `command` (n, 2) and ``layer = index`` where the layer is active and `layer` is still -1.
+        """Write `command` (n, w) and ``layer = index`` where the layer is active and `layer` is still -1.
 
         There it may also write what the robot is to broadcast: `senses.task` and `senses.goal`.
         """

@@ -12,7 +12,7 @@ from types import FunctionType
 from typing import Any
 
 import numpy as np
-from numba import njit, types
+from numba import literal_unroll, njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic, lower_builtin, models, overload, register_model
 
@@ -20,6 +20,7 @@ from mesa_swarm.control.custom_fields import FieldForm, RecordEntry, RuleFields,
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import BehaviourError, UncompiledBehaviourWarning, shortened, unknown_name
 from mesa_swarm.robots.design import RobotDesign
+from mesa_swarm.robots.drive import speeds_in_words
 from mesa_swarm.robots.parts import brief
 
 # A robot without a front sensor has me.front == -1. Python and Numba would take that as the last sensor, so
@@ -118,7 +119,8 @@ def _read(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
     return builder.load(result)
 
 
-WANTED = "expected two finite wheel speeds (left, right), or PASS"
+# What a rule returns when it is not active: a pair of numbers like any other, so that it compiles.
+PASS = (math.inf, math.inf)
 CHANGES = "changes its readings; a rule may only read me: change a copy()"
 # Numba's words for branches that return unlike things.
 UNLIKE = "Can't unify return type"
@@ -134,7 +136,7 @@ Me = namedtuple(
 
 
 class WheelsError(Exception):
-    """A plain rule returned something else than two numbers: its only argument."""
+    """A plain rule returned something else than the numbers of a drive: its only argument."""
 
 
 class DefectError(Exception):
@@ -171,6 +173,7 @@ class Rule:
     def run(self, columns: tuple, fields: RuleFields, values: tuple, at: np.ndarray, *written: Any) -> int:
         """Apply the rule to every robot that no layer drives yet; return the first whose speeds are not finite, or -1.
 
+        Where it returns more or fewer numbers than a robot's drive takes, that robot's row r is returned as -2 - r.
         `columns` are those of `columns_of`, and the column of chances; `fields` are what the model adds; `written` are
         the columns `command` and `layer`, and the index of the layer. `at` (1,) is set to the robot that the rule is
         about, to name it if the rule raises an error.
@@ -187,13 +190,13 @@ class Rule:
         wrong = loop(columns, arrays, values, at, *written)
         if wrong < 0:
             at[0] = -1
-            self._complain(problem, form)
+            self._complain(problem, form, _numbers_in(columns)[0])
             self._loops[kinds] = loop
         return wrong
 
-    def _complain(self, problem: str, form: FieldForm) -> None:
+    def _complain(self, problem: str, form: FieldForm, numbers: int) -> None:
         """Refuse a rule that is wrong somewhere; warn of one that is only slow."""
-        defect = defect_in(problem, form, self.function)
+        defect = defect_in(problem, form, self.function, numbers)
         if defect:
             raise DefectError(defect)
         code = self.function.__code__
@@ -213,12 +216,12 @@ def rule_of(function: FunctionType) -> Rule:
 
 def columns_of(senses: Senses, designs: tuple[RobotDesign, ...]) -> tuple[np.ndarray, ...]:
     """Return what a rule may know of all robots, read-only, and how many sensors of each kind the designs have."""
-    counts = [(len(d.proximity), len(d.radiation), len(d.line)) for d in designs]
+    counts = [(len(d.proximity), len(d.radiation), len(d.line), d.numbers) for d in designs]
     columns = (
         senses.distance, senses.kind, senses.bearing, senses.radiation, senses.line, senses.forward,
         senses.radius, senses.max_speed, senses.tendency, senses.temperature, senses.heat, senses.hot,
         senses.fire, senses.design, senses.heard_layer, senses.heard_task, senses.heard_from, senses.heard_goal,
-        np.array(counts, np.int64).reshape(-1, 3),
+        np.array(counts, np.int64).reshape(-1, 4),
     )  # fmt: skip
     views = tuple(column.view() for column in columns)
     for view in views:
@@ -230,6 +233,33 @@ def _compiled(
     function: FunctionType, form: FieldForm, columns: tuple, arrays: tuple, values: tuple
 ) -> tuple[Callable, str]:
     """Return the loop over all robots, compiled if that can be, and Numba's explanation if not."""
+    numbers = _numbers_in(columns)
+    variants = [function, *(_with_longer_pass(function, count) for count in numbers if count != len(PASS))]
+    problems = []
+    for variant in variants:
+        loop, problem = _tried(variant, form, columns, arrays, values, numbers)
+        if not problem:
+            return loop, ""
+        problems.append(problem)
+    return _plain(function, form), problems[0]
+
+
+def _numbers_in(columns: tuple) -> list[int]:
+    """Return the numbers of commands of all designs, ascending; of two-wheeled robots where there is none."""
+    return np.unique(columns[-2][:, 3]).tolist() or [2]
+
+
+def _with_longer_pass(function: FunctionType, count: int) -> FunctionType:
+    """Return a rule in which the name `PASS` is for this count of numbers: all its branches have to be of one type."""
+    passes = {n: (math.inf,) * count for n in function.__code__.co_names if function.__globals__.get(n) is PASS}
+    names, code = {**function.__globals__, **passes}, function.__code__
+    return FunctionType(code, names, function.__name__, function.__defaults__, function.__closure__)
+
+
+def _tried(
+    function: FunctionType, form: FieldForm, columns: tuple, arrays: tuple, values: tuple, numbers: list[int]
+) -> tuple[Callable, str]:
+    """Return the compiled loop, and Numba's explanation if it cannot be, or the rule does not return a command."""
     # Bounds are checked: an index that is one too many would otherwise read another robot's memory.
     rule: Any = njit(error_model="numpy", boundscheck=True)(function)
     # Put into the loop itself: what a function returned would be a copy of a record, and assigning to it in vain.
@@ -244,16 +274,64 @@ def _compiled(
     except Exception as error:  # it was about no robot, so that the rule itself cannot have raised it
         problem = str(error) or type(error).__name__
     returned = [result.signature.return_type for result in rule.overloads.values()]
-    if not all(map(_is_pair, returned)):
+    if not all(_is_command(kind, numbers) for kind in returned):
         problem = f"{UNLIKE}: {returned[0]}"
-    return (_plain(function, form), problem) if problem else (run, "")
+    return run, problem
 
 
-def _is_pair(kind: Any) -> bool:
-    if not isinstance(kind, types.BaseTuple) or len(kind) != 2:
+def _is_command(kind: Any, numbers: list[int]) -> bool:
+    if not isinstance(kind, types.BaseTuple) or len(kind) not in (len(PASS), *numbers):
         return False
     parts: Any = kind
     return all(isinstance(types.unliteral(part), (types.Integer, types.Float)) for part in parts)
+
+
+PASSED, DONE, WRONG, MISFIT = range(4)
+
+
+def take(speeds: tuple, command: np.ndarray, i: int, numbers: int) -> int:
+    """Write what a rule returned as the command of robot i, and return what it was; its drive takes `numbers`.
+
+    PASSED if it left the robot to other layers, DONE, WRONG if a number is not finite, MISFIT if there are more or
+    fewer; in plain Python a `WheelsError` instead of the latter.
+    """
+    if all(speed == math.inf for speed in speeds):
+        return PASSED
+    if len(speeds) != numbers:
+        raise WheelsError(speeds)
+    for w, speed in enumerate(speeds):
+        command[i, w] = speed
+    return DONE if all(map(math.isfinite, speeds)) else WRONG
+
+
+@overload(take)
+def _compiled_take(speeds: tuple, command: np.ndarray, i: int, numbers: int) -> Callable:
+    return _take_pair if len(speeds) == len(PASS) else _take_several
+
+
+def _take_pair(speeds: tuple, command: np.ndarray, i: int, numbers: int) -> int:
+    left, right = speeds
+    if left == math.inf and right == math.inf:
+        return PASSED
+    if numbers != 2:
+        return MISFIT
+    command[i, 0] = left
+    command[i, 1] = right
+    return DONE if math.isfinite(left) and math.isfinite(right) else WRONG
+
+
+def _take_several(speeds: tuple, command: np.ndarray, i: int, numbers: int) -> int:
+    passes = finite = True
+    for speed in literal_unroll(speeds):
+        passes = passes and speed == math.inf
+        finite = finite and math.isfinite(speed)
+    if passes or numbers != len(speeds):
+        return PASSED if passes else MISFIT
+    w = 0  # Numba unrolls no enumerate()
+    for speed in literal_unroll(speeds):
+        command[i, w] = speed
+        w += 1  # noqa: SIM113
+    return DONE if finite else WRONG
 
 
 def _loop(rule: Callable, extended: Callable) -> Callable:
@@ -279,13 +357,11 @@ def _loop(rule: Callable, extended: Callable) -> Callable:
                 temperature[i], heat[i], hot[i], fire[i] >= 0, heard_layer[i], heard_task[i],
                 heard_from[i, 0], heard_from[i, 1], heard_goal[i, 0], heard_goal[i, 1], chance[i],
             )  # fmt: skip
-            left, right = rule(extended(me, arrays, i), *values)
-            if left == math.inf and right == math.inf:
+            taken = take(rule(extended(me, arrays, i), *values), command, i, counts[d, 3])
+            if taken == PASSED:
                 continue
-            command[i, 0] = left
-            command[i, 1] = right
-            if not (math.isfinite(left) and math.isfinite(right)):
-                return i
+            if taken != DONE:
+                return i if taken == WRONG else -2 - i
             layer[i] = index
         return -1
 
@@ -297,7 +373,7 @@ def _plain(function: FunctionType, form: FieldForm) -> Callable:
 
     def checked(me: Me, *values: float) -> tuple:
         wheels = function(me, *values)
-        if not isinstance(wheels, tuple) or len(wheels) != 2 or not all(map(_is_number, wheels)):
+        if not isinstance(wheels, tuple) or not wheels or not all(map(_is_number, wheels)):
             raise WheelsError(wheels)
         return wheels
 
@@ -314,7 +390,12 @@ def _is_number(value: object) -> bool:
     return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
 
 
-def defect_in(problem: str, form: FieldForm, function: FunctionType) -> str:
+def wanted(numbers: int) -> str:
+    """Return what a rule is expected to return for a robot whose drive takes `numbers`."""
+    return f"expected {speeds_in_words(numbers)}{' (left, right)' if numbers == 2 else ''}, or PASS"
+
+
+def defect_in(problem: str, form: FieldForm, function: FunctionType, numbers: int) -> str:
     """Return what is wrong with a rule that Numba refused, or nothing if it is only slow."""
     field = re.search(r"Unknown attribute '(\w+)' of type (Me|Heard)\(", problem)
     if field:
@@ -328,7 +409,8 @@ def defect_in(problem: str, form: FieldForm, function: FunctionType) -> str:
     if re.search(r"Cannot modify readonly|No definition for lowering Me\(.*\)\.\w+ =", problem):
         return CHANGES
     if UNLIKE in problem:
-        return f"does not return two wheel speeds in every branch; {WANTED}"
+        speeds = speeds_in_words(numbers).replace(" finite", "")
+        return f"does not return {speeds} in every branch; {wanted(numbers)}"
     return ""
 
 
@@ -339,13 +421,13 @@ def _fields_of(owner: Any) -> tuple[str, tuple[str, ...]]:
     return {"Me": "me", "Heard": "me.heard"}.get(type(owner).__name__, ""), getattr(owner, "_fields", ())
 
 
-def failure(error: Exception) -> str:
-    """Return what a rule did wrong, of the error that it raised."""
+def failure(error: Exception, numbers: int) -> str:
+    """Return what a rule did wrong, of the error that it raised for a robot whose drive takes `numbers`."""
     if isinstance(error, DefectError):
         return str(error)
     if isinstance(error, WheelsError):
         hint = " (a branch without return?)" if error.args[0] is None else ""
-        return f"returned {shortened(error.args[0])}{hint}; {WANTED}"
+        return f"returned {shortened(error.args[0])}{hint}; {wanted(numbers)}"
     if isinstance(error, AttributeError) and error.name not in (known := _fields_of(error.obj)[1]):
         return f"uses an {unknown_name(f'field of {_fields_of(error.obj)[0]}', error.name, known)}"
     return f"raised {type(error).__name__}: {error}"

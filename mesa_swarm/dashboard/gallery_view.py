@@ -17,7 +17,6 @@ from mesa_swarm.dashboard import page_models
 from mesa_swarm.gallery import description, find_model, short_name
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.palette import DARK, LIGHT, Palette, fire_colour
-from mesa_swarm.world.bodies import Load
 from mesa_swarm.world.shapes import Shape
 
 HALF_DISC = "M%.5g %.5gA%.5g %.5g 0 0 1 %.5g %.5gZ"
@@ -119,8 +118,8 @@ def drawn(model: SwarmModel) -> str:
     x_min, y_min, x_max, y_max = model.map.bounds
     corner, swarm, fires = np.array([x_min, y_min]), model.swarm, model.fires
     layers = [
-        draw_shapes([body.shape for body in model.obstacle_list if not isinstance(body, Load)], corner),
-        draw_loads([load.shape for load in model.loads], corner),
+        draw_shapes([body.shape for body in model.obstacle_list if body.mode == "fixed"], corner),
+        draw_loads([body.shape for body in model.displaced], corner),
         draw_fires(fires.position - corner, fires.radius, fires.temperature, fires.out),
         draw_robots(swarm.position - corner, swarm.heading, LARGER * swarm.radius),
     ]

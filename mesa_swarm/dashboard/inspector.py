@@ -197,6 +197,8 @@ def sensors_of(moment: Moment, triggered: Sequence[int]) -> list[dict[str, Any]]
 def facts_of(model: SwarmModel, robot: Robot, moment: Moment) -> list[tuple[str, str]]:
     """Return the other readings and states of a robot, each with its name."""
     columns, facts = moment.columns, []
+    if robot.group:
+        facts.append(("Group", robot.group))
     if len(model.fires):
         state = " (too hot to fight)" if columns["hot"] else ""
         facts.append(("Heat", f"{columns['temperature']:.1f}, {columns['heat']:+.2f} a step{state}"))
@@ -240,7 +242,7 @@ def messages_of(model: SwarmModel, columns: dict[str, Any]) -> list[tuple[str, s
     messages = []
     if columns["heard_task"] >= 0:
         layer = int(columns["heard_layer"])
-        name = model.control.layers[layer].name if layer >= 0 and model.control is not None else "no layer"
+        name = model.control.names[layer] if layer >= 0 and model.control is not None else "no layer"
         messages.append(("Hears", f"a robot {where(columns['heard_from'])}: {name}, task {int(columns['heard_task'])}"))
     if np.isfinite(columns["heard_goal"]).all():
         messages.append(("Hears", f"a goal {where(columns['heard_goal'])}"))
@@ -255,7 +257,7 @@ def where(place: np.ndarray) -> str:
 
 def worth_of(model: SwarmModel, robot: Robot) -> list[tuple[str, float]]:
     """Return the value of each action to a robot that learns, an empty list for others."""
-    layers = model.control.layers if model.control is not None else ()
+    layers = model.control.layers_of(robot.row) if model.control is not None else ()
     learners = [layer for layer in layers if hasattr(layer, "worth")]
     return learners[0].worth(robot.row) if learners else []
 

@@ -161,7 +161,7 @@ def grouped(steps: np.ndarray, rows: np.ndarray, width: int) -> Curves:
 
 def form_of(model: SwarmModel) -> tuple:
     """Return a key that changes with the columns."""
-    return len(model.fires), id(model.control), len(model.datacollector.model_vars)
+    return len(model.fires), id(model.control), len(model.datacollector.model_vars), len(model.events.names)
 
 
 def placed(charts: Iterable[Chart]) -> list[Chart]:
@@ -187,12 +187,14 @@ def charts_of(model: SwarmModel) -> list[Chart]:
         charts.append(Chart("fire_temperature", "Temperature of each fire", "", names))
     if model.control is not None:
         charts.append(Chart("layers", "Layers that drive", "% of robots", (*layer_names(model), NO_LAYER)))
+    if model.events:
+        charts.append(Chart("events", "Events so far", "events", tuple(model.events.names)))
     return charts
 
 
 def layer_names(model: SwarmModel) -> tuple[str, ...]:
     """Return the names of a model's layers, numbered where names repeat."""
-    names = [layer.name for layer in model.control.layers] if model.control is not None else []
+    names = model.control.names if model.control is not None else ()
     return tuple(f"{name} {k + 1}" if names.count(name) > 1 else name for k, name in enumerate(names))
 
 
@@ -211,6 +213,9 @@ def measure(model: SwarmModel, row: np.ndarray) -> None:
         counts = np.bincount(model.swarm.columns["layer"] + 1, minlength=layers + 1)
         row[column : column + layers] = 100.0 * counts[1:] / max(robots, 1)
         row[column + layers] = 100.0 * counts[0] / max(robots, 1)
+        column += layers + 1
+    if model.events:
+        row[column:] = list(model.events.counts.values())
 
 
 def number_of(value: object) -> float:

@@ -47,7 +47,7 @@ class Commanded:
             raise InvalidValueError(
                 f"{self.name}({self.count}) has {len(layer)} robots to command; add robots, or command fewer"
             )
-        command[: self.count] = self.wheels
+        command[: self.count, :2] = self.wheels
         layer[: self.count] = index
 
     def reason(self, moment: Moment) -> Reason:

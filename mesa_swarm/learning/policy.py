@@ -141,9 +141,9 @@ def sensors_of(swarm: Swarm) -> SensorLayout:
     return layout
 
 
-def check_designs(sensors: SensorLayout, swarm: Swarm) -> None:
-    """Check that all robots of a swarm have these sensors."""
-    for design in swarm.designs:
+def check_designs(sensors: SensorLayout, swarm: Swarm, driven: tuple[RobotDesign, ...] | None = None) -> None:
+    """Check that all robots of a swarm, or of the designs driven, have these sensors."""
+    for design in swarm.designs if driven is None else driven:
         sensors.check(design)
 
 
@@ -247,6 +247,8 @@ class PolicyLayer:
     greedy: bool = False
     explore: bool = False
     name: str = "Policy"
+    # The designs of its robots in a `Team`, None for all of the swarm.
+    driven: ClassVar[tuple[RobotDesign, ...] | None] = None
 
     def __post_init__(self) -> None:
         check_name("name", self.name)
@@ -269,20 +271,23 @@ class PolicyLayer:
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Drive the robots that no earlier layer drives."""
-        if len(self._swarm.designs) != self._known:
+        if len(self._designs) != self._known:
             self._check_designs()
         chance = None if self.greedy else self._rng.random(len(layer))
         memory = (self._swarm.columns[self._kept],) if self._kept else ()
         numbers = {"numbers": self._swarm.columns["number"]} if self._numbered else {}
-        returned = self.policy.act(senses.distance, senses.kind, chance, *memory, **numbers)
+        distance, kind, own = senses.distance, senses.kind, len(self.policy.sensors)
+        if self.driven is not None and distance.shape[1] > own:  # others of the team have more sensors
+            distance, kind = distance[:, :own].copy(), kind[:, :own].copy()
+        returned = self.policy.act(distance, kind, chance, *memory, **numbers)
         shares = returned
         # Compiled code reads one row a robot, and is compiled anew for other kinds of arrays.
-        if type(returned) is not np.ndarray or returned.shape != command.shape or returned.dtype != DOUBLE:
+        if type(returned) is not np.ndarray or returned.shape != (len(layer), 2) or returned.dtype != DOUBLE:
             shares = _shares_of(returned)
-        if shares.shape != command.shape or not drive(shares, senses.max_speed, command, layer, index):
+        if shares.shape != (len(layer), 2) or not drive(shares, senses.max_speed, command, layer, index):
             raise BehaviourError(
                 f"{self.name}: its policy returned {described(returned)}; "
-                f"expected finite numbers of shape {command.shape}"
+                f"expected finite numbers of shape {(len(layer), 2)}"
             )
 
     def reason(self, moment: Moment) -> Reason:
@@ -290,9 +295,13 @@ class PolicyLayer:
         near = tuple(s for s in np.flatnonzero(moment.kind >= 0).tolist() if math.isfinite(moment.distance[s]))
         return Reason("its policy acts on " + (", ".join(map(moment.reading, near)) or "nothing in sight"), near)
 
+    @property
+    def _designs(self) -> tuple[RobotDesign, ...]:
+        return self._swarm.designs if self.driven is None else self.driven
+
     def _check_designs(self) -> None:
-        check_designs(self.policy.sensors, self._swarm)
-        self._known = len(self._swarm.designs)
+        check_designs(self.policy.sensors, self._swarm, self.driven)
+        self._known = len(self._designs)
 
 
 def _shares_of(returned: object) -> np.ndarray:

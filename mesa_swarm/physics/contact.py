@@ -3,7 +3,8 @@
 A step is cut into pieces of at most half a radius. After each, robots that overlap are pushed apart, half the
 overlap each, all at once (independent of order), then out of static bodies, deepest overlap first. Robots that
 still overlap after `MOST_SWEEPS` rounds (in a narrow wedge, in a jam) return to where they were before the piece,
-and so do those that then overlap them, until no two do.
+and so do those that then overlap them, until no two do. Driven bodies move in the same pieces before the robots do;
+robots are pushed out of their way, and where one cannot leave, the body returns as well and has to stop.
 """
 
 import math
@@ -14,8 +15,9 @@ import numpy as np
 
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.grid import cell_index, sort_into_cells
-from mesa_swarm.geometry.overlap import nearest_on_segment, wrapped
+from mesa_swarm.geometry.overlap import in_polygon, nearest_on_segment, wrapped
 from mesa_swarm.physics.motion import advance, count_pieces
+from mesa_swarm.physics.moving import advance_bodies, count_body_pieces, return_bodies
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import BORDER, FIRE, OBSTACLE, ROBOT
 
@@ -35,8 +37,24 @@ GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 @compiled
 def deepest_static(x, y, radius, statics):
     """Return depth, normal, flatness and item of the deepest overlap of a disc with static bodies."""
-    edges, discs, _, _, bounds, grid, start, items = statics
-    deepest, normal_x, normal_y, flat, found = _deepest_border(x, y, radius, bounds)
+    edges, discs, _, _, bounds, grid, start, items, movers = statics
+    found = deepest_listed(x, y, radius, edges, discs, grid, start, items, _deepest_border(x, y, radius, bounds))
+    return deepest_moving(x, y, radius, edges, discs, movers, found)
+
+
+@compiled
+def deepest_moving(x, y, radius, edges, discs, movers, found):
+    """Return the deepest overlap with driven bodies if it is deeper than what was found."""
+    if movers is None:
+        return found
+    grid, start, items, _ = movers[5]
+    return deepest_listed(x, y, radius, edges, discs, grid, start, items, found)
+
+
+@compiled
+def deepest_listed(x, y, radius, edges, discs, grid, start, items, deepest_found):
+    """Return the deepest overlap with the items that a grid lists if it is deeper than what was found."""
+    deepest, normal_x, normal_y, flat, found = deepest_found
     left, below, per_unit, columns, rows = grid
     cell = cell_index(x, left, per_unit, columns) + columns * cell_index(y, below, per_unit, rows)
     for k in range(start[cell], start[cell + 1]):
@@ -145,7 +163,7 @@ def travel(
     A robot whose travel is farther than `turn_angle` (rad) from a flat face's normal is turned along the face;
     `extra_turn` becomes the turn that faces added. Ids, `number`, decide in which directions coincident centres part.
     The cells of `grid`, see `Grid.numbers`, are at least 2 r + margin wide. `statics` are edges, discs, owner, body,
-    bounds, grid numbers, touched_start and touched_items.
+    bounds, grid numbers, touched_start and touched_items, and `Moving.numbers` or None; see there for how bodies move.
     """
     contact_kind[:] = -1
     contact_index[:] = -1
@@ -155,10 +173,12 @@ def travel(
     before = np.empty_like(position)
     face = np.empty((len(position), 3))
     free = np.empty(len(position), np.bool_)
-    pieces = count_pieces(motion, radius)
-    for _ in range(pieces):
+    pieces = count_body_pieces(count_pieces(motion, radius), radius, statics[8])
+    for piece in range(pieces):
         before[:] = position
         face[:] = 0.0
+        advance_bodies(piece, pieces, radius, statics[8], statics[0], statics[1])
+        stop_jumps(position, radius, statics[0], statics[1], statics[8])
         advance(position, heading, motion, pieces)
         contacts = (contact_kind, contact_index, contact_normal, contact_depth, face)
         settled, listed, pairs = separate(position, radius, number, grid, statics, contacts, free, MOST_SWEEPS)
@@ -202,7 +222,7 @@ def separate(position, radius, number, grid, statics, contacts, free, most_sweep
 @compiled
 def push_all_from_statics(rows, position, radius, statics, contacts, free):
     """Move the robots in these rows out of static bodies, and write for which ones that was possible."""
-    bounds, grid, start = statics[4], statics[5], statics[6]
+    bounds, grid, start, movers = statics[4], statics[5], statics[6], statics[8]
     left, below, per_unit, columns, lines = grid
     for i in rows:
         x, y, r = position[i, 0], position[i, 1], radius[i]
@@ -211,7 +231,17 @@ def push_all_from_statics(rows, position, radius, statics, contacts, free):
         clear = start[cell] == start[cell + 1] and (
             bounds[0] + r <= x <= bounds[2] - r and bounds[1] + r <= y <= bounds[3] - r
         )
-        free[i] = clear or push_from_statics(i, position, r, statics, contacts)
+        free[i] = (clear and no_body_near(x, y, movers)) or push_from_statics(i, position, r, statics, contacts)
+
+
+@compiled
+def no_body_near(x, y, movers):
+    """Return whether no driven body can be touched from a place."""
+    if movers is None:
+        return True
+    (left, below, per_unit, columns, lines), start, _, _ = movers[5]
+    cell = cell_index(x, left, per_unit, columns) + columns * cell_index(y, below, per_unit, lines)
+    return start[cell] == start[cell + 1]
 
 
 @compiled
@@ -365,13 +395,16 @@ def put_back(position, before, radius, grid, statics, contacts, free, listed, pa
         if not free[i]:  # the last push may have freed it
             depth = deepest_static(position[i, 0], position[i, 1], radius[i], statics)[0]
             goes[i] = depth > SLOP * radius[i]
+    # With driven bodies, those that overlap robots return as well, also after robots have returned.
+    _return_bodies(position, radius, statics[0], statics[1], statics[8], goes)
     while True:
         # All that overlap return at once: independent of the order of the pairs.
         for k in range(pairs.shape[0]):
             i, j = pairs[k, 0], pairs[k, 1]
             if not (back[i] and back[j]) and _collide(i, j, position, radius, contacts):
                 goes[i], goes[j] = True, True
-        if not _return_all(position, before, goes, back):
+        went = _return_all(position, before, goes, back)
+        if not (_return_bodies(position, radius, statics[0], statics[1], statics[8], goes) or went):
             return
 
 
@@ -399,6 +432,61 @@ def _return_all(position, before, goes, back):
             back[i] = True
             went = True
     return went
+
+
+@compiled
+def _return_bodies(position, radius, edges, discs, movers, goes):
+    """Return driven bodies that overlap robots to where they were before this piece, and mark these robots.
+
+    The result is whether a body moved, or a robot was marked that was not before.
+    """
+    if movers is None:
+        return False
+    bodies = np.zeros(movers[0][0].shape[0], np.bool_)
+    marked = False
+    for i in range(position.shape[0]):
+        if mark_overlapped(position[i, 0], position[i, 1], radius[i], edges, discs, movers, bodies) and not goes[i]:
+            goes[i], marked = True, True
+    return return_bodies(bodies, movers, edges, discs) or marked
+
+
+@compiled
+def mark_overlapped(x, y, radius, edges, discs, movers, bodies):
+    """Mark the driven bodies that overlap a disc, and return whether there is one."""
+    body_of, ((left, below, per_unit, columns, lines), start, items, _) = movers[4], movers[5]
+    cell = cell_index(x, left, per_unit, columns) + columns * cell_index(y, below, per_unit, lines)
+    any_marked = False
+    for k in range(start[cell], start[cell + 1]):
+        item = items[k]
+        if item < edges.shape[0]:
+            depth = edge_overlap(x, y, radius, edges, item)[0]
+        else:
+            depth = disc_overlap(x, y, radius, discs, item - edges.shape[0])[0]
+        if depth > SLOP * radius:
+            bodies[body_of[item]] = True
+            any_marked = True
+    return any_marked
+
+
+@compiled
+def stop_jumps(position, radius, edges, discs, movers):
+    """Return bodies that have jumped onto a robot to where they were."""
+    if movers is None:
+        return
+    (place, _, _, _, _, reach), scratch, (_, edge_row, edge_body, _, _) = movers[0], movers[1], movers[2]
+    jumps = scratch[4]
+    if not jumps.any():
+        return
+    bodies = np.zeros(len(jumps), np.bool_)
+    for i in range(position.shape[0]):
+        mark_overlapped(position[i, 0], position[i, 1], radius[i], edges, discs, movers, bodies)
+    for b in np.flatnonzero(jumps & ~bodies):
+        rows = edge_row[edge_body == b]
+        for i in range(position.shape[0]):
+            x, y, far = position[i, 0], position[i, 1], reach[b] + radius[i]
+            near = len(rows) > 0 and (x - place[b, 0]) ** 2 + (y - place[b, 1]) ** 2 < far * far
+            bodies[b] |= near and in_polygon(x, y, edges, rows[0], rows[-1] + 1)
+    return_bodies(bodies & jumps, movers, edges, discs)
 
 
 @compiled

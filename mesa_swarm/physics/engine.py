@@ -12,8 +12,8 @@ from mesa_swarm.physics.motion import achieved_motion, slip_of
 from mesa_swarm.physics.sensing import err, sense_inside, sense_line, sense_proximity, sense_radiation
 from mesa_swarm.physics.settle import settle
 from mesa_swarm.physics.surroundings import Surroundings
-from mesa_swarm.robots.design import PERIOD
-from mesa_swarm.robots.drive import Drive, slipped_wheels
+from mesa_swarm.robots.design import DRIVE_SPEED, PERIOD
+from mesa_swarm.robots.drive import Drive, accelerate, slipped_wheels
 from mesa_swarm.robots.swarm import Swarm
 
 FEWEST_CELLS = 64
@@ -28,8 +28,11 @@ class Engine(Protocol):
     def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
         """Write all readings; `draws` (n, s), uniform in [0, 1), are for the sensors' errors."""
 
-    def move(self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, draws: np.ndarray | None) -> None:
-        """Move all robots by their commands and resolve contacts; `draws` (n, 2) are for the wheels' slip."""
+    def move(self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, draws: np.ndarray | None) -> np.ndarray:
+        """Move all robots by their commands, resolve contacts, and return the speeds at which wheels rolled (n, w).
+
+        `draws` (n, w) are for the wheels' slip.
+        """
 
     def settle(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Move robots that overlap anything to free room nearby."""
@@ -59,8 +62,8 @@ class CompiledEngine:
             marks = surroundings.marks
             sense_line(position, heading, design, table.line, marks.edges, marks.rings, marks.discs, columns["line"])
 
-    def move(self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, draws: np.ndarray | None) -> None:
-        """Write position, heading, slip and the contact columns."""
+    def move(self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, draws: np.ndarray | None) -> np.ndarray:
+        """Write position, heading, slip and the contact columns; return the speeds at which wheels rolled."""
         self._prepare(swarm, surroundings)
         columns = swarm.columns
         position, heading, radius, number = (columns[name] for name in ("position", "heading", "radius", "number"))
@@ -68,10 +71,11 @@ class CompiledEngine:
         written = columns["collided"], *(columns[name] for name in CONTACT_COLUMNS), self._extra_turn
 
         def go() -> np.ndarray:
+            begin_way(surroundings)
             travel(position, heading, self._motion, radius, number, *fixed, *written)
             return self._extra_turn
 
-        move_by_commands(swarm, surroundings, draws, self._drives, self._motion, go)
+        return move_by_commands(swarm, surroundings, draws, self._drives, self._motion, go)
 
     def settle(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Move robots that overlap anything to free room nearby."""
@@ -86,10 +90,11 @@ class CompiledEngine:
         distance, kind = columns["distance"], columns["kind"]
         sort_into_cells(position, self._cells, self._start, self._order, self._cell_of)
         sensors, items = (table.proximity, table.counts), (statics.seen_start, statics.seen_items)
+        moving = None if surroundings.moving is None else surroundings.moving.seen
         sense_proximity(
             position, heading, columns["radius"], self._largest_radius, design, *sensors, table.reach,
             self._cells, self._start, self._order, statics.edges, statics.discs, statics.kind,
-            self._static_cells, *items, distance, kind,
+            self._static_cells, *items, moving, distance, kind,
         )  # fmt: skip
         if table.exposed or swarm.disturbed:
             solids = statics.edges, statics.kind, statics.rings, statics.bounds
@@ -113,9 +118,16 @@ class CompiledEngine:
         self._motion, self._extra_turn = np.zeros((n, 3)), np.zeros(n)
         statics = surroundings.statics
         touched = self._static_cells, statics.touched_start, statics.touched_items
-        self._statics = statics.edges, statics.discs, statics.owner, statics.body, statics.bounds, *touched
+        movers = None if surroundings.moving is None else surroundings.moving.numbers
+        self._statics = statics.edges, statics.discs, statics.owner, statics.body, statics.bounds, *touched, movers
         self._drives = drives_by_rows(swarm)
         self._version, self._surroundings = swarm.version, surroundings
+
+
+def begin_way(surroundings: Surroundings) -> None:
+    """Put driven bodies where they begin this step, and stop those that have a load in their way."""
+    if surroundings.moving is not None:
+        surroundings.moving.return_to_start(surroundings.blocked_by_loads)
 
 
 def hold_readings(swarm: Swarm, step: int, old_distance: np.ndarray, old_kind: np.ndarray) -> None:
@@ -144,8 +156,11 @@ def move_by_commands(
     drives: Rows,
     motion: np.ndarray,
     travel: Callable[[], np.ndarray],
-) -> None:
-    """Write the motion (n, 3), then slip; `travel` moves all robots by it and returns by how much faces turned each."""
+) -> np.ndarray:
+    """Write the motion (n, 3), then slip, and return the speeds at which wheels rolled (n, w).
+
+    `travel` moves all robots by the motion and returns by how much faces turned each.
+    """
     columns = swarm.columns
     wheels = rolling_wheels(swarm, draws)
     write_motion(swarm, drives, wheels, motion)
@@ -155,31 +170,37 @@ def move_by_commands(
         achieved_motion(before, columns["position"], heading_before, extra_turn, collided, motion)
         wheels = np.where(collided[:, None], wheels_of(swarm, drives, motion), wheels)
     slip_of(columns["command"], wheels, columns["slip"])
+    return wheels
 
 
 def rolling_wheels(swarm: Swarm, draws: np.ndarray | None) -> np.ndarray:
-    """Return the wheel speeds that slip leaves of the commands, shape (n, 2)."""
-    command = swarm.columns["command"]
+    """Return the wheel speeds that acceleration and slip leave of the commands, shape (n, w)."""
+    command, table = swarm.columns["command"], swarm.table
+    if table.limited:
+        reached = swarm.columns[DRIVE_SPEED]
+        accelerate(command, table.acceleration, swarm.columns["design"], table.sideways, reached)
+        command = reached
     if draws is None:
         return command
     wheels = np.empty_like(command)
-    slipped_wheels(command, *swarm.table.slip, swarm.columns["design"], draws, wheels)
+    slipped_wheels(command, *table.slip, swarm.columns["design"], draws, wheels)
     return wheels
 
 
 def write_motion(swarm: Swarm, drives: Rows, wheels: np.ndarray, motion: np.ndarray) -> None:
-    """Write the motion (n, 3) that wheel speeds (n, 2) make."""
+    """Write the motion (n, 3) that wheel speeds (n, w) make."""
     for drive, rows in drives:
         made = motion[rows]
-        drive.motion(wheels[rows], swarm.columns["radius"][rows], made)
+        drive.motion(wheels[rows, : getattr(drive, "numbers", 2)], swarm.columns["radius"][rows], made)
         motion[rows] = made
 
 
 def wheels_of(swarm: Swarm, drives: Rows, motion: np.ndarray) -> np.ndarray:
-    """Return the wheel speeds (n, 2) that would have made these motions (n, 3)."""
-    wheels = np.empty((len(motion), 2))
+    """Return the wheel speeds (n, w) that would have made these motions (n, 3)."""
+    wheels = np.zeros((len(motion), swarm.table.wheels))
     for drive, rows in drives:
-        made = wheels[rows]
+        own = slice(getattr(drive, "numbers", 2))
+        made = wheels[rows, own]
         drive.wheels(motion[rows], swarm.columns["radius"][rows], made)
-        wheels[rows] = made
+        wheels[rows, own] = made
     return wheels

@@ -8,6 +8,7 @@ from zlib import crc32
 import numpy as np
 
 from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.physics.motion import slip_of
 from mesa_swarm.physics.radio import GOLDEN, mixed
 from mesa_swarm.robots.design import RANGE, places_of
 from mesa_swarm.robots.drive import no_longer
@@ -28,8 +29,8 @@ KEPT: dict[str, tuple[tuple, type, float]] = {
     "kind": (("proximity",), np.int8, -1),
     "radiation": (("radiation",), np.float64, 0.0),
     "line": (("line",), np.bool_, False),
-    "wheels": ((2,), np.float64, 0.0),
-    "told": ((2,), np.float64, 0.0),  # the last fresh command; recordings have this name
+    "wheels": (("wheels",), np.float64, 0.0),
+    "told": (("wheels",), np.float64, 0.0),  # the last fresh command; recordings have this name
     "used": ((), np.float64, 0.0),
     "broken": ((), np.bool_, False),
 }
@@ -86,20 +87,28 @@ class Imperfect:
             spoil_any(columns[name], last, *ends, channel, limits, *by_chance)
 
     @contextmanager
-    def driving(self, swarm: Swarm, step: int) -> Iterator[None]:
-        """Replace commands by disturbed wheel speeds within the block; afterwards restore them, and write the slip."""
+    def driving(self, swarm: Swarm, step: int) -> Iterator[list[np.ndarray]]:
+        """Replace commands by disturbed wheel speeds within the block; afterwards restore them, and write the slip.
+
+        The block may append to the list the speeds at which wheels rolled, which drives of limited acceleration need.
+        """
+        rolled: list[np.ndarray] = []
         if not self._drives:
-            yield
+            yield rolled
             return
         columns, given = swarm.columns, self.imperfections
         command, slip = columns["command"], columns["slip"]
         requested = command.copy()
         worn = [kept(swarm, name) for name in ("told", "wheels", "used", "broken")]
-        bodies = columns["max_speed"], columns["design"], swarm.table.sideways, columns["number"]
+        table = swarm.table
+        bodies = columns["max_speed"], columns["design"], table.sideways, table.numbers, columns["number"]
         limits = given.driving.limits, (float(given.battery), float(given.failure))
         spoil_wheels(command, *worn, *bodies, *limits, step, np.uint64(self.key))
         try:
-            yield
+            yield rolled
+            if rolled and table.limited:  # their wheels roll on where the command is 0
+                slip_of(requested, rolled[0], slip)
+                return
             reached = command * (1.0 - slip)
             slip[:] = np.divide(requested - reached, requested, out=np.zeros_like(requested), where=requested != 0.0)
         finally:
@@ -190,7 +199,9 @@ def spoil_any(reading, last, least, largest, first_channel, limits, design, numb
 
 
 @compiled
-def spoil_wheels(command, held, wheels, used, broken, max_speed, design, sideways, number, limits, wear, step, key):
+def spoil_wheels(
+    command, held, wheels, used, broken, max_speed, design, sideways, numbers, number, limits, wear, step, key
+):
     """Replace commands by disturbed wheel speeds; add up the charge used, and break robots down."""
     error, dropout, outliers, hold, period, lag = limits
     battery, failure = wear
@@ -199,7 +210,8 @@ def spoil_wheels(command, held, wheels, used, broken, max_speed, design, sideway
         if chance(key, number[i], BODY, step, FATE) < failure:
             broken[i] = True
         stands = broken[i] or (battery > 0.0 and used[i] >= battery)
-        for w in range(2):
+        count = numbers[design[i]]
+        for w in range(count):
             if step % period == 0:
                 held[i, w] = command[i, w]
             wanted, channel = held[i, w], WHEEL + w
@@ -214,7 +226,7 @@ def spoil_wheels(command, held, wheels, used, broken, max_speed, design, sideway
             wheels[i, w] = 0.0 if stands else min(max(wheels[i, w], -max_speed[i]), max_speed[i])
         if sideways[design[i]]:
             wheels[i, 0], wheels[i, 1] = no_longer(wheels[i, 0], wheels[i, 1], max_speed[i])
-        for w in range(2):
+        for w in range(count):
             command[i, w] = wheels[i, w]
             if max_speed[i] > 0.0:
-                used[i] += 0.5 * abs(wheels[i, w]) / max_speed[i]
+                used[i] += (1.0 / count) * abs(wheels[i, w]) / max_speed[i]

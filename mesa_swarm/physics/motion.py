@@ -69,6 +69,6 @@ def achieved_motion(start, position, start_heading, extra_turn, collided, motion
 def slip_of(command, wheels, slip):
     """Write (m - v) / m per wheel, 0 where m = 0 (A.5)."""
     for i in range(command.shape[0]):
-        for w in range(2):
+        for w in range(command.shape[1]):
             m = command[i, w]
             slip[i, w] = (m - wheels[i, w]) / m if m != 0.0 else 0.0

@@ -33,22 +33,23 @@ class Channel:
         columns, radio = swarm.columns, self.radio
         position, heading, number = columns["position"], columns["heading"], columns["number"]
         limits = float(radio.range), float(radio.loss_probability), word, radio.occlusion
+        obstacles = obstacles_of(surroundings)
         if radio.state:
             layer, task = columns["layer"], columns["task"]
             heard = columns["heard_layer"], columns["heard_task"], columns["heard_from"]
-            hear_states(position, heading, number, layer, task, limits, self._grid, self._obstacles, *heard)
+            hear_states(position, heading, number, layer, task, limits, self._grid, obstacles, *heard)
         if radio.goal:
             sent, heard_goal = columns["sent_goal"], columns["heard_goal"]
-            hear_goals(position, heading, number, sent, self._beacons, limits, self._grid, self._obstacles, heard_goal)
+            hear_goals(position, heading, number, sent, self._beacons, limits, self._grid, obstacles, heard_goal)
         if radio.message:
-            self._exchange_messages(columns, limits)
+            self._exchange_messages(columns, limits, obstacles)
 
     def begin_decision(self, swarm: Swarm) -> None:
         """Clear what robots sent before: they send what they set in each decision."""
         for name, _ in self.radio.message:
             swarm.columns[f"{SEND}{name}"].fill(math.nan)
 
-    def _exchange_messages(self, columns: dict[str, np.ndarray], limits: tuple) -> None:
+    def _exchange_messages(self, columns: dict[str, np.ndarray], limits: tuple, obstacles: tuple) -> None:
         position, heading, number = columns["position"], columns["heading"], columns["number"]
         sent = [columns[f"{SEND}{name}"] for name, _ in self.radio.message]
         sends = np.zeros(len(position), np.bool_)
@@ -56,7 +57,7 @@ class Channel:
             sends |= ~np.isnan(column.reshape(len(position), -1)).all(axis=1)
         heard = tuple(columns[f"{HEARD}{name}"] for name in OF_HEARD)
         senders = np.empty((len(position), int(self.radio.most)), np.int64)
-        hear_messages(position, heading, number, sends, limits, self._grid, self._obstacles, *heard, senders)
+        hear_messages(position, heading, number, sends, limits, self._grid, obstacles, *heard, senders)
         for (name, _), column in zip(self.radio.message, sent, strict=True):
             out = columns[f"{HEARD}{name}"]
             out[...] = column[senders]
@@ -68,15 +69,14 @@ class Channel:
             return
         most = FEWEST_CELLS + CELLS_PER_ROBOT * len(swarm)
         self._grid = Grid.over(surroundings.bounds, max(self.radio.range, 1e-9), most).numbers
-        self._obstacles = obstacles_of(surroundings)
         self._version, self._surroundings = swarm.version, surroundings
 
 
 def obstacles_of(surroundings: Surroundings) -> tuple:
     """Return what stops a broadcast, as `is_cut` takes it."""
-    statics = surroundings.statics
+    statics, moving = surroundings.statics, surroundings.moving
     touched = statics.grid.numbers, statics.touched_start, statics.touched_items
-    return statics.edges, statics.discs[: statics.first_fire], *touched
+    return statics.edges, statics.discs[: statics.first_fire], *touched, None if moving is None else moving.touched
 
 
 @compiled
@@ -231,9 +231,27 @@ def put_in_frames(position, heading, points, chosen, out):
 def is_cut(ax, ay, bx, by, obstacles):
     """Return whether an obstacle's edge or disc meets the segment a-b; touching it is enough.
 
-    `obstacles` are edges, discs, grid, and start and items of the lists of what can be touched, see `Statics`.
+    `obstacles` are edges, discs, grid, and start and items of the lists of what can be touched, see `Statics`, and
+    `Moving.touched` or None.
     """
-    edges, discs, (left, below, per_unit, columns, rows), start, items = obstacles
+    edges, discs, grid, start, items, moving = obstacles
+    return is_cut_by(ax, ay, bx, by, edges, discs, grid, start, items) or is_cut_by_driven(
+        ax, ay, bx, by, edges, discs, moving
+    )
+
+
+@compiled
+def is_cut_by_driven(ax, ay, bx, by, edges, discs, moving):
+    """Return the same for the driven bodies alone."""
+    if moving is None:
+        return False
+    return is_cut_by(ax, ay, bx, by, edges, discs, *moving)
+
+
+@compiled
+def is_cut_by(ax, ay, bx, by, edges, discs, grid, start, items):
+    """Return whether an item that a grid lists meets the segment a-b."""
+    left, below, per_unit, columns, rows = grid
     if ax > bx:
         ax, ay, bx, by = bx, by, ax, ay
     first, last = cell_index(ax, left, per_unit, columns), cell_index(bx, left, per_unit, columns)

@@ -33,11 +33,12 @@ ROUNDING = 1e-3
 @compiled
 def sense_proximity(
     position, heading, radius, largest_radius, design, sensors, counts, reach, grid, start, order,
-    edges, discs, static_kind, static_grid, seen_start, seen_items, distance, kind,
+    edges, discs, static_kind, static_grid, seen_start, seen_items, moving, distance, kind,
 ):  # fmt: skip
     """Write the readings of all proximity sensors, without error; -1 where no body is seen.
 
-    `start` and `order` are the robots sorted by cell, see `sort_into_cells`; for `edges` and so on see `Statics`.
+    `start` and `order` are the robots sorted by cell, see `sort_into_cells`; for `edges` and so on see `Statics`;
+    `moving` is `Moving.seen`, or None.
     """
     axes = np.empty((position.shape[0], 2))
     for i in range(position.shape[0]):
@@ -49,6 +50,9 @@ def sense_proximity(
         position, axes, radius, design, sensors, counts, reach, edges, discs, static_kind, static_grid,
         seen_start, seen_items, distance, kind,
     )  # fmt: skip
+    _see_moving(
+        position, axes, radius, design, sensors, counts, reach, edges, discs, static_kind, moving, distance, kind
+    )
     _see_robots(
         position, axes, radius, largest_radius, design, sensors, counts, reach, grid, start, order, distance, kind
     )
@@ -56,6 +60,19 @@ def sense_proximity(
         for s in range(distance.shape[1]):
             if kind[i, s] == NOTHING:
                 distance[i, s] = -1.0
+
+
+@compiled
+def _see_moving(
+    position, axes, radius, design, sensors, counts, reach, edges, discs, static_kind, moving, distance, kind
+):
+    """Update the readings of every robot by the driven bodies."""
+    if moving is not None:
+        grid, start, items = moving
+        _see_statics(
+            position, axes, radius, design, sensors, counts, reach, edges, discs, static_kind, grid, start, items,
+            distance, kind,
+        )  # fmt: skip
 
 
 # Arrays are not passed on inside the loops below: each costs as much as evaluating a sensor.

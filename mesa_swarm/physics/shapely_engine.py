@@ -8,22 +8,26 @@ point of an outline always shows the way out.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 import shapely
 from shapely import Point, Polygon, STRtree
 from shapely.geometry.polygon import orient
 
+from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.physics.contact import MOST_PUSHES, MOST_SWEEPS, ON_FACE, SLOP, coincident_direction, turn_along_faces
-from mesa_swarm.physics.engine import CONTACT_COLUMNS, drives_by_rows, hold_readings, move_by_commands
+from mesa_swarm.physics.engine import CONTACT_COLUMNS, begin_way, drives_by_rows, hold_readings, move_by_commands
 from mesa_swarm.physics.motion import advance, count_pieces
+from mesa_swarm.physics.moving import LONGEST_STEP, MOST_PIECES
 from mesa_swarm.physics.sensing import err
 from mesa_swarm.physics.settle import RING, SWEEPS, no_room
 from mesa_swarm.physics.shapely_sensing import Solids, sense_line, sense_proximity, sense_radiation
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.swarm import Swarm
+from mesa_swarm.world.movers import Movers
 from mesa_swarm.world.statics import ROBOT
 
 # A robot is pushed by others at most this share of its radius at once.
@@ -62,20 +66,99 @@ class Touches:
             self.face[i] = *touch.normal, touch.depth
 
 
-def travel(columns: dict[str, np.ndarray], motion: np.ndarray, turn_angle: float, solids: Solids) -> np.ndarray:
+class Travelling:
+    """The driven bodies on their way through a step, and all solids as they are in each piece of it."""
+
+    def __init__(self, surroundings: Surroundings, renewed: Callable[[], Solids], radius: np.ndarray) -> None:
+        self.solids, self._renewed = renewed(), renewed
+        self._movers = None if surroundings.moving is None else surroundings.moving.movers
+        self._begin = self._before = self._poses()
+        self._longest = LONGEST_STEP * radius.min()
+        movers = self._movers
+        self._end = np.empty((0, 3)) if movers is None else np.column_stack([movers.aim, movers.aim_heading])
+        ways = self._end - self._begin
+        self._turns = np.array([wrapped(turn) for turn in ways[:, 2]])
+        reach = np.empty(0) if movers is None else movers.reach
+        self._needed = np.ceil((np.hypot(ways[:, 0], ways[:, 1]) + reach * abs(self._turns)) / self._longest - 1e-9)
+
+    def pieces(self, pieces: int) -> int:
+        """Return the number of pieces of a step, more than those of the robots if bodies travel farther."""
+        travels = self._needed[self._under_way & (self._needed <= MOST_PIECES)]
+        return max(pieces, int(travels.max(initial=0.0)))
+
+    def advance(self, piece: int, pieces: int, position: np.ndarray, radius: np.ndarray) -> None:
+        """Move the bodies through a piece of their way; those that have too far to go jump in the first one."""
+        self._before = self._poses()
+        moves = self._under_way
+        for b in np.flatnonzero(moves).tolist():
+            jumps = self._needed[b] > MOST_PIECES
+            if jumps or piece == pieces - 1:
+                self._put(b, self._end[b])
+            else:
+                pose = self._begin[b] + (piece + 1) / pieces * (self._end[b] - self._begin[b])
+                self._put(b, (*pose[:2], wrapped(self._begin[b, 2] + (piece + 1) / pieces * self._turns[b])))
+            if jumps and self._overlapped(b, position, radius).any():
+                self._stop(b)
+        if moves.any():
+            self.solids = self._renewed()
+
+    def return_overlapping(self, position: np.ndarray, radius: np.ndarray, goes: np.ndarray) -> bool:
+        """Return the bodies that overlap robots to where they were before this piece, and mark these robots.
+
+        The result is whether a body moved, or a robot was marked that was not before.
+        """
+        changed = False
+        here = self._poses()
+        for b in range(len(here)):
+            met = self._overlapped(b, position, radius)
+            changed |= bool((met & ~goes).any())
+            goes |= met
+            if met.any() and (here[b] != self._before[b]).any():
+                self._stop(b)
+                changed = True
+        if changed:
+            self.solids = self._renewed()
+        return changed
+
+    @property
+    def _under_way(self) -> np.ndarray:
+        blocked = np.empty(0, bool) if self._movers is None else self._movers.blocked
+        return (self._needed > 0) & ~blocked
+
+    def _poses(self) -> np.ndarray:
+        movers = self._movers
+        return np.empty((0, 3)) if movers is None else np.column_stack([movers.position, movers.heading])
+
+    def _put(self, b: int, pose: Sequence[float] | np.ndarray) -> None:
+        movers = cast(Movers, self._movers)
+        movers.position[b], movers.heading[b] = pose[:2], pose[2]
+
+    def _stop(self, b: int) -> None:
+        self._put(b, self._before[b])
+        cast(Movers, self._movers).blocked[b] = True
+
+    def _overlapped(self, b: int, position: np.ndarray, radius: np.ndarray) -> np.ndarray:
+        """Return which robots overlap a body."""
+        shape = cast(Movers, self._movers).agents[b].shape
+        gaps = shapely.distance(shape.geometry, shapely.points(position)) - shape.radius
+        return gaps < radius - SLOP * radius
+
+
+def travel(columns: dict[str, np.ndarray], motion: np.ndarray, turn_angle: float, bodies: Travelling) -> np.ndarray:
     """Move all robots through one step, resolve every contact, and return by how much faces turned each (rad).
 
     Of the swarm's columns, position, heading, collided and contact_... are written.
     """
     position, heading, radius = columns["position"], columns["heading"], columns["radius"]
     contacts, extra_turn = Touches(columns), np.zeros(len(heading))
-    pieces = count_pieces(motion, radius)
-    for _ in range(pieces):
+    pieces = bodies.pieces(count_pieces(motion, radius))
+    for piece in range(pieces):
         before = position.copy()
         contacts.face[:] = 0.0
+        bodies.advance(piece, pieces, position, radius)
         advance(position, heading, motion, pieces)
-        if not separate(position, radius, solids, contacts, MOST_SWEEPS):
-            put_back(position, before, radius, solids, contacts)
+        if not separate(position, radius, bodies.solids, contacts, MOST_SWEEPS):
+            put_back(position, before, radius, bodies.solids, contacts, bodies)
         turn_along_faces(heading, motion, contacts.face, turn_angle, extra_turn)
     columns["collided"][:] = contacts.depth > 0.0
     return extra_turn
@@ -184,23 +267,34 @@ def _touch_of_disc(point: Point, radius: float, solids: Solids, k: int) -> Touch
     return Touch(depth, apart / distance, False, solids.disc_body[k], solids.disc_owner[k])
 
 
-def put_back(position: np.ndarray, before: np.ndarray, radius: np.ndarray, solids: Solids, contacts: Touches) -> None:
-    """Return to their last free place the robots that overlap, and those that then overlap them.
+def put_back(
+    position: np.ndarray,
+    before: np.ndarray,
+    radius: np.ndarray,
+    solids: Solids,
+    contacts: Touches,
+    bodies: Travelling | None = None,
+) -> None:
+    """Return to their last free place the robots and driven bodies that overlap, and those that then overlap them.
 
     All that overlap return at once: independent of the order of robots.
     """
     discs = zip(position, radius, strict=True)
     back = np.zeros(len(radius), bool)
     goes = np.array([deepest_static(centre, r, solids) is not None for centre, r in discs])
+    if bodies is not None:
+        bodies.return_overlapping(position, radius, goes)
     while True:
         for i, j in overlapping_pairs(position, radius):
             if not (back[i] and back[j]):
                 note_both(i, j, touch_of_robots(i, j, position, radius, contacts.number), contacts)
                 goes[[i, j]] = True
-        if (goes == back).all():
-            return
+        went = (goes != back).any()
         position[goes] = before[goes]
         back = goes.copy()
+        changed = bodies is not None and bodies.return_overlapping(position, radius, goes)
+        if not (went or changed):
+            return
 
 
 def settle(columns: dict[str, np.ndarray], bounds: tuple[float, ...], solids: Solids) -> None:
@@ -288,22 +382,28 @@ class ShapelyEngine:
         sense_radiation(swarm, surroundings, columns["radiation"])
         sense_line(swarm, surroundings, columns["line"])
 
-    def move(self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, draws: np.ndarray | None) -> None:
-        """Write position, heading, slip and the contact columns."""
+    def move(self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, draws: np.ndarray | None) -> np.ndarray:
+        """Write position, heading, slip and the contact columns; return the speeds at which wheels rolled."""
         motion = np.zeros((len(swarm), 3))
 
         def go() -> np.ndarray:
-            return travel(swarm.columns, motion, turn_angle, self._solids_of(swarm, surroundings))
+            begin_way(surroundings)
+            bodies = Travelling(surroundings, lambda: self._solids_of(swarm, surroundings), swarm.radius)
+            return travel(swarm.columns, motion, turn_angle, bodies)
 
-        move_by_commands(swarm, surroundings, draws, drives_by_rows(swarm), motion, go)
+        wheels = move_by_commands(swarm, surroundings, draws, drives_by_rows(swarm), motion, go)
+        if surroundings.moving is not None:
+            surroundings.moving.place()
+        return wheels
 
     def settle(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Move robots that overlap anything to free room nearby."""
         settle(swarm.columns, surroundings.bounds, self._solids_of(swarm, surroundings))
 
     def _solids_of(self, swarm: Swarm, surroundings: Surroundings) -> Solids:
-        """Return all solids, collected anew when the surroundings are others, and always where loads may have moved."""
-        if self._solids is None or self._surroundings is not surroundings or surroundings.loads:
+        """Return all solids, collected anew when the surroundings are others, and where bodies may have moved."""
+        moves = surroundings.loads or surroundings.moving
+        if self._solids is None or self._surroundings is not surroundings or moves:
             largest = max((design.radius for design in swarm.designs), default=0.0)
             margin = 1.0 + 2.0 * (largest + swarm.table.reach.max(initial=0.0))
             self._surroundings, self._solids = surroundings, Solids.of(surroundings, margin)

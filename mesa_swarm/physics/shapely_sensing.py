@@ -16,7 +16,7 @@ from shapely.geometry.base import BaseGeometry
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RANGE, RAYS
 from mesa_swarm.robots.swarm import Swarm
-from mesa_swarm.world.statics import BORDER, FIRE, LOAD, NOTHING, OBSTACLE, ROBOT
+from mesa_swarm.world.statics import BORDER, FIRE, NOTHING, OBSTACLE, ROBOT
 
 # Between two points of a wedge's fan: its outer edge then stays beyond the range without long spikes.
 WIDEST_STEP = math.radians(60.0)
@@ -27,7 +27,7 @@ class Solids:
     """All solid polygons and discs of a world; owners are indices of obstacles and fires.
 
     The first polygon is the outside of the map, as far as any sensor reaches, with owner -1. Discs are those of
-    obstacles, then those of fires. Bodies are 0 obstacle or the outside, 2 fire, burning or out, 3 load.
+    obstacles, then those of fires. Bodies are 0 obstacle or the outside, 2 fire, burning or out, 3 load, and others.
     """
 
     polygons: np.ndarray
@@ -42,21 +42,21 @@ class Solids:
     @classmethod
     def of(cls, surroundings: Surroundings, margin: float) -> "Solids":
         """Collect all solids; the outside of the map reaches `margin` beyond the border."""
-        solid = [(i, shape) for i, shape in enumerate(surroundings.shapes) if shape.contact]
+        solid = [(i, shape) for i, shape in enumerate(surroundings.present_shapes) if shape.contact]
         polygons = [(i, shape.geometry) for i, shape in solid if not shape.is_disc]
         polygons.insert(0, (BORDER, outside(surroundings.bounds, margin)))
         discs = [(i, shape.geometry, shape.radius) for i, shape in solid if shape.is_disc]
         geometries = np.array([geometry for _, geometry in polygons])
-        fires, bodies = surroundings.fires, dict.fromkeys(surroundings.rows, LOAD)
+        fires, bodies = surroundings.fires, {BORDER: OBSTACLE, **dict(enumerate(surroundings.codes))}
         return cls(
             polygons=geometries,
             polygon_owner=np.array([i for i, _ in polygons]),
-            polygon_body=np.array([bodies.get(i, OBSTACLE) for i, _ in polygons]),
+            polygon_body=np.array([bodies[i] for i, _ in polygons]),
             tree=STRtree(geometries),
             centres=np.array([*(centre for _, centre, _ in discs), *shapely.points(fires[:, :2])], object),
             radii=np.array([*(radius for _, _, radius in discs), *fires[:, 2]], float),
             disc_owner=np.array([*(i for i, _, _ in discs), *range(len(fires))], np.int64),
-            disc_body=np.array([*(bodies.get(i, OBSTACLE) for i, _, _ in discs), *[FIRE] * len(fires)], np.int64),
+            disc_body=np.array([*(bodies[i] for i, _, _ in discs), *[FIRE] * len(fires)], np.int64),
         )
 
     def disc_kinds(self, burning: np.ndarray) -> np.ndarray:

@@ -3,20 +3,27 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 import shapely
 from shapely import STRtree
 from shapely.geometry.base import BaseGeometry
 
-from mesa_swarm.world.bodies import Load, Pose, placed
+from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.physics.moving import Moving
+from mesa_swarm.world.bodies import Body, Load, Pose, placed
+from mesa_swarm.world.movers import Driven, Movers
 from mesa_swarm.world.shapes import Shape
-from mesa_swarm.world.statics import LOAD, Marks, Statics
+from mesa_swarm.world.statics import FIRE, LOAD, OBSTACLE, Marks, Statics
 
 # Loads may move this far before they are listed anew, in radii of the largest robot; and this far in one step.
 SLACK = 4.0
 STEP = 0.5
+# Ways of driven bodies are searched for loads at places this share of the thinner body's thickness apart, at no more
+# than this number of places.
+LOOK = 0.5
+MOST_LOOKS = 64
 
 
 class Stop(NamedTuple):
@@ -29,7 +36,7 @@ class Stop(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Room:
-    """The static lines and discs that are not loads, in a tree, and the loads, as they are now.
+    """The static lines and discs that stand still, in a tree, and the loads and driven bodies, as they are now.
 
     `solids` are the edges, the border's first, then the centres of discs; `radii` are 0 for edges.
     """
@@ -38,16 +45,17 @@ class Room:
     radii: np.ndarray
     tree: STRtree
     loads: tuple[Load, ...]
+    movers: Movers | None
 
     @classmethod
-    def of(cls, statics: Statics, loads: tuple[Load, ...]) -> "Room":
-        """Collect the static bodies other than loads."""
-        still = statics.body != LOAD
+    def of(cls, statics: Statics, loads: tuple[Load, ...], rows: Sequence[int], movers: Movers | None) -> "Room":
+        """Collect the static bodies: all shapes but those with the indices `rows`."""
+        still = ~np.isin(statics.owner, rows) | (statics.body == FIRE)
         lines = shapely.linestrings(statics.edges[still[: len(statics.edges)]].reshape(-1, 2, 2))
         discs = statics.discs[still[len(statics.edges) :]]
         solids = np.concatenate([lines, shapely.points(discs[:, :2])])
         radii = np.concatenate([np.zeros(len(lines)), discs[:, 2]])
-        return cls(solids=solids, radii=radii, tree=STRtree(solids), loads=loads)
+        return cls(solids=solids, radii=radii, tree=STRtree(solids), loads=loads, movers=movers)
 
     def has_room_for(self, load: Load, pose: Pose) -> bool:
         """Return whether a load in this pose overlaps no body by more than rounding."""
@@ -66,10 +74,19 @@ class Room:
         rows = np.sort(self.tree.query(core, predicate="dwithin", distance=far))
         rows = rows[shapely.distance(core, self.solids[rows]) - self.radii[rows] <= distance]
         yield from zip(self.solids[rows], self.radii[rows].tolist(), strict=True)
-        for other in self.loads:
-            body = other.shape
-            if other is not load and shapely.distance(core, body.geometry) <= distance + body.radius:
+        others: list[Body] = [other for other in self.loads if other is not load]
+        for body in (other.shape for other in [*others, *self._driven_near(load, core, distance)]):
+            if shapely.distance(core, body.geometry) <= distance + body.radius:
                 yield body.geometry, body.radius
+
+    def _driven_near(self, load: Load, core: BaseGeometry, distance: float) -> list[Driven]:
+        """Return the driven bodies that may be at most this distance from the core of a load."""
+        if self.movers is None:
+            return []
+        x, y = shapely.get_coordinates(shapely.centroid(core))[0]
+        apart = np.hypot(*(self.movers.position - (x, y)).T)
+        near = np.flatnonzero(apart <= self.movers.reach + load.form.reach + distance)
+        return [self.movers.agents[row] for row in near]
 
 
 def _stops(load: Load, solid: BaseGeometry, distance: float) -> list[Stop]:
@@ -104,7 +121,8 @@ def _touching_corners(a: BaseGeometry, b: BaseGeometry, distance: float) -> list
 class Surroundings:
     """The world without its robots; shapes and temperatures are as they are now.
 
-    `shapes` are obstacles, loads and marks, and `rows` the indices of the loads among them. `fires` (f, 3) are x, y,
+    `shapes` are obstacles, loads, marks and driven bodies (see `present_shapes`), `codes` their kinds, and `rows` the
+    indices of the loads among them, `driven` those of driven bodies, which `moving` moves. `fires` (f, 3) are x, y,
     radius, with temperature 0 once out. `listed` are the poses of the loads when the tables were made; they may move by
     `slack` from there. `room` is what loads may not overlap, None without loads.
     """
@@ -120,6 +138,9 @@ class Surroundings:
     listed: tuple[Pose, ...] = ()
     slack: float = 0.0
     room: Room | None = None
+    codes: tuple[int, ...] = ()
+    driven: tuple[int, ...] = ()
+    moving: Moving | None = None
 
     @classmethod
     def of(
@@ -132,13 +153,34 @@ class Surroundings:
         sight: float,
         touch: float,
         loads: Sequence[tuple[int, Load]] = (),
+        codes: Sequence[int] = (),
+        driven: Sequence[int] = (),
+        movers: Movers | None = None,
     ) -> "Surroundings":
-        """Collect all static bodies; `sight` and `touch` as `Statics.of` takes them, loads with their indices."""
+        """Collect all bodies; `sight`, `touch`, `codes`, `driven` as `Statics.of` takes them, loads with indices.
+
+        `movers` are the poses of the driven bodies, in the order of `driven`.
+        """
         rows, bodies = tuple(row for row, _ in loads), tuple(load for _, load in loads)
         slack, solid = SLACK * touch, list(shapes)
         for row, load in loads:
             solid[row] = load.form.body_at(load.pose)
-        statics = Statics.of(bounds, solid, fires, temperature > 0, sight=sight, touch=touch, loads=rows, slack=slack)
+        for place, row in enumerate(driven):
+            body = cast(Movers, movers).agents[place]
+            solid[row] = body.form.body_at(body.pose)
+        statics = Statics.of(
+            bounds,
+            solid,
+            fires,
+            temperature > 0,
+            sight=sight,
+            touch=touch,
+            loads=rows,
+            slack=slack,
+            codes=codes,
+            driven=driven,
+        )
+        known = codes or [LOAD if row in rows else OBSTACLE for row in range(len(shapes))]
         return cls(
             bounds,
             list(shapes),
@@ -150,8 +192,40 @@ class Surroundings:
             rows,
             tuple(load.pose for load in bodies),
             slack - STEP * touch,
-            Room.of(statics, bodies) if loads else None,
+            Room.of(statics, bodies, [*rows, *driven], movers) if loads else None,
+            tuple(known),
+            tuple(driven),
+            Moving(movers, list(driven), statics, bounds, sight, touch) if movers is not None and len(driven) else None,
         )
+
+    @property
+    def present_shapes(self) -> list[Shape]:
+        """All shapes as they are now, those of driven bodies too."""
+        if self.moving is not None:
+            for row, body in zip(self.driven, self.moving.movers.agents, strict=True):
+                self.shapes[row] = body.shape
+        return self.shapes
+
+    def blocked_by_loads(self) -> np.ndarray:
+        """Return which driven bodies a load stops: it is where the body is to go, or on the way."""
+        movers = cast(Moving, self.moving).movers
+        blocked = np.zeros(len(movers), bool)
+        for b in np.flatnonzero(movers.asked) if self.loads else ():
+            blocked[b] = any(self._is_in_the_way(load, movers, b) for load in self.loads)
+        return blocked
+
+    def _is_in_the_way(self, load: Load, movers: Movers, b: int) -> bool:
+        here, there = np.append(movers.position[b], movers.heading[b]), np.append(movers.aim[b], movers.aim_heading[b])
+        way = there - here
+        way[2] = wrapped(way[2])
+        far = movers.reach[b] + load.form.reach
+        length = math.hypot(way[0], way[1])
+        if math.hypot(here[0] - load.pose[0], here[1] - load.pose[1]) > far + length:
+            return False
+        form = movers.agents[b].form
+        count = math.ceil((length + form.reach * abs(way[2])) / (LOOK * min(form.thickness, load.form.thickness)))
+        shares = np.arange(1, min(count, MOST_LOOKS) + 1) / min(count, MOST_LOOKS)
+        return any(load.form.overlaps(load.pose, form.shape_at(tuple((here + s * way).tolist()))) for s in shares)
 
     @property
     def is_worn(self) -> bool:

@@ -69,7 +69,7 @@ def as_remark(interventions: Sequence[Intervention]) -> str:
 
 
 # Columns that handles set, and wheel commands, which persist where no controller decides.
-OF_ROBOTS = ("position", "heading", "command", "max_speed", "tendency", "temperature")
+OF_ROBOTS = ("position", "heading", "command", "max_speed", "tendency", "temperature", "group")
 OF_FIRES = ("temperature", "out")
 CHANGES = (
     "set of robots, obstacles or fires",
@@ -77,6 +77,8 @@ CHANGES = (
     *(f"{name} of robots" for name in OF_ROBOTS),
     *(f"{name} of fires" for name in OF_FIRES),
     "pose or resistance of loads",
+    "pose of driven bodies",
+    "values of fields",
 )
 ROBOTS, FIRES, BYTES = itemgetter(*OF_ROBOTS), itemgetter(*OF_FIRES), np.ndarray.tobytes
 
@@ -85,9 +87,9 @@ class ChangeDetector:
     """Change detection between steps, in a few microseconds.
 
     Detected are robots, obstacles, loads and fires that were added or removed; whatever their handles set, columns of
-    `OF_ROBOTS` and `OF_FIRES` that were written directly, and loads that were moved; every attribute of the model that
-    was replaced: `control`, `fire_constants`, `imperfections`, `communication`, a number, a text; and whatever changed
-    in `model.state`, processes and other declared state.
+    `OF_ROBOTS` and `OF_FIRES` that were written directly, loads that were moved, values of fields; every attribute of
+    the model that was replaced: `control`, `fire_constants`, `imperfections`, `communication`, a number, a text; and
+    whatever changed in `model.state`, processes and other declared state.
 
     Not detected are attributes that change when a model is read (`World._fleeting`), such as its data collector; draws
     from the model's random streams; changes within an attribute, such as a list, an array, a learner or the memory of a
@@ -127,9 +129,10 @@ class ChangeDetector:
 
 def _declared(model: FireModel) -> dict[str, bytes]:
     """Return a fingerprint of each declared value and process by name, of most models none."""
-    if not (model._state or model._processes or model._parts):
+    if not (model._state or model._processes or model._parts or model._events):
         return {}
     state = {f"state of {name}": fingerprint(value) for name, value in model._state.items()}
+    state["events"] = str(len(model._events)).encode()
     return state | {name: fingerprint(value) for name, value in model._stated_parts()}
 
 
@@ -147,4 +150,6 @@ def _objects(model: FireModel) -> tuple[Any, ...]:
         *map(BYTES, ROBOTS(swarm.columns)),
         *map(BYTES, FIRES(model.fires.columns)),
         [(load.pose, load.resistance) for load in model._loads] if model._loads else (),
+        () if model._movers is None else tuple(map(BYTES, model._movers.poses)),
+        [field.changes for field in model._fields.values()] if model._fields else (),
     )

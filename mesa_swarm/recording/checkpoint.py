@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from mesa.agent import Agent, AgentSet
+from mesa.experimental.continuous_space import ContinuousSpaceAgent
 
 from mesa_swarm.control.arbiter import MOST_LAYERS
 from mesa_swarm.errors import RecordingError, SwarmError, in_words, shortened
@@ -20,23 +21,28 @@ from mesa_swarm.recording.collected import (
     restore_collected,
     set_clock,
 )
-from mesa_swarm.recording.container import PLACES, Checkpoint, Packed
+from mesa_swarm.recording.container import ATOMS, PLACES, Checkpoint, Packed
 from mesa_swarm.recording.parts import (
     control_from_json,
     control_to_json,
     objects_to_json,
+    other_agents,
     part_from_json,
     part_to_json,
     restore_objects,
 )
 from mesa_swarm.robots.design import LARGEST_RADIUS
 from mesa_swarm.state import Checkpointed, attributes_of, declared
+from mesa_swarm.world.arena import ArenaAgent
 
 LARGEST_NUMBER = 1e15
 # Attributes of each of Mesa's agents that are stored with what the model contains.
 OF_AGENTS = frozenset({"model", "unique_id"})
+OF_ARENA = OF_AGENTS | {"space", "_mesa_index", "pos"}
 # Bit generators of which every state is valid.
 GENERATORS = ("PCG64", "PCG64DXSM")
+# Kinds of references to parts of a model.
+REFERENCES = ("of_model", "process", "part_named", "layer", "field")
 # Of the state of Python's generator.
 WORDS = 625
 OURS = ("mesa_swarm.control.", "mesa_swarm.fire.")
@@ -56,7 +62,7 @@ class _ModelPacked(Packed):
             if value not in self.model.agents:
                 raise RecordingError(f"{what} refers to an agent that is not in the model, which cannot be stored")
             return {"agent": value.unique_id}
-        if type(value) is AgentSet:
+        if isinstance(value, AgentSet):
             return {"agents": [self.pack(agent, what) for agent in value]}
         return super().pack(value, what, depth)
 
@@ -89,6 +95,7 @@ def checkpoint_of(model: FireModel, since: dict[Path, int] | None = None, *, ste
         "things": objects_to_json(model),
         "columns": {name: packed.pack(column) for name, column in sorted(model.swarm.columns.items())},
         "disturbed": model.swarm.disturbed,
+        **({"scalars": packed.pack(model._fields_as_stored())} if model.fields else {}),
         "fires": {name: packed.pack(column) for name, column in model.fires.columns.items()},
         "collect_every": model.collect_every,
         "history": [model.fires.history.every, list(model.fires.history._places), model.fires.history._fires],
@@ -131,6 +138,7 @@ def restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpoi
 def _restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpoint]) -> None:
     facts, packed = checkpoint.facts, _ModelPacked(model, checkpoint.arrays)
     restore_objects(model, facts["things"])
+    model._restore_fields(packed.unpack(facts.get("scalars", [])))
     model.fire_constants = part_from_json(facts["constants"])
     _restore_control(model, facts)
     _adopt(model, facts, packed)
@@ -186,6 +194,8 @@ def _shared_places(facts: dict) -> frozenset[int]:
 
 def _restore_columns(columns: dict[str, np.ndarray], stored: dict, packed: Packed) -> None:
     """Write stored columns into those of a model, which must have the same types and shapes."""
+    if "group" in columns and "group" not in stored:  # in older recordings
+        columns = {name: column for name, column in columns.items() if name != "group"}
     if stored.keys() != columns.keys():
         odd = sorted(stored.keys() ^ columns.keys())
         raise RecordingError(f"column {shortened(odd[0])} is in the model or in the checkpoint, but not in both")
@@ -203,6 +213,7 @@ def _check_columns(model: FireModel) -> None:
     """Refuse values that compiled functions, which check nothing, would use as an index or a position."""
     robots, fires, designs = model.swarm.columns, model.fires.columns, model.swarm.designs
     ends = {"design": (0, len(designs)), "fire": (-1, len(model.fires)), "layer": (-1, MOST_LAYERS)}
+    ends["group"] = (-1, len(model.swarm.groups))
     for name, (first, end) in ends.items():
         if not ((robots[name] >= first) & (robots[name] < end)).all():
             raise RecordingError(f"column {name} has out-of-range values")
@@ -236,10 +247,14 @@ def _restore_history(model: FireModel, stored: list) -> None:
 def _control_state(model: FireModel, packed: _ModelPacked) -> list:
     if model.control is None:
         return []
-    arbiter = model.control
+    arbiters, layers = model.control.parts, model.control.layers
+    return [*(_arbiter_state(one, packed) for one in arbiters), *(_layer_state(layer, packed) for layer in layers)]
+
+
+def _arbiter_state(arbiter: Any, packed: _ModelPacked) -> object:
     values = {} if type(arbiter).__module__.startswith(OURS) else vars(arbiter)
-    own = {name: value for name, value in values.items() if name not in ("layers", "weights")}
-    return [_inner(own, type(arbiter).__name__, packed), *(_layer_state(layer, packed) for layer in arbiter.layers)]
+    own = {name: value for name, value in values.items() if name not in ("layers", "weights", "others")}
+    return _inner(own, type(arbiter).__name__, packed)
 
 
 def _layer_state(layer: Any, packed: _ModelPacked) -> object:
@@ -280,9 +295,10 @@ def _restore_control(model: FireModel, facts: dict) -> None:
 def _restore_control_state(model: FireModel, facts: dict, packed: _ModelPacked) -> None:
     if model.control is None:
         return
-    arbiter, *layers = facts["control_state"]
-    _restore_inner(model.control, arbiter, packed)
-    for layer, state in zip(model.control.layers, layers, strict=True):
+    arbiters, states = model.control.parts, facts["control_state"]
+    for arbiter, state in zip(arbiters, states, strict=False):
+        _restore_inner(arbiter, state, packed)
+    for layer, state in zip(model.control.layers, states[len(arbiters) :], strict=True):
         if isinstance(layer, Checkpointed):
             layer.restore(packed.unpack(state["own"]))
         elif state is not None:
@@ -367,6 +383,9 @@ def own_attributes(model: FireModel) -> dict[str, Any]:
 
 def attribute_to_json(value: object, name: str, packed: _ModelPacked) -> object:
     """Return an attribute as JSON: plain, a random generator, a part of the model, or an object with a state."""
+    reference = None if type(value) in ATOMS else _reference(value, packed.model)
+    if reference is not None:
+        return reference
     if isinstance(value, np.random.Generator):
         return {"generator": _generator(value, name, packed)}
     if isinstance(value, Checkpointed) and not isinstance(value, type):
@@ -378,7 +397,7 @@ def attribute_to_json(value: object, name: str, packed: _ModelPacked) -> object:
         return {"plain": packed.pack(value, name)}
     except RecordingError as error:
         try:
-            return _reference(value, packed.model) or {"part": part_to_json(value)}
+            return {"part": part_to_json(value)}
         except RecordingError:
             raise RecordingError(f"{error}; give its class checkpoint() and restore(state)") from None
 
@@ -398,7 +417,7 @@ def _reference(value: object, model: FireModel) -> dict | None:
 def _owners(model: FireModel) -> dict[str, dict]:
     """Return by their keys the objects whose state is stored, to which attributes may refer."""
     layers = dict(enumerate(getattr(model.control, "layers", ())))
-    return {"process": model._processes, "part_named": model._parts, "layer": layers}
+    return {"process": model._processes, "part_named": model._parts, "layer": layers, "field": model._fields or {}}
 
 
 def _referred(kind: str, which: Any, model: FireModel) -> object:
@@ -422,11 +441,20 @@ def _restore_attributes(model: FireModel, facts: dict, packed: _ModelPacked) -> 
         number: Any = getattr(model, name, None)
         if type(number) not in kinds or not 0 <= number < LARGEST_NUMBER:
             raise RecordingError(f"invalid {name}: {shortened(number)}")
+    _restore_agents(model, dict(facts["of_things"]), packed)
+
+
+def _restore_agents(model: FireModel, stored: dict[int, dict], packed: _ModelPacked) -> None:
+    for agent in other_agents(model):
+        for name in own_attributes_of_agent(agent).keys() - stored.get(agent.unique_id, {}).keys():
+            delattr(agent, name)
     agents = {agent.unique_id: agent for agent in model.agents}
-    for unique_id, values in facts["of_things"]:
-        _refuse(apart_of_agent(agents[unique_id]) & values.keys())
+    for unique_id, values in stored.items():
+        agent = agents[unique_id]
+        _refuse(apart_of_agent(agent) & values.keys())
         for name, content in values.items():
-            agents[unique_id].__dict__[name] = attribute_from_json(None, name, content, packed)
+            value = attribute_from_json(getattr(agent, name, None), name, content, packed)
+            object.__setattr__(agent, name, value)
 
 
 def _refuse(names: frozenset[str]) -> None:
@@ -449,27 +477,32 @@ def attribute_from_json(now: object, name: str, content: dict, packed: _ModelPac
         return now
     if kind == "column":
         return packed.model.swarm.columns[value]
-    if kind in ("of_model", "process", "part_named", "layer"):
+    if kind in REFERENCES:
         return _referred(kind, value, packed.model)
     return part_from_json(value) if kind == "part" else packed.unpack(value)
 
 
 def apart_of_agent(agent: Agent) -> frozenset[str]:
     """Return the names of the attributes of an agent that are not stored as they are."""
-    return declared(agent, "_stored_apart") | OF_AGENTS
+    return declared(agent, "_stored_apart") | (OF_ARENA if isinstance(agent, ContinuousSpaceAgent) else OF_AGENTS)
 
 
-def _agent_attributes(model: FireModel, packed: Packed) -> list:
-    """Return the attributes that users have added to robots and other agents."""
+def _agent_attributes(model: FireModel, packed: _ModelPacked) -> list:
+    """Return the attributes that users have added to robots and other agents, and all of agents of their own."""
     extra = []
     for agent in model.agents:
-        apart = apart_of_agent(agent)
-        names = [name for name in agent.__dict__ if name not in apart]
-        if names:
+        own = own_attributes_of_agent(agent)
+        if own:
             what = f"{type(agent).__name__} {agent.unique_id}'s "
-            own = {name: {"plain": packed.pack(agent.__dict__[name], what + name)} for name in names}
-            extra.append([agent.unique_id, own])
+            extra.append([agent.unique_id, {n: attribute_to_json(v, what + n, packed) for n, v in own.items()}])
     return extra
+
+
+def own_attributes_of_agent(agent: Agent) -> dict[str, Any]:
+    """Return the attributes of an agent that are stored as they are."""
+    apart = apart_of_agent(agent)
+    values = agent.__dict__ if isinstance(agent, ArenaAgent) else attributes_of(agent)
+    return {name: value for name, value in values.items() if name not in apart}
 
 
 def _randomness(model: FireModel, packed: Packed) -> dict:

@@ -69,7 +69,7 @@ def series_of(model: FireModel) -> dict[Path, list]:
         series |= {("table", table, name): values for name, values in columns.items()}
     series["agents",] = list(collector._agent_records.items())
     series["history", "steps"], series["history", "rows"] = history._steps, history._rows
-    return series
+    return series | {("events", name): values for name, values in model.events.series().items()}
 
 
 def lengths_of(model: FireModel) -> dict[Path, int]:
@@ -140,12 +140,15 @@ def joined(parts: Sequence[tuple[list, Packed]]) -> dict[Path, list]:
 def restore_collected(model: FireModel, series: dict[Path, list]) -> None:
     """Replace the series of a model by these, if it collects the same ones."""
     mine = series_of(model)
+    events = [path for path in mine if path[0] == "events"]
+    series = {**{path: [] for path in events}, **series}  # absent from older checkpoints
     if mine.keys() != series.keys():
         raise RecordingError("the collected series do not match those of the model's constructor")
     collector, history = model.datacollector, model.fires.history
     for path, values in series.items():
         if path[0] in ("model", "table", "history"):
             mine[path][:] = values
+    model.events.replace({name: series[path] for path in events for name in path[1:]})
     collector._agent_records.clear()
     collector._agent_records.update(series["agents",])
     if len(history._steps) != len(history._rows) or not all(

@@ -11,7 +11,8 @@ from mesa_swarm.analysis.clusters import clusters
 from mesa_swarm.control.layer import Senses, centroids
 from mesa_swarm.errors import UnknownNameError, unknown_name
 from mesa_swarm.fire.model import FireModel
-from mesa_swarm.recording.layout import READINGS, TABLES, field_type
+from mesa_swarm.recording.layout import PIXELS, READINGS, TABLES, field_type, is_table
+from mesa_swarm.world.fields import levels_of, values_of
 from mesa_swarm.world.statics import FIRE
 
 # Fewest robots that collide in one step of a burst, and the most steps without such a step within it.
@@ -22,9 +23,11 @@ BURST_GAP = 10
 MERGE_EVERY = 10
 MERGE_LINK = 30.0
 MERGE_ROBOTS = 3
+# Robots that the text of an event names.
+MOST_NAMED = 3
 AXES = {"position": ("x", "y"), "command": ("command_left", "command_right")}
 # What pictures show of a step.
-PICTURED = ("position", "heading", "hot", "fires", "loads")
+PICTURED = ("position", "heading", "hot", "fires", "loads", "fields")
 TABLE_TYPES = {
     table: np.dtype([(field, field_type(field, np.float64)) for field in fields]) for table, fields in TABLES.items()
 }
@@ -44,7 +47,8 @@ class Frame:
         unique_id of each robot, in the order of all columns.
     columns : dict of ndarray
         Columns of shape (n, ...); tables as structured arrays. In them `fire` and what robots met are unique_ids; the
-        robots' own column `fire` is the index of a row of fires, -1 for none.
+        robots' own column `fire` is the index of a row of fires, -1 for none. Of each field the table `fields` has a
+        row, numbered from 0, and a column such as `fields.trail` its picture or values, see `field_values`.
     """
 
     step: int
@@ -64,15 +68,17 @@ class Frame:
 def frame_of(model: FireModel, columns: Sequence[str] = PICTURED, *, perceived: bool = False) -> Frame:
     """Return the frame of a model as it is now; it does not change with the model.
 
-    Columns are those of the swarm, and "fires", "contacts", "loads". If readings are among them, the sensors are read
-    for the current poses. `perceived` adds a column of that name, shape (n, 2): where on the map each robot perceives
-    the centroid of the robots that it sees, nan where it sees none.
+    Columns are those of the swarm, and "fires", "contacts", "loads", "fields". If readings are among them, the sensors
+    are read for the current poses. `perceived` adds a column of that name, shape (n, 2): where on the map each robot
+    perceives the centroid of the robots that it sees, nan where it sees none.
     """
     if perceived or not READINGS.isdisjoint(columns):
         model.sense()
     found, shown = model.swarm.columns, {}
     for name in columns:
-        if name in LIVE_TABLES:
+        if name == "fields":
+            shown |= _live_fields(model)
+        elif name in LIVE_TABLES:
             shown[name] = LIVE_TABLES[name](model)
         elif name in found:
             shown[name] = found[name].copy()
@@ -106,13 +112,57 @@ def _live_contacts(model: FireModel) -> np.ndarray:
 
 
 def _live_loads(model: FireModel) -> np.ndarray:
-    return np.array([(load.unique_id, *load.pose) for load in model.loads], TABLE_TYPES["loads"])
+    return np.array([(load.unique_id, *load.pose) for load in model.displaced], TABLE_TYPES["loads"])
+
+
+def _live_fields(model: FireModel) -> dict[str, np.ndarray]:
+    """Return the table of fields and their pictures, nothing without fields."""
+    fields = model.fields
+    if not fields:
+        return {}
+    rows = [(place, field.peak, field.total) for place, field in enumerate(fields.values())]
+    pictures = {PIXELS + name: field.levels() for name, field in fields.items()}
+    return {"fields": np.array(rows, TABLE_TYPES["fields"]), **pictures}
+
+
+def field_names(columns: Iterable[str]) -> tuple[str, ...]:
+    """Return the names of the fields that are among columns, in their order."""
+    return tuple(name.removeprefix(PIXELS) for name in columns if name.startswith(PIXELS))
+
+
+def field_levels(frame: Frame, name: str) -> np.ndarray:
+    """Return the picture of a field in a frame, uint8 (rows, columns), row 0 at the bottom, see `levels_of`."""
+    pixels = frame[PIXELS + name]
+    return pixels if pixels.dtype == np.uint8 else levels_of(pixels, _peak(frame, name))
+
+
+def field_values(frame: Frame, name: str) -> np.ndarray:
+    """Return the values of a field in a frame, shape (rows, columns), row 0 at the bottom.
+
+    They are exact if they were recorded so. Else they are known to within 0.4 % of the largest value so far, the
+    smaller ones better, and of a field of more than 120,000 cells they are means of blocks of cells.
+    """
+    pixels = frame[PIXELS + name]
+    return values_of(pixels, _peak(frame, name)) if pixels.dtype == np.uint8 else pixels
+
+
+def _peak(frame: Frame, name: str) -> float:
+    place = field_names(frame.columns).index(name)
+    peaks = frame.columns.get("fields", NO_ROWS["fields"])["peak"]
+    return float(peaks[place]) if place < len(peaks) else 0.0
+
+
+def _live_events(model: FireModel) -> np.ndarray:
+    """Return the events of the last step."""
+    log = model.events
+    return np.array(log.rows(int(np.searchsorted(log.step, model.steps))), TABLE_TYPES["events"])
 
 
 LIVE_TABLES: Mapping[str, Callable[[FireModel], np.ndarray]] = {
     "fires": _live_fires,
     "contacts": _live_contacts,
     "loads": _live_loads,
+    "events": _live_events,
 }
 
 
@@ -134,8 +184,8 @@ class Rows:
         # A robot has the same index in all columns: one slice serves them all.
         self._begins, self._robots = robots.offsets.to_numpy().tolist(), _locked(robots)
         self._columns = {name: _locked(column) for name, column in named}
-        self._tables = [(n, self._columns[n], c.offsets.to_numpy().tolist()) for n, c in named if n in TABLES]
-        self._of_robots = [(name, values) for name, values in self._columns.items() if name not in TABLES]
+        self._tables = [(n, self._columns[n], c.offsets.to_numpy().tolist()) for n, c in named if is_table(n)]
+        self._of_robots = [(name, values) for name, values in self._columns.items() if not is_table(name)]
 
     def __len__(self) -> int:
         return len(self._steps)
@@ -169,6 +219,8 @@ def _array(values: pa.Array) -> np.ndarray:
         for name, part in parts.items():
             table[name] = part
         return table
+    if pa.types.is_string(values.type):
+        return np.array(values.to_pylist(), TABLE_TYPES["events"]["name"])
     return values.to_numpy(zero_copy_only=False)  # of numbers a read-only view
 
 
@@ -186,12 +238,13 @@ def table_of(frames: Iterable[Frame], table: str) -> pd.DataFrame:
 def _robot_table(frame: Frame) -> dict[str, np.ndarray]:
     flat = {"step": np.full(len(frame.robots), frame.step), "robot": frame.robots}
     for name, stored in frame.columns.items():
-        if name in TABLES:
+        if is_table(name):
             continue
         values = np.where(stored >= 0, stored + 1, stored) if name == "fire" else stored
         width = int(np.prod(values.shape[1:]))
         parts = [values] if values.ndim == 1 else values.reshape(len(values), width).T
-        names = [name] if values.ndim == 1 else AXES.get(name) or [f"{name}_{i}" for i in range(width)]
+        known = AXES.get(name, ())
+        names = [name] if values.ndim == 1 else known if len(known) == width else [f"{name}_{i}" for i in range(width)]
         flat |= dict(zip(names, parts, strict=True))
     return flat
 
@@ -220,9 +273,9 @@ class Event:
     step : int
         Its first step.
     kind : str
-        "fire out", "collision burst" or "merge".
+        "fire out", "collision burst" or "merge", or the name of events of the model's own (`SwarmModel.event`).
     ids : tuple of int
-        unique_ids: of the fire, of the robots that collided, of the robots of the merged group.
+        unique_ids: of the fire, of the robots that collided, of those of the merged group or of the model's own events.
     text : str
         A description. Fires are numbered from 1, as in charts and pictures.
     """
@@ -239,10 +292,31 @@ class Event:
 def events_of(frames: Iterable) -> list[Event]:
     """Return the events of frames, oldest first; a table or column that was not recorded has no events.
 
-    The frames, in the order of steps, are iterated over up to three times.
+    The frames, in the order of steps, are iterated over up to four times.
     """
-    found = [*_fires_out(frames), *_bursts(frames), *_merges(frames)]
+    found = [*_fires_out(frames), *_bursts(frames), *_merges(frames), *_noted(frames)]
     return sorted(found, key=lambda event: (event.step, event.kind, event.ids))
+
+
+def _noted(frames: Iterable) -> Iterator[Event]:
+    """Iterate over the events of the model's own; those of one step and name are one."""
+    for frame in frames:
+        if "events" not in frame.columns:
+            return
+        together: dict[tuple[int, str], list[tuple[int, float]]] = {}
+        for step, name, unique_id, value in frame["events"].tolist():
+            together.setdefault((step, name), []).append((unique_id, value))
+        for (step, name), ones in together.items():
+            ids = tuple(dict.fromkeys(unique_id for unique_id, _ in ones if unique_id >= 0))
+            yield Event(step=step, kind=name, ids=ids, text=_noted_text(name, ids, [value for _, value in ones]))
+
+
+def _noted_text(name: str, ids: Sequence[int], values: Sequence[float]) -> str:
+    times = f" {len(values)} times" if len(values) > 1 else ""
+    more = f" and {len(ids) - MOST_NAMED} more" if len(ids) > MOST_NAMED else ""
+    robots = f"robot{'s' if len(ids) > 1 else ''} {', '.join(map(str, ids[:MOST_NAMED]))}{more}" if ids else ""
+    value = f"value {sum(values):g}" if set(values) != {1.0} else ""
+    return ": ".join(part for part in (name + times, ", ".join(part for part in (robots, value) if part)) if part)
 
 
 def _fires_out(frames: Iterable) -> Iterator[Event]:

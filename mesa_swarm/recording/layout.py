@@ -1,15 +1,20 @@
 """The content of a row of a recording, as NumPy arrays in memory and as Arrow lists in the file."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
-from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError, shortened, unknown_name
+from mesa_swarm.errors import LONGEST_NAME, InvalidValueError, RecordingError, UnknownNameError, shortened, unknown_name
 from mesa_swarm.fire.model import FireModel
+from mesa_swarm.world.fields import ScalarField
 from mesa_swarm.world.statics import BORDER, FIRE, ROBOT
 
-DEFAULT = ("position", "heading", "command", "layer", "distance", "kind", "temperature", "fires", "contacts", "loads")
+DEFAULT = (
+    *("position", "heading", "command", "layer", "distance", "kind", "temperature", "fires", "contacts", "loads"),
+    *("fields", "events"),
+)
 # Columns of the swarm from which the contacts are made when a chunk is written.
 CONTACT = ("collided", "contact_kind", "contact_index", "contact_normal", "contact_depth")
 # Columns written by sensing.
@@ -19,21 +24,34 @@ TABLES = {
     "fires": ("fire", "x", "y", "radius", "temperature", "robots", "out"),
     "contacts": ("robot", "kind", "other", "normal_x", "normal_y", "depth"),
     "loads": ("load", "x", "y", "heading"),
+    "fields": ("field", "peak", "total"),
+    "events": ("step", "name", "unique_id", "value"),
 }
-WHOLE = frozenset({"fire", "robots", "robot", "kind", "other", "load"})
+WHOLE = frozenset({"fire", "robots", "robot", "kind", "other", "load", "field", "unique_id"})
+# Fields of events, which are stored exactly.
+EXACT: dict[str, Any] = {"step": np.int64, "name": f"U{LONGEST_NAME}", "value": np.float64}
+# Begins the names of the columns that hold the pixels of a field: rows (columns,) from the bottom up.
+PIXELS = "fields."
 # The first fields of a row.
 FIRST_COLUMNS = {"step": pa.int64(), "state_hash": pa.string(), "robot": pa.list_(pa.int32())}
 
 
 class Layout:
-    """Which columns are recorded of a model, and whether real numbers are float64 (`exact`) or float32."""
+    """Which columns are recorded of a model, and whether real numbers are float64 (`exact`) or float32.
+
+    With "fields" all fields are recorded that the model has now, or those named as "fields.trail": their
+    values if `exact`, else pictures (`levels_of`).
+    """
 
     def __init__(self, model: FireModel, columns: Sequence[str], exact: bool) -> None:
         self.real = np.float64 if exact else np.float32
-        names = _checked_names(columns, (*model.swarm.columns, *TABLES))
-        widths = {name: model.swarm.columns[name].shape[1:] for name in names if name not in TABLES}
+        pixels = {PIXELS + name: name for name in model.fields}
+        names = _checked_names(columns, (*model.swarm.columns, *TABLES, *pixels))
+        chosen = tuple(pixels[name] for name in names if name in pixels)
+        self.fields = chosen or (tuple(model.fields) if "fields" in names else ())
+        widths = {name: model.swarm.columns[name].shape[1:] for name in names if not is_table(name)}
         self.columns = tuple(name for name in widths if 0 not in widths[name])
-        self.tables = tuple(name for name in names if name in TABLES)
+        self.tables = tuple(name for name in names if name in TABLES and (name != "fields" or self.fields))
         self.has_readings = not READINGS.union(model.swarm.table.readings).isdisjoint(self.columns)
         self.schema = self._schema(model, widths)
 
@@ -56,13 +74,28 @@ class Layout:
                 value = pa.list_(value, width)
             fields.append((name, pa.list_(value)))
         real = pa.from_numpy_dtype(self.real)
-        return pa.schema([*fields, *((name, pa.list_(table_type(name, real))) for name in self.tables)])
+        fields += [(name, pa.list_(table_type(name, real))) for name in self.tables]
+        for name in self.fields:
+            pixels = self.pixels(model.fields[name])
+            fields.append((PIXELS + name, pa.list_(pa.list_(pa.from_numpy_dtype(pixels.dtype), pixels.shape[1]))))
+        return pa.schema(fields)
+
+    def pixels(self, field: ScalarField) -> np.ndarray:
+        """Return what is stored of the values of a field."""
+        return field.values if self.real is np.float64 else field.levels()
+
+
+def is_table(column: str) -> bool:
+    """Return whether a column has rows of its own, rather than one a robot."""
+    return column in TABLES or column.startswith(PIXELS)
 
 
 def table_type(table: str, real: pa.DataType) -> pa.DataType:
     """Return the Arrow type of a row of a table."""
-    dtype = real.to_pandas_dtype()
-    return pa.struct([(field, pa.from_numpy_dtype(field_type(field, dtype))) for field in TABLES[table]])
+    types = {field: field_type(field, real.to_pandas_dtype()) for field in TABLES[table]}
+    return pa.struct(
+        [(field, pa.string() if kind.kind == "U" else pa.from_numpy_dtype(kind)) for field, kind in types.items()]
+    )
 
 
 class Chunk:
@@ -75,10 +108,15 @@ class Chunk:
         self.hashes: list[str | None] = [None] * capacity
         self._robots = _ids(model.swarm.agents)
         self._obstacles, self._fires = _ids(model.obstacle_list), _ids(model.fires.agents)
-        self._loads = _ids(list(model.loads))
+        self._loads = _ids(model.displaced)
         self._places = model.fires.discs.astype(layout.real)
-        self._bodies = list(model.loads) if "loads" in layout.tables else []
+        self._bodies = model.displaced if "loads" in layout.tables else []
         self._load_poses = np.zeros((capacity, len(self._bodies), 3), layout.real)
+        self._fields = [model.fields[name] for name in layout.fields]
+        self._pixels = [np.zeros((capacity, *p.shape), p.dtype) for p in map(layout.pixels, self._fields)]
+        self._sums = np.zeros((capacity, len(self._fields), 2), layout.real)
+        self._log = model.events
+        self._noted = [0] * (capacity + 1)  # how many events there were before each row, and after the last
         self._robot_rows = self._buffers(model.swarm.columns, layout.columns)
         self._contact_rows = self._buffers(model.swarm.columns, CONTACT if "contacts" in layout.tables else ())
         fires = ("temperature", "robots", "out") if "fires" in layout.tables else ()
@@ -89,14 +127,21 @@ class Chunk:
     @property
     def row_bytes(self) -> int:
         """Bytes of a row in memory."""
-        return sum(rows.nbytes for _, rows in self._pairs) // self.capacity + 1
+        buffers = [*(rows for _, rows in self._pairs), *self._pixels]
+        return sum(rows.nbytes for rows in buffers) // self.capacity + 1
 
-    def put(self, row: int, step: int, state_hash: str | None) -> None:
-        """Store the present state of the model as a row."""
+    def put(self, row: int, step: int, state_hash: str | None, noted: int) -> None:
+        """Store the present state of the model as a row; `noted` events are in rows before the first one."""
+        if not row:
+            self._noted[0] = noted
+        self._noted[row + 1] = len(self._log)
         for source, rows in self._pairs:
             rows[row] = source
         for place, load in enumerate(self._bodies):
             self._load_poses[row, place] = load.pose
+        for place, field in enumerate(self._fields):
+            self._pixels[place][row] = self.layout.pixels(field)
+            self._sums[row, place] = field.peak, field.total
         self.steps[row] = step
         self.hashes[row] = state_hash
 
@@ -106,7 +151,9 @@ class Chunk:
         arrays.append(_listed(np.broadcast_to(self._robots, (rows, len(self._robots)))))
         arrays += [_listed(values[:rows]) for _, values in self._robot_rows.values()]
         makers = {"fires": self._fire_table, "contacts": self._contact_table, "loads": self._load_table}
+        makers |= {"fields": self._field_table, "events": self._event_table}
         arrays += [makers[name](rows) for name in self.layout.tables]
+        arrays += [_listed(pixels[:rows]) for pixels in self._pixels]
         return pa.record_batch(arrays, schema=self.layout.schema)
 
     def _buffers(self, columns: dict[str, np.ndarray], names: Sequence[str]) -> dict[str, tuple]:
@@ -166,7 +213,20 @@ class Chunk:
         values = {"load": np.tile(self._loads, rows), "x": x, "y": y, "heading": heading}
         return self._table("loads", np.full(rows, len(self._loads)), values)
 
-    def _table(self, name: str, counts: np.ndarray, values: dict[str, np.ndarray]) -> pa.Array:
+    def _field_table(self, rows: int) -> pa.Array:
+        peak, total = (self._sums[:rows, :, i].ravel() for i in range(2))
+        count = len(self._fields)
+        values = {"field": np.tile(np.arange(count, dtype=np.int32), rows), "peak": peak, "total": total}
+        return self._table("fields", np.full(rows, count), values)
+
+    def _event_table(self, rows: int) -> pa.Array:
+        first, end = self._noted[0], self._noted[rows]
+        columns = zip(*self._log.rows(first, end), strict=True) if end > first else ((),) * len(TABLES["events"])
+        return self._table(
+            "events", np.diff(self._noted[: rows + 1]), dict(zip(TABLES["events"], columns, strict=True))
+        )
+
+    def _table(self, name: str, counts: np.ndarray, values: dict[str, Any]) -> pa.Array:
         wanted = self.layout.schema.field(name).type.value_type
         arrays = [pa.array(values[field.name], field.type) for field in wanted]
         struct = pa.StructArray.from_arrays(arrays, fields=list(wanted))
@@ -190,6 +250,8 @@ def population_of(model: FireModel) -> tuple:
 
 def field_type(field: str, real: type) -> np.dtype:
     """Return the type of a field of a table."""
+    if field in EXACT:
+        return np.dtype(EXACT[field])
     return np.dtype(np.bool_ if field == "out" else np.int32 if field in WHOLE else real)
 
 

@@ -1,4 +1,4 @@
-"""Parts, robots, obstacles, fires and loads as stored in recordings."""
+"""Parts, robots, obstacles, fires, loads and other agents as stored in recordings."""
 
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 from mesa.agent import Agent
+from mesa.experimental.continuous_space import ContinuousSpaceAgent
 from shapely import Point, Polygon
 
 from mesa_swarm import control as controls
-from mesa_swarm.errors import RecordingError, SwarmError, check_flag, in_words, shortened
+from mesa_swarm.control.team import Key, Team, label_of
+from mesa_swarm.errors import RecordingError, SwarmError, check_flag, check_name, in_words, shortened
 from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.fires import Fire
 from mesa_swarm.fire.model import FireModel
@@ -19,17 +21,20 @@ from mesa_swarm.physics.neighbours import NeighbourSensor
 from mesa_swarm.recording.container import ATOMS
 from mesa_swarm.robots.actuators import Lamp
 from mesa_swarm.robots.design import DesignTable, RobotDesign
-from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive
+from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive, OmniDrive
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections
 from mesa_swarm.robots.parts import RobotPart
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSensor
-from mesa_swarm.world.bodies import Form, Load, Obstacle
+from mesa_swarm.world.arena import ArenaAgent
+from mesa_swarm.world.bodies import Body, Form, Load, Obstacle, Pose
+from mesa_swarm.world.movers import Driven
 from mesa_swarm.world.shapes import Shape, outline_to_json, shape_from_json
+from mesa_swarm.world.statics import KINDS, LOAD, MOST_KINDS, OBSTACLE
 
 SENSORS = (ProximitySensor, RadiationSensor, LineSensor, NeighbourSensor)
-OF_DESIGNS = (RobotDesign, *SENSORS, Lamp, DifferentialDrive, HolonomicDrive)
+OF_DESIGNS = (RobotDesign, *SENSORS, Lamp, DifferentialDrive, HolonomicDrive, OmniDrive)
 OF_MODELS = (FireConstants, Radio, Imperfection, Imperfections)
 FLOCKING = (controls.Align, controls.Cohere, controls.Cruise, controls.MatchVelocity, controls.Separate)
 TOWARDS_BODIES = (controls.Follow, controls.Gather, controls.HeadOn, controls.Perimeter, controls.Push)
@@ -112,9 +117,11 @@ def restored_outline(value: Any) -> tuple[Point | Polygon, float]:
 
 
 def control_to_json(control: controls.Arbiter | None) -> object:
-    """Return the layers and weights of an arbiter; of custom rules only their names."""
+    """Return the layers and weights of an arbiter, or of each of a team; of custom rules only their names."""
     if control is None:
         return None
+    if isinstance(control, Team):
+        return {"Team": [[_key_to_json(key), control_to_json(arbiter)] for key, arbiter in control.items()]}
     layers = [_layer_to_json(layer) for layer in control.layers]
     weights = getattr(control, "weights", None)
     return {type(control).__name__: {"layers": layers, "weights": None if weights is None else list(weights)}}
@@ -125,6 +132,9 @@ def control_from_json(value: object) -> Any:
     if value is None:
         return None
     name, given = _only_item(value)
+    if name == "Team" and isinstance(given, list):
+        arbiters = {_key_from_json(key): control_from_json(arbiter) for key, arbiter in map(tuple, given)}
+        return _made(name, lambda: Team(arbiters), {})
     if name not in ARBITERS or not isinstance(given, dict) or not isinstance(given.get("layers"), list):
         raise RecordingError(f"unknown arbiter {shortened(name)} in recording")
     own = own_code(value)
@@ -137,8 +147,24 @@ def control_from_json(value: object) -> Any:
 
 def own_code(control: Any) -> list[str]:
     """Return the names of the custom rules in what `control_to_json` returned."""
+    if control is not None and "Team" in control:
+        return [name for _, arbiter in control["Team"] for name in own_code(arbiter)]
     layers = [layer for given in (control or {}).values() for layer in given["layers"]]
     return [str(layer[OWN_CODE]) for layer in layers if isinstance(layer, dict) and OWN_CODE in layer]
+
+
+def _key_to_json(key: Key) -> object:
+    """Return a group's name, or a design; one with a custom drive only by its name."""
+    try:
+        return part_to_json(key)
+    except RecordingError:
+        return {OWN_CODE: label_of(key)}
+
+
+def _key_from_json(value: object) -> Any:
+    if isinstance(value, dict) and OWN_CODE in value:
+        raise RecordingError(f"the control is for a design of code of one's own ({shortened(value[OWN_CODE])})")
+    return part_from_json(value)
 
 
 def _layer_to_json(layer: object) -> object:
@@ -164,19 +190,20 @@ def _made(name: str, maker: Callable, arguments: dict) -> Any:
 
 
 def objects_to_json(model: FireModel) -> dict:
-    """Return the robots, obstacles, loads and fires of a model by unique_id; other agents are refused."""
+    """Return the robots, obstacles, loads, fires and other agents of a model by unique_id."""
     swarm = model.swarm
-    known = len(swarm) + len(model.obstacle_list) + len(model.fires)
-    if len(model.agents) != known:
-        raise RecordingError(f"{len(model.agents) - known} agents are neither robots, obstacles, loads nor fires")
+    others = [[agent.unique_id, *_class_of(agent), _place_of(agent)] for agent in other_agents(model)]
     return {
+        **({"others": others} if others else {}),
         "designs": [part_to_json(design) for design in swarm.designs],
         "created": swarm._created,
         "robots": [robot.unique_id for robot in swarm.agents],
         "designs_of_robots": swarm.design.tolist(),
+        "groups": list(swarm.groups),
         "obstacles": [_obstacle_to_json(obstacle) for obstacle in model.obstacle_list],
         "fires": [fire.unique_id for fire in model.fires.agents],
         "next_id": next_id(model),
+        **({} if model.kinds == KINDS else {"kinds": list(model.kinds)}),
     }
 
 
@@ -186,8 +213,10 @@ def restore_objects(model: FireModel, stored: dict) -> None:
     An object with a stored unique_id stays, with all references to it, if it does not differ from the stored one.
     """
     obstacles = {_id(body["id"]): body for body in stored["obstacles"]}
-    _check_ids(stored, obstacles)
-    _remove_others(model, {*stored["robots"], *obstacles, *stored["fires"]})
+    others = {_id(one[0]): one[1:] for one in stored.get("others", ())}
+    _check_ids(stored, obstacles, others)
+    model._kinds = _checked_kinds(stored.get("kinds", list(KINDS)))
+    _remove_others(model, {*stored["robots"], *obstacles, *stored["fires"], *others})
     designs = _designs(model, stored["designs"])
     makers: dict[int, Callable] = {}
     for unique_id, design in zip(stored["robots"], stored["designs_of_robots"], strict=True):
@@ -196,6 +225,7 @@ def restore_objects(model: FireModel, stored: dict) -> None:
         makers[unique_id] = partial(_make_robot, model, designs[design])
     makers |= {unique_id: partial(_make_obstacle, model, body) for unique_id, body in obstacles.items()}
     makers |= {unique_id: partial(_make_fire, model) for unique_id in stored["fires"]}
+    makers |= {unique_id: partial(_make_other, model, *kind) for unique_id, (*kind, _) in others.items()}
     present = {agent.unique_id for agent in model.agents}
     for unique_id in sorted(makers.keys() - present):
         _set_next_id(model, unique_id)
@@ -204,10 +234,64 @@ def restore_objects(model: FireModel, stored: dict) -> None:
     _check_same(model, stored, obstacles)
     model.swarm.table = DesignTable.of(designs)
     model.swarm._created = _id(stored["created"])
+    model.swarm.groups = tuple(check_name("group", group) for group in stored.get("groups", ()))
     model.swarm._resize(np.arange(len(model.swarm)), 0)
+    _restore_others(model, others)
     for load in model._loads:
         _restore_load(load, obstacles[load.unique_id], model.map.bounds)
+    for body in model.movers.agents:
+        _restore_driven(body, obstacles[body.unique_id], model.map.bounds)
     model.obstacles_changed()
+
+
+def other_agents(model: FireModel) -> list[Agent]:
+    """Return the agents of a model that are neither robots, obstacles, loads nor fires, in the model's order."""
+    known = {id(agent) for agents in (model.swarm.agents, model.obstacle_list, model.fires.agents) for agent in agents}
+    return [agent for agent in model.agents if id(agent) not in known] if len(model.agents) > len(known) else []
+
+
+def _class_of(agent: Agent) -> tuple[str, str]:
+    return type(agent).__module__, type(agent).__qualname__
+
+
+def _place_of(agent: Agent) -> list[float] | None:
+    """Return the position of an agent that the model's space stores."""
+    if not isinstance(agent, ContinuousSpaceAgent):
+        return None
+    if agent.space is not agent.model.space:
+        raise RecordingError(f"{type(agent).__name__} {agent.unique_id} is in another space than model.space")
+    return agent.position.tolist()
+
+
+def _make_other(model: FireModel, module: str, name: str) -> None:
+    """Make an agent of a class that is loaded, without its constructor: its attributes are restored later."""
+    kind = next((one for one in family(Agent) if (one.__module__, one.__qualname__) == (module, name)), None)
+    if kind is None or issubclass(kind, ArenaAgent):
+        raise RecordingError(f"agents of class {shortened(name)} cannot be made: import it from {shortened(module)}")
+    agent = kind.__new__(kind)
+    if issubclass(kind, ContinuousSpaceAgent):
+        ContinuousSpaceAgent.__init__(agent, model.space, model)
+    else:
+        Agent.__init__(agent, model)
+
+
+def _restore_others(model: FireModel, stored: dict[int, list]) -> None:
+    """Move the other agents to their places; refuse agents of other classes than those stored."""
+    for agent in other_agents(model):
+        *kind, place = stored[agent.unique_id]
+        if list(_class_of(agent)) != kind:
+            raise RecordingError(
+                f"agent {agent.unique_id} is of {type(agent).__name__} in the model, of {shortened(kind[1])} in the "
+                "recording"
+            )
+        if place is not None and isinstance(agent, ContinuousSpaceAgent):
+            agent.position = place
+
+
+def family(base: type) -> list[type]:
+    """Return a class and all loaded classes that are derived from it."""
+    children: list[type] = base.__subclasses__()
+    return [base, *(derived for child in children for derived in family(child))]
 
 
 def next_id(model: FireModel) -> int:
@@ -231,7 +315,22 @@ def summary(model: FireModel) -> list[list[int]]:
     return [[len(agents), agents[-1].unique_id if agents else 0] for agents in kinds]
 
 
-def _obstacle_to_json(obstacle: Obstacle) -> dict:
+def _obstacle_to_json(obstacle: Body) -> dict:
+    usual = KINDS[LOAD] if isinstance(obstacle, Load) else KINDS[OBSTACLE]
+    return {**_body_to_json(obstacle), **({} if obstacle.kind == usual else {"kind": obstacle.kind})}
+
+
+def _body_to_json(obstacle: Body) -> dict:
+    if isinstance(obstacle, Driven):
+        movers, row = obstacle.movers, obstacle.row
+        return {
+            "id": obstacle.unique_id,
+            "driven": stored_outline(obstacle.form.outline, obstacle.form.radius),
+            "pose": list(obstacle.pose),
+            "aim": [*movers.aim[row].tolist(), float(movers.aim_heading[row])],
+            "blocked": obstacle.blocked,
+            "fresh": bool(movers.fresh[row]),
+        }
     if isinstance(obstacle, Load):
         return {
             "id": obstacle.unique_id,
@@ -244,8 +343,8 @@ def _obstacle_to_json(obstacle: Obstacle) -> dict:
     return {"id": obstacle.unique_id, "shape": stored_shape(obstacle.shape)}
 
 
-def _check_ids(stored: dict, obstacles: dict) -> None:
-    kinds = (stored["robots"], list(obstacles), stored["fires"])
+def _check_ids(stored: dict, obstacles: dict, others: dict) -> None:
+    kinds = (stored["robots"], list(obstacles), stored["fires"], sorted(others))
     ids = [one for kind in kinds for one in kind]
     first_free = _id(stored["next_id"])
     if any(kind != sorted(kind) for kind in kinds) or len(set(ids)) != len(ids):
@@ -254,9 +353,16 @@ def _check_ids(stored: dict, obstacles: dict) -> None:
         raise RecordingError("invalid unique_id: not below that of the next agent")
 
 
+def _checked_kinds(stored: Any) -> tuple[str, ...]:
+    valid = isinstance(stored, list) and all(isinstance(name, str) and name.isidentifier() for name in stored)
+    if not valid or tuple(stored[: len(KINDS)]) != KINDS or not len(set(stored)) == len(stored) <= MOST_KINDS + 1:
+        raise RecordingError("invalid names of kinds")
+    return tuple(stored)
+
+
 def _remove_others(model: FireModel, ids: set[int]) -> None:
     model.remove_robots([robot for robot in model.swarm.agents if robot.unique_id not in ids])
-    for agent in [*model.obstacle_list, *model.fires.agents]:
+    for agent in [*model.obstacle_list, *model.fires.agents, *other_agents(model)]:
         if agent.unique_id not in ids:
             agent.remove()
 
@@ -277,14 +383,27 @@ def _make_robot(model: FireModel, design: RobotDesign) -> None:
 
 
 def _make_obstacle(model: FireModel, body: dict) -> None:
-    if "load" not in body:
-        model._obstacles.append(Obstacle(model.space, model, restored_shape(body["shape"])))
-        return
-    form = Form.about_origin(*restored_outline(body["load"]))
-    load = Load(model.space, model, form.shape_at((0.0, 0.0, 0.0)), body["resistance"])
-    load.form = form
-    model._obstacles.append(load)
-    model._loads.append(load)
+    if "driven" in body:
+        model._obstacles.append(_made_driven(model, body))
+    elif "load" in body:
+        form = Form.about_origin(*restored_outline(body["load"]))
+        kind = model._checked_kind(body.get("kind"), KINDS[LOAD])
+        load = Load(model.space, model, form.shape_at((0.0, 0.0, 0.0)), body["resistance"], kind)
+        load.form = form
+        model._obstacles.append(load)
+        model._loads.append(load)
+    else:
+        kind = model._checked_kind(body.get("kind"), KINDS[OBSTACLE])
+        model._obstacles.append(Obstacle(model.space, model, restored_shape(body["shape"]), kind))
+    model._know_kind(model._obstacles[-1].kind)
+
+
+def _made_driven(model: FireModel, body: dict) -> Driven:
+    form = Form.about_origin(*restored_outline(body["driven"]))
+    kind = model._checked_kind(body.get("kind"), KINDS[OBSTACLE])
+    driven = Driven(model.space, model, form.shape_at((0.0, 0.0, 0.0)), kind, model._made_movers())
+    driven.form = form
+    return driven
 
 
 def _make_fire(model: FireModel) -> None:
@@ -304,18 +423,29 @@ def _check_same(model: FireModel, stored: dict, obstacles: dict) -> None:
         raise RecordingError("the objects that the model's constructor makes do not match the recording")
     for obstacle in model.obstacle_list:
         now, then = _obstacle_to_json(obstacle), obstacles[obstacle.unique_id]
-        form = "load" if "load" in now else "shape"
-        if now[form] != then.get(form):
+        form = next(name for name in ("driven", "load", "shape") if name in now)
+        if now[form] != then.get(form) or now.get("kind") != then.get("kind"):
             raise RecordingError(f"obstacle {obstacle.unique_id} does not match the recording")
+
+
+def _restore_driven(body: Driven, stored: dict, bounds: tuple[float, float, float, float]) -> None:
+    movers, row = body.movers, body.row
+    for place, heading, name in ((movers.position, movers.heading, "pose"), (movers.aim, movers.aim_heading, "aim")):
+        *place[row], heading[row] = _checked_pose(f"body {body.unique_id}", stored[name], bounds)
+    movers.blocked[row], movers.fresh[row] = bool(stored["blocked"]), bool(stored["fresh"])
+
+
+def _checked_pose(name: str, stored: Any, bounds: tuple[float, float, float, float]) -> Pose:
+    x, y, heading = map(float, stored)
+    x_min, y_min, x_max, y_max = bounds
+    if not (x_min <= x <= x_max and y_min <= y <= y_max and abs(heading) <= np.pi):
+        raise RecordingError(f"{name} has out-of-range values: its pose is outside the map")
+    return x, y, heading
 
 
 def _restore_load(load: Load, stored: dict, bounds: tuple[float, float, float, float]) -> None:
     load.resistance = stored["resistance"]
-    x, y, heading = map(float, stored["pose"])
-    x_min, y_min, x_max, y_max = bounds
-    if not (x_min <= x <= x_max and y_min <= y <= y_max and abs(heading) <= np.pi):
-        raise RecordingError(f"load {load.unique_id} has out-of-range values: its pose is outside the map")
-    load.move_to((x, y, heading))
+    load.move_to(_checked_pose(f"load {load.unique_id}", stored["pose"], bounds))
     load.moved, load.pushers = bool(stored["moved"]), _id(stored["pushers"])
 
 

@@ -19,9 +19,10 @@ from mesa_swarm.recording.schema import checked_provenance, read_json
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.sensors import mount_of
-from mesa_swarm.world.bodies import Load
+from mesa_swarm.world.bodies import Body
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.shapes import outline_to_json, shape_to_json
+from mesa_swarm.world.statics import KINDS, LOAD, OBSTACLE
 
 # Since format 2 readings are those of the row's own poses, and interventions and changes of scenery are stored.
 FORMAT = 2
@@ -41,23 +42,32 @@ def scenery_of(model: FireModel) -> dict:
     -------
     dict
         ``designs``; ``robots``, rows [first id, last id, index of their design]; ``shapes`` of obstacles and
-        ground marks on the map; ``loads``, shapes about their own centres; ``layers``, names in the order of
-        the column `layer`; ``leave``, the temperature above which a robot is too hot, and ``join``, below which it
-        has cooled.
+        ground marks on the map; ``loads``, shapes of loads and driven bodies about their own centres, with the name of
+        their `kind` if it is not load; ``kinds``, the names of all kinds if there are own ones; ``layers``, names in
+        the order of the column `layer`; ``leave``, the temperature above which a robot is too hot, and ``join``, below
+        which it has cooled.
     """
-    layers = () if model.control is None else model.control.layers
-    still = [obstacle.shape for obstacle in model.obstacle_list if not isinstance(obstacle, Load)]
+    layers = () if model.control is None else model.control.names
+    still = [body for body in model.obstacle_list if body.mode == "fixed"]
+    own = {} if len(model.kinds) == len(KINDS) else {"kinds": list(model.kinds)}
     return {
         "designs": [_written_design(design) for design in model.swarm.designs],
         "robots": _runs([robot.unique_id for robot in model.swarm.agents], model.swarm.design.tolist()),
-        "shapes": [shape_to_json(shape) for shape in still],
+        "shapes": [{**shape_to_json(body.shape), **_own_kind(body, OBSTACLE)} for body in still],
         "loads": [
-            {"id": load.unique_id, **outline_to_json(load.form.outline, load.form.radius)} for load in model.loads
+            {"id": body.unique_id, **outline_to_json(body.form.outline, body.form.radius), **_own_kind(body, LOAD)}
+            for body in model.displaced
         ],
-        "layers": [layer.name for layer in layers],
+        **own,
+        "layers": list(layers),
         "leave": model.fire_constants.leave,
         "join": model.fire_constants.join,
     }
+
+
+def _own_kind(body: Body, usual: int) -> dict:
+    """Return the name of the kind of a body, if it is not the usual one."""
+    return {} if body.kind == KINDS[usual] else {"kind": body.kind}
 
 
 def shows(scenery: dict, other: dict) -> bool:
@@ -90,7 +100,7 @@ def _written_design(design: RobotDesign) -> dict:
         "name": design.name,
         "radius": design.radius,
         "max_speed": design.max_speed,
-        "holonomic": not design.turns,
+        "holonomic": not design.turns and design.numbers == 2,
         "sensors": [
             [
                 *mount_of(sensor, design.radius),

@@ -67,6 +67,7 @@ class RowBuffer:
         self._seen, self._scenery = _seen(model), scenery_of(model)
         self._chunk: Chunk | None = None
         self._hashed = -1
+        self._noted = len(model.events)
         self._written_at = self._synced_at = perf_counter()
 
     def put(self, model: FireModel) -> None:
@@ -85,8 +86,8 @@ class RowBuffer:
         if step // HASH_EVERY != self._hashed:
             state_hash, self._hashed = model.state_hash(), step // HASH_EVERY
         row = self.rows - self.writer.sealed.rows
-        chunk.put(row, step, state_hash)
-        self.rows, self._newest = self.rows + 1, step
+        chunk.put(row, step, state_hash, self._noted)
+        self.rows, self._newest, self._noted = self.rows + 1, step, len(model.events)
         if row + 1 == chunk.capacity or perf_counter() - self._written_at > MOST_SECONDS:
             self.flush()
 
@@ -423,8 +424,8 @@ def record(
     every : int
         Steps from one row to the next, 1 to 1,000,000: its multiples are recorded. Or a `Trigger`.
     columns : sequence of str, optional
-        Of the swarm, and "fires", "contacts", "loads"; by default those needed to view the run. Columns of
-        sensors that no robot has are omitted.
+        Of the swarm, and "fires", "contacts", "loads", "fields", "events"; by default those needed to view the run.
+        Columns of sensors that no robot has are omitted. Of fields pictures are stored, see `Recording.fields`.
     exact : bool
         Whether real numbers are stored as float64. By default they are float32, which is 3e-5 map units at 800, and
         files are half as large; state hashes are always of all bits.
@@ -476,7 +477,11 @@ def record(
         "hash_every": HASH_EVERY,
         "checkpoint_every": most_steps,
         "why_no_checkpoint": _why_not(model) if most_steps else NO_CHECKPOINTS,
-        "start": {"step": model.completed, "state_hash": model.state_hash()},
+        "start": {
+            "step": model.completed,
+            "state_hash": model.state_hash(),
+            **({"events": len(model.events)} if model.events else {}),
+        },
     }
     schema = layout.schema.with_metadata(as_metadata(facts))
     _check_readable(schema)

@@ -8,10 +8,11 @@ import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError, check_count, shortened, unknown_name
 from mesa_swarm.fire.model import FireModel
-from mesa_swarm.gallery import FORMS, is_address, shipped_class
+from mesa_swarm.gallery import FORMS, address_of, is_address, shipped_class
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.collected import reporters_of, set_clock
 from mesa_swarm.recording.container import ATOMS
+from mesa_swarm.recording.parts import family
 from mesa_swarm.recording.provenance import is_of, rebuilt
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.verify import Rerun, Watch, last_same, restored, run_to, started_again, states_to
@@ -140,8 +141,13 @@ def take_over(new: FireModel, old: FireModel, fresh: FireModel) -> None:
     for load, moved in zip(new.loads, old.loads, strict=True):
         load.move_to(moved.pose)
         load.moved, load.pushers = moved.moved, moved.pushers
+    for column, source in zip(new.movers.poses, old.movers.poses, strict=True):
+        column[:] = source
+    new.movers.blocked[:], new.movers.fresh[:] = old.movers.blocked, old.movers.fresh
+    new.obstacles_changed()
     _take_columns(new, old)
     _take_fires(new, old)
+    _take_fields(new, old)
     _take_randomness(new, old)
     _take_plain_values(new, old, fresh)
     _take_collected(new, old)
@@ -149,7 +155,7 @@ def take_over(new: FireModel, old: FireModel, fresh: FireModel) -> None:
 
 
 def _check_same_objects(new: FireModel, old: FireModel) -> None:
-    for name in ("robots", "fires", "obstacles", "loads"):
+    for name in ("robots", "fires", "obstacles", "loads", "bodies"):
         ids, was = ([agent.unique_id for agent in getattr(model, name)] for model in (new, old))
         if ids != was:
             raise InvalidValueError(
@@ -165,6 +171,8 @@ def _take_columns(new: FireModel, old: FireModel) -> None:
         if name in OF_PARAMETERS or source is None or old.swarm.columns[source].shape != column.shape:
             continue
         column[...] = old.swarm.columns[source]
+    new.swarm.groups = old.swarm.groups
+    new.swarm.regrouped += 1
 
 
 def _without_place(name: str) -> str:
@@ -179,6 +187,13 @@ def _take_fires(new: FireModel, old: FireModel) -> None:
     every = new.fires.history.every
     new.fires.history = deepcopy(old.fires.history)
     new.fires.history.every = every
+
+
+def _take_fields(new: FireModel, old: FireModel) -> None:
+    """Copy the values of fields of the same name and grid."""
+    for name, field in new.fields.items():
+        if name in old.fields and old.fields[name].values.shape == field.values.shape:
+            field.restore(old.fields[name].checkpoint())
 
 
 def _take_randomness(new: FireModel, old: FireModel) -> None:
@@ -222,15 +237,16 @@ def class_of(recording: Recording, base: type) -> type:
     """Return the recorded class: `base`, a loaded class derived from it, or one that is part of mesa_swarm."""
     module, name = recording.provenance["model"]["module"], recording.provenance["model"]["name"]
     shipped_class(module, name)  # imports it
-    family = _family(base)
-    for model_class in family:
+    loaded = family(base)
+    for model_class in loaded:
         if (model_class.__module__, model_class.__qualname__) == (module, name):
             return model_class
-    alike = [model_class for model_class in family if is_of(recording.provenance, model_class)]
+    alike = [model_class for model_class in loaded if is_of(recording.provenance, model_class)]
     if len(alike) == 1:
         return alike[0]
+    shown = address_of(base) if base.__qualname__ == name else base.__name__
     raise RecordingError(
-        f"{recording.path} is of {shortened(name)}, which is neither {base.__name__} nor a loaded subclass of it; "
+        f"{recording.path} is of {shortened(name)}, which is neither {shown} nor a loaded subclass of it; "
         f"import its class ({address_in(recording)}) and call its resume"
     )
 
@@ -253,8 +269,3 @@ def address_in(recording: Recording) -> str:
     address = f"{recorded['module']}:{recorded['name']}"
     is_plain = is_address(address) and len(address) <= LONGEST_ADDRESS and recorded["module"] != "__main__"
     return address if is_plain and "<" not in address else FORMS
-
-
-def _family(base: type) -> list[type]:
-    children: list[type] = base.__subclasses__()
-    return [base, *(derived for child in children for derived in _family(child))]

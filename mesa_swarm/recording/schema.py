@@ -17,9 +17,10 @@ import pyarrow as pa
 
 from mesa_swarm.errors import RecordingError, shortened
 from mesa_swarm.recording.frames import Rows
-from mesa_swarm.recording.layout import FIRST_COLUMNS, TABLES, table_type
+from mesa_swarm.recording.layout import FIRST_COLUMNS, PIXELS, TABLES, is_table, table_type
 from mesa_swarm.recording.sealed_stream import CHANGE, INTERVENTION, Piece
 from mesa_swarm.robots.swarm import COLUMNS
+from mesa_swarm.world.fields import MOST_CELLS
 
 # Of the metadata of a recording. A JSON text takes up to twenty times as much memory once it is read.
 LONGEST_TEXT = 1 << 25
@@ -38,7 +39,8 @@ MOST_ROWS = 100_000
 # Values of one robot in one column.
 WIDEST = 100_000
 # Columns that are never NaN or infinite, with their largest value; absent messages are NaN.
-FINITE = dict.fromkeys(("position", "heading", "command", *TABLES), LARGEST) | {"temperature": sys.float_info.max}
+FINITE = dict.fromkeys(("position", "heading", "command", *TABLES), LARGEST)
+FINITE |= dict.fromkeys(("temperature", "fields", "events"), sys.float_info.max)
 SHOWN = 60
 # Raises an error if a value at a place of a JSON text does not have the form.
 Check = Callable[[Any, str], None]
@@ -126,9 +128,15 @@ def checked_rows(batch: pa.RecordBatch, first: int, every: int, source: object) 
 
 def check_values(batch: pa.RecordBatch, first: int, source: object) -> None:
     """Refuse rows from this step on with out-of-range values; the writer checks them too."""
-    for name in FINITE.keys() & set(batch.schema.names):
-        if not _all_finite(batch.column(name).values, FINITE[name]):
+    limits = {name: FINITE["fields" if name.startswith(PIXELS) else name] for name in batch.schema.names if _ends(name)}
+    for name, largest in limits.items():
+        if not _all_finite(batch.column(name).values, largest):
             raise RecordingError(f"{_shown(source)} has out-of-range values of {name} from step {first} on")
+
+
+def _ends(name: str) -> bool:
+    """Return whether a column is never NaN or infinite."""
+    return name in FINITE or name.startswith(PIXELS)
 
 
 def longest_gap(every: int) -> int:
@@ -164,9 +172,9 @@ def _wrong_in(batch: pa.RecordBatch, first: int, every: int) -> str:
         return "steps out of order"
     begins = robots.offsets
     for name, column in (("robot", robots), *zip(names[3:], columns, strict=True)):
-        if (name == "robot" or name in TABLES) and not _grow(column):
+        if (name == "robot" or is_table(name)) and not _grow(column):
             return f"inconsistent lists of {name}"
-        if name not in TABLES and not column.offsets.equals(begins):
+        if not is_table(name) and not column.offsets.equals(begins):
             return f"a number of values of {name} other than that of robots"
     return "" if _ascends(robots) else "unique_ids that do not ascend"
 
@@ -215,7 +223,15 @@ def _all_finite(values: pa.Array, largest: float) -> bool:
 def _is_known(name: str, kind: pa.DataType) -> bool:
     if not pa.types.is_list(kind):
         return False
+    if name.startswith(PIXELS):
+        return _is_picture(kind.value_type)
     return kind.value_type in TABLE_TYPES[name] if name in TABLES else _is_column(name, kind.value_type)
+
+
+def _is_picture(kind: pa.DataType) -> bool:
+    """Return whether a column may hold rows of pixels of this type: a picture, or exact values."""
+    is_row = pa.types.is_fixed_size_list(kind) and 0 < kind.list_size <= MOST_CELLS
+    return is_row and kind.value_type in (pa.uint8(), pa.float64())
 
 
 def _is_column(name: str, kind: pa.DataType) -> bool:
@@ -339,8 +355,8 @@ RINGS = _each(list, _each(list, (NUMBER, NUMBER)), least=1)
 
 
 def _shape(**more: Any) -> list:
-    disc = {"disc": (NUMBER, NUMBER, POSITIVE), "mark_": bool, **more}
-    return [disc, {"rings": RINGS, "mark_": bool, **more}]
+    disc = {"disc": (NUMBER, NUMBER, POSITIVE), "mark_": bool, "kind_": str, **more}
+    return [disc, {"rings": RINGS, "mark_": bool, "kind_": str, **more}]
 
 
 DESIGN = {
@@ -355,6 +371,7 @@ SCENERY = {
     "robots": _each(list, (ID, ID, ID)),
     "shapes": _each(list, _shape()),
     "loads": _each(list, _shape(id=ID)),
+    "kinds_": _each(list, str),
     "layers": _each(list, str),
     "leave": NUMBER,
     "join_": NUMBER,
@@ -381,5 +398,5 @@ PROVENANCE = {
     "hash_every_": _whole(MOST_STEPS, 1),
     "checkpoint_every_": STEP,
     "why_no_checkpoint_": str,
-    "start": {"step": STEP, "state_hash": str},
+    "start": {"step": STEP, "state_hash": str, "events_": STEP},
 }

@@ -15,7 +15,7 @@ from mesa_swarm.recording.checkpoint import restore
 from mesa_swarm.recording.collected import check_collected, size_of_collected, without_rest
 from mesa_swarm.recording.container import Checkpoint
 from mesa_swarm.recording.frames import Frame, Rows
-from mesa_swarm.recording.layout import TABLES, Chunk, Layout
+from mesa_swarm.recording.layout import Chunk, Layout, is_table
 from mesa_swarm.recording.parts import summary
 from mesa_swarm.recording.provenance import rebuilt
 from mesa_swarm.recording.recording import Recording
@@ -65,7 +65,7 @@ class Rerun:
             self._layout.prepare(self.model)
         state_hash = self.model.state_hash() if frame.state_hash is not None else None
         chunk = Chunk(self._layout, self.model, 1)
-        chunk.put(0, self.model.completed, state_hash)
+        chunk.put(0, self.model.completed, state_hash, self.recording.events_before(frame.step))
         return Rows(chunk.batch(1))[0]
 
     def check_change(self, step: int) -> None:
@@ -304,7 +304,7 @@ def _difference(row: int, frame: Frame, again: Frame) -> Verification | None:
 def _differing(name: str, frame: Frame, again: Frame) -> tuple[int, ...] | None:
     """Return the robots that differ in a column; no robots if it is a table; None if nothing differs."""
     old, new = frame[name], again[name]
-    if name in TABLES:
+    if is_table(name):
         return None if old.tobytes() == new.tobytes() else ()
     same = (old == new) | ((old != old) & (new != new))  # noqa: PLR0124 - NaN equals NaN here
     wrong = ~same.all(axis=tuple(range(1, same.ndim)))

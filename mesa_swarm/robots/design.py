@@ -22,6 +22,10 @@ from mesa_swarm.robots.sensors import (
 )
 
 LARGEST_RADIUS = 1e6
+# Numbers of a command.
+MOST_NUMBERS = 12
+# The column of the speeds that motors of limited acceleration have reached.
+DRIVE_SPEED = "drive.speed"
 # A step is cut into pieces of half a radius: faster robots than this would take too long.
 FASTEST_IN_RADII = 1000
 MOST_SENSORS = 360
@@ -90,6 +94,9 @@ class RobotDesign:
         methods = [asked(self.drive, name) for name in ("motion", "wheels")]
         if isinstance(self.drive, type) or not all(map(callable, methods)):
             raise InvalidValueError(f"drive is {shortened(self.drive)}; expected a drive such as DifferentialDrive()")
+        check_count("numbers of drive", self.numbers, minimum=1, maximum=MOST_NUMBERS)
+        if self.acceleration != math.inf:
+            check_number("acceleration of drive", self.acceleration, above=0)
 
     def _check_actuators(self) -> None:
         if not isinstance(self.actuators, (tuple, list)):
@@ -126,6 +133,17 @@ class RobotDesign:
         """What a command is: speeds of wheels left and right (True), forward and sideways (False); see `Drive`."""
         turns = getattr(self.drive, "turns", True)
         return None if turns is None else bool(turns)
+
+    @property
+    def numbers(self) -> int:
+        """How many numbers a command has: 2, or what the drive declares."""
+        return getattr(self.drive, "numbers", 2)
+
+    @property
+    def acceleration(self) -> float:
+        """By how much the wheels' speeds change in a step at most, map units a step; infinite for no limit."""
+        limit = getattr(self.drive, "acceleration", None)
+        return math.inf if limit is None else limit
 
     @property
     def front(self) -> int:
@@ -243,6 +261,14 @@ class DesignTable:
         Probability and magnitude.
     sideways : bool ndarray, shape (d,)
         Whether a command is speeds forward and sideways.
+    numbers : int64 ndarray, shape (d,)
+        How many numbers a command has.
+    acceleration : ndarray, shape (d,)
+        The greatest change of the wheels' speeds in a step, infinite for no limit.
+    wheels : int
+        The width of commands: the most numbers of any design, at least 2.
+    mixed, limited : bool
+        Whether any design has fewer numbers than that, any a limited acceleration.
     slips, noisy, slow, exposed : bool
         Whether any wheel slips at random, any sensor errs, any sensor is refreshed less often than every step,
         any proximity sensor sits outside its robot's body, where an obstacle can be.
@@ -263,6 +289,11 @@ class DesignTable:
     forward: np.ndarray
     slip: np.ndarray
     sideways: np.ndarray
+    numbers: np.ndarray
+    acceleration: np.ndarray
+    wheels: int
+    mixed: bool
+    limited: bool
     slips: bool
     noisy: bool
     slow: bool
@@ -283,6 +314,9 @@ class DesignTable:
             4,
             pad=0.0,
         )
+        numbers = np.array([d.numbers for d in designs], np.int64)
+        wheels = int(numbers.max(initial=2))
+        acceleration = np.array([d.acceleration for d in designs], float)
         slip = np.array([(d.slip_probability, d.slip_magnitude) for d in designs]).reshape(-1, 2).T.copy()
         return cls(
             designs=tuple(designs),
@@ -296,6 +330,11 @@ class DesignTable:
             forward=np.array([(d.front, d.left, d.right) for d in designs], np.int64).reshape(-1, 3),
             slip=slip,
             sideways=np.array([d.turns is False for d in designs], np.bool_),
+            numbers=numbers,
+            acceleration=acceleration,
+            wheels=wheels,
+            mixed=bool((numbers < wheels).any()),
+            limited=bool(np.isfinite(acceleration).any()),
             slips=bool((slip[0] * slip[1] > 0).any()),
             noisy=bool((noise[..., PROBABILITY] * noise[..., MAGNITUDE] > 0).any()),
             slow=bool((noise[..., PERIOD] > 1).any()),
@@ -305,10 +344,12 @@ class DesignTable:
         )
 
     def columns(self) -> dict[str, tuple[tuple, type, object]]:
-        """Return the columns of a swarm that custom sensors and actuators need: shape, type, value at first."""
+        """Return the columns of a swarm that custom parts and drives need: shape, type, value at first."""
         read: dict[str, Any] = {name: ((width,), np.float64, math.nan) for name, width in self.readings.items()}
         for name, (width, _) in self.actions.items():
             read[f"{ACT}{name}"] = ((width,) if width > 1 else (), np.float64, 0.0)
+        if self.limited:
+            read[DRIVE_SPEED] = ((self.wheels,), np.float64, 0.0)
         return read
 
 

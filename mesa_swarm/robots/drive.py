@@ -2,20 +2,28 @@
 
 import math
 import warnings
-from typing import Protocol
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
 
 import numpy as np
 
+from mesa_swarm.errors import check_number
 from mesa_swarm.geometry.compiled import compiled
 
 
 class Drive(Protocol):
     """What turns wheels into motion. The motion of a body is (forward, sideways, turn) a step.
 
-    A custom drive is a class with these two methods; see `DifferentialDrive` and `HolonomicDrive`.
+    A custom drive is a class with these two methods; see `DifferentialDrive`, `HolonomicDrive` and `OmniDrive`.
+    Its attributes are optional.
 
     Attributes
     ----------
+    numbers : int, optional
+        How many numbers a command has, 1 to 12; 2 by default.
+    acceleration : float or None, optional
+        By how much the wheels' speeds change in a step at most, map units a step; None (the default) for no limit.
+        It limits each number alone, and where `turns` is False the velocity as a whole.
     turns : bool or None, optional
         True (the default) if a command is the speeds of wheels left and right, each limited to max_speed; False if
         it is speeds forward and sideways, where the speed of the body is limited; None if it is neither: each number
@@ -23,10 +31,15 @@ class Drive(Protocol):
     """
 
     def motion(self, wheels: np.ndarray, radius: np.ndarray, motion: np.ndarray) -> None:
-        """Write into `motion` (n, 3) what these wheel speeds (n, 2) do to bodies of these radii (n,)."""
+        """Write into `motion` (n, 3) what these wheel speeds (n, numbers) do to bodies of these radii (n,)."""
 
     def wheels(self, motion: np.ndarray, radius: np.ndarray, wheels: np.ndarray) -> None:
-        """Write into `wheels` (n, 2) which wheel speeds would have made these motions (n, 3)."""
+        """Write into `wheels` (n, numbers) which wheel speeds would have made these motions (n, 3)."""
+
+
+def speeds_in_words(numbers: int) -> str:
+    """Return what a command is expected to be, such as "two finite wheel speeds"."""
+    return f"{ {1: 'one', 2: 'two', 3: 'three'}.get(numbers, numbers) } finite wheel speed{'s' if numbers > 1 else ''}"
 
 
 class _EqualByValues:
@@ -59,10 +72,28 @@ def alike(one: object, other: object) -> bool:
     return _EqualByValues.__eq__(one, other)  # type: ignore[operator]  # any two objects
 
 
-class DifferentialDrive(_EqualByValues):
+@dataclass(kw_only=True, eq=False)
+class _Motors(_EqualByValues):
+    """Base of drives whose motors may need time to reach the commanded speed."""
+
+    numbers: ClassVar[int] = 2
+    acceleration: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.acceleration is not None:
+            check_number("acceleration", self.acceleration, above=0)
+
+
+class DifferentialDrive(_Motors):
     """Two wheels at the rim, left and right, on one axle (track = 2 r).
 
     v = (v_R + v_L) / 2 (A.4) and omega = (v_R - v_L) / (2 r) (A.2).
+
+    Parameters
+    ----------
+    acceleration : float or None
+        By how much each wheel's rim speed changes in a step at most, map units a step, above 0; None for wheels that
+        reach the commanded speed at once.
 
     Examples
     --------
@@ -83,11 +114,17 @@ class DifferentialDrive(_EqualByValues):
         motion_to_wheels(motion, radius, wheels)
 
 
-class HolonomicDrive(_EqualByValues):
+class HolonomicDrive(_Motors):
     """Rollers that move the body in any direction, forward and sideways, and never turn it.
 
     A command's two numbers are the speeds forward and to the left, in the robot's own frame: a velocity. One that is
     longer than max_speed is shortened to it in the same direction.
+
+    Parameters
+    ----------
+    acceleration : float or None
+        By how much the velocity changes in a step at most, as the length of the difference, map units a step, above 0;
+        None for bodies that reach the commanded velocity at once.
 
     Examples
     --------
@@ -107,6 +144,93 @@ class HolonomicDrive(_EqualByValues):
     def wheels(self, motion: np.ndarray, radius: np.ndarray, wheels: np.ndarray) -> None:
         """Write the speeds forward and sideways (n, 2) that would have made the motion (n, 3)."""
         wheels[:] = motion[:, :2]
+
+
+# Of the azimuths of the three omni-wheels, 60, 180 and -60 degrees: exact, so that a wheel that stands has no slip.
+OMNI_SINE = (math.sqrt(0.75), 0.0, -math.sqrt(0.75))
+OMNI_COSINE = (0.5, -1.0, 0.5)
+
+
+class OmniDrive(_Motors):
+    """Three omni-wheels at the rim, 120 degrees apart, by which a body goes in any direction and turns at once.
+
+    The wheels are at azimuths of 60, 180 and -60 degrees from straight ahead, and a command is their three rim speeds,
+    positive counter-clockwise about the body, each limited to max_speed. Their rollers let the body slide along the
+    axles. With forward and sideways speed x and y, turn w (rad a step) and radius r, the wheel at azimuth a rolls at
+    u = y cos a - x sin a + r w; the other way round x = -2/3 sum(u sin a), y = 2/3 sum(u cos a) and
+    w = sum(u) / (3 r). A rule computes its command by `omni_speeds`.
+
+    Parameters
+    ----------
+    acceleration : float or None
+        By how much each wheel's rim speed changes in a step at most, map units a step, above 0; None for wheels that
+        reach the commanded speed at once.
+
+    Examples
+    --------
+    >>> motion = np.empty((1, 3))
+    >>> OmniDrive().motion(np.array([[0.5, 0.5, 0.5]]), np.array([5.0]), motion)
+    >>> motion.round(9) + 0.0
+    array([[0. , 0. , 0.1]])
+    """
+
+    numbers = 3
+    turns = None
+
+    def motion(self, wheels: np.ndarray, radius: np.ndarray, motion: np.ndarray) -> None:
+        """Write the body's motion (n, 3) that three rim speeds (n, 3) make."""
+        omni_to_motion(wheels, radius, motion)
+
+    def wheels(self, motion: np.ndarray, radius: np.ndarray, wheels: np.ndarray) -> None:
+        """Write the three rim speeds (n, 3) that would have made the motion (n, 3)."""
+        motion_to_omni(motion, radius, wheels)
+
+
+@compiled
+def omni_speeds(forward: float, sideways: float, turn: float, radius: float) -> tuple[float, float, float]:
+    """Return the three rim speeds by which an `OmniDrive` makes a motion; for use in rules.
+
+    Parameters
+    ----------
+    forward, sideways : float
+        Of the body, to the front and to the left, map units a step.
+    turn : float
+        To the left, rad a step.
+    radius : float
+        Of the body, map units.
+
+    Examples
+    --------
+    >>> left, back, right = omni_speeds(0.0, 1.0, 0.0, 5.0)
+    >>> round(left, 3), round(back, 3), round(right, 3)
+    (0.5, -1.0, 0.5)
+    """
+    rim = turn * radius
+    return (
+        OMNI_COSINE[0] * sideways - OMNI_SINE[0] * forward + rim,
+        OMNI_COSINE[1] * sideways - OMNI_SINE[1] * forward + rim,
+        OMNI_COSINE[2] * sideways - OMNI_SINE[2] * forward + rim,
+    )
+
+
+@compiled
+def omni_to_motion(wheels, radius, motion):
+    """Write the motions (n, 3) of bodies on three omni-wheels."""
+    for i in range(wheels.shape[0]):
+        x, y, turn = 0.0, 0.0, 0.0
+        for w in range(3):
+            x -= OMNI_SINE[w] * wheels[i, w]
+            y += OMNI_COSINE[w] * wheels[i, w]
+            turn += wheels[i, w]
+        motion[i, 0], motion[i, 1], motion[i, 2] = 2.0 * x / 3.0, 2.0 * y / 3.0, turn / (3.0 * radius[i])
+
+
+@compiled
+def motion_to_omni(motion, radius, wheels):
+    """Write the rim speeds (n, 3) of three omni-wheels that make these motions."""
+    for i in range(motion.shape[0]):
+        speeds = omni_speeds(motion[i, 0], motion[i, 1], motion[i, 2], radius[i])
+        wheels[i, 0], wheels[i, 1], wheels[i, 2] = speeds
 
 
 @compiled
@@ -134,18 +258,50 @@ def slipped_wheels(command, slip_probability, slip_magnitude, design, draws, whe
 
     Parameters
     ----------
-    command, wheels : ndarrays, shape (n, 2)
+    command, wheels : ndarrays, shape (n, w)
     slip_probability, slip_magnitude : ndarrays, shape (d,)
         One a design.
     design : int64 ndarray, shape (n,)
-    draws : ndarray, shape (n, 2)
+    draws : ndarray, shape (n, w)
         Uniform in [0, 1).
     """
     for i in range(command.shape[0]):
         d = design[i]
-        for w in range(2):
+        for w in range(command.shape[1]):
             slips = draws[i, w] < slip_probability[d]
             wheels[i, w] = command[i, w] * (1.0 - slip_magnitude[d]) if slips else command[i, w]
+
+
+@compiled
+def accelerate(command, acceleration, design, sideways, speed):
+    """Bring the speeds that motors have reached nearer to the commands, by at most their acceleration.
+
+    Parameters
+    ----------
+    command : ndarray, shape (n, w)
+    acceleration : ndarray, shape (d,)
+        Of a design, infinite for no limit.
+    design : int64 ndarray, shape (n,)
+    sideways : bool ndarray, shape (d,)
+        Whether the velocity as a whole is limited, or else each number alone.
+    speed : ndarray, shape (n, w)
+        Those of the step before; written.
+    """
+    for i in range(command.shape[0]):
+        most, as_whole = acceleration[design[i]], sideways[design[i]]
+        largest = math.hypot(command[i, 0] - speed[i, 0], command[i, 1] - speed[i, 1])
+        for w in range(command.shape[1]):
+            change = command[i, w] - speed[i, w]
+            size = largest if as_whole else abs(change)
+            speed[i, w] = command[i, w] if size <= most else speed[i, w] + change * (most / size)
+
+
+@compiled
+def clear_unused(command, design, numbers):
+    """Set to 0 the numbers of commands (n, w) that the drive of a design does not have; `numbers` (d,) it has."""
+    for i in range(command.shape[0]):
+        for w in range(numbers[design[i]], command.shape[1]):
+            command[i, w] = 0.0
 
 
 @compiled
@@ -154,19 +310,20 @@ def limit_command(command, max_speed, design, sideways):
 
     Parameters
     ----------
-    command : ndarray, shape (n, 2)
+    command : ndarray, shape (n, w)
     max_speed : ndarray, shape (n,)
     design : int64 ndarray, shape (n,)
     sideways : bool ndarray, shape (d,)
         Whether commands to robots of a design are velocities, which are limited as a whole, or else each number alone.
     """
     for i in range(command.shape[0]):
-        if math.isnan(command[i, 0]) or math.isnan(command[i, 1]):
-            return i
+        for w in range(command.shape[1]):
+            if math.isnan(command[i, w]):
+                return i
         if sideways[design[i]]:
             command[i, 0], command[i, 1] = no_longer(command[i, 0], command[i, 1], max_speed[i])
             continue
-        for w in range(2):
+        for w in range(command.shape[1]):
             value = command[i, w]
             if not (-max_speed[i] <= value <= max_speed[i]):
                 command[i, w] = max_speed[i] if value > 0.0 else -max_speed[i]

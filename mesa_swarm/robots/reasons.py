@@ -24,12 +24,14 @@ class Moment:
     bearing : ndarray, shape (s,), rad
     forward : (int, int, int)
         Indices of its front, left and right sensor, -1 for none.
-    command : ndarray, shape (2,)
+    command : ndarray, shape (numbers,)
         In this step.
     turns : bool
         Whether the command is wheel speeds left and right; else it is speeds forward and sideways.
     columns : dict
         Its other stored columns, by name: heat, hot, fire, ...
+    moved : (float, float, float) or None
+        What the command asks of the body: speeds forward and sideways, and the turn, rad. None where `turns` states it.
     """
 
     distance: np.ndarray
@@ -40,6 +42,7 @@ class Moment:
     command: np.ndarray
     turns: bool
     columns: dict
+    moved: tuple[float, ...] | None = None
 
     def seeing(self, kind: int, *, ahead: bool = False) -> list[int]:
         """Return the sensors that see such a thing, nearest first; only those within 90 degrees if `ahead`."""
@@ -61,11 +64,13 @@ class Moment:
     @property
     def motion(self) -> str:
         """Its command in words, such as "turns left on the spot", "goes ahead at 0.7", "stays"."""
+        if self.moved is not None:
+            return _motion_in_words(*self.moved)
         left, right = self.command
         if abs(left) + abs(right) < TINY:
             return "stays"
         if not self.turns:
-            return f"moves at {np.hypot(left, right):.2g} towards {np.degrees(np.arctan2(right, left)):+.0f} degrees"
+            return _motion_in_words(left, right, 0.0)
         if abs(right - left) < TINY:
             return f"{'goes ahead' if left > 0 else 'backs up'} at {abs(left):.2g}"
         how = "on the spot" if abs(left + right) < TINY else "while moving"
@@ -86,6 +91,15 @@ class Moment:
         thing = THINGS.get(int(self.kind[sensor]), "nothing")
         value = f"{self.distance[sensor]:.1f} ({thing})" if self.kind[sensor] >= 0 else thing
         return f"{self.name(sensor)} {value}"
+
+
+def _motion_in_words(forward: float, sideways: float, turn: float) -> str:
+    """Return the motion of a body that may go in any direction and turn at once."""
+    speed, side = np.hypot(forward, sideways), "left" if turn > 0 else "right"
+    if speed < TINY:
+        return "stays" if abs(turn) < TINY else f"turns {side} on the spot"
+    where = f"moves at {speed:.2g} towards {np.degrees(np.arctan2(sideways, forward)):+.0f} degrees"
+    return where if abs(turn) < TINY else f"{where} while turning {side}"
 
 
 @dataclass(frozen=True, slots=True)

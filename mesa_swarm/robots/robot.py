@@ -1,13 +1,13 @@
 """One robot: a handle on a row of the swarm, and a Mesa agent."""
 
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 from mesa import Model
 from numpy.typing import NDArray
 
-from mesa_swarm.errors import RemovedRobotError, check_choice, check_number
+from mesa_swarm.errors import RemovedRobotError, check_choice, check_name, check_number
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.swarm import Swarm
@@ -98,14 +98,27 @@ class Robot(ArenaAgent):
         return self.swarm.designs[self._read("design")]
 
     @property
+    def group(self) -> str:
+        """The name of its group, "" for none; `model.control` may have an arbiter for each."""
+        group = int(self._read("group"))
+        return self.swarm.groups[group] if group >= 0 else ""
+
+    @group.setter
+    def group(self, value: str) -> None:
+        row, model = self.alive(), cast(Any, self.model)
+        name = value if value == "" else check_name("group", value)
+        model._check_driven(self.design, name)
+        self.swarm.set_group(row, name)
+
+    @property
     def radius(self) -> float:
         """Radius of its body, map units."""
         return float(self._read("radius"))
 
     @property
     def command(self) -> NDArray[np.float64]:
-        """Commanded rim speeds, left and right."""
-        return self._read("command").copy()
+        """Commanded rim speeds, left and right, or as many numbers as its drive has."""
+        return self._read("command")[: self.design.numbers].copy()
 
     @property
     def layer(self) -> int:
@@ -155,7 +168,7 @@ class Robot(ArenaAgent):
     @property
     def slip(self) -> NDArray[np.float64]:
         """The truth about its wheels, left and right: 0 rolled as commanded, 1 not at all (A.5)."""
-        return self._read("slip").copy()
+        return self._read("slip")[: self.design.numbers].copy()
 
     @property
     def heat(self) -> float:

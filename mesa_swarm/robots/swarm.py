@@ -45,10 +45,13 @@ class Swarm:
         Counts the robots from 0 in the order in which they were added; robots that are removed leave gaps.
     design : int64 ndarray, shape (n,)
         Index in `designs`.
+    group : int64 ndarray, shape (n,)
+        Index in `groups`, -1 for none.
     position : ndarray, shape (n, 2), map units
     heading : ndarray, shape (n,), rad in [-pi, pi)
-    command, last_command : ndarrays, shape (n, 2)
-        Commanded rim speeds left and right, map units a step; those of the step before.
+    command, last_command : ndarrays, shape (n, w)
+        Commanded rim speeds left and right, map units a step; those of the step before. As many numbers as the widest
+        drive has; those that a robot's drive does not have are 0.
     layer : int64 ndarray, shape (n,)
         Index of the layer that won, -1 if none was active.
     task : int64 ndarray, shape (n,)
@@ -70,8 +73,8 @@ class Swarm:
         The highest temperature of a fire in the sector of each radiation sensor, 0 to 1, 0 for none.
     line : bool ndarray, shape (n, l)
         Whether each line sensor is over a mark on the ground.
-    slip : ndarray, shape (n, 2)
-        (m - v) / m of the left and the right wheel, 0 where m = 0 (A.5). The truth; robots do not know it.
+    slip : ndarray, shape (n, w)
+        (m - v) / m of each wheel, 0 where m = 0 (A.5). The truth; robots do not know it.
     collided : bool ndarray, shape (n,)
         Whether the robot overlapped anything during the step.
     contact_kind, contact_index : int64 ndarrays, shape (n,)
@@ -98,6 +101,7 @@ class Swarm:
 
     number: NDArray[np.int64] = _column((), np.int64, 0)
     design: NDArray[np.int64] = _column((), np.int64, 0)
+    group: NDArray[np.int64] = _column((), np.int64, -1)
     position: NDArray[np.float64] = _column((2,), np.float64, 0.0)
     heading: NDArray[np.float64] = _column((), np.float64, 0.0)
     radius: NDArray[np.float64] = _column((), np.float64, 0.0)
@@ -108,8 +112,8 @@ class Swarm:
     error: NDArray[np.float64] = _column(("proximity",), np.float64, 0.0)
     radiation: NDArray[np.float64] = _column(("radiation",), np.float64, 0.0)
     line: NDArray[np.bool] = _column(("line",), np.bool_, False)
-    command: NDArray[np.float64] = _column((2,), np.float64, 0.0)
-    last_command: NDArray[np.float64] = _column((2,), np.float64, 0.0)
+    command: NDArray[np.float64] = _column(("wheels",), np.float64, 0.0)
+    last_command: NDArray[np.float64] = _column(("wheels",), np.float64, 0.0)
     layer: NDArray[np.int64] = _column((), np.int64, -1)
     task: NDArray[np.int64] = _column((), np.int64, -1)
     goal: NDArray[np.float64] = _column((2,), np.float64, math.nan)
@@ -118,7 +122,7 @@ class Swarm:
     heard_task: NDArray[np.int64] = _column((), np.int64, -1)
     heard_from: NDArray[np.float64] = _column((2,), np.float64, math.nan)
     heard_goal: NDArray[np.float64] = _column((2,), np.float64, math.nan)
-    slip: NDArray[np.float64] = _column((2,), np.float64, 0.0)
+    slip: NDArray[np.float64] = _column(("wheels",), np.float64, 0.0)
     collided: NDArray[np.bool] = _column((), np.bool_, False)
     contact_kind: NDArray[np.int64] = _column((), np.int64, -1)
     contact_index: NDArray[np.int64] = _column((), np.int64, -1)
@@ -134,6 +138,8 @@ class Swarm:
         self.agents: list = []
         self.disturbed = False
         self.version = 0
+        self.groups: tuple[str, ...] = ()
+        self.regrouped = 0
         self._created = 0
         self._memory: dict[str, tuple[tuple, type, object]] = {}
         self._messages: dict[str, tuple[tuple, type, object]] = {}
@@ -177,8 +183,9 @@ class Swarm:
         position: np.ndarray,
         heading: np.ndarray,
         tendency: np.ndarray,
+        group: str = "",
     ) -> np.ndarray:
-        """Append robots of one design and return their rows; their handles are set by the caller."""
+        """Append robots of one design and group and return their rows; their handles are set by the caller."""
         if design not in self.designs:
             self.check_parts(design)
             self.table = DesignTable.of((*self.designs, design))
@@ -188,6 +195,7 @@ class Swarm:
         for name, values in {
             "number": np.arange(self._created, self._created + new),
             "design": self.designs.index(design),
+            "group": self._index_of(group),
             "position": position,
             "heading": heading,
             "radius": design.radius,
@@ -248,6 +256,17 @@ class Swarm:
         met[(kinds == kind) & (met == index)] = BORDER
         met[(kinds == kind) & (met > index)] -= 1
 
+    def set_group(self, row: int, group: str) -> None:
+        """Move a robot to a group, "" for none."""
+        self.columns["group"][row] = self._index_of(group)
+        self.regrouped += 1
+
+    def _index_of(self, group: str) -> int:
+        """Return the index of a group, which is made if it is new, -1 for none."""
+        if group and group not in self.groups:
+            self.groups = (*self.groups, group)
+        return self.groups.index(group) if group else -1
+
     def remember(self, name: str, shape: tuple[int | str, ...], dtype: type, initial: object) -> np.ndarray:
         """Return the column of a layer's memory of each robot, made if it is new."""
         if name not in self.columns:
@@ -299,6 +318,7 @@ class Swarm:
             "proximity": self.table.proximity.shape[1],
             "radiation": self.table.radiation.shape[1],
             "line": self.table.line.shape[1],
+            "wheels": self.table.wheels,
             **self.table.readings,
         }
         declared = {**COLUMNS, **self.table.columns(), **self._messages, **self._memory}

@@ -1,21 +1,26 @@
 """Animated SVG of a recording."""
 
+from base64 import b64encode
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from io import BytesIO
 from math import ceil, floor, log10
 from pathlib import Path
 from xml.sax.saxutils import escape
 
 import numpy as np
 import shapely
+from PIL import Image
 
 from mesa_swarm.errors import ExportError, InvalidValueError
 from mesa_swarm.files import write_whole
 from mesa_swarm.progress import Progress, progress_bar
-from mesa_swarm.recording.frames import Frame
-from mesa_swarm.viewing.palette import LIGHT, fire_colour
+from mesa_swarm.recording.frames import Frame, field_levels
+from mesa_swarm.viewing.packing import MOST_PIXELS
+from mesa_swarm.viewing.palette import LIGHT, fire_colour, scalar_pixels
 from mesa_swarm.viewing.pictures import USUAL
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
+from mesa_swarm.world.fields import shrunk
 from mesa_swarm.world.shapes import Shape
 
 # The caption is so high, as a share of the map's longer side.
@@ -100,6 +105,14 @@ def export_animation(drawn: PicturedSteps, path: Path, steps: Sequence[int], *, 
     write_whole(path, Animation(drawn, frames, fps).text(), ExportError)
 
 
+def _png_of(levels: np.ndarray, place: int) -> str:
+    """Return a picture of a field as a PNG in base 64, its first row that of the field, at most `MOST_PIXELS`."""
+    file = BytesIO()
+    small = np.rint(shrunk(levels, MOST_PIXELS)).astype(np.uint8)
+    Image.fromarray(scalar_pixels(small, place), "RGBA").save(file, "PNG")
+    return b64encode(file.getvalue()).decode()
+
+
 def _noted(frame: Frame, bar: Progress) -> Frame:
     bar.update(1)
     return frame
@@ -135,6 +148,7 @@ class Animation:
             f"<defs>{''.join(self._bodies())}</defs>",
             f'{frame} fill="{LIGHT.ground}"/>',
             f'<clipPath id="world">{frame}/></clipPath><g clip-path="url(#world)"><g transform="{turned}">',
+            *self._fields(),
             *self._standing(),
             *self._loads(),
             *self._fires(),
@@ -161,6 +175,18 @@ class Animation:
                 if shapes:
                     outlines = "".join(self._outline(shape) for shape in shapes)
                     yield f'<path class="{label}" fill="{colour}" d="{outlines}">{when}</path>'
+
+    def _fields(self) -> Iterator[str]:
+        """Yield each picture of a field once; the group is turned upside down, as the rows of fields are."""
+        x_min, y_min, _, _ = self._drawn.scene.bounds
+        x, y, width, height = (self._numbers(length) for length in (x_min, y_min, *self._size))
+        place_of = f'x="{x}" y="{y}" width="{width}" height="{height}" preserveAspectRatio="none"'
+        for place, name in enumerate(self._drawn.scene.fields):
+            shown = [_png_of(field_levels(frame, name), place) for frame in self._frames]
+            for picture in dict.fromkeys(shown):
+                seen = ["visible" if one == picture else "hidden" for one in shown]
+                when = self._clock.jumping("visibility", seen)
+                yield f'<image class="field" {place_of} href="data:image/png;base64,{picture}">{when}</image>'
 
     def _outline(self, shape: Shape) -> str:
         if shape.is_disc:

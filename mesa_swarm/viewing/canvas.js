@@ -10,6 +10,7 @@
      stage.fit(); stage.zoom(1.5); stage.follow(id); stage.select(id);
      new Stage(canvas, world, { covered: () => ({ left: 0, right: 52, top: 0, bottom: 44 }) });  // px that buttons cover
      stage.legend();                      // [{ name, colour }] of the layers that drive robots
+     stage.fields();                      // the same of scalar fields
      stage.destroy();
 
    The wheel zooms, dragging pans, a click selects. The canvas is drawn at the size that CSS gives it.
@@ -21,6 +22,7 @@
      designs     [{ name, radius, holonomic, sensors: [[mount_x, mount_y, bearing, half_angle, range], ...] }]
      layers      names; the column layer holds indices into them
      columns     [{ name, table, width, type }] of a packed frame, in its order
+     fields      names of the scalar fields, if there are any
 
    frame: step, counts { robots, sensors, fires, loads, contacts }, and typed arrays, row after row:
      ids         Int32, unique_id of each robot
@@ -32,6 +34,7 @@
      fires       Float32, x, y, radius, temperature, robots, 1 if out
      loads       Float32, index in world.loads, x, y, heading
      contacts    Float32, row of the robot, azimuth from it to what it met
+     fields      [{ rows, columns, levels }] of each field, from the bottom up: Uint8, 255 is its largest value so far
    Columns other than ids and pose may be missing. */
 
 export const TOGGLES = [
@@ -86,7 +89,15 @@ export function unpacked(world, bytes) {
     frame[name] = new kinds[type](buffer, at, length);
     at += frame[name].byteLength;
   }
+  if (world.fields) frame.fields = world.fields.map(picture);
   return frame;
+
+  function picture() {
+    at += -at & 3;
+    const [rows, columns] = new Int32Array(buffer, at, 2), levels = new Uint8Array(buffer, at + 8, rows * columns);
+    at += 8 + levels.length;
+    return { rows, columns, levels };
+  }
 }
 
 const NOTHING = { left: 0, right: 0, top: 0, bottom: 0 };
@@ -204,6 +215,11 @@ export class Stage {
     return this.#world.layers.map((name, index) => ({ name, colour: this.#layerColour(index) }));
   }
 
+  /** Return the scalar fields and their colours. */
+  fields() {
+    return (this.#world.fields ?? []).map((name, index) => ({ name, colour: this.#fieldColour(index).slice(0, 7) }));
+  }
+
   /** Return where on the canvas a point of the map is, in CSS pixels. */
   toCanvas(x, y) {
     const view = this.#view;
@@ -243,6 +259,7 @@ export class Stage {
     const frame = this.#frame, rows = this.#rowsInSight(frame), detailed = rows.length <= MOST_DETAILED;
     const on = this.#toggles, rings = on.layers && frame.layer;
     this.#toMap(context);
+    if (frame.fields) this.#drawFields(frame.fields);
     this.#drawFires(frame);
     this.#drawLoads(frame);
     if (on.labels && frame.counts.fires) this.#drawNumbers(frame);
@@ -264,6 +281,11 @@ export class Stage {
   #layerColour(index) {
     const { layers, no_layer } = this.#colours;
     return index < 0 ? no_layer : layers[index % layers.length];
+  }
+
+  #fieldColour(index) {
+    const { scalars } = this.#colours;
+    return scalars[index % scalars.length];
   }
 
   get #pixel() { return 1 / this.#view.scale; }
@@ -317,6 +339,13 @@ export class Stage {
     const [x0, y0, x1, y1] = this.#world.bounds;
     context.fillStyle = colours.ground;
     context.fillRect(x0, y0, x1 - x0, y1 - y0);
+    this.#drawStanding(context);
+    if (!this.#world.fields) this.#drawScale(context);
+    return (this.#still = still);
+  }
+
+  #drawStanding(context) {
+    const colours = this.#colours, [x0, y0, x1, y1] = this.#world.bounds;
     for (const wanted of [true, false]) {
       context.fillStyle = wanted ? colours.mark : colours.obstacle;
       for (const { path, mark } of this.#shapes) if (Boolean(mark) === wanted) context.fill(path, "evenodd");
@@ -324,8 +353,17 @@ export class Stage {
     context.strokeStyle = colours.border;
     context.lineWidth = 1.5 * this.#pixel;
     context.strokeRect(x0, y0, x1 - x0, y1 - y0);
+  }
+
+  /** Draw fields on the ground, and on them what stands still. */
+  #drawFields(fields) {
+    const context = this.#context, [x0, y0, x1, y1] = this.#world.bounds;
+    fields.forEach((field, index) => {
+      context.drawImage(fieldImage(field, this.#fieldColour(index)), x0, y0, x1 - x0, y1 - y0);
+    });
+    this.#drawStanding(context);
     this.#drawScale(context);
-    return (this.#still = still);
+    this.#toMap(context);
   }
 
   #drawScale(context) {
@@ -333,6 +371,8 @@ export class Stage {
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     const x = 14, y = this.#height - 14, text = `${Number(length.toPrecision(2))} units`;
     context.font = "600 12px system-ui, sans-serif";
+    context.textAlign = "left";
+    context.textBaseline = "alphabetic";
     context.fillStyle = this.#colours.ground;
     context.globalAlpha = 0.85;
     context.fillRect(x - 7, y - 22, Math.max(pixels, context.measureText(text).width) + 14, 30);
@@ -864,6 +904,24 @@ function pathOf({ disc: round, rings = [] }) {
     path.closePath();
   }
   return path;
+}
+
+/** Return a field as an image, its first row that of the field; coloured as by `scalar_pixels` in palette.py. */
+function fieldImage(field, colour) {
+  if (field.image?.colour === colour) return field.image.canvas; // the same frame is drawn anew when the view changes
+  const { rows, columns, levels } = field, canvas = document.createElement("canvas");
+  [canvas.width, canvas.height] = [columns, rows];
+  const context = canvas.getContext("2d"), image = context.createImageData(columns, rows);
+  const [red, green, blue, most] = [1, 3, 5, 7].map((place) => parseInt(colour.slice(place, place + 2), 16));
+  const shades = new Uint8Array(1024);
+  for (let level = 0; level < 256; level++) {
+    shades.set([red, green, blue, Math.floor((level * most) / 255 + 0.5)], 4 * level);
+  }
+  const words = new Uint32Array(shades.buffer), pixels = new Uint32Array(image.data.buffer);
+  for (let k = 0; k < pixels.length; k++) pixels[k] = words[levels[k]];
+  context.putImageData(image, 0, 0);
+  field.image = { colour, canvas };
+  return canvas;
 }
 
 /** Return the colour of a fire; rounded as by `fire_steps` in palette.py. */

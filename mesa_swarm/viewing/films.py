@@ -17,7 +17,7 @@ from mesa_swarm.errors import ExportError, InvalidValueError
 from mesa_swarm.files import draft_of
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.frames import NO_ROWS, Frame
-from mesa_swarm.viewing.palette import LIGHT, rgb
+from mesa_swarm.viewing.palette import LIGHT, rgb, scalar_pixels
 from mesa_swarm.viewing.pictures import (
     CAPTION,
     MARGIN,
@@ -30,9 +30,12 @@ from mesa_swarm.viewing.pictures import (
 )
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
 from mesa_swarm.viewing.scene import Scene
+from mesa_swarm.world.fields import LEVELS
 
 DOTS_PER_INCH = 100
 END = b";"
+# Colours of fields in a GIF, for all of them together.
+FIELD_SHADES = 96
 # GIF: the next frame is drawn over this one.
 IN_PLACE = 1
 # Shares of a colour in the steps between it and paper or ink, for smooth edges.
@@ -70,10 +73,12 @@ class Screen:
         draw_frame(axes, frame, scene, self._look.sectors)
         if self._look.trails:
             draw_trails(axes, self._drawn, step, self._look.trails)
-        new = sorted((artist for artist in axes.get_children() if artist not in standing), key=lambda a: a.zorder)
+        new = [artist for artist in axes.get_children() if artist not in standing]
+        new = sorted([*new, *(self._standing if scene.fields else [])], key=lambda artist: artist.zorder)
         for artist in new:
             axes.draw_artist(artist)
-            artist.remove()
+            if artist not in standing:
+                artist.remove()
         self._write_captions(frame)
         return np.asarray(self._canvas.buffer_rgba())
 
@@ -131,13 +136,13 @@ def export_gif(
     """Write steps as an animated GIF that repeats, whole or not at all; frames last whole hundredths of a second."""
     screen = Screen(drawn, look)
     with draft_of(path, ExportError) as draft, draft.open("wb") as file:
-        for part in _parts(film_frames(screen, steps, progress), 10 * round(100 / fps)):
+        for part in _parts(film_frames(screen, steps, progress), 10 * round(100 / fps), len(drawn.scene.fields)):
             file.write(part)
 
 
-def _parts(frames: Iterator[np.ndarray], milliseconds: int) -> Iterator[bytes]:
+def _parts(frames: Iterator[np.ndarray], milliseconds: int, fields: int = 0) -> Iterator[bytes]:
     """Yield a GIF in pieces, so that no more than two frames are in memory."""
-    colours = palette()
+    colours = palette(fields)
     last = None
     for pixels in frames:
         image = Image.fromarray(pixels[..., :3]).quantize(palette=colours, dither=Image.Dither.NONE)
@@ -157,21 +162,32 @@ def _changed(last: Image.Image | None, image: Image.Image) -> tuple[int, int, in
     return ImageChops.difference(before, now).getbbox() or (0, 0, 1, 1)
 
 
-def palette() -> Image.Image:
-    """Return the colours of all pictures, with some steps between them, as an image with 256 of them."""
+def palette(fields: int = 0) -> Image.Image:
+    """Return the colours of all pictures, with some steps between them, as an image with 256 of them.
+
+    With this number of scalar fields there are fewer greys, and shades of each field.
+    """
     flat = [LIGHT.robot, LIGHT.robot_hot, LIGHT.robot_front, LIGHT.obstacle, LIGHT.load, LIGHT.mark]
     flat += [LIGHT.sector, LIGHT.border, LIGHT.robot_outline, LIGHT.fire_rim]
     ground, outline, front = rgb(LIGHT.ground), rgb(LIGHT.robot_outline), rgb(LIGHT.robot_front)
     exact = [rgb(colour) for colour in (*flat, LIGHT.ground, LIGHT.field, LIGHT.ink, LIGHT.ashes)]
     heat = [rgb(colour) for colour in LIGHT.fire]
     # Pillow takes the colour nearest to a small cube of them: greys near the paper would take its place.
-    greys = [(grey, grey, grey) for grey in np.linspace(0, 224, 40)]
+    greys = [(grey, grey, grey) for grey in np.linspace(0, 224, 8 if fields else 40)]
     mixed = [_mixed(colour, other) for colour in flat for other in (ground, outline)]
     mixed += [_mixed(back, front) for back in (LIGHT.robot, LIGHT.robot_hot)]
+    mixed += [_shades(place, ground, FIELD_SHADES // fields) for place in range(min(fields, len(LIGHT.scalars)))]
     table = np.rint(np.concatenate([exact, heat, greys, *mixed])).astype(np.uint8)[:256]
     image = Image.new("P", (1, 1))
     image.putpalette(np.resize(table, (256, 3)).tobytes())
     return image
+
+
+def _shades(place: int, ground: np.ndarray, number: int) -> np.ndarray:
+    """Return colours of a field on the ground, evenly from none to its largest value."""
+    opaque = scalar_pixels(np.array([LEVELS]), place)[0] / 255
+    shares = opaque[3] * np.linspace(0, 1, number + 1)[1:, None]
+    return ground + shares * (255 * opaque[:3] - ground)
 
 
 def _mixed(colour: str, ground: np.ndarray) -> np.ndarray:

@@ -12,6 +12,9 @@ A chunk is a zlib stream of segments, within which nothing is added or removed. 
 3. float32: x, y and radius of each fire;
 4. tracks: columns of unsigned whole numbers, each of them a table (rows, values), see `_coded`;
 5. zeros up to a multiple of four bytes.
+
+Pictures of scalar fields are shrunk to at most 20,000 pixels in chunks. If the scene has fields, rows and columns of
+the picture of each follow the first numbers of a segment (int32), and their pixels are its last tracks.
 """
 
 import zlib
@@ -19,8 +22,10 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from mesa_swarm.recording.frames import NO_ROWS, Frame
+from mesa_swarm.recording.frames import NO_ROWS, Frame, field_levels
+from mesa_swarm.recording.layout import PIXELS
 from mesa_swarm.viewing.scene import COLUMNS, Scene
+from mesa_swarm.world.fields import shrunk
 
 TYPES = {"f4": "<f4", "i4": "<i4", "i1": "i1"}
 MOST_INDEX = 127
@@ -33,8 +38,10 @@ GOES_ON, STAYS = 2, 1
 # What frames of a model are packed from.
 PACKED_FROM = (
     *("position", "heading", "distance", "kind", "command", "temperature", "heard_from", "layer"),
-    *("fires", "loads", "contacts"),
+    *("fires", "loads", "contacts", "fields"),
 )
+# Pixels of a field in each row of a chunk.
+MOST_PIXELS = 20_000
 FIRE_FIELDS = ("x", "y", "radius", "temperature", "robots", "out")
 LOAD_FIELDS = ("x", "y", "heading")
 # The columns of one step by name, as `drawn_columns` returns them.
@@ -45,12 +52,17 @@ def packed_frame(frame: Frame, scene: Scene) -> bytes:
     """Return a frame as the bytes that ``unpacked`` of ``canvas.js`` reads.
 
     Six little-endian int32: step, and how many robots, sensors, fires, loads and contacts; then the columns of the
-    scene, each row after row in its type. A frame of a model needs the columns `PACKED_FROM`.
+    scene, each row after row in its type. A frame of a model needs the columns `PACKED_FROM`. If the scene has fields,
+    of each follow zeros up to a multiple of four bytes, int32 rows and columns, and a byte a pixel, from below.
     """
     columns = drawn_columns(frame, scene)
     tables = [len(columns[name]) for name in ("fires", "loads", "contacts")]
     head = np.array([frame.step, len(frame.robots), _sensors(columns), *tables], "<i4")
-    return b"".join([head.tobytes(), *(columns[name].tobytes() for name in scene.columns)])
+    packed = b"".join([head.tobytes(), *(columns[name].tobytes() for name in scene.columns)])
+    for name in scene.fields:
+        picture = columns[PIXELS + name]
+        packed += bytes(-len(packed) % 4) + np.array(picture.shape, "<i4").tobytes() + picture.tobytes()
+    return packed
 
 
 def drawn_columns(frame: Frame, scene: Scene) -> Columns:
@@ -61,6 +73,8 @@ def drawn_columns(frame: Frame, scene: Scene) -> Columns:
     known, n = frame.columns, len(frame.robots)
     position, heading = known["position"], known.get("heading", np.zeros(n))
     drawn: Columns = {name: known[name] for name in ("distance", "kind", "command", "layer") if name in scene.columns}
+    if "command" in drawn:
+        drawn["command"] = drawn["command"][:, :2]  # others are of drives whose command is not drawn
     drawn["pose"] = pose = np.empty((n, 3), "<f4")
     pose[:, :2], pose[:, 2] = position, heading
     drawn["ids"] = frame.robots
@@ -73,7 +87,8 @@ def drawn_columns(frame: Frame, scene: Scene) -> Columns:
     drawn["fires"] = _fields(fires, FIRE_FIELDS)
     drawn["loads"] = _loads(loads, scene)
     drawn["contacts"] = _contacts(contacts, frame.robots)
-    return {name: _typed(values, COLUMNS[name][2]) for name, values in drawn.items()}
+    pictures = {PIXELS + name: field_levels(frame, name) for name in scene.fields}
+    return {name: _typed(values, COLUMNS[name][2]) for name, values in drawn.items()} | pictures
 
 
 def _typed(values: np.ndarray, kind: str) -> np.ndarray:
@@ -119,7 +134,13 @@ def _turned(vector: np.ndarray, heading: np.ndarray) -> np.ndarray:
 
 def packed_chunk(frames: Iterable[Frame], scene: Scene) -> bytes:
     """Return frames in the order of time as one chunk."""
-    return packed_rows(((frame.step, drawn_columns(frame, scene)) for frame in frames), scene.world())
+    return packed_rows(((frame.step, _less(drawn_columns(frame, scene))) for frame in frames), scene.world())
+
+
+def _less(columns: Columns) -> Columns:
+    """Return columns with smaller pictures of fields."""
+    small = {name: shrunk(values, MOST_PIXELS) for name, values in columns.items() if name.startswith(PIXELS)}
+    return {**columns, **{name: np.rint(values).astype(np.uint8) for name, values in small.items()}}
 
 
 def packed_rows(rows: Iterable[tuple[int, Columns]], world: dict) -> bytes:
@@ -141,17 +162,21 @@ def _segments(rows: Iterable[tuple[int, Columns]]) -> Iterator[list[tuple[int, C
 
 def _population(columns: Columns) -> tuple:
     bodies = columns["ids"], columns["fires"][:, :3], columns["loads"][:, 0], columns["design"]
-    return _sensors(columns), *(values.tobytes() for values in bodies)
+    pictures = [values.shape for name, values in columns.items() if name.startswith(PIXELS)]
+    return _sensors(columns), *(values.tobytes() for values in bodies), *pictures
 
 
 def _segment(segment: Sequence[tuple[int, Columns]], world: dict) -> bytes:
     steps, rows = zip(*segment, strict=True)
     first, contacts = rows[0], np.concatenate([columns["contacts"] for columns in rows])
     counts = [len(first["ids"]), _sensors(first), len(first["fires"]), len(first["loads"]), len(contacts)]
+    pictures = [PIXELS + name for name in world.get("fields", ())]
+    counts += [length for name in pictures for length in first[name].shape]
     whole = [[len(rows), *counts], steps, first["ids"].ravel(), first["loads"][:, 0], contacts[:, 0]]
     parts = [np.asarray(values).astype("<i4").tobytes() for values in whole]
     parts.append(first["fires"][:, :3].astype("<f4").tobytes())
     parts += [_coded(track, order) for track, order in _tracks(rows, contacts[:, 1], world)]
+    parts += [_coded(np.stack([columns[name] for columns in rows]), STAYS) for name in pictures]
     length = sum(map(len, parts))
     return b"".join([*parts, bytes(-length % 4)])
 

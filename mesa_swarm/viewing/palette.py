@@ -77,6 +77,8 @@ class Palette:
     faint: str
     band: str
     diverging: tuple[str, ...]
+    # Of scalar fields in order, at their largest value; smaller ones are more transparent.
+    scalars: tuple[str, ...]
 
 
 def rgb(colour: str) -> np.ndarray:
@@ -148,6 +150,7 @@ LIGHT = Palette(
     faint="#8a8a8a",
     band="#efefec",
     diverging=ramp("#f1a340", "#f7f7f7", "#998ec3", steps=33),
+    scalars=("#0f8b8dd9", "#a8650fd9", "#7a5195d9", "#5f7a1fd9"),
 )
 DARK = Palette(
     page="#14171c",
@@ -198,6 +201,7 @@ DARK = Palette(
     faint="#8c9097",
     band="#262c35",
     diverging=ramp("#8a5200", "#2b2f36", "#5c4f94", steps=33),
+    scalars=("#35c9c4d9", "#eba64fd9", "#b892e0d9", "#a9c46cd9"),
 )
 PALETTES = {"light": LIGHT, "dark": DARK}
 
@@ -210,6 +214,23 @@ def layer_colour(index: int, palette: Palette = LIGHT) -> str:
 def fire_colour(temperature: float, palette: Palette = LIGHT) -> str:
     """Return the colour of a fire that burns at this temperature, 0 to 1."""
     return palette.fire[int(fire_steps(temperature))]
+
+
+def scalar_colour(place: int, palette: Palette = LIGHT) -> str:
+    """Return the colour of a scalar field by its place among the fields of a model, without transparency."""
+    return palette.scalars[place % len(palette.scalars)][:7]
+
+
+def scalar_pixels(levels: np.ndarray, place: int, palette: Palette = LIGHT) -> np.ndarray:
+    """Return a picture of a field, from 0 to 255 (`levels_of`), as red, green, blue and opacity, shape (h, w, 4).
+
+    A pixel of 0 is transparent, one of 255 has the field's colour; ``canvas.js`` colours in the same way.
+    """
+    colour = palette.scalars[place % len(palette.scalars)]
+    pixels = np.empty((*levels.shape, 4), np.uint8)
+    pixels[..., :3] = rgb(colour)
+    pixels[..., 3] = (levels * float(int(colour[7:], 16)) / 255 + 0.5).astype(np.uint8)
+    return pixels
 
 
 def fire_steps(temperature: ArrayLike) -> np.ndarray:

@@ -15,6 +15,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import EllipseCollection, LineCollection, PatchCollection, PathCollection
 from matplotlib.colors import to_rgba_array
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Wedge
 from matplotlib.path import Path as Outline
@@ -24,10 +25,10 @@ from mesa_swarm.errors import ExportError, InvalidValueError, check_count, short
 from mesa_swarm.files import write_whole
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.progress import progress_bar
-from mesa_swarm.recording.frames import NO_ROWS, Frame, frame_of
+from mesa_swarm.recording.frames import NO_ROWS, Frame, field_levels, frame_of
 from mesa_swarm.robots.sensors import ProximitySensor, mount_of
 from mesa_swarm.viewing.final_state import FinalState
-from mesa_swarm.viewing.palette import LIGHT, fire_colour
+from mesa_swarm.viewing.palette import LIGHT, fire_colour, scalar_colour, scalar_pixels
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
 from mesa_swarm.viewing.scene import Scene, scene_of
 from mesa_swarm.world.map_parts import Bounds
@@ -133,7 +134,8 @@ def draw_scene(axes: Axes, scene: Scene, step: int) -> None:
 
 
 def draw_frame(axes: Axes, frame: Frame, scene: Scene, sectors: bool = False) -> None:
-    """Draw loads, fires and robots."""
+    """Draw fields, loads, fires and robots."""
+    _draw_fields(axes, frame, scene)
     _draw_shapes(axes, scene.loads(frame), LIGHT.load, 2, "loads")
     _draw_fires(axes, frame)
     if sectors:
@@ -141,6 +143,17 @@ def draw_frame(axes: Axes, frame: Frame, scene: Scene, sectors: bool = False) ->
     _draw_robots(axes, frame, scene.radius_of(frame.robots))
     if "perceived" in frame.columns:
         _draw_perceived(axes, frame)
+
+
+def _draw_fields(axes: Axes, frame: Frame, scene: Scene) -> None:
+    """Draw fields below all else, a pixel a cell."""
+    x_min, y_min, x_max, y_max = scene.bounds
+    for place, name in enumerate(scene.fields):
+        pixels = scalar_pixels(field_levels(frame, name), place)
+        image = AxesImage(axes, extent=(x_min, x_max, y_min, y_max), origin="lower", interpolation="nearest")
+        image.set_data(pixels)
+        image.set(zorder=0.5, label="fields", clip_path=axes.patch)
+        axes.add_image(image)
 
 
 def _draw_shapes(axes: Axes, shapes: Sequence[Shape], colour: str, height: int, label: str) -> None:
@@ -242,6 +255,9 @@ def legend_of(shown: Shown) -> list[Artist]:
     shapes = [("obstacle", LIGHT.obstacle, any(solid)), ("load", LIGHT.load, bool(scene.loads(frame)))]
     shapes += [("ground mark", LIGHT.mark, not all(solid))]
     entries: list[Artist] = [Patch(color=colour, label=label) for label, colour, seen in shapes if seen]
+    peaks = frame.columns.get("fields", NO_ROWS["fields"])["peak"].tolist()
+    for place, (name, peak) in enumerate(zip(scene.fields, peaks, strict=False)):
+        entries.append(Patch(color=scalar_colour(place), label=literal(f"{name}, full at {peak:.3g}")))
     if len(frame.robots):
         entries.append(_robot_entry("robot, its front pale", LIGHT.robot))
     if np.isfinite(frame.columns.get("perceived", np.nan)).any():

@@ -53,6 +53,7 @@ class Segment {
     this.world = world;
     this.rows = rows;
     this.counts = { robots, sensors, fires, loads };
+    this.pictures = (world.fields ?? []).map(() => source.ints(2));
     this.steps = source.ints(rows);
     this.ids = source.ints(robots);
     this.indices = source.ints(loads);
@@ -61,6 +62,7 @@ class Segment {
     this.tracks = this.#tracks(source);
     this.contacts = this.#ends(source.track(rows, 1, 2, 1));
     this.azimuths = source.track(contacts, 1, 1, 1);
+    this.fields = this.pictures.map(([high, wide]) => source.track(rows, high * wide, 1, 1));
     source.align();
   }
 
@@ -85,6 +87,7 @@ class Segment {
       fires: this.#firesAt(row),
       loads: this.#loadsAt(row),
       contacts,
+      fields: this.fields.length ? this.#fieldsAt(row) : undefined,
     };
   }
 
@@ -132,6 +135,13 @@ class Segment {
     if (!part) return part;
     const [x0, y0, x1, y1] = this.world.bounds, low = [x0, y0], size = [x1 - x0, y1 - y0];
     return Float32Array.from(part, (v, k) => (v === 65535 ? NaN : low[k % 2] + (v / 65534) * size[k % 2]));
+  }
+
+  #fieldsAt(row) {
+    return this.pictures.map(([rows, columns], k) => {
+      const size = rows * columns, levels = this.fields[k].subarray(row * size, (row + 1) * size);
+      return { rows, columns, levels };
+    });
   }
 
   #firesAt(row) {
@@ -364,7 +374,7 @@ class Player {
     this.stage.theme = theme;
     find("theme").setAttribute("aria-pressed", String(theme === "dark"));
     const rings = find("layers").querySelectorAll("i");
-    this.stage.legend().forEach(({ colour }, index) => (rings[index].style.borderColor = colour));
+    [...this.stage.legend(), ...this.stage.fields()].forEach(({ colour }, index) => (rings[index].style.borderColor = colour));
   }
 
   /** Show the progress, at once or now and then. */
@@ -398,7 +408,7 @@ class Player {
     const { layer } = this.stage.frame ?? {}, counts = this.stage.world.layers.map(() => 0);
     if (!layer) return;
     for (const index of layer) if (index >= 0) counts[index] += 1;
-    document.querySelectorAll("#layers li b").forEach((cell, index) => (cell.textContent = String(counts[index])));
+    document.querySelectorAll("#layers li b").forEach((cell, index) => (cell.textContent = String(counts[index] ?? "field")));
   }
 
   showRobot() {
@@ -443,7 +453,8 @@ class Player {
   }
 
   describeLayers() {
-    find("layers").replaceChildren(...this.stage.legend().map(({ name, colour }) => layerItem(name, colour)));
+    const items = [...this.stage.legend(), ...this.stage.fields()];
+    find("layers").replaceChildren(...items.map(({ name, colour }) => layerItem(name, colour)));
     find("layers-title").hidden = !this.stage.world.layers.length;
   }
 

@@ -399,6 +399,7 @@ class Player(Played):
         standing = model.obstacle_list
         last = standing[-1].unique_id if standing else 0  # ids only grow: with the number they identify every change
         key = id(model), model.swarm.version, len(standing), last, id(model.control), model.fire_constants.leave
+        key = *key, *model.fields
         if self._scene is None or key != self._scene_key:
             self._scene, self._scene_key = scene_of(model), key
         content = packed_frame(frame_of(model, PACKED_FROM), self._scene)

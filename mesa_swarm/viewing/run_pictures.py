@@ -139,7 +139,7 @@ def ethogram(model: FireModel, *, robots: int | None = None) -> Figure:
     snapshots = check_watched(model.watched, ("layer",), "draw", "watch(last=None)")
     if robots is not None:
         check_count("robots", robots, minimum=1)
-    names = [layer.name for layer in model.control.layers]
+    names = list(model.control.names)
     ids = [robot.unique_id for robot in model.swarm.agents[:robots]]
     return ethogram_figure(snapshots.steps, snapshots["layer"][:, :robots], names, ids)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.fire.model import FireModel
-from mesa_swarm.recording.frames import Frame
+from mesa_swarm.recording.frames import Frame, field_names
 from mesa_swarm.recording.provenance import map_of, scenery_of
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.robots.design import RobotDesign
@@ -58,6 +58,8 @@ class Scene:
     changes: tuple[tuple[int, dict], ...]
     # Which of `COLUMNS` frames in front of it can be packed with.
     columns: tuple[str, ...] = tuple(COLUMNS)
+    # The names of scalar fields, in the order of their colours.
+    fields: tuple[str, ...] = ()
 
     def world(self, step: int = 0) -> dict:
         """Return what a browser needs to draw frames of a step, as JSON: see the top of ``canvas.js``.
@@ -154,13 +156,20 @@ class Scene:
                 dict(zip(("name", "table", "width", "type"), (name, *COLUMNS[name]), strict=True))
                 for name in self.columns
             ],
+            **({"fields": list(self.fields)} if self.fields else {}),
         }
 
 
 def scene_of(model: FireModel) -> Scene:
     """Return the scene of a model; make it anew when robots, obstacles or loads were added or removed."""
     changes = ((model.completed, scenery_of(model)),)
-    return Scene(name=type(model).__name__, map=model.map.name, bounds=model.map.bounds, changes=changes)
+    return Scene(
+        name=type(model).__name__,
+        map=model.map.name,
+        bounds=model.map.bounds,
+        changes=changes,
+        fields=tuple(model.fields),
+    )
 
 
 def scene_of_recording(recording: Recording, sceneries: Sequence[tuple[int, dict]] = ()) -> Scene:
@@ -180,6 +189,7 @@ def scene_of_recording(recording: Recording, sceneries: Sequence[tuple[int, dict
         bounds=its_map.bounds,
         changes=tuple(sceneries or recording.sceneries or ((0, usual_scenery(recording)),)),
         columns=tuple(columns),
+        fields=field_names(recording.columns),
     )
 
 

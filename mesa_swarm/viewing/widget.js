@@ -248,8 +248,9 @@ class PlayerView {
   }
 
   #fillKey() {
-    const items = this.#stage?.legend() ?? [];
-    this.#parts.key.hidden = !this.#parts.on.layers || !items.length;
+    const stage = this.#stage, layers = this.#parts.on.layers ? stage?.legend() ?? [] : [];
+    const items = [...layers, ...(stage?.fields() ?? [])];
+    this.#parts.key.hidden = !items.length;
     this.#parts.key.replaceChildren(...items.map(({ name, colour }) => {
       const dot = make("i");
       dot.style.background = colour;

@@ -1,9 +1,9 @@
-"""Obstacles and loads: bodies with a shape, as Mesa agents, and the form of loads at any pose."""
+"""Obstacles and loads: bodies with a shape, as Mesa agents, and the form of a body at any pose."""
 
 import math
 import warnings
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import shapely
@@ -16,6 +16,7 @@ from mesa_swarm.errors import InvalidValueError, RemovedRobotError, check_number
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.world.arena import Arena, ArenaAgent
 from mesa_swarm.world.shapes import Coordinates, Shape
+from mesa_swarm.world.statics import KINDS, LOAD, OBSTACLE
 
 # Bodies may overlap by this share of their thickness, and by more at the tips of sharp corners: it is rounding.
 LOOSE = 1e-9
@@ -167,7 +168,58 @@ def _antiderivative(tangent: float) -> float:
     return tangent * math.hypot(1.0, tangent) + math.asinh(tangent)
 
 
-class Obstacle(ArenaAgent):
+class Body(ArenaAgent):
+    """Whatever has a shape and can be seen and bumped into, besides robots and fires; or a mark on the ground.
+
+    `World.add_body` makes an `Obstacle`, which stands still, a `Load`, which robots push, or a `Driven` body.
+
+    Attributes
+    ----------
+    mode : str
+        "fixed", "pushed" or "driven".
+    blocked : bool
+        Whether a driven body had to stop in the last step; False for all others.
+    """
+
+    mode = "fixed"
+    blocked = False
+    _stored_apart: ClassVar[tuple[str, ...]] = ("_kind",)
+
+    def __init__(self, space: Arena, model: Model, kind: str) -> None:
+        self._kind = kind
+        super().__init__(space, model)
+
+    def __repr__(self) -> str:
+        if self.space is None:
+            return f"<{type(self).__name__} {self.unique_id}, removed>"
+        x, y = (round(float(number), 2) for number in self.position)
+        name, mark = type(self).__name__, "" if self.contact else ", a mark"
+        own = "" if self.kind in ("obstacle", "load") else f", a {self.kind}"
+        return f"<{name} {self.unique_id}, {self.shape.kind} at ({x}, {y}){own}{mark}>"
+
+    @property
+    def kind(self) -> str:
+        """The name of what sensors see, one of `model.kinds`."""
+        return self._kind
+
+    @property
+    def contact(self) -> bool:
+        """Whether bodies bump into it; False for a mark on the ground."""
+        return self.shape.contact
+
+    def remove(self) -> None:
+        """Take the body out of the world, between two steps."""
+        if self.space is None:
+            raise RemovedRobotError("this obstacle has been removed already; take one from model.obstacles")
+        model = self.model
+        super().remove()
+        model.obstacles_changed()
+
+    if TYPE_CHECKING:  # an attribute, or what follows from the pose
+        shape: Shape
+
+
+class Obstacle(Body):
     """A static body, or a mark painted on the ground.
 
     Created by `SwarmModel.add_obstacle`; take it out with `remove()`. Its `shape` is from `disc`, `rectangle` or
@@ -176,23 +228,11 @@ class Obstacle(ArenaAgent):
 
     _stored_apart: ClassVar[tuple[str, ...]] = ("shape",)
 
-    def __init__(self, space: Arena, model: Model, shape: Shape) -> None:
+    def __init__(self, space: Arena, model: Model, shape: Shape, kind: str = KINDS[OBSTACLE]) -> None:
         self.shape = shape
-        super().__init__(space, model)
+        super().__init__(space, model, kind)
         index = space._agent_to_index[self]
         space._agent_positions[index] = shape.position
-
-    def __repr__(self) -> str:
-        if self.space is None:
-            return f"<{type(self).__name__} {self.unique_id}, removed>"
-        x, y = (round(float(number), 2) for number in self.position)
-        name = type(self).__name__
-        return f"<{name} {self.unique_id}, {self.shape.kind} at ({x}, {y}){'' if self.contact else ', a mark'}>"
-
-    @property
-    def contact(self) -> bool:
-        """Whether bodies bump into it; False for a mark on the ground."""
-        return self.shape.contact
 
     @property
     def position(self) -> np.ndarray:
@@ -202,14 +242,6 @@ class Obstacle(ArenaAgent):
     @position.setter
     def position(self, value: Coordinates) -> None:
         raise InvalidValueError("obstacles do not move; remove this one and add another")
-
-    def remove(self) -> None:
-        """Take the obstacle out of the world, between two steps."""
-        if self.space is None:
-            raise RemovedRobotError("this obstacle has been removed already; take one from model.obstacles")
-        model = self.model
-        super().remove()
-        model.obstacles_changed()
 
 
 class Load(Obstacle):
@@ -227,10 +259,12 @@ class Load(Obstacle):
         Number of robots that pushed it in the last step.
     """
 
+    mode = "pushed"
+
     _stored_apart: ClassVar[tuple[str, ...]] = ("form", "pose", "_resistance", "moved", "pushers")
 
-    def __init__(self, space: Arena, model: Model, shape: Shape, resistance: float) -> None:
-        super().__init__(space, model, shape)
+    def __init__(self, space: Arena, model: Model, shape: Shape, resistance: float, kind: str = KINDS[LOAD]) -> None:
+        super().__init__(space, model, shape, kind)
         self.form = Form.of(shape)
         x, y = shape.position.tolist()
         self.move_to((x, y, 0.0))

@@ -46,6 +46,9 @@ MOST_CELLS = 50_000_000
 MOST_SUB_STEPS = 1000
 # Sums of these are finite in every run.
 LARGEST_AMOUNT = 1e15
+# Of a picture of a field, and the largest of its levels.
+MOST_PIXELS = 120_000
+LEVELS = 255
 NO_SIDES = np.empty((0, 0), np.uint8)
 Bounds = tuple[float, float, float, float]
 
@@ -142,6 +145,8 @@ class ScalarField:
     declared : Field
     peak : float
         The largest value that a cell has ever had, to which colours of pictures refer.
+    changes : int
+        How often its values were changed other than by advancing.
     """
 
     def __init__(self, declared: Field, bounds: Bounds, walls: Callable[[], Sequence[Shape]] = tuple) -> None:
@@ -152,6 +157,7 @@ class ScalarField:
         self.declared = declared
         self.bounds = bounds
         self.peak = 0.0
+        self.changes = 0
         self._values = np.zeros((rows, columns))
         self._is_empty = True
         self._shapes = walls if declared.walls else tuple
@@ -255,6 +261,7 @@ class ScalarField:
         given = self._checked_amounts(amounts, len(points))
         taken = np.empty(len(points))
         withdraw(self._values.reshape(-1), self._cells(points), given, taken)
+        self._changed(0.0)
         return taken
 
     def at(self, positions: Any) -> np.ndarray:
@@ -348,6 +355,10 @@ class ScalarField:
         self._values[tuple(covered.T)] = 0.0
         self.add((covered[:, ::-1] + 0.5) * (width, height) + (x_min, y_min), amounts)
 
+    def levels(self, most: int = MOST_PIXELS) -> np.ndarray:
+        """Return the values as a picture of at most this many pixels, see `levels_of`."""
+        return levels_of(shrunk(self._values, most), self.peak)
+
     def checkpoint(self) -> dict:
         """Return all that a later step depends on."""
         return {"values": self._values, "peak": self.peak}
@@ -363,6 +374,7 @@ class ScalarField:
         self._walls, self._is_empty = None, not values.any()
 
     def _changed(self, largest: float) -> None:
+        self.changes += 1
         self._is_empty = self._is_empty and largest == 0.0
         self.peak = max(self.peak, largest)
 
@@ -393,6 +405,50 @@ class ScalarField:
             )
         _check_amounts("amounts", given)
         return np.ascontiguousarray(np.broadcast_to(given, n))
+
+
+def levels_of(values: np.ndarray, peak: float) -> np.ndarray:
+    """Return values as uint8 from 0 to 255: the square roots of their shares of a peak, so that faint ones are seen.
+
+    Examples
+    --------
+    >>> levels_of(np.array([0.0, 0.01, 1.0, 4.0]), 4.0)
+    array([  0,  13, 128, 255], dtype=uint8)
+    """
+    if peak <= 0.0:
+        return np.zeros(values.shape, np.uint8)
+    return np.rint(LEVELS * np.sqrt(np.clip(values / peak, 0.0, 1.0))).astype(np.uint8)
+
+
+def values_of(levels: np.ndarray, peak: float) -> np.ndarray:
+    """Return the values for which `levels_of` returned these levels, as nearly as they are known.
+
+    Examples
+    --------
+    >>> values_of(np.array([0, 128, 255], np.uint8), 4.0).round(2)
+    array([0.  , 1.01, 4.  ])
+    """
+    return peak * (levels / LEVELS) ** 2
+
+
+def shrunk(values: np.ndarray, most: int) -> np.ndarray:
+    """Return the means of square blocks of cells, so large that there are at most this many; the last may be narrower.
+
+    Examples
+    --------
+    >>> shrunk(np.arange(12.0).reshape(3, 4), 5)
+    array([[ 2.5,  4.5],
+           [ 8.5, 10.5]])
+    """
+    rows, columns = values.shape
+    side = 1
+    while -(-rows // side) * -(-columns // side) > most:
+        side += 1
+    if side == 1:
+        return values
+    y, x = np.arange(0, rows, side), np.arange(0, columns, side)
+    sums = np.add.reduceat(np.add.reduceat(values, y, axis=0, dtype=float), x, axis=1)
+    return sums / np.outer(np.diff(np.append(y, rows)), np.diff(np.append(x, columns)))
 
 
 class Fields(Mapping[str, ScalarField]):

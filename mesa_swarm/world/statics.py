@@ -1,4 +1,4 @@
-"""All bodies that do not move during a step, as arrays for the compiled engine."""
+"""All solid bodies but the robots, as arrays for the compiled engine."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,6 +11,9 @@ from mesa_swarm.geometry.grid import Grid, list_boxes_by_cell
 from mesa_swarm.world.shapes import Shape
 
 OBSTACLE, ROBOT, FIRE, LOAD, NOTHING = 0, 1, 2, 3, -1
+# The names of these kinds; custom ones follow, as far as the code fits into a byte.
+KINDS = ("obstacle", "robot", "fire", "load")
+MOST_KINDS = 127
 BORDER = -1
 FEWEST_CELLS = 4096
 CELLS_PER_ITEM = 4
@@ -20,9 +23,10 @@ MOST_LISTED = 3_000_000
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Statics:
-    """Edges and discs of all static bodies, listed by the cells of a grid.
+    """Edges and discs of all solid bodies, those that stand still listed by the cells of a grid.
 
-    An item is an edge (its index below ``len(edges)``) or a disc (the rest).
+    An item is an edge (its index below ``len(edges)``) or a disc (the rest). Items of driven bodies are in the tables
+    only; `physics.moving` lists them.
 
     Parameters
     ----------
@@ -33,8 +37,8 @@ class Statics:
     owner : int64 ndarray, shape (m + k,)
         Index of the obstacle or of the fire that an item belongs to, -1 for the border.
     kind, body : int8 ndarrays, shape (m + k,)
-        Of the item as sensors see it, and of the body: 0 obstacle or border, 2 fire, 3 load. A fire that is out is seen
-        as an obstacle, and remains a fire to bump into.
+        Of the item as sensors see it, and of the body: 0 obstacle or border, 2 fire, 3 load, from 4 on custom
+        kinds. A fire that is out is seen as an obstacle, and remains a fire to bump into.
     rings : int64 ndarray, shape (p, 2)
         First edge, and one past the last, of every solid polygon.
     bounds : ndarray, shape (4,)
@@ -70,11 +74,14 @@ class Statics:
         touch: float,
         loads: Sequence[int] = (),
         slack: float = 0.0,
+        codes: Sequence[int] = (),
+        driven: Sequence[int] = (),
     ) -> "Statics":
         """Collect the border, the solid shapes and the fires (x, y, radius) of a world.
 
         Sensors reach `sight` from a robot's centre, and a body within `touch` of it can be touched within a step. The
-        shapes with the indices `loads` may move by `slack` before they have to be listed anew.
+        shapes with the indices `loads` may move by `slack` before they have to be listed anew, those with the indices
+        `driven` are not listed. `codes` are the kinds of all shapes; without them loads are loads, the rest obstacles.
         """
         solid = [(i, shape) for i, shape in enumerate(shapes) if shape.contact]
         edges, edge_owner, rings = _edges_of(solid, _border(bounds))
@@ -82,13 +89,18 @@ class Statics:
         owner = np.concatenate([edge_owner, disc_owner, np.arange(len(fires))])
         body = np.zeros(len(owner), np.int8)
         body[len(owner) - len(fires) :] = FIRE
-        is_load = (body == OBSTACLE) & np.isin(owner, loads)
+        of_shape = (body == OBSTACLE) & (owner != BORDER)
+        is_load = of_shape & np.isin(owner, loads)
         body[is_load] = LOAD
+        if len(codes):
+            body[of_shape] = np.array(codes, np.int8)[owner[of_shape]]
         kind = body.copy()
         kind[len(owner) - len(fires) :][~burning] = OBSTACLE
         discs = np.concatenate([discs, fires.reshape(-1, 3)])
         boxes = _boxes(edges, discs)
         boxes[is_load] += slack * np.array([-1.0, -1.0, 1.0, 1.0])
+        still = np.flatnonzero(~(of_shape & np.isin(owner, driven)))
+        boxes = boxes[still]
         grid = _grid_for(boxes, bounds, sight, touch)
         seen_start, seen_items = list_boxes_by_cell(boxes, sight, grid.numbers)
         # The border is never crossed, so contact tests its four coordinates, not its edges.
@@ -103,9 +115,9 @@ class Statics:
             bounds=np.array(bounds, dtype=float),
             grid=grid,
             seen_start=seen_start,
-            seen_items=seen_items,
+            seen_items=still[seen_items],
             touched_start=touched[0],
-            touched_items=touched[1] + 4,
+            touched_items=still[touched[1] + 4],
             first_fire=len(discs) - len(fires),
         )
 
@@ -113,9 +125,13 @@ class Statics:
         """Update the kinds that sensors see: fires that are out are obstacles."""
         self.kind[len(self.edges) + self.first_fire :] = np.where(burning, FIRE, OBSTACLE)
 
+    def rows_of(self, index: int) -> np.ndarray:
+        """Return the items of a shape."""
+        return np.flatnonzero((self.owner == index) & (self.body != FIRE))
+
     def follow(self, index: int, shape: Shape) -> None:
         """Write the present shape of a load into its rows; its corners must be in the same order as before."""
-        rows = np.flatnonzero((self.owner == index) & (self.body == LOAD))
+        rows = self.rows_of(index)
         if shape.is_disc:
             self.discs[rows - len(self.edges)] = _discs_of([(index, shape)])[0]
         else:
@@ -182,6 +198,11 @@ def _edges_of(shapes: Sequence[tuple[int, Shape]], border: np.ndarray) -> tuple[
         rings.append((first, first + count))
         first += count
     return np.concatenate(parts), np.concatenate(owner), np.array(rings, np.int64).reshape(-1, 2)
+
+
+def edges_of(shape: Shape) -> np.ndarray:
+    """Return the edges of a polygon, shape (m, 4), in the order in which `Statics` has them."""
+    return _edges_of([(0, shape)], np.empty((0, 4)))[0]
 
 
 def _segments(ring: np.ndarray) -> np.ndarray:

@@ -132,7 +132,7 @@ def test_an_unexpected_error_is_one_line_too(typed, monkeypatch):
     def break_down():
         raise ZeroDivisionError("division\nby zero")
 
-    monkeypatch.setattr(run, "model_names", break_down)
+    monkeypatch.setattr(run, "loaded_models", break_down)
     status, _, err = typed("list")
     assert (status, err.count("\n")) == (2, 1)
     assert err.startswith("mesa-swarm: ZeroDivisionError: division by zero")
@@ -142,7 +142,7 @@ def test_an_error_of_the_system_names_the_file(typed, monkeypatch):
     def full():
         raise OSError(28, "No space left on device", "results/runs.csv")
 
-    monkeypatch.setattr(run, "model_names", full)
+    monkeypatch.setattr(run, "loaded_models", full)
     assert typed("list")[::2] == (2, "mesa-swarm: results/runs.csv: No space left on device\n")
 
 
@@ -159,9 +159,9 @@ def test_warnings_are_one_line(typed, monkeypatch):
     def warn():
         cli.warnings.simplefilter("always")
         cli.warnings.warn("this\nis odd", UserWarning, stacklevel=1)
-        return []
+        return {}, {}
 
-    monkeypatch.setattr(run, "model_names", warn)
+    monkeypatch.setattr(run, "loaded_models", warn)
     assert typed("list") == (0, "", "mesa-swarm: warning: this is odd\n")
 
 
@@ -169,7 +169,7 @@ def test_ctrl_c_is_one_line_and_status_130(typed, monkeypatch):
     def interrupt():
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(run, "model_names", interrupt)
+    monkeypatch.setattr(run, "loaded_models", interrupt)
     assert typed("list") == (130, "", "mesa-swarm: interrupted; nothing more was written\n")
 
 

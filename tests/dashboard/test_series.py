@@ -204,3 +204,15 @@ def test_millions_of_robot_steps_on_the_page_leave_its_memory_flat(amount):
     assert max(len(values) for values in model.datacollector.model_vars.values()) <= 2 * MOST_COLLECTED
     assert model.completed == steps
     session.close()
+
+
+def test_events_are_counted_in_a_chart_from_the_first_of_each_name_on():
+    model = FireFighting(rng=3)
+    series = followed(model)
+    for step, names in enumerate(("", "ab", "b", ""), start=1):
+        model.step()
+        for name in names:
+            model.event(name)
+        assert ("events" in {chart.key for chart in series.charts()}) == (step > 2)
+    assert series.chart("events").names == ("a", "b")
+    assert series.rows("events")[1][2:].tolist() == [[1.0, 1.0], [1.0, 2.0]]

@@ -140,6 +140,7 @@ def test_each_wheel_is_lost_replaced_disturbed_held_and_late_and_uses_its_charge
     command, held, wheels = (rng.uniform(-1, 1, (6, 2)) for _ in range(3))
     used, broken, speed = rng.choice([0.0, 2.5, 3.0], 6), rng.random(6) < 0.2, rng.choice([0.0, 0.5, 2.0], 6)
     design, sideways, number = rng.integers(2, size=6), np.array([False, True]), rng.integers(1000, size=6)
+    numbers = np.array([2, 2])
     share = 1.0 - math.exp(-1.0 / given_.lag) if given_.lag else 1.0
     expected = [array.copy() for array in (command, held, wheels, used, broken)]
     driven, stored, rolling, charge, gone = expected
@@ -159,7 +160,7 @@ def test_each_wheel_is_lost_replaced_disturbed_held_and_late_and_uses_its_charge
         driven[i] = rolling[i]
         charge[i] += np.abs(rolling[i]).sum() / 2 / speed[i] if speed[i] else 0.0
     got = command, held, wheels, used, broken
-    bodies = speed, design, sideways, number
+    bodies = speed, design, sideways, numbers, number
     spoil_wheels(*got, *bodies, limits, (battery, failure), step, np.uint64(KEY))
     for mine, theirs in zip(got, expected, strict=True):
         assert mine == pytest.approx(theirs, abs=1e-12)

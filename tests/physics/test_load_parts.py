@@ -296,6 +296,6 @@ def test_loads_that_are_taken_back_take_those_with_them_that_then_have_no_room()
 def test_the_room_of_a_world_is_all_static_bodies_but_its_loads():
     (load,) = load_at(disc((200, 150), 10))
     around = surroundings([load], [rectangle((20, 20), (40, 40)), disc((60, 60), 7)], [(90.0, 90.0, 3.0)])
-    room = Room.of(around.statics, (load,))
+    room = Room.of(around.statics, (load,), around.rows, None)
     assert len(room.solids) == 4 + 4 + 2
     assert room.radii.tolist() == [0.0] * 8 + [7.0, 3.0]

@@ -37,7 +37,7 @@ def solid_world(shapes=SHAPES, fires=FIRES, bounds=BOUNDS, touch=6.0) -> SolidWo
     temperature = np.resize(TEMPERATURE, len(fires))
     around = Surroundings.of(bounds, shapes, fires.reshape(-1, 3), temperature, sight=70.0, touch=touch)
     s = around.statics
-    statics = s.edges, s.discs, s.owner, s.body, s.bounds, s.grid.numbers, s.touched_start, s.touched_items
+    statics = s.edges, s.discs, s.owner, s.body, s.bounds, s.grid.numbers, s.touched_start, s.touched_items, None
     return SolidWorld(around, statics, s.rings, Solids.of(around, 50.0), Grid.over(bounds, 3 * touch, 400).numbers)
 
 

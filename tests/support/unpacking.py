@@ -20,6 +20,11 @@ def unpacked_frame(packed: bytes, world: dict) -> tuple[int, dict]:
         values = np.frombuffer(packed, TYPES[column["type"]], size, at)
         columns[column["name"]] = values.reshape(rows[column["table"]], width)
         at += values.nbytes
+    for name in world.get("fields", ()):
+        at += -at % 4
+        shape = struct.unpack_from("<2i", packed, at)
+        columns[f"fields.{name}"] = np.frombuffer(packed, np.uint8, shape[0] * shape[1], at + 8).reshape(shape)
+        at += 8 + shape[0] * shape[1]
     assert at == len(packed)
     return step, columns
 
@@ -53,6 +58,7 @@ def unpacked_chunk(packed: bytes, world: dict) -> list[tuple[int, dict]]:
 
 def segment(reader: Reader, world: dict) -> list[tuple[int, dict]]:
     rows, n, sensors, f, k, met = reader.take("<i4", 6).tolist()
+    shapes = {name: tuple(reader.take("<i4", 2).tolist()) for name in world.get("fields", ())}
     steps, ids, index, robots = (reader.take("<i4", count) for count in (rows, n, k, met))
     discs = reader.take("<f4", 3 * f).reshape(f, 3)
     tracks = {"pose": reader.track(rows, 3 * n, np.uint16, 2)}
@@ -65,6 +71,7 @@ def segment(reader: Reader, world: dict) -> list[tuple[int, dict]]:
     burning, laid = reader.track(rows, 3 * f, np.uint8, 1), reader.track(rows, 3 * k, np.uint16, 2)
     counts = reader.track(rows, 1, np.uint16, 1)[:, 0]
     azimuth = reader.track(met, 1, np.uint8, 1)[:, 0] / 256 * 2 * np.pi
+    pictures = {name: reader.track(rows, high * wide, np.uint8, 1) for name, (high, wide) in shapes.items()}
     reader.at += -reader.at % 4
     ends = [0, *accumulate(counts.tolist())]
     low, high = np.array(world["bounds"]).reshape(2, 2)
@@ -80,6 +87,7 @@ def segment(reader: Reader, world: dict) -> list[tuple[int, dict]]:
         }
         for name in part.keys() - {"pose"}:
             columns[name] = value(name, part[name], world, low, high)
+        columns |= {f"fields.{name}": track[row].reshape(shapes[name]) for name, track in pictures.items()}
         frames.append((int(steps[row]), columns))
     return frames
 

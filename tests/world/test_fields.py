@@ -208,7 +208,7 @@ def test_fields_are_found_by_name_in_the_order_in_which_they_were_added():
 
 
 @pytest.mark.parametrize(
-    ("given", "told"),
+    ("given", "reason"),
     [
         ({"name": "two words"}, "expected an identifier"),
         ({"name": 3}, "expected one line of text"),
@@ -222,9 +222,9 @@ def test_fields_are_found_by_name_in_the_order_in_which_they_were_added():
         ({"diffusion": 1e6}, "use a diffusion of at most 1.25e"),
     ],
 )
-def test_a_wrong_declaration_is_refused_in_one_line(given, told):
+def test_a_wrong_declaration_is_refused_in_one_line(given, reason):
     model = SwarmModel(map=EMPTY, rng=1)
-    with pytest.raises(SwarmError, match=told) as caught:
+    with pytest.raises(SwarmError, match=reason) as caught:
         model.add_field(Field(**{"name": "trail", **given}))
     assert "\n" not in str(caught.value)
     assert not model.fields

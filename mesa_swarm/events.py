@@ -1,0 +1,115 @@
+"""Events: what happened in a run, by name, as arrays that grow."""
+
+from array import array
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mesa_swarm.errors import InvalidValueError, check_name, check_number
+
+# Stands for the robot of an event that no robot is part of.
+WITHOUT_ROBOT = -1
+# Series of an event log, with their types: a name is the index of one of `names`.
+SERIES = {"step": "q", "code": "q", "unique_id": "q", "value": "d"}
+
+
+class EventLog:
+    """The events of a model, or of a recording, oldest first; add one with `SwarmModel.event`.
+
+    Examples
+    --------
+    >>> log = EventLog()
+    >>> log.append(3, "delivered", 7, 2.0)
+    >>> log.append(3, "lost", -1, 1.0)
+    >>> log.step, log.name, log.unique_id, log.value
+    (array([3, 3]), array(['delivered', 'lost'], dtype='<U9'), array([ 7, -1]), array([2., 1.]))
+    """
+
+    def __init__(self) -> None:
+        self.names: list[str] = []  # in the order in which they first occurred
+        self._codes: dict[str, int] = {}
+        self._counts: list[int] = []
+        self._totals: list[float] = []
+        self._series: dict[str, Any] = {name: array(kind) for name, kind in SERIES.items()}
+
+    def __len__(self) -> int:
+        return len(self._series["step"])
+
+    def __repr__(self) -> str:
+        return f"<EventLog of {len(self)} events{': ' if self.names else ''}{', '.join(self.names)}>"
+
+    @property
+    def step(self) -> NDArray[np.int64]:
+        """The step in which each happened, shape (k,): as Mesa counts, so 0 before the first one."""
+        return self._column("step")
+
+    @property
+    def name(self) -> NDArray[np.str_]:
+        """The name of each, shape (k,)."""
+        return np.array(self.names or [""])[self._series["code"]]
+
+    @property
+    def unique_id(self) -> NDArray[np.int64]:
+        """The robot of each, shape (k,), -1 without one."""
+        return self._column("unique_id")
+
+    @property
+    def value(self) -> NDArray[np.float64]:
+        """How much each is, shape (k,)."""
+        return self._column("value")
+
+    def _column(self, name: str) -> np.ndarray:
+        return np.array(self._series[name], np.float64 if SERIES[name] == "d" else np.int64)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many events there are of each name, in the order in which names first occurred."""
+        return dict(zip(self.names, self._counts, strict=True))
+
+    def count(self, name: str) -> int:
+        """Return how many events have this name, 0 for an unknown one."""
+        return self._counts[self._codes[name]] if name in self._codes else 0
+
+    def total(self, name: str) -> float:
+        """Return the sum of the values of events of this name."""
+        return self._totals[self._codes[name]] if name in self._codes else 0.0
+
+    def append(self, step: int, name: str, unique_id: int, value: float) -> None:
+        """Add an event."""
+        value = check_number("value of an event", value)
+        if not isinstance(name, str) or name not in self._codes:
+            self._codes[check_name("name of an event", name)] = len(self.names)
+            self.names.append(name)
+            self._counts.append(0)
+            self._totals.append(0.0)
+        self._counts[self._codes[name]] += 1
+        self._totals[self._codes[name]] += value
+        for series, number in zip(self._series.values(), (step, self._codes[name], unique_id, value), strict=True):
+            series.append(number)
+
+    def arrays(self) -> dict[str, Any]:
+        """Return the names and all series, which together are the state of a log."""
+        return {"names": list(self.names), **{name: self._column(name) for name in SERIES}}
+
+    def rows(self, first: int = 0, end: int | None = None) -> list[tuple[int, str, int, float]]:
+        """Return events as step, name, unique_id and value, from the first one to that before the end."""
+        steps, codes, ids, values = (series[first:end] for series in self._series.values())
+        return list(zip(steps, [self.names[code] for code in codes], ids, values, strict=True))
+
+    def series(self) -> dict[str, Any]:
+        """Return the names and all series as they are: sequences that grow."""
+        return {"names": self.names, **self._series}
+
+    def replace(self, series: dict[str, list]) -> None:
+        """Have other events instead, given as `series` returns them, and checked."""
+        codes = [int(code) for code in series["code"]]
+        names = [str(name) for name in series["names"]]
+        if len({len(series[name]) for name in SERIES}) > 1 or not all(0 <= code < len(names) for code in codes):
+            raise InvalidValueError("series of events are not of one length, or name what has no name")
+        for own in (self.names, self._codes, self._counts, self._totals):
+            own.clear()
+        for own in self._series.values():
+            del own[:]
+        for step, code, unique_id, value in zip(*(series[name] for name in SERIES), strict=True):
+            self.append(int(step), names[code], int(unique_id), float(value))

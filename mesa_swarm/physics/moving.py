@@ -1,0 +1,243 @@
+"""Driven bodies in the tables of the engines: their items follow them, and are listed anew whenever they move.
+
+Their edges and discs are rows of `Statics`, written in place; two more grids list which of them can be touched, or
+seen, from a cell. A step of theirs is cut into the same pieces as that of the robots. In a piece no point of a body
+moves farther than `LONGEST_STEP` of the least radius of a robot: bodies that close on a robot never reach its centre.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.geometry.grid import Grid, cell_index
+from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.world.movers import Movers
+from mesa_swarm.world.shapes import Shape
+from mesa_swarm.world.statics import Statics, edges_of
+
+LONGEST_STEP = 0.4
+# A body with farther to go jumps: it is put down where it was asked to be if no robot is there.
+MOST_PIECES = 64
+FEWEST_CELLS = 64
+CELLS_PER_ITEM = 4
+
+
+class Moving:
+    """The driven bodies of a world, as the compiled engine and the radio take them."""
+
+    def __init__(
+        self,
+        movers: Movers,
+        rows: list[int],
+        statics: Statics,
+        bounds: tuple[float, float, float, float],
+        sight: float,
+        touch: float,
+    ) -> None:
+        self.movers = movers
+        self._statics = statics
+        items = [statics.rows_of(row) for row in rows]
+        self.items = np.concatenate(items)
+        self.body_of = np.full(len(statics.owner), -1)
+        for number, own in enumerate(items):
+            self.body_of[own] = number
+        edges = self.items[self.items < len(statics.edges)]
+        discs = self.items[self.items >= len(statics.edges)]
+        outlines = [edges_of(Shape(body.form.outline)) for body in movers.agents if not body.form.radius]
+        local = np.concatenate([np.empty((0, 4)), *outlines])
+        self._outlines = local, edges, self.body_of[edges], discs - len(statics.edges), self.body_of[discs]
+        self.start, self.start_heading = movers.position.copy(), movers.heading.copy()
+        self._extent = np.concatenate(
+            [np.hypot(local[:, 2] - local[:, 0], local[:, 3] - local[:, 1]), 2.0 * statics.discs[self._outlines[3], 2]]
+        )
+        self.items = np.concatenate([edges, discs])
+        self._touched, self._seen = self._lists(bounds, touch), self._lists(bounds, sight)
+        self._listed_for_sight = False
+        self.place()
+
+    def _lists(self, bounds: tuple[float, float, float, float], reach: float) -> tuple:
+        """Return a grid, empty lists that have room for the items at any pose, and the reach."""
+        cell = max(2.0 * reach, float(self._extent.mean()), 1e-9)
+        grid = Grid.over(bounds, cell, FEWEST_CELLS + CELLS_PER_ITEM * len(self._extent))
+        across = np.floor((self._extent + 2.0 * reach) / grid.cell) + 2.0
+        room = int((np.minimum(across, grid.columns) * np.minimum(across, grid.rows)).sum())
+        return grid.numbers, np.zeros(grid.cells + 1, np.int64), np.zeros(room, np.int64), float(reach)
+
+    @property
+    def touched(self) -> tuple:
+        """The grid, and start and items of its lists of what can be touched from a cell."""
+        return self._touched[:3]
+
+    @property
+    def seen(self) -> tuple:
+        """The same of what can be seen, listed when it is read."""
+        if not self._listed_for_sight:
+            list_items(self._statics.edges, self._statics.discs, self.items, self._seen)
+            self._listed_for_sight = True
+        return self._seen[:3]
+
+    @property
+    def numbers(self) -> tuple[Any, ...]:
+        """The argument of the compiled functions: poses, outlines, the items of each body, and lists."""
+        movers, m = self.movers, len(self.movers)
+        poses = movers.position, movers.heading, movers.aim, movers.aim_heading, movers.blocked, movers.reach
+        scratch = self.start, self.start_heading, np.empty((m, 2)), np.empty(m), np.zeros(m, np.bool_)
+        return poses, scratch, self._outlines, self.items, self.body_of, self._touched
+
+    def place(self) -> None:
+        """Write and list all items at the present poses of their bodies."""
+        place_items(self.movers.position, self.movers.heading, self._outlines, self._statics.edges, self._statics.discs)
+        list_items(self._statics.edges, self._statics.discs, self.items, self._touched)
+        self._listed_for_sight = False
+
+    def begin(self) -> None:
+        """Store the poses at which the bodies begin a step."""
+        self.start[:], self.start_heading[:] = self.movers.position, self.movers.heading
+
+    def return_to_start(self, blocked: Callable[[], np.ndarray]) -> None:
+        """Put all bodies where they begin the step; those that are then `blocked` stay there."""
+        movers = self.movers
+        if not ((movers.position == self.start).all() and (movers.heading == self.start_heading).all()):
+            movers.position[:], movers.heading[:] = self.start, self.start_heading
+            self.place()
+        movers.blocked[:] = blocked()
+        if movers.asked.any():
+            self._listed_for_sight = False
+
+    def go_freely(self) -> None:
+        """Put all bodies that are not blocked where they were asked to be, in a world without robots."""
+        movers = self.movers
+        free = ~movers.blocked
+        movers.position[free], movers.heading[free] = movers.aim[free], movers.aim_heading[free]
+        self.place()
+
+
+@compiled
+def place_items(position, heading, outlines, edges, discs):
+    """Write the edges and discs of all bodies at their poses."""
+    local, edge_row, edge_body, disc_row, disc_body = outlines
+    for k in range(local.shape[0]):
+        b, row = edge_body[k], edge_row[k]
+        cosine, sine = math.cos(heading[b]), math.sin(heading[b])
+        edges[row, 0] = cosine * local[k, 0] - sine * local[k, 1] + position[b, 0]
+        edges[row, 1] = sine * local[k, 0] + cosine * local[k, 1] + position[b, 1]
+        edges[row, 2] = cosine * local[k, 2] - sine * local[k, 3] + position[b, 0]
+        edges[row, 3] = sine * local[k, 2] + cosine * local[k, 3] + position[b, 1]
+    for k in range(disc_row.shape[0]):
+        discs[disc_row[k], 0], discs[disc_row[k], 1] = position[disc_body[k], 0], position[disc_body[k], 1]
+
+
+@compiled
+def list_items(edges, discs, items, lists):
+    """List items by the cells from which they are within reach, see `list_boxes_by_cell`; in place."""
+    (x, y, per_unit, columns, rows), start, listed, reach = lists
+    start[:] = 0
+    for fill in range(2):
+        for item in items:
+            x_min, y_min, x_max, y_max = item_box(item, edges, discs)
+            left = cell_index(x_min - reach, x, per_unit, columns)
+            right = cell_index(x_max + reach, x, per_unit, columns)
+            below = cell_index(y_min - reach, y, per_unit, rows)
+            above = cell_index(y_max + reach, y, per_unit, rows)
+            for row in range(below, above + 1):
+                for column in range(left, right + 1):
+                    c = column + columns * row
+                    if fill == 1:
+                        start[c] -= 1
+                        listed[start[c]] = item
+                    else:
+                        start[c] += 1
+        if fill == 0:
+            # After filling backwards from the end of each cell, start is its beginning.
+            for c in range(1, columns * rows):
+                start[c] += start[c - 1]
+            start[columns * rows] = start[columns * rows - 1]
+
+
+@compiled
+def item_box(item, edges, discs):
+    """Return x_min, y_min, x_max and y_max of an edge or a disc, see `Statics`."""
+    if item < edges.shape[0]:
+        ax, ay, bx, by = edges[item, 0], edges[item, 1], edges[item, 2], edges[item, 3]
+        return min(ax, bx), min(ay, by), max(ax, bx), max(ay, by)
+    x, y, r = discs[item - edges.shape[0], 0], discs[item - edges.shape[0], 1], discs[item - edges.shape[0], 2]
+    return x - r, y - r, x + r, y + r
+
+
+@compiled
+def way_of(b, poses, scratch):
+    """Return how far a body is to travel in this step: an upper bound of the way of any of its points."""
+    _, _, aim, aim_heading, blocked, reach = poses
+    start, start_heading = scratch[0], scratch[1]
+    if blocked[b]:
+        return 0.0
+    turn = abs(wrapped(aim_heading[b] - start_heading[b]))
+    return math.hypot(aim[b, 0] - start[b, 0], aim[b, 1] - start[b, 1]) + reach[b] * turn
+
+
+@compiled
+def count_body_pieces(pieces, radius, movers):
+    """Return the number of pieces of a step, more than those of the robots if bodies travel farther."""
+    if movers is None:
+        return pieces
+    poses, scratch = movers[0], movers[1]
+    longest = LONGEST_STEP * radius.min()
+    for b in range(poses[0].shape[0]):
+        needed = math.ceil(way_of(b, poses, scratch) / longest - 1e-9)
+        if needed <= MOST_PIECES:
+            pieces = max(pieces, int(needed))
+    return pieces
+
+
+@compiled
+def advance_bodies(piece, pieces, radius, movers, edges, discs):
+    """Move the bodies through a piece of their way, all of it in the first piece where that is too far to travel.
+
+    Return whether any moved, and write which ones jumped.
+    """
+    if movers is None:
+        return False
+    poses, scratch, outlines, items, _, lists = movers
+    position, heading, aim, aim_heading, _, _ = poses
+    start, start_heading, before, before_heading, jumps = scratch
+    before[:], before_heading[:], jumps[:] = position, heading, False
+    longest, moved = LONGEST_STEP * radius.min(), False
+    for b in range(position.shape[0]):
+        way = way_of(b, poses, scratch)
+        if way == 0.0:
+            continue
+        jumps[b] = piece == 0 and way > (MOST_PIECES + 1e-9) * longest
+        if jumps[b] or piece == pieces - 1:
+            position[b, 0], position[b, 1], heading[b] = aim[b, 0], aim[b, 1], aim_heading[b]
+        elif way <= (MOST_PIECES + 1e-9) * longest:
+            share = (piece + 1) / pieces
+            position[b, 0] = start[b, 0] + share * (aim[b, 0] - start[b, 0])
+            position[b, 1] = start[b, 1] + share * (aim[b, 1] - start[b, 1])
+            heading[b] = wrapped(start_heading[b] + share * wrapped(aim_heading[b] - start_heading[b]))
+        moved = True
+    if moved:
+        place_items(position, heading, outlines, edges, discs)
+        list_items(edges, discs, items, lists)
+    return moved
+
+
+@compiled
+def return_bodies(goes, movers, edges, discs):
+    """Put bodies where they were before this piece of the step, for the rest of it, and return whether any moved."""
+    poses, scratch, outlines, items, _, lists = movers
+    position, heading, blocked = poses[0], poses[1], poses[4]
+    before, before_heading = scratch[2], scratch[3]
+    went = False
+    for b in range(position.shape[0]):
+        here = position[b, 0] == before[b, 0] and position[b, 1] == before[b, 1] and heading[b] == before_heading[b]
+        if goes[b] and not here:
+            position[b, 0], position[b, 1], heading[b] = before[b, 0], before[b, 1], before_heading[b]
+            blocked[b] = True
+            went = True
+    if went:
+        place_items(position, heading, outlines, edges, discs)
+        list_items(edges, discs, items, lists)
+    return went

@@ -1,0 +1,126 @@
+"""Own models on the page: from a file, and from an installed package; links import none."""
+
+import sys
+
+import pytest
+
+from mesa_swarm import gallery
+from mesa_swarm.dashboard import MODEL_VARIABLE, check_page_model, launch, page_models
+from mesa_swarm.dashboard.app import address_from, query_of
+from mesa_swarm.dashboard.comparing import Comparing
+from mesa_swarm.dashboard.controls import groups_of, values_of
+from mesa_swarm.dashboard.gallery_view import thumbnail, title
+from mesa_swarm.dashboard.replaying import Replaying
+from mesa_swarm.dashboard.session import Session
+from mesa_swarm.errors import UnknownNameError
+from mesa_swarm.gallery import find_model
+from support.own_models import BARE, install_package, write_model
+from support.waiting import threads
+
+ADDRESS = "./mine.py:Foraging"
+
+
+@pytest.fixture(autouse=True)
+def folder(monkeypatch, tmp_path):
+    """Work in an empty folder with a page that was started with one of its models."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    finder = gallery.FileFinder()
+    monkeypatch.setattr(gallery, "_FILES", finder)
+    monkeypatch.setattr(sys, "meta_path", [*sys.meta_path, finder])
+    monkeypatch.setenv(MODEL_VARIABLE, ADDRESS)
+    write_model(tmp_path)
+    yield tmp_path
+    for name in ("mine", "bare", "other"):
+        sys.modules.pop(name, None)
+
+
+def test_the_page_shows_the_model_that_it_was_started_with():
+    assert page_models()[-1] == ADDRESS
+    assert title(ADDRESS) == "Foraging"
+    assert "<svg" in thumbnail(ADDRESS)
+
+
+def test_a_link_has_the_address_and_leads_to_the_same_run():
+    session = Session(ADDRESS, {"n_robots": 4}, seed=7)
+    linked = address_from(query_of(session), ADDRESS)
+    assert (linked.model, linked.settings, linked.seed, linked.faults) == (ADDRESS, {"n_robots": 4}, 7, ())
+    session.close()
+
+
+def test_a_link_to_another_file_imports_nothing_and_is_refused(folder):
+    (folder / "other.py").write_text("raise SystemExit('imported')\n")
+    linked = address_from("model=./other.py:A&n_robots=3", ADDRESS)
+    assert linked.model == ADDRESS
+    assert linked.faults == (
+        "model './other.py:A' was not given to this dashboard, and a link imports none; "
+        "start it with: mesa-swarm dashboard ADDRESS",
+    )
+    assert "other" not in sys.modules
+    with pytest.raises(UnknownNameError, match="a link imports none"):
+        check_page_model("antigravity:A")
+
+
+def test_a_wrong_address_is_refused_before_the_page_is_served(monkeypatch):
+    monkeypatch.setattr("mesa_swarm.dashboard._serve", pytest.fail)
+    with pytest.raises(UnknownNameError, match="no such file"):
+        launch("./nothing.py:A")
+
+
+def test_an_installed_model_is_on_the_page_and_a_spoilt_one_is_not(folder, monkeypatch):
+    install_package(folder / "site", {"ant_trails": "anthill.trails:AntTrails", "spoilt": "anthill.nothing:A"})
+    monkeypatch.syspath_prepend(str(folder / "site"))
+    assert {"ant_trails", ADDRESS} < set(page_models())
+    assert "spoilt" not in page_models()
+    session = Session("ant_trails")
+    assert session.model.steps == 0
+    session.close()
+
+
+def test_a_bare_model_has_inputs_and_nothing_to_compare(folder, monkeypatch):
+    (folder / "bare.py").write_text(BARE)
+    monkeypatch.setenv(MODEL_VARIABLE, "./bare.py:Bare")
+    session = Session("./bare.py:Bare")
+    assert session.error == ""
+    fields = [field for group in groups_of(session) for field in group["fields"]]
+    assert {field["name"]: field["kind"] for field in fields} == {
+        "n_robots": "text", "flag": "choice", "note": "text"
+    }  # fmt: skip
+    session.set_parameter("flag", "False")
+    session.set_parameter("n_robots", "3")
+    session.reset()
+    assert (session.settings["flag"], len(session.model.swarm)) == (False, 3)
+    assert values_of(session)["flag"]["text"] == "False"
+    comparing = Comparing(session)
+    assert comparing.name == "fire_fighting"
+    assert comparing.faults["worlds"].startswith("bare has no parameter with a Slider")
+    comparing.close()
+    session.close()
+
+
+def test_a_recording_of_the_page_s_own_model_can_be_continued(folder):
+    model = find_model(ADDRESS)(n_robots=3, rng=5)
+    with model.record("run.arrow"):
+        model.run(6)
+    session = Session("boids")
+    replaying = session.companion(Replaying)
+    replaying._open(folder / "run.arrow", "run.arrow")
+    assert replaying.model_name == ADDRESS
+    assert replaying.parameters == {"n_robots": 3}
+    session.close()
+
+
+def test_runs_of_a_comparison_on_the_page_are_those_of_the_file():
+    session = Session(ADDRESS)
+    comparing = Comparing(session)
+    assert (comparing.name, comparing.values) == (ADDRESS, [2, 3])
+    comparing.set_count("seeds", 2)
+    comparing.set_count("steps", 5)
+    comparing.start()
+    assert comparing.faults == {}
+    for thread in threads("many runs"):
+        thread.join(60)
+    assert comparing.runs.error == ""
+    assert comparing.runs.report is not None
+    session.close()
+    comparing.close()

@@ -1,0 +1,132 @@
+"""Plain Mesa agents of a user's model in checkpoints: matched by unique_id and class, made and removed again."""
+
+import numpy as np
+import pytest
+from mesa import Agent
+from mesa.agent import AgentSet
+from mesa.experimental.continuous_space import ContinuousSpaceAgent
+
+from mesa_swarm import SwarmModel
+from mesa_swarm.errors import RecordingError
+from mesa_swarm.recording.checkpoint import checkpoint_of, restore
+from support.scenes import blind
+
+
+class Sheep(Agent):
+    """An agent with a place, a friend, and a parent."""
+
+    def __init__(self, model, place, parent=None):
+        super().__init__(model)
+        self.place = np.array(place, float)
+        self.parent, self.age = parent, 0
+
+    def step(self):
+        self.age += 1
+        self.place += self.model.streams["sheep"].uniform(-1, 1, 2)
+
+
+class Wolf(ContinuousSpaceAgent):
+    """An agent in the model's space."""
+
+    def __init__(self, model, position):
+        super().__init__(model.space, model)
+        self.position = position
+
+
+class Flock(SwarmModel):
+    """A model whose sheep are born and die."""
+
+    def __init__(self, *, n_sheep=3, rng=None):
+        super().__init__(rng=rng)
+        self.add_robots(blind(), 2)
+        self.sheep = AgentSet([Sheep(self, (100, 100 + 10 * k)) for k in range(n_sheep)], random=self.random)
+        self.wolf = Wolf(self, (50.0, 60.0))
+
+    def step(self):
+        super().step()
+        for sheep in self.sheep:
+            sheep.step()
+        self.wolf.position += (1.0, 0.5)
+        if self.steps % 4 == 0:
+            self.sheep.add(Sheep(self, (200, 200), parent=next(iter(self.sheep))))
+        if self.steps % 6 == 0:
+            eldest = next(iter(self.sheep))
+            self.sheep.discard(eldest)
+            eldest.remove()
+
+
+def seen(model):
+    flock = [
+        (one.unique_id, one.age, one.place.tolist(), one.parent and one.parent.unique_id)
+        for one in model.agents
+        if isinstance(one, Sheep)
+    ]
+    return flock, [sheep.unique_id for sheep in model.sheep], model.wolf.position.tolist()
+
+
+@pytest.mark.parametrize("step", [3, 5, 17, 29])
+def test_agents_of_a_users_own_go_on_from_a_checkpoint_as_they_did(step):
+    model = Flock(rng=1)
+    while model.steps < step:
+        model.step()
+    for sheep in model.sheep:
+        if sheep.parent is not None and sheep.parent not in model.agents:
+            sheep.parent = None
+    again = restore(Flock(rng=1), checkpoint_of(model))
+    assert seen(again) == seen(model)
+    for _ in range(9):
+        model.step()
+        again.step()
+    assert seen(again) == seen(model)
+    assert again.state_hash() == model.state_hash()
+
+
+def test_a_recording_of_such_a_model_has_checkpoints_and_resumes(tmp_path):
+    model = Flock(rng=2)
+    with model.record(tmp_path / "run.arrow", checkpoint_every=3) as recorder:
+        model.run(5)
+    assert (recorder.why_no_checkpoint, recorder.checkpoints) == ("", (0, 3))
+    assert seen(Flock.resume(tmp_path / "run.arrow", step=5)) == seen(model)
+
+
+def test_a_reference_to_an_agent_that_was_removed_is_named():
+    model = Flock(rng=1)
+    first, second = list(model.sheep)[:2]
+    second.parent = first
+    model.sheep.discard(first)
+    first.remove()
+    with pytest.raises(RecordingError, match=f"Sheep {second.unique_id}'s parent refers to an agent that is not in"):
+        checkpoint_of(model)
+
+
+def test_an_attribute_that_cannot_be_stored_is_named_with_its_agent():
+    model = Flock(rng=1)
+    sheep = next(iter(model.sheep))
+    sheep.thought = object()
+    with pytest.raises(RecordingError, match=f"^Sheep {sheep.unique_id}'s thought is <object"):
+        checkpoint_of(model)
+
+
+def test_an_agent_of_another_class_is_refused_in_one_line():
+    class Goat(Sheep):
+        pass
+
+    class Goats(Flock):
+        def __init__(self, *, rng=None):
+            super().__init__(n_sheep=2, rng=rng)
+            self.sheep.add(Goat(self, (1, 1)))
+
+    model = Flock(n_sheep=2, rng=1)
+    model.sheep.add(Sheep(model, (1, 1)))
+    with pytest.raises(RecordingError, match=r"is of Goat in the model, of 'Sheep' in the recording$"):
+        restore(Goats(rng=1), checkpoint_of(model))
+
+
+def test_a_class_that_is_not_loaded_is_named():
+    model = Flock(rng=1)
+    model.sheep.add(Sheep(model, (1, 1)))
+    checkpoint = checkpoint_of(model)
+    for one in checkpoint.facts["things"]["others"]:
+        one[1] = "farm.animals"
+    with pytest.raises(RecordingError, match=r"of class 'Sheep' cannot be made: import it from 'farm.animals'"):
+        restore(Flock(n_sheep=0, rng=1), checkpoint)
