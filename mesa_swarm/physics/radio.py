@@ -68,13 +68,12 @@ class Channel:
             return
         most = FEWEST_CELLS + CELLS_PER_ROBOT * len(swarm)
         self._grid = Grid.over(surroundings.bounds, max(self.radio.range, 1e-9), most).numbers
-        self._obstacles = obstacles_of(surroundings)
         self._version, self._surroundings = swarm.version, surroundings
 
 
 def obstacles_of(surroundings: Surroundings) -> tuple:
     """Return what stops a broadcast, as `is_cut` takes it."""
-    statics = surroundings.statics
+    statics, moving = surroundings.statics, surroundings.moving
     touched = statics.grid.numbers, statics.touched_start, statics.touched_items
     moving = None if surroundings.moving is None else surroundings.moving.touched
     return statics.edges, statics.discs[: statics.first_fire], *touched, moving
