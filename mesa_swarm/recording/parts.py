@@ -240,8 +240,12 @@ def restore_objects(model: FireModel, stored: dict) -> None:
     _restore_others(model, others)
     for load in model._loads:
         _restore_load(load, obstacles[load.unique_id], model.map.bounds)
+    agents = {agent.unique_id: agent for agent in model.agents}
     for body in model.movers.agents:
-        _restore_driven(body, obstacles[body.unique_id], model.map.bounds)
+        one = obstacles[body.unique_id]
+        body.agent = agents[one["agent"]] if "agent" in one else None
+        _restore_driven(body, one, model.map.bounds)
+    model.movers.list_followers()
     model.obstacles_changed()
 
 
@@ -332,6 +336,7 @@ def _body_to_json(obstacle: Body) -> dict:
             "blocked": obstacle.blocked,
             "fresh": bool(movers.fresh[row]),
             **({} if obstacle.carrier is None else {"carrier": obstacle.carrier.unique_id}),
+            **({} if obstacle.agent is None else {"agent": obstacle.agent.unique_id}),
         }
     if isinstance(obstacle, Load):
         return {
