@@ -24,6 +24,7 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.robots.actuators import Actuator, Emitter, Lamp
     from mesa_swarm.robots.design import AGENT3, AGENT6, AGENT9, AGENT_FIRE, RobotDesign, all_round
     from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive, OmniDrive, omni_speeds
+    from mesa_swarm.robots.gripper import Carried, Gripper
     from mesa_swarm.robots.radio import Radio
     from mesa_swarm.robots.sensors import (
         FieldSensor,
@@ -50,6 +51,7 @@ _MODULES = {
     "robots.actuators": "Actuator Emitter Lamp",
     "robots.design": "AGENT3 AGENT6 AGENT9 AGENT_FIRE RobotDesign all_round",
     "robots.drive": "DifferentialDrive HolonomicDrive OmniDrive omni_speeds",
+    "robots.gripper": "Carried Gripper",
     "robots.radio": "Radio",
     "robots.sensors": "FieldSensor LineSensor ProximitySensor RadiationSensor Sensor bump_sensor laser_sensor",
     "swarm_model": "SwarmModel show",
@@ -65,12 +67,14 @@ __all__ = [
     "AGENT9",
     "AGENT_FIRE",
     "Actuator",
+    "Carried",
     "Chart",
     "ColourMap",
     "DifferentialDrive",
     "Emitter",
     "Field",
     "FieldSensor",
+    "Gripper",
     "HolonomicDrive",
     "Lamp",
     "LineSensor",

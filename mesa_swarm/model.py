@@ -345,6 +345,8 @@ class EngineModel(OpenModel):
             moving.go_freely()
         self._move_robots()
         self._movers.rest()
+        if self._movers.carried.any():
+            self._carry_along(self._movers)
 
     def _move_robots(self) -> None:
         if not len(self.swarm):
@@ -503,6 +505,7 @@ class EngineModel(OpenModel):
         if self._movers is not None:
             for column in self._movers.poses:
                 digest.update((column + 0).tobytes())
+            digest.update(self._movers.carried.tobytes())
         for name, field in self.fields.items():
             digest.update(f"fields.{name} {field.values.shape}".encode())
             digest.update(field.values + 0)

@@ -24,6 +24,7 @@ from mesa_swarm.viewing.player import PackedFrame
 
 # Shortest time between updates of the inspector while the model is played, s.
 EVERY = 0.2
+NAMES = {"obstacle": "an obstacle", "load": "a load"}
 # Types of values from a field of the page.
 Typed = float | str | None
 # Overlaps below this are rounding.
@@ -267,9 +268,9 @@ def deepest(model: SwarmModel, robot: Robot, place: np.ndarray) -> tuple[float, 
     found = [(border, "the border of the map")]
     point = shapely.Point(*place)
     for obstacle in model.obstacle_list:
-        if obstacle.contact:
+        if obstacle.contact and getattr(obstacle, "carrier", None) is None:
             gap = shapely.distance(point, obstacle.shape.geometry) - obstacle.shape.radius
-            found.append((robot.radius - gap, "a load" if obstacle in model.loads else "an obstacle"))
+            found.append((robot.radius - gap, NAMES.get(obstacle.kind, f"a {obstacle.kind}")))
     for number, (x, y, radius) in enumerate(model.fires.discs, start=1):
         found.append((robot.radius + radius - math.dist(place, (x, y)), f"fire {number}"))
     gaps = np.hypot(*(model.swarm.position - place).T) - model.swarm.radius

@@ -33,17 +33,15 @@ class Channel:
         columns, radio = swarm.columns, self.radio
         position, heading, number = columns["position"], columns["heading"], columns["number"]
         limits = float(radio.range), float(radio.loss_probability), word, radio.occlusion
-        moving = surroundings.moving
-        obstacles = *self._obstacles, None if moving is None else moving.touched
         if radio.state:
             layer, task = columns["layer"], columns["task"]
             heard = columns["heard_layer"], columns["heard_task"], columns["heard_from"]
-            hear_states(position, heading, number, layer, task, limits, self._grid, obstacles, *heard)
+            hear_states(position, heading, number, layer, task, limits, self._grid, self._obstacles, *heard)
         if radio.goal:
             sent, heard_goal = columns["sent_goal"], columns["heard_goal"]
-            hear_goals(position, heading, number, sent, self._beacons, limits, self._grid, obstacles, heard_goal)
+            hear_goals(position, heading, number, sent, self._beacons, limits, self._grid, self._obstacles, heard_goal)
         if radio.message:
-            self._exchange_messages(columns, limits, obstacles)
+            self._exchange_messages(columns, limits, self._obstacles)
 
     def begin_decision(self, swarm: Swarm) -> None:
         """Clear what robots sent before: they send what they set in each decision."""
@@ -78,7 +76,8 @@ def obstacles_of(surroundings: Surroundings) -> tuple:
     """Return what stops a broadcast, as `is_cut` takes it."""
     statics = surroundings.statics
     touched = statics.grid.numbers, statics.touched_start, statics.touched_items
-    return statics.edges, statics.discs[: statics.first_fire], *touched
+    moving = None if surroundings.moving is None else surroundings.moving.touched
+    return statics.edges, statics.discs[: statics.first_fire], *touched, moving
 
 
 @compiled

@@ -85,7 +85,7 @@ class Room:
             return []
         x, y = shapely.get_coordinates(shapely.centroid(core))[0]
         apart = np.hypot(*(self.movers.position - (x, y)).T)
-        near = np.flatnonzero(apart <= self.movers.reach + load.form.reach + distance)
+        near = np.flatnonzero((apart <= self.movers.reach + load.form.reach + distance) & ~self.movers.carried)
         return [self.movers.agents[row] for row in near]
 
 
@@ -205,6 +205,13 @@ class Surroundings:
             for row, body in zip(self.driven, self.moving.movers.agents, strict=True):
                 self.shapes[row] = body.shape
         return self.shapes
+
+    @property
+    def carried(self) -> set[int]:
+        """The indices of the shapes that robots carry: they are nowhere."""
+        if self.moving is None:
+            return set()
+        return {self.driven[place] for place in np.flatnonzero(self.moving.movers.carried)}
 
     def blocked_by_loads(self) -> np.ndarray:
         """Return which driven bodies a load stops: it is where the body is to go, or on the way."""

@@ -22,6 +22,7 @@ from mesa_swarm.recording.container import ATOMS
 from mesa_swarm.robots.actuators import Lamp
 from mesa_swarm.robots.design import DesignTable, RobotDesign
 from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive, OmniDrive
+from mesa_swarm.robots.gripper import Carried, Gripper
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.robot import Robot
@@ -32,8 +33,8 @@ from mesa_swarm.world.movers import Driven
 from mesa_swarm.world.shapes import Shape, outline_to_json, shape_from_json
 from mesa_swarm.world.statics import KINDS, LOAD, MOST_KINDS, OBSTACLE
 
-SENSORS = (ProximitySensor, RadiationSensor, LineSensor, NeighbourSensor)
-OF_DESIGNS = (RobotDesign, *SENSORS, Lamp, DifferentialDrive, HolonomicDrive, OmniDrive)
+SENSORS = (ProximitySensor, RadiationSensor, LineSensor, NeighbourSensor, Carried)
+OF_DESIGNS = (RobotDesign, *SENSORS, Lamp, Gripper, DifferentialDrive, HolonomicDrive, OmniDrive)
 OF_MODELS = (FireConstants, Radio, Imperfection, Imperfections)
 FLOCKING = (controls.Align, controls.Cohere, controls.Cruise, controls.MatchVelocity, controls.Separate)
 TOWARDS_BODIES = (controls.Follow, controls.Gather, controls.HeadOn, controls.Perimeter, controls.Push)
@@ -319,6 +320,7 @@ def _body_to_json(obstacle: Body) -> dict:
             "aim": [*movers.aim[row].tolist(), float(movers.aim_heading[row])],
             "blocked": obstacle.blocked,
             "fresh": bool(movers.fresh[row]),
+            **({} if obstacle.carrier is None else {"carrier": obstacle.carrier.unique_id}),
         }
     if isinstance(obstacle, Load):
         return {
@@ -422,6 +424,9 @@ def _restore_driven(body: Driven, stored: dict, bounds: tuple[float, float, floa
     for place, heading, name in ((movers.position, movers.heading, "pose"), (movers.aim, movers.aim_heading, "aim")):
         *place[row], heading[row] = _checked_pose(f"body {body.unique_id}", stored[name], bounds)
     movers.blocked[row], movers.fresh[row] = bool(stored["blocked"]), bool(stored["fresh"])
+    robots = {robot.unique_id: robot for robot in body.model.swarm.agents} if "carrier" in stored else {}
+    body.carrier = robots[_id(stored["carrier"])] if "carrier" in stored else None
+    movers.carried[row] = body.carrier is not None
 
 
 def _checked_pose(name: str, stored: Any, bounds: tuple[float, float, float, float]) -> Pose:

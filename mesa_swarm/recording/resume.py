@@ -152,7 +152,11 @@ def take_over(new: FireModel, old: FireModel, fresh: FireModel) -> None:
         load.moved, load.pushers = moved.moved, moved.pushers
     for column, source in zip(new.movers.poses, old.movers.poses, strict=True):
         column[:] = source
-    new.movers.blocked[:], new.movers.fresh[:] = old.movers.blocked, old.movers.fresh
+    for flags in ("blocked", "fresh", "carried"):
+        getattr(new.movers, flags)[:] = getattr(old.movers, flags)
+    for body, was in zip(new.movers.agents, old.movers.agents, strict=True):
+        body.carrier = None if was.carrier is None else new.swarm.agents[was.carrier.row]
+    new.obstacles_changed()
     _take_columns(new, old, OF_PARAMETERS - MADE if remade else OF_PARAMETERS)
     _take_fires(new, old, fresh)
     _take_fields(new, old)
