@@ -21,11 +21,13 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.open_model import Process
     from mesa_swarm.physics.neighbours import NeighbourSensor
     from mesa_swarm.recording.recording import Recording
-    from mesa_swarm.robots.actuators import Actuator, Lamp
+    from mesa_swarm.robots.actuators import Actuator, Emitter, Lamp
     from mesa_swarm.robots.design import AGENT3, AGENT6, AGENT9, AGENT_FIRE, RobotDesign, all_round
     from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive, OmniDrive, omni_speeds
+    from mesa_swarm.robots.gripper import Carried, Gripper
     from mesa_swarm.robots.radio import Radio
     from mesa_swarm.robots.sensors import (
+        FieldSensor,
         LineSensor,
         ProximitySensor,
         RadiationSensor,
@@ -46,11 +48,12 @@ _MODULES = {
     "open_model": "Process",
     "recording.recording": "Recording",
     "physics.neighbours": "NeighbourSensor",
-    "robots.actuators": "Actuator Lamp",
+    "robots.actuators": "Actuator Emitter Lamp",
     "robots.design": "AGENT3 AGENT6 AGENT9 AGENT_FIRE RobotDesign all_round",
     "robots.drive": "DifferentialDrive HolonomicDrive OmniDrive omni_speeds",
+    "robots.gripper": "Carried Gripper",
     "robots.radio": "Radio",
-    "robots.sensors": "LineSensor ProximitySensor RadiationSensor Sensor bump_sensor laser_sensor",
+    "robots.sensors": "FieldSensor LineSensor ProximitySensor RadiationSensor Sensor bump_sensor laser_sensor",
     "swarm_model": "SwarmModel show",
     "world.fields": "Field ScalarField",
     "world.map": "Map",
@@ -64,10 +67,14 @@ __all__ = [
     "AGENT9",
     "AGENT_FIRE",
     "Actuator",
+    "Carried",
     "Chart",
     "ColourMap",
     "DifferentialDrive",
+    "Emitter",
     "Field",
+    "FieldSensor",
+    "Gripper",
     "HolonomicDrive",
     "Lamp",
     "LineSensor",

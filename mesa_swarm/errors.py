@@ -71,6 +71,10 @@ class UncompiledBehaviourWarning(UserWarning):
     """A rule could not be compiled and runs as plain Python."""
 
 
+class UnstoredStateWarning(UserWarning):
+    """A model is recorded without checkpoints; the message names what cannot be stored."""
+
+
 class ExportWarning(UserWarning):
     """An export shows less than the run."""
 

@@ -267,6 +267,8 @@ class EngineModel(OpenModel):
         if self.swarm.table.readings:
             # Always: what they read, such as a user's own agents, may have changed since the last reading.
             self._own_parts.sense(self, scene)
+            if self._imperfect is not None:
+                self._imperfect.spoil_custom(self.swarm, self._completed)
 
     def run(self, steps: int, progress: bool = False) -> Self:
         """Take this many steps, fewer if the model stops running, and return the model.
@@ -345,6 +347,8 @@ class EngineModel(OpenModel):
             moving.go_freely()
         self._move_robots()
         self._movers.rest()
+        if self._movers.carried.any():
+            self._carry_along(self._movers)
 
     def _move_robots(self) -> None:
         if not len(self.swarm):
@@ -503,6 +507,7 @@ class EngineModel(OpenModel):
         if self._movers is not None:
             for column in self._movers.poses:
                 digest.update((column + 0).tobytes())
+            digest.update(self._movers.carried.tobytes())
         for name, field in self.fields.items():
             digest.update(f"fields.{name} {field.values.shape}".encode())
             digest.update(field.values + 0)

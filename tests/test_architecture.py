@@ -32,6 +32,7 @@ OUTSIDE = {
     "fire": {"numpy", "mesa"},
     "learning": {"numpy", "numba", "cmaes"},
     "analysis": {"numpy", "numba", "scipy"},
+    "body_world.py": {"numpy", "mesa", "shapely"},
     "world_model.py": {"numpy", "mesa"},
     "model.py": {"numpy", "mesa"},
     "recording": {"numpy", "pandas", "pyarrow", "mesa", "shapely"},

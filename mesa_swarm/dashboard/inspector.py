@@ -12,7 +12,7 @@ import shapely
 import traitlets
 
 from mesa_swarm.control.explain import moment_of
-from mesa_swarm.dashboard.session import WATCHED, Session
+from mesa_swarm.dashboard.session import WATCHED, Session, custom_columns
 from mesa_swarm.dashboard.widgets import Link
 from mesa_swarm.errors import InvalidValueError, check_number, in_words
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RANGE
@@ -22,8 +22,11 @@ from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing import text_of
 from mesa_swarm.viewing.player import PackedFrame
 
+# Of the numbers of one custom sensor.
+MOST_SHOWN = 12
 # Shortest time between updates of the inspector while the model is played, s.
 EVERY = 0.2
+NAMES = {"obstacle": "an obstacle", "load": "a load"}
 # Types of values from a field of the page.
 Typed = float | str | None
 # Overlaps below this are rounding.
@@ -209,10 +212,30 @@ def facts_of(model: SwarmModel, robot: Robot, moment: Moment) -> list[tuple[str,
     if len(robot.design.line):
         over = ["mark" if on else "ground" for on in line[: len(robot.design.line)]]
         facts.append(("Line sensors", ", ".join(over)))
+    facts += custom_of(model, columns)
     if model.communication is not None:
         facts += messages_of(model, columns)
     facts.append(("Collided", "yes" if columns["collided"] else "no"))
     return facts
+
+
+def custom_of(model: SwarmModel, columns: dict[str, Any]) -> list[tuple[str, str]]:
+    """Return what custom sensors read, actuators were set to, and messages held, each with its name."""
+    names = [name for name in custom_columns(model) if name in columns]
+    return [(_title(name), _numbers(columns[name])) for name in names]
+
+
+def _title(column: str) -> str:
+    """Return a column's name in words; that of a memory begins with the index of its layer."""
+    first, *rest = column.split(".")
+    return f"{rest[0]} remembers {' '.join(rest[1:])}" if first.isdigit() else " ".join((first, *rest)).capitalize()
+
+
+def _numbers(values: Any) -> str:
+    """Return the first numbers in words, a dash for nothing."""
+    flat = np.asarray(values, float).ravel()
+    shown = " ".join("-" if np.isnan(number) else f"{number:.4g}" for number in flat[:MOST_SHOWN])
+    return f"{shown} ..." if len(flat) > MOST_SHOWN else shown
 
 
 def messages_of(model: SwarmModel, columns: dict[str, Any]) -> list[tuple[str, str]]:
@@ -267,9 +290,9 @@ def deepest(model: SwarmModel, robot: Robot, place: np.ndarray) -> tuple[float, 
     found = [(border, "the border of the map")]
     point = shapely.Point(*place)
     for obstacle in model.obstacle_list:
-        if obstacle.contact:
+        if obstacle.contact and getattr(obstacle, "carrier", None) is None:
             gap = shapely.distance(point, obstacle.shape.geometry) - obstacle.shape.radius
-            found.append((robot.radius - gap, "a load" if obstacle in model.loads else "an obstacle"))
+            found.append((robot.radius - gap, NAMES.get(obstacle.kind, f"a {obstacle.kind}")))
     for number, (x, y, radius) in enumerate(model.fires.discs, start=1):
         found.append((robot.radius + radius - math.dist(place, (x, y)), f"fire {number}"))
     gaps = np.hypot(*(model.swarm.position - place).T) - model.swarm.radius

@@ -46,7 +46,15 @@ class Moving:
             self.body_of[own] = number
         edges = self.items[self.items < len(statics.edges)]
         discs = self.items[self.items >= len(statics.edges)]
-        outlines = [edges_of(Shape(body.form.outline)) for body in movers.agents if not body.form.radius]
+        # What a robot carries is nowhere.
+        statics.edges[edges[movers.carried[self.body_of[edges]]]] = np.nan
+        statics.discs[discs[movers.carried[self.body_of[discs]]] - len(statics.edges), :2] = np.nan
+        edges, discs = (one[~movers.carried[self.body_of[one]]] for one in (edges, discs))
+        outlines = [
+            edges_of(Shape(body.form.outline))
+            for body, carried in zip(movers.agents, movers.carried, strict=True)
+            if not body.form.radius and not carried
+        ]
         local = np.concatenate([np.empty((0, 4)), *outlines])
         self._outlines = local, edges, self.body_of[edges], discs - len(statics.edges), self.body_of[discs]
         self.start, self.start_heading = movers.position.copy(), movers.heading.copy()
@@ -60,7 +68,7 @@ class Moving:
 
     def _lists(self, bounds: tuple[float, float, float, float], reach: float) -> tuple:
         """Return a grid, empty lists that have room for the items at any pose, and the reach."""
-        cell = max(2.0 * reach, float(self._extent.mean()), 1e-9)
+        cell = max(2.0 * reach, float(self._extent.sum()) / max(len(self._extent), 1), 1e-9)
         grid = Grid.over(bounds, cell, FEWEST_CELLS + CELLS_PER_ITEM * len(self._extent))
         across = np.floor((self._extent + 2.0 * reach) / grid.cell) + 2.0
         room = int((np.minimum(across, grid.columns) * np.minimum(across, grid.rows)).sum())

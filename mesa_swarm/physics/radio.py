@@ -33,8 +33,7 @@ class Channel:
         columns, radio = swarm.columns, self.radio
         position, heading, number = columns["position"], columns["heading"], columns["number"]
         limits = float(radio.range), float(radio.loss_probability), word, radio.occlusion
-        moving = surroundings.moving
-        obstacles = *self._obstacles, None if moving is None else moving.touched
+        obstacles = obstacles_of(surroundings)
         if radio.state:
             layer, task = columns["layer"], columns["task"]
             heard = columns["heard_layer"], columns["heard_task"], columns["heard_from"]
@@ -70,15 +69,14 @@ class Channel:
             return
         most = FEWEST_CELLS + CELLS_PER_ROBOT * len(swarm)
         self._grid = Grid.over(surroundings.bounds, max(self.radio.range, 1e-9), most).numbers
-        self._obstacles = obstacles_of(surroundings)
         self._version, self._surroundings = swarm.version, surroundings
 
 
 def obstacles_of(surroundings: Surroundings) -> tuple:
     """Return what stops a broadcast, as `is_cut` takes it."""
-    statics = surroundings.statics
+    statics, moving = surroundings.statics, surroundings.moving
     touched = statics.grid.numbers, statics.touched_start, statics.touched_items
-    return statics.edges, statics.discs[: statics.first_fire], *touched
+    return statics.edges, statics.discs[: statics.first_fire], *touched, None if moving is None else moving.touched
 
 
 @compiled

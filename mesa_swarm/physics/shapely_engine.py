@@ -110,6 +110,8 @@ class Travelling:
         changed = False
         here = self._poses()
         for b in range(len(here)):
+            if cast(Movers, self._movers).carried[b]:
+                continue
             met = self._overlapped(b, position, radius)
             changed |= bool((met & ~goes).any())
             goes |= met

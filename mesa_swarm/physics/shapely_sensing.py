@@ -42,7 +42,9 @@ class Solids:
     @classmethod
     def of(cls, surroundings: Surroundings, margin: float) -> "Solids":
         """Collect all solids; the outside of the map reaches `margin` beyond the border."""
-        solid = [(i, shape) for i, shape in enumerate(surroundings.present_shapes) if shape.contact]
+        carried = surroundings.carried
+        shapes = enumerate(surroundings.present_shapes)
+        solid = [(i, shape) for i, shape in shapes if shape.contact and i not in carried]
         polygons = [(i, shape.geometry) for i, shape in solid if not shape.is_disc]
         polygons.insert(0, (BORDER, outside(surroundings.bounds, margin)))
         discs = [(i, shape.geometry, shape.radius) for i, shape in solid if shape.is_disc]

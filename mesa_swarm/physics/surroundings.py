@@ -85,7 +85,7 @@ class Room:
             return []
         x, y = shapely.get_coordinates(shapely.centroid(core))[0]
         apart = np.hypot(*(self.movers.position - (x, y)).T)
-        near = np.flatnonzero(apart <= self.movers.reach + load.form.reach + distance)
+        near = np.flatnonzero((apart <= self.movers.reach + load.form.reach + distance) & ~self.movers.carried)
         return [self.movers.agents[row] for row in near]
 
 
@@ -206,11 +206,18 @@ class Surroundings:
                 self.shapes[row] = body.shape
         return self.shapes
 
+    @property
+    def carried(self) -> set[int]:
+        """The indices of the shapes that robots carry: they are nowhere."""
+        if self.moving is None:
+            return set()
+        return {self.driven[place] for place in np.flatnonzero(self.moving.movers.carried)}
+
     def blocked_by_loads(self) -> np.ndarray:
         """Return which driven bodies a load stops: it is where the body is to go, or on the way."""
         movers = cast(Moving, self.moving).movers
         blocked = np.zeros(len(movers), bool)
-        for b in np.flatnonzero(movers.asked) if self.loads else ():
+        for b in np.flatnonzero(movers.asked).tolist() if self.loads else ():
             blocked[b] = any(self._is_in_the_way(load, movers, b) for load in self.loads)
         return blocked
 

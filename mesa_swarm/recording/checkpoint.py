@@ -48,7 +48,7 @@ WORDS = 625
 OURS = ("mesa_swarm.control.", "mesa_swarm.fire.")
 
 
-class _ModelPacked(Packed):
+class ModelPacked(Packed):
     """Plain values of a model, which may refer to its agents by unique_id."""
 
     def __init__(self, model: FireModel, arrays: list[np.ndarray] | None = None) -> None:
@@ -89,7 +89,7 @@ def checkpoint_of(model: FireModel, since: dict[Path, int] | None = None, *, ste
     state_hash = model.state_hash()  # reads the sensors, as their next use does
     if has_own_events(model):
         raise RecordingError("Mesa's schedule has events besides the step, which cannot be stored")
-    packed = _ModelPacked(model)
+    packed = ModelPacked(model)
     facts = {
         "steps": model.steps if steps is None else steps,
         "things": objects_to_json(model),
@@ -136,7 +136,7 @@ def restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpoi
 
 
 def _restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpoint]) -> None:
-    facts, packed = checkpoint.facts, _ModelPacked(model, checkpoint.arrays)
+    facts, packed = checkpoint.facts, ModelPacked(model, checkpoint.arrays)
     restore_objects(model, facts["things"])
     model._restore_fields(packed.unpack(facts.get("scalars", [])))
     model.fire_constants = part_from_json(facts["constants"])
@@ -151,7 +151,7 @@ def _restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpo
     _restore_columns(model.fires.columns, facts["fires"], packed)
     _check_columns(model)
     _restore_history(model, facts["history"])
-    parts = [(part.facts["collected"], _ModelPacked(model, part.arrays)) for part in earlier]
+    parts = [(part.facts["collected"], ModelPacked(model, part.arrays)) for part in earlier]
     restore_collected(model, joined([*parts, (facts["collected"], packed)]))
     for name, reporter in reporters_of(model).items():
         reporter.restore(packed.unpack(facts["reporters"][name]))
@@ -179,8 +179,8 @@ def _adopt(model: FireModel, facts: dict, packed: Packed) -> None:
 
 def _states_of(model: FireModel, facts: dict) -> Iterator[tuple[Any, object]]:
     """Iterate over what was stored of layers, processes and attributes, each with what the model has now."""
-    _, *states = facts["control_state"] or (None,)
-    yield from zip(states, getattr(model.control, "layers", ()), strict=False)
+    parts, layers = ((), ()) if model.control is None else (model.control.parts, model.control.layers)
+    yield from zip(facts["control_state"][len(parts) :], layers, strict=False)
     yield from ((state, model._processes.get(number)) for number, _, state in facts.get("processes", ()))
     yield from ((state, model.__dict__.get(name)) for name, state in facts["attributes"].items())
 
@@ -244,20 +244,20 @@ def _restore_history(model: FireModel, stored: list) -> None:
     history.every, history._places, history._fires = every, list(places), fires
 
 
-def _control_state(model: FireModel, packed: _ModelPacked) -> list:
+def _control_state(model: FireModel, packed: ModelPacked) -> list:
     if model.control is None:
         return []
     arbiters, layers = model.control.parts, model.control.layers
     return [*(_arbiter_state(one, packed) for one in arbiters), *(_layer_state(layer, packed) for layer in layers)]
 
 
-def _arbiter_state(arbiter: Any, packed: _ModelPacked) -> object:
+def _arbiter_state(arbiter: Any, packed: ModelPacked) -> object:
     values = {} if type(arbiter).__module__.startswith(OURS) else vars(arbiter)
     own = {name: value for name, value in values.items() if name not in ("layers", "weights", "others")}
     return _inner(own, type(arbiter).__name__, packed)
 
 
-def _layer_state(layer: Any, packed: _ModelPacked) -> object:
+def _layer_state(layer: Any, packed: ModelPacked) -> object:
     if isinstance(layer, Checkpointed):
         return {"own": packed.pack(layer.checkpoint(), f"layer {getattr(layer, 'name', '')}")}
     if type(layer).__module__.startswith(OURS):
@@ -265,7 +265,7 @@ def _layer_state(layer: Any, packed: _ModelPacked) -> object:
     return _inner(getattr(layer, "__dict__", {}), f"layer {getattr(layer, 'name', '')}", packed)
 
 
-def _inner(values: dict, what: str, packed: _ModelPacked) -> dict:
+def _inner(values: dict, what: str, packed: ModelPacked) -> dict:
     swarm = packed.model.swarm
     return {n: attribute_to_json(v, f"{what}'s {n}", packed) for n, v in values.items() if v is not swarm}
 
@@ -292,7 +292,7 @@ def _restore_control(model: FireModel, facts: dict) -> None:
         model.control = control_from_json(facts["control"])
 
 
-def _restore_control_state(model: FireModel, facts: dict, packed: _ModelPacked) -> None:
+def _restore_control_state(model: FireModel, facts: dict, packed: ModelPacked) -> None:
     if model.control is None:
         return
     arbiters, states = model.control.parts, facts["control_state"]
@@ -305,14 +305,14 @@ def _restore_control_state(model: FireModel, facts: dict, packed: _ModelPacked) 
             _restore_inner(layer, state, packed)
 
 
-def _restore_inner(owner: object, state: dict, packed: _ModelPacked) -> None:
+def _restore_inner(owner: object, state: dict, packed: ModelPacked) -> None:
     if state and type(owner).__module__.startswith(OURS):
         raise RecordingError(f"{type(owner).__name__} has no state of its own")
     for name, content in state.items():
         object.__setattr__(owner, name, attribute_from_json(getattr(owner, name, None), name, content, packed))
 
 
-def _declared_to_json(model: FireModel, packed: _ModelPacked) -> dict:
+def _declared_to_json(model: FireModel, packed: ModelPacked) -> dict:
     """Return `model.state`, processes and parts, without those of which there are none."""
     declared_state = {
         "state": model._state and packed.pack(dict(model._state), "state"),
@@ -322,7 +322,7 @@ def _declared_to_json(model: FireModel, packed: _ModelPacked) -> dict:
     return {name: content for name, content in declared_state.items() if content}
 
 
-def _process_to_json(number: int, process: object, packed: _ModelPacked) -> list:
+def _process_to_json(number: int, process: object, packed: ModelPacked) -> list:
     kind = type(process)
     what = f"process {kind.__name__}"
     if isinstance(process, Checkpointed):
@@ -332,7 +332,7 @@ def _process_to_json(number: int, process: object, packed: _ModelPacked) -> list
     return [number, f"{kind.__module__}.{kind.__qualname__}", state]
 
 
-def _restore_declared(model: FireModel, facts: dict, packed: _ModelPacked) -> None:
+def _restore_declared(model: FireModel, facts: dict, packed: ModelPacked) -> None:
     model.state = packed.unpack(facts["state"]) if "state" in facts else {}
     stored = {number: (kind, state) for number, kind, state in facts.get("processes", ())}
     for number, process in list(model._processes.items()):
@@ -349,7 +349,7 @@ def _restore_declared(model: FireModel, facts: dict, packed: _ModelPacked) -> No
     _restore_parts(model, facts.get("parts", {}), packed)
 
 
-def _restore_process(process: Any, state: dict, packed: _ModelPacked) -> None:
+def _restore_process(process: Any, state: dict, packed: ModelPacked) -> None:
     if isinstance(process, Checkpointed):
         process.restore(packed.unpack(state["own"]))
         return
@@ -360,7 +360,7 @@ def _restore_process(process: Any, state: dict, packed: _ModelPacked) -> None:
         object.__setattr__(process, name, value)
 
 
-def _restore_parts(model: FireModel, stored: dict, packed: _ModelPacked) -> None:
+def _restore_parts(model: FireModel, stored: dict, packed: ModelPacked) -> None:
     """Write the stored arrays of parts that were not adopted; refuse other names, types and shapes."""
     if stored.keys() != model._parts.keys():
         odd = sorted(stored.keys() ^ model._parts.keys())
@@ -381,7 +381,7 @@ def own_attributes(model: FireModel) -> dict[str, Any]:
     return {name: value for name, value in model.__dict__.items() if name not in apart}
 
 
-def attribute_to_json(value: object, name: str, packed: _ModelPacked) -> object:
+def attribute_to_json(value: object, name: str, packed: ModelPacked) -> object:
     """Return an attribute as JSON: plain, a random generator, a part of the model, or an object with a state."""
     reference = None if type(value) in ATOMS else _reference(value, packed.model)
     if reference is not None:
@@ -429,7 +429,7 @@ def _referred(kind: str, which: Any, model: FireModel) -> object:
     return _owners(model)[kind][which]
 
 
-def _restore_attributes(model: FireModel, facts: dict, packed: _ModelPacked) -> None:
+def _restore_attributes(model: FireModel, facts: dict, packed: ModelPacked) -> None:
     attributes = facts["attributes"]
     _refuse(declared(model, "_stored_apart") & attributes.keys())
     for name in own_attributes(model).keys() - attributes.keys():
@@ -444,7 +444,7 @@ def _restore_attributes(model: FireModel, facts: dict, packed: _ModelPacked) -> 
     _restore_agents(model, dict(facts["of_things"]), packed)
 
 
-def _restore_agents(model: FireModel, stored: dict[int, dict], packed: _ModelPacked) -> None:
+def _restore_agents(model: FireModel, stored: dict[int, dict], packed: ModelPacked) -> None:
     for agent in other_agents(model):
         for name in own_attributes_of_agent(agent).keys() - stored.get(agent.unique_id, {}).keys():
             delattr(agent, name)
@@ -462,7 +462,7 @@ def _refuse(names: frozenset[str]) -> None:
         raise RecordingError(f"attribute {min(names)} is not part of a state")
 
 
-def attribute_from_json(now: object, name: str, content: dict, packed: _ModelPacked) -> object:
+def attribute_from_json(now: object, name: str, content: dict, packed: ModelPacked) -> object:
     """Return the attribute for which `attribute_to_json` returned this; what has a state of its own stays the same."""
     ((kind, value),) = content.items()
     if kind == "generator":
@@ -487,7 +487,7 @@ def apart_of_agent(agent: Agent) -> frozenset[str]:
     return declared(agent, "_stored_apart") | (OF_ARENA if isinstance(agent, ContinuousSpaceAgent) else OF_AGENTS)
 
 
-def _agent_attributes(model: FireModel, packed: _ModelPacked) -> list:
+def _agent_attributes(model: FireModel, packed: ModelPacked) -> list:
     """Return the attributes that users have added to robots and other agents, and all of agents of their own."""
     extra = []
     for agent in model.agents:

@@ -3,6 +3,7 @@
 import json
 import os
 import sys
+import warnings
 import weakref
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
@@ -15,7 +16,7 @@ from typing import Any
 
 import pyarrow as pa
 
-from mesa_swarm.errors import RecordingError, shortened
+from mesa_swarm.errors import RecordingError, UnstoredStateWarning, shortened, without_middle
 from mesa_swarm.files import shown_path
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.observers import Observer
@@ -438,8 +439,8 @@ def record(
     checkpoint_every : int
         Most steps from one checkpoint, the complete state, to the next, or a `Trigger`; 0 stores none, also after
         changes by hand. With checkpoints `resume` need not run all steps again, and can continue models that were
-        changed by hand. A model whose state cannot be stored, or is too large, is recorded without, see
-        `Recorder.why_no_checkpoint`.
+        changed by hand. A model whose state cannot be stored, or is too large, is recorded without: an
+        `UnstoredStateWarning` names the attribute, see also `Recorder.why_no_checkpoint`.
 
     Returns
     -------
@@ -485,6 +486,9 @@ def record(
     }
     schema = layout.schema.with_metadata(as_metadata(facts))
     _check_readable(schema)
+    if most_steps and facts["why_no_checkpoint"]:
+        text = f"{type(model).__name__} is recorded without checkpoints, so that resume runs it again from its start: "
+        warnings.warn(without_middle(text + facts["why_no_checkpoint"]), UnstoredStateWarning, stacklevel=3)
     writer = SealedWriter(target, schema, overwrite)
     return Recorder(model, target, trigger, layout, writer, most_steps)
 

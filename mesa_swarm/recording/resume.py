@@ -1,30 +1,37 @@
 """Continuing a run from any step of its recording, unchanged or with other parameters."""
 
 import os
+from collections.abc import Iterator
+from contextlib import suppress
 from copy import deepcopy
+from itertools import zip_longest
 from typing import Any
-
-import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError, check_count, shortened, unknown_name
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.gallery import FORMS, address_of, is_address, shipped_class
 from mesa_swarm.progress import progress_bar
+from mesa_swarm.recording.checkpoint import (
+    ModelPacked,
+    attribute_from_json,
+    attribute_to_json,
+    own_attributes,
+    own_attributes_of_agent,
+)
 from mesa_swarm.recording.collected import reporters_of, set_clock
-from mesa_swarm.recording.container import ATOMS
-from mesa_swarm.recording.parts import family
+from mesa_swarm.recording.parts import family, objects_to_json, other_agents, restore_objects
 from mesa_swarm.recording.provenance import is_of, rebuilt
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.verify import Rerun, Watch, last_same, restored, run_to, started_again, states_to
+from mesa_swarm.robots.swarm import Swarm
+from mesa_swarm.state import attributes_of, fingerprint
 
 # Columns that follow from parameters; all others are the state of the run.
 OF_PARAMETERS = frozenset({"number", "design", "radius", "max_speed"})
-# Attributes that a run may change, in any model: plain values.
-PLAIN = (*ATOMS, np.ndarray, np.generic)
+# Those of them that are the run's where it has added or removed robots.
+MADE = frozenset({"number", "design"})
 # An address in a recording that is longer is not shown.
 LONGEST_ADDRESS = 80
-# Attributes that belong to the new model.
-OWN = frozenset({"_senses_version", "given"})
 
 
 def resume(
@@ -34,9 +41,10 @@ def resume(
 
     The nearest checkpoint at or before the step is restored, and the model runs from there to the step, compared
     with the recording on the way; without a checkpoint it is run again from its parameters. With other parameters, a
-    second model is made with these and takes over the first one's state: positions, readings, temperatures, the memory
-    of layers (by the layer's name), random streams, counters. Attributes that were replaced by hand before, such as
-    `control` or `fire_constants`, then follow from the parameters again.
+    second model is made with these and takes over the first one's state: its robots and other objects as they are now,
+    positions, readings, temperatures, the memory of layers (by the layer's name), random streams, counters, the
+    declared state, events. Attributes that were replaced by hand before, such as `control` or `fire_constants`, then
+    follow from the parameters again.
 
     If the model was changed by hand after that very step, it is returned with the change, provided that the state after
     it was stored (`Recording.interventions`).
@@ -51,7 +59,8 @@ def resume(
     progress : bool
         Whether to show a bar of the steps that are run again.
     **changes
-        New values of the model's parameters, which must leave the same robots, fires, obstacles and loads.
+        New values of the model's parameters, which must leave the robots, fires, obstacles and loads that the
+        constructor makes. What the run has added or removed since is as it was.
 
     Raises
     ------
@@ -130,12 +139,12 @@ def _nearest(recording: Recording, model_class: type, step: int, watch: Watch) -
 
 
 def take_over(new: FireModel, old: FireModel, fresh: FireModel) -> None:
-    """Copy the state of a model to a `new` one that has taken no step yet and has the same objects.
+    """Copy the state of a model to a `new` one that has taken no step yet.
 
     Values of `old` that differ from those in `fresh`, which is `old` before its first step, are state; the others
-    follow from parameters.
+    follow from parameters. So do its robots and other objects: what was added or removed during the run is.
     """
-    _check_same_objects(new, old)
+    remade = _take_objects(new, old, fresh)
     set_clock(new, old.steps)
     new.obstacles_changed()
     for load, moved in zip(new.loads, old.loads, strict=True):
@@ -143,32 +152,67 @@ def take_over(new: FireModel, old: FireModel, fresh: FireModel) -> None:
         load.moved, load.pushers = moved.moved, moved.pushers
     for column, source in zip(new.movers.poses, old.movers.poses, strict=True):
         column[:] = source
-    new.movers.blocked[:], new.movers.fresh[:] = old.movers.blocked, old.movers.fresh
+    for flags in ("blocked", "fresh", "carried"):
+        getattr(new.movers, flags)[:] = getattr(old.movers, flags)
+    for body, was in zip(new.movers.agents, old.movers.agents, strict=True):
+        body.carrier = None if was.carrier is None else new.swarm.agents[was.carrier.row]
     new.obstacles_changed()
-    _take_columns(new, old)
-    _take_fires(new, old)
+    _take_columns(new, old, OF_PARAMETERS - MADE if remade else OF_PARAMETERS)
+    _take_fires(new, old, fresh)
     _take_fields(new, old)
     _take_randomness(new, old)
-    _take_plain_values(new, old, fresh)
+    _take_values(new, old, fresh)
     _take_collected(new, old)
     new.swarm.disturbed = old.swarm.disturbed
 
 
-def _check_same_objects(new: FireModel, old: FireModel) -> None:
-    for name in ("robots", "fires", "obstacles", "loads", "bodies"):
-        ids, was = ([agent.unique_id for agent in getattr(model, name)] for model in (new, old))
+def _take_objects(new: FireModel, old: FireModel, fresh: FireModel) -> bool:
+    """Add and remove what was added and removed during the run; return whether anything was.
+
+    The change itself has to make the same objects as without it.
+    """
+    if _objects_of(new) == _objects_of(old):
+        return False
+    for name, ids in _objects_of(new).items():
+        was = _objects_of(fresh)[name]
         if ids != was:
             raise InvalidValueError(
                 f"the change makes a world with {len(ids)} {name} instead of the {len(was)} recorded; "
                 "change only parameters that leave them as they are"
             )
+    restore_objects(new, _changed_objects(*map(objects_to_json, (new, old, fresh))))
+    return True
 
 
-def _take_columns(new: FireModel, old: FireModel) -> None:
+def _objects_of(model: FireModel) -> dict[str, list[int]]:
+    """Return the unique_ids of all agents by kind."""
+    kinds = {name: getattr(model, name) for name in ("robots", "fires", "obstacles", "loads", "bodies")}
+    kinds["agents"] = other_agents(model)
+    return {name: [agent.unique_id for agent in agents] for name, agents in kinds.items()}
+
+
+def _changed_objects(new: dict, old: dict, fresh: dict) -> dict:
+    """Return the stored objects of `old`, but with those designs and shapes of `new` that the run did not change."""
+    designs = [_unless_changed(*three) for three in zip_longest(new["designs"], old["designs"], fresh["designs"])]
+    mine, first = ({body["id"]: body for body in one["obstacles"]} for one in (new, fresh))
+    bodies = [_merged(mine.get(body["id"], {}), body, first.get(body["id"], {})) for body in old["obstacles"]]
+    return {**old, "designs": designs[: len(old["designs"])], "obstacles": bodies}
+
+
+def _merged(new: dict, old: dict, fresh: dict) -> dict:
+    return {name: _unless_changed(new.get(name), value, fresh.get(name)) for name, value in old.items()}
+
+
+def _unless_changed(new: Any, old: Any, fresh: Any) -> Any:
+    """Return the value that follows from the new parameters, unless the run has changed it since its beginning."""
+    return new if old == fresh and new is not None else old
+
+
+def _take_columns(new: FireModel, old: FireModel, of_parameters: frozenset[str]) -> None:
     known = {**{_without_place(name): name for name in old.swarm.columns}, **{name: name for name in old.swarm.columns}}
     for name, column in new.swarm.columns.items():
         source = known.get(name, known.get(_without_place(name)))
-        if name in OF_PARAMETERS or source is None or old.swarm.columns[source].shape != column.shape:
+        if name in of_parameters or source is None or old.swarm.columns[source].shape != column.shape:
             continue
         column[...] = old.swarm.columns[source]
     new.swarm.groups = old.swarm.groups
@@ -181,9 +225,12 @@ def _without_place(name: str) -> str:
     return rest if dot and place.isdigit() else name
 
 
-def _take_fires(new: FireModel, old: FireModel) -> None:
-    for name in ("temperature", "out", "out_step", "robots"):
-        new.fires.columns[name][:] = old.fires.columns[name]
+def _take_fires(new: FireModel, old: FireModel, fresh: FireModel) -> None:
+    first = {fire.unique_id for fire in fresh.fires}
+    added = [row for row, fire in enumerate(old.fires.agents) if fire.unique_id not in first]
+    for name, column in old.fires.columns.items():
+        rows = slice(None) if name in ("temperature", "out", "out_step", "robots") else added
+        new.fires.columns[name][rows] = column[rows]
     every = new.fires.history.every
     new.fires.history = deepcopy(old.fires.history)
     new.fires.history.every = every
@@ -204,11 +251,67 @@ def _take_randomness(new: FireModel, old: FireModel) -> None:
     new.__dict__["_noise"] = old.__dict__["_noise"]  # this step's sensor errors, which may have been drawn already
 
 
-def _take_plain_values(new: FireModel, old: FireModel, fresh: FireModel) -> None:
-    values: dict[str, Any] = {n: v for n, v in old.__dict__.items() if isinstance(v, PLAIN) and n not in OWN}
-    for name, value in values.items():
-        if not np.array_equal(value, fresh.__dict__.get(name, new)):
-            new.__dict__[name] = deepcopy(value)
+def _take_values(new: FireModel, old: FireModel, fresh: FireModel) -> None:
+    """Copy what the run has changed in attributes, the declared state, processes, custom layers and other agents."""
+    there = ModelPacked(old)
+    here = ModelPacked(new, there.arrays)
+    if new._processes.keys() < old._processes.keys():
+        raise InvalidValueError("the change makes a model with fewer processes; change parameters that leave them")
+    for number in new._processes.keys() - old._processes.keys():
+        new.remove_process(new._processes[number])
+    for mine, values, first in _owners_of_values(new, old, fresh):
+        for name in first.keys() - values.keys():
+            mine.pop(name, None)
+        for name, value in values.items():
+            if name not in first or fingerprint(value) != fingerprint(first[name]):
+                with suppress(RecordingError):  # follows from the parameters
+                    content: Any = attribute_to_json(value, name, there)
+                    mine[name] = attribute_from_json(mine.get(name), name, content, here)
+    for name, part in new._parts.items():
+        for key, array in part.arrays().items():
+            stored = old._parts[name].arrays()[key]
+            if stored.shape == array.shape:
+                array[...] = stored
+    new.events.replace({name: list(series) for name, series in old.events.series().items()})
+    new.obstacles_changed()
+
+
+def _owners_of_values(new: FireModel, old: FireModel, fresh: FireModel) -> Iterator[tuple[Any, dict, dict]]:
+    """Iterate over what has values: where those of the new model are, those of the old one, and the first ones."""
+    yield new.__dict__, own_attributes(old), own_attributes(fresh)
+    yield new.state, dict(old.state), dict(fresh.state)
+    for number, process in new._processes.items():
+        before = attributes_of(fresh._processes[number]) if number in fresh._processes else {}
+        yield _Attributes(process), attributes_of(old._processes[number]), before
+    layers = [{layer.name: layer for layer in getattr(model.control, "layers", ())} for model in (new, old, fresh)]
+    for name, layer in layers[0].items():
+        if name in layers[1] and not type(layer).__module__.startswith("mesa_swarm."):
+            first = attributes_of(layers[2][name]) if name in layers[2] else {}
+            yield _Attributes(layer), _without_swarm(attributes_of(layers[1][name])), _without_swarm(first)
+    agents, firsts = ({agent.unique_id: agent for agent in other_agents(model)} for model in (old, fresh))
+    for agent in other_agents(new):
+        before = own_attributes_of_agent(firsts[agent.unique_id]) if agent.unique_id in firsts else {}
+        yield _Attributes(agent), own_attributes_of_agent(agents[agent.unique_id]), before
+
+
+def _without_swarm(values: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if not isinstance(value, Swarm)}
+
+
+class _Attributes:
+    """The attributes of an object, written like the values of a dict."""
+
+    def __init__(self, owner: object) -> None:
+        self.owner = owner
+
+    def get(self, name: str) -> Any:
+        return getattr(self.owner, name, None)
+
+    def pop(self, name: str, default: None) -> None:
+        self.owner.__dict__.pop(name, default)
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        object.__setattr__(self.owner, name, value)
 
 
 def _take_collected(new: FireModel, old: FireModel) -> None:

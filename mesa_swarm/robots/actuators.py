@@ -6,14 +6,16 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, check_flag, shortened
-from mesa_swarm.robots.parts import Part, check_part, own_function
+from mesa_swarm.errors import BehaviourError, InvalidValueError, check_flag, check_number, shortened
+from mesa_swarm.robots.parts import RobotPart, check_identifier, check_part, own_function
+from mesa_swarm.robots.sensors import Mount, check_mount
+from mesa_swarm.world.fields import LARGEST_AMOUNT
 
 # Columns of what actuators are set to begin so.
 ACT = "act."
 
 
-class Actuator(Part):
+class Actuator(RobotPart):
     """Base of all actuators; a custom class has a `name`, and `apply` or a function `act`.
 
     A rule sets ``me.act.<name> = x``, or ``me.act.<name>[k] = x`` where `width` is more than 1; a layer that is a
@@ -63,6 +65,70 @@ class Actuator(Part):
 
     def apply(self, model: Any, rows: np.ndarray) -> None:
         """Do what the robots in these rows have set; by default nothing."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Emitter(Actuator):
+    """An actuator that deposits into a scalar field: ``me.act.trail = 0.5`` deposits half of its rate in this step.
+
+    The field receives it in the phase `act`, before robots move.
+
+    Parameters
+    ----------
+    field : str
+        The name of a field of the model.
+    mount : (x, y)
+        Where it deposits, in the robot's frame (x ahead, y left); beyond the border, at the nearest place on the map.
+    rate : float
+        What it deposits a step when it is set to 1, from 0 to 1e15.
+    name : str
+        What rules and columns call it; by default the name of the field.
+
+    Examples
+    --------
+    >>> from mesa_swarm import Emitter, Field, RobotDesign, SwarmModel
+    >>> model = SwarmModel(rng=1)
+    >>> field = model.add_field(Field("trail"))
+    >>> robots = model.add_robots(RobotDesign(actuators=(Emitter(field="trail", rate=2.0),)), 3)
+    >>> model.swarm.columns["act.trail"][:] = 0.5
+    >>> model.step()
+    >>> field.total
+    3.0
+    """
+
+    field: str
+    mount: Mount = (0.0, 0.0)
+    rate: float = 1.0
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        check_identifier("field of an Emitter", self.field)
+        if self.mount is None:
+            raise InvalidValueError("mount is None; expected (x, y) in the robot's frame")
+        object.__setattr__(self, "mount", check_mount(self.mount))
+        check_number("rate", self.rate, minimum=0, maximum=LARGEST_AMOUNT)
+        object.__setattr__(self, "name", self.name or self.field)
+
+    def apply(self, model: Any, rows: np.ndarray) -> None:
+        """Deposit what the robots in these rows have set."""
+        field, columns = model.fields[self.field], model.swarm.columns
+        amounts = self.rate * columns[f"{ACT}{self.name}"][rows]
+        wrong = np.flatnonzero(~((amounts >= 0) & (amounts <= LARGEST_AMOUNT)))
+        if len(wrong):
+            robot = model.swarm.agents[rows[wrong[0]]].unique_id
+            raise BehaviourError(
+                f"act.{self.name} of robot {robot} would deposit {amounts[wrong[0]]:g}; "
+                f"expected 0 to {LARGEST_AMOUNT:g}: fields hold no less than nothing"
+            )
+        some = np.flatnonzero(amounts)
+        if len(some):
+            field.add(self._points(model, rows[some]), amounts[some])
+
+    def _points(self, model: Any, rows: np.ndarray) -> np.ndarray:
+        position, heading = model.swarm.columns["position"][rows], model.swarm.columns["heading"][rows]
+        (x, y), cos, sin = self.mount, np.cos(heading), np.sin(heading)
+        return position + np.column_stack([cos * x - sin * y, sin * x + cos * y])
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

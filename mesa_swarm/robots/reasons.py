@@ -88,7 +88,7 @@ class Moment:
 
     def reading(self, sensor: int) -> str:
         """Return a sensor's reading in words, such as "left sensor 9.3 (a robot)"."""
-        thing = THINGS.get(int(self.kind[sensor]), "nothing")
+        thing = THINGS.get(int(self.kind[sensor]), "another body" if self.kind[sensor] >= 0 else "nothing")
         value = f"{self.distance[sensor]:.1f} ({thing})" if self.kind[sensor] >= 0 else thing
         return f"{self.name(sensor)} {value}"
 

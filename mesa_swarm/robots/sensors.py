@@ -1,11 +1,16 @@
 """Sensors that a robot may carry: what they are, not what they read."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+import numpy as np
+
 from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
-from mesa_swarm.robots.parts import RESERVED, Part, check_part, names_taken, own_function
+from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.geometry.diffusion import look_up
+from mesa_swarm.robots.parts import RESERVED, RobotPart, check_identifier, check_part, names_taken, own_function
 
 LARGEST_RANGE = 1e6
 MOST_RAYS = 10_000
@@ -14,7 +19,7 @@ LONGEST_HOLD = 10**9
 Mount = tuple[float, float]
 
 
-class Sensor(Part):
+class Sensor(RobotPart):
     """Base of all sensors; a custom class has a `name`, a `width` and a function `read`.
 
     ``read`` is a static function that fills `out` (n, width), one row a robot that has the sensor; what it leaves out
@@ -205,6 +210,63 @@ class LineSensor(Sensor):
         if self.mount is None:
             raise InvalidValueError("mount is None; expected (x, y) in the robot's frame")
         object.__setattr__(self, "mount", check_mount(self.mount))
+
+
+@compiled
+def read_field(position, heading, mount, amounts, sides, frame, out):
+    """Look a field up where the sensors of robots are, see `geometry.diffusion.look_up`."""
+    points = np.empty((len(out), 2))
+    for i in range(len(out)):
+        cos, sin = np.cos(heading[i]), np.sin(heading[i])
+        points[i, 0] = position[i, 0] + cos * mount[0] - sin * mount[1]
+        points[i, 1] = position[i, 1] + sin * mount[0] + cos * mount[1]
+    look_up(amounts, sides, frame, points, out[:, 0], np.empty((len(out), 2)))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FieldSensor(Sensor):
+    """A sensor of a scalar field at a point: its value there, interpolated between cells, see `ScalarField.at`.
+
+    Parameters
+    ----------
+    field : str
+        The name of a field of the model.
+    mount : (x, y)
+        The point, in the robot's frame (x ahead, y left). Where it is beyond the map, or in an obstacle, it reads the
+        nearest place that is not.
+    name : str
+        What rules and columns call it; by default the name of the field.
+
+    Examples
+    --------
+    >>> from mesa_swarm import Field, FieldSensor, RobotDesign, SwarmModel
+    >>> model = SwarmModel(rng=1)
+    >>> model.add_field(Field("trail", cell=10.0)).deposit((105, 305), 4.0)
+    >>> antennae = FieldSensor(field="trail", mount=(5, 5)), FieldSensor(field="trail", mount=(5, -5))
+    >>> (robot,) = model.add_robots(RobotDesign(sensors=antennae), poses=[(100, 300, 0.0)])
+    >>> model.sense()
+    >>> robot.trail
+    array([4., 0.])
+    """
+
+    field: str
+    mount: Mount = (0.0, 0.0)
+    name: str = ""
+    minimum = 0.0
+    read = staticmethod(read_field)
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        check_identifier("field of a FieldSensor", self.field)
+        if self.mount is None:
+            raise InvalidValueError("mount is None; expected (x, y) in the robot's frame")
+        object.__setattr__(self, "mount", check_mount(self.mount))
+        object.__setattr__(self, "name", self.name or self.field)
+
+    def arguments(self, model: Any) -> Mapping[str, Any]:
+        """Return the field as `geometry.diffusion` takes it."""
+        field = model.fields[self.field]
+        return {"amounts": field.values, "sides": field.sides, "frame": field.frame}
 
 
 # What the engines read themselves, into columns of their own.

@@ -14,6 +14,7 @@ alone, and no value becomes negative.
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from operator import is_
 from typing import Any
 
 import numpy as np
@@ -69,7 +70,7 @@ class Field:
     evaporation : float
         The share that is lost in each step, from 0 to 1.
     walls : bool
-        Whether obstacles block it; loads, fires and robots never do.
+        Whether obstacles block it; loads, driven bodies, fires and robots never do.
 
     Raises
     ------
@@ -201,6 +202,11 @@ class ScalarField:
         self._values[...] = given
         self._values[self.blocked] = 0.0
         self._changed(float(self._values.max()))
+
+    @property
+    def sides(self) -> np.ndarray:
+        """Which sides of cells are open, and which cells are blocked, see `geometry.diffusion`."""
+        return self._current_walls().sides
 
     @property
     def total(self) -> float:
@@ -344,8 +350,10 @@ class ScalarField:
 
     def walls_changed(self) -> None:
         """Find out anew which cells are blocked, and move what is in them to the nearest free ones; models call it."""
+        if not self.declared.walls or (self._walls is not None and self._walls.is_of(self._shapes())):
+            return
         self._walls = None
-        if self._is_empty or not self.declared.walls:
+        if self._is_empty:
             return
         covered = np.argwhere(self.blocked & (self._values > 0.0))
         if not len(covered):
@@ -451,7 +459,7 @@ def shrunk(values: np.ndarray, most: int) -> np.ndarray:
     return sums / np.outer(np.diff(np.append(y, rows)), np.diff(np.append(x, columns)))
 
 
-class Fields(Mapping[str, ScalarField]):
+class NamedFields(Mapping[str, ScalarField]):
     """The fields of a model by name, in the order in which they were added; `SwarmModel.add_field` adds one.
 
     Examples
@@ -469,7 +477,8 @@ class Fields(Mapping[str, ScalarField]):
 
     def __getitem__(self, name: str) -> ScalarField:
         if name not in self:
-            raise UnknownNameError(unknown_name("field", name, self._fields))
+            known = unknown_name("field", name, self._fields) if self._fields else f"unknown field {shortened(name)}"
+            raise UnknownNameError(f"{known}; add it with model.add_field(Field(...))")
         return self._fields[name]
 
     def __contains__(self, name: object) -> bool:
@@ -486,19 +495,24 @@ class Fields(Mapping[str, ScalarField]):
         return len(self._fields)
 
     def __repr__(self) -> str:
-        return f"<Fields {', '.join(self._fields)}>"
+        return f"<NamedFields {', '.join(self._fields)}>"
 
 
 class _Walls:
     """What obstacles block of a grid, see `geometry.diffusion`: sides, and by rows the cells with a closed link."""
 
     def __init__(self, shape: tuple[int, int], frame: Bounds, shapes: Sequence[Shape]) -> None:
+        self._shapes = tuple(shapes)
         self.sides = np.full(shape, OPEN, np.uint8) if shapes else NO_SIDES
         for solid in shapes:
             _block(self.sides, frame, solid)
         rows, columns = np.nonzero(_differs(self.sides))
         self.begins = np.searchsorted(rows, np.arange(shape[0] + 1))
         self.cells = columns.astype(np.int64)
+
+    def is_of(self, shapes: Sequence[Shape]) -> bool:
+        """Return whether these very shapes are what blocks it."""
+        return len(shapes) == len(self._shapes) and all(map(is_, shapes, self._shapes))
 
 
 def _block(sides: np.ndarray, frame: Bounds, solid: Shape) -> None:

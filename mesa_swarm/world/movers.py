@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import numpy as np
+import shapely
 from mesa import Agent, Model
 
 from mesa_swarm.errors import InvalidValueError, RemovedRobotError, check_number, shortened
@@ -33,6 +34,8 @@ class Movers:
         Whether a body stopped in the last step, because robots or a load could not give way.
     fresh : bool ndarray, shape (m,)
         Whether it was added after the last step.
+    carried : bool ndarray, shape (m,)
+        Whether a robot carries it: it is where the robot is, and nothing sees it or bumps into it.
     reach : ndarray, shape (m,)
         Distance of its centre from its farthest point.
     """
@@ -41,7 +44,7 @@ class Movers:
         self.agents: list[Driven] = []
         self.position, self.aim = np.empty((0, 2)), np.empty((0, 2))
         self.heading, self.aim_heading, self.reach = np.empty(0), np.empty(0), np.empty(0)
-        self.blocked, self.fresh = np.empty(0, bool), np.empty(0, bool)
+        self.blocked, self.fresh, self.carried = np.empty(0, bool), np.empty(0, bool), np.empty(0, bool)
         self.followers: list[Driven] = []
 
     def __len__(self) -> int:
@@ -54,21 +57,23 @@ class Movers:
         self.position, self.aim = (np.vstack([old, position]) for old in (self.position, self.aim))
         self.heading, self.aim_heading = (np.append(old, 0.0) for old in (self.heading, self.aim_heading))
         self.blocked, self.fresh = np.append(self.blocked, False), np.append(self.fresh, True)
+        self.carried = np.append(self.carried, False)
         self.reach = np.append(self.reach, body.form.reach)
-        self._list_followers()
+        self.list_followers()
 
     def drop(self, body: "Driven") -> None:
         """Remove the row of a body."""
         row = body.row
-        for name in ("position", "aim", "heading", "aim_heading", "blocked", "fresh", "reach"):
+        for name in ("position", "aim", "heading", "aim_heading", "blocked", "fresh", "carried", "reach"):
             setattr(self, name, np.delete(getattr(self, name), row, axis=0))
         del self.agents[row]
         body.row = -1
         for later, agent in enumerate(self.agents):
             agent.row = later
-        self._list_followers()
+        self.list_followers()
 
-    def _list_followers(self) -> None:
+    def list_followers(self) -> None:
+        """Update the list of bodies that follow an agent."""
         self.followers = [body for body in self.agents if body.agent is not None]
 
     @property
@@ -85,6 +90,14 @@ class Movers:
         """Forget all requests: those of the step that ends are done or were blocked."""
         self.aim[:], self.aim_heading[:] = self.position, self.heading
 
+    def carry_along(self) -> None:
+        """Put carried bodies where their robots are; where a robot was removed, its body stays and is free."""
+        for row in np.flatnonzero(self.carried).tolist():
+            robot = self.agents[row].carrier
+            if robot is not None and robot.row >= 0:
+                self.position[row], self.heading[row] = robot.position, robot.heading
+                self.aim[row], self.aim_heading[row] = self.position[row], self.heading[row]
+
     def begin_step(self) -> None:
         """Forget which bodies are new: from now on all travel."""
         self.fresh[:] = False
@@ -93,7 +106,7 @@ class Movers:
 class Driven(Body):
     """A body that goes where its user puts it: a door, a predator, a sheep that robots see.
 
-    Created by `SwarmModel.add_body`; take it out with `remove()`.
+    Created by `SwarmModel.add_body`; take it out with `remove()`. Its `carrier` is the robot that carries it, or None.
 
     ``body.position = (x, y)``, ``body.heading = h`` and ``body.move_to((x, y, heading))`` ask for a pose, to which the
     body travels in the phase move of the next step. Robots are pushed out of its way; where they have no room, or a
@@ -102,15 +115,16 @@ class Driven(Body):
     """
 
     mode = "driven"
-    _stored_apart: ClassVar[tuple[str, ...]] = ("form", "movers", "row", "agent", "_shown")
+    _stored_apart: ClassVar[tuple[str, ...]] = ("form", "movers", "row", "agent", "carrier", "_shown")
 
     def __init__(
         self, space: Arena, model: Model, shape: Shape, kind: str, movers: Movers, agent: Agent | None = None
     ) -> None:
         self.form = Form.of(shape)
-        self.agent = agent
+        self.agent: Any = agent
         self.movers = movers
         self.row = -1
+        self.carrier: Any = None  # the robot that carries it
         self._shown: tuple[Pose, Shape] | None = None
         super().__init__(space, model, kind)
         movers.add(self, shape.position)
@@ -123,7 +137,7 @@ class Driven(Body):
         return x, y, float(self.movers.heading[row])
 
     @property
-    def shape(self) -> Shape:
+    def shape(self) -> Shape:  # type: ignore[override]
         """Its shape where it is."""
         pose = self.pose
         if self._shown is None or self._shown[0] != pose:
@@ -184,6 +198,20 @@ class Driven(Body):
             raise InvalidValueError(f"pose is {shortened(pose)}; expected three numbers (x, y, heading)")
         heading = check_number("heading", float(numbers[2]), minimum=-LARGEST_HEADING, maximum=LARGEST_HEADING)
         self._ask(self.space.checked_point(numbers[:2]), wrapped(heading))
+
+    def seen_from(self, point: np.ndarray) -> tuple[float, float]:
+        """Return the distance from a point, and the azimuth (rad) of the nearest point, of a disc of its centre.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel, disc
+        >>> body = SwarmModel(rng=1).add_body(disc((100, 100), 5))
+        >>> body.seen_from(np.array([80.0, 100.0]))
+        (15.0, 0.0)
+        """
+        line = shapely.shortest_line(shapely.Point(point), self.shape.geometry)
+        (ax, ay), (bx, by) = shapely.get_coordinates(line).tolist()
+        return math.hypot(bx - ax, by - ay) - self.shape.radius, math.atan2(by - ay, bx - ax)
 
     def remove(self) -> None:
         """Take the body out of the world, between two steps."""

@@ -81,7 +81,7 @@ def test_each_robot_is_driven_by_the_arbiter_of_its_group_or_of_its_design():
         Subsumption(Perimeter(), Avoid(), Explore()),
         VectorSum(Avoid(), Gather(), Explore(), weights=[2, 1, 0.5]),
     ],
-    ids=repr,
+    ids=["gather", "match", "perimeter", "sum"],
 )
 def test_equal_arbiters_for_all_groups_move_robots_as_one_arbiter_does(arbiter):
     team = two(arbiter, arbiter)

@@ -1,0 +1,129 @@
+"""Gripper: an actuator that picks up bodies, and the sensor of what a robot carries."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from mesa_swarm.errors import InvalidValueError, check_number, shortened
+from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.robots.actuators import ACT, Actuator
+from mesa_swarm.robots.sensors import Sensor
+
+LARGEST_REACH = 1e6
+CLOSED = 0.5
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Gripper(Actuator):
+    """Grips the nearest body ahead, carries it, and puts it down in front of the robot.
+
+    While a rule sets ``me.act.grip`` above 0.5, an empty gripper grips, of the driven bodies of its kinds whose nearest
+    point is at most `reach` from the rim of the robot and within `field_of_view_degrees` ahead, the nearest. Where two
+    robots reach for the same body, the one that is nearer gets it. At 0.5 and below, the body is put down as
+    `SwarmModel.release` does; where there is no room it is carried on. What is set holds until it is set again.
+
+    A carried body is where its robot is; nothing sees it or bumps into it.
+
+    Parameters
+    ----------
+    reach : float
+        Map units, above 0.
+    kinds : tuple of str
+        The names of the kinds of bodies that it can grip.
+    field_of_view_degrees : float
+        Above 0, at most 360.
+
+    Raises
+    ------
+    InvalidValueError
+        If a number is out of range, or kinds is not a tuple of names.
+
+    Examples
+    --------
+    >>> from mesa_swarm import AGENT9, RobotDesign, SwarmModel, disc
+    >>> from mesa_swarm.control import Subsumption, behaviour
+    >>> @behaviour
+    ... def grip(me):
+    ...     me.act.grip = 1.0
+    ...     return 0.0, 0.0
+    >>> model = SwarmModel(rng=1)
+    >>> puck = model.add_body(disc((109, 100), 2), kind="puck")
+    >>> design = RobotDesign(sensors=(Carried(),), actuators=(Gripper(kinds=("puck",)),))
+    >>> (robot,) = model.add_robots(design, poses=[(100, 100, 0.0)])
+    >>> model.control = Subsumption(grip)
+    >>> model.step()
+    >>> puck.carrier is robot, model.kind_code("puck")
+    (True, 4)
+    >>> model.sense()
+    >>> robot.carried
+    array([4.])
+    """
+
+    reach: float = 3.0
+    kinds: tuple[str, ...] = ("puck",)
+    field_of_view_degrees: float = 90.0
+    name: str = "grip"
+    holds: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        check_number("reach", self.reach, above=0, maximum=LARGEST_REACH)
+        check_number("field_of_view_degrees", self.field_of_view_degrees, above=0, maximum=360)
+        if isinstance(self.kinds, str) or not all(isinstance(kind, str) for kind in self.kinds) or not self.kinds:
+            raise InvalidValueError(f"kinds is {shortened(self.kinds)}; expected names such as ('puck',)")
+        object.__setattr__(self, "kinds", tuple(self.kinds))
+
+    def apply(self, model: Any, rows: np.ndarray) -> None:
+        """Grip and put down what the robots in these rows have set."""
+        movers, closed = model.movers, model.swarm.columns[f"{ACT}{self.name}"][rows] > CLOSED
+        if not len(movers):
+            return
+        carriers = {movers.agents[row].carrier for row in np.flatnonzero(movers.carried)}
+        robots = [model.swarm.agents[row] for row in rows]
+        for robot, grips in zip(robots, closed, strict=True):
+            if robot in carriers and not grips:
+                model.release(robot)
+        empty = [robot for robot, grips in zip(robots, closed, strict=True) if grips and robot not in carriers]
+        near = [(gap, k, body) for k, robot in enumerate(empty) for gap, body in self._near(model, robot)]
+        taken, busy = set[int](), set[int]()
+        for _, k, body in sorted(near):
+            if body not in taken and k not in busy:
+                taken.add(body)
+                busy.add(k)
+                model.attach(empty[k], movers.agents[body])
+
+    def _near(self, model: Any, robot: Any) -> Iterator[tuple[float, int]]:
+        """Yield the distance and the row of each body that a robot can grip."""
+        movers, position, radius = model.movers, robot.position, float(robot.radius)
+        far = radius + self.reach + movers.reach
+        apart = np.hypot(*(movers.position - position).T)
+        for row in np.flatnonzero((apart <= far) & ~movers.carried).tolist():
+            body = movers.agents[row]
+            if body.kind not in self.kinds or body.agent is not None:
+                continue
+            distance, azimuth = body.seen_from(position)
+            gap, bearing = distance - radius, wrapped(azimuth - float(robot.heading))
+            if gap <= self.reach and abs(bearing) <= np.radians(self.field_of_view_degrees) / 2:
+                yield gap, row
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Carried(Sensor):
+    """Reads the code of the kind of what the robot carries, see `SwarmModel.kinds`, and -1 for nothing."""
+
+    name: str = "carried"
+    spoiled: ClassVar[bool] = False
+
+    def arguments(self, model: Any) -> dict[str, np.ndarray]:
+        """Return the code of what each robot of the swarm carries."""
+        codes = np.full(len(model.swarm), -1.0)
+        for row in np.flatnonzero(model.movers.carried):
+            body = model.movers.agents[row]
+            codes[body.carrier.row] = model.kind_code(body.kind)
+        return {"codes": codes}
+
+    @staticmethod
+    def read(rows, codes, out):  # noqa: D102 - compiled
+        for i in range(len(out)):
+            out[i, 0] = codes[rows[i]]
