@@ -19,7 +19,7 @@ from mesa_swarm.fire.model import FireModel
 from mesa_swarm.fire.strategy import FightFire
 from mesa_swarm.physics.neighbours import NeighbourSensor
 from mesa_swarm.recording.container import ATOMS
-from mesa_swarm.robots.actuators import Lamp
+from mesa_swarm.robots.actuators import Emitter, Lamp
 from mesa_swarm.robots.design import DesignTable, RobotDesign
 from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive, OmniDrive
 from mesa_swarm.robots.gripper import Carried, Gripper
@@ -27,15 +27,15 @@ from mesa_swarm.robots.imperfections import Imperfection, Imperfections
 from mesa_swarm.robots.parts import RobotPart
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.robot import Robot
-from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSensor
+from mesa_swarm.robots.sensors import FieldSensor, LineSensor, ProximitySensor, RadiationSensor
 from mesa_swarm.world.arena import ArenaAgent
 from mesa_swarm.world.bodies import Body, Form, Load, Obstacle, Pose
 from mesa_swarm.world.movers import Driven
 from mesa_swarm.world.shapes import Shape, outline_to_json, shape_from_json
 from mesa_swarm.world.statics import KINDS, LOAD, MOST_KINDS, OBSTACLE
 
-SENSORS = (ProximitySensor, RadiationSensor, LineSensor, NeighbourSensor, Carried)
-OF_DESIGNS = (RobotDesign, *SENSORS, Lamp, Gripper, DifferentialDrive, HolonomicDrive, OmniDrive)
+SENSORS = (ProximitySensor, RadiationSensor, LineSensor, NeighbourSensor, FieldSensor, Carried)
+OF_DESIGNS = (RobotDesign, *SENSORS, Emitter, Lamp, Gripper, DifferentialDrive, HolonomicDrive, OmniDrive)
 OF_MODELS = (FireConstants, Radio, Imperfection, Imperfections)
 FLOCKING = (controls.Align, controls.Cohere, controls.Cruise, controls.MatchVelocity, controls.Separate)
 TOWARDS_BODIES = (controls.Follow, controls.Gather, controls.HeadOn, controls.Perimeter, controls.Push)
