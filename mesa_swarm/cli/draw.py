@@ -100,7 +100,7 @@ def export(
     sectors: Annotated[bool, typer.Option("--sectors", help="Draw the sectors of proximity sensors.")] = False,
     trails: Annotated[int, typer.Option(min=0, max=MOST_STORED, help="Draw paths over this many steps.")] = 0,
     table: Annotated[
-        str | None, typer.Option(help="robots, fires, contacts, loads or fields, as .csv or .parquet.")
+        str | None, typer.Option(help="robots, fires, contacts, loads, fields or events, as .csv or .parquet.")
     ] = None,
     force: Force = False,
     quiet: Quiet = False,
