@@ -121,7 +121,7 @@ class Driven(Body):
         self, space: Arena, model: Model, shape: Shape, kind: str, movers: Movers, agent: Agent | None = None
     ) -> None:
         self.form = Form.of(shape)
-        self.agent = agent
+        self.agent: Any = agent
         self.movers = movers
         self.row = -1
         self.carrier: Any = None  # the robot that carries it
@@ -137,7 +137,7 @@ class Driven(Body):
         return x, y, float(self.movers.heading[row])
 
     @property
-    def shape(self) -> Shape:
+    def shape(self) -> Shape:  # type: ignore[override]
         """Its shape where it is."""
         pose = self.pose
         if self._shown is None or self._shown[0] != pose:
