@@ -105,9 +105,15 @@ class Behaviour:
         self.rule = rule
         self.parameters = parameters
         self.memory = dict(memory or {})
+        self._prefix = ""
         self.name = rule.name
         self.__doc__ = rule.function.__doc__
         self._known: tuple = NOT_KNOWN
+
+    @property
+    def remembered(self) -> tuple[str, ...]:
+        """The columns of the swarm in which it remembers, once it is part of a model's control."""
+        return tuple(f"{self._prefix}.{name}" for name in self.memory) if self._prefix else ()
 
     def __repr__(self) -> str:
         values = ", ".join(f"{name}={value!r}" for name, value in self.parameters.items())

@@ -423,9 +423,9 @@ def ended_early(step: int, goal: int) -> str:
 def custom_columns(model: SwarmModel) -> list[str]:
     """Return the columns of custom sensors, actuators and messages, and of what rules remember."""
     layers = getattr(model.control, "layers", ())
-    ours = tuple(f"{k}.{layer.name}." for k, layer in enumerate(layers) if getattr(layer, "memory", None))
-    names = (name for name in model.swarm.columns if name.startswith((ACT, SEND, HEARD, *ours)))
-    return [*model.swarm.table.readings, *names]
+    remembered = [name for layer in layers for name in getattr(layer, "remembered", ())]
+    names = (name for name in model.swarm.columns if name.startswith((ACT, SEND, HEARD)))
+    return [*model.swarm.table.readings, *names, *remembered]
 
 
 def watch_closely(model: SwarmModel) -> None:

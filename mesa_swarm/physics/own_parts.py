@@ -123,7 +123,7 @@ class Call:
     def __call__(self, model: Any, scene: Surroundings, given: dict) -> None:
         """Call the function for the present state."""
         if self._asks:
-            given |= self._arguments(model)
+            given = {**self._arguments(model), **given}
         if self._sources is None:
             known = *given, *("obstacles", "rows")
             self._swarm.check_takes(self._part, self.kernel.function, known)

@@ -217,8 +217,8 @@ class Swarm:
         """
         check_actions(actuator for other in (*self.designs, design) for actuator in other.actuators)
         for sensor in design.own:
-            if sensor.name in self._memory:
-                raise InvalidValueError(f"sensor {sensor.name} has the name of a column of a layer; rename one of them")
+            if sensor.name not in self.table.readings and hasattr(self, sensor.name):
+                raise InvalidValueError(f"sensor {sensor.name} has the name of something else of the swarm; rename it")
             if type(sensor).arguments is RobotPart.arguments:
                 self.check_takes(sensor, own_function(sensor, "read"), ("out",))
 

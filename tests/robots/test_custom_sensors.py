@@ -20,7 +20,6 @@ from mesa_swarm.recording.layout import FIRST_COLUMNS, TABLES
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections
 from mesa_swarm.robots.parts import RESERVED
 from mesa_swarm.robots.sensors import LineSensor
-from mesa_swarm.robots.swarm import Swarm
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -299,10 +298,14 @@ def test_an_unknown_name_of_a_robot_stays_an_attribute_error():
         _ = robot.compas
 
 
-def test_no_sensor_can_have_a_name_that_robots_have():
+def test_no_sensor_can_have_a_name_that_rules_layers_or_recordings_have():
+    known = {*Me._fields, *(field.name for field in fields(Senses)), *TABLES, *FIRST_COLUMNS}
+    assert known <= RESERVED
+
+
+def test_a_sensor_with_the_name_of_something_else_of_the_swarm_is_refused():
     model = SwarmModel(rng=1)
-    (robot,) = model.add_robots(AGENT9, 1)
-    taken = {*dir(model.swarm), *dir(robot), *Me._fields, *(field.name for field in fields(Senses)), *TABLES}
-    words = {name for name in {*taken, *FIRST_COLUMNS} if not name.startswith("_")}
-    deprecated = {name for name in words if "deprecated" in str(getattr(getattr(Swarm, name, None), "__doc__", ""))}
-    assert words - deprecated <= RESERVED
+    model.swarm.remember("energy", (), float, 1.0)
+    with pytest.raises(InvalidValueError, match="sensor energy has the name of something else"):
+        model.add_robots(RobotDesign(sensors=(Compass(name="energy"),)), 1)
+    assert len(model.swarm) == 0
