@@ -226,7 +226,11 @@ class Driven(Body):
         return self.row
 
     def _ask(self, position: np.ndarray, heading: float) -> None:
-        self.model.move_bodies([self], [(*position.tolist(), heading)])
+        movers, row = self.movers, self.row
+        if movers.fresh[row] or movers.carried[row]:
+            self.model.move_bodies([self], [(*position.tolist(), heading)])
+        else:  # both are checked: many doors have to be quick
+            movers.aim[row], movers.aim_heading[row] = position, heading
 
 
 def poses_of_agents(followers: Sequence[Driven], space: Arena) -> np.ndarray:
