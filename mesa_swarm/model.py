@@ -267,6 +267,8 @@ class EngineModel(OpenModel):
         if self.swarm.table.readings:
             # Always: what they read, such as a user's own agents, may have changed since the last reading.
             self._own_parts.sense(self, scene)
+            if self._imperfect is not None:
+                self._imperfect.spoil_custom(self.swarm, self._completed)
 
     def run(self, steps: int, progress: bool = False) -> Self:
         """Take this many steps, fewer if the model stops running, and return the model.

@@ -16,7 +16,19 @@ MOST_NUMBERS = 10_000
 # Names that a robot, a swarm, a rule's `me` or a row of a recording has already.
 RESERVED = frozenset(
     (
-        *("act", "add", "advance", "agent", "agents", "alive", "bearing", "bodies", "chance", "check_parts"),
+        *(
+            "act",
+            "add",
+            "advance",
+            "agent",
+            "agents",
+            "alive",
+            "bearing",
+            "bodies",
+            "chance",
+            "check_parts",
+            "check_takes",
+        ),
         *("clear_messages", "collided", "columns", "command", "contact_depth", "contact_index"),
         *("contact_kind", "contact_normal", "contacts", "create_agents", "design", "designs"),
         *("distance", "disturbed", "drop_body_columns", "error", "events", "extinguishing", "fields"),
@@ -43,7 +55,7 @@ RESERVED = frozenset(
 )
 
 
-class Part:
+class RobotPart:
     """What a sensor and an actuator are: named numbers of every robot that has one.
 
     Attributes
