@@ -510,7 +510,7 @@ class EngineModel(OpenModel):
             digest.update(self._movers.carried.tobytes())
         for name, field in self.fields.items():
             digest.update(f"fields.{name} {field.values.shape}".encode())
-            digest.update(field.values + 0)
+            digest.update((field.values + 0).tobytes())
         for prefix, columns in self._hashed_columns():
             for name, column in sorted(columns.items()):
                 if name not in NOT_HASHED:

@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Callable, Container, Mapping
 from functools import cache
 from itertools import pairwise
-from typing import Any, ClassVar
+from typing import Any
 
 from mesa_swarm.errors import InvalidValueError, UncompiledBehaviourWarning, asked, check_count, shortened
 from mesa_swarm.geometry.compiled import custom_compiled, is_refused
@@ -80,8 +80,8 @@ class RobotPart:
 
     __slots__ = ()
 
-    name: ClassVar[Any] = ""
-    width: ClassVar[Any] = 1
+    name: Any = ""
+    width: Any = 1
 
     def arguments(self, model: Any) -> Mapping[str, Any]:
         """Return further arrays and numbers by name, which its function may take; called before each use."""
