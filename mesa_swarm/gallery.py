@@ -20,6 +20,7 @@ from importlib.util import find_spec, spec_from_file_location
 from pathlib import Path
 from pkgutil import iter_modules
 from types import ModuleType
+from typing import Any
 
 from mesa_swarm.errors import (
     InvalidValueError,
@@ -248,15 +249,15 @@ def _class_in(module: ModuleType, name: str | None, address: str) -> type:
             found = f"has several models; add one of :{', :'.join(models)}" if models else f"has no model; {EXPECTED}"
             raise InvalidValueError(without_middle(f"{address} {found}"))
         return models[next(iter(models))]
-    found = module
+    kind: Any = module
     for part in name.split("."):
-        found = getattr(found, part, None)
-    if found is None:
+        kind = getattr(kind, part, None)
+    if kind is None:
         known = ", ".join(models) or "none"
         raise UnknownNameError(without_middle(f"{address}: there is no class {name!r}; known models: {known}"))
-    if not (isinstance(found, type) and issubclass(found, _base())):
-        raise InvalidValueError(without_middle(f"{address} is {shortened(found)}; {EXPECTED}"))
-    return found
+    if not (isinstance(kind, type) and issubclass(kind, _base())):
+        raise InvalidValueError(without_middle(f"{address} is {shortened(kind)}; {EXPECTED}"))
+    return kind
 
 
 def _models_in(module: ModuleType) -> dict[str, type]:

@@ -126,7 +126,7 @@ def plain_arrays(form: FieldForm, arrays: Sequence[np.ndarray]) -> tuple:
     return tuple(RecordEntries(array, words[k]) if k in words else array for k, array in enumerate(arrays))
 
 
-def extension(form: FieldForm, base: Any, reading: Callable) -> FunctionType:
+def extension(form: FieldForm, base: Any, reading: Callable) -> Callable:
     """Return the function that makes `me` of one robot: the fields of `base`, then those of a form.
 
     It is written as text, since Numba knows a tuple only if its parts are named one by one.
@@ -135,7 +135,7 @@ def extension(form: FieldForm, base: Any, reading: Callable) -> FunctionType:
         return _same
     parts = [f"me.{name}" for name in base._fields] + list(_parts(form))
     names = {"Me": namedtuple("Me", (*base._fields, *form.names)), "Heard": namedtuple("Heard", form.heard)}
-    space = {**names, "reading": reading}
+    space: dict[str, Any] = {**names, "reading": reading}
     exec(f"def extended(me, arrays, i):\n    return Me({', '.join(parts)})\n", space)
     return space["extended"]
 

@@ -6,7 +6,7 @@ error is part of the model (PHYSICS 3).
 
 import math
 from dataclasses import dataclass, field, fields
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -94,9 +94,9 @@ class Senses:
         """Return what the robots of this swarm know."""
         table = swarm.table
         known = {one.name for one in fields(cls)}
-        columns = {name: column for name, column in swarm.columns.items() if name in known}
-        of_designs = {"forward": table.forward, "sensors": table.proximity, "bearing": table.bearing}
-        more = {"own": {name: swarm.columns[name] for name in table.readings}}
+        columns: dict[str, Any] = {name: column for name, column in swarm.columns.items() if name in known}
+        of_designs: dict[str, Any] = {"forward": table.forward, "sensors": table.proximity, "bearing": table.bearing}
+        more: dict[str, Any] = {"own": {name: swarm.columns[name] for name in table.readings}}
         for group in ("act", "send", "heard"):
             first = f"{group}."
             more[group] = {n.removeprefix(first): c for n, c in swarm.columns.items() if n.startswith(first)}

@@ -63,7 +63,7 @@ def read_neighbours(
 
 
 @lru_cache(maxsize=64)
-def _grid_of(bounds: tuple[float, ...], reach: float, robots: int) -> tuple:
+def _grid_of(bounds: tuple[float, float, float, float], reach: float, robots: int) -> tuple:
     return Grid.over(bounds, max(reach, 1e-9), FEWEST_CELLS + CELLS_PER_ROBOT * robots).numbers
 
 
