@@ -378,7 +378,7 @@ class BodyWorld(mesa.Model):
         if agent is not None and not isinstance(agent, mesa.Agent):
             raise InvalidValueError(f"agent is {shortened(agent)}; expected a Mesa agent or None")
         self._check_fine_enough(shape)
-        self._checked_point(shape.position)
+        self._checked_point(shape.position.tolist())
         self._check_clear_of_loads("body", shape)
         body = Driven(self.space, self, shape, kind, self._made_movers(), agent)
         self._take(body)

@@ -141,7 +141,7 @@ class Looks:
     Parameters
     ----------
     kinds : mapping of str to colour
-        Colours of kinds of bodies: "robot", "obstacle", "load", "mark", and those of the model's own. A colour is
+        Colours of kinds of bodies: "robot", "obstacle", "load", "mark", and those that `add_body` names. A colour is
         "#rrggbb", or (light, dark) for the two themes.
     column : str, callable or ColourMap, optional
         By what robots are coloured; a name or a function alone has the range 0 to 1.

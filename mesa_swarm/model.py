@@ -267,6 +267,8 @@ class EngineModel(OpenModel):
         if self.swarm.table.readings:
             # Always: what they read, such as a user's own agents, may have changed since the last reading.
             self._own_parts.sense(self, scene)
+            if self._imperfect is not None:
+                self._imperfect.spoil_custom(self.swarm, self._completed)
 
     def run(self, steps: int, progress: bool = False) -> Self:
         """Take this many steps, fewer if the model stops running, and return the model.
@@ -508,7 +510,7 @@ class EngineModel(OpenModel):
             digest.update(self._movers.carried.tobytes())
         for name, field in self.fields.items():
             digest.update(f"fields.{name} {field.values.shape}".encode())
-            digest.update(field.values + 0)
+            digest.update((field.values + 0).tobytes())
         for prefix, columns in self._hashed_columns():
             for name, column in sorted(columns.items()):
                 if name not in NOT_HASHED:

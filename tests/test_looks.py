@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib.colors import to_hex
+from matplotlib.patches import Patch
 
-from mesa_swarm import AGENT9, Chart, ColourMap, Looks, Recording, SwarmModel
+from mesa_swarm import AGENT9, Chart, ColourMap, Looks, Recording, SwarmModel, disc
 from mesa_swarm.dashboard.series import Series
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.errors import InvalidValueError, RecordingError, SwarmError, UnknownNameError
@@ -137,6 +139,33 @@ def test_pictures_have_the_colours_and_texts_and_name_them_in_the_legend():
     assert [text.get_text() for text in axes.texts] == ["one", "é" * 12]
     labels = [entry.get_label() for entry in legend_of(model)]
     assert labels[-3:] == ["robot, x = 0", "robot, x = 400", "robot, x = 800"]
+
+
+class Pucks(SwarmModel):
+    """Bodies of two kinds of its own: pucks that are pushed, and a nest that stands still."""
+
+    looks = Looks(kinds={"puck": "#c08030", "nest": ("#102030", "#d0e0f0")})
+
+    def __init__(self, *, rng=None):
+        super().__init__(rng=rng)
+        self.add_robots(AGENT9, 1)
+        self.add_body(disc((200, 200), 20), kind="nest", mode="fixed")
+        self.add_body(disc((400, 200), 8), kind="puck", mode="pushed", resistance=1.0)
+        self.add_body(disc((500, 200), 8), kind="stone", mode="pushed", resistance=1.0)
+
+
+def test_bodies_of_own_kinds_have_their_colours_and_are_named_in_the_legend():
+    model = Pucks(rng=1)
+    drawn = {one.get_label(): one for one in world_figure({"": model}).axes[0].collections}
+    assert to_hex(drawn["obstacles"].get_facecolor()[-1]) == "#102030"
+    assert [to_hex(colour) for colour in drawn["loads"].get_facecolor()] == ["#c08030", LIGHT.load]
+    patches = [entry for entry in legend_of(model) if isinstance(entry, Patch)]
+    entries = {entry.get_label(): to_hex(entry.get_facecolor()) for entry in patches}
+    assert (entries["puck"], entries["nest"]) == ("#c08030", "#102030")
+    world = scene_of(model).world()
+    assert world["shapes"][-1]["kind"] == "nest"
+    assert [load["kind"] for load in world["loads"]] == ["puck", "stone"]
+    assert world["looks"]["kinds"]["dark"] == {"puck": "#c08030", "nest": "#d0e0f0"}
 
 
 def test_a_recording_is_replayed_with_the_looks_of_its_columns(tmp_path):

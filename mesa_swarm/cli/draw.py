@@ -99,7 +99,9 @@ def export(
     size: Annotated[str | None, typer.Option(metavar="WIDTHxHEIGHT", help="Pixels of a .png .gif or .mp4.")] = None,
     sectors: Annotated[bool, typer.Option("--sectors", help="Draw the sectors of proximity sensors.")] = False,
     trails: Annotated[int, typer.Option(min=0, max=MOST_STORED, help="Draw paths over this many steps.")] = 0,
-    table: Annotated[str | None, typer.Option(help="robots, fires, contacts or loads, as .csv or .parquet.")] = None,
+    table: Annotated[
+        str | None, typer.Option(help="robots, fires, contacts, loads, fields or events, as .csv or .parquet.")
+    ] = None,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:

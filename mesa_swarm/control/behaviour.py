@@ -10,7 +10,7 @@ from typing import Any, overload
 
 import numpy as np
 
-from mesa_swarm.control.custom_fields import Fields, checked_memory
+from mesa_swarm.control.custom_fields import RuleFields, checked_memory
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.control.rule import PASS, Rule, columns_of, failure, rule_of, wanted
 from mesa_swarm.errors import (
@@ -25,7 +25,7 @@ from mesa_swarm.errors import (
 from mesa_swarm.robots.swarm import Swarm
 
 # Of which senses a rule has views, the views, and the fields that the model adds.
-NOT_KNOWN = (None, (), Fields())
+NOT_KNOWN = (None, (), RuleFields())
 GENERATORS = (np.random.Generator, np.random.RandomState, np.random.BitGenerator, random.Random)
 
 
@@ -105,9 +105,15 @@ class Behaviour:
         self.rule = rule
         self.parameters = parameters
         self.memory = dict(memory or {})
+        self._prefix = ""
         self.name = rule.name
         self.__doc__ = rule.function.__doc__
         self._known: tuple = NOT_KNOWN
+
+    @property
+    def remembered(self) -> tuple[str, ...]:
+        """The columns of the swarm in which it remembers, once it is part of a model's control."""
+        return tuple(f"{self._prefix}.{name}" for name in self.memory) if self._prefix else ()
 
     def __repr__(self) -> str:
         values = ", ".join(f"{name}={value!r}" for name, value in self.parameters.items())
@@ -165,7 +171,7 @@ class Behaviour:
             speeds = ", ".join(f"{speed:g}" for speed in command[wrong, :numbers])
             raise self._refusal(wrong, f"returned ({speeds}); {wanted(numbers)}")
 
-    def _columns(self, senses: Senses) -> tuple[tuple[np.ndarray, ...], Fields]:
+    def _columns(self, senses: Senses) -> tuple[tuple[np.ndarray, ...], RuleFields]:
         """Return what the rule may know; views are made again when robots are added or removed."""
         if self._known[0] is not senses:
             unused = np.full(len(self._swarm), np.nan)
@@ -174,12 +180,12 @@ class Behaviour:
         _, known, fields = self._known
         return (known if self._rng is None else (*known[:-1], self._rng.random(len(self._swarm)))), fields
 
-    def _fields(self, senses: Senses) -> Fields:
+    def _fields(self, senses: Senses) -> RuleFields:
         """Return what the model adds to `me`; only records that the rule uses, for they are copied in each step."""
         memory = {name: self._swarm.columns[f"{self._prefix}.{name}"] for name in self.memory}
         written = {"act": senses.act, "memory": memory, "send": senses.send}
         used = {name: columns for name, columns in written.items() if uses_attribute(self.rule.function, name)}
-        return Fields(senses.own, used, senses.heard)
+        return RuleFields(senses.own, used, senses.heard)
 
     def _numbers(self, row: int) -> int:
         """Return how many numbers the drive of the robot in this row takes."""

@@ -1,4 +1,4 @@
-"""Fields of `me` that a model adds: custom readings, what robots hear, and records that a rule writes."""
+"""RuleFields of `me` that a model adds: custom readings, what robots hear, and records that a rule writes."""
 
 import dis
 from collections import namedtuple
@@ -18,7 +18,7 @@ KINDS = {"b": np.bool_, "i": np.int64, "u": np.int64, "f": np.float64}
 
 
 class FieldForm(NamedTuple):
-    """Names of the fields that a model adds, in the order of `Fields.arrays`, and their types.
+    """Names of the fields that a model adds, in the order of `RuleFields.arrays`, and their types.
 
     `readings` are names of custom sensors, `written` pairs of a record's name and its type, `heard` the names of what
     messages hold.
@@ -54,7 +54,7 @@ class Records:
             column[...] = self.array[name]
 
 
-class Fields:
+class RuleFields:
     """The values of the fields that a model adds for one rule."""
 
     def __init__(

@@ -16,7 +16,7 @@ from numba import literal_unroll, njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic, lower_builtin, models, overload, register_model
 
-from mesa_swarm.control.custom_fields import FieldForm, Fields, RecordEntry, extension, plain_arrays, record_of
+from mesa_swarm.control.custom_fields import FieldForm, RecordEntry, RuleFields, extension, plain_arrays, record_of
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import BehaviourError, UncompiledBehaviourWarning, shortened, unknown_name
 from mesa_swarm.robots.design import RobotDesign
@@ -170,7 +170,7 @@ class Rule:
             )
         return rule_of, (function,)
 
-    def run(self, columns: tuple, fields: Fields, values: tuple, at: np.ndarray, *written: Any) -> int:
+    def run(self, columns: tuple, fields: RuleFields, values: tuple, at: np.ndarray, *written: Any) -> int:
         """Apply the rule to every robot that no layer drives yet; return the first whose speeds are not finite, or -1.
 
         Where it returns more or fewer numbers than a robot's drive takes, that robot's row r is returned as -2 - r.

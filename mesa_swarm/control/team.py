@@ -49,6 +49,7 @@ class Team(Arbiter, Mapping):
 
     _swarm: Swarm | None = None
     _seen: tuple[int, int] = (-1, -1)
+    _owner: np.ndarray
 
     def __init__(self, arbiters: Mapping[Key, Arbiter | None]) -> None:
         for key, arbiter in arbiters.items():
@@ -144,8 +145,8 @@ class Team(Arbiter, Mapping):
         mine._arbiters, mine._swarm, mine._seen = dict(self._arbiters), swarm, (-1, -1)
         for key, place in self._places.items():
             designs = tuple(d for d, group in robots_of(swarm) if self._key_of(d, group) == key)
-            more = {"first": self._firsts[place], "label": self._labels[place], "driven": designs}
-            mine._arbiters[key] = self.parts[place].bound(swarm, streams, **more)
+            first, label = self._firsts[place], self._labels[place]
+            mine._arbiters[key] = self.parts[place].bound(swarm, streams, first=first, label=label, driven=designs)
         mine._arrange()
         return mine
 

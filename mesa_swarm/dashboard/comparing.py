@@ -253,8 +253,8 @@ class Comparing:
     @property
     def choices(self) -> dict[str, Parameter]:
         """The parameters that can be compared, by name."""
-        known = self.parameters.values()
-        return {one.name: one for one in known if one.name == "map" or isinstance(one.control, (Choice, Slider))}
+        known, named = self.parameters.values(), ("map", getattr(self.model_class, "compares", (None,))[0])
+        return {one.name: one for one in known if one.name in named or isinstance(one.control, (Choice, Slider))}
 
     @property
     def shared_settings(self) -> dict[str, Any]:

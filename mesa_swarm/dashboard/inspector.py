@@ -12,7 +12,7 @@ import shapely
 import traitlets
 
 from mesa_swarm.control.explain import moment_of
-from mesa_swarm.dashboard.session import WATCHED, Session
+from mesa_swarm.dashboard.session import WATCHED, Session, custom_columns
 from mesa_swarm.dashboard.widgets import Link
 from mesa_swarm.errors import InvalidValueError, check_number, in_words
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RANGE
@@ -22,6 +22,8 @@ from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing import text_of
 from mesa_swarm.viewing.player import PackedFrame
 
+# Of the numbers of one custom sensor.
+MOST_SHOWN = 12
 # Shortest time between updates of the inspector while the model is played, s.
 EVERY = 0.2
 NAMES = {"obstacle": "an obstacle", "load": "a load"}
@@ -210,10 +212,30 @@ def facts_of(model: SwarmModel, robot: Robot, moment: Moment) -> list[tuple[str,
     if len(robot.design.line):
         over = ["mark" if on else "ground" for on in line[: len(robot.design.line)]]
         facts.append(("Line sensors", ", ".join(over)))
+    facts += custom_of(model, columns)
     if model.communication is not None:
         facts += messages_of(model, columns)
     facts.append(("Collided", "yes" if columns["collided"] else "no"))
     return facts
+
+
+def custom_of(model: SwarmModel, columns: dict[str, Any]) -> list[tuple[str, str]]:
+    """Return what custom sensors read, actuators were set to, and messages held, each with its name."""
+    names = [name for name in custom_columns(model) if name in columns]
+    return [(_title(name), _numbers(columns[name])) for name in names]
+
+
+def _title(column: str) -> str:
+    """Return a column's name in words; that of a memory begins with the index of its layer."""
+    first, *rest = column.split(".")
+    return f"{rest[0]} remembers {' '.join(rest[1:])}" if first.isdigit() else " ".join((first, *rest)).capitalize()
+
+
+def _numbers(values: Any) -> str:
+    """Return the first numbers in words, a dash for nothing."""
+    flat = np.asarray(values, float).ravel()
+    shown = " ".join("-" if np.isnan(number) else f"{number:.4g}" for number in flat[:MOST_SHOWN])
+    return f"{shown} ..." if len(flat) > MOST_SHOWN else shown
 
 
 def messages_of(model: SwarmModel, columns: dict[str, Any]) -> list[tuple[str, str]]:

@@ -13,6 +13,8 @@ from mesa_swarm.errors import InvalidValueError, check_count, in_words
 from mesa_swarm.fire import FireConstants
 from mesa_swarm.gallery import find_model
 from mesa_swarm.parameters import Choice, Parameter, parameters_of
+from mesa_swarm.robots.actuators import ACT
+from mesa_swarm.robots.radio import HEARD, SEND
 from mesa_swarm.robots.snapshots import DECISIONS
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES, Listeners
@@ -418,8 +420,17 @@ def ended_early(step: int, goal: int) -> str:
     return f"the run ended at step {step:,}, before step {goal:,}"
 
 
+def custom_columns(model: SwarmModel) -> list[str]:
+    """Return the columns of custom sensors, actuators and messages, and of what rules remember."""
+    layers = getattr(model.control, "layers", ())
+    remembered = [name for layer in layers for name in getattr(layer, "remembered", ())]
+    names = (name for name in model.swarm.columns if name.startswith((ACT, SEND, HEARD)))
+    return [*model.swarm.table.readings, *names, *remembered]
+
+
 def watch_closely(model: SwarmModel) -> None:
     """Store what robots perceived and did in the last steps of a model, unless it is watched already."""
     if model.watched is None:
-        a_step = sum(model.swarm.columns[name].nbytes for name in WATCHED)
-        model.watch(last=max(2, min(MOST_WATCHED_STEPS, MOST_WATCHED_BYTES // max(a_step, 1))), columns=WATCHED)
+        columns = (*WATCHED, *custom_columns(model))
+        a_step = sum(model.swarm.columns[name].nbytes for name in columns)
+        model.watch(last=max(2, min(MOST_WATCHED_STEPS, MOST_WATCHED_BYTES // max(a_step, 1))), columns=columns)

@@ -307,11 +307,19 @@ def _first(trial: Trial, constant: float) -> np.ndarray:
 def settings_of(trial: Trial, worlds: list[Map]) -> dict:
     """Return all that decides a fitness, as texts and numbers."""
     numbers = {name: getattr(trial, name) for name in ("robots", "steps", "units", "squash", "encoding", "mirrored")}
-    # The repr of a custom drive may not show its values, which are in a __dict__ or in slots.
-    held = object.__getstate__(trial.design.drive)
     return {
         **numbers,
-        "design": without_addresses(f"{trial.design!r} {held!r}" if held else repr(trial.design)),
+        "design": without_addresses(_described(trial.design)),
         "fitness": asdict(trial.fitness),
         "maps": [shown_value(each) for each in worlds],
     }
+
+
+def _described(design: RobotDesign) -> str:
+    """Return a design as text; what files of earlier versions do not know is left out where it has no effect."""
+    # The repr of a custom drive may not show its values, which are in a __dict__ or in slots.
+    drive, held = design.drive, object.__getstate__(design.drive)
+    if held == {"acceleration": None}:
+        plain = f"drive={drive!r}, actuators=()", f"drive={object.__repr__(drive)}"
+        return repr(design).replace(*plain)
+    return f"{design!r} {held!r}" if held else repr(design)

@@ -3,22 +3,25 @@
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from zlib import crc32
 
 import numpy as np
 
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.physics.motion import slip_of
 from mesa_swarm.physics.radio import GOLDEN, mixed
-from mesa_swarm.robots.design import RANGE
+from mesa_swarm.robots.design import RANGE, places_of
 from mesa_swarm.robots.drive import no_longer
 from mesa_swarm.robots.imperfections import Imperfections, is_ideal
-from mesa_swarm.robots.swarm import LASTING, Swarm
+from mesa_swarm.robots.swarm import LAST_READ, LASTING, Swarm
 from mesa_swarm.world.statics import OBSTACLE
 
 # Purposes of random numbers: independent draws.
 FATE, PLACE, PHASE, LENGTH = range(4)
 # Channels: proximity sensors from 0, radiation sensors from here, then wheels, the robot as a whole, line sensors.
 RADIATION, WHEEL, BODY, LINE = 1_000, 2_000, 3_000, 4_000
+# Those of custom sensors follow from their names, so that adding one does not change another.
+CUSTOM, CUSTOM_BITS = 1_000_000, 20
 NOTHING = -1.0
 # State of each robot: the last fresh readings and commands, wheel speeds as they are, charge used, broken.
 KEPT: dict[str, tuple[tuple, type, float]] = {
@@ -44,6 +47,7 @@ class Imperfect:
         self.imperfections, self.key = imperfections, key
         for name, column in KEPT.items():
             swarm.remember(f"{LASTING}{name}", *column)
+        self._version, self._ends = -1, {}  # type: ignore[var-annotated]  # of custom sensors, by name
         self._reads = not is_ideal(imperfections.sensing)
         self._drives = not is_ideal(imperfections.driving) or imperfections.battery > 0 or imperfections.failure > 0
 
@@ -68,6 +72,19 @@ class Imperfect:
             brightest = np.where(np.isnan(table.line[:, :, 0]), -1.0, 1.0)
             spoil(bright, no_kind, last_bright, no_kind, brightest, 1.0, LINE, (0.0, *limits[1:]), *by_chance)
             line[:], last["line"][:] = bright < 0.5, last_bright < 0.5
+
+    def spoil_custom(self, swarm: Swarm, step: int) -> None:
+        """Disturb what custom sensors read in this step."""
+        if not self._reads:
+            return
+        columns, limits, key = swarm.columns, self.imperfections.sensing.limits, np.uint64(self.key)
+        if self._version != swarm.version:
+            self._ends = {name: _limits_of(swarm, name) for name in swarm.table.readings}
+            self._version = swarm.version
+        for name, ends in self._ends.items():
+            last, channel = columns[f"{LAST_READ}{name}"], CUSTOM + (crc32(name.encode()) << CUSTOM_BITS)
+            by_chance = columns["design"], columns["number"], step, key
+            spoil_any(columns[name], last, *ends, channel, limits, *by_chance)
 
     @contextmanager
     def driving(self, swarm: Swarm, step: int) -> Iterator[list[np.ndarray]]:
@@ -96,6 +113,18 @@ class Imperfect:
             slip[:] = np.divide(requested - reached, requested, out=np.zeros_like(requested), where=requested != 0.0)
         finally:
             command[:] = requested
+
+
+def _limits_of(swarm: Swarm, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return the limits of each place of a custom sensor's column, by design; NaN where readings are not spoiled."""
+    least = np.full((len(swarm.designs), swarm.table.readings[name]), np.nan)
+    largest = least.copy()
+    for d, design in enumerate(swarm.designs):
+        for sensor, first in places_of(design):
+            if sensor.name == name and sensor.spoiled:
+                place = slice(first, first + int(sensor.width))
+                least[d, place], largest[d, place] = sensor.minimum, sensor.maximum
+    return least, largest
 
 
 def kept(swarm: Swarm, name: str) -> np.ndarray:
@@ -144,6 +173,29 @@ def spoil(reading, kind, last, last_kind, largest, nothing, first_channel, limit
                 wrong = reading[i, s] * (1.0 + error * normal(key, number[i], channel, moment))
                 reading[i, s] = min(max(wrong, 0.0), most)
             last[i, s], last_kind[i, s] = reading[i, s], kind[i, s]
+
+
+@compiled
+def spoil_any(reading, last, least, largest, first_channel, limits, design, number, step, key):
+    """Disturb readings of any range, as `spoil` does; nothing is NaN, and limits of NaN mean to disturb nothing."""
+    error, dropout, outliers, hold, period, _ = limits
+    moment = step // hold
+    for i in range(reading.shape[0]):
+        for s in range(reading.shape[1]):
+            low, high, channel = least[design[i], s], largest[design[i], s], first_channel + s
+            if math.isnan(low):
+                continue
+            fate = chance(key, number[i], channel, moment, FATE)
+            if step % period != 0:
+                reading[i, s] = last[i, s]
+            elif fate < dropout:
+                reading[i, s] = math.nan
+            elif fate < dropout + outliers and math.isfinite(high - low):
+                reading[i, s] = low + (high - low) * chance(key, number[i], channel, moment, PLACE)
+            elif not math.isnan(reading[i, s]):
+                wrong = reading[i, s] * (1.0 + error * normal(key, number[i], channel, moment))
+                reading[i, s] = min(max(wrong, low), high)
+            last[i, s] = reading[i, s]
 
 
 @compiled

@@ -16,7 +16,7 @@ from mesa_swarm.physics.radio import obstacles_of
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.actuators import ACT, Actuator
 from mesa_swarm.robots.design import places_of
-from mesa_swarm.robots.parts import Kernel, Part, kernel_of, own_function
+from mesa_swarm.robots.parts import Kernel, RobotPart, kernel_of, own_function
 from mesa_swarm.robots.sensors import Sensor
 from mesa_swarm.robots.swarm import Swarm
 
@@ -113,17 +113,17 @@ class Doer:
 class Call:
     """A part's function of arrays, and where the values come from that its parameters name."""
 
-    def __init__(self, swarm: Swarm, part: Part, function: str, rows: np.ndarray) -> None:
+    def __init__(self, swarm: Swarm, part: RobotPart, function: str, rows: np.ndarray) -> None:
         self.kernel: Kernel = kernel_of(own_function(part, function))
         self._part, self._swarm, self._rows = part, swarm, rows
-        self._asks = type(part).arguments is not Part.arguments
+        self._asks = type(part).arguments is not RobotPart.arguments
         self._all = len(rows) == len(swarm)
         self._sources: list[Callable] | None = None
 
     def __call__(self, model: Any, scene: Surroundings, given: dict) -> None:
         """Call the function for the present state."""
         if self._asks:
-            given |= self._arguments(model)
+            given = {**self._arguments(model), **given}
         if self._sources is None:
             known = *given, *("obstacles", "rows")
             self._swarm.check_takes(self._part, self.kernel.function, known)
@@ -181,7 +181,7 @@ def _actuators_by_rows(swarm: Swarm) -> Iterator[tuple[Actuator, np.ndarray]]:
             yield actuator, rows
 
 
-def _guarded(do: Callable, part: Part, model: Any, scene: Surroundings) -> None:
+def _guarded(do: Callable, part: RobotPart, model: Any, scene: Surroundings) -> None:
     """Call a function of the user's; an error of it becomes one line that names the part."""
     try:
         do(model, scene)

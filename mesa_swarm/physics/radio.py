@@ -33,15 +33,16 @@ class Channel:
         columns, radio = swarm.columns, self.radio
         position, heading, number = columns["position"], columns["heading"], columns["number"]
         limits = float(radio.range), float(radio.loss_probability), word, radio.occlusion
+        obstacles = obstacles_of(surroundings)
         if radio.state:
             layer, task = columns["layer"], columns["task"]
             heard = columns["heard_layer"], columns["heard_task"], columns["heard_from"]
-            hear_states(position, heading, number, layer, task, limits, self._grid, self._obstacles, *heard)
+            hear_states(position, heading, number, layer, task, limits, self._grid, obstacles, *heard)
         if radio.goal:
             sent, heard_goal = columns["sent_goal"], columns["heard_goal"]
-            hear_goals(position, heading, number, sent, self._beacons, limits, self._grid, self._obstacles, heard_goal)
+            hear_goals(position, heading, number, sent, self._beacons, limits, self._grid, obstacles, heard_goal)
         if radio.message:
-            self._exchange_messages(columns, limits, self._obstacles)
+            self._exchange_messages(columns, limits, obstacles)
 
     def begin_decision(self, swarm: Swarm) -> None:
         """Clear what robots sent before: they send what they set in each decision."""
@@ -68,16 +69,14 @@ class Channel:
             return
         most = FEWEST_CELLS + CELLS_PER_ROBOT * len(swarm)
         self._grid = Grid.over(surroundings.bounds, max(self.radio.range, 1e-9), most).numbers
-        self._obstacles = obstacles_of(surroundings)
         self._version, self._surroundings = swarm.version, surroundings
 
 
 def obstacles_of(surroundings: Surroundings) -> tuple:
     """Return what stops a broadcast, as `is_cut` takes it."""
-    statics = surroundings.statics
+    statics, moving = surroundings.statics, surroundings.moving
     touched = statics.grid.numbers, statics.touched_start, statics.touched_items
-    moving = None if surroundings.moving is None else surroundings.moving.touched
-    return statics.edges, statics.discs[: statics.first_fire], *touched, moving
+    return statics.edges, statics.discs[: statics.first_fire], *touched, None if moving is None else moving.touched
 
 
 @compiled

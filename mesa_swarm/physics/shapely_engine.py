@@ -73,7 +73,7 @@ class Travelling:
         self.solids, self._renewed = renewed(), renewed
         self._movers = None if surroundings.moving is None else surroundings.moving.movers
         self._begin = self._before = self._poses()
-        self._longest = LONGEST_STEP * radius.min()
+        self._longest = LONGEST_STEP * radius.min(initial=math.inf)
         movers = self._movers
         self._end = np.empty((0, 3)) if movers is None else np.column_stack([movers.aim, movers.aim_heading])
         ways = self._end - self._begin

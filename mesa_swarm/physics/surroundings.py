@@ -217,7 +217,7 @@ class Surroundings:
         """Return which driven bodies a load stops: it is where the body is to go, or on the way."""
         movers = cast(Moving, self.moving).movers
         blocked = np.zeros(len(movers), bool)
-        for b in np.flatnonzero(movers.asked) if self.loads else ():
+        for b in np.flatnonzero(movers.asked).tolist() if self.loads else ():
             blocked[b] = any(self._is_in_the_way(load, movers, b) for load in self.loads)
         return blocked
 

@@ -179,8 +179,8 @@ def _adopt(model: FireModel, facts: dict, packed: Packed) -> None:
 
 def _states_of(model: FireModel, facts: dict) -> Iterator[tuple[Any, object]]:
     """Iterate over what was stored of layers, processes and attributes, each with what the model has now."""
-    _, *states = facts["control_state"] or (None,)
-    yield from zip(states, getattr(model.control, "layers", ()), strict=False)
+    parts, layers = ((), ()) if model.control is None else (model.control.parts, model.control.layers)
+    yield from zip(facts["control_state"][len(parts) :], layers, strict=False)
     yield from ((state, model._processes.get(number)) for number, _, state in facts.get("processes", ()))
     yield from ((state, model.__dict__.get(name)) for name, state in facts["attributes"].items())
 

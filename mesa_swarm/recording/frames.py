@@ -75,7 +75,8 @@ def frame_of(model: FireModel, columns: Sequence[str] = PICTURED, *, perceived: 
     """
     if perceived or not READINGS.isdisjoint(columns):
         model.sense()
-    found, shown = model.swarm.columns, {}
+    found = model.swarm.columns
+    shown: dict[str, np.ndarray] = {}
     for name in columns:
         if name == "fields":
             shown |= _live_fields(model)

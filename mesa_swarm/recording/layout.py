@@ -52,7 +52,7 @@ class Layout:
         widths = {name: model.swarm.columns[name].shape[1:] for name in names if not is_table(name)}
         self.columns = tuple(name for name in widths if 0 not in widths[name])
         self.tables = tuple(name for name in names if name in TABLES and (name != "fields" or self.fields))
-        self.has_readings = not READINGS.isdisjoint(self.columns)
+        self.has_readings = not READINGS.union(model.swarm.table.readings).isdisjoint(self.columns)
         self.schema = self._schema(model, widths)
 
     def prepare(self, model: FireModel) -> None:

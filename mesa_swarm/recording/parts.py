@@ -19,22 +19,23 @@ from mesa_swarm.fire.model import FireModel
 from mesa_swarm.fire.strategy import FightFire
 from mesa_swarm.physics.neighbours import NeighbourSensor
 from mesa_swarm.recording.container import ATOMS
-from mesa_swarm.robots.actuators import Lamp
+from mesa_swarm.robots.actuators import Emitter, Lamp
 from mesa_swarm.robots.design import DesignTable, RobotDesign
 from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive, OmniDrive
 from mesa_swarm.robots.gripper import Carried, Gripper
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections
+from mesa_swarm.robots.parts import RobotPart
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.robot import Robot
-from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSensor
+from mesa_swarm.robots.sensors import FieldSensor, LineSensor, ProximitySensor, RadiationSensor
 from mesa_swarm.world.arena import ArenaAgent
 from mesa_swarm.world.bodies import Body, Form, Load, Obstacle, Pose
 from mesa_swarm.world.movers import Driven
 from mesa_swarm.world.shapes import Shape, outline_to_json, shape_from_json
 from mesa_swarm.world.statics import KINDS, LOAD, MOST_KINDS, OBSTACLE
 
-SENSORS = (ProximitySensor, RadiationSensor, LineSensor, NeighbourSensor, Carried)
-OF_DESIGNS = (RobotDesign, *SENSORS, Lamp, Gripper, DifferentialDrive, HolonomicDrive, OmniDrive)
+SENSORS = (ProximitySensor, RadiationSensor, LineSensor, NeighbourSensor, FieldSensor, Carried)
+OF_DESIGNS = (RobotDesign, *SENSORS, Emitter, Lamp, Gripper, DifferentialDrive, HolonomicDrive, OmniDrive)
 OF_MODELS = (FireConstants, Radio, Imperfection, Imperfections)
 FLOCKING = (controls.Align, controls.Cohere, controls.Cruise, controls.MatchVelocity, controls.Separate)
 TOWARDS_BODIES = (controls.Follow, controls.Gather, controls.HeadOn, controls.Perimeter, controls.Push)
@@ -55,9 +56,14 @@ def part_to_json(part: Any) -> object:
         return [part_to_json(item) for item in part]
     name = type(part).__name__
     if PARTS.get(name) is not type(part):
+        if isinstance(part, RobotPart):
+            return {OWN_CODE: [name, *(part_to_json(getattr(part, field.name)) for field in _fields(part))]}
         raise RecordingError(f"{shortened(part)} is of class {name}, which cannot be recorded")
-    own = fields(part) if is_dataclass(part) else ()
-    return {name: {field.name: part_to_json(getattr(part, field.name)) for field in own}}
+    return {name: {field.name: part_to_json(getattr(part, field.name)) for field in _fields(part)}}
+
+
+def _fields(part: Any) -> tuple:
+    return fields(part) if is_dataclass(part) else ()
 
 
 def part_from_json(value: object) -> Any:
@@ -67,6 +73,11 @@ def part_from_json(value: object) -> Any:
     if isinstance(value, list):
         return tuple(part_from_json(item) for item in value)
     name, given = _only_item(value)
+    if name == OWN_CODE:
+        raise RecordingError(
+            f"the robots have a custom part ({shortened(given)}), which is found only in a model that adds such robots "
+            "in its constructor"
+        )
     if name not in PARTS or not isinstance(given, dict):
         raise RecordingError(f"unknown part {shortened(name)} in recording")
     arguments = {field: part_from_json(item) for field, item in given.items()}
@@ -229,8 +240,12 @@ def restore_objects(model: FireModel, stored: dict) -> None:
     _restore_others(model, others)
     for load in model._loads:
         _restore_load(load, obstacles[load.unique_id], model.map.bounds)
+    agents = {agent.unique_id: agent for agent in model.agents}
     for body in model.movers.agents:
-        _restore_driven(body, obstacles[body.unique_id], model.map.bounds)
+        one = obstacles[body.unique_id]
+        body.agent = agents[one["agent"]] if "agent" in one else None
+        _restore_driven(body, one, model.map.bounds)
+    model.movers.list_followers()
     model.obstacles_changed()
 
 
@@ -321,6 +336,7 @@ def _body_to_json(obstacle: Body) -> dict:
             "blocked": obstacle.blocked,
             "fresh": bool(movers.fresh[row]),
             **({} if obstacle.carrier is None else {"carrier": obstacle.carrier.unique_id}),
+            **({} if obstacle.agent is None else {"agent": obstacle.agent.unique_id}),
         }
     if isinstance(obstacle, Load):
         return {

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mesa_swarm.errors import BehaviourError, InvalidValueError, check_flag, check_number, shortened
-from mesa_swarm.robots.parts import Part, check_identifier, check_part, own_function
+from mesa_swarm.robots.parts import RobotPart, check_identifier, check_part, own_function
 from mesa_swarm.robots.sensors import Mount, check_mount
 from mesa_swarm.world.fields import LARGEST_AMOUNT
 
@@ -15,7 +15,7 @@ from mesa_swarm.world.fields import LARGEST_AMOUNT
 ACT = "act."
 
 
-class Actuator(Part):
+class Actuator(RobotPart):
     """Base of all actuators; a custom class has a `name`, and `apply` or a function `act`.
 
     A rule sets ``me.act.<name> = x``, or ``me.act.<name>[k] = x`` where `width` is more than 1; a layer that is a

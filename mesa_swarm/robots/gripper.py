@@ -124,6 +124,6 @@ class Carried(Sensor):
         return {"codes": codes}
 
     @staticmethod
-    def read(rows, codes, out):  # noqa: D102 - compiled
+    def read(rows: np.ndarray, codes: np.ndarray, out: np.ndarray) -> None:  # noqa: D102 - compiled
         for i in range(len(out)):
             out[i, 0] = codes[rows[i]]

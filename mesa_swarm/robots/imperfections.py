@@ -84,7 +84,8 @@ class Imperfections:
     ----------
     sensing : Imperfection
         Of every proximity, radiation and line sensor. What line sensors read is yes or no: it has no `error`, and
-        an outlier is either.
+        an outlier is either. Of custom sensors each number for itself, within `Sensor.minimum` and `Sensor.maximum`,
+        unless `Sensor.spoiled` is False; what is lost reads NaN.
     driving : Imperfection
         Of every wheel.
     battery : float

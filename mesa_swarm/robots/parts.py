@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Callable, Container, Mapping
 from functools import cache
 from itertools import pairwise
-from typing import Any, ClassVar
+from typing import Any
 
 from mesa_swarm.errors import InvalidValueError, UncompiledBehaviourWarning, asked, check_count, shortened
 from mesa_swarm.geometry.compiled import custom_compiled, is_refused
@@ -16,7 +16,19 @@ MOST_NUMBERS = 10_000
 # Names that a robot, a swarm, a rule's `me` or a row of a recording has already.
 RESERVED = frozenset(
     (
-        *("act", "add", "advance", "agent", "agents", "alive", "bearing", "bodies", "chance", "check_parts"),
+        *(
+            "act",
+            "add",
+            "advance",
+            "agent",
+            "agents",
+            "alive",
+            "bearing",
+            "bodies",
+            "chance",
+            "check_parts",
+            "check_takes",
+        ),
         *("clear_messages", "collided", "columns", "command", "contact_depth", "contact_index"),
         *("contact_kind", "contact_normal", "contacts", "create_agents", "design", "designs"),
         *("distance", "disturbed", "drop_body_columns", "error", "events", "extinguishing", "fields"),
@@ -25,7 +37,19 @@ RESERVED = frozenset(
         *("groups", "heading", "heard", "heard_from", "heard_goal", "heard_layer", "heard_task"),
         *("heard_x", "heard_y", "heat", "hot", "indices", "kind", "last_command", "layer", "leave"),
         *("left", "line", "loads", "max_speed", "memory", "model", "number", "obstacles", "out", "own", "pos"),
-        *("position", "radiation", "radius", "random", "readings", "remember", "remove", "right", "rng"),
+        *(
+            "position",
+            "radiation",
+            "radius",
+            "random",
+            "readings",
+            "regrouped",
+            "set_group",
+            "remember",
+            "remove",
+            "right",
+            "rng",
+        ),
         *(
             "robot",
             "row",
@@ -43,7 +67,7 @@ RESERVED = frozenset(
 )
 
 
-class Part:
+class RobotPart:
     """What a sensor and an actuator are: named numbers of every robot that has one.
 
     Attributes
@@ -56,8 +80,8 @@ class Part:
 
     __slots__ = ()
 
-    name: ClassVar[Any] = ""
-    width: ClassVar[Any] = 1
+    name: Any = ""
+    width: Any = 1
 
     def arguments(self, model: Any) -> Mapping[str, Any]:
         """Return further arrays and numbers by name, which its function may take; called before each use."""

@@ -8,8 +8,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
+from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.diffusion import look_up
-from mesa_swarm.robots.parts import RESERVED, Part, check_identifier, check_part, names_taken, own_function
+from mesa_swarm.robots.parts import RESERVED, RobotPart, check_identifier, check_part, names_taken, own_function
 
 LARGEST_RANGE = 1e6
 MOST_RAYS = 10_000
@@ -18,7 +19,7 @@ LONGEST_HOLD = 10**9
 Mount = tuple[float, float]
 
 
-class Sensor(Part):
+class Sensor(RobotPart):
     """Base of all sensors; a custom class has a `name`, a `width` and a function `read`.
 
     ``read`` is a static function that fills `out` (n, width), one row a robot that has the sensor; what it leaves out
@@ -211,6 +212,17 @@ class LineSensor(Sensor):
         object.__setattr__(self, "mount", check_mount(self.mount))
 
 
+@compiled
+def read_field(position, heading, mount, amounts, sides, frame, out):
+    """Look a field up where the sensors of robots are, see `geometry.diffusion.look_up`."""
+    points = np.empty((len(out), 2))
+    for i in range(len(out)):
+        cos, sin = np.cos(heading[i]), np.sin(heading[i])
+        points[i, 0] = position[i, 0] + cos * mount[0] - sin * mount[1]
+        points[i, 1] = position[i, 1] + sin * mount[0] + cos * mount[1]
+    look_up(amounts, sides, frame, points, out[:, 0], np.empty((len(out), 2)))
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FieldSensor(Sensor):
     """A sensor of a scalar field at a point: its value there, interpolated between cells, see `ScalarField.at`.
@@ -241,6 +253,7 @@ class FieldSensor(Sensor):
     mount: Mount = (0.0, 0.0)
     name: str = ""
     minimum = 0.0
+    read = staticmethod(read_field)
 
     def __post_init__(self) -> None:
         """Check every value."""
@@ -254,16 +267,6 @@ class FieldSensor(Sensor):
         """Return the field as `geometry.diffusion` takes it."""
         field = model.fields[self.field]
         return {"amounts": field.values, "sides": field.sides, "frame": field.frame}
-
-    @staticmethod
-    def read(position, heading, mount, amounts, sides, frame, out):
-        """Look the field up where the sensors are."""
-        points = np.empty((len(out), 2))
-        for i in range(len(out)):
-            cos, sin = np.cos(heading[i]), np.sin(heading[i])
-            points[i, 0] = position[i, 0] + cos * mount[0] - sin * mount[1]
-            points[i, 1] = position[i, 1] + sin * mount[0] + cos * mount[1]
-        look_up(amounts, sides, frame, points, out[:, 0], np.empty((len(out), 2)))
 
 
 # What the engines read themselves, into columns of their own.

@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 from mesa_swarm.errors import InvalidValueError, UnknownNameError, unknown_name
 from mesa_swarm.robots.actuators import check_actions
 from mesa_swarm.robots.design import DesignTable, RobotDesign
-from mesa_swarm.robots.parts import Part, names_taken, own_function
+from mesa_swarm.robots.parts import RobotPart, names_taken, own_function
 from mesa_swarm.world.statics import BORDER, ROBOT
 
 # Columns with names that begin so stay when those of layers are dropped: they belong to the robots' bodies.
 LASTING = "body."
+# The last fresh readings of custom sensors.
+LAST_READ = f"{LASTING}read."
 # What robots send and hear.
 MESSAGES = ("task", "goal", "sent_goal", "heard_layer", "heard_task", "heard_from", "heard_goal")
 
@@ -215,12 +217,12 @@ class Swarm:
         """
         check_actions(actuator for other in (*self.designs, design) for actuator in other.actuators)
         for sensor in design.own:
-            if sensor.name in self._memory:
-                raise InvalidValueError(f"sensor {sensor.name} has the name of a column of a layer; rename one of them")
-            if type(sensor).arguments is Part.arguments:
+            if sensor.name not in self.table.readings and hasattr(self, sensor.name):
+                raise InvalidValueError(f"sensor {sensor.name} has the name of something else of the swarm; rename it")
+            if type(sensor).arguments is RobotPart.arguments:
                 self.check_takes(sensor, own_function(sensor, "read"), ("out",))
 
-    def check_takes(self, part: Part, function: Any, known: Iterable[str]) -> None:
+    def check_takes(self, part: RobotPart, function: Any, known: Iterable[str]) -> None:
         """Refuse a function of arrays that takes something unknown; `known` are more names that there are.
 
         Raises
@@ -282,7 +284,7 @@ class Swarm:
         """Drop the columns that belong to the robots' bodies."""
         for name in [name for name in self._memory if name.startswith(LASTING)]:
             self._drop(name)
-        self.version += 1
+        self._resize(np.arange(len(self.columns["position"])), 0)
 
     def _drop(self, name: str) -> None:
         del self.columns[name], self._memory[name], self.__dict__[name]
@@ -320,6 +322,9 @@ class Swarm:
             **self.table.readings,
         }
         declared = {**COLUMNS, **self.table.columns(), **self._messages, **self._memory}
+        if any(name.startswith(LASTING) for name in self._memory):
+            # Imperfect robots remember their last fresh readings.
+            declared |= {f"{LAST_READ}{name}": ((name,), np.float64, math.nan) for name in self.table.readings}
         for name in [name for name in self.columns if name not in declared]:
             del self.columns[name], self.__dict__[name]
         for name, (shape, dtype, initial) in declared.items():

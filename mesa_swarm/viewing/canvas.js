@@ -312,7 +312,7 @@ export class Stage {
   #prepare() {
     const { designs, shapes, loads } = this.#world;
     this.#designs = designs.map((design) => ({ ...design, rows: design.sensors.map(sensorRow) }));
-    this.#shapes = shapes.map((shape) => ({ path: pathOf(shape), mark: shape.mark }));
+    this.#shapes = shapes.map((shape) => ({ path: pathOf(shape), mark: shape.mark, kind: shape.kind }));
     this.#loads = loads.map(pathOf);
     this.#sheets.scale = 0;
   }
@@ -366,8 +366,11 @@ export class Stage {
   #drawStanding(context) {
     const colours = this.#colours, [x0, y0, x1, y1] = this.#world.bounds;
     for (const wanted of [true, false]) {
-      context.fillStyle = wanted ? this.#kindColour("mark", colours.mark) : this.#kindColour("obstacle", colours.obstacle);
-      for (const { path, mark } of this.#shapes) if (Boolean(mark) === wanted) context.fill(path, "evenodd");
+      for (const { path, mark, kind } of this.#shapes) {
+        if (Boolean(mark) !== wanted) continue;
+        context.fillStyle = this.#kindColour(kind ?? (mark ? "mark" : "obstacle"), mark ? colours.mark : colours.obstacle);
+        context.fill(path, "evenodd");
+      }
     }
     context.strokeStyle = colours.border;
     context.lineWidth = 1.5 * this.#pixel;
@@ -464,7 +467,7 @@ export class Stage {
       context.save();
       context.translate(x, y);
       context.rotate(heading);
-      context.fillStyle = this.#kindColour("load", this.#colours.load);
+      context.fillStyle = this.#kindColour(this.#world.loads[index].kind ?? "load", this.#colours.load);
       context.fill(this.#loads[index], "evenodd");
       context.restore();
     }

@@ -254,7 +254,7 @@ def export(
     trails : int
         Over how many steps to show where robots were, 0 for none.
     table : str, optional
-        "robots" (the default), "fires", "contacts", "loads" or "events".
+        "robots" (the default), "fires", "contacts", "loads", "fields" or "events".
     overwrite : bool
         Whether files that are there are replaced.
     progress : bool

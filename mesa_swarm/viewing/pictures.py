@@ -138,15 +138,18 @@ def draw_scene(axes: Axes, scene: Scene, step: int) -> None:
     axes.set(xlim=(x_min, x_max), ylim=(y_min, y_max), aspect="equal", facecolor=LIGHT.ground)
     axes.set(xlabel="x (map units)", ylabel="y (map units)")
     obstacles = scene.obstacles(step)
-    mark, obstacle = (kind_colour(scene.looks, kind, getattr(LIGHT, kind)) for kind in ("mark", "obstacle"))
-    _draw_shapes(axes, [s for s in obstacles if not s.contact], mark, 1, "marks")
-    _draw_shapes(axes, [s for s in obstacles if s.contact], obstacle, 2, "obstacles")
+    pairs = list(zip(obstacles, scene.obstacle_kinds(step), strict=True))
+    for height, label, usual in ((1, "marks", LIGHT.mark), (2, "obstacles", LIGHT.obstacle)):
+        chosen = [(shape, kind) for shape, kind in pairs if shape.contact == (height == 2)]
+        colours = [kind_colour(scene.looks, kind, usual) for _, kind in chosen]
+        _draw_shapes(axes, [shape for shape, _ in chosen], colours, height, label)
 
 
 def draw_frame(axes: Axes, frame: Frame, scene: Scene, sectors: bool = False) -> None:
     """Draw fields, loads, fires and robots."""
     _draw_fields(axes, frame, scene)
-    _draw_shapes(axes, scene.loads(frame), kind_colour(scene.looks, "load", LIGHT.load), 2, "loads")
+    colours = [kind_colour(scene.looks, kind, LIGHT.load) for kind in scene.load_kinds(frame)]
+    _draw_shapes(axes, scene.loads(frame), colours, 2, "loads")
     _draw_fires(axes, frame)
     if sectors:
         _draw_sectors(axes, frame, scene)
@@ -168,10 +171,10 @@ def _draw_fields(axes: Axes, frame: Frame, scene: Scene) -> None:
         axes.add_image(image)
 
 
-def _draw_shapes(axes: Axes, shapes: Sequence[Shape], colour: str, height: int, label: str) -> None:
+def _draw_shapes(axes: Axes, shapes: Sequence[Shape], colours: Sequence[str], height: int, label: str) -> None:
     if shapes:
         paths = [_outline(shape) for shape in shapes]
-        axes.add_collection(PathCollection(paths, facecolors=colour, linewidths=0, zorder=height, label=label))
+        axes.add_collection(PathCollection(paths, facecolors=colours, linewidths=0, zorder=height, label=label))
 
 
 def _outline(shape: Shape) -> Outline:
@@ -292,18 +295,13 @@ def _sector(sensor: ProximitySensor, position: np.ndarray, heading: float, radiu
 def legend_of(shown: Shown) -> list[Artist]:
     """Return the entries of a legend for what is drawn of a model, or of (Frame, Scene), and nothing else."""
     frame, scene = frame_and_scene(shown)
-    solid = [shape.contact for shape in scene.obstacles(frame.step)]
-    looks = scene.looks
-    shapes = [("obstacle", kind_colour(looks, "obstacle", LIGHT.obstacle), any(solid))]
-    shapes += [("load", kind_colour(looks, "load", LIGHT.load), bool(scene.loads(frame)))]
-    shapes += [("ground mark", kind_colour(looks, "mark", LIGHT.mark), not all(solid))]
-    entries: list[Artist] = [Patch(color=colour, label=label) for label, colour, seen in shapes if seen]
+    entries = _body_entries(frame, scene)
     peaks = frame.columns.get("fields", NO_ROWS["fields"])["peak"].tolist()
     for place, (name, peak) in enumerate(zip(scene.fields, peaks, strict=False)):
         entries.append(Patch(color=scalar_colour(place), label=literal(f"{name}, full at {peak:.3g}")))
     if len(frame.robots):
         entries += _value_entries(scene) or [
-            _robot_entry("robot, its front pale", kind_colour(looks, "robot", LIGHT.robot))
+            _robot_entry("robot, its front pale", kind_colour(scene.looks, "robot", LIGHT.robot))
         ]
     if np.isfinite(frame.columns.get("perceived", np.nan)).any():
         entries.append(Line2D([], [], color=LIGHT.perceived, label="to the centroid that it perceives"))
@@ -313,6 +311,23 @@ def legend_of(shown: Shown) -> list[Artist]:
         entries += [Patch(color=fire_colour(t), label=f"fire, T = {t:g}") for t in (0.0, 0.5, 1.0)]
         entries.append(Patch(facecolor=LIGHT.ashes, edgecolor=LIGHT.border, label="fire, out"))
     return entries
+
+
+def _body_entries(frame: Frame, scene: Scene) -> list[Artist]:
+    """Return the entries of bodies and marks: those of own kinds with colours of their own by name."""
+    declared = set(scene.looks.get("kinds", {})) - {"obstacle", "load", "mark"}
+    standing, moving = set(scene.obstacle_kinds(frame.step)), set(scene.load_kinds(frame))
+    named = {
+        "obstacle": ("obstacle", LIGHT.obstacle, bool(standing - declared - {"mark"})),
+        "load": ("load", LIGHT.load, bool(moving - declared)),
+        "mark": ("ground mark", LIGHT.mark, "mark" in standing),
+        **{kind: (literal(kind), LIGHT.load, True) for kind in sorted(declared & (standing | moving))},
+    }
+    return [
+        Patch(color=kind_colour(scene.looks, kind, usual), label=label)
+        for kind, (label, usual, seen) in named.items()
+        if seen
+    ]
 
 
 def _value_entries(scene: Scene) -> list[Artist]:

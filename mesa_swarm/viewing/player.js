@@ -410,7 +410,10 @@ class Player {
     const { layer } = this.stage.frame ?? {}, counts = this.stage.world.layers.map(() => 0);
     if (!layer) return;
     for (const index of layer) if (index >= 0) counts[index] += 1;
-    document.querySelectorAll("#layers li b").forEach((cell, index) => (cell.textContent = String(counts[index] ?? "field")));
+    const coloured = this.stage.legend().length; // of layers, then of values; fields follow
+    document.querySelectorAll("#layers li b").forEach((cell, index) => {
+      cell.textContent = String(counts[index] ?? (index < coloured ? "colour" : "field"));
+    });
   }
 
   showRobot() {

@@ -93,6 +93,17 @@ class Scene:
         """Return obstacles and ground marks; one object for all steps between two changes of them."""
         return self._obstacles[self._place(step)]
 
+    def obstacle_kinds(self, step: int) -> tuple[str, ...]:
+        """Return the kind of each of `obstacles`, "mark" for those on the ground."""
+        shapes = self.changes[self._place(step)][1]["shapes"]
+        return tuple(shape.get("kind", "mark" if shape.get("mark") else "obstacle") for shape in shapes)
+
+    def load_kinds(self, frame: Frame) -> tuple[str, ...]:
+        """Return the kind of each of `loads`."""
+        kinds = {load["id"]: load.get("kind", "load") for load in self.changes[0][1]["loads"]}
+        ids = (int(load) for load, *_ in frame.columns.get("loads", np.empty(0)).tolist())
+        return tuple(kinds[load] for load in ids if load in self.forms)
+
     def limits(self, step: int) -> tuple[float, float]:
         """Return the temperature from which on a robot is too hot to fight, and the one down to which it then is."""
         scenery = self.changes[self._place(step)][1]

@@ -182,7 +182,6 @@ class Body(ArenaAgent):
     """
 
     mode = "fixed"
-    blocked = False
     _stored_apart: ClassVar[tuple[str, ...]] = ("_kind",)
 
     def __init__(self, space: Arena, model: Model, kind: str) -> None:
@@ -196,6 +195,11 @@ class Body(ArenaAgent):
         name, mark = type(self).__name__, "" if self.contact else ", a mark"
         own = "" if self.kind in ("obstacle", "load") else f", a {self.kind}"
         return f"<{name} {self.unique_id}, {self.shape.kind} at ({x}, {y}){own}{mark}>"
+
+    @property
+    def blocked(self) -> bool:
+        """Whether it had to stop in the last step: only driven bodies ever do."""
+        return False
 
     @property
     def kind(self) -> str:

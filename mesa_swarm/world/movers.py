@@ -59,7 +59,7 @@ class Movers:
         self.blocked, self.fresh = np.append(self.blocked, False), np.append(self.fresh, True)
         self.carried = np.append(self.carried, False)
         self.reach = np.append(self.reach, body.form.reach)
-        self._list_followers()
+        self.list_followers()
 
     def drop(self, body: "Driven") -> None:
         """Remove the row of a body."""
@@ -70,9 +70,10 @@ class Movers:
         body.row = -1
         for later, agent in enumerate(self.agents):
             agent.row = later
-        self._list_followers()
+        self.list_followers()
 
-    def _list_followers(self) -> None:
+    def list_followers(self) -> None:
+        """Update the list of bodies that follow an agent."""
         self.followers = [body for body in self.agents if body.agent is not None]
 
     @property
@@ -120,7 +121,7 @@ class Driven(Body):
         self, space: Arena, model: Model, shape: Shape, kind: str, movers: Movers, agent: Agent | None = None
     ) -> None:
         self.form = Form.of(shape)
-        self.agent = agent
+        self.agent: Any = agent
         self.movers = movers
         self.row = -1
         self.carrier: Any = None  # the robot that carries it
@@ -136,7 +137,7 @@ class Driven(Body):
         return x, y, float(self.movers.heading[row])
 
     @property
-    def shape(self) -> Shape:
+    def shape(self) -> Shape:  # type: ignore[override]
         """Its shape where it is."""
         pose = self.pose
         if self._shown is None or self._shown[0] != pose:
@@ -225,7 +226,11 @@ class Driven(Body):
         return self.row
 
     def _ask(self, position: np.ndarray, heading: float) -> None:
-        self.model.move_bodies([self], [(*position.tolist(), heading)])
+        movers, row = self.movers, self.row
+        if movers.fresh[row] or movers.carried[row]:
+            self.model.move_bodies([self], [(*position.tolist(), heading)])
+        else:  # both are checked: many doors have to be quick
+            movers.aim[row], movers.aim_heading[row] = position, heading
 
 
 def poses_of_agents(followers: Sequence[Driven], space: Arena) -> np.ndarray:

@@ -7,6 +7,7 @@ import pytest
 from mesa_swarm import gallery
 from mesa_swarm.dashboard import MODEL_VARIABLE, check_page_model, launch, page_models
 from mesa_swarm.dashboard.app import address_from, query_of
+from mesa_swarm.dashboard.compare_view import groups_of as compared_fields
 from mesa_swarm.dashboard.comparing import Comparing
 from mesa_swarm.dashboard.controls import groups_of, values_of
 from mesa_swarm.dashboard.gallery_view import thumbnail, title
@@ -124,3 +125,18 @@ def test_runs_of_a_comparison_on_the_page_are_those_of_the_file():
     assert comparing.runs.report is not None
     session.close()
     comparing.close()
+
+
+def test_a_parameter_without_a_slider_is_compared_if_the_model_names_it(folder, monkeypatch):
+    (folder / "bare.py").write_text(BARE + '    compares = "n_robots", (2, 5)\n')
+    monkeypatch.setenv(MODEL_VARIABLE, "./bare.py:Bare")
+    session = Session("./bare.py:Bare")
+    comparing = Comparing(session)
+    assert (comparing.name, comparing.parameter, comparing.values) == ("./bare.py:Bare", "n_robots", [2, 5])
+    assert [len(side.model.swarm) for side in comparing.pair.sides] == [2, 5]
+    comparing.set_value("B", "7")
+    comparing.reset()
+    assert [len(side.model.swarm) for side in comparing.pair.sides] == [2, 7]
+    assert [field["kind"] for field in compared_fields(comparing)[0]["fields"]] == ["choice", "choice", "text", "text"]
+    comparing.close()
+    session.close()

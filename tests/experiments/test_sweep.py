@@ -204,12 +204,12 @@ def test_record_is_refused_if_it_is_neither_a_flag_nor_options(tmp_path, wrong):
 
 @pytest.mark.parametrize("study", [sweep, compare])
 def test_a_model_in_place_of_its_class_is_refused(study):
-    with pytest.raises(InvalidValueError, match=r"model is .*; expected a class or the name of a model"):
+    with pytest.raises(InvalidValueError, match=r"model is .*; expected a class, or the name or address of a model"):
         study(FIRE(n_robots=1, rng=1), seeds=1, steps=1)
 
 
 def test_an_experiment_of_a_model_in_place_of_its_class_is_refused():
-    with pytest.raises(InvalidValueError, match=r"model is .*; expected a class or the name of a model"):
+    with pytest.raises(InvalidValueError, match=r"model is .*; expected a class, or the name or address of a model"):
         checked_experiment(FIRE(n_robots=1, rng=1), seeds=1, steps=1)
 
 

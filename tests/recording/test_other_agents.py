@@ -6,7 +6,7 @@ from mesa import Agent
 from mesa.agent import AgentSet
 from mesa.experimental.continuous_space import ContinuousSpaceAgent
 
-from mesa_swarm import SwarmModel
+from mesa_swarm import AGENT9, SwarmModel, disc
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.recording.checkpoint import checkpoint_of, restore
 from support.scenes import blind
@@ -130,3 +130,33 @@ def test_a_class_that_is_not_loaded_is_named():
         one[1] = "farm.animals"
     with pytest.raises(RecordingError, match=r"of class 'Sheep' cannot be made: import it from 'farm.animals'"):
         restore(Flock(n_sheep=0, rng=1), checkpoint)
+
+
+class Seen(SwarmModel):
+    """A model whose agents are seen by robots, as bodies that they move."""
+
+    def __init__(self, *, rng=None):
+        super().__init__(rng=rng)
+        self.add_robots(AGENT9, 3)
+        self._join((100.0, 100.0))
+
+    def _join(self, position):
+        wolf = Wolf(self, position)
+        self.add_body(disc(position, 5), kind="wolf", agent=wolf)
+
+    def step(self):
+        super().step()
+        for wolf in self.agents_by_type[Wolf]:
+            wolf.position += (1.5, 0.5)
+        if self.steps == 4:
+            self._join((300.0, 200.0))
+
+
+def test_bodies_that_agents_move_follow_them_from_a_checkpoint_on():
+    model = Seen(rng=1).run(7)
+    again = restore(Seen(rng=1), checkpoint_of(model))
+    assert again.run(6).state_hash() == model.run(6).state_hash()
+    assert [body.agent.unique_id for body in again.movers.agents] == [
+        one.agent.unique_id for one in model.movers.agents
+    ]
+    assert (again.movers.position == model.movers.position).all()

@@ -22,6 +22,7 @@ from support.scenes import empty
 # What a robot has that has not looked, decided or met anything yet.
 NOT_A_NUMBER = {"goal", "sent_goal", "heard_from", "heard_goal"}
 NOTHING_YET = {
+    "group",
     "distance",
     "kind",
     "layer",

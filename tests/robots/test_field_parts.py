@@ -97,6 +97,7 @@ def test_a_rule_reads_antennae_and_emits(tmp_path):
     expected = sum(6 * 3.0 * 0.98**age for age in range(1, 21))
     assert model.fields["trail"].total == pytest.approx(expected, rel=1e-9)
     assert verify(Recording(tmp_path / "run.arrow"), Following).same
+    assert Recording(tmp_path / "run.arrow").checkpoints == (0,)
     again = Following.resume(tmp_path / "run.arrow")
     assert again.run(5).state_hash() == model.run(5).state_hash()
 

@@ -108,7 +108,7 @@ def test_a_sensor_is_named_by_its_place_or_its_bearing():
         (1, "front sensor 9.3 (a robot)"),
         (2, "front sensor 9.3 (a fire)"),
         (3, "front sensor 9.3 (a load)"),
-        (7, "front sensor 9.3 (nothing)"),
+        (7, "front sensor 9.3 (another body)"),
     ],
 )
 def test_a_reading_is_described_with_what_is_seen(kind, words):

@@ -19,6 +19,7 @@ MESA_S = {"rng", "random", "scenario"}
 GETTERS = sorted(name for name in dir(Robot) if isinstance(getattr(Robot, name), property) and name not in MESA_S)
 SETTERS = [name for name in GETTERS if getattr(Robot, name).fset]
 GOOD = {"position": (9, 9), "pos": (9, 9), "heading": 1, "max_speed": 0.5, "tendency": "left", "temperature": 1}
+GOOD["group"] = "scouts"
 
 
 def marked(n=6, design=AGENT9):

@@ -290,3 +290,28 @@ def test_a_field_serves_without_a_model():
     field.deposit((5.5, 5.5), 1.0)
     field.advance()
     assert field.total == pytest.approx(1.0)
+
+
+def test_driven_bodies_and_fires_stop_nothing_and_marks_neither():
+    model = SwarmModel(map=EMPTY, rng=1)
+    field = model.add_field(Field("f", cell=5.0, diffusion=20.0))
+    model.add_body(rectangle((90, 0), (110, 150)), kind="door")
+    model.add_obstacle(rectangle((120, 0), (130, 150), contact=False))
+    field.deposit((20, 75), 1.0)
+    assert not field.blocked.any()
+    assert model.run(300).fields["f"].at((180, 75))[0] > 0
+    assert model.add_body(disc((20, 20), 10), kind="post", mode="fixed") is not None
+    assert field.blocked.any()
+
+
+def test_walls_are_made_anew_only_when_other_shapes_stand():
+    model, field = world(disc((80, 80), 20))
+    field.deposit((12, 12), 1.0)
+    model.run(1)
+    before = field.sides
+    body = model.add_body(disc((150, 100), 5), kind="door")
+    body.position = (151, 100)
+    model.run(2)
+    assert field.sides is before
+    model.add_obstacle(disc((30, 100), 10))
+    assert field.sides is not before
