@@ -1,0 +1,150 @@
+"""Foraging: robots that bring food to a nest, and rest there while the nest has enough energy.
+
+WHAT IS IT? The nest stores energy. Robots use it up, more of it outside than in the nest, and each item of food that
+they bring adds to it. More robots bring more food, but are in each other's way.
+
+HOW IT WORKS. A robot explores, sees food, goes there, grips it and carries it to the nest, which it finds by a beacon;
+there the item becomes energy, and another one appears elsewhere. A robot in the nest reads how much energy is missing
+to its own threshold, and rests unless some is. Thresholds are spread evenly from 0 to the full store.
+
+HOW TO USE IT. `n_robots`; `thresholds`, without which all robots always work; `items` of food that lie around.
+THINGS TO TRY. Twenty robots with and without thresholds: how much energy does an item cost? Let robots recruit others.
+
+REFERENCE. Krieger, Billeter and Keller, Nature 406, 992-995 (2000).
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from mesa_swarm import Carried, Gripper, LineSensor, Map, Radio, RobotDesign, Sensor, SwarmModel, all_round, disc
+from mesa_swarm.control import Subsumption, behaviour
+from mesa_swarm.errors import check_choice, check_count
+from mesa_swarm.parameters import Choice, Slider
+from mesa_swarm.reporters import held
+from mesa_swarm.streams import Seed
+
+FIELD = Map(name="field", bounds=(0, 0, 400, 400))
+NEST, NEST_RADIUS, FOOD_RADIUS, ROOM = (200.0, 200.0), 45.0, 2.5, 12.0
+# The greatest store of energy, that of an item, and what a robot uses in a step outside and in the nest.
+FULL, GAIN, OUTSIDE, INSIDE = 500.0, 20.0, 0.05, 0.005
+
+
+@dataclass(frozen=True, kw_only=True)
+class Need(Sensor):
+    """How much energy is missing to the robot's own threshold."""
+
+    name: str = "need"
+
+    def arguments(self, model: "Foraging") -> dict[str, np.ndarray]:
+        """Return it for all robots."""
+        return {"missing": model.state["thresholds"] - model.state["energy"]}
+
+    @staticmethod
+    def read(rows, missing, out):
+        """Write it for the robots in these rows."""
+        for i in range(len(out)):
+            out[i, 0] = missing[rows[i] % len(missing)]
+
+
+@behaviour(memory={"turn": 0, "side": 1.0})
+def forage(me, food=0, near=4.0, safe=6.0):
+    """Rest, avoid, grip food, carry it home, or look for it, in this order."""
+    carries, memory, nearest, blocked = me.carried[0] >= 0, me.memory, -1, False
+    me.act.grip = 1.0 if carries else 0.0
+    for s in range(len(me.distance)):
+        if me.kind[s] == food and not carries:
+            if nearest < 0 or me.distance[s] < me.distance[nearest]:
+                nearest = s
+        elif me.kind[s] >= 0 and abs(me.bearing[s]) < 0.8 and me.distance[s] < safe:
+            blocked = True
+    rests = me.line[0] and not carries and me.need[0] <= 0
+    if rests and (blocked or math.hypot(me.goal_x, me.goal_y) < 10):
+        return 0.0, 0.0
+    if blocked and memory.turn == 0:
+        memory.turn, memory.side = 5 + int(me.chance * 1000 % 25), 1.0 if me.chance < 0.5 else -1.0
+    if memory.turn > 0:
+        memory.turn -= 1
+        return -memory.side * me.max_speed, memory.side * me.max_speed
+    aim = math.atan2(me.goal_y, me.goal_x) if carries or rests else 0.0
+    if nearest >= 0 and not rests:
+        aim = me.bearing[nearest]
+        if abs(aim) < 0.3 and me.distance[nearest] < near:
+            me.act.grip = 1.0
+            return 0.0, 0.0
+    turn = max(-1.0, min(1.0, aim))
+    return me.max_speed * min(1.0, 1 - 2 * turn), me.max_speed * min(1.0, 1 + 2 * turn)
+
+
+class Foraging(SwarmModel):
+    """Robots that bring food to a nest.
+
+    Examples
+    --------
+    >>> Foraging(n_robots=3, rng=1).run(10).results()["items"]
+    0.0
+    """
+
+    compares = "thresholds", ("yes", "no")
+    steps_to_compare = 4_000
+
+    def __init__(
+        self,
+        *,
+        n_robots: Annotated[int, Slider(1, 40, 1, "robots")] = 12,
+        thresholds: Annotated[str, Choice(("yes", "no"), "whether robots rest while there is enough energy")] = "yes",
+        items: Annotated[int, Slider(1, 60, 1, "items of food that lie around")] = 20,
+        rng: Seed = None,
+    ) -> None:
+        super().__init__(map=FIELD, rng=rng, model_reporters=held("energy", "outside"))
+        self.add_obstacle(disc(NEST, NEST_RADIUS, contact=False))  # a mark on the ground
+        self.communication = Radio(range=1000.0, state=False, beacons=(NEST,))
+        n = check_count("n_robots", n_robots)
+        rests = check_choice("thresholds", thresholds, ("yes", "no")) == "yes"
+        limits = np.linspace(0.0, FULL, n) if rests else np.full(n, 2 * FULL)
+        self.state.update(energy=FULL / 2, spent=0.0, items=0, thresholds=limits)
+        eyes = (*all_round(12, range=40.0).sensors, LineSensor(), Carried(), Need())
+        self.add_robots(RobotDesign(sensors=eyes, actuators=(Gripper(kinds=("food",), reach=5.0),)), n)
+        for _ in range(check_count("items", items, maximum=200)):
+            self.add_food()
+        self.control = Subsumption(forage(food=self.kind_code("food")))
+
+    def add_food(self) -> None:
+        """Add an item of food where there is room, not in the nest."""
+        while True:
+            place = self.streams["food"].uniform(ROOM, FIELD.width - ROOM, 2)
+            others = np.vstack([self.movers.position, self.swarm.position])
+            if np.hypot(*(place - NEST)) > NEST_RADIUS + ROOM and (np.hypot(*(others - place).T) > ROOM).all():
+                break
+        self.add_body(disc(tuple(place.tolist()), FOOD_RADIUS), kind="food")
+
+    @property
+    def energy(self) -> float:
+        """The energy that the nest has stored."""
+        return self.state["energy"]
+
+    @property
+    def outside(self) -> int:
+        """Number of robots outside the nest."""
+        return int(np.count_nonzero(np.hypot(*(self.swarm.position - NEST).T) > NEST_RADIUS))
+
+    def step(self) -> None:
+        """Advance by one step, use energy, and turn food that was brought to the nest into energy."""
+        super().step()
+        used = OUTSIDE * self.outside + INSIDE * (len(self.swarm) - self.outside)
+        for body in [body for body in self.movers.agents if body.carrier is not None]:
+            if np.hypot(*(body.carrier.position - NEST)) < NEST_RADIUS - FOOD_RADIUS:
+                self.event("delivered", robot=body.carrier, value=GAIN)
+                body.remove()
+                self.add_food()
+                self.state["items"] += 1
+                self.state["energy"] += GAIN
+        self.state["spent"] += used
+        self.state["energy"] = min(max(self.state["energy"] - used, 0.0), FULL)
+
+    def results(self) -> dict[str, float | None]:
+        """Return the measures used by a comparison: items that were brought, energy at the end, energy used an item."""
+        items, spent = self.state["items"], self.state["spent"]
+        return {"items": float(items), "energy": self.energy, "energy used per item": spent / items if items else None}
