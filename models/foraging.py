@@ -15,7 +15,7 @@ REFERENCE. Krieger, Billeter and Keller, Nature 406, 992-995 (2000).
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -43,14 +43,14 @@ class Need(Sensor):
         return {"missing": model.state["thresholds"] - model.state["energy"]}
 
     @staticmethod
-    def read(rows, missing, out):
+    def read(rows: np.ndarray, missing: np.ndarray, out: np.ndarray) -> None:
         """Write it for the robots in these rows."""
         for i in range(len(out)):
             out[i, 0] = missing[rows[i] % len(missing)]
 
 
 @behaviour(memory={"turn": 0, "side": 1.0})
-def forage(me, food=0, near=4.0, safe=6.0):
+def forage(me: Any, food: int = 0, near: float = 4.0, safe: float = 6.0) -> tuple[float, float]:
     """Rest, avoid, grip food, carry it home, or look for it, in this order."""
     carries, memory, nearest, blocked = me.carried[0] >= 0, me.memory, -1, False
     me.act.grip = 1.0 if carries else 0.0

@@ -14,7 +14,7 @@ REFERENCE. Stroembom, Mann, Wilson, Hailes, Morton, Sumpter and King, J. R. Soc.
 """
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 import mesa
 import numpy as np
@@ -44,7 +44,7 @@ class Camera(Sensor):
         return {"places": np.array([*model.centre_and_farthest(), TARGET])}
 
     @staticmethod
-    def read(position, heading, places, out):
+    def read(position: np.ndarray, heading: np.ndarray, places: np.ndarray, out: np.ndarray) -> None:
         """Write the places as each robot sees them."""
         for i in range(len(out)):
             for k in range(len(places)):
@@ -53,15 +53,15 @@ class Camera(Sensor):
 
 
 @behaviour
-def herd(me, sheep=0, spread=50.0, behind=30.0, apart=8.0, near=18.0, noise=0.3):
+def herd(me: Any, sheep: int = 0, spread: float = 50.0, behind: float = 30.0) -> tuple[float, float]:
     """Go behind the farthest sheep if it is far from the others, otherwise behind the flock."""
     centre, far = complex(me.flock[0], me.flock[1]), complex(me.flock[2], me.flock[3])
     away = centre - complex(me.flock[4], me.flock[5])  # from the target
     aim = centre + behind * away / abs(away)
     if abs(far - centre) > spread:
-        aim = far + apart * (far - centre) / abs(far - centre)
-    way = aim / (abs(aim) + 1e-9) + noise * np.exp(2j * np.pi * me.chance)
-    speed = 0.3 * apart if ((me.kind == sheep) & (me.distance < near)).any() else me.max_speed
+        aim = far + APART * (far - centre) / abs(far - centre)
+    way = aim / (abs(aim) + 1e-9) + NOISE * np.exp(2j * np.pi * me.chance)
+    speed = 0.3 * APART if ((me.kind == sheep) & (me.distance < 4.5 * METRE)).any() else me.max_speed
     return speed * way.real / abs(way), speed * way.imag / abs(way)
 
 

@@ -58,19 +58,19 @@ def herding_checks(home: dict[tuple[int, int], list[float]]) -> list[Check]:
         judged_share(
             "sheep that are attracted to all others are brought home (flocks of 20 and 40)",
             "always",
-            [*home[20, 0], *home[40, 0]],
+            happened([*home[20, 0], *home[40, 0]]),
             low=0.9,
         ),
         judged_share(
             "so are small flocks that are attracted to ten neighbours (12 and 16)",
             "from about half the flock on",
-            [*of_ten[12], *of_ten[16]],
+            happened([*of_ten[12], *of_ten[16]]),
             low=0.8,
         ),
         judged_share(
             "large flocks that are attracted to ten neighbours are not (32)",
             "rarely",
-            of_ten[32],
+            happened(of_ten[32]),
             high=0.2,
         ),
         judged_difference(
@@ -84,11 +84,16 @@ def herding_checks(home: dict[tuple[int, int], list[float]]) -> list[Check]:
         judged_share(
             "with 24 sheep, whose ten neighbours are less than half the flock, fewer than half of the flocks are home",
             "limit at about half the flock",
-            of_ten[24],
+            happened(of_ten[24]),
             high=0.5,
             main=False,
         ),
     ]
+
+
+def happened(shares: list[float]) -> list[bool]:
+    """Return whether something happened in each run, from 1 and 0."""
+    return [share > 0 for share in shares]
 
 
 def herding_picture(home: dict[tuple[int, int], list[float]]) -> Figure:
