@@ -21,7 +21,7 @@ REFERENCE. Valentini, Ferrante, Hamann and Dorigo, Autonomous Agents and Multi-A
 
 import math
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -46,7 +46,7 @@ class Ground(Sensor):
     first: int = 1
 
     @staticmethod
-    def read(position, heading, quality, first, out):
+    def read(position: np.ndarray, heading: np.ndarray, quality: float, first: int, out: np.ndarray) -> None:
         """Fill `out` (n, 4)."""
         x = position[:, 0]
         out[:, 0], out[:, 1] = -heading, np.sign(x - NEST[0]) / 2 + np.sign(x - NEST[1]) / 2
@@ -64,7 +64,7 @@ BODY = RobotDesign(max_speed=2.0, actuators=(Opinion(),))
 
 
 @behaviour(memory={"opinion": 0, "in_nest": False, "left": -1.0, "quality": 0.0})
-def choose(me, majority=True, exploring=50.0, advertising=200.0):
+def choose(me: Any, majority: bool = True, exploring: float = 50.0, advertising: float = 200.0) -> Any:
     """Explore a site, advertise it in the nest, decide; wander where this is done, and go there from elsewhere."""
     bearing, place, memory = me.ground[0], me.ground[1], me.memory
     if memory.opinion == 0:

@@ -23,7 +23,7 @@ REFERENCE. Bonabeau, Theraulaz and Deneubourg, Proceedings of the Royal Society 
 """
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -51,7 +51,7 @@ class Urge(Sensor):
         return {"stimulus": model.state["stimulus"]}
 
     @staticmethod
-    def read(stimulus, threshold, out):
+    def read(stimulus: float, threshold: float, out: np.ndarray) -> None:
         """Fill `out` (n, 1)."""
         out[:, 0] = stimulus**2 / (stimulus**2 + threshold**2)
 
@@ -77,7 +77,7 @@ class Task:
 
 
 @behaviour(memory={"working": 0})
-def respond(me, quitting=0.2):
+def respond(me: Any, quitting: float = 0.2) -> tuple[float, float]:
     """Begin and stop by chance; rest, or leave the robot to the layers below."""
     if me.chance < PACE * (quitting if me.memory.working else me.urge[0]):
         me.memory.working = 1 - me.memory.working
