@@ -317,9 +317,10 @@ def _body_entries(frame: Frame, scene: Scene) -> list[Artist]:
     """Return the entries of bodies and marks: those of own kinds with colours of their own by name."""
     declared = set(scene.looks.get("kinds", {})) - {"obstacle", "load", "mark"}
     standing, moving = set(scene.obstacle_kinds(frame.step)), set(scene.load_kinds(frame))
+    still, displaced = standing - declared - {"mark"}, moving - declared
     named = {
-        "obstacle": ("obstacle", LIGHT.obstacle, bool(standing - declared - {"mark"})),
-        "load": ("load", LIGHT.load, bool(moving - declared)),
+        "obstacle": (_listed("obstacle", still), LIGHT.obstacle, bool(still)),
+        "load": (_listed("load", displaced), LIGHT.load, bool(displaced)),
         "mark": ("ground mark", LIGHT.mark, "mark" in standing),
         **{kind: (literal(kind), LIGHT.load, True) for kind in sorted(declared & (standing | moving))},
     }
@@ -328,6 +329,11 @@ def _body_entries(frame: Frame, scene: Scene) -> list[Artist]:
         for kind, (label, usual, seen) in named.items()
         if seen
     ]
+
+
+def _listed(first: str, kinds: set[str]) -> str:
+    """Return the names of kinds that have one colour, that of `first` first."""
+    return ", ".join(kind if kind == first else literal(kind) for kind in sorted(kinds, key=lambda k: (k != first, k)))
 
 
 def _value_entries(scene: Scene) -> list[Artist]:

@@ -261,3 +261,11 @@ def test_dollars_in_names_are_shown_as_they_are_in_all_pictures(name):
         series_figure({name: final_state_of(find_model("collision_avoidance")(rng=1).run(60))}),
     ]
     assert all(png(picture)[1:4] == b"PNG" for picture in pictures)
+
+
+def test_the_legend_names_kinds_of_bodies_that_have_no_colour_of_their_own():
+    model = empty_world([rectangle((0, 90), (100, 100))])
+    model.add_load(rectangle((20, 40), (40, 60)), resistance=1)
+    model.add_body(disc((70, 20), 5), kind="spider")
+    model.add_body(disc((20, 20), 5), kind="nest", mode="fixed")
+    assert [entry.get_label() for entry in legend_of(model)] == ["obstacle, nest", "load, spider"]
