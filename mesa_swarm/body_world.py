@@ -204,7 +204,8 @@ class BodyWorld(mesa.Model):
         >>> model.run(1).movers.position[:, 1]
         array([102., 102., 102.])
         """
-        movers, chosen = self._movers, list(bodies)
+        movers = self._movers
+        chosen = list(bodies) if isinstance(bodies, Iterable) else [bodies]
         if not all(isinstance(body, Driven) and body.movers is movers for body in chosen):
             raise InvalidValueError("bodies holds others than driven bodies of this model; expected some of add_body")
         table = np.empty((0, 3)) if not chosen else as_numbers(poses)
@@ -309,10 +310,10 @@ class BodyWorld(mesa.Model):
             *place[row], heading[row] = pose
         self._scene = None  # it overlaps no robot: none is disturbed
 
-    def _carry_along(self, movers: Movers) -> None:
-        """Put carried bodies where their robots are, and free those of robots that were removed."""
-        movers.carry_along()
-        for row in np.flatnonzero(movers.carried):
+    def robots_removed(self) -> None:
+        """Free the bodies that removed robots carried: they stay where they were."""
+        movers = self.movers
+        for row in np.flatnonzero(movers.carried).tolist():
             body = movers.agents[row]
             if body.carrier.row < 0:
                 self._put_down(body, body.pose)
@@ -377,6 +378,10 @@ class BodyWorld(mesa.Model):
             raise InvalidValueError("body is a mark on the ground, which cannot be driven; leave out contact=False")
         if agent is not None and not isinstance(agent, mesa.Agent):
             raise InvalidValueError(f"agent is {shortened(agent)}; expected a Mesa agent or None")
+        if agent is not None and (agent not in self.agents or isinstance(agent, Robot | Body)):
+            raise InvalidValueError(
+                f"agent is {shortened(agent)}; expected an agent of this model that is neither robot nor body"
+            )
         self._check_fine_enough(shape)
         self._checked_point(shape.position.tolist())
         self._check_clear_of_loads("body", shape)

@@ -348,7 +348,7 @@ class EngineModel(OpenModel):
         self._move_robots()
         self._movers.rest()
         if self._movers.carried.any():
-            self._carry_along(self._movers)
+            self._movers.carry_along()
 
     def _move_robots(self) -> None:
         if not len(self.swarm):

@@ -217,3 +217,4 @@ def remove_together(robots: Sequence[Robot]) -> None:
         rows[row].leave()
     if rows:
         robots[0].swarm.remove(sorted(rows))
+        cast(Any, robots[0].model).robots_removed()

@@ -91,12 +91,11 @@ class Movers:
         self.aim[:], self.aim_heading[:] = self.position, self.heading
 
     def carry_along(self) -> None:
-        """Put carried bodies where their robots are; where a robot was removed, its body stays and is free."""
+        """Put carried bodies where their robots are."""
         for row in np.flatnonzero(self.carried).tolist():
             robot = self.agents[row].carrier
-            if robot is not None and robot.row >= 0:
-                self.position[row], self.heading[row] = robot.position, robot.heading
-                self.aim[row], self.aim_heading[row] = self.position[row], self.heading[row]
+            self.position[row], self.heading[row] = robot.position, robot.heading
+            self.aim[row], self.aim_heading[row] = self.position[row], self.heading[row]
 
     def begin_step(self) -> None:
         """Forget which bodies are new: from now on all travel."""

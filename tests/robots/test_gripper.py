@@ -124,6 +124,31 @@ def test_the_puck_of_a_removed_robot_stays_where_it_was():
     assert one.position.tolist() == [100, 100]
 
 
+@pytest.mark.parametrize("engine", ["compiled", "shapely"])
+def test_the_puck_of_a_removed_robot_is_free_at_once_and_no_other_robot_reads_that_it_carries_it(engine):
+    model = world([(100, 100, 0.0), (100, 130, -math.pi / 2)], grip=OPENED, engine=engine)
+    one = puck(model, 300, 300)
+    model.attach(model.robots[0], one)
+    model.remove_robots([model.robots[0]])
+    assert one.carrier is None
+    assert not model.movers.carried.any()
+    model.sense()
+    assert model.robots[0].carried.tolist() == [-1]
+    assert model.robots[0].kind[0] == model.kind_code("puck")
+
+
+def test_a_recording_resumes_after_a_robot_that_carries_something_was_removed(tmp_path):
+    model = SwarmModel(rng=1)
+    model.add_robots(AGENT9, poses=[(100, 100, 0.0), (300, 300, 0.0)])
+    model.attach(model.robots[0], puck(model, 108, 100))
+    with model.record(tmp_path / "run.arrow"):
+        model.run(2)
+        model.robots[0].remove()
+        model.run(3)
+    assert SwarmModel.resume(tmp_path / "run.arrow", step=2).bodies[-1].carrier is None
+    assert SwarmModel.resume(tmp_path / "run.arrow", step=4).run(1).state_hash() == model.state_hash()
+
+
 def test_a_carried_body_cannot_be_moved_or_taken_by_another():
     model = world([(100, 100, 0.0), (300, 300, 0.0)])
     one, other = puck(model, 108, 100), puck(model, 200, 200)

@@ -223,3 +223,22 @@ def test_the_poses_of_driven_bodies_are_part_of_the_state_hash():
         model.add_body(disc((x, 100), 5))
         hashes.add(model.state_hash())
     assert len(hashes) == 2
+
+
+def test_an_agent_that_is_removed_or_of_another_model_or_a_robot_or_body_moves_no_body(model):
+    (robot,) = model.add_robots(AGENT9, poses=[(100, 100, 0.0)])
+    gone = Sheep(model, (300, 300))
+    gone.remove()
+    other = model.add_body(disc((200, 200), 5))
+    before = list(model.bodies)
+    for agent in (gone, Sheep(SwarmModel(rng=1), (300, 300)), robot, other):
+        with pytest.raises(InvalidValueError, match="expected an agent of this model"):
+            model.add_body(disc((400, 400), 5), kind="sheep", agent=agent)
+    assert list(model.bodies) == before
+
+
+def test_move_bodies_refuses_a_single_body_in_one_line(model):
+    body = model.add_body(disc((100, 100), 5))
+    with pytest.raises(InvalidValueError, match="poses has shape"):
+        model.move_bodies(body, (110, 100, 0.0))
+    assert body.position.tolist() == [100, 100]
