@@ -316,7 +316,7 @@ export class Stage {
     this.#shapes = shapes.map((shape) => ({ path: pathOf(shape), mark: shape.mark, kind: shape.kind }));
     this.#loads = loads.map(pathOf);
     const least = Math.min(...designs.map(({ radius }) => radius));
-    this.#small = loads.map((load) => reachOf(load) < least);
+    this.#small = loads.map((load) => extentOf(load) < least);
     this.#sheets.scale = 0;
   }
 
@@ -960,7 +960,7 @@ function pathOf({ disc: round, rings = [] }) {
 }
 
 /** Return how far a shape reaches from the origin. */
-function reachOf({ disc: round, rings = [] }) {
+function extentOf({ disc: round, rings = [] }) {
   if (round) return Math.hypot(round[0], round[1]) + round[2];
   return Math.max(0, ...rings.map((ring) => ring.reduce((most, [x, y]) => Math.max(most, Math.hypot(x, y)), 0)));
 }
