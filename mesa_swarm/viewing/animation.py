@@ -17,7 +17,7 @@ from mesa_swarm.files import write_whole
 from mesa_swarm.progress import Progress, progress_bar
 from mesa_swarm.recording.frames import Frame, field_levels
 from mesa_swarm.viewing.packing import MOST_PIXELS
-from mesa_swarm.viewing.palette import LIGHT, fire_colour, scalar_pixels
+from mesa_swarm.viewing.palette import LIGHT, fire_colour, kind_colour, scalar_pixels
 from mesa_swarm.viewing.pictures import USUAL
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
 from mesa_swarm.world.fields import shrunk
@@ -150,9 +150,10 @@ class Animation:
             f'<clipPath id="world">{frame}/></clipPath><g clip-path="url(#world)"><g transform="{turned}">',
             *self._fields(),
             *self._standing(),
-            *self._loads(),
+            *self._loads(small=False),
             *self._fires(),
             *self._robots(),
+            *self._loads(small=True),
             "</g></g>",
             f'{frame} fill="none" stroke="{LIGHT.border}" stroke-width="{width / USUAL:.3g}"/>',
             *self._caption(caption),
@@ -167,14 +168,19 @@ class Animation:
         return number_row(numbers, self._digits)
 
     def _standing(self) -> Iterator[str]:
-        shown = [self._drawn.scene.obstacles(frame.step) for frame in self._frames]
+        scene = self._drawn.scene
+        shown = [scene.obstacles(frame.step) for frame in self._frames]
+        kinds_of = {id(scene.obstacles(frame.step)): scene.obstacle_kinds(frame.step) for frame in self._frames}
         for standing in {id(obstacles): obstacles for obstacles in shown}.values():
             when = self._clock.jumping("visibility", ["visible" if one is standing else "hidden" for one in shown])
             for label, colour, contact in (("marks", LIGHT.mark, False), ("obstacles", LIGHT.obstacle, True)):
-                shapes = [shape for shape in standing if shape.contact is contact]
-                if shapes:
+                by_colour: dict[str, list[Shape]] = {}
+                for shape, kind in zip(standing, kinds_of[id(standing)], strict=True):
+                    if shape.contact is contact:
+                        by_colour.setdefault(kind_colour(scene.looks, kind, colour), []).append(shape)
+                for fill, shapes in by_colour.items():
                     outlines = "".join(self._outline(shape) for shape in shapes)
-                    yield f'<path class="{label}" fill="{colour}" d="{outlines}">{when}</path>'
+                    yield f'<path class="{label}" fill="{fill}" d="{outlines}">{when}</path>'
 
     def _fields(self) -> Iterator[str]:
         """Yield each picture of a field once; the group is turned upside down, as the rows of fields are."""
@@ -198,12 +204,13 @@ class Animation:
         points = [shapely.get_coordinates(ring)[:-1].tolist() for ring in rings]
         return "".join("M" + " ".join(self._numbers(*point) for point in ring) + "Z" for ring in points)
 
-    def _loads(self) -> Iterator[str]:
-        forms = self._drawn.scene.forms
+    def _loads(self, small: bool) -> Iterator[str]:
+        scene = self._drawn.scene
         for track in self._tracks_of("loads", "load", ("x", "y", "heading")):
-            if track.number in forms:
-                shape = self._outline(forms[track.number].shape_at((0.0, 0.0, 0.0)))
-                yield self._body(track, f'class="load" fill="{LIGHT.load}"', "", f'<path d="{shape}"/>')
+            if track.number in scene.forms and (track.number in scene.small) is small:
+                shape = self._outline(scene.forms[track.number].shape_at((0.0, 0.0, 0.0)))
+                colour = kind_colour(scene.looks, scene.kind_of_load[track.number], LIGHT.load)
+                yield self._body(track, f'class="load" fill="{colour}"', "", f'<path d="{shape}"/>')
 
     def _fires(self) -> Iterator[str]:
         names = ("x", "y", "radius", "temperature", "out")
@@ -226,9 +233,9 @@ class Animation:
         rows = [
             np.column_stack([frame["position"], frame["heading"], frame["hot"]]).astype(float) for frame in self._frames
         ]
-        radii = self._radii()
+        radii, usual = self._radii(), kind_colour(self._drawn.scene.looks, "robot", LIGHT.robot)
         for track in tracks(zip((frame.robots for frame in self._frames), rows, strict=True)):
-            colours = [LIGHT.robot_hot if is_hot else LIGHT.robot for is_hot in track.values[:, 3]]
+            colours = [LIGHT.robot_hot if is_hot else usual for is_hot in track.values[:, 3]]
             radius = self._drawn.scene.radius_of(np.array([track.number]))[0]
             body = f'<use href="#body{radii.index(radius)}"/>'
             look = f'class="robot" data-robot="{track.number}" fill="{colours[0]}"'

@@ -111,7 +111,7 @@ export const SCALE = { width: 131, height: 36 };
 
 /** A canvas on which a world is drawn. */
 export class Stage {
-  #canvas; #context; #world; #designs; #shapes; #loads;
+  #canvas; #context; #world; #designs; #shapes; #loads; #small;
   #frame = null;
   #view = null;
   #fitted = true;
@@ -267,7 +267,7 @@ export class Stage {
     this.#toMap(context);
     if (frame.fields) this.#drawFields(frame.fields);
     this.#drawFires(frame);
-    this.#drawLoads(frame);
+    this.#drawLoads(frame, false);
     if (on.labels && frame.counts.fires) this.#drawNumbers(frame);
     if (on.trails && detailed) this.#drawTrails(rows);
     if (on.sectors && detailed && frame.distance) this.#drawSectors(frame, rows);
@@ -277,6 +277,7 @@ export class Stage {
     if (!detailed) this.#drawPlainly(frame, rows);
     else if (this.#copies(rows)) this.#copyBodies(frame, rows, rings);
     else this.#drawBodies(frame, rows, rings);
+    this.#drawLoads(frame, true);
     if (detailed) this.#drawTravel(frame, rows);
     if (on.contacts && frame.contacts) this.#drawContacts(frame);
     this.#drawChosen(frame);
@@ -314,6 +315,8 @@ export class Stage {
     this.#designs = designs.map((design) => ({ ...design, rows: design.sensors.map(sensorRow) }));
     this.#shapes = shapes.map((shape) => ({ path: pathOf(shape), mark: shape.mark, kind: shape.kind }));
     this.#loads = loads.map(pathOf);
+    const least = Math.min(...designs.map(({ radius }) => radius));
+    this.#small = loads.map((load) => extentOf(load) < least);
     this.#sheets.scale = 0;
   }
 
@@ -459,11 +462,12 @@ export class Stage {
     this.#toMap(context);
   }
 
-  #drawLoads({ loads, counts }) {
+  /** Draw loads, or those smaller than every robot, which a robot that carries one would hide. */
+  #drawLoads({ loads, counts }, small) {
     const context = this.#context;
     for (let i = 0; i < counts.loads; i++) {
       const [index, x, y, heading] = loads.subarray(4 * i, 4 * i + 4);
-      if (!this.#loads[index]) continue;
+      if (!this.#loads[index] || this.#small[index] !== small) continue;
       context.save();
       context.translate(x, y);
       context.rotate(heading);
@@ -953,6 +957,12 @@ function pathOf({ disc: round, rings = [] }) {
     path.closePath();
   }
   return path;
+}
+
+/** Return how far a shape reaches from the origin. */
+function extentOf({ disc: round, rings = [] }) {
+  if (round) return Math.hypot(round[0], round[1]) + round[2];
+  return Math.max(0, ...rings.map((ring) => ring.reduce((most, [x, y]) => Math.max(most, Math.hypot(x, y)), 0)));
 }
 
 /** Return a field as an image, its first row that of the field; coloured as by `scalar_pixels` in palette.py. */

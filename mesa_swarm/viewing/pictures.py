@@ -148,8 +148,7 @@ def draw_scene(axes: Axes, scene: Scene, step: int) -> None:
 def draw_frame(axes: Axes, frame: Frame, scene: Scene, sectors: bool = False) -> None:
     """Draw fields, loads, fires and robots."""
     _draw_fields(axes, frame, scene)
-    colours = [kind_colour(scene.looks, kind, LIGHT.load) for kind in scene.load_kinds(frame)]
-    _draw_shapes(axes, scene.loads(frame), colours, 2, "loads")
+    _draw_loads(axes, frame, scene)
     _draw_fires(axes, frame)
     if sectors:
         _draw_sectors(axes, frame, scene)
@@ -158,6 +157,16 @@ def draw_frame(axes: Axes, frame: Frame, scene: Scene, sectors: bool = False) ->
         _draw_labels(axes, frame, scene)
     if "perceived" in frame.columns:
         _draw_perceived(axes, frame)
+
+
+def _draw_loads(axes: Axes, frame: Frame, scene: Scene) -> None:
+    """Draw loads below robots, and small ones, which robots may carry, above."""
+    small = [load in scene.small for load in scene.load_ids(frame)]
+    kinds, shapes = scene.load_kinds(frame), scene.loads(frame)
+    for height, above in ((2, False), (8, True)):
+        chosen = [place for place, is_small in enumerate(small) if is_small is above]
+        colours = [kind_colour(scene.looks, kinds[place], LIGHT.load) for place in chosen]
+        _draw_shapes(axes, [shapes[place] for place in chosen], colours, height, "loads")
 
 
 def _draw_fields(axes: Axes, frame: Frame, scene: Scene) -> None:

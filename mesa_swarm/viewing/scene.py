@@ -100,9 +100,17 @@ class Scene:
 
     def load_kinds(self, frame: Frame) -> tuple[str, ...]:
         """Return the kind of each of `loads`."""
-        kinds = {load["id"]: load.get("kind", "load") for load in self.changes[0][1]["loads"]}
-        ids = (int(load) for load, *_ in frame.columns.get("loads", np.empty(0)).tolist())
-        return tuple(kinds[load] for load in ids if load in self.forms)
+        return tuple(self.kind_of_load[load] for load in self.load_ids(frame))
+
+    def load_ids(self, frame: Frame) -> tuple[int, ...]:
+        """Return the unique_id of each of `loads`."""
+        rows = frame.columns.get("loads", np.empty(0)).tolist()
+        return tuple(int(load) for load, *_ in rows if load in self.forms)
+
+    @cached_property
+    def kind_of_load(self) -> dict[int, str]:
+        """The kind of each load, by unique_id."""
+        return {load["id"]: load.get("kind", "load") for load in self.changes[0][1]["loads"]}
 
     def limits(self, step: int) -> tuple[float, float]:
         """Return the temperature from which on a robot is too hot to fight, and the one down to which it then is."""
@@ -135,6 +143,12 @@ class Scene:
     def forms(self) -> dict[int, Form]:
         """The loads' forms by unique_id."""
         return {load["id"]: Form.of(shape_from_json(load)) for load in self.changes[0][1]["loads"]}
+
+    @cached_property
+    def small(self) -> frozenset[int]:
+        """The loads smaller than every robot, which a robot that carries one would hide: drawn above robots."""
+        least = min((design.radius for design in self.designs[:-1]), default=0.0)
+        return frozenset(load for load, form in self.forms.items() if form.reach < least)
 
     @cached_property
     def load_places(self) -> dict[int, int]:
