@@ -4,9 +4,8 @@ WHAT IS IT? Sheep flee from a robot and crowd together. The robot collects those
 
 HOW IT WORKS. Sheep are ordinary Mesa agents, each with a body that robots see. A sheep within 65 m of a robot walks
 along a sum: away from robots, away from sheep within 2 m, towards the centre of its nearest `neighbours`, on as before,
-and at random. The robot has a camera for the flock's centre, the sheep farthest from it, and the target. It goes behind
-that sheep as seen from the centre if it is farther away than 2 N^(2/3) m, otherwise behind the centre as seen from the
-target. It slows down near sheep, which its infrared sensors recognise. A metre is 4 map units.
+and at random. A robot sees the flock's centre, the sheep farthest from it, and the target. It goes behind that sheep as
+seen from the centre if it is beyond 2 N^(2/3) m, else behind the centre; it slows down near sheep. 1 m is 4 map units.
 
 HOW TO USE IT. `n_sheep`, and `neighbours`: to how many others each sheep is attracted, 0 for all.
 THINGS TO TRY. Ten neighbours: which is the largest flock that is brought home? Replace the camera by infrared sensors.
@@ -56,10 +55,10 @@ class Camera(Sensor):
 def herd(me: Any, sheep: int = 0, spread: float = 50.0, behind: float = 30.0) -> tuple[float, float]:
     """Go behind the farthest sheep if it is far from the others, otherwise behind the flock."""
     centre, far = complex(me.flock[0], me.flock[1]), complex(me.flock[2], me.flock[3])
-    away = centre - complex(me.flock[4], me.flock[5])  # from the target
-    aim = centre + behind * away / abs(away)
-    if abs(far - centre) > spread:
-        aim = far + APART * (far - centre) / abs(far - centre)
+    away, out = centre - complex(me.flock[4], me.flock[5]), far - centre
+    if np.isnan(abs(away) + abs(out)):  # the camera failed
+        return 0.0, 0.0
+    aim = far + APART * out / abs(out) if abs(out) > spread else centre + behind * away / abs(away)
     way = aim / (abs(aim) + 1e-9) + NOISE * np.exp(2j * np.pi * me.chance)
     speed = 0.3 * APART if ((me.kind == sheep) & (me.distance < 4.5 * METRE)).any() else me.max_speed
     return speed * way.real / abs(way), speed * way.imag / abs(way)

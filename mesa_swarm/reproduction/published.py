@@ -11,6 +11,7 @@ from mesa_swarm.reproduction.drawing import column, count_steps, draw_means, pla
 from mesa_swarm.reproduction.judging import Check, Result, judged_difference, judged_mean, judged_share
 from mesa_swarm.reproduction.laboratory import Laboratory
 from mesa_swarm.reproduction.registry import Item
+from mesa_swarm.viewing.palette import LIGHT
 
 Numbers = dict[str, float | None]
 SEEDS = 30
@@ -147,9 +148,9 @@ def caste_figure(by_share: list[list[dict]]) -> Figure:
     theory = [equilibrium(1.0, share) for share in fine]
     for i, caste in enumerate(THRESHOLDS):
         draw_means(axes, MAJOR_SHARES, [column(rows, f"_{caste}after") for rows in by_share], caste, i)
-        axes.plot(fine, [shares[caste] for shares in theory], color="0.5", linewidth=1.0, zorder=0)
+        axes.plot(fine, [shares[caste] for shares in theory], color=LIGHT.soft, linewidth=1.0, zorder=0)
     draw_means(axes, MAJOR_SHARES, [column(rows, "after") for rows in by_share], "all robots", 2)
-    axes.plot([], [], color="0.5", linewidth=1.0, label="equations")
+    axes.plot([], [], color=LIGHT.soft, linewidth=1.0, label="equations")
     axes.set_ylim(bottom=0)
     axes.legend(frameon=False)
     return figure

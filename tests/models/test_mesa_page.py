@@ -49,7 +49,9 @@ class TestEveryModelOnMesasPage:
             places.extend(point for drawn in axes.collections for point in np.asarray(drawn.get_offsets()).tolist())
 
         show(model, make_space_component(dot, post_process=look))
-        wanted = [agent.position.tolist() for agent in model.agents]
+        # All that are in the space: a body stands for an agent that is not, such as a sheep.
+        wanted = [agent.position.tolist() for agent in model.space.agents]
+        assert {agent for agent in model.agents if hasattr(agent, "space")} == set(model.space.agents)
         assert sorted(places) == sorted(wanted)
 
     def test_goes_on_after_it_was_shown_as_if_it_had_not_been(self, name):
