@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 from mesa_swarm.errors import InvalidValueError, asked, shortened
 from mesa_swarm.events import WITHOUT_ROBOT, EventLog
 from mesa_swarm.robots.robot import Robot
-from mesa_swarm.state import DeclaredPart, State, state_of
+from mesa_swarm.state import State, state_of
 from mesa_swarm.world_model import World
 
 
@@ -40,13 +40,11 @@ class Process(Protocol):
 class OpenModel(World):
     """A world with processes, declared state and events; `EngineModel` adds the step."""
 
-    _stored_apart: ClassVar[tuple[str, ...]] = ("_state", "_parts", "_processes", "_events")
+    _stored_apart: ClassVar[tuple[str, ...]] = ("_state", "_processes", "_events")
 
     def __init__(self, **named: Any) -> None:
         self._state = State()
         self._events = EventLog()
-        # Declared by what adds to the state of a model (`DeclaredPart`).
-        self._parts: dict[str, DeclaredPart] = {}
         self._processes: dict[int, Process] = {}  # by the number under which they are stored
         super().__init__(**named)
 
@@ -171,16 +169,14 @@ class OpenModel(World):
                 process.step(self)
 
     def _declared_state(self) -> Iterator[tuple[str, Any]]:
-        """Iterate over what the model and its parts declare, by name."""
+        """Iterate over what the model and its processes declare, by name."""
         if self._state:
             yield "state", self._state
         if self._events:
             yield "events", self._events.arrays()
-        yield from self._stated_parts()
+        yield from self._stated_processes()
 
-    def _stated_parts(self) -> Iterator[tuple[str, Any]]:
-        """Iterate over the state of parts and processes, by name."""
-        for name in sorted(self._parts):
-            yield f"part {name}", self._parts[name].arrays()
+    def _stated_processes(self) -> Iterator[tuple[str, Any]]:
+        """Iterate over the state of processes, by name."""
         for number, process in self._processes.items():
             yield f"process {number} ({type(process).__name__})", state_of(process)

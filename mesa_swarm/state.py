@@ -36,16 +36,6 @@ class Checkpointed(Protocol):
         """Restore what `checkpoint` returned."""
 
 
-class DeclaredPart(Protocol):
-    """Something that a model adds to its state, by name in `World._parts`: hashed, stored, resumed, watched.
-
-    A resumed model makes its parts in its constructor; the stored arrays are written into theirs, in place.
-    """
-
-    def arrays(self) -> dict[str, np.ndarray]:
-        """Return all arrays on which a later step depends, by name; not copies of them."""
-
-
 class State(MutableMapping[str, Any]):
     """Custom values that belong to the state of a model, by name, see `SwarmModel.state`.
 

@@ -129,11 +129,11 @@ class ChangeDetector:
 
 def _declared(model: FireModel) -> dict[str, bytes]:
     """Return a fingerprint of each declared value and process by name, of most models none."""
-    if not (model._state or model._processes or model._parts or model._events):
+    if not (model._state or model._processes or model._events):
         return {}
     state = {f"state of {name}": fingerprint(value) for name, value in model._state.items()}
     state["events"] = str(len(model._events)).encode()
-    return state | {name: fingerprint(value) for name, value in model._stated_parts()}
+    return state | {name: fingerprint(value) for name, value in model._stated_processes()}
 
 
 def _same(name: str, was: dict, now: dict) -> bool:

@@ -42,7 +42,7 @@ OF_ARENA = OF_AGENTS | {"space", "_mesa_index", "pos"}
 # Bit generators of which every state is valid.
 GENERATORS = ("PCG64", "PCG64DXSM")
 # Kinds of references to parts of a model.
-REFERENCES = ("of_model", "process", "part_named", "layer", "field")
+REFERENCES = ("of_model", "process", "layer", "field")
 # Of the state of Python's generator.
 WORDS = 625
 OURS = ("mesa_swarm.control.", "mesa_swarm.fire.")
@@ -163,13 +163,10 @@ def _restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpo
 
 
 def _adopt(model: FireModel, facts: dict, packed: Packed) -> None:
-    """Let the columns, the arrays of parts, and those that a layer or a process restores itself, remain the same."""
+    """Let the columns, and the arrays that a layer or a process restores itself, remain the same."""
     for columns, stored in ((model.swarm.columns, facts["columns"]), (model.fires.columns, facts["fires"])):
         for name in columns.keys() & stored.keys():
             packed.adopt(stored[name], columns[name], write=False)
-    for name, arrays in facts.get("parts", {}).items():
-        if name in model._parts:
-            packed.adopt(arrays, model._parts[name].arrays())
     owners = [(state, owner) for state, owner in _states_of(model, facts) if isinstance(owner, Checkpointed)]
     shared = _shared_places(facts) if owners else frozenset()
     for state, owner in owners:
@@ -313,11 +310,10 @@ def _restore_inner(owner: object, state: dict, packed: ModelPacked) -> None:
 
 
 def _declared_to_json(model: FireModel, packed: ModelPacked) -> dict:
-    """Return `model.state`, processes and parts, without those of which there are none."""
+    """Return `model.state` and processes, without those of which there are none."""
     declared_state = {
         "state": model._state and packed.pack(dict(model._state), "state"),
         "processes": [_process_to_json(place, process, packed) for place, process in model._processes.items()],
-        "parts": {name: packed.pack(part.arrays(), name) for name, part in model._parts.items()},
     }
     return {name: content for name, content in declared_state.items() if content}
 
@@ -346,7 +342,6 @@ def _restore_declared(model: FireModel, facts: dict, packed: ModelPacked) -> Non
                 "add it in the constructor of a class derived from SwarmModel"
             )
         _restore_process(own, state, packed)
-    _restore_parts(model, facts.get("parts", {}), packed)
 
 
 def _restore_process(process: Any, state: dict, packed: ModelPacked) -> None:
@@ -358,21 +353,6 @@ def _restore_process(process: Any, state: dict, packed: ModelPacked) -> None:
     for name, content in state.items():
         value = attribute_from_json(getattr(process, name, None), name, content, packed)
         object.__setattr__(process, name, value)
-
-
-def _restore_parts(model: FireModel, stored: dict, packed: ModelPacked) -> None:
-    """Write the stored arrays of parts that were not adopted; refuse other names, types and shapes."""
-    if stored.keys() != model._parts.keys():
-        odd = sorted(stored.keys() ^ model._parts.keys())
-        raise RecordingError(f"{shortened(odd[0])} is in the model or in the checkpoint, but not in both")
-    for name, part in model._parts.items():
-        values = packed.unpack(stored[name])
-        for key, array in part.arrays().items():
-            value = values.get(key)
-            if not isinstance(value, np.ndarray) or (value.dtype, value.shape) != (array.dtype, array.shape):
-                raise RecordingError(f"{key} of {name} does not match the model; expected {array.dtype} {array.shape}")
-            if value is not array:
-                array[...] = value
 
 
 def own_attributes(model: FireModel) -> dict[str, Any]:
@@ -417,7 +397,7 @@ def _reference(value: object, model: FireModel) -> dict | None:
 def _owners(model: FireModel) -> dict[str, dict]:
     """Return by their keys the objects whose state is stored, to which attributes may refer."""
     layers = dict(enumerate(getattr(model.control, "layers", ())))
-    return {"process": model._processes, "part_named": model._parts, "layer": layers, "field": model._fields or {}}
+    return {"process": model._processes, "layer": layers, "field": model._fields or {}}
 
 
 def _referred(kind: str, which: Any, model: FireModel) -> object:

@@ -267,11 +267,6 @@ def _take_values(new: FireModel, old: FireModel, fresh: FireModel) -> None:
                 with suppress(RecordingError):  # follows from the parameters
                     content: Any = attribute_to_json(value, name, there)
                     mine[name] = attribute_from_json(mine.get(name), name, content, here)
-    for name, part in new._parts.items():
-        for key, array in part.arrays().items():
-            stored = old._parts[name].arrays()[key]
-            if stored.shape == array.shape:
-                array[...] = stored
     new.events.replace({name: list(series) for name, series in old.events.series().items()})
     new.obstacles_changed()
 
