@@ -189,18 +189,20 @@ def rolling_wheels(swarm: Swarm, draws: np.ndarray | None) -> np.ndarray:
 
 def write_motion(swarm: Swarm, drives: Rows, wheels: np.ndarray, motion: np.ndarray) -> None:
     """Write the motion (n, 3) that wheel speeds (n, w) make."""
+    mixed = swarm.table.mixed
     for drive, rows in drives:
         made = motion[rows]
-        drive.motion(wheels[rows, : getattr(drive, "numbers", 2)], swarm.columns["radius"][rows], made)
+        own = (rows, slice(getattr(drive, "numbers", 2))) if mixed else rows
+        drive.motion(wheels[own], swarm.columns["radius"][rows], made)
         motion[rows] = made
 
 
 def wheels_of(swarm: Swarm, drives: Rows, motion: np.ndarray) -> np.ndarray:
     """Return the wheel speeds (n, w) that would have made these motions (n, 3)."""
-    wheels = np.zeros((len(motion), swarm.table.wheels))
+    wheels, mixed = np.zeros((len(motion), swarm.table.wheels)), swarm.table.mixed
     for drive, rows in drives:
-        own = slice(getattr(drive, "numbers", 2))
-        made = wheels[rows, own]
+        own = (rows, slice(getattr(drive, "numbers", 2))) if mixed else rows
+        made = wheels[own]
         drive.wheels(motion[rows], swarm.columns["radius"][rows], made)
-        wheels[rows, own] = made
+        wheels[own] = made
     return wheels
