@@ -112,6 +112,8 @@ class World(BodyWorld):
         InvalidValueError
             If neither or both of n and poses are given, a pose is not on the map, the robots are too small for their
             coordinates, or the control is not for such a drive.
+        UnknownNameError
+            If the design has a part for a field that the model does not have; add the field first.
 
         Examples
         --------
@@ -122,6 +124,8 @@ class World(BodyWorld):
         if not isinstance(design, RobotDesign):
             raise InvalidValueError(f"design is {shortened(design)}; expected a RobotDesign such as AGENT9")
         self.swarm.check_parts(design)
+        for part in (*design.sensors, *design.actuators):
+            part.check_model(self)
         if group != "":
             check_name("group", group)
         self._check_driven(design, group)

@@ -36,7 +36,8 @@ class Rerun:
 
     `model` is another one after each intervention; `taken` are those after which it continued from a stored state.
     `checkpoint` is the index of the stored state from which it began, -1 if it was started again, and `begin` names
-    that state as text to follow a verdict. `moved` are the steps after which bodies were moved by hand. `watch` is called with the model after each step.
+    that state as text to follow a verdict. `moved` are the steps after which bodies were moved by hand. `watch` is
+    called with the model after each step.
     """
 
     def __init__(
@@ -260,7 +261,10 @@ def verify(recording: Recording | str | os.PathLike[str], model_class: type, pro
 
 
 def _moved_by_hand(steps: int) -> str:
-    return f"; bodies moved by hand after {steps} step{'s' if steps > 1 else ''} (repeated as recorded)" if steps else ""
+    """Return what a verdict adds about moves, an empty text if there were none."""
+    if not steps:
+        return ""
+    return f"; bodies moved by hand after {steps} step{'s' if steps > 1 else ''} (repeated as recorded)"
 
 
 def run_to(rerun: Rerun, step: int) -> None:

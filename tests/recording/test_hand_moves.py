@@ -50,10 +50,12 @@ def moved_by_hand(path, steps=30, model=None, **how):
 def test_moves_by_hand_take_little_room_and_are_repeated(tmp_path):
     model = moved_by_hand(tmp_path / "run.arrow")
     recording = Recording(tmp_path / "run.arrow")
-    assert recording.checkpoints == (1,) and not recording.interventions
+    assert recording.checkpoints == (1,)
+    assert not recording.interventions
     assert [one.step for one in recording.hand_moves] == list(range(1, 31))
     verdict = verify(recording, Doors)
-    assert verdict.same and verdict.moved == 30
+    assert verdict.same
+    assert verdict.moved == 30
     assert str(verdict).endswith("; bodies moved by hand after 30 steps (repeated as recorded)")
     again = Doors.resume(tmp_path / "run.arrow")
     assert again.state_hash() == model.state_hash()
@@ -87,10 +89,12 @@ def test_a_move_with_another_change_is_stored_as_a_whole_state(tmp_path):
                 model.robots[0].heading = 1.0
             model.step()
     recording = Recording(tmp_path / "run.arrow")
-    assert recording.checkpoints == (1, 4) and [one.step for one in recording.interventions] == [4]
+    assert recording.checkpoints == (1, 4)
+    assert [one.step for one in recording.interventions] == [4]
     assert [one.step for one in recording.hand_moves] == [1, 2, 3, 5, 6]
     verdict = verify(recording, Doors)
-    assert verdict.same and verdict.moved == 5
+    assert verdict.same
+    assert verdict.moved == 5
     assert Doors.resume(tmp_path / "run.arrow").state_hash() == model.state_hash()
 
 
@@ -100,7 +104,8 @@ def test_a_body_that_was_placed_at_once_is_stored_as_a_whole_state(tmp_path):
         swing(model, 1)  # no step has been taken: the doors are there at once
         model.run(3)
     recording = Recording(tmp_path / "run.arrow")
-    assert not recording.hand_moves and [one.step for one in recording.interventions] == [0]
+    assert not recording.hand_moves
+    assert [one.step for one in recording.interventions] == [0]
     assert verify(recording, Doors).same
 
 
