@@ -195,6 +195,45 @@ class World(BodyWorld):
         self._fields = {**(self._fields or {}), field.name: live}
         return live
 
+    def remove_field(self, name: str) -> ScalarField:
+        """Take a scalar field out of the model, between two steps, and return it with its last values.
+
+        Rows of a recording have no picture of it from then on.
+
+        Raises
+        ------
+        UnknownNameError
+            If the model has no field of this name.
+        InvalidValueError
+            If a robot has a sensor or an actuator for it.
+
+        Examples
+        --------
+        >>> from mesa_swarm import Field, SwarmModel
+        >>> model = SwarmModel(rng=1)
+        >>> trail = model.add_field(Field("trail"))
+        >>> trail.deposit((400, 300), 5.0)
+        >>> model.remove_field("trail").total, len(model.fields)
+        (5.0, 0)
+        """
+        field = self.fields[name]
+        self._check_unused(field.name)
+        others = {other: one for other, one in (self._fields or {}).items() if one is not field}
+        self._fields, field.removed = others or None, True
+        return field
+
+    def _check_unused(self, name: str) -> None:
+        """Refuse the name of a field that a sensor or an actuator of a robot is about."""
+        designs = self.swarm.designs
+        for place in np.unique(self.swarm.columns["design"]).tolist():
+            for part in (*designs[place].sensors, *designs[place].actuators):
+                if getattr(part, "field", None) == name:
+                    robots = int((self.swarm.columns["design"] == place).sum())
+                    raise InvalidValueError(
+                        f"field {name} is used by {type(part).__name__} {part.name} of {robots} robots; "
+                        "remove these robots first"
+                    )
+
     def _fields_as_stored(self) -> list:
         """Return the declarations and the states of all fields, as plain values."""
         return [[astuple(field.declared), field.checkpoint()] for field in self.fields.values()]
@@ -209,6 +248,8 @@ class World(BodyWorld):
                 known = self.add_field(field)
             self._fields = {**(self._fields or {}), field.name: known}
             known.restore(state)
+        for field in before.values():
+            field.removed = self.fields.get(field.name) is not field
 
     def _walls(self) -> list[Shape]:
         """Return the shapes of what stops fields: solid bodies that do not move."""
@@ -220,7 +261,7 @@ class World(BodyWorld):
 
     def _free_poses(self, design: RobotDesign, n: int) -> tuple[np.ndarray, np.ndarray]:
         shapes = [body.shape for body in self._obstacles if not self._is_carried(body)]
-        space = free_places(self.map.bounds, shapes, self._hot_discs()[0], design.radius)
+        space = free_places(self.map.bounds, shapes, self._heat_sources()[0], design.radius)
         old, radii, where = self.swarm.position, self.swarm.radius, f"map {self.map.name}"
         position = place_apart(n, design.radius, space, old, radii, self.streams["placement"], where)
         return position, self.streams["heading"].uniform(-np.pi, np.pi, n)

@@ -1,6 +1,6 @@
 """The content of a row of a recording, as NumPy arrays in memory and as Arrow lists in the file."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -32,6 +32,8 @@ WHOLE = frozenset({"fire", "robots", "robot", "kind", "other", "load", "field", 
 EXACT: dict[str, Any] = {"step": np.int64, "name": f"U{LONGEST_NAME}", "value": np.float64}
 # Begins the names of the columns that hold the pixels of a field: rows (columns,) from the bottom up.
 PIXELS = "fields."
+NO_PIXELS = np.empty((0, 1))
+NO_WIDTHS: Mapping[str, int] = {}
 # The first fields of a row.
 FIRST_COLUMNS = {"step": pa.int64(), "state_hash": pa.string(), "robot": pa.list_(pa.int32())}
 
@@ -40,20 +42,23 @@ class Layout:
     """Which columns are recorded of a model, and whether real numbers are float64 (`exact`) or float32.
 
     With "fields" all fields are recorded that the model has now, or those named as "fields.trail": their
-    values if `exact`, else pictures (`levels_of`).
+    values if `exact`, else pictures (`levels_of`); of one that the model no longer has, pictures without rows.
+    `widths` are the columns of pictures by the names of fields that the model may have had once.
     """
 
-    def __init__(self, model: FireModel, columns: Sequence[str], exact: bool) -> None:
+    def __init__(
+        self, model: FireModel, columns: Sequence[str], exact: bool, widths: Mapping[str, int] = NO_WIDTHS
+    ) -> None:
         self.real = np.float64 if exact else np.float32
-        pixels = {PIXELS + name: name for name in model.fields}
+        pixels = {PIXELS + name: name for name in (*model.fields, *widths)}
         names = _checked_names(columns, (*model.swarm.columns, *TABLES, *pixels))
         chosen = tuple(pixels[name] for name in names if name in pixels)
         self.fields = chosen or (tuple(model.fields) if "fields" in names else ())
-        widths = {name: model.swarm.columns[name].shape[1:] for name in names if not is_table(name)}
-        self.columns = tuple(name for name in widths if 0 not in widths[name])
+        shapes = {name: model.swarm.columns[name].shape[1:] for name in names if not is_table(name)}
+        self.columns = tuple(name for name in shapes if 0 not in shapes[name])
         self.tables = tuple(name for name in names if name in TABLES and (name != "fields" or self.fields))
         self.has_readings = not READINGS.union(model.swarm.table.readings).isdisjoint(self.columns)
-        self.schema = self._schema(model, widths)
+        self.schema = self._schema(model, shapes, widths)
 
     def prepare(self, model: FireModel) -> None:
         """Update sensor readings for the current poses, if they are recorded; the next step reuses them."""
@@ -66,22 +71,25 @@ class Layout:
             return np.dtype(self.real)
         return np.dtype(np.int32) if dtype == np.int64 else dtype
 
-    def _schema(self, model: FireModel, widths: dict[str, tuple]) -> pa.Schema:
+    def _schema(self, model: FireModel, shapes: dict[str, tuple], widths: Mapping[str, int]) -> pa.Schema:
         fields = list(FIRST_COLUMNS.items())
         for name in self.columns:
             value = _arrow_type(name, self.stored_type(model.swarm.columns[name].dtype))
-            for width in reversed(widths[name]):
+            for width in reversed(shapes[name]):
                 value = pa.list_(value, width)
             fields.append((name, pa.list_(value)))
         real = pa.from_numpy_dtype(self.real)
         fields += [(name, pa.list_(table_type(name, real))) for name in self.tables]
         for name in self.fields:
-            pixels = self.pixels(model.fields[name])
-            fields.append((PIXELS + name, pa.list_(pa.list_(pa.from_numpy_dtype(pixels.dtype), pixels.shape[1]))))
+            pixels = self.pixels(model.fields.get(name))
+            width = widths.get(name, pixels.shape[1])
+            fields.append((PIXELS + name, pa.list_(pa.list_(pa.from_numpy_dtype(pixels.dtype), width))))
         return pa.schema(fields)
 
-    def pixels(self, field: ScalarField) -> np.ndarray:
-        """Return what is stored of the values of a field."""
+    def pixels(self, field: ScalarField | None) -> np.ndarray:
+        """Return what is stored of the values of a field, no rows of one that was removed."""
+        if field is None:
+            return NO_PIXELS.astype(np.float64 if self.real is np.float64 else np.uint8)
         return field.values if self.real is np.float64 else field.levels()
 
 
@@ -112,8 +120,8 @@ class Chunk:
         self._places = model.fires.discs.astype(layout.real)
         self._bodies = model.displaced if "loads" in layout.tables else []
         self._load_poses = np.zeros((capacity, len(self._bodies), 3), layout.real)
-        self._fields = [model.fields[name] for name in layout.fields]
-        self._pixels = [np.zeros((capacity, *p.shape), p.dtype) for p in map(layout.pixels, self._fields)]
+        self._fields = [model.fields.get(name) for name in layout.fields]
+        self._pixels = [self._picture_rows(*pair) for pair in zip(layout.fields, self._fields, strict=True)]
         self._sums = np.zeros((capacity, len(self._fields), 2), layout.real)
         self._log = model.events
         self._noted = [0] * (capacity + 1)  # how many events there were before each row, and after the last
@@ -130,6 +138,11 @@ class Chunk:
         buffers = [*(rows for _, rows in self._pairs), *self._pixels]
         return sum(rows.nbytes for rows in buffers) // self.capacity + 1
 
+    def has_fields_of(self, model: FireModel) -> bool:
+        """Return whether the model still has the fields that rows of this chunk show, and no other of their names."""
+        known = model._fields or {}
+        return all(known.get(name) is field for name, field in zip(self.layout.fields, self._fields, strict=True))
+
     def put(self, row: int, step: int, state_hash: str | None, noted: int) -> None:
         """Store the present state of the model as a row; `noted` events are in rows before the first one."""
         if not row:
@@ -140,6 +153,8 @@ class Chunk:
         for place, load in enumerate(self._bodies):
             self._load_poses[row, place] = load.pose
         for place, field in enumerate(self._fields):
+            if field is None:
+                continue
             self._pixels[place][row] = self.layout.pixels(field)
             self._sums[row, place] = field.peak, field.total
         self.steps[row] = step
@@ -165,6 +180,16 @@ class Chunk:
             name: (columns[name], np.zeros((self.capacity, *columns[name].shape), stored(columns[name].dtype)))
             for name in names
         }
+
+    def _picture_rows(self, name: str, field: ScalarField | None) -> np.ndarray:
+        """Return a buffer for the pictures of a field."""
+        picture, width = self.layout.pixels(field), self.layout.schema.field(PIXELS + name).type.value_type.list_size
+        if field is not None and picture.shape[1] != width:
+            raise RecordingError(
+                f"field {name} has pictures of {picture.shape[1]} columns; expected {width} as when the recording "
+                "began; start another recording"
+            )
+        return np.zeros((self.capacity, len(picture), width), picture.dtype)
 
     def _check_widths(self) -> None:
         for name, (source, _) in self._robot_rows.items():

@@ -79,7 +79,7 @@ class RowBuffer:
         self._check_gap(step)
         self._layout.prepare(model)
         seen = _seen(model)
-        if chunk is None or seen != self._seen:
+        if chunk is None or seen != self._seen or not chunk.has_fields_of(model):
             self.flush()
             if seen != self._seen:
                 self._attach_change(model)

@@ -19,7 +19,7 @@ from mesa_swarm.recording.changes import Intervention, intervention_from_json
 from mesa_swarm.recording.container import Checkpoint, from_bytes
 from mesa_swarm.recording.frames import Event, Frame, Rows, events_of, field_names, field_values, table_of
 from mesa_swarm.recording.hand_moves import HandMove, moves_from_bytes
-from mesa_swarm.recording.layout import TABLES
+from mesa_swarm.recording.layout import PIXELS, TABLES
 from mesa_swarm.recording.provenance import from_metadata, joined
 from mesa_swarm.recording.schema import check_columns, checked_content, checked_rows, checked_scenery, misplaced
 from mesa_swarm.recording.sealed_stream import CHANGE, CHECKPOINT, INTERVENTION, MOVES, Piece, SealedReader
@@ -177,7 +177,8 @@ class Recording:
         """Return the values of each field after one step, by name, shapes (rows, columns), row 0 at the bottom.
 
         With ``exact=True`` these are the values themselves. Else they are known to within 0.4 % of the largest value so
-        far, the smaller ones better; of a field of more than 120,000 cells they are means of blocks of cells.
+        far, the smaller ones better; of a field of more than 120,000 cells they are means of blocks of cells. A field
+        that the model did not have then is left out.
 
         Raises
         ------
@@ -197,7 +198,14 @@ class Recording:
         [0.0, 0.0, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0]
         """
         frame = self.at(step)
-        return {name: field_values(frame, name) for name in field_names(frame.columns)}
+        return {name: field_values(frame, name) for name in field_names(frame.columns) if frame[PIXELS + name].size}
+
+    @property
+    def picture_widths(self) -> dict[str, int]:
+        """The columns of the pictures of each field that rows have, by the field's name."""
+        schema = self._reader.schema
+        names = field_names(self.columns)
+        return {name: schema.field(PIXELS + name).type.value_type.list_size for name in names}
 
     @cached_property
     def steps(self) -> np.ndarray:

@@ -160,7 +160,7 @@ def take_over(new: FireModel, old: FireModel, fresh: FireModel) -> None:
     new.obstacles_changed()
     _take_columns(new, old, OF_PARAMETERS - MADE if remade else OF_PARAMETERS)
     _take_fires(new, old, fresh)
-    _take_fields(new, old)
+    _take_fields(new, old, fresh)
     _take_randomness(new, old)
     _take_values(new, old, fresh)
     _take_collected(new, old)
@@ -237,8 +237,13 @@ def _take_fires(new: FireModel, old: FireModel, fresh: FireModel) -> None:
     new.fires.history.every = every
 
 
-def _take_fields(new: FireModel, old: FireModel) -> None:
-    """Copy the values of fields of the same name and grid."""
+def _take_fields(new: FireModel, old: FireModel, fresh: FireModel) -> None:
+    """Remove and add the fields that the run did, and copy the values of those of the same name and grid."""
+    for name in [name for name in fresh.fields if name in new.fields and name not in old.fields]:
+        new.remove_field(name)
+    for name, field in old.fields.items():
+        if name not in fresh.fields and name not in new.fields:
+            new.add_field(field.declared)
     for name, field in new.fields.items():
         if name in old.fields and old.fields[name].values.shape == field.values.shape:
             field.restore(old.fields[name].checkpoint())

@@ -109,7 +109,7 @@ class Rerun:
 
 def _layout_of(recording: Recording, model: FireModel) -> Layout:
     try:
-        return Layout(model, recording.columns, recording.provenance["exact"])
+        return Layout(model, recording.columns, recording.provenance["exact"], recording.picture_widths)
     except SwarmError as error:
         raise RecordingError(f"{recording.path} has columns that its model does not have: {error}") from None
 

@@ -188,8 +188,9 @@ class Animation:
         x, y, width, height = (self._numbers(length) for length in (x_min, y_min, *self._size))
         place_of = f'x="{x}" y="{y}" width="{width}" height="{height}" preserveAspectRatio="none"'
         for place, name in enumerate(self._drawn.scene.fields):
-            shown = [_png_of(field_levels(frame, name), place) for frame in self._frames]
-            for picture in dict.fromkeys(shown):
+            levels = [field_levels(frame, name) for frame in self._frames]
+            shown = [_png_of(one, place) if one.size else "" for one in levels]
+            for picture in filter(None, dict.fromkeys(shown)):
                 seen = ["visible" if one == picture else "hidden" for one in shown]
                 when = self._clock.jumping("visibility", seen)
                 yield f'<image class="field" {place_of} href="data:image/png;base64,{picture}">{when}</image>'

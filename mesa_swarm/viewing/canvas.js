@@ -384,6 +384,7 @@ export class Stage {
   #drawFields(fields) {
     const context = this.#context, [x0, y0, x1, y1] = this.#world.bounds;
     fields.forEach((field, index) => {
+      if (!field.levels.length) return; // the field was not there then
       context.drawImage(fieldImage(field, this.#fieldColour(index)), x0, y0, x1 - x0, y1 - y0);
     });
     this.#drawStanding(context);

@@ -174,6 +174,8 @@ def _draw_fields(axes: Axes, frame: Frame, scene: Scene) -> None:
     x_min, y_min, x_max, y_max = scene.bounds
     for place, name in enumerate(scene.fields):
         pixels = scalar_pixels(field_levels(frame, name), place)
+        if not pixels.size:  # the field was not there then
+            continue
         image = AxesImage(axes, extent=(x_min, x_max, y_min, y_max), origin="lower", interpolation="nearest")
         image.set_data(pixels)
         image.set(zorder=0.5, label="fields", clip_path=axes.patch)

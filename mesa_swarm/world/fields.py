@@ -148,6 +148,8 @@ class ScalarField:
         The largest value that a cell has ever had, to which colours of pictures refer.
     changes : int
         How often its values were changed other than by advancing.
+    removed : bool
+        Whether `SwarmModel.remove_field` took it out of its model: its last values can then be read, nothing else.
     """
 
     def __init__(self, declared: Field, bounds: Bounds, walls: Callable[[], Sequence[Shape]] = tuple) -> None:
@@ -159,6 +161,7 @@ class ScalarField:
         self.bounds = bounds
         self.peak = 0.0
         self.changes = 0
+        self.removed = False
         self._values = np.zeros((rows, columns))
         self._is_empty = True
         self._shapes = walls if declared.walls else tuple
@@ -193,6 +196,7 @@ class ScalarField:
 
     @values.setter
     def values(self, values: Any) -> None:
+        self._check_present()
         given = as_numbers(values)
         if given.shape != self._values.shape:
             raise InvalidValueError(
@@ -293,6 +297,7 @@ class ScalarField:
         >>> field.at([(105, 305), (110, 305), (115, 305)])
         array([4., 2., 0.])
         """
+        self._check_present()
         return self.look_up(_checked_positions(positions))[0]
 
     def gradient(self, positions: Any) -> np.ndarray:
@@ -312,6 +317,7 @@ class ScalarField:
         >>> field.gradient((100, 305))
         array([[0.1, 0. ]])
         """
+        self._check_present()
         return self.look_up(_checked_positions(positions))[1]
 
     def advance(self) -> None:
@@ -381,6 +387,10 @@ class ScalarField:
         self.peak = peak
         self._walls, self._is_empty = None, not values.any()
 
+    def _check_present(self) -> None:
+        if self.removed:
+            raise InvalidValueError(f"field {self.name} was removed; expected one of model.fields")
+
     def _changed(self, largest: float) -> None:
         self.changes += 1
         self._is_empty = self._is_empty and largest == 0.0
@@ -395,6 +405,7 @@ class ScalarField:
         return cells_at(self._values.shape, self._current_walls().sides, self.frame, points)
 
     def _checked_points(self, positions: Any) -> np.ndarray:
+        self._check_present()
         points = _checked_positions(positions)
         x_min, y_min, x_max, y_max = self.bounds
         outside = ((points < (x_min, y_min)) | (points > (x_max, y_max))).any(axis=1)

@@ -126,3 +126,72 @@ def test_pictures_of_large_fields_are_smaller(tmp_path):
     assert levels.size <= 120_000
     assert levels.shape == (300, 400)
     assert Recording(tmp_path / "run.arrow").fields(2)["trail"].max() == pytest.approx(1.0, rel=0.02)
+
+
+class Mowing(Marking):
+    """A trail that is removed after ten steps, and comes back after twenty with as many columns of other cells."""
+
+    def step(self):
+        SwarmModel.step(self)
+        if self.completed == 10:
+            self.remove_field("trail")
+        elif self.completed == 20:
+            self.trail = self.add_field(Field("trail", cell=20.0, diffusion=1.0))
+        if not self.trail.removed:
+            self.trail.deposit(self.swarm.position, 1.0)
+
+
+@pytest.mark.parametrize("exact", [False, True])
+def test_rows_have_no_picture_of_a_field_while_it_is_removed(tmp_path, exact):
+    model = Mowing(rng=1)
+    with model.record(tmp_path / "run.arrow", exact=exact):
+        model.run(30)
+    recording = Recording(tmp_path / "run.arrow")
+    rows = [frame["fields.trail"].shape[0] for frame in recording]
+    assert rows == [30] * 9 + [0] * 10 + [30] * 11
+    totals = recording.to_pandas("fields").query("field == 0")["total"].to_numpy()
+    assert (totals > 0).tolist() == [True] * 9 + [False] * 10 + [True] * 11
+    assert str(verify(recording, Mowing)) == "all 30 rows to step 30 are the same"
+
+
+@pytest.mark.parametrize("step", [5, 15, 25])
+def test_a_run_goes_on_with_the_fields_that_it_then_had(tmp_path, step):
+    model = Mowing(rng=1)
+    with model.record(tmp_path / "run.arrow", checkpoint_every=15):
+        model.run(step)
+        state = model.state_hash()
+        model.run(30 - step)
+    again = Mowing.resume(tmp_path / "run.arrow", step=step)
+    assert again.state_hash() == state
+    assert ("trail" in again.fields) == (step != 15)
+    assert again.run(30 - step).state_hash() == model.state_hash()
+
+
+def test_a_field_that_was_removed_by_hand_is_not_there_after_going_on(tmp_path):
+    model, recording = recorded(tmp_path / "run.arrow", change=lambda model: model.remove_field("food"))
+    assert "fields" in recording.interventions[0].what
+    assert verify(recording, Marking).same
+    again = Marking.resume(tmp_path / "run.arrow")
+    assert list(again.fields) == ["trail"]
+    assert again.run(5).state_hash() == model.run(5).state_hash()
+
+
+def test_going_on_with_another_parameter_keeps_what_was_removed_and_added(tmp_path):
+    def change(model):
+        model.remove_field("food")
+        model.add_field(Field("gas", cell=50.0)).deposit((50, 50), 2.0)
+
+    recorded(tmp_path / "run.arrow", change=change)
+    again = Marking.resume(tmp_path / "run.arrow", cell=10.0)
+    assert list(again.fields) == ["trail", "gas"]
+    assert again.fields["gas"].total == 2.0
+
+
+def test_a_field_that_comes_back_with_other_columns_is_refused_in_one_line(tmp_path):
+    def replace(model):
+        model.remove_field("food")
+        model.add_field(Field("food", cell=10.0))
+
+    with pytest.raises(SwarmError, match=r"field food has pictures of 80 columns; expected 16 as when .* began"):
+        recorded(tmp_path / "run.arrow", steps=4, change=replace)
+    assert Recording(tmp_path / "run.arrow").intact == 2

@@ -176,3 +176,30 @@ def test_a_film_shows_fields_below_obstacles(tmp_path):
 def test_films_without_fields_have_the_colours_that_they_had():
     assert film_palette().getpalette() == film_palette(0).getpalette()
     assert film_palette(3).getpalette() != film_palette().getpalette()
+
+
+class Fading(Marked):
+    """The trail is removed after two steps."""
+
+    def step(self):
+        super().step()
+        if self.completed == 3:
+            self.remove_field("trail")
+
+
+def test_a_field_that_was_removed_is_not_drawn_from_then_on(tmp_path):
+    model = Fading(rng=1)
+    with model.record(tmp_path / "run.arrow"):
+        model.run(4)
+    recording = Recording(tmp_path / "run.arrow")
+    scene = scene_of_recording(recording)
+    frames = unpacked_chunk(packed_chunk(recording, scene), scene.world())
+    assert [columns["fields.trail"].shape for _, columns in frames] == [(6, 8)] * 2 + [(0, 8)] * 2
+    export(recording, tmp_path / "run.svg", animate=True)
+    assert (tmp_path / "run.svg").read_text().count("<image") == 2 + 1, "the trail twice, and the food"
+    export(recording, tmp_path / "run.gif", size=(808, 640))
+    with Image.open(tmp_path / "run.gif") as film:
+        film.seek(film.n_frames - 1)
+        image = film.convert("RGB").crop((4, 36, 804, 636))
+    np.testing.assert_allclose(pixel_of(image, 50, 50), rgb(LIGHT.ground), atol=5)
+    np.testing.assert_allclose(pixel_of(image, 720, 550), on_ground(LIGHT.scalars[1]), atol=4)

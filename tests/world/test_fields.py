@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mesa_swarm import AGENT3, Field, SwarmModel, disc, polygon, rectangle
+from mesa_swarm import AGENT3, Emitter, Field, FieldSensor, RobotDesign, SwarmModel, disc, polygon, rectangle
 from mesa_swarm.errors import InvalidValueError, SwarmError, UnknownNameError
 from mesa_swarm.world.fields import ScalarField
 from mesa_swarm.world.map import Map
@@ -315,3 +315,47 @@ def test_walls_are_made_anew_only_when_other_shapes_stand():
     assert field.sides is before
     model.add_obstacle(disc((30, 100), 10))
     assert field.sides is not before
+
+
+@pytest.mark.parametrize("part", [{"sensors": (FieldSensor(field="trail"),)}, {"actuators": (Emitter(field="trail"),)}])
+def test_a_field_that_a_robot_needs_is_removed_only_after_the_robot(part):
+    model, field = world()
+    robots = model.add_robots(RobotDesign(name="ant", **part), poses=[(50, 50, 0.0), (90, 90, 0.0)])
+    with pytest.raises(InvalidValueError, match=r"field trail is used by \w+ trail of 2 robots; remove these robots"):
+        model.remove_field("trail")
+    assert model.fields["trail"] is field
+    model.remove_robots(robots)
+    assert model.remove_field("trail") is field
+    assert model.run(2).fields.get("trail") is None
+
+
+def test_a_removed_field_has_its_last_values_and_refuses_all_else():
+    model, field = world()
+    field.deposit((50, 50), 3.0)
+    model.remove_field("trail")
+    assert (field.total, field.removed) == (3.0, True)
+    for use in (
+        lambda: field.deposit((50, 50), 1.0),
+        lambda: field.withdraw((50, 50), 1.0),
+        lambda: field.at((50, 50)),
+        lambda: field.gradient((50, 50)),
+        lambda: setattr(field, "values", field.values),
+    ):
+        with pytest.raises(InvalidValueError, match=r"field trail was removed; expected one of model\.fields"):
+            use()
+
+
+@pytest.mark.parametrize("name", ["tail", "", None, 3])
+def test_a_field_that_is_not_there_cannot_be_removed(name):
+    model, _ = world()
+    with pytest.raises(UnknownNameError, match="unknown field"):
+        model.remove_field(name)
+    assert list(model.fields) == ["trail"]
+
+
+def test_a_model_is_the_same_as_before_a_field_was_added_and_removed():
+    model, twin = SwarmModel(map=EMPTY, rng=1), SwarmModel(map=EMPTY, rng=1)
+    model.add_field(Field("trail")).deposit((50, 50), 1.0)
+    model.remove_field("trail")
+    assert model.state_hash() == twin.state_hash()
+    assert model.add_field(Field("trail")).total == 0
