@@ -138,7 +138,9 @@ def field_names(columns: Iterable[str]) -> tuple[str, ...]:
 def field_levels(frame: Frame, name: str) -> np.ndarray:
     """Return the picture of a field in a frame, uint8 (rows, columns), row 0 at the bottom, see `levels_of`."""
     pixels = frame[PIXELS + name]
-    return pixels if pixels.dtype == np.uint8 else levels_of(pixels, _peak(frame, name))
+    if pixels.dtype == np.uint8 or not pixels.size:
+        return pixels.astype(np.uint8, copy=False)
+    return levels_of(pixels, _peak(frame, name) or pixels.max())
 
 
 def field_values(frame: Frame, name: str) -> np.ndarray:
@@ -149,6 +151,11 @@ def field_values(frame: Frame, name: str) -> np.ndarray:
     """
     pixels = frame[PIXELS + name]
     return values_of(pixels, _peak(frame, name)) if pixels.dtype == np.uint8 else pixels
+
+
+def field_peaks(frame: Frame, names: Sequence[str]) -> list[float]:
+    """Return the largest value so far of each field of these names, 0 where it is not known."""
+    return [_peak(frame, name) if PIXELS + name in frame.columns else 0.0 for name in names]
 
 
 def _peak(frame: Frame, name: str) -> float:
