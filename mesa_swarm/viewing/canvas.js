@@ -21,6 +21,7 @@
      loads       the same about their own centres
      designs     [{ name, radius, holonomic, sensors: [[mount_x, mount_y, bearing, half_angle, range], ...] }]
      layers      names; the column layer holds indices into them
+     kinds       names of all kinds of bodies, if there are kinds of the model's own; the column kind holds their indices
      columns     [{ name, table, width, type }] of a packed frame, in its order
      looks       { kinds: by theme colours by kind, column: { label, low, high, and by theme its colours } }, if any
      fields      names of the scalar fields, if there are any

@@ -423,7 +423,7 @@ class Player {
     const facts = { position: `${x.toFixed(1)}, ${y.toFixed(1)}`, heading: `${Math.round(degrees + 360) % 360}°` };
     if (frame.layer) facts.layer = this.stage.world.layers[frame.layer[row]] ?? (frame.layer[row] < 0 ? "none" : frame.layer[row]);
     if (frame.heat && frame.counts.fires) facts.heat = `${Math.round(100 * frame.heat[row])} %`;
-    if (frame.distance) facts.nearest = nearest(frame, row);
+    if (frame.distance) facts.nearest = nearest(frame, row, this.stage.world.kinds);
     fill(find("robot-facts"), facts);
     find("follow").setAttribute("aria-pressed", String(followed === id));
   }
@@ -555,10 +555,10 @@ function fill(list, facts) {
   }));
 }
 
-function nearest({ distance, kind, counts }, row) {
+function nearest({ distance, kind, counts }, row, kinds) {
   const readings = [...distance.subarray(row * counts.sensors, (row + 1) * counts.sensors)];
   const least = readings.reduce((best, read, s) => (read >= 0 && (best < 0 || read < readings[best]) ? s : best), -1);
-  const names = ["obstacle", "robot", "fire", "load"];
+  const names = kinds ?? ["obstacle", "robot", "fire", "load"];
   return least < 0 ? "nothing in sight" : `${names[kind[row * counts.sensors + least]] ?? "something"} at ${readings[least].toFixed(1)}`;
 }
 

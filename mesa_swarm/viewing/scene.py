@@ -209,7 +209,7 @@ class Scene:
         return max(bisect_right(self.changes, step, key=itemgetter(0)) - 1, 0) if len(self.changes) > 1 else 0
 
     def _world(self, scenery: dict) -> dict:
-        designs = scenery["designs"] or [USUAL_DESIGN]
+        designs, last = scenery["designs"] or [USUAL_DESIGN], self.changes[-1][1]  # kinds are only added
         ranges = [sensor[4] for design in designs for sensor in design["sensors"]]
         return {
             "map": self.map,
@@ -219,6 +219,7 @@ class Scene:
             "designs": designs,
             "robots": scenery["robots"],
             "layers": scenery["layers"],
+            **({"kinds": last["kinds"]} if "kinds" in last else {}),
             "leave": scenery["leave"],
             "reach": max(ranges, default=0.0) or 1.0,
             "fastest": max(design["max_speed"] for design in designs) or 1.0,
