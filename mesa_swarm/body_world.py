@@ -1,6 +1,7 @@
 """BodyWorld: the bodies of a model, obstacles, loads and driven ones, and the scene that they make."""
 
 from collections.abc import Iterable, Sequence
+from operator import attrgetter
 from typing import ClassVar, cast
 
 import mesa
@@ -23,7 +24,7 @@ from mesa_swarm.world.arena import Agents, Arena, as_numbers
 from mesa_swarm.world.bodies import Body, Form, Load, Obstacle, Pose, checked_resistance, placed
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.movers import LARGEST_HEADING, Driven, Movers, poses_of_agents
-from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, disc
+from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape
 from mesa_swarm.world.statics import FIRE, KINDS, LOAD, MOST_KINDS, OBSTACLE, ROBOT
 
 # The least radius as a share of the largest coordinate: overlap differs from touch by 1e-7 of a radius, which
@@ -54,13 +55,14 @@ class BodyWorld(mesa.Model):
 
     @property
     def obstacle_list(self) -> list[Body]:
-        """All of `bodies` as a list, which is quicker to look at; to be read only."""
+        """The obstacles, loads, driven bodies and ground marks as a list, quicker to look at; to be read only."""
         return self._obstacles
 
     @property
     def bodies(self) -> Agents[Body]:
-        """The obstacles, loads, driven bodies and ground marks as Mesa agents, in the order in which they came."""
-        return Agents(self._obstacles, random=self.random)
+        """All bodies as Mesa agents, in the order in which they came: obstacles, loads, driven ones, fires, marks."""
+        bodies = [*self._obstacles, *self._heat_bodies()]
+        return Agents(sorted(bodies, key=attrgetter("unique_id")), random=self.random)
 
     @property
     def obstacles(self) -> Agents[Obstacle]:
@@ -116,13 +118,13 @@ class BodyWorld(mesa.Model):
             raise UnknownNameError(unknown_name("kind", name, self._kinds))
         return self._kinds.index(name)
 
-    def _hot_discs(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return centre and radius (k, 3) and temperature (k,) of discs that sensors of heat see; here none."""
-        return np.empty((0, 3)), np.empty(0)
-
-    def _hot_agents(self) -> Sequence[mesa.Agent]:
-        """Return the agents of these discs, in their order."""
+    def _heat_bodies(self) -> Sequence[Body]:
+        """Return the discs that radiate heat, hot or cold, which are in a table of their own; here none."""
         return ()
+
+    def _heat_sources(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return centre and radius (k, 3) and temperature (k,) of these discs, in their order."""
+        return np.empty((0, 3)), np.empty(0)
 
     def add_body(
         self,
@@ -296,9 +298,9 @@ class BodyWorld(mesa.Model):
         if (gaps < self.swarm.radius).any():
             return False
         x, y, _ = pose
-        fires = [disc((a, b), r) for a, b, r in self._hot_discs()[0]]
-        solid = [one.shape for one in self._obstacles if one.contact and not self._is_carried(one)]
-        return not any(body.form.overlaps(pose, shape) for shape in (*solid, *fires) if _is_near(shape, x, y, body))
+        bodies = (*self._obstacles, *self._heat_bodies())
+        solid = (one.shape for one in bodies if one.contact and not self._is_carried(one))
+        return not any(body.form.overlaps(pose, shape) for shape in solid if _is_near(shape, x, y, body))
 
     def _is_carried(self, body: Body) -> bool:
         return isinstance(body, Driven) and body.carrier is not None
@@ -433,7 +435,7 @@ class BodyWorld(mesa.Model):
             return default
         if not isinstance(kind, str) or not kind.isidentifier() or kind in (KINDS[ROBOT], KINDS[FIRE]):
             raise InvalidValueError(
-                f"kind is {shortened(kind)}; expected a name such as 'door', which is neither 'robot' nor 'fire'"
+                f"kind is {shortened(kind)}; expected a name such as 'door'; robots and fires: see add_robots, add_fire"
             )
         if kind not in self._kinds and len(self._kinds) > MOST_KINDS:
             raise InvalidValueError(f"kind is {shortened(kind)}, one too many; expected at most {MOST_KINDS + 1} kinds")
@@ -460,14 +462,14 @@ class BodyWorld(mesa.Model):
         table = self.swarm.table
         if self._scene is None or self._scene_table is not table or (self._loads and self._scene.is_worn):
             shapes = [obstacle.shape for obstacle in self._obstacles]
-            discs, temperature = self._hot_discs()
+            sources, temperature = self._heat_sources()
             sight = float(table.reach.max(initial=0.0))
             touch = max((design.radius for design in table.designs), default=1.0)
             loads = [(row, body) for row, body in enumerate(self._obstacles) if isinstance(body, Load)]
             self._scene = Surroundings.of(
                 self.map.bounds,
                 shapes,
-                discs,
+                sources,
                 temperature,
                 sight=sight,
                 touch=touch,
@@ -503,7 +505,7 @@ class BodyWorld(mesa.Model):
             raise InvalidValueError(f"load is not within map {self.map.name}, {list(self.map.bounds)}; move it inside")
         solid = [body.shape for body in self._obstacles if body.contact and not self._is_carried(body)]
         others = [("an obstacle or load", shape) for shape in solid]
-        others += [("a fire", disc((x, y), radius)) for x, y, radius in self._hot_discs()[0]]
+        others += [(f"a {body.kind}", body.shape) for body in self._heat_bodies()]
         for name, other in others:
             if form.overlaps(pose, other):
                 raise InvalidValueError(f"load overlaps {name} at {other.position.tolist()}; expected free space")

@@ -42,6 +42,7 @@ from mesa_swarm.state import add_to, attributes_of
 from mesa_swarm.streams import Seed
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.map import Map
+from mesa_swarm.world.statics import ROBOT, SOURCE
 
 ENGINES: dict[str, type[Engine]] = {"compiled": CompiledEngine, "shapely": ShapelyEngine}
 # Indices that depend on the order in which things were created are not part of the state.
@@ -49,7 +50,7 @@ NOT_HASHED = frozenset({"number", "design", "contact_index", "group"})
 
 
 class EngineModel(OpenModel):
-    """A world of robots, obstacles and loads, advanced step by step; `SwarmModel` adds fires and recordings."""
+    """A world of robots, bodies and processes, advanced step by step; `SwarmModel` adds recordings."""
 
     _control: Arbiter | None = None
     _completed: int = 0
@@ -227,14 +228,13 @@ class EngineModel(OpenModel):
         ==========  ================================================  ===========================================
         phase       reads                                             writes
         ==========  ================================================  ===========================================
-        sense       position, heading, obstacles, fires               distance, kind, radiation, line, own sensors
+        sense       position, heading, bodies                         distance, kind, radiation, line, own sensors
         exchange    layer, task, sent_goal, pose, obstacles           heard_layer, heard_task, heard_from, heard_goal
         decide      what robots know (`control.Senses`)               command, layer, task, goal, sent_goal, act
         act         what actuators are set to                         what they are about
         move        command, loads, driven bodies' aims               loads, driven bodies, position, heading
-        resolve     position, obstacles, fires                        position, heading, slip, collided, contacts
-        process     position, fields                                  fields; fires' and robots' temperature, fire;
-                                                                      then what each of `processes` changes
+        resolve     position, bodies                                  position, heading, slip, collided, contacts
+        process     position, fields                                  fields; then what each of `processes` changes
         collect     everything                                        datacollector, history
         ==========  ================================================  ===========================================
 
@@ -251,6 +251,8 @@ class EngineModel(OpenModel):
         self._move()
         if self._fields is not None:
             self._advance_fields(self._fields)
+        if self._snapshots is not None:
+            self._snapshots.note()
         self._process()
         self._completed += 1
         self._collect()
@@ -414,7 +416,7 @@ class EngineModel(OpenModel):
     @property
     def contacts(self) -> "Contacts":
         """The deepest contact of every robot that collided in the last step."""
-        return Contacts.of(self.swarm, self._obstacles, self._hot_agents())
+        return Contacts.of(self.swarm, self._obstacles, {ROBOT: self.swarm.agents, SOURCE: self._heat_bodies()})
 
     def watch(
         self, last: int | None = 100, *, every: int | Trigger = 1, columns: tuple[str, ...] = DECISIONS

@@ -14,9 +14,10 @@ from mesa_swarm.world_model import World
 class Process(Protocol):
     """What happens in each step besides robots: growth, weather, a plan of moving doors; see `SwarmModel.add_process`.
 
-    Any object with `step` serves. Its attributes are part of the model's state: plain values, arrays and random
-    generators are hashed, stored and resumed. A class with other attributes has two more methods, `checkpoint`, which
-    returns all on which a later step depends, as plain values and arrays by name, and `restore`, which takes it back.
+    Any object with `step` serves; `fire.Burning` is one. Its attributes are part of the model's state: plain values,
+    arrays and random generators are hashed, stored and resumed. A class with other attributes has two more methods,
+    `checkpoint`, which returns all on which a later step depends, as plain values and arrays by name, and `restore`,
+    which takes it back.
 
     Examples
     --------
@@ -179,4 +180,5 @@ class OpenModel(World):
     def _stated_processes(self) -> Iterator[tuple[str, Any]]:
         """Iterate over the state of processes, by name."""
         for number, process in self._processes.items():
-            yield f"process {number} ({type(process).__name__})", state_of(process)
+            if state := state_of(process):
+                yield f"process {number} ({type(process).__name__})", state

@@ -112,6 +112,8 @@ class World(BodyWorld):
         InvalidValueError
             If neither or both of n and poses are given, a pose is not on the map, the robots are too small for their
             coordinates, or the control is not for such a drive.
+        UnknownNameError
+            If the design has a part for a field that the model does not have; add the field first.
 
         Examples
         --------
@@ -122,6 +124,8 @@ class World(BodyWorld):
         if not isinstance(design, RobotDesign):
             raise InvalidValueError(f"design is {shortened(design)}; expected a RobotDesign such as AGENT9")
         self.swarm.check_parts(design)
+        for part in (*design.sensors, *design.actuators):
+            part.check_model(self)
         if group != "":
             check_name("group", group)
         self._check_driven(design, group)
@@ -257,7 +261,7 @@ class World(BodyWorld):
 
     def _free_poses(self, design: RobotDesign, n: int) -> tuple[np.ndarray, np.ndarray]:
         shapes = [body.shape for body in self._obstacles if not self._is_carried(body)]
-        space = free_places(self.map.bounds, shapes, self._hot_discs()[0], design.radius)
+        space = free_places(self.map.bounds, shapes, self._heat_sources()[0], design.radius)
         old, radii, where = self.swarm.position, self.swarm.radius, f"map {self.map.name}"
         position = place_apart(n, design.radius, space, old, radii, self.streams["placement"], where)
         return position, self.streams["heading"].uniform(-np.pi, np.pi, n)

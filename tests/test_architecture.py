@@ -135,6 +135,12 @@ def test_no_module_imports_the_package_root():
     assert not [name for name in MODULES if "mesa_swarm" in imports_of(name) and not name.startswith("models/")]
 
 
+def test_the_step_and_the_physics_do_not_know_the_word_fire():
+    engine = [path for name, path in MODULES.items() if name == "model.py" or name.startswith("physics/")]
+    assert len(engine) > 10
+    assert [path.name for path in engine if "fire" in path.read_text(encoding="utf-8").lower()] == []
+
+
 def test_there_is_no_circle_of_imports():
     graph = {name: inner_imports_of(name) for name in MODULES}
     finished: set[str] = set()

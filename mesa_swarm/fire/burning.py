@@ -1,10 +1,62 @@
-"""One step of all fires and of the heat in all robots (appendix B of the thesis, corrected)."""
+"""Burning: one step of all fires and of the heat in all robots (appendix B of the thesis, corrected)."""
 
 import math
+from typing import Any
 
 from mesa_swarm.geometry.compiled import compiled
 
 NO_FIRE = -1
+
+
+class Burning:
+    """The process with which fires burn, heat the robots near them, and are put out by these.
+
+    A model has it from its first fire on, as the first of its `processes`; its constants are those of the model.
+    Without it fires stay as they are, or burn as another process lets them.
+
+    Examples
+    --------
+    >>> from mesa_swarm import SwarmModel
+    >>> model = SwarmModel(rng=1)
+    >>> fire = model.add_fire((400, 300), radius=20, temperature=0.5)
+    >>> model.processes
+    (Burning(),)
+    >>> model.run(100).fires.temperature[0] > 0.5
+    np.True_
+    >>> model.remove_process(model.processes[0])
+    >>> fire.temperature = 0.5
+    >>> model.run(100).fires.temperature[0]
+    np.float64(0.5)
+    """
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return "Burning()"
+
+    def step(self, model: Any) -> None:
+        """Let the fires of a model burn for one step."""
+        columns, fires, c = model.swarm.columns, model.fires.columns, model.fire_constants
+        scene = model._current_scene()
+        went_out = burn(
+            columns["position"],
+            columns["radius"],
+            scene.sources,
+            fires["area"],
+            (c.k1, c.k2, c.k3, c.k4, c.leave, c.join),
+            model.extinguish_range,
+            model.steps,
+            fires["temperature"],
+            fires["out"],
+            fires["out_step"],
+            fires["robots"],
+            columns["temperature"],
+            columns["heat"],
+            columns["hot"],
+            columns["fire"],
+        )
+        if went_out:
+            scene.statics.mark_hot(~fires["out"])
 
 
 @compiled

@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 from mesa_swarm.errors import InvalidValueError, RemovedRobotError, check_number
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.arena import Arena, ArenaAgent, Model
-from mesa_swarm.world.shapes import Coordinates
+from mesa_swarm.world.bodies import Body
+from mesa_swarm.world.shapes import Coordinates, Shape, disc
+from mesa_swarm.world.statics import FIRE, KINDS
 
 COLUMNS: dict[str, tuple[tuple[int, ...], type]] = {
     "position": ((2,), np.float64),
@@ -118,15 +120,15 @@ class Fires:
             setattr(self, name, view)
 
 
-class Fire(ArenaAgent):
-    """One fire: a handle on a row of `Fires`. Created by `SwarmModel.add_fire`."""
+class Fire(Body):
+    """One fire: a body that is a handle on a row of `Fires`. Created by `SwarmModel.add_fire`."""
 
     _stored_apart: ClassVar[tuple[str, ...]] = ("fires", "row")
 
     def __init__(self, space: Arena, model: Model, fires: Fires, row: int) -> None:
         self.fires = fires
         self.row = row
-        super().__init__(space, model)
+        super().__init__(space, model, KINDS[FIRE])
 
     def __repr__(self) -> str:
         if self.row < 0:
@@ -143,6 +145,11 @@ class Fire(ArenaAgent):
     @position.setter
     def position(self, value: Coordinates) -> None:
         raise InvalidValueError("fires do not move; remove this one and add another")
+
+    @property
+    def shape(self) -> Shape:  # type: ignore[override]
+        """Its body, a disc."""
+        return disc(self.position, self.radius)
 
     @property
     def radius(self) -> float:
@@ -180,7 +187,7 @@ class Fire(ArenaAgent):
     def remove(self) -> None:
         """Take the fire out of the world, between two steps."""
         row, model = self._alive(), self.model
-        super().remove()
+        ArenaAgent.remove(self)
         self.fires.remove(row)
         self.row = -1
         model.fires_changed(row)
@@ -204,6 +211,11 @@ class History:
         # The column of each fire that is there now: columns stay when fires are removed.
         self._places: list[int] = []
         self._fires = 0
+
+    @property
+    def width(self) -> int:
+        """How many fires there ever were."""
+        return self._fires
 
     @property
     def every(self) -> int:

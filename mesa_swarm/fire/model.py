@@ -4,11 +4,10 @@ import os
 from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
-import mesa
 import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, check_number, shortened
-from mesa_swarm.fire.burning import burn
+from mesa_swarm.fire.burning import Burning
 from mesa_swarm.fire.constants import FireConstants, design_constants
 from mesa_swarm.fire.fires import Fire, Fires
 from mesa_swarm.model import EngineModel
@@ -19,15 +18,15 @@ from mesa_swarm.world.map import RADIUS_OF_UNIT_AREA, Map
 from mesa_swarm.world.shapes import disc
 from mesa_swarm.world.statics import FIRE
 
+# The number under which recordings store this process.
+BURNING = 0
+
 
 class FireModel(EngineModel):
     """A world of robots, obstacles, loads and fires; the parameters are those of `SwarmModel`, which records too."""
 
     _stored_apart: ClassVar[tuple[str, ...]] = ("fires", "_fire_constants")
-    _numbers: ClassVar[dict[str, tuple[type, ...]]] = {
-        "_burns": (bool, np.bool_),
-        "extinguish_range": (float, int, np.float64),
-    }
+    _numbers: ClassVar[dict[str, tuple[type, ...]]] = {"extinguish_range": (float, int, np.float64)}
 
     def __init__(
         self,
@@ -46,7 +45,6 @@ class FireModel(EngineModel):
     ) -> None:
         self.extinguish_range = check_number("extinguish_range", extinguish_range, minimum=0, maximum=1e9)
         self.fires = Fires(history_every)
-        self._burns = False
         super().__init__(
             map=map,
             rng=rng,
@@ -108,10 +106,11 @@ class FireModel(EngineModel):
         check_number("area", area, above=0, maximum=1e12)
         check_number("temperature", temperature, above=0, maximum=1)
         self._check_clear_of_loads("fire", disc(point, radius))
+        if not self.fires.history.width:
+            self._begin_burning()
         row = self.fires.add(point, radius, area, temperature)
         fire = Fire(self.space, self, self.fires, row)
         self.fires.agents.append(fire)
-        self._burns = True
         self._scene_changed()
         return fire
 
@@ -121,49 +120,23 @@ class FireModel(EngineModel):
         self.swarm.columns["fire"].fill(-1)
         self.obstacles_changed()
 
-    def _process(self) -> None:
-        if self._burns:
-            self._burn()
-        super()._process()
-
-    def _burn(self) -> None:
-        """Let fires burn and heat robots."""
-        if self._snapshots is not None:
-            self._snapshots.note()
-        columns, fires, c = self.swarm.columns, self.fires.columns, self.fire_constants
-        scene = self._current_scene()
-        went_out = burn(
-            columns["position"],
-            columns["radius"],
-            scene.fires,
-            fires["area"],
-            (c.k1, c.k2, c.k3, c.k4, c.leave, c.join),
-            self.extinguish_range,
-            self.steps,
-            fires["temperature"],
-            fires["out"],
-            fires["out_step"],
-            fires["robots"],
-            columns["temperature"],
-            columns["heat"],
-            columns["hot"],
-            columns["fire"],
-        )
-        if went_out:
-            scene.statics.mark_burning(~fires["out"])
+    def _begin_burning(self) -> None:
+        """Add the process with which fires burn, before all others: recordings count these from 1."""
+        if BURNING not in self._processes:
+            self._processes = {BURNING: Burning(), **self._processes}
 
     def _collect(self) -> None:
         history = self.fires.history
-        if self._burns and history.trigger.is_due(self._completed):
+        if history.width and history.trigger.is_due(self._completed):
             fires = self.fires
             history.append(self.steps, fires.temperature, fires.robots, fires.out)
         super()._collect()
 
-    def _hot_discs(self) -> tuple[np.ndarray, np.ndarray]:
-        return self.fires.discs, self.fires.columns["temperature"]
-
-    def _hot_agents(self) -> Sequence[mesa.Agent]:
+    def _heat_bodies(self) -> Sequence[Fire]:
         return self.fires.agents
+
+    def _heat_sources(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.fires.discs, self.fires.columns["temperature"]
 
     def _hashed_columns(self) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
         yield from super()._hashed_columns()

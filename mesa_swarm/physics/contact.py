@@ -8,7 +8,7 @@ robots are pushed out of their way, and where one cannot leave, the body returns
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +19,7 @@ from mesa_swarm.geometry.overlap import in_polygon, nearest_on_segment, wrapped
 from mesa_swarm.physics.motion import advance, count_pieces
 from mesa_swarm.physics.moving import advance_bodies, count_body_pieces, return_bodies
 from mesa_swarm.robots.swarm import Swarm
-from mesa_swarm.world.statics import BORDER, FIRE, OBSTACLE, ROBOT
+from mesa_swarm.world.statics import BORDER, OBSTACLE, ROBOT
 
 # A centre nearer to a flat face than this share of its radius is on it, on whichever side rounding puts it: a load
 # that comes half a radius towards a robot that goes half a radius towards it.
@@ -121,7 +121,7 @@ def disc_overlap(x, y, radius, discs, k):
 class Contacts:
     """The deepest contact of every robot that collided in a step; one row per robot, by ascending unique_id.
 
-    `kind` is 0 for an obstacle or the border, 1 for a robot, 2 a fire, 3 a load. `other` is the unique_id of the other
+    `kind` is the code of one of `model.kinds`, 0 for the border as for obstacles. `other` is the unique_id of the other
     body, -1 for the border and for a body that has been removed since. `normal` (k, 2) is the unit vector from the
     other to the robot, and `depth` the overlap before it was resolved, map units.
     """
@@ -133,13 +133,12 @@ class Contacts:
     depth: np.ndarray
 
     @classmethod
-    def of(cls, swarm: Swarm, obstacles: Sequence, fires: Sequence) -> "Contacts":
-        """Collect the contacts of the last step."""
+    def of(cls, swarm: Swarm, bodies: Sequence, others: Mapping[int, Sequence]) -> "Contacts":
+        """Collect the contacts of the last step; `others` are the agents of kinds that are not listed in `bodies`."""
         rows = np.flatnonzero(swarm.collided)
         kind, index = swarm.contact_kind[rows], swarm.contact_index[rows]
-        others = {ROBOT: swarm.agents, FIRE: fires}
         ids = [
-            -1 if i == BORDER else others.get(k, obstacles)[i].unique_id
+            -1 if i == BORDER else others.get(k, bodies)[i].unique_id
             for k, i in zip(kind.tolist(), index.tolist(), strict=True)
         ]
         return cls(

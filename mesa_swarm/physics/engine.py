@@ -56,8 +56,8 @@ class CompiledEngine:
             if old:
                 hold_readings(swarm, step, *old)
         if columns["radiation"].shape[1]:
-            fires, temperature = surroundings.fires, surroundings.temperature
-            sense_radiation(position, heading, design, table.radiation, fires, temperature, columns["radiation"])
+            sources, temperature = surroundings.sources, surroundings.temperature
+            sense_radiation(position, heading, design, table.radiation, sources, temperature, columns["radiation"])
         if columns["line"].shape[1]:
             marks = surroundings.marks
             sense_line(position, heading, design, table.line, marks.edges, marks.rings, marks.discs, columns["line"])

@@ -76,7 +76,7 @@ def obstacles_of(surroundings: Surroundings) -> tuple:
     """Return what stops a broadcast, as `is_cut` takes it."""
     statics, moving = surroundings.statics, surroundings.moving
     touched = statics.grid.numbers, statics.touched_start, statics.touched_items
-    return statics.edges, statics.discs[: statics.first_fire], *touched, None if moving is None else moving.touched
+    return statics.edges, statics.discs[: statics.first_source], *touched, None if moving is None else moving.touched
 
 
 @compiled
@@ -272,7 +272,7 @@ def is_cut_by(ax, ay, bx, by, edges, discs, grid, start, items):
 
 @compiled
 def item_meets(item, ax, ay, bx, by, edges, discs):
-    """Return whether an item, see `Statics`, meets the segment a-b; an item beyond these discs is a fire."""
+    """Return whether an item, see `Statics`, meets the segment a-b; an item beyond these discs stops nothing."""
     disc = item - edges.shape[0]
     if disc < 0:
         return segments_meet(ax, ay, bx, by, edges[item, 0], edges[item, 1], edges[item, 2], edges[item, 3])

@@ -252,25 +252,25 @@ def err(distance, design, sensors, noise, draws, step, error):
 
 
 @compiled
-def sense_radiation(position, heading, design, sensors, fires, temperature, radiation):
-    """Write the highest temperature among the burning fires (x, y, radius) in each radiation sensor's sector.
+def sense_radiation(position, heading, design, sensors, sources, temperature, radiation):
+    """Write the highest temperature among the sources of heat (x, y, radius) in each radiation sensor's sector.
 
-    A fire that is out has the temperature 0.
+    A cold one has the temperature 0.
     """
     for i in range(position.shape[0]):
         d = design[i]
         cosine, sine = math.cos(heading[i]), math.sin(heading[i])
         for s in range(radiation.shape[1]):
             radiation[i, s] = 0.0
-            for f in range(fires.shape[0]):
+            for f in range(sources.shape[0]):
                 if temperature[f] <= radiation[i, s] or sensors[d, s, RANGE] < 0.0:
                     continue
-                dx, dy = fires[f, 0] - position[i, 0], fires[f, 1] - position[i, 1]
+                dx, dy = sources[f, 0] - position[i, 0], sources[f, 1] - position[i, 1]
                 x = cosine * dx + sine * dy - sensors[d, s, MOUNT_X]
                 y = cosine * dy - sine * dx - sensors[d, s, MOUNT_Y]
                 ux, uy = sensors[d, s, AXIS_X], sensors[d, s, AXIS_Y]
                 seen = sector_to_disc(
-                    x * ux + y * uy, y * ux - x * uy, fires[f, 2],
+                    x * ux + y * uy, y * ux - x * uy, sources[f, 2],
                     sensors[d, s, COS_HALF], sensors[d, s, SIN_HALF], sensors[d, s, RANGE],
                 )  # fmt: skip
                 if seen < math.inf:

@@ -16,7 +16,7 @@ from shapely.geometry.base import BaseGeometry
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RANGE, RAYS
 from mesa_swarm.robots.swarm import Swarm
-from mesa_swarm.world.statics import BORDER, FIRE, NOTHING, OBSTACLE, ROBOT
+from mesa_swarm.world.statics import BORDER, NOTHING, OBSTACLE, ROBOT, SOURCE
 
 # Between two points of a wedge's fan: its outer edge then stays beyond the range without long spikes.
 WIDEST_STEP = math.radians(60.0)
@@ -24,10 +24,10 @@ WIDEST_STEP = math.radians(60.0)
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Solids:
-    """All solid polygons and discs of a world; owners are indices of obstacles and fires.
+    """All solid polygons and discs of a world; owners are indices of shapes and of sources of heat.
 
     The first polygon is the outside of the map, as far as any sensor reaches, with owner -1. Discs are those of
-    obstacles, then those of fires. Bodies are 0 obstacle or the outside, 2 fire, burning or out, 3 load, and others.
+    shapes, then the sources of heat, hot or cold. Bodies are codes of kinds, that of an obstacle for the outside.
     """
 
     polygons: np.ndarray
@@ -49,22 +49,22 @@ class Solids:
         polygons.insert(0, (BORDER, outside(surroundings.bounds, margin)))
         discs = [(i, shape.geometry, shape.radius) for i, shape in solid if shape.is_disc]
         geometries = np.array([geometry for _, geometry in polygons])
-        fires, bodies = surroundings.fires, {BORDER: OBSTACLE, **dict(enumerate(surroundings.codes))}
+        sources, bodies = surroundings.sources, {BORDER: OBSTACLE, **dict(enumerate(surroundings.codes))}
         return cls(
             polygons=geometries,
             polygon_owner=np.array([i for i, _ in polygons]),
             polygon_body=np.array([bodies[i] for i, _ in polygons]),
             tree=STRtree(geometries),
-            centres=np.array([*(centre for _, centre, _ in discs), *shapely.points(fires[:, :2])], object),
-            radii=np.array([*(radius for _, _, radius in discs), *fires[:, 2]], float),
-            disc_owner=np.array([*(i for i, _, _ in discs), *range(len(fires))], np.int64),
-            disc_body=np.array([*(bodies[i] for i, _, _ in discs), *[FIRE] * len(fires)], np.int64),
+            centres=np.array([*(centre for _, centre, _ in discs), *shapely.points(sources[:, :2])], object),
+            radii=np.array([*(radius for _, _, radius in discs), *sources[:, 2]], float),
+            disc_owner=np.array([*(i for i, _, _ in discs), *range(len(sources))], np.int64),
+            disc_body=np.array([*(bodies[i] for i, _, _ in discs), *[SOURCE] * len(sources)], np.int64),
         )
 
-    def disc_kinds(self, burning: np.ndarray) -> np.ndarray:
-        """Return the kind of each disc as sensors see it: fires that are out are obstacles."""
+    def disc_kinds(self, hot: np.ndarray) -> np.ndarray:
+        """Return the kind of each disc as sensors see it: cold sources of heat are obstacles."""
         kinds = self.disc_body.copy()
-        kinds[len(kinds) - len(burning) :][~burning] = OBSTACLE
+        kinds[len(kinds) - len(hot) :][~hot] = OBSTACLE
         return kinds
 
     def gaps(self, places: np.ndarray) -> np.ndarray:
@@ -109,14 +109,14 @@ def sense_proximity(
 
 
 def sense_radiation(swarm: Swarm, surroundings: Surroundings, radiation: np.ndarray) -> None:
-    """Write the highest temperature among the burning fires in each radiation sensor's sector."""
-    burning = surroundings.temperature > 0
-    fires, temperature = surroundings.fires[burning], surroundings.temperature[burning]
+    """Write the highest temperature among the sources of heat in each radiation sensor's sector."""
+    hot = surroundings.temperature > 0
+    sources, temperature = surroundings.sources[hot], surroundings.temperature[hot]
     radiation[:] = 0.0
     for i, design in enumerate(swarm.design):
         for s in range(len(swarm.designs[design].radiation)):
-            view = view_of(swarm, i, swarm.table.radiation[design, s], reach_beyond(fires[:, 2]))
-            seen = [distance_to_disc(view, Point(x, y), radius) <= view.range for x, y, radius in fires]
+            view = view_of(swarm, i, swarm.table.radiation[design, s], reach_beyond(sources[:, 2]))
+            seen = [distance_to_disc(view, Point(x, y), radius) <= view.range for x, y, radius in sources]
             radiation[i, s] = temperature[seen].max(initial=0.0)
 
 

@@ -15,7 +15,7 @@ from mesa_swarm.physics.moving import Moving
 from mesa_swarm.world.bodies import Body, Load, Pose, placed
 from mesa_swarm.world.movers import Driven, Movers
 from mesa_swarm.world.shapes import Shape
-from mesa_swarm.world.statics import FIRE, LOAD, OBSTACLE, Marks, Statics
+from mesa_swarm.world.statics import LOAD, OBSTACLE, SOURCE, Marks, Statics
 
 # Loads may move this far before they are listed anew, in radii of the largest robot; and this far in one step.
 SLACK = 4.0
@@ -50,7 +50,7 @@ class Room:
     @classmethod
     def of(cls, statics: Statics, loads: tuple[Load, ...], rows: Sequence[int], movers: Movers | None) -> "Room":
         """Collect the static bodies: all shapes but those with the indices `rows`."""
-        still = ~np.isin(statics.owner, rows) | (statics.body == FIRE)
+        still = ~np.isin(statics.owner, rows) | (statics.body == SOURCE)
         lines = shapely.linestrings(statics.edges[still[: len(statics.edges)]].reshape(-1, 2, 2))
         discs = statics.discs[still[len(statics.edges) :]]
         solids = np.concatenate([lines, shapely.points(discs[:, :2])])
@@ -122,14 +122,14 @@ class Surroundings:
     """The world without its robots; shapes and temperatures are as they are now.
 
     `shapes` are obstacles, loads, marks and driven bodies (see `present_shapes`), `codes` their kinds, and `rows` the
-    indices of the loads among them, `driven` those of driven bodies, which `moving` moves. `fires` (f, 3) are x, y,
-    radius, with temperature 0 once out. `listed` are the poses of the loads when the tables were made; they may move by
-    `slack` from there. `room` is what loads may not overlap, None without loads.
+    indices of the loads among them, `driven` those of driven bodies, which `moving` moves. `sources` (k, 3) are
+    x, y, radius of bodies that radiate heat, with temperature 0 once cold. `listed` are the poses of the loads when the
+    tables were made; they may move by `slack` from there. `room` is what loads may not overlap, None without loads.
     """
 
     bounds: tuple[float, float, float, float]
     shapes: list[Shape]
-    fires: np.ndarray
+    sources: np.ndarray
     temperature: np.ndarray
     statics: Statics
     marks: Marks
@@ -147,7 +147,7 @@ class Surroundings:
         cls,
         bounds: tuple[float, float, float, float],
         shapes: Sequence[Shape],
-        fires: np.ndarray,
+        sources: np.ndarray,
         temperature: np.ndarray,
         *,
         sight: float,
@@ -171,7 +171,7 @@ class Surroundings:
         statics = Statics.of(
             bounds,
             solid,
-            fires,
+            sources,
             temperature > 0,
             sight=sight,
             touch=touch,
@@ -184,7 +184,7 @@ class Surroundings:
         return cls(
             bounds,
             list(shapes),
-            fires,
+            sources,
             temperature,
             statics,
             Marks.of(shapes),

@@ -71,13 +71,14 @@ def as_remark(interventions: Sequence[Intervention]) -> str:
 # Columns that handles set, and wheel commands, which persist where no controller decides.
 OF_ROBOTS = ("position", "heading", "command", "max_speed", "tendency", "temperature", "group")
 OF_FIRES = ("temperature", "out")
+POSES = "pose of driven bodies"
 CHANGES = (
     "set of robots, obstacles or fires",
     "an attribute set to the value that it had",
     *(f"{name} of robots" for name in OF_ROBOTS),
     *(f"{name} of fires" for name in OF_FIRES),
     "pose or resistance of loads",
-    "pose of driven bodies",
+    POSES,
     "values of fields",
 )
 ROBOTS, FIRES, BYTES = itemgetter(*OF_ROBOTS), itemgetter(*OF_FIRES), np.ndarray.tobytes
@@ -119,6 +120,15 @@ class ChangeDetector:
         different = [name for name in {**self._declared, **stated} if self._declared.get(name) != stated.get(name)]
         changes += [name for name in different if name not in changes]
         return changes or ([CHANGES[1]] if objects != self._objects else [])
+
+    def moved(self, model: FireModel) -> np.ndarray | None:
+        """Return the rows of the driven bodies that were sent elsewhere, None if any has been put elsewhere already."""
+        *placed, aim, aim_heading = self._objects[CHANGES.index(POSES)]
+        movers = model.movers
+        if placed != [movers.position.tobytes(), movers.heading.tobytes()]:
+            return None
+        sent = (movers.aim != np.frombuffer(aim).reshape(-1, 2)).any(axis=1)
+        return np.flatnonzero(sent | (movers.aim_heading != np.frombuffer(aim_heading)))
 
     def _of_objects(self, objects: tuple) -> list[str]:
         different = [name for name, was, now in zip(CHANGES, self._objects, objects, strict=True) if was != now]

@@ -11,7 +11,8 @@ from mesa.experimental.continuous_space import ContinuousSpaceAgent
 
 from mesa_swarm.control.arbiter import MOST_LAYERS
 from mesa_swarm.errors import RecordingError, SwarmError, in_words, shortened
-from mesa_swarm.fire.model import FireModel
+from mesa_swarm.fire.burning import Burning
+from mesa_swarm.fire.model import BURNING, FireModel
 from mesa_swarm.recording.collected import (
     Path,
     collected_to_json,
@@ -46,6 +47,7 @@ REFERENCES = ("of_model", "process", "layer", "field")
 # Of the state of Python's generator.
 WORDS = 625
 OURS = ("mesa_swarm.control.", "mesa_swarm.fire.")
+OF_BURNING = f"{Burning.__module__}.{Burning.__qualname__}"
 
 
 class ModelPacked(Packed):
@@ -136,7 +138,7 @@ def restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpoi
 
 
 def _restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpoint]) -> None:
-    facts, packed = checkpoint.facts, ModelPacked(model, checkpoint.arrays)
+    facts, packed = _with_burning(checkpoint.facts), ModelPacked(model, checkpoint.arrays)
     restore_objects(model, facts["things"])
     model._restore_fields(packed.unpack(facts.get("scalars", [])))
     model.fire_constants = part_from_json(facts["constants"])
@@ -160,6 +162,16 @@ def _restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpo
     model._sensed = None
     _restore_randomness(model, facts["randomness"], packed)
     model.swarm.disturbed = bool(facts["disturbed"])
+
+
+def _with_burning(facts: dict) -> dict:
+    """Return facts in which burning is a process; older checkpoints have an attribute for it."""
+    attributes = dict(facts["attributes"])
+    burns = attributes.pop("_burns", None)
+    if burns is None:
+        return facts
+    processes = [*([[BURNING, OF_BURNING, {}]] if burns["plain"] is True else []), *facts.get("processes", [])]
+    return {**facts, "attributes": attributes, "processes": processes}
 
 
 def _adopt(model: FireModel, facts: dict, packed: Packed) -> None:
@@ -334,6 +346,8 @@ def _restore_declared(model: FireModel, facts: dict, packed: ModelPacked) -> Non
     for number, process in list(model._processes.items()):
         if number not in stored:
             model.remove_process(process)
+    if BURNING in stored:
+        model._begin_burning()
     for number, (kind, state) in stored.items():
         own: Any = model._processes.get(number)
         if own is None or f"{type(own).__module__}.{type(own).__qualname__}" != kind:

@@ -416,7 +416,7 @@ def _made_driven(model: FireModel, body: dict) -> Driven:
 def _make_fire(model: FireModel) -> None:
     row = model.fires.add(np.array(model.map.bounds[:2]), 1.0, 1.0, 1.0)
     model.fires.agents.append(Fire(model.space, model, model.fires, row))
-    model._burns = True
+    model._begin_burning()
 
 
 def _check_same(model: FireModel, stored: dict, obstacles: dict) -> None:

@@ -20,11 +20,12 @@ from mesa_swarm.errors import RecordingError, UnstoredStateWarning, shortened, w
 from mesa_swarm.files import shown_path
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.observers import Observer
-from mesa_swarm.recording.changes import ChangeDetector, intervention_to_json
+from mesa_swarm.recording.changes import POSES, ChangeDetector, intervention_to_json
 from mesa_swarm.recording.checkpoint import checkpoint_of
 from mesa_swarm.recording.collected import Path as SeriesPath
 from mesa_swarm.recording.collected import check_collected, lengths_of, size_of_collected
 from mesa_swarm.recording.container import to_bytes
+from mesa_swarm.recording.hand_moves import MOST_POSES, HandMove, move_of, moves_to_bytes
 from mesa_swarm.recording.layout import DEFAULT, Chunk, Layout, population_of
 from mesa_swarm.recording.parts import control_to_json, own_code, summary
 from mesa_swarm.recording.provenance import as_metadata, from_metadata, provenance_of, scenery_of, shows
@@ -36,7 +37,7 @@ from mesa_swarm.recording.schema import (
     checked_scenery,
     longest_gap,
 )
-from mesa_swarm.recording.sealed_stream import CHANGE, CHECKPOINT, INTERVENTION, Sealed, SealedWriter
+from mesa_swarm.recording.sealed_stream import CHANGE, CHECKPOINT, INTERVENTION, MOVES, Sealed, SealedWriter
 from mesa_swarm.trigger import Trigger
 
 HASH_EVERY = 100
@@ -68,6 +69,7 @@ class RowBuffer:
         self._seen, self._scenery = _seen(model), scenery_of(model)
         self._chunk: Chunk | None = None
         self._hashed = -1
+        self._moves: list[HandMove] = []
         self._noted = len(model.events)
         self._written_at = self._synced_at = perf_counter()
 
@@ -93,14 +95,27 @@ class RowBuffer:
             self.flush()
 
     def attach(self, name: str, content: bytes, step: int) -> None:
-        """Write a piece without rows, after all rows before it."""
+        """Write a piece without rows, after all rows and moves before it."""
         self.flush()
+        self._write_moves()
         self.writer.attach(name, content, step)
+
+    def note(self, move: HandMove) -> None:
+        """Store a move, which is written before the next rows."""
+        if sum(len(one.bodies) for one in self._moves) > MOST_POSES:
+            self._write_moves()
+        self._moves.append(move)
+
+    def forget_move(self, step: int) -> None:
+        """Forget the move after a step: the next step, for which it was made, has failed."""
+        if self._moves and self._moves[-1].step == step:
+            self._moves.pop()
 
     def flush(self) -> None:
         """Write the pending rows as one chunk."""
         pending = self.rows - self.writer.sealed.rows
         if self._chunk is not None and pending:
+            self._write_moves()
             self._write(self._chunk, pending)
         self._written_at = perf_counter()
         if self._written_at - self._synced_at > MOST_SECONDS:
@@ -119,6 +134,12 @@ class RowBuffer:
         except (RecordingError, OSError):
             self.writer.abandon()
             raise
+
+    def _write_moves(self) -> None:
+        """Write the pending moves; those that Ctrl-C lets it write twice are the same."""
+        if self._moves:
+            self.writer.attach(MOVES, moves_to_bytes(self._moves), self._moves[0].step)
+            self._moves = []
 
     def _write(self, chunk: Chunk, rows: int) -> None:
         """Write the first rows of a chunk; if one has out-of-range values, write those before it and raise."""
@@ -242,7 +263,10 @@ class Recorder(Observer):
         if self.closed:
             return
         what = self._detector.changes(model)
-        if what:
+        moved = self._detector.moved(model) if what == [POSES] else None
+        if moved is not None:
+            self._guarded(self._buffer.note, move_of(model, moved, len(self._checkpoints.steps)))
+        elif what:
             model._sensed = None  # as without a recorder: columns may have been written directly
             self._guarded(self._checkpoints.put_intervention, model, what)
 
@@ -254,6 +278,7 @@ class Recorder(Observer):
     def after_failure(self, model: FireModel) -> None:
         """Record the row of a step that failed in the part of a derived class; called by the model."""
         if not self.closed:
+            self._buffer.forget_move(model.completed)
             self._put_row()
 
     def between_steps(self, model: FireModel) -> None:
@@ -415,7 +440,7 @@ def record(
     commands and layers were decided are in the row of the step before.
 
     Manual changes between two steps are detected before the next one (see `ChangeDetector`), stored, and followed by a
-    checkpoint (`Recording.interventions`).
+    checkpoint (`Recording.interventions`). Where nothing but poses of driven bodies was set, these alone are stored.
 
     Parameters
     ----------

@@ -18,10 +18,11 @@ from mesa_swarm.events import EventLog
 from mesa_swarm.recording.changes import Intervention, intervention_from_json
 from mesa_swarm.recording.container import Checkpoint, from_bytes
 from mesa_swarm.recording.frames import Event, Frame, Rows, events_of, field_names, field_values, table_of
+from mesa_swarm.recording.hand_moves import HandMove, moves_from_bytes
 from mesa_swarm.recording.layout import PIXELS, TABLES
 from mesa_swarm.recording.provenance import from_metadata, joined
 from mesa_swarm.recording.schema import check_columns, checked_content, checked_rows, checked_scenery, misplaced
-from mesa_swarm.recording.sealed_stream import CHANGE, CHECKPOINT, INTERVENTION, Piece, SealedReader
+from mesa_swarm.recording.sealed_stream import CHANGE, CHECKPOINT, INTERVENTION, MOVES, Piece, SealedReader
 
 # Decoded chunks in memory, of about 2 MB each.
 MOST_CACHED = 8
@@ -254,6 +255,19 @@ class Recording:
                 content = self._reader.content(piece)
                 found.append(intervention_from_json(piece.step, content, states if stored else None))
         return tuple(found)
+
+    @cached_property
+    def hand_moves(self) -> tuple[HandMove, ...]:
+        """Where driven bodies were sent by hand between two steps, oldest first.
+
+        Raises
+        ------
+        RecordingError
+            If they are damaged.
+        """
+        moves = (move for piece in self._attached(MOVES) for move in moves_from_bytes(self._reader.content(piece)))
+        known = {(move.step, move.after): move for move in moves}  # Ctrl-C may have had some written twice
+        return tuple(known[key] for key in sorted(known))
 
     @cached_property
     def changes(self) -> dict[int, list]:

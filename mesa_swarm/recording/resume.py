@@ -118,6 +118,7 @@ def state_at(recording: Recording, model_class: type, step: int, watch: Watch = 
     begin = rerun.model.completed
     try:
         run_to(rerun, step)
+        rerun.move_by_hand()
     except RecordingError as error:
         steps = [last_same(_nearest(recording, model_class, begin, watch), step)]
         steps = [*steps, *(one for one in recording.checkpoints if one > step)][:2]

@@ -39,8 +39,8 @@ from mesa_swarm.files import (
 
 SEAL = re.compile(rb"crc32=([0-9a-f]{8}) rows=(\d{1,18}) step=(-?\d{1,18});")
 # Names of pieces without rows.
-CHECKPOINT, CHANGE, INTERVENTION = "checkpoint", "change", "intervention"
-NAME = re.compile(rb"\0(checkpoint|change|intervention)\0")
+CHECKPOINT, CHANGE, INTERVENTION, MOVES = "checkpoint", "change", "intervention", "moves"
+NAME = re.compile(rb"\0(checkpoint|change|intervention|moves)\0")
 BEGIN_OF_MESSAGE = b"\xff\xff\xff\xff"
 END_OF_STREAM = BEGIN_OF_MESSAGE + b"\x00\x00\x00\x00"
 # Fields of flatbuffers: the header of a message; the buffers of a record batch, and their compression.

@@ -1,6 +1,7 @@
 """Running a recording again, to find the first step and robot that differ."""
 
 import os
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -35,7 +36,8 @@ class Rerun:
 
     `model` is another one after each intervention; `taken` are those after which it continued from a stored state.
     `checkpoint` is the index of the stored state from which it began, -1 if it was started again, and `begin` names
-    that state as text to follow a verdict. `watch` is called with the model after each step.
+    that state as text to follow a verdict. `moved` are the steps after which bodies were moved by hand. `watch` is
+    called with the model after each step.
     """
 
     def __init__(
@@ -50,12 +52,26 @@ class Rerun:
         # Where a step failed and was taken again there are several: the last one includes all changes.
         last = {one.step: one for one in recording.interventions}.values()
         self._ahead = [one for one in last if one.step >= first and (one.checkpoint is None or one.checkpoint > has)]
+        self._moves = deque(one for one in recording.hand_moves if one.step >= first and one.after > has)
+        self.moved: set[int] = set()
 
     def to(self, step: int) -> None:
         """Run to a later step, unless the model was changed by hand in between and the state after it is not stored."""
         while self._ahead and self._ahead[0].step < step:
-            run_on(self.model, self._ahead[0].step, self._watch)
+            self._run_on(self._ahead[0].step)
             self._take(self._ahead[0])
+        self._run_on(step)
+
+    def move_by_hand(self) -> None:
+        """Repeat the moves that were made by hand after the present step."""
+        while self._moves and self._moves[0].step == self.model.completed:
+            self._moves[0].apply(self.model)
+            self.moved.add(self._moves.popleft().step)
+
+    def _run_on(self, step: int) -> None:
+        while self._moves and self._moves[0].step < step:
+            run_on(self.model, self._moves[0].step, self._watch)
+            self.move_by_hand()
         run_on(self.model, step, self._watch)
 
     def frame(self, frame: Frame) -> Frame:
@@ -87,6 +103,8 @@ class Rerun:
         self._states = states_to(self.recording, intervention.checkpoint, self._states)
         self.model = restored(self.recording, type(self.model), self._states)
         self.taken += (self._ahead.pop(0),)
+        while self._moves and self._moves[0].after <= intervention.checkpoint:
+            self._moves.popleft()  # the state includes them
 
 
 def _layout_of(recording: Recording, model: FireModel) -> Layout:
@@ -179,6 +197,8 @@ class Verification:
     text : str
     interventions : tuple of Intervention
         Manual changes up to there, which are taken from the recording and not verified.
+    moved : int
+        Number of steps after which driven bodies were moved by hand, which is repeated as recorded.
     """
 
     same: bool
@@ -188,9 +208,10 @@ class Verification:
     column: str | None = None
     text: str = ""
     interventions: tuple[Intervention, ...] = ()
+    moved: int = 0
 
     def __str__(self) -> str:
-        return self.text + as_remark(self.interventions)
+        return self.text + as_remark(self.interventions) + _moved_by_hand(self.moved)
 
 
 def verify(recording: Recording | str | os.PathLike[str], model_class: type, progress: bool = False) -> Verification:
@@ -236,7 +257,14 @@ def verify(recording: Recording | str | os.PathLike[str], model_class: type, pro
     verdict = replace(verdict, text=verdict.text + rerun.begin)
     if recording.damage:
         verdict = replace(verdict, same=False, text=f"{verdict.text}; {recording.path} {recording.damage}")
-    return replace(verdict, interventions=rerun.taken)
+    return replace(verdict, interventions=rerun.taken, moved=len(rerun.moved))
+
+
+def _moved_by_hand(steps: int) -> str:
+    """Return what a verdict adds about moves, an empty text if there were none."""
+    if not steps:
+        return ""
+    return f"; bodies moved by hand after {steps} step{'s' if steps > 1 else ''} (repeated as recorded)"
 
 
 def run_to(rerun: Rerun, step: int) -> None:

@@ -76,7 +76,7 @@ class Emitter(Actuator):
     Parameters
     ----------
     field : str
-        The name of a field of the model.
+        The name of a field of the model, which has to be there before the robots.
     mount : (x, y)
         Where it deposits, in the robot's frame (x ahead, y left); beyond the border, at the nearest place on the map.
     rate : float
@@ -109,6 +109,10 @@ class Emitter(Actuator):
         object.__setattr__(self, "mount", check_mount(self.mount))
         check_number("rate", self.rate, minimum=0, maximum=LARGEST_AMOUNT)
         object.__setattr__(self, "name", self.name or self.field)
+
+    def check_model(self, model: Any) -> None:
+        """Refuse a model without the field."""
+        _ = model.fields[self.field]
 
     def apply(self, model: Any, rows: np.ndarray) -> None:
         """Deposit what the robots in these rows have set."""

@@ -87,6 +87,9 @@ class RobotPart:
         """Return further arrays and numbers by name, which its function may take; called before each use."""
         return {}
 
+    def check_model(self, model: Any) -> None:
+        """Raise an error if a model lacks what the part needs, such as a field; called before robots are added."""
+
 
 def check_identifier(what: str, name: object, taken: Container[str] = ()) -> str:
     """Return a name that can be written after a dot, as in ``me.compass``, and is not taken.

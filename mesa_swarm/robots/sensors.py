@@ -230,7 +230,7 @@ class FieldSensor(Sensor):
     Parameters
     ----------
     field : str
-        The name of a field of the model.
+        The name of a field of the model, which has to be there before the robots.
     mount : (x, y)
         The point, in the robot's frame (x ahead, y left). Where it is beyond the map, or in an obstacle, it reads the
         nearest place that is not.
@@ -262,6 +262,10 @@ class FieldSensor(Sensor):
             raise InvalidValueError("mount is None; expected (x, y) in the robot's frame")
         object.__setattr__(self, "mount", check_mount(self.mount))
         object.__setattr__(self, "name", self.name or self.field)
+
+    def check_model(self, model: Any) -> None:
+        """Refuse a model without the field."""
+        _ = model.fields[self.field]
 
     def arguments(self, model: Any) -> Mapping[str, Any]:
         """Return the field as `geometry.diffusion` takes it."""

@@ -25,7 +25,7 @@ DECISIONS = (
     "heard_from",
     "heard_goal",
 )
-# What burning overwrites after robots have decided on it.
+# What processes overwrite after robots have decided on it.
 HEAT = ("temperature", "heat", "hot", "fire")
 
 
@@ -64,7 +64,7 @@ class Snapshots:
         return self.trigger.every
 
     def note(self) -> None:
-        """Store the heat that robots decided on, before burning overwrites it."""
+        """Store the heat that robots decided on, before a process overwrites it."""
         self._noted = {name: self._swarm.columns[name].copy() for name in HEAT if name in self.columns}
 
     def forget(self) -> None:

@@ -169,9 +169,10 @@ def _antiderivative(tangent: float) -> float:
 
 
 class Body(ArenaAgent):
-    """Whatever has a shape and can be seen and bumped into, besides robots and fires; or a mark on the ground.
+    """Whatever has a shape and can be seen and bumped into, besides robots; or a mark on the ground.
 
-    `World.add_body` makes an `Obstacle`, which stands still, a `Load`, which robots push, or a `Driven` body.
+    `World.add_body` makes an `Obstacle`, which stands still, a `Load`, which robots push, or a `Driven` body. A `Fire`
+    is one too.
 
     Attributes
     ----------

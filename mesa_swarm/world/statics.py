@@ -11,6 +11,7 @@ from mesa_swarm.geometry.grid import Grid, list_boxes_by_cell
 from mesa_swarm.world.shapes import Shape
 
 OBSTACLE, ROBOT, FIRE, LOAD, NOTHING = 0, 1, 2, 3, -1
+SOURCE = FIRE  # what radiates heat
 # The names of these kinds; custom ones follow, as far as the code fits into a byte.
 KINDS = ("obstacle", "robot", "fire", "load")
 MOST_KINDS = 127
@@ -33,12 +34,12 @@ class Statics:
     edges : ndarray, shape (m, 4)
         ax, ay, bx, by; the solid side is on the left. The first four are the map's border.
     discs : ndarray, shape (k, 3)
-        x, y, radius; those of fires from row `first_fire` on.
+        x, y, radius; those of sources of heat from row `first_source` on.
     owner : int64 ndarray, shape (m + k,)
-        Index of the obstacle or of the fire that an item belongs to, -1 for the border.
+        Index of the shape or of the source of heat that an item belongs to, -1 for the border.
     kind, body : int8 ndarrays, shape (m + k,)
         Of the item as sensors see it, and of the body: 0 obstacle or border, 2 fire, 3 load, from 4 on custom
-        kinds. A fire that is out is seen as an obstacle, and remains a fire to bump into.
+        kinds. A cold source, a fire that is out, is seen as an obstacle, and remains a fire to bump into.
     rings : int64 ndarray, shape (p, 2)
         First edge, and one past the last, of every solid polygon.
     bounds : ndarray, shape (4,)
@@ -60,15 +61,15 @@ class Statics:
     seen_items: np.ndarray
     touched_start: np.ndarray
     touched_items: np.ndarray
-    first_fire: int
+    first_source: int
 
     @classmethod
     def of(
         cls,
         bounds: tuple[float, float, float, float],
         shapes: Sequence[Shape],
-        fires: np.ndarray,
-        burning: np.ndarray,
+        sources: np.ndarray,
+        hot: np.ndarray,
         *,
         sight: float,
         touch: float,
@@ -77,7 +78,7 @@ class Statics:
         codes: Sequence[int] = (),
         driven: Sequence[int] = (),
     ) -> "Statics":
-        """Collect the border, the solid shapes and the fires (x, y, radius) of a world.
+        """Collect the border, the solid shapes and the sources of heat (x, y, radius) of a world.
 
         Sensors reach `sight` from a robot's centre, and a body within `touch` of it can be touched within a step. The
         shapes with the indices `loads` may move by `slack` before they have to be listed anew, those with the indices
@@ -86,17 +87,17 @@ class Statics:
         solid = [(i, shape) for i, shape in enumerate(shapes) if shape.contact]
         edges, edge_owner, rings = _edges_of(solid, _border(bounds))
         discs, disc_owner = _discs_of(solid)
-        owner = np.concatenate([edge_owner, disc_owner, np.arange(len(fires))])
+        owner = np.concatenate([edge_owner, disc_owner, np.arange(len(sources))])
         body = np.zeros(len(owner), np.int8)
-        body[len(owner) - len(fires) :] = FIRE
+        body[len(owner) - len(sources) :] = SOURCE
         of_shape = (body == OBSTACLE) & (owner != BORDER)
         is_load = of_shape & np.isin(owner, loads)
         body[is_load] = LOAD
         if len(codes):
             body[of_shape] = np.array(codes, np.int8)[owner[of_shape]]
         kind = body.copy()
-        kind[len(owner) - len(fires) :][~burning] = OBSTACLE
-        discs = np.concatenate([discs, fires.reshape(-1, 3)])
+        kind[len(owner) - len(sources) :][~hot] = OBSTACLE
+        discs = np.concatenate([discs, sources.reshape(-1, 3)])
         boxes = _boxes(edges, discs)
         boxes[is_load] += slack * np.array([-1.0, -1.0, 1.0, 1.0])
         still = np.flatnonzero(~(of_shape & np.isin(owner, driven)))
@@ -118,16 +119,16 @@ class Statics:
             seen_items=still[seen_items],
             touched_start=touched[0],
             touched_items=still[touched[1] + 4],
-            first_fire=len(discs) - len(fires),
+            first_source=len(discs) - len(sources),
         )
 
-    def mark_burning(self, burning: np.ndarray) -> None:
-        """Update the kinds that sensors see: fires that are out are obstacles."""
-        self.kind[len(self.edges) + self.first_fire :] = np.where(burning, FIRE, OBSTACLE)
+    def mark_hot(self, hot: np.ndarray) -> None:
+        """Update the kinds that sensors see: cold sources of heat are obstacles."""
+        self.kind[len(self.edges) + self.first_source :] = np.where(hot, SOURCE, OBSTACLE)
 
     def rows_of(self, index: int) -> np.ndarray:
         """Return the items of a shape."""
-        return np.flatnonzero((self.owner == index) & (self.body != FIRE))
+        return np.flatnonzero((self.owner == index) & (self.body != SOURCE))
 
     def follow(self, index: int, shape: Shape) -> None:
         """Write the present shape of a load into its rows; its corners must be in the same order as before."""

@@ -369,11 +369,11 @@ def test_contacts_are_listed_with_the_numbers_of_both_bodies():
         collided=collided, contact_kind=kinds, contact_index=index, agents=robots,
         contact_normal=np.arange(10.0).reshape(5, 2), contact_depth=np.arange(5.0),
     )  # fmt: skip
-    found = Contacts.of(swarm, obstacles, fires)
+    found = Contacts.of(swarm, obstacles, {ROBOT: robots, FIRE: fires})
     assert (found.robot.tolist(), found.kind.tolist()) == ([100, 101, 102, 103, 104], kinds.tolist())
     assert found.other.tolist() == [103, 202, 301, -1, 204]
     collided[[0, 2, 3]] = False
-    found = Contacts.of(swarm, obstacles, fires)
+    found = Contacts.of(swarm, obstacles, {ROBOT: robots, FIRE: fires})
     assert (found.robot.tolist(), found.other.tolist()) == ([101, 104], [202, 204])
     assert (found.normal.tolist(), found.depth.tolist()) == ([[2.0, 3.0], [8.0, 9.0]], [1.0, 4.0])
 

@@ -192,11 +192,11 @@ def test_a_broadcast_is_cut_where_the_line_meets_an_obstacle_and_not_by_fires(se
     (ax, ay), (bx, by) = rng.uniform(BOUNDS[:2], BOUNDS[2:], (2, 2))
     if rng.random() < 0.2:
         bx = ax
-    obstacles = s.edges, s.discs[: s.first_fire], s.grid.numbers, s.touched_start, s.touched_items, None
+    obstacles = s.edges, s.discs[: s.first_source], s.grid.numbers, s.touched_start, s.touched_items, None
     line = shapely.LineString([(ax, ay), (bx, by)])
     outlines = [polygon.boundary for polygon in WORLD.solids.polygons[1:]]
     gaps = [outline.distance(line) for outline in outlines]
-    gaps += [line.distance(shapely.Point(x, y)) - r for x, y, r in s.discs[: s.first_fire]]
+    gaps += [line.distance(shapely.Point(x, y)) - r for x, y, r in s.discs[: s.first_source]]
     assume(min(map(abs, gaps)) == 0.0 or min(map(abs, gaps)) > 1e-6)
     assert is_cut(ax, ay, bx, by, obstacles) == is_cut(bx, by, ax, ay, obstacles) == (min(gaps) <= 0.0)
 

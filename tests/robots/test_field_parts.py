@@ -1,11 +1,24 @@
 """Sensors of fields and emitters into them: where they are on a robot, what they read and give, what is refused."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
-from mesa_swarm import AGENT3, Emitter, Field, FieldSensor, Recording, RobotDesign, SwarmModel, rectangle
+from mesa_swarm import (
+    AGENT3,
+    Actuator,
+    Emitter,
+    Field,
+    FieldSensor,
+    Radio,
+    Recording,
+    RobotDesign,
+    SwarmModel,
+    rectangle,
+)
 from mesa_swarm.control import Subsumption, behaviour
-from mesa_swarm.errors import BehaviourError, SwarmError
+from mesa_swarm.errors import BehaviourError, InvalidValueError, SwarmError
 from mesa_swarm.recording import verify
 
 ANTENNAE = FieldSensor(field="trail", mount=(5, 2)), FieldSensor(field="trail", mount=(5, -2))
@@ -113,15 +126,36 @@ def test_less_than_nothing_cannot_be_emitted():
     assert field.total == before
 
 
-def test_an_error_about_a_missing_field_names_the_ones_there_are():
+def test_robots_with_a_part_for_a_missing_field_are_refused_in_one_line_that_names_the_fields():
     model = SwarmModel(rng=1)
-    model.add_robots(RobotDesign(sensors=(FieldSensor(field="trail"),)), 1)
-    with pytest.raises(SwarmError, match=r"unknown field 'trail'; add it with model.add_field"):
-        model.step()
+    before = model.state_hash()
+    with pytest.raises(SwarmError, match=r"^unknown field 'trail'; add it with model.add_field\(Field\(...\)\)$"):
+        model.add_robots(RobotDesign(sensors=(FieldSensor(field="trail"),)), 1)
+    assert model.state_hash() == before
+    assert not model.swarm.designs
     model, _ = world()
-    model.add_robots(RobotDesign(actuators=(Emitter(field="trial"),)), 1)
-    with pytest.raises(SwarmError, match=r"unknown field 'trial'; did you mean 'trail'"):
-        model.step()
+    with pytest.raises(SwarmError, match=r"^unknown field 'trial'; did you mean 'trail'.*"):
+        model.add_robots(RobotDesign(actuators=(Emitter(field="trial"),)), 1)
+    assert not len(model.robots)
+    assert model.run(2).steps == 2
+    model.add_field(Field("trial"))
+    assert len(model.add_robots(RobotDesign(actuators=(Emitter(field="trial"),)), 1)) == 1
+
+
+def test_a_custom_part_may_refuse_a_model_before_robots_are_added():
+    @dataclass(frozen=True, kw_only=True)
+    class Beeper(Actuator):
+        name: str = "beep"
+
+        def check_model(self, model):
+            if model.communication is None:
+                raise InvalidValueError("a Beeper needs model.communication; set it first")
+
+    model = SwarmModel(rng=1)
+    with pytest.raises(InvalidValueError, match=r"^a Beeper needs model.communication"):
+        model.add_robots(RobotDesign(actuators=(Beeper(),)), 1)
+    model.communication = Radio(range=100)
+    assert len(model.add_robots(RobotDesign(actuators=(Beeper(),)), 1)) == 1
 
 
 @pytest.mark.parametrize(

@@ -73,13 +73,13 @@ def test_every_solid_shape_has_its_rows_and_every_row_its_owner_and_kind(seed):
             left = (ax + bx) / 2 - 1e-6 * (by - ay) / length, (ay + by) / 2 + 1e-6 * (bx - ax) / length
             assert shape.geometry.contains(shapely.Point(left))
     assert next(rings, None) is None
-    assert statics.first_fire == len(discs) - len(fires)
-    assert discs[statics.first_fire :].tolist() == fires.tolist()
-    of_fires = slice(m + statics.first_fire, None)
+    assert statics.first_source == len(discs) - len(fires)
+    assert discs[statics.first_source :].tolist() == fires.tolist()
+    of_fires = slice(m + statics.first_source, None)
     assert statics.owner[of_fires].tolist() == list(range(len(fires)))
     assert (statics.body[of_fires] == FIRE).all()
     assert statics.kind[of_fires].tolist() == [FIRE if burns else OBSTACLE for burns in burning]
-    statics.mark_burning(~burning)
+    statics.mark_hot(~burning)
     assert statics.kind[of_fires].tolist() == [OBSTACLE if burns else FIRE for burns in burning]
     assert (statics.body[of_fires] == FIRE).all()
     assert (statics.kind[: of_fires.start] == statics.body[: of_fires.start]).all()
