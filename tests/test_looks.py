@@ -16,7 +16,6 @@ from mesa_swarm.dashboard.session import Session
 from mesa_swarm.errors import InvalidValueError, RecordingError, SwarmError, UnknownNameError
 from mesa_swarm.looks import LABEL_BYTES, label_bytes, looks_of, themed
 from mesa_swarm.recording.frames import frame_of
-from mesa_swarm.recording.layout import DEFAULT
 from mesa_swarm.recording.schema import checked_scenery
 from mesa_swarm.viewing.export import export
 from mesa_swarm.viewing.packing import PACKED_FROM, packed_chunk, packed_frame
@@ -297,7 +296,7 @@ class Turning(SwarmModel):
 
 def moving_drawing(folder, ending=".svg"):
     model = Turning(rng=1)
-    with model.record(folder / "run.arrow", columns=[*DEFAULT, "number"]):
+    with model.record(folder / "run.arrow"):
         model.run(3)
     export(folder / "run.arrow", folder / f"run{ending}", **({"animate": True} if ending == ".svg" else {}))
     return folder / f"run{ending}"
@@ -310,6 +309,14 @@ def test_an_animation_has_the_colours_of_values_and_the_labels(tmp_path):
     assert robots == [colours[8], colours[-1]]
     labels = [re.findall(r">(\d)</text>", group) for group in re.findall(r'<g class="label".*?</g>', text)]
     assert labels == [["0"], ["1", "2", "3"]]
+
+
+def test_a_recording_has_the_columns_that_looks_name_unless_others_are_asked_for(tmp_path):
+    moving_drawing(tmp_path)
+    assert {"heading", "number"} < set(Recording(tmp_path / "run.arrow").columns)
+    with Turning(rng=1).record(tmp_path / "few.arrow", columns=("position",)) as recorder:
+        assert len(recorder) == 0
+    assert Recording(tmp_path / "few.arrow").columns == ("position",)
 
 
 def test_an_animation_names_what_its_colours_mean(tmp_path):

@@ -479,6 +479,7 @@ class Player {
     });
     const text = document.createElement("span");
     text.textContent = item.title = label;
+    item.classList.toggle("wide", name.startsWith("fields."));
     item.append(box, text);
     return item;
   }

@@ -6,7 +6,6 @@ import pytest
 
 from mesa_swarm import AGENT9, ColourMap, Field, Looks, Recording, SwarmModel, disc
 from mesa_swarm.recording.frames import frame_of
-from mesa_swarm.recording.layout import DEFAULT
 from mesa_swarm.viewing import palette, text_of
 from mesa_swarm.viewing.packing import PACKED_FROM, packed_frame
 from mesa_swarm.viewing.palette import DARK, LIGHT, PALETTES, rgb
@@ -114,7 +113,7 @@ class Fading(Marked):
 
 def test_a_replay_switches_and_names_fields_until_they_are_removed(chromium, tmp_path):
     model = Fading(rng=1)
-    with model.record(tmp_path / "run.arrow", columns=[*DEFAULT, "number"]):
+    with model.record(tmp_path / "run.arrow"):
         model.run(5)
     (tmp_path / "run.html").write_text(replay_page(Recording(tmp_path / "run.arrow")), encoding="utf-8")
     page, complaints = blank_page(chromium), []
