@@ -17,8 +17,11 @@ from mesa_swarm.recording.checkpoint import (
     ModelPacked,
     attribute_from_json,
     attribute_to_json,
+    make_removed,
     own_attributes,
     own_attributes_of_agent,
+    removed_to_json,
+    restore_removed,
 )
 from mesa_swarm.recording.collected import reporters_of, set_clock
 from mesa_swarm.recording.parts import family, objects_to_json, other_agents, restore_objects
@@ -301,7 +304,7 @@ def _take_randomness(new: FireModel, old: FireModel) -> None:
 def _take_values(new: FireModel, old: FireModel, fresh: FireModel) -> None:
     """Copy what the run has changed in attributes, the declared state, processes, custom layers and other agents."""
     there = ModelPacked(old)
-    here = ModelPacked(new, there.arrays)
+    here, there.removed = ModelPacked(new, there.arrays), {}
     if new._processes.keys() < old._processes.keys():
         raise InvalidValueError("the change makes a model with fewer processes; change parameters that leave them")
     for number in new._processes.keys() - old._processes.keys():
@@ -314,7 +317,9 @@ def _take_values(new: FireModel, old: FireModel, fresh: FireModel) -> None:
             if name not in first or fingerprint(value) != fingerprint(first[name]):
                 with suppress(RecordingError):  # follows from the parameters
                     content = _of_columns(attribute_to_json(value, name, there), renamed, new)
+                    make_removed(here, removed_to_json(there))
                     mine[name] = attribute_from_json(mine.get(name), name, content, here)
+    restore_removed(here, removed_to_json(there))
     new.events.replace({name: list(series) for name, series in old.events.series().items()})
     new.obstacles_changed()
 
