@@ -1,11 +1,14 @@
 """Looks that models declare: what is refused, and what reaches pictures, pages, recordings and charts."""
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.colors import to_hex
 from matplotlib.patches import Patch
+from PIL import Image
 
 from mesa_swarm import AGENT9, Chart, ColourMap, Looks, Recording, SwarmModel, disc
 from mesa_swarm.dashboard.series import Series
@@ -14,8 +17,9 @@ from mesa_swarm.errors import InvalidValueError, RecordingError, SwarmError, Unk
 from mesa_swarm.looks import LABEL_BYTES, label_bytes, looks_of, themed
 from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.recording.schema import checked_scenery
+from mesa_swarm.viewing.export import export
 from mesa_swarm.viewing.packing import PACKED_FROM, packed_chunk, packed_frame
-from mesa_swarm.viewing.palette import LIGHT, VALUE_STEPS, value_steps
+from mesa_swarm.viewing.palette import LIGHT, VALUE_STEPS, value_colours, value_steps
 from mesa_swarm.viewing.pictures import legend_of, world_figure
 from mesa_swarm.viewing.scene import scene_of, scene_of_recording
 from support.unpacking import unpacked_chunk, unpacked_frame
@@ -138,7 +142,7 @@ def test_pictures_have_the_colours_and_texts_and_name_them_in_the_legend():
     assert drawn["obstacles"].get_facecolor()[0, :3] == pytest.approx([0x11 / 255, 0x22 / 255, 0x33 / 255])
     assert [text.get_text() for text in axes.texts] == ["one", "é" * 12]
     labels = [entry.get_label() for entry in legend_of(model)]
-    assert labels[-3:] == ["robot, x = 0", "robot, x = 400", "robot, x = 800"]
+    assert labels[-1] == "robot, x, 0 to 800"
 
 
 class Pucks(SwarmModel):
@@ -166,6 +170,12 @@ def test_bodies_of_own_kinds_have_their_colours_and_are_named_in_the_legend():
     assert world["shapes"][-1]["kind"] == "nest"
     assert [load["kind"] for load in world["loads"]] == ["puck", "stone"]
     assert world["looks"]["kinds"]["dark"] == {"puck": "#c08030", "nest": "#d0e0f0"}
+    assert [entry["name"] for entry in world["legend"]] == ["obstacle", "stone", "nest", "puck"]
+    assert world["legend"][-2]["dark"] == ["#d0e0f0"]
+
+
+def test_the_usual_bodies_are_not_in_the_legend_of_a_page():
+    assert scene_of(SwarmModel(rng=1)).world()["legend"] == []
 
 
 def test_a_recording_is_replayed_with_the_looks_of_its_columns(tmp_path):
@@ -266,3 +276,68 @@ def test_a_page_shows_a_wrong_column_as_an_error_and_goes_on():
     session = Session("wrong", find=lambda name: Wrong)
     assert "unknown column 'nothing'" in session.error
     session.close()
+
+
+class Turning(SwarmModel):
+    """Robots in colours of their headings, with the numbers of their tasks, which change."""
+
+    looks = Looks(kinds={"nest": "#d0e0f0"}, column=ColourMap("heading", 0, 1, label="way"), label="number")
+
+    def __init__(self, *, rng=None):
+        super().__init__(map="openspace", rng=rng)
+        self.add_body(disc((400, 200), 20), kind="nest", mode="fixed")
+        self.add_robots(AGENT9, poses=[(100, 300, 0.0), (200, 300, 1.0)])
+
+    def step(self):
+        super().step()
+        self.robots[0].heading = 0.5
+        self.swarm.columns["number"][1] = self.completed
+
+
+def moving_drawing(folder, ending=".svg"):
+    model = Turning(rng=1)
+    with model.record(folder / "run.arrow"):
+        model.run(3)
+    export(folder / "run.arrow", folder / f"run{ending}", **({"animate": True} if ending == ".svg" else {}))
+    return folder / f"run{ending}"
+
+
+def test_an_animation_has_the_colours_of_values_and_the_labels(tmp_path):
+    text = moving_drawing(tmp_path).read_text()
+    colours = value_colours(Turning.looks.as_json(), "light")
+    robots = re.findall(r'class="robot" data-robot="\d+" fill="(#\w+)"', text)
+    assert robots == [colours[8], colours[-1]]
+    labels = [re.findall(r">(\d)</text>", group) for group in re.findall(r'<g class="label".*?</g>', text)]
+    assert labels == [["0"], ["1", "2", "3"]]
+
+
+def test_a_recording_has_the_columns_that_looks_name_unless_others_are_asked_for(tmp_path):
+    moving_drawing(tmp_path)
+    assert {"heading", "number"} < set(Recording(tmp_path / "run.arrow").columns)
+    with Turning(rng=1).record(tmp_path / "few.arrow", columns=("position",)) as recorder:
+        assert len(recorder) == 0
+    assert Recording(tmp_path / "few.arrow").columns == ("position",)
+
+
+def test_an_animation_names_what_its_colours_mean(tmp_path):
+    written = re.findall(r">([^<>]+)</text>", moving_drawing(tmp_path).read_text())
+    assert written[-3:] == ["obstacle", "nest", "robot, way, 0 to 1"]
+
+
+def test_a_film_has_a_legend_below_the_world_and_the_colours_of_kinds(tmp_path):
+    with Image.open(moving_drawing(tmp_path, ".gif")) as film:
+        image = film.convert("RGB")
+    assert image.width == 808
+    assert image.height > 640
+    assert image.getpixel((4 + 400, 36 + 400)) == (0xD0, 0xE0, 0xF0)
+    foot = np.array(image)[640:].reshape(-1, 3)
+    assert (foot == (0xD0, 0xE0, 0xF0)).all(axis=1).sum() > 50
+
+
+def test_a_film_of_a_model_without_own_looks_is_as_large_as_before(tmp_path):
+    model = SwarmModel(map="openspace", rng=1)
+    with model.record(tmp_path / "run.arrow"):
+        model.run(2)
+    export(tmp_path / "run.arrow", tmp_path / "run.gif")
+    with Image.open(tmp_path / "run.gif") as film:
+        assert film.size == (808, 640)

@@ -4,7 +4,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from cmaes import CMA
 
 from mesa_swarm.errors import InvalidValueError, LearningError, check_count, check_number, shortened
 
@@ -50,6 +49,8 @@ class Evolution:
             first = np.empty(0)
         if first.ndim != 1 or len(first) < 2 or not np.isfinite(first).all():
             raise InvalidValueError(f"start is {shortened(start)}; expected a row of at least two finite numbers")
+        from cmaes import CMA  # noqa: PLC0415 - it loads scipy.stats, for which models do not wait
+
         self.population = check_count("population", population, minimum=4, maximum=10_000)
         self._search = CMA(
             mean=first,

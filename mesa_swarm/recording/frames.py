@@ -14,7 +14,7 @@ from mesa_swarm.fire.model import FireModel
 from mesa_swarm.looks import looks_of
 from mesa_swarm.recording.layout import PIXELS, READINGS, TABLES, field_type, is_table
 from mesa_swarm.world.fields import levels_of, values_of
-from mesa_swarm.world.statics import FIRE
+from mesa_swarm.world.statics import FIRE, KINDS, LOAD
 
 # Fewest robots that collide in one step of a burst, and the most steps without such a step within it.
 BURST_ROBOTS = 5
@@ -138,7 +138,9 @@ def field_names(columns: Iterable[str]) -> tuple[str, ...]:
 def field_levels(frame: Frame, name: str) -> np.ndarray:
     """Return the picture of a field in a frame, uint8 (rows, columns), row 0 at the bottom, see `levels_of`."""
     pixels = frame[PIXELS + name]
-    return pixels if pixels.dtype == np.uint8 else levels_of(pixels, _peak(frame, name))
+    if pixels.dtype == np.uint8 or not pixels.size:
+        return pixels.astype(np.uint8, copy=False)
+    return levels_of(pixels, _peak(frame, name) or pixels.max())
 
 
 def field_values(frame: Frame, name: str) -> np.ndarray:
@@ -149,6 +151,11 @@ def field_values(frame: Frame, name: str) -> np.ndarray:
     """
     pixels = frame[PIXELS + name]
     return values_of(pixels, _peak(frame, name)) if pixels.dtype == np.uint8 else pixels
+
+
+def field_peaks(frame: Frame, names: Sequence[str]) -> list[float]:
+    """Return the largest value so far of each field of these names, 0 where it is not known."""
+    return [_peak(frame, name) if PIXELS + name in frame.columns else 0.0 for name in names]
 
 
 def _peak(frame: Frame, name: str) -> float:
@@ -229,13 +236,15 @@ def _array(values: pa.Array) -> np.ndarray:
     return values.to_numpy(zero_copy_only=False)  # of numbers a read-only view
 
 
-def table_of(frames: Iterable[Frame], table: str) -> pd.DataFrame:
+def table_of(frames: Iterable[Frame], table: str, kinds: Mapping[int, str] | None = None) -> pd.DataFrame:
     """Return the rows of frames as a table for people, see `Recording.to_pandas`.
+
+    `kinds` has the kind of each load by unique_id, where it is not the usual one.
 
     Robots and loads have their unique_id. Fires are numbered 1, 2, ... as in pictures: in the column `fire` of fires
     and of robots (there -1 for no fire), and as what robots met in contacts, if fires were recorded as well.
     """
-    parts = [_robot_table(frame) if table == "robots" else _table(frame, table) for frame in frames]
+    parts = [_robot_table(frame) if table == "robots" else _table(frame, table, kinds or {}) for frame in frames]
     names = parts[0].keys() if parts else ("step",)
     return pd.DataFrame({name: np.concatenate([part[name] for part in parts] or [np.empty(0)]) for name in names})
 
@@ -254,10 +263,15 @@ def _robot_table(frame: Frame) -> dict[str, np.ndarray]:
     return flat
 
 
-def _table(frame: Frame, name: str) -> dict[str, np.ndarray]:
+def _table(frame: Frame, name: str, kinds: Mapping[int, str]) -> dict[str, np.ndarray]:
     rows = frame[name]
     columns = {"step": np.full(len(rows), frame.step), **{field: rows[field] for field in rows.dtype.names or ()}}
-    if name == "fires":
+    if name == "loads":
+        columns["kind"] = np.array([kinds.get(load, KINDS[LOAD]) for load in rows["load"].tolist()], object)
+    elif name == "fields":
+        names = field_names(frame.columns)
+        columns["name"] = np.array([names[place] if place < len(names) else "" for place in rows["field"]], object)
+    elif name == "fires":
         columns["fire"] = np.arange(1, len(rows) + 1, dtype=rows["fire"].dtype)
     elif name == "contacts" and "fires" in frame.columns:
         numbers = {fire: number for number, fire in enumerate(frame["fires"]["fire"].tolist(), start=1)}

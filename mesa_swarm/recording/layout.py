@@ -8,6 +8,7 @@ import pyarrow as pa
 
 from mesa_swarm.errors import LONGEST_NAME, InvalidValueError, RecordingError, UnknownNameError, shortened, unknown_name
 from mesa_swarm.fire.model import FireModel
+from mesa_swarm.looks import looks_of
 from mesa_swarm.robots.parts import reserve
 from mesa_swarm.world.fields import ScalarField
 from mesa_swarm.world.statics import BORDER, FIRE, ROBOT
@@ -93,6 +94,14 @@ class Layout:
         if field is None:
             return NO_PIXELS.astype(np.float64 if self.real is np.float64 else np.uint8)
         return field.values if self.real is np.float64 else field.levels()
+
+
+def default_columns(model: FireModel) -> tuple[str, ...]:
+    """Return the columns that are recorded of a model if none are named: `DEFAULT`, and those that its looks name."""
+    looks = looks_of(model)
+    sources = () if looks is None else (getattr(looks.column, "source", None), looks.label)
+    named = [name for name in sources if isinstance(name, str) and name in model.swarm.columns]
+    return tuple(dict.fromkeys((*DEFAULT, *named)))
 
 
 def is_table(column: str) -> bool:

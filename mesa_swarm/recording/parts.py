@@ -307,7 +307,7 @@ def _make_other(model: FireModel, module: str, name: str) -> None:
     kind = agent_class(module, name)
     if kind is None or issubclass(kind, ArenaAgent):
         raise RecordingError(f"agents of class {shortened(name)} cannot be made: import it from {shortened(module)}")
-    agent = kind.__new__(kind)
+    agent = object.__new__(kind)
     if issubclass(kind, ContinuousSpaceAgent):
         ContinuousSpaceAgent.__init__(agent, model.space, model)
     else:

@@ -26,7 +26,7 @@ from mesa_swarm.recording.collected import Path as SeriesPath
 from mesa_swarm.recording.collected import check_collected, lengths_of, size_of_collected
 from mesa_swarm.recording.container import to_bytes
 from mesa_swarm.recording.hand_moves import MOST_POSES, HandMove, move_of, moves_to_bytes
-from mesa_swarm.recording.layout import DEFAULT, Chunk, Layout, population_of
+from mesa_swarm.recording.layout import Chunk, Layout, default_columns, population_of
 from mesa_swarm.recording.parts import control_to_json, own_code, summary
 from mesa_swarm.recording.provenance import as_metadata, from_metadata, provenance_of, scenery_of, shows
 from mesa_swarm.recording.schema import (
@@ -450,8 +450,9 @@ def record(
     every : int
         Steps from one row to the next, 1 to 1,000,000: its multiples are recorded. Or a `Trigger`.
     columns : sequence of str, optional
-        Of the swarm, and "fires", "contacts", "loads", "fields", "events"; by default those needed to view the run.
-        Columns of sensors that no robot has are omitted. Of fields pictures are stored, see `Recording.fields`.
+        Of the swarm, and "fires", "contacts", "loads", "fields", "events"; by default those needed to view the run,
+        also those that the model's looks name. Columns of sensors that no robot has are omitted. Of fields pictures are
+        stored, see `Recording.fields`.
     exact : bool
         Whether real numbers are stored as float64. By default they are float32, which is 3e-5 map units at 800, and
         files are half as large; state hashes are always of all bits.
@@ -495,7 +496,7 @@ def record(
     target = _checked_path(path)
     trigger = Trigger.of(every, minimum=1, maximum=MOST_EVERY)
     most_steps = Trigger.of(checkpoint_every, "checkpoint_every").every
-    layout = Layout(model, DEFAULT if columns is None else columns, exact)
+    layout = Layout(model, default_columns(model) if columns is None else columns, exact)
     facts = provenance_of(model, rerun)
     facts |= {
         "every": trigger.every,

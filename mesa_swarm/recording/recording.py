@@ -317,9 +317,10 @@ class Recording:
         return int(np.searchsorted(self.steps, step, side="right"))
 
     def to_pandas(self, table: str = "robots") -> pd.DataFrame:
-        """Return a table with one row a robot and step, or a fire, contact or load and step.
+        """Return a table with one row a robot and step, or a fire, contact, load, field or event and step.
 
-        Fires are numbered 1, 2, ... as in pictures; frames have their unique_ids.
+        Fires are numbered 1, 2, ... as in pictures; frames have their unique_ids. Of loads and driven bodies the last
+        column is the name of their kind, of fields their name.
 
         Parameters
         ----------
@@ -331,7 +332,13 @@ class Recording:
         UnknownNameError
             If that was not recorded.
         """
-        return table_of(self, self.checked_table(table))
+        return table_of(self, self.checked_table(table), self.load_kinds)
+
+    @property
+    def load_kinds(self) -> dict[int, str]:
+        """The kind of each load and driven body by unique_id, of those that are not plain loads."""
+        loads = self.sceneries[0][1]["loads"] if self.sceneries else ()
+        return {load["id"]: load["kind"] for load in loads if "kind" in load}
 
     def checked_table(self, table: str) -> str:
         """Return the name of a table if it was recorded, else raise UnknownNameError."""
@@ -400,6 +407,8 @@ class Recording:
         if name not in self.columns:
             raise UnknownNameError(unknown_name("recorded column", name, self.columns))
         values = [frame[name] for frame in self]
+        if len({one.shape for one in values}) > 1 and name.startswith(PIXELS):
+            raise InvalidValueError(f"{name} was removed in {self.path}; read it frame by frame")
         if len({one.shape for one in values}) > 1:
             raise InvalidValueError(f"robots were added or removed in {self.path}; read {name} frame by frame")
         return np.stack(values) if values else np.empty((0, 0))

@@ -30,8 +30,10 @@ def remains_to_json(agent: Agent) -> list:
 
 
 def _remains(agent: Agent) -> dict:
-    if not isinstance(agent, Body) or isinstance(agent, Fire):
+    if not isinstance(agent, Body):
         return {}
+    if isinstance(agent, Fire):
+        return {"kind": agent.kind}
     if isinstance(agent, Driven):
         return {"kind": agent.kind, "driven": stored_outline(agent.form.outline, agent.form.radius)}
     return {"kind": agent.kind, **body_to_json(agent)}
@@ -43,7 +45,7 @@ def remains_from_json(model: FireModel, unique_id: int, stored: Any) -> Agent:
     kind = agent_class(module, name)
     if kind is None:
         raise RecordingError(f"agents of class {shortened(name)} cannot be made: import it from {shortened(module)}")
-    agent: Any = kind.__new__(kind)
+    agent: Any = object.__new__(kind)
     agent.model, agent.unique_id = model, unique_id
     if isinstance(agent, ContinuousSpaceAgent):
         agent.space = agent._mesa_index = None  # type: ignore[assignment]

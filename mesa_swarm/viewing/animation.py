@@ -3,6 +3,7 @@
 from base64 import b64encode
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from io import BytesIO
 from math import ceil, floor, log10
 from pathlib import Path
@@ -16,15 +17,26 @@ from mesa_swarm.errors import ExportError, InvalidValueError
 from mesa_swarm.files import write_whole
 from mesa_swarm.progress import Progress, progress_bar
 from mesa_swarm.recording.frames import Frame, field_levels
+from mesa_swarm.viewing.legend import LegendEntry
 from mesa_swarm.viewing.packing import MOST_PIXELS
-from mesa_swarm.viewing.palette import LIGHT, fire_colour, kind_colour, scalar_pixels
-from mesa_swarm.viewing.pictures import USUAL
+from mesa_swarm.viewing.palette import (
+    LIGHT,
+    fire_colour,
+    kind_colour,
+    scalar_pixels,
+    value_colours,
+    value_steps,
+)
+from mesa_swarm.viewing.pictures import USUAL, peaks_of, scaled
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
+from mesa_swarm.viewing.scene import looks_in
 from mesa_swarm.world.fields import shrunk
 from mesa_swarm.world.shapes import Shape
 
 # The caption is so high, as a share of the map's longer side.
 CAPTION = 0.045
+# Height of the texts above robots, pixels at the usual size.
+LABEL = 11
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -122,7 +134,8 @@ class Animation:
     """The drawing of some frames."""
 
     def __init__(self, drawn: PicturedSteps, frames: list[Frame], fps: float) -> None:
-        self._drawn, self._frames = drawn, frames
+        largest = peaks_of(frames[-1], drawn.scene)
+        self._drawn, self._frames = drawn, [scaled(frame, drawn.scene, largest) for frame in frames]
         self._clock = Clock(moments=len(frames), seconds=(len(frames) - 1) / fps)
         x_min, y_min, x_max, y_max = drawn.scene.bounds
         self._size = x_max - x_min, y_max - y_min
@@ -132,7 +145,8 @@ class Animation:
     def text(self) -> str:
         """Return the whole drawing."""
         (width, height), caption = self._size, CAPTION * max(self._size)
-        total = height + caption
+        legend = self._legend(caption)
+        total = height + caption + legend.height
         scale = USUAL / max(self._size)
         x_min, _, _, y_max = self._drawn.scene.bounds
         edge = 2 / scale
@@ -154,9 +168,11 @@ class Animation:
             *self._fires(),
             *self._robots(),
             *self._loads(small=True),
+            *self._labels(scale),
             "</g></g>",
             f'{frame} fill="none" stroke="{LIGHT.border}" stroke-width="{width / USUAL:.3g}"/>',
             *self._caption(caption),
+            f'<g transform="translate(0 {caption + height:.6g})">{legend.text}</g>' if legend.text else "",
             "</svg>",
         ]
         return "\n".join(part for part in parts if part) + "\n"
@@ -231,16 +247,66 @@ class Animation:
             )
 
     def _robots(self) -> Iterator[str]:
-        rows = [
-            np.column_stack([frame["position"], frame["heading"], frame["hot"]]).astype(float) for frame in self._frames
-        ]
-        radii, usual = self._radii(), kind_colour(self._drawn.scene.looks, "robot", LIGHT.robot)
+        rows = [np.column_stack([frame["position"], frame["heading"], self._shades(frame)]) for frame in self._frames]
+        radii = self._radii()
         for track in tracks(zip((frame.robots for frame in self._frames), rows, strict=True)):
-            colours = [LIGHT.robot_hot if is_hot else usual for is_hot in track.values[:, 3]]
+            colours = [self._colours[int(shade)] for shade in track.values[:, 3]]
             radius = self._drawn.scene.radius_of(np.array([track.number]))[0]
             body = f'<use href="#body{radii.index(radius)}"/>'
             look = f'class="robot" data-robot="{track.number}" fill="{colours[0]}"'
             yield self._body(track, look, self._clock.jumping("fill", colours), body)
+
+    @cached_property
+    def _colours(self) -> tuple[str, ...]:
+        """The colours of robots: the usual one, that of those too hot, and those of values."""
+        looks = self._drawn.scene.looks
+        values = value_colours(looks, "light") if "column" in looks else ()
+        return kind_colour(looks, "robot", LIGHT.robot), LIGHT.robot_hot, *values
+
+    def _shades(self, frame: Frame) -> np.ndarray:
+        """Return the index of each robot's colour among `_colours`."""
+        hot = frame["hot"].astype(int)
+        if "value" not in self._drawn.scene.columns:
+            return hot
+        column, values = self._drawn.scene.looks["column"], looks_in(frame, self._drawn.scene)[0]
+        steps = value_steps(values, column["low"], column["high"]).astype(int)
+        return np.where(steps < 0, hot, steps + 2)
+
+    def _labels(self, scale: float) -> Iterator[str]:
+        """Yield the texts above robots, which stay upright; each is there while it is the robot's."""
+        if "label" not in self._drawn.scene.columns:
+            return
+        texts: list[str] = [""]
+        rows = [np.column_stack([frame["position"], self._places_of(frame, texts)]) for frame in self._frames]
+        look = f'class="label" font-size="{LABEL / scale:.3g}" text-anchor="middle" fill="{LIGHT.ink}" '
+        look += f'stroke="{LIGHT.ground}" stroke-width="{3 / scale:.3g}" paint-order="stroke"'
+        for track in tracks(zip((frame.robots for frame in self._frames), rows, strict=True)):
+            radius = self._drawn.scene.radius_of(np.array([track.number]))[0]
+            numbers = np.where(track.present, track.values[:, 2], 0).astype(int).tolist()
+            shown = [self._label(texts[number], numbers, number) for number in dict.fromkeys(numbers) if number]
+            if shown:
+                places = track.values[:, :2] + (0.0, radius + 3 / scale)
+                moves = self._clock.moving("translate", places, self._digits)
+                yield f'<g {look} transform="translate({self._numbers(*places[0])})">{moves}{"".join(shown)}</g>'
+
+    def _places_of(self, frame: Frame, texts: list[str]) -> np.ndarray:
+        """Return the place of each robot's text among all texts, to which new ones are added."""
+        known = {text: place for place, text in enumerate(texts)}
+        for text in map(str, looks_in(frame, self._drawn.scene)[1].tolist()):
+            if known.setdefault(text, len(texts)) == len(texts):
+                texts.append(text)
+        return np.array([known[str(text)] for text in looks_in(frame, self._drawn.scene)[1].tolist()], float)
+
+    def _label(self, text: str, numbers: Sequence[int], number: int) -> str:
+        seen = ["visible" if one == number else "hidden" for one in numbers]
+        return (
+            f'<text transform="scale(1 -1)" visibility="{seen[0]}">{self._clock.jumping("visibility", seen)}'
+            f"{escape(text)}</text>"
+        )
+
+    def _legend(self, caption: float) -> "_Strip":
+        """Return what stands below the world, as on pages and in films."""
+        return _Strip(self._drawn.scene.own_legend(self._frames[-1]), self._size[0], 0.36 * caption)
 
     def _body(self, track: ObjectTrack, look: str, changes: str, drawn: str) -> str:
         """Return something that moves and turns."""
@@ -287,3 +353,33 @@ class Animation:
             y = (place + 0.7) * height
             yield f'<text x="{width - size / 2:.6g}" y="{y:.6g}">step {frame.step:,}</text>'
         yield "</g></g>"
+
+
+class _Strip:
+    """The entries of a legend in rows, as SVG from (0, 0) on, and how high they are."""
+
+    def __init__(self, entries: Sequence[LegendEntry], width: float, size: float) -> None:
+        self._parts: list[str] = []
+        x, y, row = size, size, 1.9 * size
+        for entry in entries:
+            sign = (1.2 if entry.form == "body" else 4.0) * size
+            text = f"robot, {entry.text}" if entry.form == "value" else entry.text
+            length = sign + (0.62 * len(text) + 2.0) * size
+            if x > size and x + length > width:
+                x, y = size, y + row
+            self._parts.append(self._drawn(entry, x, y, sign, size))
+            self._parts.append(
+                f'<text x="{x + sign + 0.5 * size:.5g}" y="{y + 0.9 * size:.5g}" font-size="{size:.4g}" '
+                f'fill="{LIGHT.ink}">{escape(text)}</text>'
+            )
+            x += length
+        self.height = y + row - 0.4 * size if entries else 0.0
+        self.text = "".join(self._parts)
+
+    def _drawn(self, entry: LegendEntry, x: float, y: float, width: float, size: float) -> str:
+        step = width / len(entry.light)
+        return "".join(
+            f'<rect x="{x + place * step:.5g}" y="{y:.5g}" width="{1.1 * step:.4g}" height="{size:.4g}" '
+            f'fill="{colour}"/>'
+            for place, colour in enumerate(entry.light)
+        )

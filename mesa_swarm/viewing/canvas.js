@@ -9,8 +9,8 @@
      stage.world = another;               // when things that stand still, designs or layers have changed
      stage.fit(); stage.zoom(1.5); stage.follow(id); stage.select(id);
      new Stage(canvas, world, { covered: () => ({ left: 0, right: 52, top: 0, bottom: 44 }) });  // px that buttons cover
-     stage.legend();                      // [{ name, colour }] of the layers that drive robots
-     stage.fields();                      // the same of scalar fields
+     stage.set("fields.trail", false);    // or a scalar field, by its name
+     stage.legend();                      // [{ form, name, colours, low, high }] of what is shown, see `fillLegend`
      stage.destroy();
 
    The wheel zooms, dragging pans, a click selects. The canvas is drawn at the size that CSS gives it.
@@ -21,9 +21,11 @@
      loads       the same about their own centres
      designs     [{ name, radius, holonomic, sensors: [[mount_x, mount_y, bearing, half_angle, range], ...] }]
      layers      names; the column layer holds indices into them
+     kinds       names of all kinds of bodies, if there are kinds of the model's own; the column kind holds their indices
      columns     [{ name, table, width, type }] of a packed frame, in its order
      looks       { kinds: by theme colours by kind, column: { label, low, high, and by theme its colours } }, if any
      fields      names of the scalar fields, if there are any
+     legend      [{ form, name, and by theme its colours }] of fields, and of bodies where there are kinds of the model's own
 
    frame: step, counts { robots, sensors, fires, loads, contacts }, and typed arrays, row after row:
      ids         Int32, unique_id of each robot
@@ -36,7 +38,8 @@
      loads       Float32, index in world.loads, x, y, heading
      contacts    Float32, row of the robot, azimuth from it to what it met
      value       Int8, index of the colour by which a robot is drawn, -1 none; label: UTF-8 of 12 bytes, zeros behind
-     fields      [{ rows, columns, levels }] of each field, from the bottom up: Uint8, 255 is its largest value so far
+     fields      [{ rows, columns, peak, levels }] of each field, from the bottom up: Uint8, 255 is its largest value so far,
+                 the peak; no rows where the model did not have it
    Columns other than ids and pose may be missing. */
 
 export const TOGGLES = [
@@ -48,7 +51,16 @@ export const TOGGLES = [
   { name: "heat", label: "Hot robots", on: true },
   { name: "messages", label: "Messages", on: true },
   { name: "labels", label: "Fire numbers, robots at fires", on: true },
+  { name: "texts", label: "Labels of robots", on: true },
 ];
+// Begins the names of fields among the toggles.
+const FIELD = "fields.";
+
+/** Return what may be shown of a world: TOGGLES, and after them its fields. */
+export function togglesOf(world) {
+  const fields = (world.fields ?? []).map((name) => ({ name: FIELD + name, label: `Field ${name}`, on: true }));
+  return [...TOGGLES.filter(({ name }) => name !== "texts" || world.columns.some((column) => column.name === "label")), ...fields];
+}
 
 const TAU = 2 * Math.PI;
 const ROBOT = 1;
@@ -99,9 +111,10 @@ export function unpacked(world, bytes) {
 
   function picture() {
     at += -at & 3;
-    const [rows, columns] = new Int32Array(buffer, at, 2), levels = new Uint8Array(buffer, at + 8, rows * columns);
-    at += 8 + levels.length;
-    return { rows, columns, levels };
+    const [rows, columns] = new Int32Array(buffer, at, 2), [peak] = new Float32Array(buffer, at + 8, 1);
+    const levels = new Uint8Array(buffer, at + 12, rows * columns);
+    at += 12 + levels.length;
+    return { rows, columns, peak, levels };
   }
 }
 
@@ -176,7 +189,7 @@ export class Stage {
     this.draw();
   }
 
-  /** Show or hide one of TOGGLES. */
+  /** Show or hide one of `togglesOf` the world. */
   set(name, on) {
     this.#toggles[name] = Boolean(on);
     this.draw();
@@ -215,16 +228,27 @@ export class Stage {
     this.draw();
   }
 
-  /** Return the layers and the colours of their rings. */
+  /** Return what colours mean: layers, if they are shown, kinds of bodies, values of robots, and fields that are shown. */
   legend() {
-    const layers = this.#world.layers.map((name, index) => ({ name, colour: this.#layerColour(index) }));
-    return [...layers, ...this.#valueLegend()];
+    const { legend = [], looks, columns } = this.#world, { label, low, high } = looks?.column ?? {};
+    const values = columns.some(({ name }) => name === "value") && this.#values;
+    const bodies = legend.filter(({ form }) => form === "body").map((entry) => ({ ...entry, colours: entry[this.#theme] }));
+    const robots = values ? [{ form: "value", name: label, low, high, colours: values }] : [];
+    return [...(this.#toggles.layers ? this.layers() : []), ...bodies, ...robots, ...this.#fieldLegend()];
   }
 
-  /** Return the scalar fields and their colours. */
-  fields() {
-    return (this.#world.fields ?? []).map((name, index) => ({ name, colour: this.#fieldColour(index).slice(0, 7) }));
+  /** Return the entries of layers. */
+  layers() {
+    return this.#world.layers.map((name, index) => ({ form: "layer", name, colours: [this.#layerColour(index)] }));
   }
+
+  #fieldLegend() {
+    const { legend = [] } = this.#world, pictures = this.#frame?.fields ?? [], fields = legend.filter(({ form }) => form === "field");
+    const all = fields.map((entry, index) => ({ ...entry, colours: entry[this.#theme], low: 0, high: pictures[index]?.peak ?? 0 }));
+    return all.filter(({ name }, index) => this.#showsField(name) && pictures[index]?.levels.length !== 0);
+  }
+
+  #showsField(name) { return this.#toggles[FIELD + name] !== false; }
 
   /** Return where on the canvas a point of the map is, in CSS pixels. */
   toCanvas(x, y) {
@@ -282,7 +306,7 @@ export class Stage {
     if (on.contacts && frame.contacts) this.#drawContacts(frame);
     this.#drawChosen(frame);
     if (on.labels) this.#drawLabels(frame);
-    if (on.labels && frame.label && rows.length <= MOST_LABELLED) this.#drawTexts(frame, rows);
+    if (on.texts && frame.label && rows.length <= MOST_LABELLED) this.#drawTexts(frame, rows);
   }
 
   get #colours() { return PALETTE[this.#theme]; }
@@ -295,13 +319,6 @@ export class Stage {
   get #values() { return this.#world.looks?.column?.[this.#theme]; }
 
   #kindColour(kind, usual) { return this.#world.looks?.kinds[this.#theme][kind] ?? usual; }
-
-  /** Return the ends of the range of values, and its middle. */
-  #valueLegend() {
-    const colours = this.#values, { label, low, high } = this.#world.looks?.column ?? {};
-    const at = (share) => ({ name: `${label} ${Number((low + share * (high - low)).toPrecision(3))}`, colour: colours[share * (colours.length - 1)] });
-    return colours ? [0, 0.5, 1].map(at) : [];
-  }
 
   #fieldColour(index) {
     const { scalars } = this.#colours;
@@ -384,7 +401,7 @@ export class Stage {
   #drawFields(fields) {
     const context = this.#context, [x0, y0, x1, y1] = this.#world.bounds;
     fields.forEach((field, index) => {
-      if (!field.levels.length) return; // the field was not there then
+      if (!field.levels.length || !this.#showsField(this.#world.fields[index])) return; // or it was not there then
       context.drawImage(fieldImage(field, this.#fieldColour(index)), x0, y0, x1 - x0, y1 - y0);
     });
     this.#drawStanding(context);
@@ -983,6 +1000,31 @@ function fieldImage(field, colour) {
   field.image = { colour, canvas };
   return canvas;
 }
+
+/** Fill a list with a legend: what `stage.legend()` returns. Items stay as they are where only a range has changed. */
+export function fillLegend(list, entries) {
+  const is = JSON.stringify(entries.map(({ form, name, colours }) => [form, name, colours]));
+  if (list.legend !== is) list.replaceChildren(...entries.map(legendItem));
+  list.legend = is;
+  entries.forEach(({ colours, low, high }, index) => {
+    const range = list.children[index].lastChild, text = high > low ? `${digits(low)} to ${digits(high)}` : "";
+    if (colours.length > 1 && range.textContent !== text) range.textContent = text;
+  });
+}
+
+function legendItem({ form, name, colours }) {
+  const item = document.createElement("li"), sign = document.createElement("i"), text = document.createElement("span");
+  item.dataset.form = form;
+  const bar = colours.length > 1;
+  if (form === "layer") sign.style.borderColor = colours[0];
+  else sign.style.background = bar ? `linear-gradient(${["to right", ...colours]})` : colours[0];
+  text.textContent = name;
+  text.title = name;
+  item.append(sign, text, " ", document.createElement("b"));
+  return item;
+}
+
+function digits(value) { return String(Number(value.toPrecision(3))); }
 
 /** Return the colour of a fire; rounded as by `fire_steps` in palette.py. */
 function fireColour({ fire }, temperature) {

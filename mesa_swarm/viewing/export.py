@@ -190,11 +190,12 @@ def pieces(rows: RecordedSteps, steps: Sequence[int], table: str, progress: bool
         If that table was not recorded.
     """
     rows.recording.checked_table(table)
+    kinds = rows.recording.load_kinds if table == "loads" else {}
     found = 0
     with progress_bar(len(steps), "steps", progress) as bar:
         for begin in range(0, len(steps), STEPS_AT_ONCE):
             chosen = steps[begin : begin + STEPS_AT_ONCE]
-            piece = table_of((rows.frame(step) for step in chosen), table)
+            piece = table_of((rows.frame(step) for step in chosen), table, kinds)
             found += len(piece)
             yield piece
             bar.update(len(chosen))

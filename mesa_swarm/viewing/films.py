@@ -1,5 +1,6 @@
 """Films: MP4 and GIF from frames drawn as pixels."""
 
+import math
 import subprocess
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -17,16 +18,21 @@ from mesa_swarm.errors import ExportError, InvalidValueError
 from mesa_swarm.files import draft_of
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.frames import NO_ROWS, Frame
-from mesa_swarm.viewing.palette import LIGHT, rgb, scalar_pixels
+from mesa_swarm.viewing.legend import LegendEntry
+from mesa_swarm.viewing.palette import LIGHT, rgb, scalar_pixels, value_colours
 from mesa_swarm.viewing.pictures import (
     CAPTION,
+    LEGEND_HANDLERS,
     MARGIN,
     Look,
     draw_frame,
     draw_scene,
     draw_trails,
+    entry_artist,
     film_size,
     literal,
+    peaks_of,
+    scaled,
 )
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
 from mesa_swarm.viewing.scene import Scene
@@ -34,8 +40,11 @@ from mesa_swarm.world.fields import LEVELS
 
 DOTS_PER_INCH = 100
 END = b";"
-# Colours of fields in a GIF, for all of them together.
-FIELD_SHADES = 96
+# Colours of fields in a GIF: for all of them, and of each of the first two where both are.
+FIELD_SHADES = 64
+TOGETHER = 8
+# Of kinds of bodies and of values, which a GIF has exactly.
+MOST_OWN = 24
 # GIF: the next frame is drawn over this one.
 IN_PLACE = 1
 # Shares of a colour in the steps between it and paper or ink, for smooth edges.
@@ -49,14 +58,20 @@ CONTAINER = ["-movflags", "+faststart", "-f", "mp4"]
 class Screen:
     """A canvas of the film's size on which its steps are drawn."""
 
-    def __init__(self, drawn: PicturedSteps, look: Look) -> None:
-        self.size = look.size or film_size(drawn.scene.bounds)
+    def __init__(self, drawn: PicturedSteps, look: Look, last: int | None = None) -> None:
+        """Prepare a film whose colours of fields are those of the last step, by default the last that was recorded."""
         self._drawn, self._look = drawn, look
-        width, height = self.size
+        scene, frame = drawn.scene, drawn.frame(int(drawn.steps[-1]) if last is None else last)
+        self._largest = peaks_of(frame, scene)
+        width, height = self.size = look.size or film_size(scene.bounds)
         figure = Figure(
             figsize=(width / DOTS_PER_INCH, height / DOTS_PER_INCH), dpi=DOTS_PER_INCH, facecolor=LIGHT.field
         )
         self._canvas = FigureCanvasAgg(figure)
+        self._strip = _write_legend(figure, self._canvas, scene.own_legend(frame))
+        if look.size is None:  # the world is as large as without a legend
+            self.size = width, height + self._strip
+            figure.set_size_inches(self.size[0] / DOTS_PER_INCH, self.size[1] / DOTS_PER_INCH)
         self._axes = self._world(figure)
         self._name, self._count, self._step = self._captions(figure)
         self._obstacles: tuple | None = None
@@ -65,7 +80,8 @@ class Screen:
 
     def show(self, step: int) -> np.ndarray:
         """Return a step as pixels, uint8 of shape (height, width, 4), valid until the next one is shown."""
-        axes, frame, scene = self._axes, self._drawn.frame(step), self._drawn.scene
+        axes, scene = self._axes, self._drawn.scene
+        frame = scaled(self._drawn.frame(step), scene, self._largest)
         if scene.obstacles(step) is not self._obstacles:
             self._stand(scene, step)
         self._canvas.restore_region(self._behind)
@@ -84,8 +100,8 @@ class Screen:
 
     def _world(self, figure: Figure) -> Axes:
         width, height = self.size
-        inner = max(1, width - 2 * MARGIN), max(1, height - 2 * MARGIN - CAPTION)
-        axes = figure.add_axes((MARGIN / width, MARGIN / height, inner[0] / width, inner[1] / height))
+        inner = max(1, width - 2 * MARGIN), max(1, height - 2 * MARGIN - CAPTION - self._strip)
+        axes = figure.add_axes((MARGIN / width, (MARGIN + self._strip) / height, inner[0] / width, inner[1] / height))
         axes.set(xticks=[], yticks=[], xlabel="", ylabel="")
         for spine in axes.spines.values():
             spine.set(color=LIGHT.border, linewidth=0.8)
@@ -122,6 +138,28 @@ class Screen:
             self._axes.draw_artist(text)
 
 
+def _write_legend(figure: Figure, canvas: FigureCanvasAgg, entries: Sequence[LegendEntry]) -> int:
+    """Write a legend at the foot of a figure, in as few rows as fit; return its height in pixels, an even number."""
+    artists = [entry_artist(entry) for entry in entries]
+    for columns in range(len(artists), 0, -1):
+        legend = figure.legend(
+            handles=artists,
+            handler_map=LEGEND_HANDLERS,
+            loc="lower center",
+            bbox_to_anchor=(0.5, 0.0),
+            ncols=columns,
+            fontsize=8,
+            frameon=False,
+            borderpad=0.2,
+            labelcolor=LIGHT.ink,
+        )
+        box = legend.get_window_extent(canvas.get_renderer())
+        if box.width <= figure.bbox.width or columns == 1:
+            return min(2 * math.ceil(box.height / 2), int(figure.bbox.height) // 2)
+        legend.remove()
+    return 0
+
+
 def film_frames(screen: Screen, steps: Sequence[int], progress: bool) -> Iterator[np.ndarray]:
     """Yield the pixels of steps, with a bar if wanted; each is valid until the next."""
     with progress_bar(len(steps), "frames", progress) as bar:
@@ -134,15 +172,15 @@ def export_gif(
     drawn: PicturedSteps, path: Path, steps: Sequence[int], *, fps: float, look: Look, progress: bool
 ) -> None:
     """Write steps as an animated GIF that repeats, whole or not at all; frames last whole hundredths of a second."""
-    screen = Screen(drawn, look)
+    screen = Screen(drawn, look, steps[-1])
+    colours = palette(len(drawn.scene.fields), own_colours(drawn.scene))
     with draft_of(path, ExportError) as draft, draft.open("wb") as file:
-        for part in _parts(film_frames(screen, steps, progress), 10 * round(100 / fps), len(drawn.scene.fields)):
+        for part in _parts(film_frames(screen, steps, progress), 10 * round(100 / fps), colours):
             file.write(part)
 
 
-def _parts(frames: Iterator[np.ndarray], milliseconds: int, fields: int = 0) -> Iterator[bytes]:
+def _parts(frames: Iterator[np.ndarray], milliseconds: int, colours: Image.Image) -> Iterator[bytes]:
     """Yield a GIF in pieces, so that no more than two frames are in memory."""
-    colours = palette(fields)
     last = None
     for pixels in frames:
         image = Image.fromarray(pixels[..., :3]).quantize(palette=colours, dither=Image.Dither.NONE)
@@ -162,31 +200,42 @@ def _changed(last: Image.Image | None, image: Image.Image) -> tuple[int, int, in
     return ImageChops.difference(before, now).getbbox() or (0, 0, 1, 1)
 
 
-def palette(fields: int = 0) -> Image.Image:
+def own_colours(scene: Scene) -> list[str]:
+    """Return the colours that a model's looks give to kinds of bodies and to values of robots."""
+    kinds = [pair[0] for pair in scene.looks.get("kinds", {}).values()]
+    values = value_colours(scene.looks, "light") if "value" in scene.columns else ()
+    return list(dict.fromkeys([*kinds, *values]))[:MOST_OWN]
+
+
+def palette(fields: int = 0, own: Sequence[str] = ()) -> Image.Image:
     """Return the colours of all pictures, with some steps between them, as an image with 256 of them.
 
-    With this number of scalar fields there are fewer greys, and shades of each field.
+    With scalar fields, or colours of a model's own, there are fewer greys and colours of fires; shades of each field,
+    and of the first two together, and these colours instead.
     """
     flat = [LIGHT.robot, LIGHT.robot_hot, LIGHT.robot_front, LIGHT.obstacle, LIGHT.load, LIGHT.mark]
     flat += [LIGHT.sector, LIGHT.border, LIGHT.robot_outline, LIGHT.fire_rim]
+    more = bool(fields or own)
     ground, outline, front = rgb(LIGHT.ground), rgb(LIGHT.robot_outline), rgb(LIGHT.robot_front)
-    exact = [rgb(colour) for colour in (*flat, LIGHT.ground, LIGHT.field, LIGHT.ink, LIGHT.ashes)]
-    heat = [rgb(colour) for colour in LIGHT.fire]
+    exact = [rgb(colour) for colour in (*flat, LIGHT.ground, LIGHT.field, LIGHT.ink, LIGHT.ashes, *own)]
+    heat = [rgb(colour) for colour in LIGHT.fire[:: 4 if more else 1]]
     # Pillow takes the colour nearest to a small cube of them: greys near the paper would take its place.
-    greys = [(grey, grey, grey) for grey in np.linspace(0, 224, 8 if fields else 40)]
+    greys = [(grey, grey, grey) for grey in np.linspace(0, 224, 8 if more else 40)]
     mixed = [_mixed(colour, other) for colour in flat for other in (ground, outline)]
     mixed += [_mixed(back, front) for back in (LIGHT.robot, LIGHT.robot_hot)]
-    mixed += [_shades(place, ground, FIELD_SHADES // fields) for place in range(min(fields, len(LIGHT.scalars)))]
+    places = range(min(fields, len(LIGHT.scalars)))
+    mixed += [_shades(place, ground, FIELD_SHADES // len(places)) for place in places]
+    mixed += [_shades(1, colour, TOGETHER, 1.5) for colour in (_shades(0, ground, TOGETHER, 1.5) if fields > 1 else ())]
     table = np.rint(np.concatenate([exact, heat, greys, *mixed])).astype(np.uint8)[:256]
     image = Image.new("P", (1, 1))
     image.putpalette(np.resize(table, (256, 3)).tobytes())
     return image
 
 
-def _shades(place: int, ground: np.ndarray, number: int) -> np.ndarray:
-    """Return colours of a field on the ground, evenly from none to its largest value."""
+def _shades(place: int, ground: np.ndarray, number: int, power: float = 1.0) -> np.ndarray:
+    """Return colours of a field on the ground, from none to its largest value; more of faint ones with a power."""
     opaque = scalar_pixels(np.array([LEVELS]), place)[0] / 255
-    shares = opaque[3] * np.linspace(0, 1, number + 1)[1:, None]
+    shares = opaque[3] * np.linspace(0, 1, number + 1)[1:, None] ** power
     return ground + shares * (255 * opaque[:3] - ground)
 
 
@@ -200,7 +249,7 @@ def export_film(
     """Write steps as a film, whole or not at all."""
     program = ffmpeg()
     check_even(look)
-    screen = Screen(drawn, look)
+    screen = Screen(drawn, look, steps[-1])
     source = [*RAW, "-s", "{}x{}".format(*screen.size), "-r", f"{fps:g}", "-i", "-"]
     with draft_of(path, ExportError) as draft:
         command = [program, "-y", "-v", "error", *source, *ENCODING, *CONTAINER, str(draft)]

@@ -14,7 +14,8 @@ A chunk is a zlib stream of segments, within which nothing is added or removed. 
 5. zeros up to a multiple of four bytes.
 
 Pictures of scalar fields are shrunk to at most 20,000 pixels in chunks. If the scene has fields, rows and columns of
-the picture of each follow the first numbers of a segment (int32), and their pixels are its last tracks.
+the picture of each follow the first numbers of a segment (int32), the largest value so far of each in each row follows
+the fires (float32), and their pixels are its last tracks.
 """
 
 import zlib
@@ -23,7 +24,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from mesa_swarm.looks import label_bytes
-from mesa_swarm.recording.frames import NO_ROWS, Frame, field_levels
+from mesa_swarm.recording.frames import NO_ROWS, Frame, field_levels, field_peaks
 from mesa_swarm.recording.layout import PIXELS
 from mesa_swarm.viewing.palette import value_steps
 from mesa_swarm.viewing.scene import COLUMNS, Scene, looks_in
@@ -55,15 +56,17 @@ def packed_frame(frame: Frame, scene: Scene) -> bytes:
 
     Six little-endian int32: step, and how many robots, sensors, fires, loads and contacts; then the columns of the
     scene, each row after row in its type. A frame of a model needs the columns `PACKED_FROM`. If the scene has fields,
-    of each follow zeros up to a multiple of four bytes, int32 rows and columns, and a byte a pixel, from below.
+    of each follow zeros up to a multiple of four bytes, int32 rows and columns, float32 its largest value so far, and a
+    byte a pixel, from below.
     """
     columns = drawn_columns(frame, scene)
     tables = [len(columns[name]) for name in ("fires", "loads", "contacts")]
     head = np.array([frame.step, len(frame.robots), _sensors(columns), *tables], "<i4")
     packed = b"".join([head.tobytes(), *(columns[name].tobytes() for name in scene.columns)])
-    for name in scene.fields:
-        picture = columns[PIXELS + name]
-        packed += bytes(-len(packed) % 4) + np.array(picture.shape, "<i4").tobytes() + picture.tobytes()
+    for name, peak in zip(scene.fields, field_peaks(frame, scene.fields), strict=True):
+        picture, peaks = columns[PIXELS + name], np.array([peak], "<f4")
+        packed += bytes(-len(packed) % 4) + np.array(picture.shape, "<i4").tobytes() + peaks.tobytes()
+        packed += picture.tobytes()
     return packed
 
 
@@ -91,6 +94,8 @@ def drawn_columns(frame: Frame, scene: Scene) -> Columns:
     drawn["loads"] = _loads(loads, scene)
     drawn["contacts"] = _contacts(contacts, frame.robots)
     pictures = {PIXELS + name: field_levels(frame, name) for name in scene.fields}
+    if scene.fields:
+        pictures["peaks"] = np.array(field_peaks(frame, scene.fields), "<f4")
     return {name: _typed(values, COLUMNS[name][2]) for name, values in drawn.items()} | pictures
 
 
@@ -190,6 +195,7 @@ def _segment(segment: Sequence[tuple[int, Columns]], world: dict) -> bytes:
     whole = [[len(rows), *counts], steps, first["ids"].ravel(), first["loads"][:, 0], contacts[:, 0]]
     parts = [np.asarray(values).astype("<i4").tobytes() for values in whole]
     parts.append(first["fires"][:, :3].astype("<f4").tobytes())
+    parts += [columns["peaks"].tobytes() for columns in rows if pictures]
     parts += [_coded(track, order) for track, order in _tracks(rows, contacts[:, 1], world)]
     parts += [_coded(np.stack([columns[name] for columns in rows]), STAYS) for name in pictures]
     length = sum(map(len, parts))

@@ -222,11 +222,6 @@ def fire_colour(temperature: float, palette: Palette = LIGHT) -> str:
     return palette.fire[int(fire_steps(temperature))]
 
 
-def scalar_colour(place: int, palette: Palette = LIGHT) -> str:
-    """Return the colour of a scalar field by its place among the fields of a model, without transparency."""
-    return palette.scalars[place % len(palette.scalars)][:7]
-
-
 def scalar_pixels(levels: np.ndarray, place: int, palette: Palette = LIGHT) -> np.ndarray:
     """Return a picture of a field, from 0 to 255 (`levels_of`), as red, green, blue and opacity, shape (h, w, 4).
 

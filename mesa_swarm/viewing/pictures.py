@@ -2,7 +2,7 @@
 
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +16,11 @@ from matplotlib.collections import EllipseCollection, LineCollection, PatchColle
 from matplotlib.colors import to_rgba_array
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
+from matplotlib.legend_handler import HandlerBase
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch, Wedge
+from matplotlib.patches import Patch, Rectangle, Wedge
 from matplotlib.path import Path as Outline
+from matplotlib.patheffects import withStroke
 from numpy.typing import ArrayLike
 
 from mesa_swarm.errors import ExportError, InvalidValueError, check_count, shortened
@@ -26,14 +28,15 @@ from mesa_swarm.files import write_whole
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.looks import LABEL_BYTES
 from mesa_swarm.progress import progress_bar
-from mesa_swarm.recording.frames import NO_ROWS, Frame, field_levels, frame_of
+from mesa_swarm.recording.frames import NO_ROWS, Frame, field_levels, field_peaks, frame_of
+from mesa_swarm.recording.layout import PIXELS
 from mesa_swarm.robots.sensors import ProximitySensor, mount_of
 from mesa_swarm.viewing.final_state import FinalState
+from mesa_swarm.viewing.legend import LegendEntry
 from mesa_swarm.viewing.palette import (
     LIGHT,
     fire_colour,
     kind_colour,
-    scalar_colour,
     scalar_pixels,
     value_colours,
     value_steps,
@@ -53,6 +56,8 @@ Shown = FireModel | FinalState | tuple[Frame, Scene]
 # Most points of a trail: films draw them in every frame.
 MOST_POINTS = 60
 DOTS_PER_INCH = 200
+# Around labels of robots, which may stand on fields and on other robots.
+HALO = [withStroke(linewidth=1.6, foreground=LIGHT.ground)]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -262,6 +267,7 @@ def _draw_labels(axes: Axes, frame: Frame, scene: Scene) -> None:
                 zorder=8,
                 annotation_clip=True,
                 label="robot labels",
+                path_effects=HALO,
             )
 
 
@@ -306,14 +312,9 @@ def _sector(sensor: ProximitySensor, position: np.ndarray, heading: float, radiu
 def legend_of(shown: Shown) -> list[Artist]:
     """Return the entries of a legend for what is drawn of a model, or of (Frame, Scene), and nothing else."""
     frame, scene = frame_and_scene(shown)
-    entries = _body_entries(frame, scene)
-    peaks = frame.columns.get("fields", NO_ROWS["fields"])["peak"].tolist()
-    for place, (name, peak) in enumerate(zip(scene.fields, peaks, strict=False)):
-        entries.append(Patch(color=scalar_colour(place), label=literal(f"{name}, full at {peak:.3g}")))
-    if len(frame.robots):
-        entries += _value_entries(scene) or [
-            _robot_entry("robot, its front pale", kind_colour(scene.looks, "robot", LIGHT.robot))
-        ]
+    entries: list[Artist] = [entry_artist(entry) for entry in scene.legend(frame)]
+    if len(frame.robots) and "value" not in scene.columns:
+        entries += [_robot_entry("robot, its front pale", kind_colour(scene.looks, "robot", LIGHT.robot))]
     if np.isfinite(frame.columns.get("perceived", np.nan)).any():
         entries.append(Line2D([], [], color=LIGHT.perceived, label="to the centroid that it perceives"))
     if frame["hot"].any():
@@ -324,39 +325,48 @@ def legend_of(shown: Shown) -> list[Artist]:
     return entries
 
 
-def _body_entries(frame: Frame, scene: Scene) -> list[Artist]:
-    """Return the entries of bodies and marks: those of own kinds with colours of their own by name."""
-    declared = set(scene.looks.get("kinds", {})) - {"obstacle", "load", "mark"}
-    standing, moving = set(scene.obstacle_kinds(frame.step)), set(scene.load_kinds(frame))
-    still, displaced = standing - declared - {"mark"}, moving - declared
-    named = {
-        "obstacle": (_listed("obstacle", still), LIGHT.obstacle, bool(still)),
-        "load": (_listed("load", displaced), LIGHT.load, bool(displaced)),
-        "mark": ("ground mark", LIGHT.mark, "mark" in standing),
-        **{kind: (literal(kind), LIGHT.load, True) for kind in sorted(declared & (standing | moving))},
-    }
-    return [
-        Patch(color=kind_colour(scene.looks, kind, usual), label=label)
-        for kind, (label, usual, seen) in named.items()
-        if seen
-    ]
+class ColourBar(Patch):
+    """The entry of a legend that shows colours from a least to a greatest value; `_ColourBarHandler` draws it."""
+
+    def __init__(self, colours: Sequence[str], label: str) -> None:
+        super().__init__(color=colours[-1], label=label)
+        self.colours = tuple(colours)
+
+    def get_path(self) -> Outline:
+        """Return the outline of a unit square."""
+        return Outline.unit_rectangle()
 
 
-def _listed(first: str, kinds: set[str]) -> str:
-    """Return the names of kinds that have one colour, that of `first` first."""
-    return ", ".join(kind if kind == first else literal(kind) for kind in sorted(kinds, key=lambda k: (k != first, k)))
+class _ColourBarHandler(HandlerBase):
+    """Draws a `ColourBar`, twice as wide as other entries."""
+
+    def legend_artist(self, legend: Any, orig_handle: Any, fontsize: float, handlebox: Any) -> Any:
+        handlebox.width *= 2
+        return super().legend_artist(legend, orig_handle, fontsize, handlebox)
+
+    def create_artists(
+        self, legend: Any, orig_handle: Any, xdescent: float, ydescent: float, width: float, height: float, *more: Any
+    ) -> list[Artist]:
+        colours, trans = orig_handle.colours, more[1]
+        step = width / len(colours)
+        slices = [
+            Rectangle((k * step - xdescent, -ydescent), 1.05 * step, height, color=colour, linewidth=0, transform=trans)
+            for k, colour in enumerate(colours)
+        ]
+        frame = Rectangle((-xdescent, -ydescent), width, height, fill=False, edgecolor=LIGHT.border, linewidth=0.5)
+        frame.set_transform(trans)
+        return [*slices, frame]
 
 
-def _value_entries(scene: Scene) -> list[Artist]:
-    """Return three entries over the range of the values by which robots are coloured, none without."""
-    if "value" not in scene.columns:
-        return []
-    column, colours = scene.looks["column"], value_colours(scene.looks, "light")
-    places = {0: column["low"], len(colours) // 2: (column["low"] + column["high"]) / 2, -1: column["high"]}
-    return [
-        _robot_entry(literal(f"robot, {column['label']} = {value:.3g}"), colours[place])
-        for place, value in places.items()
-    ]
+LEGEND_HANDLERS: dict[Any, HandlerBase] = {ColourBar: _ColourBarHandler()}
+
+
+def entry_artist(entry: LegendEntry) -> Artist:
+    """Return an entry of a legend as Matplotlib takes it."""
+    if entry.form == "body":
+        return Patch(color=entry.light[0], label=literal(entry.label))
+    about = "robot, " if entry.form == "value" else ""
+    return ColourBar(entry.light, literal(about + entry.text))
 
 
 def _robot_entry(label: str, colour: str) -> Line2D:
@@ -372,7 +382,7 @@ def _robot_entry(label: str, colour: str) -> Line2D:
 
 def world_figure(shown: Mapping[str, Shown], sectors: bool = False) -> Figure:
     """Return a figure of worlds side by side, by title, with one legend for all."""
-    worlds = {title: frame_and_scene(one) for title, one in shown.items()}
+    worlds = in_one_scale({title: frame_and_scene(one) for title, one in shown.items()})
     columns = min(len(worlds), 3)
     rows = -(-len(worlds) // columns)
     bounds = [scene.bounds for _, scene in worlds.values()]
@@ -388,12 +398,41 @@ def world_figure(shown: Mapping[str, Shown], sectors: bool = False) -> Figure:
     entries = {entry.get_label(): entry for world in worlds.values() for entry in legend_of(world)}
     figure.legend(
         handles=list(entries.values()),
+        handler_map=LEGEND_HANDLERS,
         loc="outside lower center",
         ncols=4 if columns > 1 else 3,
         fontsize=8,
         frameon=False,
     )
     return figure
+
+
+def in_one_scale(worlds: dict[str, tuple[Frame, Scene]]) -> dict[str, tuple[Frame, Scene]]:
+    """Return worlds whose fields of one name are drawn alike: the largest value of all of them has the full colour."""
+    largest: dict[str, float] = {}
+    for frame, scene in worlds.values():
+        for name, peak in peaks_of(frame, scene).items():
+            largest[name] = max(peak, largest.get(name, 0.0))
+    return {title: (scaled(frame, scene, largest), scene) for title, (frame, scene) in worlds.items()}
+
+
+def peaks_of(frame: Frame, scene: Scene) -> dict[str, float]:
+    """Return the largest value so far of each field by name, 0 where it is not known."""
+    return dict(zip(scene.fields, field_peaks(frame, scene.fields), strict=True))
+
+
+def scaled(frame: Frame, scene: Scene, largest: dict[str, float]) -> Frame:
+    """Return a frame in which these values of its fields have the full colour, if they are known and no smaller."""
+    columns, peaks = frame.columns, peaks_of(frame, scene)
+    if "fields" not in columns or len(columns["fields"]) != len(scene.fields) or peaks == largest:
+        return frame
+    for name, peak in peaks.items():
+        if 0.0 < peak < largest[name]:
+            levels = np.rint(field_levels(frame, name) * np.sqrt(peak / largest[name])).astype(np.uint8)
+            columns = {**columns, PIXELS + name: levels}
+    table = columns["fields"].copy()
+    table["peak"] = [largest[name] for name in scene.fields]
+    return replace(frame, columns={**columns, "fields": table})
 
 
 def literal(text: str) -> str:

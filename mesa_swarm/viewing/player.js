@@ -1,7 +1,7 @@
 /* Plays a recording on a Stage. Frames come in chunks (see viewing/packing.py), out of the page itself or from
    `mesa-swarm replay`; the page's element "about" has which of the two. `window.mesaSwarmReplay` is for tests. */
 
-import { Stage, TOGGLES } from "./canvas.js";
+import { Stage, fillLegend, togglesOf } from "./canvas.js";
 
 const FRAMES_A_SECOND = 30;
 const MOST_DECODED = 12;
@@ -59,6 +59,7 @@ class Segment {
     this.indices = source.ints(loads);
     this.met = source.ints(contacts);
     this.discs = source.floats(3 * fires);
+    this.peaks = source.floats(rows * this.pictures.length);
     this.tracks = this.#tracks(source);
     this.contacts = this.#ends(source.track(rows, 1, 2, 1));
     this.azimuths = source.track(contacts, 1, 1, 1);
@@ -142,7 +143,7 @@ class Segment {
   #fieldsAt(row) {
     return this.pictures.map(([rows, columns], k) => {
       const size = rows * columns, levels = this.fields[k].subarray(row * size, (row + 1) * size);
-      return { rows, columns, levels };
+      return { rows, columns, peak: this.peaks[row * this.pictures.length + k], levels };
     });
   }
 
@@ -375,8 +376,7 @@ class Player {
     this.theme = document.documentElement.dataset.theme = theme;
     this.stage.theme = theme;
     find("theme").setAttribute("aria-pressed", String(theme === "dark"));
-    const rings = find("layers").querySelectorAll("i");
-    [...this.stage.legend(), ...this.stage.fields()].forEach(({ colour }, index) => (rings[index].style.borderColor = colour));
+    this.describeLayers();
   }
 
   /** Show the progress, at once or now and then. */
@@ -407,13 +407,11 @@ class Player {
   }
 
   showLayers() {
-    const { layer } = this.stage.frame ?? {}, counts = this.stage.world.layers.map(() => 0);
+    const { layer, fields } = this.stage.frame ?? {}, counts = this.stage.world.layers.map(() => 0);
+    if (fields) this.describeLayers();
     if (!layer) return;
     for (const index of layer) if (index >= 0) counts[index] += 1;
-    const coloured = this.stage.legend().length; // of layers, then of values; fields follow
-    document.querySelectorAll("#layers li b").forEach((cell, index) => {
-      cell.textContent = String(counts[index] ?? (index < coloured ? "colour" : "field"));
-    });
+    document.querySelectorAll("#layers li b").forEach((cell, index) => (cell.textContent = String(counts[index])));
   }
 
   showRobot() {
@@ -425,7 +423,7 @@ class Player {
     const facts = { position: `${x.toFixed(1)}, ${y.toFixed(1)}`, heading: `${Math.round(degrees + 360) % 360}°` };
     if (frame.layer) facts.layer = this.stage.world.layers[frame.layer[row]] ?? (frame.layer[row] < 0 ? "none" : frame.layer[row]);
     if (frame.heat && frame.counts.fires) facts.heat = `${Math.round(100 * frame.heat[row])} %`;
-    if (frame.distance) facts.nearest = nearest(frame, row);
+    if (frame.distance) facts.nearest = nearest(frame, row, this.stage.world.kinds);
     fill(find("robot-facts"), facts);
     find("follow").setAttribute("aria-pressed", String(followed === id));
   }
@@ -452,15 +450,15 @@ class Player {
     this.describeLayers();
     const known = new Set(world.columns.map((column) => column.name));
     const needs = { sectors: "distance", perceived: "kind", layers: "layer", heat: "heat", messages: "heard" };
-    for (const { name, label, on } of TOGGLES) {
+    for (const { name, label, on } of togglesOf(world)) {
       if (!needs[name] || known.has(needs[name])) find("toggles").append(this.toggleItem(name, label, on));
     }
   }
 
   describeLayers() {
-    const items = [...this.stage.legend(), ...this.stage.fields()];
-    find("layers").replaceChildren(...items.map(({ name, colour }) => layerItem(name, colour)));
-    find("layers-title").hidden = !this.stage.world.layers.length;
+    fillLegend(find("layers"), this.stage.layers());
+    fillLegend(find("colours"), this.stage.legend().filter(({ form }) => form !== "layer"));
+    for (const name of ["layers", "colours"]) find(name).parentElement.hidden = !find(name).children.length;
   }
 
   /** Take away the switches of what this world has none of. */
@@ -475,8 +473,14 @@ class Player {
     box.type = "checkbox";
     box.checked = on;
     box.name = name;
-    box.addEventListener("change", () => this.stage.set(name, box.checked));
-    item.append(box, label);
+    box.addEventListener("change", () => {
+      this.stage.set(name, box.checked);
+      this.describeLayers();
+    });
+    const text = document.createElement("span");
+    text.textContent = item.title = label;
+    item.classList.toggle("wide", name.startsWith("fields."));
+    item.append(box, text);
     return item;
   }
 
@@ -543,13 +547,6 @@ class Player {
   }
 }
 
-function layerItem(name, colour) {
-  const item = document.createElement("li"), ring = document.createElement("i"), count = document.createElement("b");
-  ring.style.borderColor = colour;
-  item.append(ring, name, count);
-  return item;
-}
-
 function fill(list, facts) {
   list.replaceChildren(...Object.entries(facts).flatMap(([name, value]) => {
     const term = document.createElement("dt"), text = document.createElement("dd");
@@ -559,10 +556,10 @@ function fill(list, facts) {
   }));
 }
 
-function nearest({ distance, kind, counts }, row) {
+function nearest({ distance, kind, counts }, row, kinds) {
   const readings = [...distance.subarray(row * counts.sensors, (row + 1) * counts.sensors)];
   const least = readings.reduce((best, read, s) => (read >= 0 && (best < 0 || read < readings[best]) ? s : best), -1);
-  const names = ["obstacle", "robot", "fire", "load"];
+  const names = kinds ?? ["obstacle", "robot", "fire", "load"];
   return least < 0 ? "nothing in sight" : `${names[kind[row * counts.sensors + least]] ?? "something"} at ${readings[least].toFixed(1)}`;
 }
 

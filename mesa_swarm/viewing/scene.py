@@ -3,7 +3,7 @@
 import math
 from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import itemgetter
 
@@ -12,11 +12,12 @@ import numpy as np
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.looks import LABEL, LABEL_BYTES, VALUE, label_text
-from mesa_swarm.recording.frames import Frame, field_names
+from mesa_swarm.recording.frames import Frame, field_levels, field_names, field_peaks
 from mesa_swarm.recording.provenance import map_of, scenery_of
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.sensors import ProximitySensor
+from mesa_swarm.viewing.legend import STANDARD, LegendEntry, body_entries, field_entry, value_entry
 from mesa_swarm.viewing.palette import PALETTES, value_colours
 from mesa_swarm.world.bodies import Form
 from mesa_swarm.world.map_parts import Bounds
@@ -85,6 +86,39 @@ class Scene:
         """What the model declares about its drawing, from `Looks.as_json`; empty without."""
         return self.changes[0][1].get("looks", {})
 
+    def legend(self, frame: Frame) -> list[LegendEntry]:
+        """Return the entries of a frame: kinds of bodies in it, fields with their ranges, values of robots."""
+        bodies = body_entries(self.looks, self.obstacle_kinds(frame.step), self.load_kinds(frame))
+        return [*bodies, *self._fields_in(frame), *self._values_in_legend]
+
+    def own_legend(self, frame: Frame) -> list[LegendEntry]:
+        """Return the entries of what the model has of its own; the usual colours of bodies explain themselves."""
+        return [
+            *self._own_bodies(self.changes[self._place(frame.step)][1]),
+            *self._fields_in(frame),
+            *self._values_in_legend,
+        ]
+
+    def _fields_in(self, frame: Frame) -> list[LegendEntry]:
+        """Return the entries of the fields that the model has in a frame."""
+        entries = zip(self._fields_in_legend, field_peaks(frame, self.fields), strict=True)
+        there = [(entry, peak) for entry, peak in entries if field_levels(frame, entry.label).size]
+        return [replace(entry, high=max(peak, 0.0)) for entry, peak in there]
+
+    @property
+    def _fields_in_legend(self) -> list[LegendEntry]:
+        return [field_entry(name, place) for place, name in enumerate(self.fields)]
+
+    @property
+    def _values_in_legend(self) -> list[LegendEntry]:
+        return [value_entry(self.looks)] if "value" in self.columns else []
+
+    def _own_bodies(self, scenery: dict) -> list[LegendEntry]:
+        """Return the entries of bodies if there are kinds of the model's own, or colours of its own for bodies."""
+        standing, moving = {_kind_of(shape) for shape in scenery["shapes"]}, set(self.kind_of_load.values())
+        own = (standing | moving) - set(STANDARD) or (standing | moving) & self.looks.get("kinds", {}).keys()
+        return body_entries(self.looks, standing, moving) if own else []
+
     def build(self) -> None:
         """Build all shapes and designs now; an error if one of them is described wrongly."""
         _ = self._obstacles, self.forms, self.designs
@@ -95,8 +129,7 @@ class Scene:
 
     def obstacle_kinds(self, step: int) -> tuple[str, ...]:
         """Return the kind of each of `obstacles`, "mark" for those on the ground."""
-        shapes = self.changes[self._place(step)][1]["shapes"]
-        return tuple(shape.get("kind", "mark" if shape.get("mark") else "obstacle") for shape in shapes)
+        return tuple(map(_kind_of, self.changes[self._place(step)][1]["shapes"]))
 
     def load_kinds(self, frame: Frame) -> tuple[str, ...]:
         """Return the kind of each of `loads`."""
@@ -176,7 +209,7 @@ class Scene:
         return max(bisect_right(self.changes, step, key=itemgetter(0)) - 1, 0) if len(self.changes) > 1 else 0
 
     def _world(self, scenery: dict) -> dict:
-        designs = scenery["designs"] or [USUAL_DESIGN]
+        designs, last = scenery["designs"] or [USUAL_DESIGN], self.changes[-1][1]  # kinds are only added
         ranges = [sensor[4] for design in designs for sensor in design["sensors"]]
         return {
             "map": self.map,
@@ -186,6 +219,7 @@ class Scene:
             "designs": designs,
             "robots": scenery["robots"],
             "layers": scenery["layers"],
+            **({"kinds": last["kinds"]} if "kinds" in last else {}),
             "leave": scenery["leave"],
             "reach": max(ranges, default=0.0) or 1.0,
             "fastest": max(design["max_speed"] for design in designs) or 1.0,
@@ -195,7 +229,12 @@ class Scene:
                 for name in self.columns
             ],
             **({"fields": list(self.fields)} if self.fields else {}),
+            "legend": [entry.as_json() for entry in (*self._own_bodies(scenery), *self._fields_in_legend)],
         }
+
+
+def _kind_of(shape: dict) -> str:
+    return shape.get("kind", "mark" if shape.get("mark") else "obstacle")
 
 
 def scene_of(model: FireModel) -> Scene:

@@ -106,22 +106,28 @@ class PlayerView {
     const parts = this.#parts, on = { ...Object.fromEntries(TOGGLES.map((one) => [one.name, one.on])), ...toggles };
     parts.on = on;
     parts.follow = iconButton("follow", "Follow the selected robot", () => this.#follow(), { "aria-pressed": "false" });
-    const boxes = TOGGLES.map(({ name, label }) => {
-      const box = make("input", { type: "checkbox", change: () => this.#toggle(name, box.checked) });
-      box.checked = on[name];
-      return make("label", {}, box, label);
-    });
+    parts.boxes = make("div", {});
     const summary = make("summary", { title: "What is drawn", "aria-label": "What is drawn" });
     summary.innerHTML = `<svg viewBox="0 0 20 20" aria-hidden="true"><path fill-rule="evenodd" d="${ICONS.eye}"/></svg>`;
-    parts.menu = make("details", {}, summary, make("div", {}, ...boxes));
+    parts.menu = make("details", {}, summary, parts.boxes);
     return (parts.tools = make("div", { class: "swarm-tools" },
       iconButton("closer", "Zoom in", () => this.#stage?.zoom(1.4)),
       iconButton("farther", "Zoom out", () => this.#stage?.zoom(1 / 1.4)),
       iconButton("fit", "Show the whole map", () => this.#fit()), parts.follow, parts.menu));
   }
 
+  /** Offer to show and hide what there is in this world. */
+  #fillBoxes() {
+    const { on, boxes } = this.#parts;
+    boxes.replaceChildren(...togglesOf(this.#world).map(({ name, label, on: usual }) => {
+      const box = make("input", { type: "checkbox", change: () => this.#toggle(name, box.checked) });
+      box.checked = on[name] ??= usual;
+      return make("label", {}, box, label);
+    }));
+  }
+
   #key() {
-    return (this.#parts.key = make("ul", { class: "swarm-key", "aria-label": "Layers" }));
+    return (this.#parts.key = make("ul", { class: "swarm-key", "aria-label": "Legend" }));
   }
 
   #listen({ keys }) {
@@ -164,6 +170,7 @@ class PlayerView {
     this.#world = world;
     this.#next = null;
     const onSelect = (id) => this.#choose(id), onFollow = (id) => this.#followed(id);
+    this.#fillBoxes();
     this.#stage = new Stage(this.#canvas, world, { theme: this.#root.dataset.theme, onSelect, onFollow, covered: () => this.#covered() });
     for (const [name, on] of Object.entries(this.#parts.on)) this.#stage.set(name, on);
     this.#stage.select(this.#model.get("selected"));
@@ -207,6 +214,7 @@ class PlayerView {
 
   #write({ step, readings, rate, index, length, first, last, fingerprint }) {
     const root = this.#root, parts = this.#parts;
+    if (this.#world?.fields) fillLegend(parts.key, this.#stage.legend());
     root.dataset.step = step;
     root.dataset.fingerprint = fingerprint;
     const shown = [["Step", step.toLocaleString("en")], ...(rate ? [["Steps a second", rate]] : []), ...readings];
@@ -248,14 +256,9 @@ class PlayerView {
   }
 
   #fillKey() {
-    const stage = this.#stage, layers = this.#parts.on.layers ? stage?.legend() ?? [] : [];
-    const items = [...layers, ...(stage?.fields() ?? [])];
-    this.#parts.key.hidden = !items.length;
-    this.#parts.key.replaceChildren(...items.map(({ name, colour }) => {
-      const dot = make("i");
-      dot.style.background = colour;
-      return make("li", {}, dot, name);
-    }));
+    const { key } = this.#parts, entries = this.#stage?.legend() ?? [];
+    key.hidden = !entries.length;
+    fillLegend(key, entries);
     this.#stage?.resize(); // the legend may cover more or less now
   }
 
@@ -293,7 +296,7 @@ class PlayerView {
   #toggle(name, on) {
     this.#parts.on[name] = on;
     this.#stage?.set(name, on);
-    if (name === "layers") this.#fillKey();
+    this.#fillKey();
   }
 
   #press(event) {

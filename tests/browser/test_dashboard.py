@@ -16,6 +16,8 @@ FOCUS = """(() => {
   if (one === document.body) return ["the end", "solid", "3px"];
   return [one.getAttribute("aria-label") ?? one.textContent, look.outlineStyle, look.outlineWidth];
 })()"""
+# Fires, bodies that are carried, and bodies that move; all others in the slow tests.
+FEW = ["fire_fighting", "foraging", "shepherding"]
 HALL = b'<svg xmlns="http://www.w3.org/2000/svg" width="800" height="600"><circle cx="400" cy="300" r="80"/></svg>'
 
 
@@ -36,8 +38,9 @@ def hand_over(visitor, name: str, content: bytes) -> None:
     visitor.page.set_input_files(".swarm-panel input[type=file]", file)
 
 
-def test_every_model_of_the_gallery_plays_pauses_steps_and_resets(visitor):
-    for name in model_names():
+@pytest.mark.parametrize("names", [FEW, pytest.param(model_names(), marks=pytest.mark.slow)], ids=["few", "all"])
+def test_every_model_of_the_gallery_plays_pauses_steps_and_resets(visitor, names):
+    for name in names:
         choose_model(visitor, name)
         visitor.press("Play")
         visitor.wait("+player.step > 5")

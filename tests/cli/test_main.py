@@ -181,6 +181,13 @@ def test_the_program_runs_as_a_process_and_imports_little_for_its_help():
     assert process("--version").stdout.startswith("mesa-swarm ")
 
 
+def test_models_do_not_wait_for_statistics_or_pictures():
+    check = "import sys; from mesa_swarm.gallery import loaded_models; loaded_models(); "
+    check += "print(sorted({'scipy.stats', 'matplotlib', 'solara', 'pyarrow.dataset'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", check], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
 def test_a_reader_that_closes_the_output_is_not_an_error():
     command = f"{sys.executable} -m mesa_swarm.cli list | head -n 1"
     done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False)

@@ -43,7 +43,8 @@ def test_a_row_has_a_picture_of_each_field_to_within_half_a_percent_of_the_peak(
     np.testing.assert_allclose(fields["trail"], model.trail.values, atol=0.004 * model.trail.peak)
     assert recording["fields.trail"].shape == (30, 30, 40)
     table = recording.to_pandas("fields")
-    assert table.columns.tolist() == ["step", "field", "peak", "total"]
+    assert table.columns.tolist() == ["step", "field", "peak", "total", "name"]
+    assert table["name"].tolist()[-2:] == ["trail", "food"]
     assert table["total"].iloc[-2] == pytest.approx(model.trail.total, rel=1e-6)
     assert list(recording.to_pandas().columns)[:2] == ["step", "robot"]
 
@@ -147,6 +148,8 @@ def test_rows_have_no_picture_of_a_field_while_it_is_removed(tmp_path, exact):
     with model.record(tmp_path / "run.arrow", exact=exact):
         model.run(30)
     recording = Recording(tmp_path / "run.arrow")
+    with pytest.raises(SwarmError, match=r"fields\.trail was removed in .*; read it frame by frame"):
+        recording["fields.trail"]
     rows = [frame["fields.trail"].shape[0] for frame in recording]
     assert rows == [30] * 9 + [0] * 10 + [30] * 11
     totals = recording.to_pandas("fields").query("field == 0")["total"].to_numpy()

@@ -23,8 +23,9 @@ def unpacked_frame(packed: bytes, world: dict) -> tuple[int, dict]:
     for name in world.get("fields", ()):
         at += -at % 4
         shape = struct.unpack_from("<2i", packed, at)
-        columns[f"fields.{name}"] = np.frombuffer(packed, np.uint8, shape[0] * shape[1], at + 8).reshape(shape)
-        at += 8 + shape[0] * shape[1]
+        columns[f"peak.{name}"] = struct.unpack_from("<f", packed, at + 8)[0]
+        columns[f"fields.{name}"] = np.frombuffer(packed, np.uint8, shape[0] * shape[1], at + 12).reshape(shape)
+        at += 12 + shape[0] * shape[1]
     assert at == len(packed)
     return step, columns
 
@@ -61,6 +62,7 @@ def segment(reader: Reader, world: dict) -> list[tuple[int, dict]]:
     shapes = {name: tuple(reader.take("<i4", 2).tolist()) for name in world.get("fields", ())}
     steps, ids, index, robots = (reader.take("<i4", count) for count in (rows, n, k, met))
     discs = reader.take("<f4", 3 * f).reshape(f, 3)
+    peaks = reader.take("<f4", rows * len(shapes)).reshape(rows, len(shapes))
     tracks = {"pose": reader.track(rows, 3 * n, np.uint16, 2)}
     widths = {"distance": sensors, "kind": sensors, "command": 2, "heard": 2, "label": 12}
     for column in world["columns"]:
@@ -88,6 +90,7 @@ def segment(reader: Reader, world: dict) -> list[tuple[int, dict]]:
         for name in part.keys() - {"pose"}:
             columns[name] = value(name, part[name], world, low, high)
         columns |= {f"fields.{name}": track[row].reshape(shapes[name]) for name, track in pictures.items()}
+        columns |= {f"peak.{name}": peak for name, peak in zip(shapes, peaks[row].tolist(), strict=True)}
         frames.append((int(steps[row]), columns))
     return frames
 

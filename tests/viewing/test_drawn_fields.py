@@ -12,6 +12,7 @@ from mesa_swarm import AGENT3, Field, Recording, SwarmModel, disc
 from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.viewing.export import export
 from mesa_swarm.viewing.films import palette as film_palette
+from mesa_swarm.viewing.legend import field_entry
 from mesa_swarm.viewing.packing import PACKED_FROM, packed_chunk, packed_frame
 from mesa_swarm.viewing.palette import DARK, LIGHT, rgb, scalar_pixels
 from mesa_swarm.viewing.pictures import legend_of, png, world_figure
@@ -84,9 +85,41 @@ def test_a_picture_has_row_0_at_the_bottom_and_nothing_where_nothing_is():
     np.testing.assert_allclose(pixel_of(image, 50, 550), rgb(LIGHT.ground), atol=2)
 
 
-def test_the_legend_states_the_largest_value():
+def test_the_legend_states_the_range_of_a_field():
     labels = [entry.get_label() for entry in legend_of(Marked(rng=1).run(3))]
-    assert {"trail, full at 4", "food, full at 4"} <= set(labels)
+    assert {"trail, 0 to 4", "food, 0 to 4"} <= set(labels)
+
+
+def test_the_colours_of_the_legend_are_those_of_the_picture():
+    bar = field_entry("trail", 0).light
+    for share in (0.0, 0.25, 1.0):
+        np.testing.assert_allclose(rgb(bar[int(share * 16)]), on_ground(LIGHT.scalars[0], share**0.5), atol=1)
+
+
+def test_stages_have_one_scale_and_one_entry_for_a_field():
+    model = Marked(rng=1)
+    model.fields["trail"].values = np.where(model.fields["trail"].values > 0, 1.0, 0.0)
+    model.fields["trail"].peak = 1.0
+    early = frame_of(model), scene_of(model)
+    model.fields["trail"].deposit((750, 50), 16.0)
+    late = frame_of(model), scene_of(model)
+    figure = world_figure({"early": early, "late": late})
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert [label for label in labels if label.startswith("trail")] == ["trail, 0 to 16"]
+    opacity = [axes.images[0].get_array()[0, 0, 3] for axes in figure.axes]
+    assert opacity[0] == opacity[1] == round(int(LIGHT.scalars[0][7:], 16) / 4)
+    assert early[0]["fields"]["peak"][0] == 1.0, "the frames stay as they were"
+
+
+def test_a_browser_is_sent_the_largest_values():
+    model = Marked(rng=1).run(2)
+    scene = scene_of(model)
+    frame = frame_of(model, PACKED_FROM)
+    for columns in (
+        unpacked_frame(packed_frame(frame, scene), scene.world())[1],
+        unpacked_chunk(packed_chunk([frame], scene), scene.world())[0][1],
+    ):
+        assert (columns["peak.trail"], columns["peak.food"]) == (4.0, 4.0)
 
 
 def test_a_packed_frame_ends_with_the_pictures_of_its_fields():
@@ -195,6 +228,8 @@ def test_a_field_that_was_removed_is_not_drawn_from_then_on(tmp_path):
     scene = scene_of_recording(recording)
     frames = unpacked_chunk(packed_chunk(recording, scene), scene.world())
     assert [columns["fields.trail"].shape for _, columns in frames] == [(6, 8)] * 2 + [(0, 8)] * 2
+    names = [[entry.label for entry in scene.legend(frame) if entry.form == "field"] for frame in recording]
+    assert names == [["trail", "food"]] * 2 + [["food"]] * 2
     export(recording, tmp_path / "run.svg", animate=True)
     assert (tmp_path / "run.svg").read_text().count("<image") == 2 + 1, "the trail twice, and the food"
     export(recording, tmp_path / "run.gif", size=(808, 640))

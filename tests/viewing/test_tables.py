@@ -4,6 +4,7 @@ import pytest
 from pandas.testing import assert_frame_equal
 from pyarrow import parquet
 
+from mesa_swarm import SwarmModel, disc
 from mesa_swarm.control import Explore, Subsumption
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
@@ -20,6 +21,22 @@ def test_a_parquet_file_is_read_back_as_the_table_to_the_bit(run, tmp_path, tabl
 def test_the_loads_too(pushed, tmp_path):
     (path,) = export(pushed, tmp_path / "a.parquet", table="loads")
     assert_frame_equal(pd.read_parquet(path), pushed.to_pandas("loads"), check_exact=True)
+
+
+def test_loads_and_driven_bodies_are_listed_with_their_kinds(tmp_path):
+    model = SwarmModel(map="openspace", rng=1)
+    for x, kind, mode in ((200, "puck", "pushed"), (300, "load", "pushed"), (400, "door", "driven")):
+        model.add_body(disc((x, 300), 10), kind=kind, mode=mode, resistance=1.0 if mode == "pushed" else None)
+    with model.record(tmp_path / "run.arrow"):
+        model.run(2)
+        model.add_body(disc((500, 300), 10), kind="stone", mode="driven")
+        model.run(1)
+    (path,) = export(tmp_path / "run.arrow", tmp_path / "loads.csv", table="loads")
+    table = pd.read_csv(path)
+    assert table.groupby("step")["kind"].agg(list).tolist() == [["puck", "load", "door"]] * 2 + [
+        ["puck", "load", "door", "stone"]
+    ]
+    assert table.columns[-1] == "kind"
 
 
 def test_tables_are_written_in_pieces(run, tmp_path):

@@ -1,0 +1,139 @@
+"""Fields, kinds of bodies, values and labels of a model's own, as a browser draws them and names them."""
+
+import base64
+
+import pytest
+
+from mesa_swarm import AGENT9, ColourMap, Field, Looks, Recording, SwarmModel, disc
+from mesa_swarm.recording.frames import frame_of
+from mesa_swarm.viewing import palette, text_of
+from mesa_swarm.viewing.packing import PACKED_FROM, packed_frame
+from mesa_swarm.viewing.palette import DARK, LIGHT, PALETTES, rgb
+from mesa_swarm.viewing.replay_page import replay_page
+from mesa_swarm.viewing.scene import scene_of
+from support.visits import blank_page
+
+pytestmark = pytest.mark.slow
+
+SCRIPT = palette.script() + text_of("viewing/canvas.js")
+# Draws a frame; returns the legend, the colour at some places of the map, and the texts that are written.
+DRAW = """async ({ script, world, frame, theme, off, places }) => {
+  const { Stage, fillLegend, togglesOf, unpacked } = await import(
+    URL.createObjectURL(new Blob([script], { type: "text/javascript" })));
+  const canvas = document.createElement("canvas"), list = document.createElement("ul"), written = [];
+  canvas.style.cssText = "width: 800px; height: 600px; display: block";
+  document.body.replaceChildren(canvas, list);
+  const stage = new Stage(canvas, world, { theme }), context = canvas.getContext("2d"), write = context.fillText;
+  context.fillText = (text, ...at) => { written.push(text); write.call(context, text, ...at); };
+  for (const name of ["sectors", "trails", ...off]) stage.set(name, false);
+  stage.show(unpacked(world, Uint8Array.from(atob(frame), (c) => c.charCodeAt(0))));
+  fillLegend(list, stage.legend());
+  const pixels = places.map(([x, y]) => [...context.getImageData(...stage.toCanvas(x, y).map(Math.round), 1, 1).data]);
+  return { legend: [...list.children].map((item) => [item.dataset.form, item.innerText.replace(/\\s+/g, " ")]),
+           toggles: togglesOf(world).map(({ name }) => name), pixels: pixels.map((one) => one.slice(0, 3)), written };
+}"""
+
+
+class Marked(SwarmModel):
+    """Two fields, each full in a corner, a nest, a puck, and a robot that is labelled and coloured."""
+
+    looks = Looks(
+        kinds={"nest": ("#102030", "#d0e0f0"), "puck": "#c08030"},
+        column=ColourMap("number", 0, 4, label="its number"),
+        label=lambda model: ["scout"],
+    )
+
+    def __init__(self, *, rng=None):
+        super().__init__(map="openspace", rng=rng)
+        self.add_robots(AGENT9, poses=[(400, 300, 0.0)])
+        self.add_body(disc((200, 300), 30), kind="nest", mode="fixed")
+        self.add_body(disc((600, 300), 30), kind="puck", mode="pushed", resistance=1.0)
+        self.add_field(Field("trail", cell=100.0)).deposit((250, 150), 4.0)
+        self.add_field(Field("food", cell=100.0)).deposit((550, 450), 0.25)
+
+
+@pytest.fixture
+def draw(chromium):
+    page = blank_page(chromium, viewport={"width": 900, "height": 700})
+    model = Marked(rng=1)
+    scene = scene_of(model)
+    frame = base64.b64encode(packed_frame(frame_of(model, PACKED_FROM), scene)).decode()
+
+    def draw(theme="light", off=(), places=((250, 150), (550, 450), (200, 300), (600, 300))):
+        inputs = {"theme": theme, "off": list(off), "places": places}
+        return page.evaluate(DRAW, {"script": SCRIPT, "world": scene.world(), "frame": frame, **inputs})
+
+    yield draw
+    page.close()
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_fields_and_kinds_have_their_colours_and_a_legend_names_them_with_their_ranges(draw, theme):
+    found, colours = draw(theme), PALETTES[theme]
+    assert found["legend"] == [
+        ["body", "obstacle"],
+        ["body", "nest"],
+        ["body", "puck"],
+        ["value", "its number 0 to 4"],
+        ["field", "trail 0 to 4"],
+        ["field", "food 0 to 0.25"],
+    ]
+    trail, food, nest, puck = found["pixels"]
+    for pixel, shade in ((trail, colours.scalars[0]), (food, colours.scalars[1])):
+        opacity = int(shade[7:], 16) / 255
+        assert pixel == pytest.approx(opacity * rgb(shade) + (1 - opacity) * rgb(colours.ground), abs=20)
+    assert nest == rgb("#102030" if theme == "light" else "#d0e0f0").tolist()
+    assert puck == rgb("#c08030").tolist()
+
+
+def test_a_field_is_hidden_by_its_name_in_the_picture_and_the_legend(draw):
+    found = draw(off=["fields.trail"])
+    assert found["toggles"][-3:] == ["texts", "fields.trail", "fields.food"]
+    assert [name for form, name in found["legend"] if form == "field"] == ["food 0 to 0.25"]
+    assert found["pixels"][0] == rgb(LIGHT.ground).tolist()
+    assert found["pixels"][1] != rgb(LIGHT.ground).tolist()
+
+
+def test_labels_of_robots_are_switched_apart_from_numbers_of_fires(draw):
+    assert "scout" in draw()["written"]
+    assert "scout" in draw(off=["labels"])["written"]
+    assert "scout" not in draw(off=["texts"])["written"]
+
+
+class Fading(Marked):
+    """The trail is removed after three steps; the looks are those of columns, which are recorded."""
+
+    looks = Looks(kinds=Marked.looks.kinds, column=ColourMap("number", 0, 4), label="number")
+
+    def step(self):
+        super().step()
+        if self.completed == 3:
+            self.remove_field("trail")
+
+
+def test_a_replay_switches_and_names_fields_until_they_are_removed(chromium, tmp_path):
+    model = Fading(rng=1)
+    with model.record(tmp_path / "run.arrow"):
+        model.run(5)
+    (tmp_path / "run.html").write_text(replay_page(Recording(tmp_path / "run.arrow")), encoding="utf-8")
+    page, complaints = blank_page(chromium), []
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.goto((tmp_path / "run.html").as_uri())
+    page.wait_for_selector("html[data-ready=true]")
+    named = "[...document.querySelectorAll('#colours li')].map((item) => item.innerText.replace(/\\s+/g, ' '))"
+    bodies = ["obstacle", "nest", "puck", "number 0 to 4"]
+    assert page.evaluate(named) == [*bodies, "trail 0 to 4", "food 0 to 0.25"]
+    page.get_by_label("Field food").uncheck()
+    assert page.evaluate(named) == [*bodies, "trail 0 to 4"]
+    page.get_by_label("Field food").check()
+    page.get_by_role("button", name="Dark").click()
+    nest = "getComputedStyle(document.querySelector('#colours li:nth-child(2) i')).backgroundColor"
+    assert page.evaluate(nest) == f"rgb{tuple(rgb('#d0e0f0').tolist())}"
+    page.evaluate("mesaSwarmReplay.goTo(4)")
+    page.wait_for_function("mesaSwarmReplay.stage.frame.step === 5")
+    assert page.evaluate(named) == [*bodies, "food 0 to 0.25"]
+    at = "mesaSwarmReplay.stage.toCanvas(250, 150).map(Math.round)"
+    pixel = f"[...document.getElementById('world').getContext('2d').getImageData(...{at}, 1, 1).data].slice(0, 3)"
+    assert page.evaluate(pixel) == rgb(DARK.ground).tolist()
+    page.close()
+    assert complaints == []
