@@ -1,0 +1,150 @@
+"""Ant trails: robots that leave a trail choose the shorter of two branches between nest and food.
+
+WHAT IS IT? A nest and food are joined by a bridge of two branches. Robots go to and fro and leave a trail that others
+prefer. No robot knows how long a branch is; yet after some time most go by the short one.
+
+HOW IT WORKS. Robots follow lanes on the ground, at the right of each branch. Before a fork a robot smells the trail in
+the left and in the right branch, L and R, and goes left with probability (k + L)^2 / ((k + L)^2 + (k + R)^2). It leaves
+the same amount of trail in each step. By the short branch robots are at the other end sooner, where they smell its
+trail alone when they go back. A robot waits for others ahead or at its right, and now and then passes on the right.
+
+HOW TO USE IT. `ratio` is the length of the lower branch relative to the upper one; below an amount of trail of `k` the
+choice is at random; robots leave the nest one by one, the next in line with probability `leaving` in each step.
+THINGS TO NOTICE. With a ratio of 1 one branch wins as well, either of them. THINGS TO TRY. A large `k`; robots that
+leave at once, and choose before any has come back. EXTENDING IT. Open the short branch only after 3,000 steps.
+
+REFERENCE. Goss, Aron, Deneubourg and Pasteels, Naturwissenschaften 76 (1989) 579-581; Deneubourg, Aron, Goss and
+Pasteels, Journal of Insect Behavior 3 (1990) 159-168.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+import shapely
+
+from mesa_swarm import AGENT9, Emitter, Field, FieldSensor, Map, RobotDesign, Sensor, SwarmModel, polygon
+from mesa_swarm.control import Subsumption, behaviour
+from mesa_swarm.errors import check_count, check_number
+from mesa_swarm.parameters import Slider
+from mesa_swarm.streams import Seed
+
+BOUNDS, LEVEL, ENDS, FORKS, MIDDLE = (0.0, 0.0, 700.0, 380.0), 280.0, (15.0, 685.0), (200.0, 500.0), 350.0
+# How far branches go off at 45 degrees; half a corridor's width; a lane's distance from its middle; the view ahead.
+SLOPE, HALF, ASIDE, AHEAD = 60.0, 20.0, 9.0, 16.0
+PATH, NEST, FORK, FOOD = 0, 1, 2, 3
+
+
+def way(side: float, ratio: float) -> shapely.LineString:
+    """Return the middle of the way from nest to food by the branch above (1) or below (-1), this much longer."""
+    (a, b), y = FORKS, LEVEL + side * SLOPE
+    low = y + side * (ratio - 1.0) * (np.sqrt(8.0) * SLOPE + b - a - 2.0 * SLOPE) / 2.0
+    turns = [(a + SLOPE, y), (a + SLOPE, low), (b - SLOPE, low), (b - SLOPE, y)]
+    return shapely.LineString([(ENDS[0], LEVEL), (a, LEVEL), *turns, (b, LEVEL), (ENDS[1], LEVEL)])
+
+
+def around(ways: tuple[shapely.LineString, ...]) -> Map:
+    """Return a map whose obstacles leave a corridor along each way."""
+    corridors = shapely.union_all([line.buffer(HALF, cap_style="flat", join_style="mitre") for line in ways])
+    solid = shapely.get_parts(shapely.box(*BOUNDS).difference(corridors))
+    walls = [polygon(part.exterior.coords, [hole.coords for hole in part.interiors]) for part in solid]
+    return Map(name="double bridge", bounds=BOUNDS, obstacles=walls)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ground(Sensor):
+    """The place, `NEST` and so on, and the bearings of four lanes: the upper one out and back, then the lower one."""
+
+    name: str = "ground"
+    width: int = 5
+
+    def arguments(self, model: "AntTrails") -> dict[str, np.ndarray]:
+        """Return all five numbers of all robots."""
+        x, y = model.swarm.position.T
+        along = shapely.line_locate_point(model.lanes, shapely.points(x, y)[:, None]) + AHEAD
+        there = shapely.get_coordinates(shapely.line_interpolate_point(model.lanes, along)).reshape(len(x), 4, 2)
+        away = there[:, :, 0] - x[:, None] + 1j * (there[:, :, 1] - y[:, None])
+        bearings = np.angle(away * np.exp(-1j * model.swarm.heading[:, None]))
+        at_fork = np.abs(np.abs(x - MIDDLE) - (MIDDLE - FORKS[0] + 22.5)) < 7.5
+        place = np.select([x < ENDS[0] + 25.0, x > ENDS[1] - 25.0, at_fork], [NEST, FOOD, FORK], PATH)
+        return {"seen": np.column_stack([place, bearings])}
+
+    @staticmethod
+    def read(rows: np.ndarray, seen: np.ndarray, out: np.ndarray) -> None:
+        """Fill `out` (n, 5)."""
+        out[:] = seen[rows]
+
+
+ANTENNAE = [FieldSensor(field="trail", mount=(72.0, side * 40.0 + ASIDE)) for side in (1.0, -1.0)]
+ANT = RobotDesign(max_speed=2.0, sensors=(*AGENT9.sensors, Ground(), *ANTENNAE), actuators=(Emitter(field="trail"),))
+
+
+@behaviour(memory={"out": False, "back": 0, "lower": 0, "chosen": False, "aside": 0})
+def follow(me: Any, k: float = 2.0, leaving: float = 0.015) -> tuple[float, float]:
+    """Leave the nest, turn at nest and food, choose a branch at a fork, wait for others, and follow the lane."""
+    memory, place = me.memory, me.ground[0]
+    me.act.trail = 1.0
+    if place == (NEST if memory.back else FOOD):
+        memory.back, memory.chosen = 1 - memory.back, False
+    if place == FORK and not memory.chosen:
+        left, right = (k + me.trail[0]) ** 2, (k + me.trail[1]) ** 2
+        goes_left = me.chance * (left + right) < left
+        memory.lower, memory.chosen = int(goes_left == memory.back), True
+    turn, blocked = me.ground[1 + 2 * memory.lower + memory.back], False
+    for s in (0, 2):
+        blocked = blocked or (me.kind[s] == 1 and me.distance[s] < 5.0 and abs(turn) < 1.0)
+    if not memory.out:
+        memory.out = not blocked and me.chance < leaving
+        return 0.0, 0.0
+    if memory.aside > 0:
+        memory.aside -= 1
+    elif blocked:
+        memory.aside = 15 if me.chance < 0.05 else 0
+        return 0.0, 0.0
+    turn = max(-1.0, min(1.0, turn - min(memory.aside, 1)))
+    return me.max_speed * min(1.0, 1.0 - 2.0 * turn), me.max_speed * min(1.0, 1.0 + 2.0 * turn)
+
+
+class AntTrails(SwarmModel):
+    """Robots between nest and food that choose one of two branches by the trail that they leave.
+
+    Examples
+    --------
+    >>> AntTrails(n_robots=3, rng=1).run(10).results()["passages"]
+    0.0
+    """
+
+    compares = "ratio", (1.0, 2.0)
+    steps_to_compare = 6_000
+
+    def __init__(
+        self,
+        *,
+        n_robots: Annotated[int, Slider(1, 36, 1, "robots")] = 30,
+        ratio: Annotated[float, Slider(1, 2, 0.1, "length of the lower branch relative to the upper one")] = 2.0,
+        k: Annotated[float, Slider(0.1, 50, 0.1, "trail below which a choice is at random")] = 2.0,
+        evaporation: Annotated[float, Slider(0, 0.05, 0.001, "share of the trail lost in a step")] = 0.002,
+        leaving: Annotated[float, Slider(0.005, 1, 0.005, "probability with which the next one leaves")] = 0.015,
+        rng: Seed = None,
+    ) -> None:
+        ways = way(1.0, 1.0), way(-1.0, check_number("ratio", ratio, minimum=1, maximum=2))
+        super().__init__(map=around(ways), rng=rng)
+        self.lanes = [line.offset_curve(-ASIDE, join_style="mitre") for one in ways for line in (one, one.reverse())]
+        self.add_field(Field("trail", cell=5.0, diffusion=1.0, evaporation=evaporation))
+        n, p = check_count("n_robots", n_robots, maximum=36), check_number("leaving", leaving, above=0, maximum=1)
+        self.add_robots(ANT, poses=[(24.0 + 13.0 * (i // 3), LEVEL + 12.0 * (i % 3 - 1), 0.0) for i in range(n)])
+        self.state.update(upper=0, lower=0)
+        self.control = Subsumption(follow(k=check_number("k", k, above=0), leaving=p))
+
+    def step(self) -> None:
+        """Advance by one step, and count who passes the middle of a branch."""
+        before = self.swarm.position[:, 0] < MIDDLE
+        super().step()
+        passed, is_upper = before != (self.swarm.position[:, 0] < MIDDLE), self.swarm.position[:, 1] > LEVEL
+        self.state["upper"] += int(np.count_nonzero(passed & is_upper))
+        self.state["lower"] += int(np.count_nonzero(passed & ~is_upper))
+
+    def results(self) -> dict[str, float | None]:
+        """Return the measures used by a comparison: passages of both branches, and the upper one's share of them."""
+        upper, passages = self.state["upper"], self.state["upper"] + self.state["lower"]
+        return {"passages": float(passages), "share of the upper branch": upper / passages if passages else None}

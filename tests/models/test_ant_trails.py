@@ -1,0 +1,105 @@
+"""Ant trails: robots go to and fro by a bridge of two branches, and choose by the trail that they smell."""
+
+import numpy as np
+import pytest
+import shapely
+
+from mesa_swarm.errors import SwarmError
+from mesa_swarm.models.ant_trails import ANT, ENDS, FOOD, FORK, FORKS, HALF, LEVEL, NEST, PATH, AntTrails, way
+from mesa_swarm.reproduction.published_trails import trail_checks, trail_figure, trail_run
+
+STORED = {"passages": 67.0, "share of the upper branch": 37 / 67}
+STEMS = FORKS[0] - ENDS[0] + ENDS[1] - FORKS[1]
+BOTH_ENDS = [0.02, 0.98] * 15
+
+
+def test_a_run_has_the_stored_numbers():
+    assert AntTrails(rng=1).run(1500).results() == pytest.approx(STORED)
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1.3, 2.0])
+def test_the_lower_branch_is_longer_by_the_ratio(ratio):
+    assert way(-1.0, ratio).length - STEMS == pytest.approx(ratio * (way(1.0, 1.0).length - STEMS))
+
+
+def test_robots_stay_in_the_corridors_and_traffic_goes_on():
+    model = AntTrails(rng=2)
+    ways = shapely.union_all([way(1.0, 1.0), way(-1.0, 2.0)])
+    passages = [0]
+    for _ in range(4):
+        model.run(500)
+        passages.append(model.results()["passages"])
+        assert shapely.distance(ways, shapely.points(model.swarm.position)).max() < HALF
+    assert np.diff(passages)[1:].min() > 15
+
+
+def test_a_robot_reads_the_place_and_the_bearings_of_four_lanes():
+    model = AntTrails(n_robots=1, rng=1)
+    (robot,) = model.robots
+    for x, place in ((30.0, NEST), (100.0, PATH), (177.0, FORK), (523.0, FORK), (670.0, FOOD)):
+        robot.position, robot.heading = (x, LEVEL), 0.0
+        model.sense()
+        assert robot.ground[0] == place
+    robot.position = (100.0, LEVEL - 9.0)
+    model.sense()
+    assert robot.ground[[1, 3]] == pytest.approx(0.0)
+    assert (np.abs(robot.ground[[2, 4]]) > 2.0).all()
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_robots_choose_the_branch_in_which_there_is_much_more_trail(side):
+    model = AntTrails(n_robots=3, rng=3, ratio=1.0, leaving=1.0, evaporation=0.0)
+    model.fields["trail"].deposit((240.0, LEVEL + side * 40.0), 1e9)
+    model.run(150)
+    assert model.swarm.columns["0.follow.chosen"].all()
+    assert (model.swarm.columns["0.follow.lower"] == (side < 0)).all()
+
+
+def test_a_large_k_makes_choices_random():
+    model = AntTrails(rng=4, ratio=1.0, k=1e9, leaving=1.0).run(400)
+    assert 5 <= model.swarm.columns["0.follow.lower"].sum() <= 25
+
+
+def test_robots_that_have_not_left_stand_still():
+    model = AntTrails(rng=5).run(5)
+    out = model.swarm.columns["0.follow.out"].astype(bool)
+    start = AntTrails(rng=5).swarm.position
+    assert (~out).sum() > 0
+    assert np.array_equal(model.swarm.position[~out], start[~out])
+
+
+def test_without_passages_the_share_is_unknown():
+    assert AntTrails(n_robots=0, rng=1).run(3).results() == {"passages": 0.0, "share of the upper branch": None}
+    assert trail_run(1, steps=4, last=2, n_robots=2) == {"upper": None, "passages": 0.0}
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"ratio": 0.5}, {"ratio": 3}, {"k": 0}, {"k": np.nan}, {"leaving": 0}, {"n_robots": 37}, {"evaporation": 2}],
+)
+def test_wrong_numbers_are_refused_in_one_line_that_names_them(wrong):
+    with pytest.raises(SwarmError, match=next(iter(wrong))) as caught:
+        AntTrails(rng=1, **wrong)
+    assert "\n" not in str(caught.value)
+
+
+def test_swarms_that_choose_as_in_the_paper_pass_all_checks():
+    checks = trail_checks(BOTH_ENDS, [0.95, 0.97] * 15)
+    assert {check.outcome for check in checks} == {"passed"}
+
+
+def test_swarms_that_do_not_choose_or_choose_one_side_fail_them():
+    undecided = trail_checks([0.5, 0.6] * 15, [0.5, 0.6] * 15)
+    assert [check.outcome for check in undecided if "carries more than" in check.claim] == ["failed", "failed"]
+    one_sided = trail_checks([0.95, 0.9] * 15, BOTH_ENDS)
+    assert next(check for check in one_sided if "upper one carries more" in check.claim).outcome == "failed"
+
+
+def test_the_figure_counts_each_run_once():
+    (axes,) = trail_figure(BOTH_ENDS, [0.95] * 30).axes
+    assert sum(bar.get_height() for bar in axes.patches) == 60
+
+
+def test_the_robots_are_as_the_page_describes_them():
+    assert [sensor.name for sensor in ANT.sensors[-3:]] == ["ground", "trail", "trail"]
+    assert [actuator.name for actuator in ANT.actuators] == ["trail"]
