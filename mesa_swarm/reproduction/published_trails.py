@@ -105,7 +105,9 @@ REMARKS = (
     "Each swarm chooses one branch, and most choose the short one; but of two equal branches, too, the upper one won "
     "in 22 of 30 runs, which two equal chances give in 1.6 % of such trials. So the model may prefer that side, and "
     "that the short branch won in 22 of 30 runs cannot be attributed to its length. A suspected reason is that robots "
-    "keep to the right: a robot that goes left crosses oncoming robots, and reads the trail of other lanes.",
+    "drive on the right, so that the left and the right branch are not mirror images: where along the lanes a robot "
+    "smells the trail matters. In 20 later trials with equal branches, 58 % of the first passages were by the upper "
+    "branch, and 53 % with both sensors 3 units nearer to the robot.",
     "If all choices were made at random, traffic would be the same on both branches, whatever their lengths. Length "
     "acts by time alone: robots on the short branch are back sooner and reinforce their trail first. So the rate at "
     "which robots leave the nest matters: in trials in which all left at once, with other settings, 3 of 8 swarms "
