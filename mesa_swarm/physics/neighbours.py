@@ -178,14 +178,11 @@ def _bodies(model: Any, kind: str) -> dict[str, np.ndarray]:
     movers, solid = model.movers, model.obstacle_list
     # Sources of heat hide nothing: no item of `owners` has their indices.
     numbered = enumerate(model.bodies, start=len(solid)) if kind == KINDS[SOURCE] else enumerate(solid)
-    seen = [(index, body) for index, body in numbered if body.kind == kind and not _is_hidden(body)]
-    places = np.empty((len(seen), 2))
-    for place, (_, body) in enumerate(seen):
-        places[place] = movers.position[body.row] if isinstance(body, Driven) else body.position
-    bodies = np.array([index for index, _ in seen], np.int64)
+    of_kind = [(index, body) for index, body in numbered if body.kind == kind]
+    driven = np.array([(index, body.row) for index, body in of_kind if isinstance(body, Driven)], int).reshape(-1, 2)
+    driven = driven[~movers.carried[driven[:, 1]]]
+    others = [one for one in of_kind if not isinstance(one[1], Driven) and not getattr(one[1], "out", False)]
+    places = np.array([body.position for _, body in others]).reshape(-1, 2)
+    bodies = np.concatenate([driven[:, 0], np.array([index for index, _ in others], np.int64)])
+    places = np.concatenate([movers.position[driven[:, 1]], places])
     return {"places": places, "number": bodies, "bodies": bodies, "lamps": np.empty(0)}
-
-
-def _is_hidden(body: Any) -> bool:
-    """Return whether a robot carries a body, or it is a source of heat that is out."""
-    return getattr(body, "carrier", None) is not None or bool(getattr(body, "out", False))
