@@ -245,15 +245,19 @@ class EngineModel(OpenModel):
         if self._movers is not None:
             self._follow_agents(self._movers)
         self.sense()
-        self._exchange()
-        self._decide()
-        self._act()
+        if self._channel is not None:
+            self._exchange(self._channel)
+        if self._control is not None:
+            self._decide(self._control)
+        if self.swarm.table.actions:
+            self._own_parts.act(self, self._current_scene())
         self._move()
         if self._fields is not None:
             self._advance_fields(self._fields)
         if self._snapshots is not None:
             self._snapshots.note()
-        self._process()
+        if self._processes:
+            self._process()
         self._completed += 1
         self._collect()
 
@@ -295,16 +299,12 @@ class EngineModel(OpenModel):
                 bar.update()
         return self
 
-    def _exchange(self) -> None:
-        if self._channel is None:
-            return
-        loses = self._channel.radio.loss_probability > 0
+    def _exchange(self, channel: Channel) -> None:
+        loses = channel.radio.loss_probability > 0
         word = self.streams["communication"].integers(2**64, dtype=np.uint64) if loses else np.uint64(0)
-        self._channel.exchange(self.swarm, self._current_scene(), word)
+        channel.exchange(self.swarm, self._current_scene(), word)
 
-    def _decide(self) -> None:
-        if self._control is None:
-            return
+    def _decide(self, control: Arbiter) -> None:
         columns = self.swarm.columns
         command, layer = columns["command"], columns["layer"]
         columns["task"].fill(-1)
@@ -317,23 +317,18 @@ class EngineModel(OpenModel):
             self._senses = Senses.of(self.swarm)
             self._senses_version = self.swarm.version
         columns["last_command"][:] = command
-        self._control.decide(self._senses, command, layer)
+        control.decide(self._senses, command, layer)
         if self.swarm.table.mixed:
             clear_unused(command, columns["design"], self.swarm.table.numbers)
         wrong = limit_command(command, columns["max_speed"], columns["design"], self.swarm.table.sideways)
         if wrong >= 0:
-            name = driver(self._control, int(layer[wrong]))
+            name = driver(control, int(layer[wrong]))
             raise BehaviourError(
                 f"{name} commanded NaN to robot {self.swarm.agents[wrong].unique_id} in step {self.steps}; "
                 f"expected {speeds_in_words(self.swarm.agents[wrong].design.numbers)}"
             )
         if self._channel is not None:
             send_goals(columns["position"], columns["heading"], columns["goal"], columns["sent_goal"])
-
-    def _act(self) -> None:
-        """Let actuators do what was decided."""
-        if self.swarm.table.actions:
-            self._own_parts.act(self, self._current_scene())
 
     def _move(self) -> None:
         for load in self._loads:

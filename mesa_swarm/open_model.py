@@ -165,9 +165,8 @@ class OpenModel(World):
 
     def _process(self) -> None:
         """Advance what changes in each step besides robots."""
-        if self._processes:
-            for process in tuple(self._processes.values()):
-                process.step(self)
+        for process in tuple(self._processes.values()):
+            process.step(self)
 
     def _declared_state(self) -> Iterator[tuple[str, Any]]:
         """Iterate over what the model and its processes declare, by name."""

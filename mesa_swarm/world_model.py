@@ -248,8 +248,8 @@ class World(BodyWorld):
                 known = self.add_field(field)
             self._fields = {**(self._fields or {}), field.name: known}
             known.restore(state)
-        for field in before.values():
-            field.removed = self.fields.get(field.name) is not field
+        for earlier in before.values():
+            earlier.removed = self.fields.get(earlier.name) is not earlier
 
     def _walls(self) -> list[Shape]:
         """Return the shapes of what stops fields: solid bodies that do not move."""

@@ -64,6 +64,11 @@ class Arbiter:
         """The arbiters that it is made of: itself, or those of a `Team`."""
         return (self,)
 
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What each of `parts` is for: "" for all robots, or the name of a design or a group of a `Team`."""
+        return ("",)
+
     def arbiter_of(self, index: int) -> "Arbiter":
         """Return the arbiter that a layer belongs to."""
         return self

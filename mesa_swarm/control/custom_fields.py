@@ -10,10 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, shortened
-from mesa_swarm.robots.parts import check_identifier
+from mesa_swarm.robots.parts import check_identifier, reserve
 
 # What a rule may write, each a record with a field a name.
 WRITTEN = ("act", "memory", "send")
+reserve((*WRITTEN, "heard"))
 KINDS = {"b": np.bool_, "i": np.int64, "u": np.int64, "f": np.float64}
 
 

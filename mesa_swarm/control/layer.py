@@ -12,6 +12,7 @@ import numpy as np
 
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, MOUNT_X, MOUNT_Y
+from mesa_swarm.robots.parts import reserve
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import ROBOT
 
@@ -101,6 +102,9 @@ class Senses:
             first = f"{group}."
             more[group] = {n.removeprefix(first): c for n, c in swarm.columns.items() if n.startswith(first)}
         return cls(**columns, **of_designs, sideways=table.sideways, **more)
+
+
+reserve(one.name for one in fields(Senses))
 
 
 class Layer(Protocol):

@@ -21,7 +21,7 @@ from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import BehaviourError, UncompiledBehaviourWarning, shortened, unknown_name
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.drive import speeds_in_words
-from mesa_swarm.robots.parts import brief
+from mesa_swarm.robots.parts import brief, reserve
 
 # A robot without a front sensor has me.front == -1. Python and Numba would take that as the last sensor, so
 # that a rule would steer by what is behind the robot. Arrays of a type of their own read "nothing" instead.
@@ -133,6 +133,7 @@ Me = namedtuple(
     "distance kind bearing radiation line front left right radius max_speed tendency temperature heat hot "
     "extinguishing heard_layer heard_task heard_x heard_y goal_x goal_y chance",
 )
+reserve(Me._fields)
 
 
 class WheelsError(Exception):

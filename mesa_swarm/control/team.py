@@ -101,6 +101,11 @@ class Team(Arbiter, Mapping):
         return self._parts
 
     @property
+    def labels(self) -> tuple[str, ...]:
+        """The names of the designs and groups of `parts`, distinct."""
+        return tuple(self._labels)
+
+    @property
     def names(self) -> tuple[str, ...]:
         """The names of the layers, distinct between arbiters."""
         times = Counter(name for arbiter in self.parts for name in dict.fromkeys(arbiter.names))

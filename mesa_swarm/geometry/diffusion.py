@@ -36,10 +36,11 @@ def spread(values, x_share, y_share, remaining, sides, begins, cells):
     below, row = np.empty(columns + 2), np.empty(columns + 2)
     for i in range(rows):
         now = values[i]
-        row[1:-1] = now
+        for j in range(columns):
+            row[j + 1] = now[j]
         row[0], row[-1] = row[1], row[-2]
         if i == 0:
-            below[:] = row
+            below = row.copy()
         above = values[i + 1] if i + 1 < rows else row[1:-1]
         for j in range(columns):
             own = row[j + 1]

@@ -16,7 +16,7 @@ import numpy as np
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.grid import cell_index, sort_into_cells
 from mesa_swarm.geometry.overlap import in_polygon, nearest_on_segment, wrapped
-from mesa_swarm.physics.motion import advance, count_pieces
+from mesa_swarm.physics.motion import advance, copy_places, count_pieces
 from mesa_swarm.physics.moving import advance_bodies, count_body_pieces, return_bodies
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import BORDER, OBSTACLE, ROBOT
@@ -26,7 +26,8 @@ from mesa_swarm.world.statics import BORDER, OBSTACLE, ROBOT
 ON_FACE = 1e-6
 # Overlaps below this share of the radius are rounding. A tenth of what is promised.
 SLOP = 1e-7
-MOST_SWEEPS = 128
+# NumPy's numbers: Numba would compile a function once more for each literal one that is passed to it.
+MOST_SWEEPS, A_ROBOT = np.int64(128), np.int64(ROBOT)
 MOST_PUSHES = 12
 # Pairs nearer than this share of the least radius are watched while pushing.
 MARGIN = 1.0
@@ -174,7 +175,7 @@ def travel(
     free = np.empty(len(position), np.bool_)
     pieces = count_body_pieces(count_pieces(motion, radius), radius, statics[8])
     for piece in range(pieces):
-        before[:] = position
+        copy_places(position, before)
         face[:] = 0.0
         advance_bodies(piece, pieces, radius, statics[8], statics[0], statics[1])
         stop_jumps(position, radius, statics[0], statics[1], statics[8])
@@ -184,7 +185,8 @@ def travel(
         if not settled:
             put_back(position, before, radius, grid, statics, contacts, free, listed, pairs)
         turn_along_faces(heading, motion, face, turn_angle, extra_turn)
-    collided[:] = contact_depth > 0.0
+    for i in range(len(collided)):
+        collided[i] = contact_depth[i] > 0.0
 
 
 @compiled
@@ -213,7 +215,7 @@ def separate(position, radius, number, grid, statics, contacts, free, most_sweep
         if 2.0 * farthest_from(listed, position, moved[:count]) > margin:
             pairs = near_pairs(position, radius, margin, grid)
             met = np.empty(pairs.shape[0], np.int64)
-            listed[:] = position
+            copy_places(position, listed)
             awake[:] = True
     return False, listed, pairs
 
@@ -331,8 +333,8 @@ def push_pairs(position, radius, number, pairs, awake, push, contacts, met):
         push[i, 1] += ny * overlap / 2.0
         push[j, 0] -= nx * overlap / 2.0
         push[j, 1] -= ny * overlap / 2.0
-        note_contact(i, ROBOT, j, nx, ny, overlap, contacts)
-        note_contact(j, ROBOT, i, -nx, -ny, overlap, contacts)
+        note_contact(i, A_ROBOT, j, nx, ny, overlap, contacts)
+        note_contact(j, A_ROBOT, i, -nx, -ny, overlap, contacts)
         met[count] = k
         count += 1
     return count
@@ -416,8 +418,8 @@ def _collide(i, j, position, radius, contacts):
     if overlap <= SLOP * min(radius[i], radius[j]):
         return False
     if distance > 0.0:
-        note_contact(i, ROBOT, j, dx / distance, dy / distance, overlap, contacts)
-        note_contact(j, ROBOT, i, -dx / distance, -dy / distance, overlap, contacts)
+        note_contact(i, A_ROBOT, j, dx / distance, dy / distance, overlap, contacts)
+        note_contact(j, A_ROBOT, i, -dx / distance, -dy / distance, overlap, contacts)
     return True
 
 

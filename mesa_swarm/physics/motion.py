@@ -10,6 +10,13 @@ LONGEST_PIECE = 0.5
 
 
 @compiled
+def copy_places(source, target):
+    """Copy places (n, 2): for ``target[:] = source`` Numba would compile, for seconds, how to word an error."""
+    for i in range(source.shape[0]):
+        target[i, 0], target[i, 1] = source[i, 0], source[i, 1]
+
+
+@compiled
 def count_pieces(motion, radius):
     """Return the number of pieces of the step such that no robot moves more than half the least radius in one."""
     longest, least = 0.0, math.inf

@@ -14,6 +14,7 @@ import numpy as np
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.grid import Grid, cell_index
 from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.physics.motion import copy_places
 from mesa_swarm.world.movers import Movers
 from mesa_swarm.world.shapes import Shape
 from mesa_swarm.world.statics import Statics, edges_of
@@ -211,9 +212,11 @@ def advance_bodies(piece, pieces, radius, movers, edges, discs):
     poses, scratch, outlines, items, _, lists = movers
     position, heading, aim, aim_heading, _, _ = poses
     start, start_heading, before, before_heading, jumps = scratch
-    before[:], before_heading[:], jumps[:] = position, heading, False
+    copy_places(position, before)
+    jumps[:] = False
     longest, moved = LONGEST_STEP * radius.min(), False
     for b in range(position.shape[0]):
+        before_heading[b] = heading[b]
         way = way_of(b, poses, scratch)
         if way == 0.0:
             continue

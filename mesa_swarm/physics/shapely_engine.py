@@ -159,7 +159,7 @@ def travel(columns: dict[str, np.ndarray], motion: np.ndarray, turn_angle: float
         contacts.face[:] = 0.0
         bodies.advance(piece, pieces, position, radius)
         advance(position, heading, motion, pieces)
-        if not separate(position, radius, bodies.solids, contacts, MOST_SWEEPS):
+        if not separate(position, radius, bodies.solids, contacts, int(MOST_SWEEPS)):
             put_back(position, before, radius, bodies.solids, contacts, bodies)
         turn_along_faces(heading, motion, contacts.face, turn_angle, extra_turn)
     columns["collided"][:] = contacts.depth > 0.0

@@ -32,6 +32,7 @@ from mesa_swarm.recording.parts import (
     part_to_json,
     restore_objects,
 )
+from mesa_swarm.recording.removed import remains_from_json, remains_to_json
 from mesa_swarm.robots.design import LARGEST_RADIUS
 from mesa_swarm.state import Checkpointed, attributes_of, declared
 from mesa_swarm.world.arena import ArenaAgent
@@ -51,25 +52,35 @@ OF_BURNING = f"{Burning.__module__}.{Burning.__qualname__}"
 
 
 class ModelPacked(Packed):
-    """Plain values of a model, which may refer to its agents by unique_id."""
+    """Plain values of a model, which may refer to its agents by unique_id.
+
+    `removed` are agents that were removed from it and to which values refer; None refuses such values.
+    """
 
     def __init__(self, model: FireModel, arrays: list[np.ndarray] | None = None) -> None:
         super().__init__(arrays)
         self.model = model
+        self.removed: dict[int, Agent] | None = None
         self._agents: dict[int, Agent] | None = None
 
     def pack(self, value: Any, what: str = "a value", depth: int = 0) -> object:
         """Return a value as JSON."""
         if isinstance(value, Agent):
-            if value not in self.model.agents:
-                raise RecordingError(f"{what} refers to an agent that is not in the model, which cannot be stored")
-            return {"agent": value.unique_id}
+            return {"agent": value.unique_id} if value in self.model.agents else self._packed_removed(value, what)
         if isinstance(value, AgentSet):
             return {"agents": [self.pack(agent, what) for agent in value]}
         return super().pack(value, what, depth)
 
+    def _packed_removed(self, agent: Agent, what: str) -> dict:
+        if self.removed is None or agent.model is not self.model:
+            raise RecordingError(f"{what} refers to an agent that is not in the model, which cannot be stored")
+        self.removed[agent.unique_id] = agent
+        return {"removed": agent.unique_id}
+
     def unpack(self, content: Any) -> Any:
         """Return the value for which `pack` returned this."""
+        if isinstance(content, dict) and "removed" in content:
+            return (self.removed or {})[content["removed"]]
         if isinstance(content, dict) and "agent" in content:
             if self._agents is None:
                 self._agents = {agent.unique_id: agent for agent in self.model.agents}
@@ -84,14 +95,17 @@ def checkpoint_of(model: FireModel, since: dict[Path, int] | None = None, *, ste
 
     Stored are the swarm, obstacles, loads, fires, radio, control, processes, the declared state, all random streams,
     Mesa's counters, collected data, and all other attributes of the model that are plain, or have `checkpoint` and
-    `restore`. An array that is found in two of these is one array again when it is restored. Snapshots of `watch` are
-    not. `since` has the lengths of the collected series at the last checkpoint (`lengths_of`): only values added since
-    then are stored. `steps` is what Mesa had counted, if it has already counted a step that has not begun.
+    `restore`; agents that were removed, and to which these refer, are stored as removed. An array that is found in two
+    of these is one array again when it is restored. Snapshots of `watch` are not. `since` has the lengths of the
+    collected series at the last checkpoint (`lengths_of`): only values added since then are stored. `steps` is what
+    Mesa had counted, if it has already counted a step that has not begun.
     """
     state_hash = model.state_hash()  # reads the sensors, as their next use does
     if has_own_events(model):
         raise RecordingError("Mesa's schedule has events besides the step, which cannot be stored")
     packed = ModelPacked(model)
+    collected = collected_to_json(model, packed, since or {})
+    packed.removed = {}
     facts = {
         "steps": model.steps if steps is None else steps,
         "things": objects_to_json(model),
@@ -107,7 +121,7 @@ def checkpoint_of(model: FireModel, since: dict[Path, int] | None = None, *, ste
         "control": control_to_json(model.control),
         "control_state": _control_state(model, packed),
         "randomness": _randomness(model, packed),
-        "collected": collected_to_json(model, packed, since or {}),
+        "collected": collected,
         "reporters": {
             name: packed.pack(reporter.checkpoint(), f"reporter {name}")
             for name, reporter in reporters_of(model).items()
@@ -116,6 +130,8 @@ def checkpoint_of(model: FireModel, since: dict[Path, int] | None = None, *, ste
         "of_things": _agent_attributes(model, packed),
         **_declared_to_json(model, packed),
     }
+    if packed.removed:
+        facts["removed"] = removed_to_json(packed)
     return Checkpoint(step=model.completed, state_hash=state_hash, facts=facts, arrays=packed.arrays)
 
 
@@ -140,6 +156,7 @@ def restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpoi
 def _restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpoint]) -> None:
     facts, packed = _with_burning(checkpoint.facts), ModelPacked(model, checkpoint.arrays)
     restore_objects(model, facts["things"])
+    make_removed(packed, facts.get("removed", []))
     model._restore_fields(packed.unpack(facts.get("scalars", [])))
     model.fire_constants = part_from_json(facts["constants"])
     _restore_control(model, facts)
@@ -436,6 +453,7 @@ def _restore_attributes(model: FireModel, facts: dict, packed: ModelPacked) -> N
         if type(number) not in kinds or not 0 <= number < LARGEST_NUMBER:
             raise RecordingError(f"invalid {name}: {shortened(number)}")
     _restore_agents(model, dict(facts["of_things"]), packed)
+    restore_removed(packed, facts.get("removed", []))
 
 
 def _restore_agents(model: FireModel, stored: dict[int, dict], packed: ModelPacked) -> None:
@@ -449,6 +467,38 @@ def _restore_agents(model: FireModel, stored: dict[int, dict], packed: ModelPack
         for name, content in values.items():
             value = attribute_from_json(getattr(agent, name, None), name, content, packed)
             object.__setattr__(agent, name, value)
+
+
+def removed_to_json(packed: ModelPacked) -> list:
+    """Return what is stored of removed agents to which values refer, and of those to which these refer."""
+    stored: list[list] = []
+    removed = packed.removed or {}
+    while len(stored) < len(removed):
+        for unique_id in list(removed)[len(stored) :]:
+            agent = removed[unique_id]
+            what = f"removed {type(agent).__name__} {unique_id}'s "
+            own = {n: attribute_to_json(v, what + n, packed) for n, v in own_attributes_of_agent(agent).items()}
+            stored.append([unique_id, remains_to_json(agent), own])
+    return stored
+
+
+def make_removed(packed: ModelPacked, stored: list) -> None:
+    """Make the handles of removed agents, without their attributes; those of the same kind that are known stay."""
+    known = packed.removed or {}
+    there = {agent.unique_id for agent in packed.model.agents}
+    new = {unique_id: remains for unique_id, remains, _ in stored if unique_id not in known}
+    if there & new.keys():
+        raise RecordingError(f"agent {min(there & new.keys())} is stored as removed and as present")
+    packed.removed = {**known, **{one: remains_from_json(packed.model, one, remains) for one, remains in new.items()}}
+
+
+def restore_removed(packed: ModelPacked, stored: list) -> None:
+    """Restore the attributes of removed agents."""
+    for unique_id, _, values in stored:
+        agent: Any = (packed.removed or {})[unique_id]
+        _refuse(apart_of_agent(agent) & values.keys())
+        for name, content in values.items():
+            object.__setattr__(agent, name, attribute_from_json(None, name, content, packed))
 
 
 def _refuse(names: frozenset[str]) -> None:

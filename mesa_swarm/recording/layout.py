@@ -9,6 +9,7 @@ import pyarrow as pa
 from mesa_swarm.errors import LONGEST_NAME, InvalidValueError, RecordingError, UnknownNameError, shortened, unknown_name
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.looks import looks_of
+from mesa_swarm.robots.parts import reserve
 from mesa_swarm.world.fields import ScalarField
 from mesa_swarm.world.statics import BORDER, FIRE, ROBOT
 
@@ -37,6 +38,7 @@ NO_PIXELS = np.empty((0, 1))
 NO_WIDTHS: Mapping[str, int] = {}
 # The first fields of a row.
 FIRST_COLUMNS = {"step": pa.int64(), "state_hash": pa.string(), "robot": pa.list_(pa.int32())}
+reserve((*TABLES, *FIRST_COLUMNS))
 
 
 class Layout:

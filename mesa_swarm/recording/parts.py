@@ -193,7 +193,7 @@ def _made(name: str, maker: Callable, arguments: dict) -> Any:
 def objects_to_json(model: FireModel) -> dict:
     """Return the robots, obstacles, loads, fires and other agents of a model by unique_id."""
     swarm = model.swarm
-    others = [[agent.unique_id, *_class_of(agent), _place_of(agent)] for agent in other_agents(model)]
+    others = [[agent.unique_id, *class_of_agent(agent), _place_of(agent)] for agent in other_agents(model)]
     return {
         **({"others": others} if others else {}),
         "designs": [part_to_json(design) for design in swarm.designs],
@@ -255,7 +255,8 @@ def other_agents(model: FireModel) -> list[Agent]:
     return [agent for agent in model.agents if id(agent) not in known] if len(model.agents) > len(known) else []
 
 
-def _class_of(agent: Agent) -> tuple[str, str]:
+def class_of_agent(agent: Agent) -> tuple[str, str]:
+    """Return the module and the name of the class of an agent."""
     return type(agent).__module__, type(agent).__qualname__
 
 
@@ -270,21 +271,26 @@ def _place_of(agent: Agent) -> list[float] | None:
 
 def _make_other(model: FireModel, module: str, name: str) -> None:
     """Make an agent of a class that is loaded, without its constructor: its attributes are restored later."""
-    kind = next((one for one in family(Agent) if (one.__module__, one.__qualname__) == (module, name)), None)
+    kind = agent_class(module, name)
     if kind is None or issubclass(kind, ArenaAgent):
         raise RecordingError(f"agents of class {shortened(name)} cannot be made: import it from {shortened(module)}")
-    agent = kind.__new__(kind)
+    agent = object.__new__(kind)
     if issubclass(kind, ContinuousSpaceAgent):
         ContinuousSpaceAgent.__init__(agent, model.space, model)
     else:
         Agent.__init__(agent, model)
 
 
+def agent_class(module: object, name: object) -> type[Agent] | None:
+    """Return the class of agents of this name that is loaded, None without one."""
+    return next((one for one in family(Agent) if (one.__module__, one.__qualname__) == (module, name)), None)
+
+
 def _restore_others(model: FireModel, stored: dict[int, list]) -> None:
     """Move the other agents to their places; refuse agents of other classes than those stored."""
     for agent in other_agents(model):
         *kind, place = stored[agent.unique_id]
-        if list(_class_of(agent)) != kind:
+        if list(class_of_agent(agent)) != kind:
             raise RecordingError(
                 f"agent {agent.unique_id} is of {type(agent).__name__} in the model, of {shortened(kind[1])} in the "
                 "recording"
@@ -322,10 +328,11 @@ def summary(model: FireModel) -> list[list[int]]:
 
 def _obstacle_to_json(obstacle: Body) -> dict:
     usual = KINDS[LOAD] if isinstance(obstacle, Load) else KINDS[OBSTACLE]
-    return {**_body_to_json(obstacle), **({} if obstacle.kind == usual else {"kind": obstacle.kind})}
+    return {**body_to_json(obstacle), **({} if obstacle.kind == usual else {"kind": obstacle.kind})}
 
 
-def _body_to_json(obstacle: Body) -> dict:
+def body_to_json(obstacle: Body) -> dict:
+    """Return a body as stored states have it, without its kind."""
     if isinstance(obstacle, Driven):
         movers, row = obstacle.movers, obstacle.row
         return {
@@ -438,14 +445,15 @@ def _check_same(model: FireModel, stored: dict, obstacles: dict) -> None:
 def _restore_driven(body: Driven, stored: dict, bounds: tuple[float, float, float, float]) -> None:
     movers, row = body.movers, body.row
     for place, heading, name in ((movers.position, movers.heading, "pose"), (movers.aim, movers.aim_heading, "aim")):
-        *place[row], heading[row] = _checked_pose(f"body {body.unique_id}", stored[name], bounds)
+        *place[row], heading[row] = checked_pose(f"body {body.unique_id}", stored[name], bounds)
     movers.blocked[row], movers.fresh[row] = bool(stored["blocked"]), bool(stored["fresh"])
     robots = {robot.unique_id: robot for robot in body.model.swarm.agents} if "carrier" in stored else {}
     body.carrier = robots[_id(stored["carrier"])] if "carrier" in stored else None
     movers.carried[row] = body.carrier is not None
 
 
-def _checked_pose(name: str, stored: Any, bounds: tuple[float, float, float, float]) -> Pose:
+def checked_pose(name: str, stored: Any, bounds: tuple[float, float, float, float]) -> Pose:
+    """Return a stored pose, which has to be on the map."""
     x, y, heading = map(float, stored)
     x_min, y_min, x_max, y_max = bounds
     if not (x_min <= x <= x_max and y_min <= y <= y_max and abs(heading) <= np.pi):
@@ -455,7 +463,7 @@ def _checked_pose(name: str, stored: Any, bounds: tuple[float, float, float, flo
 
 def _restore_load(load: Load, stored: dict, bounds: tuple[float, float, float, float]) -> None:
     load.resistance = stored["resistance"]
-    load.move_to(_checked_pose(f"load {load.unique_id}", stored["pose"], bounds))
+    load.move_to(checked_pose(f"load {load.unique_id}", stored["pose"], bounds))
     load.moved, load.pushers = bool(stored["moved"]), _id(stored["pushers"])
 
 

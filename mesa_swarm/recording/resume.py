@@ -1,12 +1,14 @@
 """Continuing a run from any step of its recording, unchanged or with other parameters."""
 
 import os
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
 from copy import deepcopy
 from itertools import zip_longest
 from typing import Any
 
+from mesa_swarm.control.team import Team
 from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError, check_count, shortened, unknown_name
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.gallery import FORMS, address_of, is_address, shipped_class
@@ -15,8 +17,11 @@ from mesa_swarm.recording.checkpoint import (
     ModelPacked,
     attribute_from_json,
     attribute_to_json,
+    make_removed,
     own_attributes,
     own_attributes_of_agent,
+    removed_to_json,
+    restore_removed,
 )
 from mesa_swarm.recording.collected import reporters_of, set_clock
 from mesa_swarm.recording.parts import family, objects_to_json, other_agents, restore_objects
@@ -42,9 +47,9 @@ def resume(
     The nearest checkpoint at or before the step is restored, and the model runs from there to the step, compared
     with the recording on the way; without a checkpoint it is run again from its parameters. With other parameters, a
     second model is made with these and takes over the first one's state: its robots and other objects as they are now,
-    positions, readings, temperatures, the memory of layers (by the layer's name), random streams, counters, the
-    declared state, events. Attributes that were replaced by hand before, such as `control` or `fire_constants`, then
-    follow from the parameters again.
+    positions, readings, temperatures, the memory of layers (by their group or design, name and place), random streams,
+    counters, the declared state, events. Attributes that were replaced by hand before, such as `control` or
+    `fire_constants`, then follow from the parameters again.
 
     If the model was changed by hand after that very step, it is returned with the change, provided that the state after
     it was stored (`Recording.interventions`).
@@ -210,20 +215,59 @@ def _unless_changed(new: Any, old: Any, fresh: Any) -> Any:
 
 
 def _take_columns(new: FireModel, old: FireModel, of_parameters: frozenset[str]) -> None:
-    known = {**{_without_place(name): name for name in old.swarm.columns}, **{name: name for name in old.swarm.columns}}
+    renamed = {_prefix(new, index): _prefix(old, other) for index, other in _same_layers(new, old).items()}
     for name, column in new.swarm.columns.items():
-        source = known.get(name, known.get(_without_place(name)))
-        if name in of_parameters or source is None or old.swarm.columns[source].shape != column.shape:
+        source = _renamed(name, renamed)
+        if name in of_parameters or source not in old.swarm.columns:
             continue
-        column[...] = old.swarm.columns[source]
+        if old.swarm.columns[source].shape == column.shape:
+            column[...] = old.swarm.columns[source]
     new.swarm.groups = old.swarm.groups
     new.swarm.regrouped += 1
 
 
-def _without_place(name: str) -> str:
-    """Return the name of a layer's column without the index of the layer, which may have changed."""
-    place, dot, rest = name.partition(".")
-    return rest if dot and place.isdigit() else name
+def _same_layers(new: FireModel, old: FireModel) -> dict[int, int]:
+    """Return by the indices of the layers of one model those of another that are the same.
+
+    They have the same name and place among those of this name, in the arbiter of the same design or group.
+    """
+    teams = isinstance(new.control, Team) and isinstance(old.control, Team)
+    mine, others = (_places_of_layers(model, teams) for model in (new, old))
+    return {index: others[place] for place, index in mine.items() if place in others}
+
+
+def _places_of_layers(model: FireModel, by_label: bool) -> dict[tuple[str, str, int], int]:
+    """Return the indices of layers by the label of their arbiter, their name, and how often that came before."""
+    count = Counter[tuple[str, str]]()
+    places = {}
+    for index, (label, name) in enumerate(_named_layers(model)):
+        key = (label if by_label else "", name)
+        places[*key, count[key]] = index
+        count[key] += 1
+    return places
+
+
+def _named_layers(model: FireModel) -> list[tuple[str, str]]:
+    """Return the label of its arbiter and the name of each layer."""
+    parts = getattr(model.control, "parts", () if model.control is None else (model.control,))
+    labels = getattr(model.control, "labels", ("",))
+    return [
+        (label, layer.name) for label, part in zip(labels, parts, strict=False) for layer in getattr(part, "layers", ())
+    ]
+
+
+def _prefix(model: FireModel, index: int) -> str:
+    """Return how the names of the columns of a layer begin."""
+    return ".".join([str(index), *filter(None, _named_layers(model)[index])])
+
+
+def _renamed(name: str, renamed: dict[str, str]) -> str:
+    """Return the name that a column has in the other model; none has an empty name."""
+    place, dot, _ = name.partition(".")
+    if not dot or not place.isdigit():
+        return name
+    found = next((one for one in renamed if name.startswith(f"{one}.")), None)
+    return "" if found is None else renamed[found] + name[len(found) :]
 
 
 def _take_fires(new: FireModel, old: FireModel, fresh: FireModel) -> None:
@@ -260,21 +304,34 @@ def _take_randomness(new: FireModel, old: FireModel) -> None:
 def _take_values(new: FireModel, old: FireModel, fresh: FireModel) -> None:
     """Copy what the run has changed in attributes, the declared state, processes, custom layers and other agents."""
     there = ModelPacked(old)
-    here = ModelPacked(new, there.arrays)
+    here, there.removed = ModelPacked(new, there.arrays), {}
     if new._processes.keys() < old._processes.keys():
         raise InvalidValueError("the change makes a model with fewer processes; change parameters that leave them")
     for number in new._processes.keys() - old._processes.keys():
         new.remove_process(new._processes[number])
+    renamed = {_prefix(old, other): _prefix(new, index) for index, other in _same_layers(new, old).items()}
     for mine, values, first in _owners_of_values(new, old, fresh):
         for name in first.keys() - values.keys():
             mine.pop(name, None)
         for name, value in values.items():
             if name not in first or fingerprint(value) != fingerprint(first[name]):
                 with suppress(RecordingError):  # follows from the parameters
-                    content: Any = attribute_to_json(value, name, there)
+                    content = _of_columns(attribute_to_json(value, name, there), renamed, new)
+                    make_removed(here, removed_to_json(there))
                     mine[name] = attribute_from_json(mine.get(name), name, content, here)
+    restore_removed(here, removed_to_json(there))
     new.events.replace({name: list(series) for name, series in old.events.series().items()})
     new.obstacles_changed()
+
+
+def _of_columns(content: Any, renamed: dict[str, str], new: FireModel) -> Any:
+    """Return a value as stored, but a column of a layer by the name that it has in the new model."""
+    if "column" not in content:
+        return content
+    name = _renamed(content["column"], renamed)
+    if name not in new.swarm.columns:
+        raise RecordingError(f"the change makes a model without the column {shortened(content['column'])}")
+    return {"column": name}
 
 
 def _owners_of_values(new: FireModel, old: FireModel, fresh: FireModel) -> Iterator[tuple[Any, dict, dict]]:
@@ -284,15 +341,20 @@ def _owners_of_values(new: FireModel, old: FireModel, fresh: FireModel) -> Itera
     for number, process in new._processes.items():
         before = attributes_of(fresh._processes[number]) if number in fresh._processes else {}
         yield _Attributes(process), attributes_of(old._processes[number]), before
-    layers = [{layer.name: layer for layer in getattr(model.control, "layers", ())} for model in (new, old, fresh)]
-    for name, layer in layers[0].items():
-        if name in layers[1] and not type(layer).__module__.startswith("mesa_swarm."):
-            first = attributes_of(layers[2][name]) if name in layers[2] else {}
-            yield _Attributes(layer), _without_swarm(attributes_of(layers[1][name])), _without_swarm(first)
+    yield from _owners_of_layers(new, old, fresh)
     agents, firsts = ({agent.unique_id: agent for agent in other_agents(model)} for model in (old, fresh))
     for agent in other_agents(new):
         before = own_attributes_of_agent(firsts[agent.unique_id]) if agent.unique_id in firsts else {}
         yield _Attributes(agent), own_attributes_of_agent(agents[agent.unique_id]), before
+
+
+def _owners_of_layers(new: FireModel, old: FireModel, fresh: FireModel) -> Iterator[tuple[Any, dict, dict]]:
+    mine, others, firsts = (getattr(model.control, "layers", ()) for model in (new, old, fresh))
+    of_fresh = _same_layers(new, fresh)
+    for index, other in _same_layers(new, old).items():
+        if not type(mine[index]).__module__.startswith("mesa_swarm."):
+            first = attributes_of(firsts[of_fresh[index]]) if index in of_fresh else {}
+            yield _Attributes(mine[index]), _without_swarm(attributes_of(others[other])), _without_swarm(first)
 
 
 def _without_swarm(values: dict[str, Any]) -> dict[str, Any]:

@@ -4,7 +4,7 @@ import inspect
 import keyword
 import re
 import warnings
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from functools import cache
 from itertools import pairwise
 from typing import Any
@@ -13,58 +13,15 @@ from mesa_swarm.errors import InvalidValueError, UncompiledBehaviourWarning, ask
 from mesa_swarm.geometry.compiled import custom_compiled, is_refused
 
 MOST_NUMBERS = 10_000
-# Names that a robot, a swarm, a rule's `me` or a row of a recording has already.
-RESERVED = frozenset(
-    (
-        *(
-            "act",
-            "add",
-            "advance",
-            "agent",
-            "agents",
-            "alive",
-            "bearing",
-            "bodies",
-            "chance",
-            "check_parts",
-            "check_takes",
-        ),
-        *("clear_messages", "collided", "columns", "command", "contact_depth", "contact_index"),
-        *("contact_kind", "contact_normal", "contacts", "create_agents", "design", "designs"),
-        *("distance", "disturbed", "drop_body_columns", "error", "events", "extinguishing", "fields"),
-        *("fire", "fires", "forget", "forget_contact", "forward", "from_dataframe", "front", "get"),
-        *("get_nearest_neighbors", "get_neighbors_in_radius", "goal", "goal_x", "goal_y", "group"),
-        *("groups", "heading", "heard", "heard_from", "heard_goal", "heard_layer", "heard_task"),
-        *("heard_x", "heard_y", "heat", "hot", "indices", "kind", "last_command", "layer", "leave"),
-        *("left", "line", "loads", "max_speed", "memory", "model", "number", "obstacles", "out", "own", "pos"),
-        *(
-            "position",
-            "radiation",
-            "radius",
-            "random",
-            "readings",
-            "regrouped",
-            "set_group",
-            "remember",
-            "remove",
-            "right",
-            "rng",
-        ),
-        *(
-            "robot",
-            "row",
-            "rows",
-            "scenario",
-            "send",
-            "sensors",
-            "sent_goal",
-            "set",
-            "set_messages",
-        ),
-        *("sideways", "slip", "space", "state_hash", "step", "swarm", "table", "task", "temperature"),
-        *("tendency", "unique_id", "value", "version"),
-    )
-)
+# Names that a robot, a swarm, a rule's `me` or a row of a recording has already, see `reserve`; and those of what
+# functions of arrays take.
+OF_FUNCTIONS = ("obstacles", "out", "rows", "value")
+RESERVED = set(OF_FUNCTIONS)
+
+
+def reserve(names: Iterable[str]) -> None:
+    """Reserve public names, so that no custom sensor can have them; called where they are declared."""
+    RESERVED.update(name for name in names if not name.startswith("_"))
 
 
 class RobotPart:
@@ -105,7 +62,7 @@ def check_identifier(what: str, name: object, taken: Container[str] = ()) -> str
     return name
 
 
-def check_part(what: str, part: Any, function: str, taken: frozenset[str] = frozenset()) -> None:
+def check_part(what: str, part: Any, function: str, taken: Container[str] = ()) -> None:
     """Refuse a sensor or actuator whose name, width or function cannot be used; `function` is the name of its own.
 
     Raises

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from mesa_swarm.errors import RemovedRobotError, check_choice, check_name, check_number
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.robots.design import RobotDesign
+from mesa_swarm.robots.parts import reserve
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.arena import Arena, ArenaAgent
 
@@ -218,3 +219,6 @@ def remove_together(robots: Sequence[Robot]) -> None:
     if rows:
         robots[0].swarm.remove(sorted(rows))
         cast(Any, robots[0].model).robots_removed()
+
+
+reserve((*dir(Robot), *Robot._stored_apart, *ArenaAgent._stored_apart))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mesa_swarm.errors import InvalidValueError, UnknownNameError, unknown_name
 from mesa_swarm.robots.actuators import check_actions
 from mesa_swarm.robots.design import DesignTable, RobotDesign
-from mesa_swarm.robots.parts import RobotPart, names_taken, own_function
+from mesa_swarm.robots.parts import RESERVED, RobotPart, check_identifier, names_taken, own_function, reserve
 from mesa_swarm.world.statics import BORDER, ROBOT
 
 # Columns with names that begin so stay when those of layers are dropped: they belong to the robots' bodies.
@@ -217,6 +217,7 @@ class Swarm:
         """
         check_actions(actuator for other in (*self.designs, design) for actuator in other.actuators)
         for sensor in design.own:
+            check_identifier(f"name of sensor {type(sensor).__name__}", sensor.name, RESERVED)
             if sensor.name not in self.table.readings and hasattr(self, sensor.name):
                 raise InvalidValueError(f"sensor {sensor.name} has the name of something else of the swarm; rename it")
             if type(sensor).arguments is RobotPart.arguments:
@@ -347,3 +348,4 @@ class Swarm:
 COLUMNS: dict[str, tuple[tuple, type, object]] = {name: vars(Swarm)[name] for name in get_annotations(Swarm)}
 for _name in COLUMNS:
     delattr(Swarm, _name)
+reserve((*COLUMNS, *dir(Swarm), *vars(Swarm())))

@@ -89,12 +89,10 @@ def test_a_recording_of_such_a_model_has_checkpoints_and_resumes(tmp_path):
     assert seen(Flock.resume(tmp_path / "run.arrow", step=5)) == seen(model)
 
 
-def test_a_reference_to_an_agent_that_was_removed_is_named():
+def test_a_reference_to_an_agent_of_another_model_is_named():
     model = Flock(rng=1)
-    first, second = list(model.sheep)[:2]
-    second.parent = first
-    model.sheep.discard(first)
-    first.remove()
+    second = list(model.sheep)[1]
+    second.parent = next(iter(Flock(rng=2).sheep))
     with pytest.raises(RecordingError, match=f"Sheep {second.unique_id}'s parent refers to an agent that is not in"):
         checkpoint_of(model)
 

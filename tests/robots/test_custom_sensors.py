@@ -13,12 +13,14 @@ from hypothesis import strategies as st
 
 from mesa_swarm import AGENT9, ProximitySensor, RadiationSensor, Recording, RobotDesign, Sensor, SwarmModel
 from mesa_swarm.control import Subsumption, behaviour
+from mesa_swarm.control.custom_fields import WRITTEN
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.control.rule import Me
 from mesa_swarm.errors import BehaviourError, InvalidValueError, UncompiledBehaviourWarning, UnknownNameError
 from mesa_swarm.recording.layout import FIRST_COLUMNS, TABLES
+from mesa_swarm.robots import swarm
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections
-from mesa_swarm.robots.parts import RESERVED
+from mesa_swarm.robots.parts import OF_FUNCTIONS, RESERVED
 from mesa_swarm.robots.sensors import LineSensor
 
 
@@ -299,8 +301,21 @@ def test_an_unknown_name_of_a_robot_stays_an_attribute_error():
 
 
 def test_no_sensor_can_have_a_name_that_rules_layers_or_recordings_have():
-    known = {*Me._fields, *(field.name for field in fields(Senses)), *TABLES, *FIRST_COLUMNS}
-    assert known <= RESERVED
+    model = SwarmModel(rng=1)
+    (robot,) = model.add_robots(WITH, 1)
+    senses = {field.name for field in fields(Senses)}
+    recorded = {*TABLES, *FIRST_COLUMNS}
+    own = {*dir(model.swarm), *vars(model.swarm), *dir(robot), *vars(robot)}
+    known = {*Me._fields, *WRITTEN, *senses, *recorded, *own, *OF_FUNCTIONS} - {"compass"}
+    assert {name for name in known if not name.startswith("_")} == RESERVED
+
+
+def test_a_name_that_was_reserved_after_the_design_was_made_is_refused_before_anything_is_added(monkeypatch):
+    design, model = RobotDesign(sensors=(Compass(name="gyro"),)), SwarmModel(rng=1)
+    monkeypatch.setattr(swarm, "RESERVED", {*RESERVED, "gyro"})
+    with pytest.raises(InvalidValueError, match=r"^name of sensor Compass is 'gyro', which robots have already"):
+        model.add_robots(design, 1)
+    assert not model.swarm.designs
 
 
 def test_a_sensor_with_the_name_of_something_else_of_the_swarm_is_refused():

@@ -1,0 +1,72 @@
+"""Agents that were removed from a model and to which it still refers: stored as removed, and restored as removed."""
+
+from typing import Any
+
+from mesa import Agent
+from mesa.experimental.continuous_space import ContinuousSpaceAgent
+
+from mesa_swarm.errors import RecordingError, shortened
+from mesa_swarm.fire.fires import Fire
+from mesa_swarm.fire.model import FireModel
+from mesa_swarm.recording.parts import (
+    agent_class,
+    body_to_json,
+    checked_pose,
+    class_of_agent,
+    restored_outline,
+    restored_shape,
+    stored_outline,
+)
+from mesa_swarm.robots.robot import Robot
+from mesa_swarm.world.bodies import Body, Form, Load, Obstacle
+from mesa_swarm.world.movers import Driven
+
+GONE = -1  # the row of a removed handle
+
+
+def remains_to_json(agent: Agent) -> list:
+    """Return the class of a removed agent, and what its handle still has."""
+    return [*class_of_agent(agent), _remains(agent)]
+
+
+def _remains(agent: Agent) -> dict:
+    if not isinstance(agent, Body):
+        return {}
+    if isinstance(agent, Fire):
+        return {"kind": agent.kind}
+    if isinstance(agent, Driven):
+        return {"kind": agent.kind, "driven": stored_outline(agent.form.outline, agent.form.radius)}
+    return {"kind": agent.kind, **body_to_json(agent)}
+
+
+def remains_from_json(model: FireModel, unique_id: int, stored: Any) -> Agent:
+    """Return a removed agent of a class that is loaded, made without its constructor."""
+    module, name, remains = stored
+    kind = agent_class(module, name)
+    if kind is None:
+        raise RecordingError(f"agents of class {shortened(name)} cannot be made: import it from {shortened(module)}")
+    agent: Any = object.__new__(kind)
+    agent.model, agent.unique_id = model, unique_id
+    if isinstance(agent, ContinuousSpaceAgent):
+        agent.space = agent._mesa_index = None  # type: ignore[assignment]
+    if isinstance(agent, Robot):
+        agent.swarm, agent.row = model.swarm, GONE
+    elif isinstance(agent, Fire):
+        agent.fires, agent.row = model.fires, GONE
+    if isinstance(agent, Body):
+        agent._kind = str(remains.get("kind", ""))
+        _restore_body(model, agent, remains)
+    return agent
+
+
+def _restore_body(model: FireModel, body: Any, remains: dict) -> None:
+    if isinstance(body, Driven):
+        body.form = Form.about_origin(*restored_outline(remains["driven"]))
+        body.movers, body.row, body.agent, body.carrier, body._shown = model.movers, GONE, None, None, None
+    elif isinstance(body, Load):
+        body.form = Form.about_origin(*restored_outline(remains["load"]))
+        body.pose = checked_pose("removed load", remains["pose"], model.map.bounds)
+        body.shape, body.resistance = body.form.shape_at(body.pose), remains["resistance"]
+        body.moved, body.pushers = bool(remains["moved"]), int(remains["pushers"])
+    elif isinstance(body, Obstacle):
+        body.shape = restored_shape(remains["shape"])
