@@ -174,6 +174,11 @@ class BodyWorld(mesa.Model):
         name = self._checked_kind(kind, KINDS[LOAD] if mode == "pushed" else KINDS[OBSTACLE])
         if mode != "pushed" and resistance is not None:
             raise InvalidValueError(f"resistance was given for a {mode} body; leave it out, or use mode='pushed'")
+        if mode == "pushed" and resistance is None:
+            raise InvalidValueError(
+                "resistance was not given for a pushed body; expected how many robots' full pushes it withstands, such "
+                "as resistance=0.5"
+            )
         if mode != "driven" and agent is not None:
             raise InvalidValueError(f"agent was given for a {mode} body; leave it out, or use mode='driven'")
         if mode == "fixed":

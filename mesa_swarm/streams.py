@@ -29,6 +29,10 @@ class Streams:
             self._streams[name] = np.random.Generator(np.random.PCG64(child))
         return self._streams[name]
 
+    def name_of(self, generator: np.random.Generator) -> str | None:
+        """Return the name of a stream, None if the generator is not one of these."""
+        return next((name for name, stream in self._streams.items() if stream is generator), None)
+
     def state(self) -> dict[str, Mapping[str, Any]]:
         """Return the state of every stream that was used, by name."""
         return {name: stream.bit_generator.state for name, stream in sorted(self._streams.items())}

@@ -151,10 +151,21 @@ def _checked_values(
     return parameter, values
 
 
+def _declared_comparison(model_class: type) -> tuple[str | None, tuple]:
+    """Return a model's attribute ``compares``; without one, no parameter and no values."""
+    declared = getattr(model_class, "compares", (None, ()))
+    if not isinstance(declared, tuple | list) or len(declared) != 2 or not isinstance(declared[1], tuple | list):
+        raise InvalidValueError(
+            f"compares of {model_class.__name__} is {shortened(declared)}; expected a parameter and a tuple of its "
+            'values, as in compares = "strategy", ("A", "B")'
+        )
+    return declared[0], tuple(declared[1])
+
+
 def _checked_parameter(model_class: type, name: str | None) -> tuple[str, tuple]:
     """Return the parameter to compare and the values that it has by default."""
     known = parameters_of(model_class)
-    declared, values = getattr(model_class, "compares", (None, ()))
+    declared, values = _declared_comparison(model_class)
     name = declared if name is None else name
     if name is None:
         raise InvalidValueError(

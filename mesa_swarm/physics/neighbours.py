@@ -1,4 +1,4 @@
-"""A sensor of where the nearest robots are, made of the same parts as custom ones."""
+"""A sensor of where the nearest robots, or bodies of a kind, are, made of the same parts as custom ones."""
 
 import math
 from collections.abc import Mapping
@@ -8,14 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.errors import check_count, check_flag, check_number
+from mesa_swarm.errors import InvalidValueError, check_count, check_flag, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.grid import Grid, cell_index
 from mesa_swarm.physics.engine import CELLS_PER_ROBOT, FEWEST_CELLS
-from mesa_swarm.physics.radio import is_cut, is_nearer, sorted_senders
+from mesa_swarm.physics.radio import is_cut_but, is_nearer, sorted_senders
 from mesa_swarm.physics.sensing import into_frame
 from mesa_swarm.robots.actuators import ACT
+from mesa_swarm.robots.parts import check_identifier
 from mesa_swarm.robots.sensors import LARGEST_RANGE, Sensor
+from mesa_swarm.world.movers import Driven
+from mesa_swarm.world.statics import FIRE, KINDS, ROBOT
 
 MOST_NEIGHBOURS = 1000
 LAMP = f"{ACT}lamp"
@@ -23,9 +26,12 @@ LAMP = f"{ACT}lamp"
 
 @compiled
 def read_neighbours(
-    position, heading, rows, places, number, lamps, reach, occluded, lamp, grid, obstacles, out,
+    position, heading, rows, places, number, bodies, lamps, reach, occluded, lamp, grid, obstacles, owners, out,
 ):  # fmt: skip
-    """Write range and bearing, and the lamp if wanted, of the nearest robots, one after the other."""
+    """Write range and bearing, and the lamp if wanted, of the nearest robots or bodies, one after the other.
+
+    `bodies` are the indices of bodies as `owners` has them, -1 for robots, of which none sees itself.
+    """
     left, below, per_unit, columns, grid_rows = grid
     step = 3 if lamp else 2
     most = out.shape[1] // step
@@ -41,11 +47,11 @@ def read_neighbours(
             for k in range(start[first + columns * row], start[last + columns * row + 1]):
                 j = order[k]
                 square = (places[j, 0] - x) ** 2 + (places[j, 1] - y) ** 2
-                if j == me or square > reach * reach:
+                if (j == me and bodies[j] < 0) or square > reach * reach:
                     continue
                 if found == most and not is_nearer(square, number[j], squares[most - 1], number[nearest[most - 1]]):
                     continue
-                if occluded and is_cut(places[j, 0], places[j, 1], x, y, obstacles):
+                if occluded and is_cut_but(places[j, 0], places[j, 1], x, y, obstacles, owners, bodies[j]):
                     continue
                 found = min(found + 1, most)
                 place = found - 1
@@ -69,23 +75,28 @@ def _grid_of(bounds: tuple[float, float, float, float], reach: float, robots: in
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class NeighbourSensor(Sensor):
-    """A sensor of range and bearing of the nearest robots, of equally near ones of those added first.
+    """A sensor of range and bearing of the nearest robots or bodies, of equally near ones of those added first.
 
     The j-th nearest, from 0, is ``me.neighbour[2 * j]`` away, centre to centre, at ``me.neighbour[2 * j + 1]``, rad in
     [-pi, pi] from the heading; with `lamp` its numbers are three: [3 * j], [3 * j + 1], and its lamp at [3 * j + 2].
-    What there is not reads NaN, and so do lamps where no robot has a `Lamp`.
+    What there is not reads NaN, and so do lamps where no robot has a `Lamp`. Bodies that a robot carries, and fires
+    that are out, are not seen.
 
     Parameters
     ----------
     range : float
         How far it sees, centre to centre, map units, 0 to 1e6.
     k : int
-        How many robots it reads, 1 to 1000.
+        How many it reads, 1 to 1000.
     occluded : bool
-        Whether obstacles on the straight line between the two centres hide a robot.
+        Whether obstacles, and other bodies that robots bump into, on the straight line between the two centres hide it;
+        robots and fires hide nothing.
     lamp : bool
         Whether it reads what the lamps of these robots were set to in the step before.
+    kind : str
+        What it sees: "robot", or bodies of a kind such as "sheep", see `SwarmModel.add_body`.
     name : str
+        What rules and columns call it; by default "neighbour" for robots, else the kind.
 
     Raises
     ------
@@ -93,20 +104,31 @@ class NeighbourSensor(Sensor):
 
     Examples
     --------
-    >>> from mesa_swarm import RobotDesign, SwarmModel
+    >>> from mesa_swarm import RobotDesign, SwarmModel, disc
     >>> model = SwarmModel(rng=1)
     >>> eyes = RobotDesign(sensors=(NeighbourSensor(range=50, k=1),))
     >>> one, other = model.add_robots(eyes, poses=[(100, 100, 0.0), (130, 100, 0.0)])
     >>> model.sense()
     >>> one.neighbour
     array([30.,  0.])
+
+    Robots that see the two nearest sheep, which may be Mesa agents of your own:
+
+    >>> dogs = RobotDesign(sensors=(NeighbourSensor(range=50, k=2, kind="sheep"),))
+    >>> model = SwarmModel(rng=1)
+    >>> (dog,) = model.add_robots(dogs, poses=[(100, 100, 0.0)])
+    >>> sheep = model.add_body(disc((100, 140), 3), kind="sheep")
+    >>> model.sense()
+    >>> dog.sheep.round(2)
+    array([40.  ,  1.57,   nan,   nan])
     """
 
     range: float = 100.0
     k: int = 4
     occluded: bool = False
     lamp: bool = False
-    name: str = "neighbour"
+    kind: str = KINDS[ROBOT]
+    name: str = ""
 
     read = staticmethod(read_neighbours)
 
@@ -116,6 +138,10 @@ class NeighbourSensor(Sensor):
         check_count("k", self.k, minimum=1, maximum=MOST_NEIGHBOURS)
         check_flag("occluded", self.occluded)
         check_flag("lamp", self.lamp)
+        check_identifier("kind of a NeighbourSensor", self.kind)
+        if self.lamp and self.kind != KINDS[ROBOT]:
+            raise InvalidValueError(f"lamp is True for bodies of the kind {self.kind!r}, which have none; leave it out")
+        object.__setattr__(self, "name", self.name or ("neighbour" if self.kind == KINDS[ROBOT] else self.kind))
 
     @property
     def width(self) -> int:
@@ -123,16 +149,43 @@ class NeighbourSensor(Sensor):
         return int(self.k) * (3 if self.lamp else 2)
 
     def arguments(self, model: Any) -> Mapping[str, Any]:
-        """Return where all robots are, their lamps, and the grid that finds those in range."""
-        columns, reach = model.swarm.columns, float(self.range)
-        lamps = columns.get(LAMP) if self.lamp else None
-        places = columns["position"]
+        """Return where all robots or bodies of the kind are, their lamps, and the grid that finds those in range."""
+        reach = float(self.range)
+        of_kind = _robots(model, self.lamp) if self.kind == KINDS[ROBOT] else _bodies(model, self.kind)
         return {
-            "places": places,
-            "number": columns["number"],
-            "lamps": np.full(len(places), np.nan) if lamps is None else lamps.reshape(len(places), -1)[:, 0].copy(),
+            **of_kind,
             "reach": reach,
             "occluded": bool(self.occluded),
             "lamp": bool(self.lamp),
-            "grid": _grid_of(model.map.bounds, reach, len(places)),
+            "grid": _grid_of(model.map.bounds, reach, len(of_kind["places"])),
         }
+
+
+def _robots(model: Any, lamp: bool) -> dict[str, np.ndarray]:
+    columns = model.swarm.columns
+    lamps = columns.get(LAMP) if lamp else None
+    places = columns["position"]
+    return {
+        "places": places,
+        "number": columns["number"],
+        "bodies": np.full(len(places), -1),
+        "lamps": np.full(len(places), np.nan) if lamps is None else lamps.reshape(len(places), -1)[:, 0].copy(),
+    }
+
+
+def _bodies(model: Any, kind: str) -> dict[str, np.ndarray]:
+    """Return the same of the bodies of a kind; those that are driven are found by their rows, which is quicker."""
+    movers, solid = model.movers, model.obstacle_list
+    # Fires are behind all others in what `owners` has: they hide nothing.
+    numbered = enumerate(model.bodies, start=len(solid)) if kind == KINDS[FIRE] else enumerate(solid)
+    seen = [(index, body) for index, body in numbered if body.kind == kind and not _is_hidden(body)]
+    places = np.empty((len(seen), 2))
+    for place, (_, body) in enumerate(seen):
+        places[place] = movers.position[body.row] if isinstance(body, Driven) else body.position
+    bodies = np.array([index for index, _ in seen], np.int64)
+    return {"places": places, "number": bodies, "bodies": bodies, "lamps": np.empty(0)}
+
+
+def _is_hidden(body: Any) -> bool:
+    """Return whether a robot carries a body, or it is a fire that is out."""
+    return getattr(body, "carrier", None) is not None or bool(getattr(body, "out", False))

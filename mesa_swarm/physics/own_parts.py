@@ -20,6 +20,9 @@ from mesa_swarm.robots.parts import Kernel, RobotPart, kernel_of, own_function
 from mesa_swarm.robots.sensors import Sensor
 from mesa_swarm.robots.swarm import Swarm
 
+# What functions may take of the surroundings.
+OF_SCENE: dict[str, Callable] = {"obstacles": obstacles_of, "owners": lambda scene: scene.statics.owner}
+
 
 class OwnParts:
     """The sensors and actuators of a swarm with functions of their own, bound to the rows of their robots."""
@@ -125,7 +128,7 @@ class Call:
         if self._asks:
             given = {**self._arguments(model), **given}
         if self._sources is None:
-            known = *given, *("obstacles", "rows")
+            known = *given, *OF_SCENE, "rows"
             self._swarm.check_takes(self._part, self.kernel.function, known)
             self._sources = [self._source(name, given) for name in self.kernel.takes]
         self.kernel(*[source(given, scene) for source in self._sources])
@@ -144,8 +147,8 @@ class Call:
             return lambda given, scene: given[name]
         if name == "rows":
             return lambda given, scene: self._rows
-        if name == "obstacles":
-            return lambda given, scene: obstacles_of(scene)
+        if name in OF_SCENE:
+            return lambda given, scene: OF_SCENE[name](scene)
         if hasattr(self._part, name):
             value = getattr(self._part, name)
             return lambda given, scene: value

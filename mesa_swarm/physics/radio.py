@@ -13,6 +13,7 @@ from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.radio import HEARD, OF_HEARD, SEND, Radio
 from mesa_swarm.robots.swarm import Swarm
 
+NO_OWNERS = np.empty(0, np.int64)
 GOLDEN, FIRST_FACTOR, SECOND_FACTOR = map(np.uint64, (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB))
 
 
@@ -234,23 +235,29 @@ def is_cut(ax, ay, bx, by, obstacles):
     `obstacles` are edges, discs, grid, and start and items of the lists of what can be touched, see `Statics`, and
     `Moving.touched` or None.
     """
+    return is_cut_but(ax, ay, bx, by, obstacles, NO_OWNERS, -1)
+
+
+@compiled
+def is_cut_but(ax, ay, bx, by, obstacles, owners, but):
+    """Return the same, but for the items of one body: `but` is its index in `owners`, -1 for none."""
     edges, discs, grid, start, items, moving = obstacles
-    return is_cut_by(ax, ay, bx, by, edges, discs, grid, start, items) or is_cut_by_driven(
-        ax, ay, bx, by, edges, discs, moving
+    return is_cut_by(ax, ay, bx, by, edges, discs, owners, but, grid, start, items) or is_cut_by_driven(
+        ax, ay, bx, by, edges, discs, owners, but, moving
     )
 
 
 @compiled
-def is_cut_by_driven(ax, ay, bx, by, edges, discs, moving):
+def is_cut_by_driven(ax, ay, bx, by, edges, discs, owners, but, moving):
     """Return the same for the driven bodies alone."""
     if moving is None:
         return False
-    return is_cut_by(ax, ay, bx, by, edges, discs, *moving)
+    return is_cut_by(ax, ay, bx, by, edges, discs, owners, but, *moving)
 
 
 @compiled
-def is_cut_by(ax, ay, bx, by, edges, discs, grid, start, items):
-    """Return whether an item that a grid lists meets the segment a-b."""
+def is_cut_by(ax, ay, bx, by, edges, discs, owners, but, grid, start, items):
+    """Return whether an item that a grid lists meets the segment a-b, but for those of one owner."""
     left, below, per_unit, columns, rows = grid
     if ax > bx:
         ax, ay, bx, by = bx, by, ax, ay
@@ -265,6 +272,8 @@ def is_cut_by(ax, ay, bx, by, edges, discs, grid, start, items):
         for row in range(lowest, highest + 1):
             cell = column + columns * row
             for k in range(start[cell], start[cell + 1]):
+                if but >= 0 and owners[items[k]] == but:
+                    continue
                 if item_meets(items[k], ax, ay, bx, by, edges, discs):
                     return True
     return False

@@ -6,11 +6,12 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
+from mesa import Model
 from mesa.agent import Agent, AgentSet
 from mesa.experimental.continuous_space import ContinuousSpaceAgent
 
 from mesa_swarm.control.arbiter import MOST_LAYERS
-from mesa_swarm.errors import RecordingError, SwarmError, in_words, shortened
+from mesa_swarm.errors import RecordingError, SwarmError, asked, check_name, in_words, shortened
 from mesa_swarm.fire.burning import Burning
 from mesa_swarm.fire.model import BURNING, FireModel
 from mesa_swarm.recording.collected import (
@@ -24,8 +25,10 @@ from mesa_swarm.recording.collected import (
 )
 from mesa_swarm.recording.container import ATOMS, PLACES, Checkpoint, Packed
 from mesa_swarm.recording.parts import (
+    classes_near,
     control_from_json,
     control_to_json,
+    is_class,
     objects_to_json,
     other_agents,
     part_from_json,
@@ -367,12 +370,34 @@ def _restore_declared(model: FireModel, facts: dict, packed: ModelPacked) -> Non
         model._begin_burning()
     for number, (kind, state) in stored.items():
         own: Any = model._processes.get(number)
-        if own is None or f"{type(own).__module__}.{type(own).__qualname__}" != kind:
-            raise RecordingError(
-                f"process {shortened(kind)} is not one that the constructor of {type(model).__name__} adds; "
-                "add it in the constructor of a class derived from SwarmModel"
-            )
+        if own is None:
+            own = model._processes[number] = _made_process(model, kind)
+        elif not _is_kind(type(own), kind):
+            raise RecordingError(_odd_process(model, kind))
         _restore_process(own, state, packed)
+    model._processes = {number: model._processes[number] for number in sorted(model._processes)}
+
+
+def _made_process(model: FireModel, kind: str) -> Any:
+    """Make a process that no constructor adds, of a class in the model's own module, without its constructor."""
+    found = next((one for one in classes_near(model) if _is_kind(one, kind) and callable(asked(one, "step"))), None)
+    if found is None or issubclass(found, Agent | Model):
+        raise RecordingError(_odd_process(model, kind))
+    return found.__new__(found)
+
+
+def _is_kind(kind: type, stored: str) -> bool:
+    """Return whether a process of this class may have been stored, see `is_class`."""
+    return is_class(kind, stored.removesuffix(f".{kind.__qualname__}"), kind.__qualname__) and stored.endswith(
+        f".{kind.__qualname__}"
+    )
+
+
+def _odd_process(model: FireModel, kind: str) -> str:
+    return (
+        f"process {shortened(kind)} is not one that the constructor of {type(model).__name__} adds, and its class is "
+        f"not in {type(model).__module__}; add the process in the constructor, or define its class there"
+    )
 
 
 def _restore_process(process: Any, state: dict, packed: ModelPacked) -> None:
@@ -398,7 +423,8 @@ def attribute_to_json(value: object, name: str, packed: ModelPacked) -> object:
     if reference is not None:
         return reference
     if isinstance(value, np.random.Generator):
-        return {"generator": _generator(value, name, packed)}
+        stream = packed.model.streams.name_of(value)
+        return {"generator": _generator(value, name, packed)} if stream is None else {"stream": stream}
     if isinstance(value, Checkpointed) and not isinstance(value, type):
         return {"own": packed.pack(value.checkpoint(), name)}
     for column, own in packed.model.swarm.columns.items():
@@ -509,6 +535,8 @@ def _refuse(names: frozenset[str]) -> None:
 def attribute_from_json(now: object, name: str, content: dict, packed: ModelPacked) -> object:
     """Return the attribute for which `attribute_to_json` returned this; what has a state of its own stays the same."""
     ((kind, value),) = content.items()
+    if kind == "stream":
+        return packed.model.streams[check_name("stream", value)]
     if kind == "generator":
         if not isinstance(now, np.random.Generator):
             raise RecordingError(f"{name} is not a random generator in this model")

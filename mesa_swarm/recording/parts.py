@@ -1,6 +1,8 @@
 """Parts, robots, obstacles, fires, loads and other agents as stored in recordings."""
 
-from collections.abc import Callable
+import re
+import sys
+from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass
 from functools import partial
 from typing import Any
@@ -66,22 +68,53 @@ def _fields(part: Any) -> tuple:
     return fields(part) if is_dataclass(part) else ()
 
 
-def part_from_json(value: object) -> Any:
-    """Return the part that `part_to_json` wrote; lists become tuples."""
+def part_from_json(value: object, near: Sequence[type] = ()) -> Any:
+    """Return the part that `part_to_json` wrote; lists become tuples. Custom parts are of the classes `near`."""
     if type(value) in ATOMS:
         return value
     if isinstance(value, list):
-        return tuple(part_from_json(item) for item in value)
+        return tuple(part_from_json(item, near) for item in value)
     name, given = _only_item(value)
     if name == OWN_CODE:
-        raise RecordingError(
-            f"the robots have a custom part ({shortened(given)}), which is found only in a model that adds such robots "
-            "in its constructor"
-        )
+        return _custom_part(given, near)
     if name not in PARTS or not isinstance(given, dict):
         raise RecordingError(f"unknown part {shortened(name)} in recording")
-    arguments = {field: part_from_json(item) for field, item in given.items()}
+    arguments = {field: part_from_json(item, near) for field, item in given.items()}
     return _made(name, PARTS[name], arguments)
+
+
+def _custom_part(given: Any, near: Sequence[type]) -> RobotPart:
+    """Return a custom sensor or actuator, of which the name of its class and the values of its fields are stored."""
+    name, *values = given
+    kind = next((one for one in near if one.__name__ == name and issubclass(one, RobotPart)), None)
+    if kind is None or not is_dataclass(kind) or len(fields(kind)) != len(values):
+        raise RecordingError(
+            f"the robots have a custom part ({shortened(given)}), which is found only in a model that adds such robots "
+            "in its constructor, or has its class in its own module"
+        )
+    named = zip((field.name for field in fields(kind)), values, strict=True)
+    return _made(name, kind, {field: part_from_json(item, near) for field, item in named})
+
+
+def classes_near(model: FireModel) -> list[type]:
+    """Return the classes in the modules that define the class of a model, which are loaded: nothing is imported."""
+    names = dict.fromkeys(kind.__module__ for kind in type(model).__mro__ if issubclass(kind, FireModel))
+    modules = [sys.modules[name] for name in names if name in sys.modules]
+    return [one for module in modules for one in vars(module).values() if isinstance(one, type)]
+
+
+def is_class(kind: type, module: str, name: str) -> bool:
+    """Return whether a class may be one that was recorded: its name is, and the last word of its module.
+
+    A file may be run as a program, whose module is called ``__main__``, imported, or loaded by its path.
+    """
+    words = {_last_word(module), _last_word(kind.__module__)}
+    return kind.__qualname__ == name and (len(words) == 1 or "__main__" in words)
+
+
+def _last_word(module: str) -> str:
+    """Return the last word of a module's address, without what `gallery` adds where a file's name is taken."""
+    return re.sub(r"_[0-9a-f]{8}$", "", module.rpartition(".")[2])
 
 
 def stored_shape(shape: Shape) -> dict:
@@ -283,14 +316,16 @@ def _make_other(model: FireModel, module: str, name: str) -> None:
 
 def agent_class(module: object, name: object) -> type[Agent] | None:
     """Return the class of agents of this name that is loaded, None without one."""
-    return next((one for one in family(Agent) if (one.__module__, one.__qualname__) == (module, name)), None)
+    alike = [one for one in family(Agent) if is_class(one, str(module), str(name))]
+    exact = [one for one in alike if one.__module__ == module]
+    return (exact or alike)[0] if exact or len(alike) == 1 else None
 
 
 def _restore_others(model: FireModel, stored: dict[int, list]) -> None:
     """Move the other agents to their places; refuse agents of other classes than those stored."""
     for agent in other_agents(model):
         *kind, place = stored[agent.unique_id]
-        if list(class_of_agent(agent)) != kind:
+        if not is_class(type(agent), *map(str, kind)):
             raise RecordingError(
                 f"agent {agent.unique_id} is of {type(agent).__name__} in the model, of {shortened(kind[1])} in the "
                 "recording"
@@ -384,7 +419,8 @@ def _remove_others(model: FireModel, ids: set[int]) -> None:
 def _designs(model: FireModel, stored: list) -> list[RobotDesign]:
     """Return the designs; those that the model has already unchanged, since a drive may be custom."""
     present = [(part_to_json(design), design) for design in model.swarm.designs]
-    parts = [next((d for fields, d in present if fields == one), None) or part_from_json(one) for one in stored]
+    near = classes_near(model)
+    parts = [next((d for fields, d in present if fields == one), None) or part_from_json(one, near) for one in stored]
     if not all(isinstance(part, RobotDesign) for part in parts):
         raise RecordingError("invalid stored designs")
     return parts

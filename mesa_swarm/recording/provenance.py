@@ -4,7 +4,6 @@ import inspect
 import json
 import math
 import platform
-import re
 from collections.abc import Sequence
 from importlib.metadata import version
 from typing import Any
@@ -15,7 +14,7 @@ from mesa_swarm.errors import RecordingError, SwarmError, in_words, shortened
 from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.looks import looks_of
-from mesa_swarm.recording.parts import part_from_json, part_to_json
+from mesa_swarm.recording.parts import is_class, part_from_json, part_to_json
 from mesa_swarm.recording.schema import checked_provenance, read_json
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.radio import Radio
@@ -195,18 +194,8 @@ def check_class(provenance: dict, model_class: type) -> None:
 
 
 def is_of(provenance: dict, model_class: type) -> bool:
-    """Return whether a class may be the recorded one: its name is, and the last word of its module.
-
-    A file may be run as a program, whose module is called ``__main__``, imported, or loaded by its path.
-    """
-    recorded = provenance["model"]
-    words = {_last_word(recorded["module"]), _last_word(model_class.__module__)}
-    return model_class.__qualname__ == recorded["name"] and (len(words) == 1 or "__main__" in words)
-
-
-def _last_word(module: str) -> str:
-    """Return the last word of a module's address, without what `gallery` adds where a file's name is taken."""
-    return re.sub(r"_[0-9a-f]{8}$", "", module.rpartition(".")[2])
+    """Return whether a class may be the recorded one, see `is_class`."""
+    return is_class(model_class, provenance["model"]["module"], provenance["model"]["name"])
 
 
 def as_metadata(facts: dict) -> dict[str, str]:

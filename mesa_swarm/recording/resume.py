@@ -305,6 +305,9 @@ def _take_values(new: FireModel, old: FireModel, fresh: FireModel) -> None:
     """Copy what the run has changed in attributes, the declared state, processes, custom layers and other agents."""
     there = ModelPacked(old)
     here, there.removed = ModelPacked(new, there.arrays), {}
+    for number in old._processes.keys() - fresh._processes.keys() - new._processes.keys():
+        kind: Any = type(old._processes[number])
+        new._processes[number] = kind.__new__(kind)  # the run has added it: its attributes follow
     if new._processes.keys() < old._processes.keys():
         raise InvalidValueError("the change makes a model with fewer processes; change parameters that leave them")
     for number in new._processes.keys() - old._processes.keys():

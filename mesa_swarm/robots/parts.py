@@ -15,7 +15,7 @@ from mesa_swarm.geometry.compiled import custom_compiled, is_refused
 MOST_NUMBERS = 10_000
 # Names that a robot, a swarm, a rule's `me` or a row of a recording has already, see `reserve`; and those of what
 # functions of arrays take.
-OF_FUNCTIONS = ("obstacles", "out", "rows", "value")
+OF_FUNCTIONS = ("obstacles", "out", "owners", "rows", "value")
 RESERVED = set(OF_FUNCTIONS)
 
 

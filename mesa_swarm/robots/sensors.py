@@ -25,8 +25,9 @@ class Sensor(RobotPart):
     ``read`` is a static function that fills `out` (n, width), one row a robot that has the sensor; what it leaves out
     stays NaN, which is nothing. The names of its other parameters decide what it gets: what `arguments` returns, the
     sensor's own attributes, columns of the swarm such as `heading` (n,), the `rows` (n,) of these robots in the
-    swarm, and `obstacles`, as `mesa_swarm.physics.radio.is_cut` takes them. It changes nothing but `out`, and
-    reading twice gives the same. It is compiled when first used, and runs as plain Python where it cannot be.
+    swarm, and `obstacles` and `owners`, as `is_cut` and `is_cut_but` of `mesa_swarm.physics.radio` take them. It
+    changes nothing but `out`, and reading twice gives the same. It is compiled when first used, and runs as plain
+    Python where it cannot be.
 
     Readings are ``me.compass`` in a rule, ``swarm.compass`` (n, width) and ``robot.compass``; NaN for robots without
     one. Sensors of a design with the same name stand side by side in that column, in their order.

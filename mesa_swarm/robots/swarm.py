@@ -232,7 +232,7 @@ class Swarm:
         """
         own = [name for name in dir(part) if not name.startswith("_") and not callable(getattr(part, name))]
         columns = (name for name in self.columns if name.isidentifier())
-        names = sorted({*own, *columns, *known, "rows", "obstacles"})
+        names = sorted({*own, *columns, *known, "rows", "obstacles", "owners"})
         for name in names_taken(function):
             if name not in names:
                 of = f"{type(part).__name__}.{function.__name__}"

@@ -173,6 +173,15 @@ def test_a_model_without_results_is_refused():
         compare(Mute)
 
 
+@pytest.mark.parametrize("wrong", [{"n_robots": (2, 3)}, "n_robots", ("n_robots", 2), 3, ("n_robots",)])
+def test_an_attribute_compares_that_is_not_a_parameter_and_values_is_refused_in_one_line(wrong):
+    class Odd(find_model("boids")):
+        compares = wrong
+
+    with pytest.raises(SwarmError, match=r'^compares of Odd is .*; expected .* compares = "strategy", \("A", "B"\)$'):
+        compare(Odd, seeds=2, steps=5)
+
+
 def test_results_that_are_not_numbers_are_refused():
     class Odd(SwarmModel):
         compares = "speed", (1.0, 2.0)

@@ -167,7 +167,10 @@ def test_a_radio_refuses_what_cannot_be(wrong):
         Radio(**wrong)
 
 
-@pytest.mark.parametrize("wrong", [{"range": math.nan}, {"k": 0}, {"lamp": 1}, {"occluded": "no"}])
+@pytest.mark.parametrize(
+    "wrong",
+    [{"range": math.nan}, {"k": 0}, {"lamp": 1}, {"occluded": "no"}, {"kind": 3}, {"kind": "sheep", "lamp": True}],
+)
 def test_a_neighbour_sensor_refuses_what_cannot_be(wrong):
     with pytest.raises(InvalidValueError):
         NeighbourSensor(**wrong)

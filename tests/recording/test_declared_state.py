@@ -157,10 +157,27 @@ def test_what_is_changed_by_hand_in_declared_state_is_an_intervention(tmp_path):
     assert Trails.resume(tmp_path / "run.arrow", step=13).run(2).state_hash() == model.state_hash()
 
 
-def test_a_process_that_no_constructor_adds_is_refused_in_one_line(tmp_path):
+def test_a_process_that_no_constructor_adds_is_made_of_its_class_in_the_models_own_module(tmp_path):
     model = Trails(rng=1)
-    model.add_process(Evaporation(np.zeros(2), model.streams["rain"]))
-    with pytest.raises(RecordingError, match="Evaporation' is not one that the constructor of Trails adds"):
+    with model.record(tmp_path / "run.arrow"):
+        model.run(3)
+        model.add_process(Evaporation(np.zeros(2), model.streams["rain"]))
+        model.run(3)
+    again = Trails.resume(tmp_path / "run.arrow")
+    assert [type(process) for process in again.processes] == [type(process) for process in model.processes]
+    assert again.processes[-1].rng is again.streams["rain"]
+    assert again.run(3).state_hash() == model.run(3).state_hash()
+    assert Trails.resume(tmp_path / "run.arrow", layer="taken").processes[-1].trail.shape == (2,)
+
+
+def test_a_process_of_a_class_of_elsewhere_is_refused_in_one_line_that_says_what_to_do():
+    class Elsewhere:
+        def step(self, model):
+            pass
+
+    model = Trails(rng=1)
+    model.add_process(Elsewhere())
+    with pytest.raises(RecordingError, match=r"is not one .* add the process in the constructor, or define"):
         restore(Trails(rng=1), checkpoint_of(model))
 
 

@@ -164,7 +164,10 @@ def test_the_arena_knows_where_bodies_are(model):
         ({"kind": "two words"}, "kind"),
         ({"kind": 4}, "kind"),
         ({"mode": "flying"}, "mode"),
-        ({"mode": "pushed"}, "resistance"),
+        (
+            {"mode": "pushed"},
+            r"^resistance was not given for a pushed body; expected how many .* such as resistance=0.5$",
+        ),
         ({"resistance": 1.0}, "resistance"),
         ({"mode": "fixed", "agent": object()}, "agent"),
         ({"agent": object()}, "agent"),
