@@ -346,7 +346,7 @@ def _made_process(model: FireModel, kind: str) -> Any:
     found = next((one for one in classes_near(model) if _is_kind(one, kind) and callable(asked(one, "step"))), None)
     if found is None or issubclass(found, Agent | Model):
         raise RecordingError(_odd_process(model, kind))
-    return found.__new__(found)
+    return object.__new__(found)
 
 
 def _is_kind(kind: type, stored: str) -> bool:
