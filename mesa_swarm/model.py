@@ -483,7 +483,7 @@ class EngineModel(OpenModel):
         if self._control is None:
             raise InvalidValueError("control is None, which explains nothing; set model.control")
         wanted = int(snapshots.steps[-1]) if step is None else check_count("step", step)
-        return explanation(self._control, self.swarm, snapshots, row, wanted)
+        return explanation(self._control, self.swarm, snapshots, row, wanted, self._kinds)
 
     def state_hash(self) -> str:
         """Return a fingerprint of the published state: equal for equal runs, on every machine and Python.

@@ -11,6 +11,7 @@ from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.snapshots import Snapshots
 from mesa_swarm.robots.swarm import Swarm
+from mesa_swarm.world.statics import KINDS
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,9 +34,11 @@ class Explanation:
         return f"{start}; {self.layer}: {self.reason}" if self.layer else f"{start}; no layer was active"
 
 
-def explanation(control: Arbiter, swarm: Swarm, snapshots: Snapshots, row: int, step: int) -> Explanation:
+def explanation(
+    control: Arbiter, swarm: Swarm, snapshots: Snapshots, row: int, step: int, kinds: tuple[str, ...] = KINDS
+) -> Explanation:
     """Return why the robot in this row did what it did in a stored step, when this control drove it."""
-    moment, won = moment_of(swarm, snapshots.at(step), row)
+    moment, won = moment_of(swarm, snapshots.at(step), row, kinds)
     if won >= len(control.layers):
         raise BehaviourError(
             f"layer {won} drove robot {swarm.agents[row].unique_id} in step {step:,}, of {len(control.layers)} layers; "
@@ -57,8 +60,10 @@ def explanation(control: Arbiter, swarm: Swarm, snapshots: Snapshots, row: int, 
     )
 
 
-def moment_of(swarm: Swarm, columns: dict[str, np.ndarray], row: int) -> tuple[Moment, int]:
-    """Return what one robot knew, and which layer won."""
+def moment_of(
+    swarm: Swarm, columns: dict[str, np.ndarray], row: int, kinds: tuple[str, ...] = KINDS
+) -> tuple[Moment, int]:
+    """Return what one robot knew, where bodies are of these kinds, and which layer won."""
     table, d = swarm.table, swarm.columns["design"][row]
     design = swarm.designs[d]
     command = columns["command"][row, : design.numbers]
@@ -74,6 +79,7 @@ def moment_of(swarm: Swarm, columns: dict[str, np.ndarray], row: int) -> tuple[M
         turns=bool(design.turns),
         moved=_moved(design, command),
         columns={name: column[row] for name, column in columns.items()},
+        kinds=kinds,
     )
     return moment, int(columns["layer"][row])
 

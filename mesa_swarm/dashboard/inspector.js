@@ -32,7 +32,7 @@ function diagram(inspected) {
   const picture = drawn("svg", { viewBox: `${-size} ${-size} ${2 * size} ${2 * size}`, role: "img", "aria-label": `Sensors of robot ${inspected.id}, heading up` });
   const labels = [];
   for (const one of sensors) {
-    const seen = one.kind >= 0, state = `${seen ? ` sees-${KINDS[one.kind]}` : ""}${one.triggered ? " triggered" : ""}`;
+    const seen = one.kind >= 0, state = `${seen ? ` sees-${KINDS[one.kind] ?? "body"}` : ""}${one.triggered ? " triggered" : ""}`;
     const outline = drawn("polygon", { class: `range${one.triggered ? " triggered" : ""}`, points: sector(one, one.range) });
     outline.append(drawn("title", {}, one.words));
     picture.append(outline);

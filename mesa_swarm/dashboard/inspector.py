@@ -158,7 +158,7 @@ def inspect(model: SwarmModel, robot: Robot, step: int) -> dict[str, Any]:
         return {"id": robot.unique_id, "when": f"step {step:,} is no longer stored{available}", "known": False}
     if set(WATCHED) - set(columns):
         return {"id": robot.unique_id, "when": "the model stores too few columns for the inspector", "known": False}
-    moment, _ = moment_of(model.swarm, columns, robot.row)
+    moment, _ = moment_of(model.swarm, columns, robot.row, model.kinds)
     position, heading = (columns[name][robot.row] for name in ("position", "heading"))
     decided = step in stored and model.control is not None
     reason = model.explain(robot, step) if decided else None

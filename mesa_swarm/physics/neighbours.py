@@ -18,7 +18,7 @@ from mesa_swarm.robots.actuators import ACT
 from mesa_swarm.robots.parts import check_identifier
 from mesa_swarm.robots.sensors import LARGEST_RANGE, Sensor
 from mesa_swarm.world.movers import Driven
-from mesa_swarm.world.statics import FIRE, KINDS, ROBOT
+from mesa_swarm.world.statics import KINDS, ROBOT, SOURCE
 
 MOST_NEIGHBOURS = 1000
 LAMP = f"{ACT}lamp"
@@ -79,8 +79,8 @@ class NeighbourSensor(Sensor):
 
     The j-th nearest, from 0, is ``me.neighbour[2 * j]`` away, centre to centre, at ``me.neighbour[2 * j + 1]``, rad in
     [-pi, pi] from the heading; with `lamp` its numbers are three: [3 * j], [3 * j + 1], and its lamp at [3 * j + 2].
-    What there is not reads NaN, and so do lamps where no robot has a `Lamp`. Bodies that a robot carries, and fires
-    that are out, are not seen.
+    What there is not reads NaN, and so do lamps where no robot has a `Lamp`. Bodies that a robot carries, and sources
+    of heat that are out, are not seen.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ class NeighbourSensor(Sensor):
         How many it reads, 1 to 1000.
     occluded : bool
         Whether obstacles, and other bodies that robots bump into, on the straight line between the two centres hide it;
-        robots and fires hide nothing.
+        robots and sources of heat hide nothing.
     lamp : bool
         Whether it reads what the lamps of these robots were set to in the step before.
     kind : str
@@ -176,16 +176,13 @@ def _robots(model: Any, lamp: bool) -> dict[str, np.ndarray]:
 def _bodies(model: Any, kind: str) -> dict[str, np.ndarray]:
     """Return the same of the bodies of a kind; those that are driven are found by their rows, which is quicker."""
     movers, solid = model.movers, model.obstacle_list
-    # Fires are behind all others in what `owners` has: they hide nothing.
-    numbered = enumerate(model.bodies, start=len(solid)) if kind == KINDS[FIRE] else enumerate(solid)
-    seen = [(index, body) for index, body in numbered if body.kind == kind and not _is_hidden(body)]
-    places = np.empty((len(seen), 2))
-    for place, (_, body) in enumerate(seen):
-        places[place] = movers.position[body.row] if isinstance(body, Driven) else body.position
-    bodies = np.array([index for index, _ in seen], np.int64)
+    # Sources of heat hide nothing: no item of `owners` has their indices.
+    numbered = enumerate(model.bodies, start=len(solid)) if kind == KINDS[SOURCE] else enumerate(solid)
+    of_kind = [(index, body) for index, body in numbered if body.kind == kind]
+    driven = np.array([(index, body.row) for index, body in of_kind if isinstance(body, Driven)], int).reshape(-1, 2)
+    driven = driven[~movers.carried[driven[:, 1]]]
+    others = [one for one in of_kind if not isinstance(one[1], Driven) and not getattr(one[1], "out", False)]
+    places = np.array([body.position for _, body in others]).reshape(-1, 2)
+    bodies = np.concatenate([driven[:, 0], np.array([index for index, _ in others], np.int64)])
+    places = np.concatenate([movers.position[driven[:, 1]], places])
     return {"places": places, "number": bodies, "bodies": bodies, "lamps": np.empty(0)}
-
-
-def _is_hidden(body: Any) -> bool:
-    """Return whether a robot carries a body, or it is a fire that is out."""
-    return getattr(body, "carrier", None) is not None or bool(getattr(body, "out", False))

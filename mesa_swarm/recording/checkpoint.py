@@ -7,13 +7,23 @@ from typing import Any
 
 import numpy as np
 from mesa import Model
-from mesa.agent import Agent, AgentSet
-from mesa.experimental.continuous_space import ContinuousSpaceAgent
+from mesa.agent import Agent
 
 from mesa_swarm.control.arbiter import MOST_LAYERS
-from mesa_swarm.errors import RecordingError, SwarmError, asked, check_name, in_words, shortened
+from mesa_swarm.errors import RecordingError, SwarmError, asked, in_words, shortened
 from mesa_swarm.fire.burning import Burning
 from mesa_swarm.fire.model import BURNING, FireModel
+from mesa_swarm.recording.attributes import (
+    ModelPacked,
+    apart_of_agent,
+    attribute_from_json,
+    attribute_to_json,
+    checked_state,
+    generator_to_json,
+    own_attributes,
+    own_attributes_of_agent,
+    refuse_attributes,
+)
 from mesa_swarm.recording.collected import (
     Path,
     collected_to_json,
@@ -23,7 +33,7 @@ from mesa_swarm.recording.collected import (
     restore_collected,
     set_clock,
 )
-from mesa_swarm.recording.container import ATOMS, PLACES, Checkpoint, Packed
+from mesa_swarm.recording.container import PLACES, Checkpoint, Packed
 from mesa_swarm.recording.parts import (
     classes_near,
     control_from_json,
@@ -35,62 +45,15 @@ from mesa_swarm.recording.parts import (
     part_to_json,
     restore_objects,
 )
-from mesa_swarm.recording.removed import remains_from_json, remains_to_json
+from mesa_swarm.recording.removed import make_removed, removed_to_json, restore_removed
 from mesa_swarm.robots.design import LARGEST_RADIUS
 from mesa_swarm.state import Checkpointed, attributes_of, declared
-from mesa_swarm.world.arena import ArenaAgent
 
 LARGEST_NUMBER = 1e15
-# Attributes of each of Mesa's agents that are stored with what the model contains.
-OF_AGENTS = frozenset({"model", "unique_id"})
-OF_ARENA = OF_AGENTS | {"space", "_mesa_index", "pos"}
-# Bit generators of which every state is valid.
-GENERATORS = ("PCG64", "PCG64DXSM")
-# Kinds of references to parts of a model.
-REFERENCES = ("of_model", "process", "layer", "field")
 # Of the state of Python's generator.
 WORDS = 625
 OURS = ("mesa_swarm.control.", "mesa_swarm.fire.")
 OF_BURNING = f"{Burning.__module__}.{Burning.__qualname__}"
-
-
-class ModelPacked(Packed):
-    """Plain values of a model, which may refer to its agents by unique_id.
-
-    `removed` are agents that were removed from it and to which values refer; None refuses such values.
-    """
-
-    def __init__(self, model: FireModel, arrays: list[np.ndarray] | None = None) -> None:
-        super().__init__(arrays)
-        self.model = model
-        self.removed: dict[int, Agent] | None = None
-        self._agents: dict[int, Agent] | None = None
-
-    def pack(self, value: Any, what: str = "a value", depth: int = 0) -> object:
-        """Return a value as JSON."""
-        if isinstance(value, Agent):
-            return {"agent": value.unique_id} if value in self.model.agents else self._packed_removed(value, what)
-        if isinstance(value, AgentSet):
-            return {"agents": [self.pack(agent, what) for agent in value]}
-        return super().pack(value, what, depth)
-
-    def _packed_removed(self, agent: Agent, what: str) -> dict:
-        if self.removed is None or agent.model is not self.model:
-            raise RecordingError(f"{what} refers to an agent that is not in the model, which cannot be stored")
-        self.removed[agent.unique_id] = agent
-        return {"removed": agent.unique_id}
-
-    def unpack(self, content: Any) -> Any:
-        """Return the value for which `pack` returned this."""
-        if isinstance(content, dict) and "removed" in content:
-            return (self.removed or {})[content["removed"]]
-        if isinstance(content, dict) and "agent" in content:
-            if self._agents is None:
-                self._agents = {agent.unique_id: agent for agent in self.model.agents}
-            return self._agents[content["agent"]]
-        if isinstance(content, dict) and "agents" in content:
-            return AgentSet([self.unpack(agent) for agent in content["agents"]], random=self.model.random)
-        return super().unpack(content)
 
 
 def checkpoint_of(model: FireModel, since: dict[Path, int] | None = None, *, steps: int | None = None) -> Checkpoint:
@@ -383,7 +346,7 @@ def _made_process(model: FireModel, kind: str) -> Any:
     found = next((one for one in classes_near(model) if _is_kind(one, kind) and callable(asked(one, "step"))), None)
     if found is None or issubclass(found, Agent | Model):
         raise RecordingError(_odd_process(model, kind))
-    return found.__new__(found)
+    return object.__new__(found)
 
 
 def _is_kind(kind: type, stored: str) -> bool:
@@ -411,64 +374,9 @@ def _restore_process(process: Any, state: dict, packed: ModelPacked) -> None:
         object.__setattr__(process, name, value)
 
 
-def own_attributes(model: FireModel) -> dict[str, Any]:
-    """Return the attributes of a model that are stored as they are."""
-    apart = declared(model, "_stored_apart")
-    return {name: value for name, value in model.__dict__.items() if name not in apart}
-
-
-def attribute_to_json(value: object, name: str, packed: ModelPacked) -> object:
-    """Return an attribute as JSON: plain, a random generator, a part of the model, or an object with a state."""
-    reference = None if type(value) in ATOMS else _reference(value, packed.model)
-    if reference is not None:
-        return reference
-    if isinstance(value, np.random.Generator):
-        stream = packed.model.streams.name_of(value)
-        return {"generator": _generator(value, name, packed)} if stream is None else {"stream": stream}
-    if isinstance(value, Checkpointed) and not isinstance(value, type):
-        return {"own": packed.pack(value.checkpoint(), name)}
-    for column, own in packed.model.swarm.columns.items():
-        if value is own:
-            return {"column": column}
-    try:
-        return {"plain": packed.pack(value, name)}
-    except RecordingError as error:
-        try:
-            return {"part": part_to_json(value)}
-        except RecordingError:
-            raise RecordingError(f"{error}; give its class checkpoint() and restore(state)") from None
-
-
-def _reference(value: object, model: FireModel) -> dict | None:
-    """Return which part of the model an object is: the model itself, or what it stores apart; None if it is neither."""
-    if value is model:
-        return {"of_model": ""}
-    apart = declared(model, "_stored_apart")
-    names = [name for name in sorted(apart & model.__dict__.keys()) if model.__dict__[name] is value]
-    found = [{"of_model": name} for name in names]
-    for kind, owners in _owners(model).items():
-        found += [{kind: key} for key, owner in owners.items() if owner is value]
-    return found[0] if found else None
-
-
-def _owners(model: FireModel) -> dict[str, dict]:
-    """Return by their keys the objects whose state is stored, to which attributes may refer."""
-    layers = dict(enumerate(getattr(model.control, "layers", ())))
-    return {"process": model._processes, "layer": layers, "field": model._fields or {}}
-
-
-def _referred(kind: str, which: Any, model: FireModel) -> object:
-    """Return the object for which `_reference` returned this."""
-    if kind == "of_model":
-        if which not in declared(model, "_stored_apart") | {""}:
-            raise RecordingError(f"{shortened(which)} is not a part of a model")
-        return model.__dict__[which] if which else model
-    return _owners(model)[kind][which]
-
-
 def _restore_attributes(model: FireModel, facts: dict, packed: ModelPacked) -> None:
     attributes = facts["attributes"]
-    _refuse(declared(model, "_stored_apart") & attributes.keys())
+    refuse_attributes(declared(model, "_stored_apart") & attributes.keys())
     for name in own_attributes(model).keys() - attributes.keys():
         del model.__dict__[name]
     for name, content in attributes.items():
@@ -489,74 +397,10 @@ def _restore_agents(model: FireModel, stored: dict[int, dict], packed: ModelPack
     agents = {agent.unique_id: agent for agent in model.agents}
     for unique_id, values in stored.items():
         agent = agents[unique_id]
-        _refuse(apart_of_agent(agent) & values.keys())
+        refuse_attributes(apart_of_agent(agent) & values.keys())
         for name, content in values.items():
             value = attribute_from_json(getattr(agent, name, None), name, content, packed)
             object.__setattr__(agent, name, value)
-
-
-def removed_to_json(packed: ModelPacked) -> list:
-    """Return what is stored of removed agents to which values refer, and of those to which these refer."""
-    stored: list[list] = []
-    removed = packed.removed or {}
-    while len(stored) < len(removed):
-        for unique_id in list(removed)[len(stored) :]:
-            agent = removed[unique_id]
-            what = f"removed {type(agent).__name__} {unique_id}'s "
-            own = {n: attribute_to_json(v, what + n, packed) for n, v in own_attributes_of_agent(agent).items()}
-            stored.append([unique_id, remains_to_json(agent), own])
-    return stored
-
-
-def make_removed(packed: ModelPacked, stored: list) -> None:
-    """Make the handles of removed agents, without their attributes; those of the same kind that are known stay."""
-    known = packed.removed or {}
-    there = {agent.unique_id for agent in packed.model.agents}
-    new = {unique_id: remains for unique_id, remains, _ in stored if unique_id not in known}
-    if there & new.keys():
-        raise RecordingError(f"agent {min(there & new.keys())} is stored as removed and as present")
-    packed.removed = {**known, **{one: remains_from_json(packed.model, one, remains) for one, remains in new.items()}}
-
-
-def restore_removed(packed: ModelPacked, stored: list) -> None:
-    """Restore the attributes of removed agents."""
-    for unique_id, _, values in stored:
-        agent: Any = (packed.removed or {})[unique_id]
-        _refuse(apart_of_agent(agent) & values.keys())
-        for name, content in values.items():
-            object.__setattr__(agent, name, attribute_from_json(None, name, content, packed))
-
-
-def _refuse(names: frozenset[str]) -> None:
-    if names:
-        raise RecordingError(f"attribute {min(names)} is not part of a state")
-
-
-def attribute_from_json(now: object, name: str, content: dict, packed: ModelPacked) -> object:
-    """Return the attribute for which `attribute_to_json` returned this; what has a state of its own stays the same."""
-    ((kind, value),) = content.items()
-    if kind == "stream":
-        return packed.model.streams[check_name("stream", value)]
-    if kind == "generator":
-        if not isinstance(now, np.random.Generator):
-            raise RecordingError(f"{name} is not a random generator in this model")
-        now.bit_generator.state = _checked_state(packed.unpack(value))
-        return now
-    if kind == "own":
-        if not isinstance(now, Checkpointed):
-            raise RecordingError(f"{name} has no checkpoint() and restore(state) in this model")
-        now.restore(packed.unpack(value))
-        return now
-    if kind == "column":
-        return packed.model.swarm.columns[value]
-    if kind in REFERENCES:
-        return _referred(kind, value, packed.model)
-    return part_from_json(value) if kind == "part" else packed.unpack(value)
-
-
-def apart_of_agent(agent: Agent) -> frozenset[str]:
-    """Return the names of the attributes of an agent that are not stored as they are."""
-    return declared(agent, "_stored_apart") | (OF_ARENA if isinstance(agent, ContinuousSpaceAgent) else OF_AGENTS)
 
 
 def _agent_attributes(model: FireModel, packed: ModelPacked) -> list:
@@ -570,18 +414,11 @@ def _agent_attributes(model: FireModel, packed: ModelPacked) -> list:
     return extra
 
 
-def own_attributes_of_agent(agent: Agent) -> dict[str, Any]:
-    """Return the attributes of an agent that are stored as they are."""
-    apart = apart_of_agent(agent)
-    values = agent.__dict__ if isinstance(agent, ArenaAgent) else attributes_of(agent)
-    return {name: value for name, value in values.items() if name not in apart}
-
-
 def _randomness(model: FireModel, packed: Packed) -> dict:
     version, words, gauss = model.random.getstate()
     return {
         "streams": {name: packed.pack(state) for name, state in model.streams.state().items()},
-        "rng": _generator(model.rng, "rng", packed),
+        "rng": generator_to_json(model.rng, "rng", packed),
         "random": [version, packed.pack(np.array(words, np.uint32)), gauss],
         "noise": packed.pack(model._noise),
     }
@@ -589,8 +426,8 @@ def _randomness(model: FireModel, packed: Packed) -> dict:
 
 def _restore_randomness(model: FireModel, facts: dict, packed: Packed) -> None:
     for name, state in facts["streams"].items():
-        model.streams[name].bit_generator.state = _checked_state(packed.unpack(state))
-    model.rng.bit_generator.state = _checked_state(packed.unpack(facts["rng"]))
+        model.streams[name].bit_generator.state = checked_state(packed.unpack(state))
+    model.rng.bit_generator.state = checked_state(packed.unpack(facts["rng"]))
     version, content, gauss = facts["random"]
     words = packed.unpack(content)
     if not isinstance(words, np.ndarray) or words.shape != (WORDS,):
@@ -599,20 +436,7 @@ def _restore_randomness(model: FireModel, facts: dict, packed: Packed) -> None:
     noise = packed.unpack(facts["noise"])
     if noise is not None:
         _, before, draws = noise
-        _checked_state(before)
+        checked_state(before)
         if not isinstance(draws, np.ndarray) or draws.dtype != float:
             raise RecordingError("invalid sensor noise")
     model._noise = noise
-
-
-def _generator(generator: np.random.Generator, name: str, packed: Packed) -> object:
-    state = generator.bit_generator.state
-    if state["bit_generator"] not in GENERATORS:
-        raise RecordingError(f"{name} is a {state['bit_generator']}, which cannot be stored; use PCG64")
-    return packed.pack(state)
-
-
-def _checked_state(state: object) -> dict:
-    if not isinstance(state, dict) or state.get("bit_generator") not in GENERATORS:
-        raise RecordingError("invalid state of a random stream")
-    return state

@@ -8,6 +8,14 @@ from mesa.experimental.continuous_space import ContinuousSpaceAgent
 from mesa_swarm.errors import RecordingError, shortened
 from mesa_swarm.fire.fires import Fire
 from mesa_swarm.fire.model import FireModel
+from mesa_swarm.recording.attributes import (
+    ModelPacked,
+    apart_of_agent,
+    attribute_from_json,
+    attribute_to_json,
+    own_attributes_of_agent,
+    refuse_attributes,
+)
 from mesa_swarm.recording.parts import (
     agent_class,
     body_to_json,
@@ -24,7 +32,39 @@ from mesa_swarm.world.movers import Driven
 GONE = -1  # the row of a removed handle
 
 
-def remains_to_json(agent: Agent) -> list:
+def removed_to_json(packed: ModelPacked) -> list:
+    """Return what is stored of removed agents to which values refer, and of those to which these refer."""
+    stored: list[list] = []
+    removed = packed.removed or {}
+    while len(stored) < len(removed):
+        for unique_id in list(removed)[len(stored) :]:
+            agent = removed[unique_id]
+            what = f"removed {type(agent).__name__} {unique_id}'s "
+            own = {n: attribute_to_json(v, what + n, packed) for n, v in own_attributes_of_agent(agent).items()}
+            stored.append([unique_id, _remains_to_json(agent), own])
+    return stored
+
+
+def make_removed(packed: ModelPacked, stored: list) -> None:
+    """Make the handles of removed agents, without their attributes; those of the same kind that are known stay."""
+    known = packed.removed or {}
+    there = {agent.unique_id for agent in packed.model.agents}
+    new = {unique_id: remains for unique_id, remains, _ in stored if unique_id not in known}
+    if there & new.keys():
+        raise RecordingError(f"agent {min(there & new.keys())} is stored as removed and as present")
+    packed.removed = {**known, **{one: _remains_from_json(packed.model, one, remains) for one, remains in new.items()}}
+
+
+def restore_removed(packed: ModelPacked, stored: list) -> None:
+    """Restore the attributes of removed agents."""
+    for unique_id, _, values in stored:
+        agent: Any = (packed.removed or {})[unique_id]
+        refuse_attributes(apart_of_agent(agent) & values.keys())
+        for name, content in values.items():
+            object.__setattr__(agent, name, attribute_from_json(None, name, content, packed))
+
+
+def _remains_to_json(agent: Agent) -> list:
     """Return the class of a removed agent, and what its handle still has."""
     return [*class_of_agent(agent), _remains(agent)]
 
@@ -39,7 +79,7 @@ def _remains(agent: Agent) -> dict:
     return {"kind": agent.kind, **body_to_json(agent)}
 
 
-def remains_from_json(model: FireModel, unique_id: int, stored: Any) -> Agent:
+def _remains_from_json(model: FireModel, unique_id: int, stored: Any) -> Agent:
     """Return a removed agent of a class that is loaded, made without its constructor."""
     module, name, remains = stored
     kind = agent_class(module, name)

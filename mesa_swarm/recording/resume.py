@@ -13,20 +13,18 @@ from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameErro
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.gallery import FORMS, address_of, is_address, shipped_class
 from mesa_swarm.progress import progress_bar
-from mesa_swarm.recording.checkpoint import (
+from mesa_swarm.recording.attributes import (
     ModelPacked,
     attribute_from_json,
     attribute_to_json,
-    make_removed,
     own_attributes,
     own_attributes_of_agent,
-    removed_to_json,
-    restore_removed,
 )
 from mesa_swarm.recording.collected import reporters_of, set_clock
 from mesa_swarm.recording.parts import family, objects_to_json, other_agents, restore_objects
 from mesa_swarm.recording.provenance import is_of, rebuilt
 from mesa_swarm.recording.recording import Recording
+from mesa_swarm.recording.removed import make_removed, removed_to_json, restore_removed
 from mesa_swarm.recording.verify import Rerun, Watch, last_same, restored, run_to, started_again, states_to
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.state import attributes_of, fingerprint

@@ -5,11 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, MOUNT_X, MOUNT_Y
-from mesa_swarm.world.statics import FIRE, LOAD, OBSTACLE, ROBOT
+from mesa_swarm.world.statics import KINDS
 
 # Speeds below this are rounding.
 TINY = 1e-9
-THINGS = {OBSTACLE: "an obstacle", ROBOT: "a robot", FIRE: "a fire", LOAD: "a load"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,6 +31,8 @@ class Moment:
         Its other stored columns, by name: heat, hot, fire, ...
     moved : (float, float, float) or None
         What the command asks of the body: speeds forward and sideways, and the turn, rad. None where `turns` states it.
+    kinds : tuple of str
+        The names of what `kind` has the codes of.
     """
 
     distance: np.ndarray
@@ -43,6 +44,7 @@ class Moment:
     turns: bool
     columns: dict
     moved: tuple[float, ...] | None = None
+    kinds: tuple[str, ...] = KINDS
 
     def seeing(self, kind: int, *, ahead: bool = False) -> list[int]:
         """Return the sensors that see such a thing, nearest first; only those within 90 degrees if `ahead`."""
@@ -88,9 +90,16 @@ class Moment:
 
     def reading(self, sensor: int) -> str:
         """Return a sensor's reading in words, such as "left sensor 9.3 (a robot)"."""
-        thing = THINGS.get(int(self.kind[sensor]), "another body" if self.kind[sensor] >= 0 else "nothing")
-        value = f"{self.distance[sensor]:.1f} ({thing})" if self.kind[sensor] >= 0 else thing
+        kind = int(self.kind[sensor])
+        value = f"{self.distance[sensor]:.1f} ({self._thing(kind)})" if kind >= 0 else "nothing"
         return f"{self.name(sensor)} {value}"
+
+    def _thing(self, kind: int) -> str:
+        """Return what has a code in words, such as "an obstacle"."""
+        if kind >= len(self.kinds):
+            return "another body"
+        name = self.kinds[kind]
+        return f"{'an' if name[0] in 'aeiou' else 'a'} {name}"
 
 
 def _motion_in_words(forward: float, sideways: float, turn: float) -> str:

@@ -214,7 +214,7 @@ class PlayerView {
 
   #write({ step, readings, rate, index, length, first, last, fingerprint }) {
     const root = this.#root, parts = this.#parts;
-    if (this.#world?.fields) fillLegend(parts.key, this.#stage.legend());
+    if (this.#world?.fields) this.#showRanges();
     root.dataset.step = step;
     root.dataset.fingerprint = fingerprint;
     const shown = [["Step", step.toLocaleString("en")], ...(rate ? [["Steps a second", rate]] : []), ...readings];
@@ -260,6 +260,13 @@ class PlayerView {
     key.hidden = !entries.length;
     fillLegend(key, entries);
     this.#stage?.resize(); // the legend may cover more or less now
+  }
+
+  /** Show the ranges of fields; where they need another line, the map moves out of the way. */
+  #showRanges() {
+    const { key } = this.#parts, before = key.offsetHeight;
+    fillLegend(key, this.#stage.legend());
+    if (key.offsetHeight !== before) this.#stage.resize();
   }
 
   #choose(id) {

@@ -1,6 +1,8 @@
 """Fields, kinds of bodies, values and labels of a model's own, as a browser draws them and names them."""
 
 import base64
+import subprocess
+import sys
 
 import pytest
 
@@ -11,7 +13,8 @@ from mesa_swarm.viewing.packing import PACKED_FROM, packed_frame
 from mesa_swarm.viewing.palette import DARK, LIGHT, PALETTES, rgb
 from mesa_swarm.viewing.replay_page import replay_page
 from mesa_swarm.viewing.scene import scene_of
-from support.visits import blank_page
+from support.visits import HOST, Visit, answers, blank_page, free_port
+from support.waiting import wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -137,3 +140,63 @@ def test_a_replay_switches_and_names_fields_until_they_are_removed(chromium, tmp
     assert page.evaluate(pixel) == rgb(DARK.ground).tolist()
     page.close()
     assert complaints == []
+
+
+MODEL = """
+from mesa_swarm import AGENT9, Field, Looks, SwarmModel, disc
+
+
+class Marked(SwarmModel):
+    looks = Looks(kinds={"nest": "#d0a000"}, label=lambda model: ["scout"])
+
+    def __init__(self, *, rng=None):
+        super().__init__(map="openspace", rng=rng)
+        self.add_robots(AGENT9, poses=[(400, 300, 0.0)])
+        self.add_body(disc((200, 300), 30), kind="nest", mode="fixed")
+        self.add_field(Field("trail", cell=100.0)).deposit((250, 150), 4.0)
+"""
+LAUNCH = (
+    "import sys; from mesa_swarm.dashboard import launch; launch(sys.argv[1], int(sys.argv[2]), open_browser=False)"
+)
+# The colour where the field has its largest value.
+AT_FIELD = """(() => {
+  const canvas = document.querySelector(".swarm-stage canvas"), [left, top, right, bottom] = canvas.arena();
+  const x = left + (250 / 800) * (right - left), y = top + (450 / 600) * (bottom - top);
+  return [...canvas.getContext("2d").getImageData(Math.round(x), Math.round(y), 1, 1).data].slice(0, 3);
+})()"""
+
+
+@pytest.fixture
+def own_page(chromium, tmp_path):
+    """A dashboard of a model in a file."""
+    (tmp_path / "marked.py").write_text(MODEL, encoding="utf-8")
+    port = free_port()
+    process = subprocess.Popen([sys.executable, "-c", LAUNCH, f"{tmp_path}/marked.py:Marked", str(port)])
+    context = chromium.new_context(viewport={"width": 1366, "height": 768})
+    try:
+        wait_until(lambda: answers(port), 90)
+        visitor = Visit(context, f"http://{HOST}:{port}/")
+        yield visitor
+        assert visitor.complaints == []
+    finally:
+        context.close()
+        process.kill()
+        process.wait()
+
+
+def test_the_page_switches_fields_and_names_them_with_kinds_of_bodies(own_page):
+    own_page.wait_for_step(0)
+    key = own_page.page.locator(".swarm-key")
+    assert [" ".join(text.split()) for text in key.locator("li").all_inner_texts()] == [
+        "obstacle",
+        "nest",
+        "trail 0 to 4",
+    ]
+    shown = own_page.page.evaluate(AT_FIELD)
+    assert shown != rgb(LIGHT.ground).tolist()
+    own_page.page.locator(".swarm-tools summary").click()
+    own_page.page.get_by_label("Field trail").uncheck()
+    assert key.locator("li").count() == 2
+    assert own_page.page.evaluate(AT_FIELD) == rgb(LIGHT.ground).tolist()
+    own_page.page.get_by_label("Field trail").check()
+    assert own_page.page.evaluate(AT_FIELD) == pytest.approx(shown, abs=2)

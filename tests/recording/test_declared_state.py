@@ -170,7 +170,7 @@ def test_a_process_that_no_constructor_adds_is_made_of_its_class_in_the_models_o
     assert Trails.resume(tmp_path / "run.arrow", layer="taken").processes[-1].trail.shape == (2,)
 
 
-def test_a_process_of_a_class_of_elsewhere_is_refused_in_one_line_that_says_what_to_do():
+def test_a_process_of_a_class_of_elsewhere_is_refused_in_one_line_with_what_to_do():
     class Elsewhere:
         def step(self, model):
             pass

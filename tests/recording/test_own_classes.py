@@ -54,7 +54,7 @@ def test_robots_with_custom_parts_that_no_constructor_adds_are_made_again(tmp_pa
     assert again.run(3).state_hash() == model.run(3).state_hash()
 
 
-def test_a_part_of_elsewhere_is_refused_in_one_line_that_says_what_to_do():
+def test_a_part_of_elsewhere_is_refused_in_one_line_with_what_to_do():
     @dataclass(frozen=True, kw_only=True)
     class Nose(Compass):
         name: str = "nose"

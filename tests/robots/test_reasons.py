@@ -7,7 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mesa_swarm import AGENT9, ProximitySensor, RobotDesign
+from mesa_swarm import AGENT9, ProximitySensor, RobotDesign, SwarmModel, disc
+from mesa_swarm.control import Avoid, Subsumption
+from mesa_swarm.control.explain import moment_of
 from mesa_swarm.robots.design import DesignTable
 from mesa_swarm.robots.reasons import TINY, Moment, Reason
 
@@ -113,6 +115,17 @@ def test_a_sensor_is_named_by_its_place_or_its_bearing():
 )
 def test_a_reading_is_described_with_what_is_seen(kind, words):
     assert moment([9.26] * 9, [kind] * 9).reading(0) == words
+
+
+def test_a_reading_names_kinds_of_a_model_s_own():
+    model = SwarmModel(map="openspace", rng=1)
+    (robot,) = model.add_robots(AGENT9, poses=[(300, 300, 0.0)])
+    model.add_body(disc((330, 300), 6), kind="amphora")
+    model.control = Subsumption(Avoid(distance=40))
+    model.watch(last=1)
+    model.run(1)
+    now = moment_of(model.swarm, model.swarm.columns, robot.row, model.kinds)[0]
+    assert now.reading(0).endswith("(an amphora)")
 
 
 def test_a_reason_names_no_sensors_unless_some_triggered_the_layer():

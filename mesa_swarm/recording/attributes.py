@@ -1,0 +1,171 @@
+"""Attributes of a model, of its agents, layers and processes, as stored in recordings."""
+
+from typing import Any
+
+import numpy as np
+from mesa.agent import Agent, AgentSet
+from mesa.experimental.continuous_space import ContinuousSpaceAgent
+
+from mesa_swarm.errors import RecordingError, check_name, shortened
+from mesa_swarm.fire.model import FireModel
+from mesa_swarm.recording.container import ATOMS, Packed
+from mesa_swarm.recording.parts import part_from_json, part_to_json
+from mesa_swarm.state import Checkpointed, attributes_of, declared
+from mesa_swarm.world.arena import ArenaAgent
+
+# Attributes of each of Mesa's agents that are stored with what the model contains.
+OF_AGENTS = frozenset({"model", "unique_id"})
+OF_ARENA = OF_AGENTS | {"space", "_mesa_index", "pos"}
+# Bit generators of which every state is valid.
+GENERATORS = ("PCG64", "PCG64DXSM")
+# Kinds of references to parts of a model.
+REFERENCES = ("of_model", "process", "layer", "field")
+
+
+class ModelPacked(Packed):
+    """Plain values of a model, which may refer to its agents by unique_id.
+
+    `removed` are agents that were removed from it and to which values refer; None refuses such values.
+    """
+
+    def __init__(self, model: FireModel, arrays: list[np.ndarray] | None = None) -> None:
+        super().__init__(arrays)
+        self.model = model
+        self.removed: dict[int, Agent] | None = None
+        self._agents: dict[int, Agent] | None = None
+
+    def pack(self, value: Any, what: str = "a value", depth: int = 0) -> object:
+        """Return a value as JSON."""
+        if isinstance(value, Agent):
+            return {"agent": value.unique_id} if value in self.model.agents else self._packed_removed(value, what)
+        if isinstance(value, AgentSet):
+            return {"agents": [self.pack(agent, what) for agent in value]}
+        return super().pack(value, what, depth)
+
+    def _packed_removed(self, agent: Agent, what: str) -> dict:
+        if self.removed is None or agent.model is not self.model:
+            raise RecordingError(f"{what} refers to an agent that is not in the model, which cannot be stored")
+        self.removed[agent.unique_id] = agent
+        return {"removed": agent.unique_id}
+
+    def unpack(self, content: Any) -> Any:
+        """Return the value for which `pack` returned this."""
+        if isinstance(content, dict) and "removed" in content:
+            return (self.removed or {})[content["removed"]]
+        if isinstance(content, dict) and "agent" in content:
+            if self._agents is None:
+                self._agents = {agent.unique_id: agent for agent in self.model.agents}
+            return self._agents[content["agent"]]
+        if isinstance(content, dict) and "agents" in content:
+            return AgentSet([self.unpack(agent) for agent in content["agents"]], random=self.model.random)
+        return super().unpack(content)
+
+
+def own_attributes(model: FireModel) -> dict[str, Any]:
+    """Return the attributes of a model that are stored as they are."""
+    apart = declared(model, "_stored_apart")
+    return {name: value for name, value in model.__dict__.items() if name not in apart}
+
+
+def own_attributes_of_agent(agent: Agent) -> dict[str, Any]:
+    """Return the attributes of an agent that are stored as they are."""
+    apart = apart_of_agent(agent)
+    values = agent.__dict__ if isinstance(agent, ArenaAgent) else attributes_of(agent)
+    return {name: value for name, value in values.items() if name not in apart}
+
+
+def apart_of_agent(agent: Agent) -> frozenset[str]:
+    """Return the names of the attributes of an agent that are not stored as they are."""
+    return declared(agent, "_stored_apart") | (OF_ARENA if isinstance(agent, ContinuousSpaceAgent) else OF_AGENTS)
+
+
+def attribute_to_json(value: object, name: str, packed: ModelPacked) -> object:
+    """Return an attribute as JSON: plain, a random generator, a part of the model, or an object with a state."""
+    reference = None if type(value) in ATOMS else _reference(value, packed.model)
+    if reference is not None:
+        return reference
+    if isinstance(value, np.random.Generator):
+        stream = packed.model.streams.name_of(value)
+        return {"generator": generator_to_json(value, name, packed)} if stream is None else {"stream": stream}
+    if isinstance(value, Checkpointed) and not isinstance(value, type):
+        return {"own": packed.pack(value.checkpoint(), name)}
+    for column, own in packed.model.swarm.columns.items():
+        if value is own:
+            return {"column": column}
+    try:
+        return {"plain": packed.pack(value, name)}
+    except RecordingError as error:
+        try:
+            return {"part": part_to_json(value)}
+        except RecordingError:
+            raise RecordingError(f"{error}; give its class checkpoint() and restore(state)") from None
+
+
+def _reference(value: object, model: FireModel) -> dict | None:
+    """Return which part of the model an object is: the model itself, or what it stores apart; None if it is neither."""
+    if value is model:
+        return {"of_model": ""}
+    apart = declared(model, "_stored_apart")
+    names = [name for name in sorted(apart & model.__dict__.keys()) if model.__dict__[name] is value]
+    found = [{"of_model": name} for name in names]
+    for kind, owners in _owners(model).items():
+        found += [{kind: key} for key, owner in owners.items() if owner is value]
+    return found[0] if found else None
+
+
+def _owners(model: FireModel) -> dict[str, dict]:
+    """Return by their keys the objects whose state is stored, to which attributes may refer."""
+    layers = dict(enumerate(getattr(model.control, "layers", ())))
+    return {"process": model._processes, "layer": layers, "field": model._fields or {}}
+
+
+def _referred(kind: str, which: Any, model: FireModel) -> object:
+    """Return the object for which `_reference` returned this."""
+    if kind == "of_model":
+        if which not in declared(model, "_stored_apart") | {""}:
+            raise RecordingError(f"{shortened(which)} is not a part of a model")
+        return model.__dict__[which] if which else model
+    return _owners(model)[kind][which]
+
+
+def attribute_from_json(now: object, name: str, content: dict, packed: ModelPacked) -> object:
+    """Return the attribute for which `attribute_to_json` returned this; what has a state of its own stays the same."""
+    ((kind, value),) = content.items()
+    if kind == "stream":
+        return packed.model.streams[check_name("stream", value)]
+    if kind == "generator":
+        if not isinstance(now, np.random.Generator):
+            raise RecordingError(f"{name} is not a random generator in this model")
+        now.bit_generator.state = checked_state(packed.unpack(value))
+        return now
+    if kind == "own":
+        if not isinstance(now, Checkpointed):
+            raise RecordingError(f"{name} has no checkpoint() and restore(state) in this model")
+        now.restore(packed.unpack(value))
+        return now
+    if kind == "column":
+        return packed.model.swarm.columns[value]
+    if kind in REFERENCES:
+        return _referred(kind, value, packed.model)
+    return part_from_json(value) if kind == "part" else packed.unpack(value)
+
+
+def refuse_attributes(names: frozenset[str]) -> None:
+    """Refuse attributes that are not part of a state."""
+    if names:
+        raise RecordingError(f"attribute {min(names)} is not part of a state")
+
+
+def generator_to_json(generator: np.random.Generator, name: str, packed: Packed) -> object:
+    """Return the state of a random generator."""
+    state = generator.bit_generator.state
+    if state["bit_generator"] not in GENERATORS:
+        raise RecordingError(f"{name} is a {state['bit_generator']}, which cannot be stored; use PCG64")
+    return packed.pack(state)
+
+
+def checked_state(state: object) -> dict:
+    """Return the stored state of a random generator if it may be one."""
+    if not isinstance(state, dict) or state.get("bit_generator") not in GENERATORS:
+        raise RecordingError("invalid state of a random stream")
+    return state
