@@ -56,7 +56,7 @@ def typed(capsys):
 def installed(folder, monkeypatch):
     """Install a package with one model that works and one that does not."""
     site = folder / "site"
-    install_package(site, {"ant_trails": "anthill.trails:AntTrails", "spoilt": "anthill.trails:Nothing"})
+    install_package(site, {"ant_hill": "anthill.trails:AntTrails", "spoilt": "anthill.trails:Nothing"})
     monkeypatch.syspath_prepend(str(site))
     return site
 
@@ -141,17 +141,17 @@ def test_an_address_is_checked_without_an_import(folder):
 
 
 def test_the_gallery_has_only_models_of_its_own(installed):
-    assert "ant_trails" in model_names()
-    assert "ant_trails" not in gallery_names()
+    assert "ant_hill" in model_names()
+    assert "ant_hill" not in gallery_names()
 
 
 def test_an_installed_model_is_listed_and_one_that_cannot_be_loaded_is_listed_with_the_reason(installed, typed):
     found, faults = loaded_models()
-    assert found["ant_trails"].__name__ == "AntTrails"
+    assert found["ant_hill"].__name__ == "AntTrails"
     assert list(faults) == ["spoilt"]
     status, out, _ = typed("list")
     assert status == 0
-    assert "ant_trails\n    Robots that forage.\n      n_robots=2                   robots\n" in out
+    assert "ant_hill\n    Robots that forage.\n      n_robots=2                   robots\n" in out
     assert (
         "spoilt\n    not loaded: spoilt (an entry point of anthill): anthill.trails:Nothing: there is no class" in out
     )
@@ -162,10 +162,10 @@ def test_an_installed_model_is_listed_and_one_that_cannot_be_loaded_is_listed_wi
 
 def test_a_name_in_two_packages_is_refused_with_both_addresses(installed, monkeypatch):
     other = installed.parent / "other"
-    install_package(other, {"ant_trails": "termites.trails:AntTrails"}, "termites")
+    install_package(other, {"ant_hill": "termites.trails:AntTrails"}, "termites")
     monkeypatch.syspath_prepend(str(other))
     with pytest.raises(InvalidValueError, match=r"anthill\.trails:AntTrails, termites\.trails:AntTrails"):
-        find_model("ant_trails")
+        find_model("ant_hill")
 
 
 def test_a_model_of_the_gallery_is_never_replaced_by_an_installed_one(folder, monkeypatch):
@@ -178,15 +178,15 @@ def test_an_installed_model_is_run_and_compared_by_processes_of_their_own(instal
     code = (
         "from mesa_swarm import compare; from mesa_swarm.dashboard import page_models\n"
         "if __name__ == '__main__':\n"
-        "    found = compare('ant_trails', seeds=2, jobs=2)\n"
-        "    print(found.column(2, 'x') == compare('ant_trails', seeds=2, jobs=1).column(2, 'x'), page_models())\n"
+        "    found = compare('ant_hill', seeds=2, jobs=2)\n"
+        "    print(found.column(2, 'x') == compare('ant_hill', seeds=2, jobs=1).column(2, 'x'), page_models())\n"
     )
     path = os.pathsep.join([str(installed), *sys.path])
     done = subprocess.run(
         [sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True, check=True
     )
     assert done.stdout.startswith("True [")
-    assert "'ant_trails'" in done.stdout
+    assert "'ant_hill'" in done.stdout
     assert "spoilt" not in done.stdout
 
 

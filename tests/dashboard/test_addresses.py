@@ -69,11 +69,11 @@ def test_a_wrong_address_is_refused_before_the_page_is_served(monkeypatch):
 
 
 def test_an_installed_model_is_on_the_page_and_a_spoilt_one_is_not(folder, monkeypatch):
-    install_package(folder / "site", {"ant_trails": "anthill.trails:AntTrails", "spoilt": "anthill.nothing:A"})
+    install_package(folder / "site", {"ant_hill": "anthill.trails:AntTrails", "spoilt": "anthill.nothing:A"})
     monkeypatch.syspath_prepend(str(folder / "site"))
-    assert {"ant_trails", ADDRESS} < set(page_models())
+    assert {"ant_hill", ADDRESS} < set(page_models())
     assert "spoilt" not in page_models()
-    session = Session("ant_trails")
+    session = Session("ant_hill")
     assert session.model.steps == 0
     session.close()
 
