@@ -48,7 +48,7 @@ def around(ways: tuple[shapely.LineString, ...]) -> Map:
     corridors = shapely.union_all([line.buffer(HALF, cap_style="flat", join_style="mitre") for line in ways])
     solid = shapely.get_parts(shapely.box(*BOUNDS).difference(corridors))
     walls = [polygon(part.exterior.coords, [hole.coords for hole in part.interiors]) for part in solid]
-    return Map(name="double bridge", bounds=BOUNDS, obstacles=walls)
+    return Map(name="double bridge", bounds=BOUNDS, obstacles=tuple(walls))
 
 
 @dataclass(frozen=True, kw_only=True)
