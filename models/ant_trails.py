@@ -5,16 +5,14 @@ prefer. No robot knows how long a branch is; yet after some time most go by the 
 
 HOW IT WORKS. Robots follow lanes on the ground, at the right of each branch. Before a fork a robot smells the trail in
 the left and in the right branch, L and R, and goes left with probability (k + L)^2 / ((k + L)^2 + (k + R)^2). It leaves
-the same amount of trail in each step. By the short branch robots are at the other end sooner, where they smell its
-trail alone when they go back. A robot waits for others ahead or at its right, and now and then passes on the right.
-
+as much trail on each unit of its way. By the short branch robots are at the other end sooner, where they smell its
+trail alone when they go back. A robot waits for others ahead or at its right; now and then, but not near a fork, it
+passes on the right.
 HOW TO USE IT. `ratio` is the length of the lower branch relative to the upper one; below an amount of trail of `k` the
 choice is at random; robots leave the nest one by one, the next in line with probability `leaving` in each step.
 THINGS TO NOTICE. With a ratio of 1 one branch wins as well, either of them. THINGS TO TRY. A large `k`; robots that
 leave at once, and choose before any has come back. EXTENDING IT. Open the short branch only after 3,000 steps.
-
-REFERENCE. Goss, Aron, Deneubourg and Pasteels, Naturwissenschaften 76 (1989) 579-581; Deneubourg, Aron, Goss and
-Pasteels, Journal of Insect Behavior 3 (1990) 159-168.
+REFERENCE. Goss, Aron, Deneubourg, Pasteels, Naturwissenschaften 76 (1989) 579-581; J. Insect Behavior 3 (1990) 159-168.
 """
 
 from dataclasses import dataclass
@@ -29,10 +27,10 @@ from mesa_swarm.errors import check_count, check_number
 from mesa_swarm.parameters import Slider
 from mesa_swarm.streams import Seed
 
-BOUNDS, LEVEL, ENDS, FORKS, MIDDLE = (0.0, 0.0, 700.0, 380.0), 280.0, (15.0, 685.0), (200.0, 500.0), 350.0
+BOUNDS, LEVEL, ENDS, FORKS, MIDDLE = (0.0, 0.0, 715.0, 480.0), 340.0, (15.0, 700.0), (270.0, 570.0), 420.0
 # How far branches go off at 45 degrees; half a corridor's width; a lane's distance from its middle; the view ahead.
-SLOPE, HALF, ASIDE, AHEAD = 60.0, 20.0, 9.0, 16.0
-PATH, NEST, FORK, FOOD = 0, 1, 2, 3
+SLOPE, HALF, ASIDE, AHEAD = 100.0, 20.0, 9.0, 16.0
+PATH, NEST, FORK, FOOD, NEAR = 0, 1, 2, 3, 4
 
 
 def way(side: float, ratio: float) -> shapely.LineString:
@@ -65,8 +63,9 @@ class Ground(Sensor):
         there = shapely.get_coordinates(shapely.line_interpolate_point(model.lanes, along)).reshape(len(x), 4, 2)
         away = there[:, :, 0] - x[:, None] + 1j * (there[:, :, 1] - y[:, None])
         bearings = np.angle(away * np.exp(-1j * model.swarm.heading[:, None]))
-        at_fork = np.abs(np.abs(x - MIDDLE) - (MIDDLE - FORKS[0] + 22.5)) < 7.5
-        place = np.select([x < ENDS[0] + 25.0, x > ENDS[1] - 25.0, at_fork], [NEST, FOOD, FORK], PATH)
+        ahead = np.abs(x - MIDDLE) - (MIDDLE - FORKS[0])  # of the forks, towards nest or food
+        places = [x < ENDS[0] + 25.0, x > ENDS[1] - 25.0, np.abs(ahead - 22.5) < 7.5, np.abs(ahead - 50.0) < 50.0]
+        place = np.select(places, [NEST, FOOD, FORK, NEAR], PATH)
         return {"seen": np.column_stack([place, bearings])}
 
     @staticmethod
@@ -75,15 +74,15 @@ class Ground(Sensor):
         out[:] = seen[rows]
 
 
-ANTENNAE = [FieldSensor(field="trail", mount=(72.0, side * 40.0 + ASIDE)) for side in (1.0, -1.0)]
+# Robots choose about 29 before a fork: both smell the middle of a branch, 50 beyond it.
+ANTENNAE = [FieldSensor(field="trail", mount=(79.0, side * 50.0 + ASIDE)) for side in (1.0, -1.0)]
 ANT = RobotDesign(max_speed=2.0, sensors=(*AGENT9.sensors, Ground(), *ANTENNAE), actuators=(Emitter(field="trail"),))
 
 
 @behaviour(memory={"out": False, "back": 0, "lower": 0, "chosen": False, "aside": 0})
-def follow(me: Any, k: float = 2.0, leaving: float = 0.015) -> tuple[float, float]:
+def follow(me: Any, k: float = 2.0, leaving: float = 0.02) -> tuple[float, float]:
     """Leave the nest, turn at nest and food, choose a branch at a fork, wait for others, and follow the lane."""
     memory, place = me.memory, me.ground[0]
-    me.act.trail = 1.0
     if place == (NEST if memory.back else FOOD):
         memory.back, memory.chosen = 1 - memory.back, False
     if place == FORK and not memory.chosen:
@@ -99,9 +98,10 @@ def follow(me: Any, k: float = 2.0, leaving: float = 0.015) -> tuple[float, floa
     if memory.aside > 0:
         memory.aside -= 1
     elif blocked:
-        memory.aside = 15 if me.chance < 0.05 else 0
+        memory.aside = 15 if place == PATH and me.chance < 0.05 else 0
         return 0.0, 0.0
     turn = max(-1.0, min(1.0, turn - min(memory.aside, 1)))
+    me.act.trail = 1.0 - abs(turn)  # the same amount on each unit of the way
     return me.max_speed * min(1.0, 1.0 - 2.0 * turn), me.max_speed * min(1.0, 1.0 + 2.0 * turn)
 
 
@@ -120,17 +120,17 @@ class AntTrails(SwarmModel):
     def __init__(
         self,
         *,
-        n_robots: Annotated[int, Slider(1, 36, 1, "robots")] = 30,
+        n_robots: Annotated[int, Slider(1, 36, 1, "robots")] = 36,
         ratio: Annotated[float, Slider(1, 2, 0.1, "length of the lower branch relative to the upper one")] = 2.0,
         k: Annotated[float, Slider(0.1, 50, 0.1, "trail below which a choice is at random")] = 2.0,
         evaporation: Annotated[float, Slider(0, 0.05, 0.001, "share of the trail lost in a step")] = 0.002,
-        leaving: Annotated[float, Slider(0.005, 1, 0.005, "probability with which the next one leaves")] = 0.015,
+        leaving: Annotated[float, Slider(0.005, 1, 0.005, "probability with which the next one leaves")] = 0.02,
         rng: Seed = None,
     ) -> None:
         ways = way(1.0, 1.0), way(-1.0, check_number("ratio", ratio, minimum=1, maximum=2))
         super().__init__(map=around(ways), rng=rng)
         self.lanes = [line.offset_curve(-ASIDE, join_style="mitre") for one in ways for line in (one, one.reverse())]
-        self.add_field(Field("trail", cell=5.0, diffusion=1.0, evaporation=evaporation))
+        self.add_field(Field("trail", cell=5.0, diffusion=0.3, evaporation=evaporation))
         n, p = check_count("n_robots", n_robots, maximum=36), check_number("leaving", leaving, above=0, maximum=1)
         self.add_robots(ANT, poses=[(24.0 + 13.0 * (i // 3), LEVEL + 12.0 * (i % 3 - 1), 0.0) for i in range(n)])
         self.state.update(upper=0, lower=0)

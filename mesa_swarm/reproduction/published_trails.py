@@ -14,6 +14,8 @@ from mesa_swarm.reproduction.registry import Item
 
 Numbers = dict[str, float | None]
 SEEDS = 30
+# Seeds 1 to 30 were judged with an earlier layout of the bridge: these follow.
+FIRST_SEEDS = 30
 # Steps of a run, and of its last part, which counts; the share of the traffic that a chosen branch carries.
 STEPS, LAST_STEPS, CHOSEN = 10_000, 3_000, 0.8
 RATIOS = (1.0, 2.0)
@@ -30,15 +32,17 @@ def trail_run(rng: int, *, steps: int = STEPS, last: int = LAST_STEPS, **setting
 
 def trails(laboratory: Laboratory) -> Result:
     """Reproduce the double bridge: one of two equal branches is chosen, and the shorter of two unequal ones."""
-    steps, last, seeds = laboratory.pick(STEPS, 600), laboratory.pick(LAST_STEPS, 400), laboratory.seeds(SEEDS)
+    steps, last = laboratory.pick(STEPS, 600), laboratory.pick(LAST_STEPS, 400)
+    seeds = [FIRST_SEEDS + seed for seed in laboratory.seeds(SEEDS)]
     rows = laboratory.grid(trail_run, [{"ratio": ratio, "steps": steps, "last": last} for ratio in RATIOS], seeds)
     equal, unequal = (column(of_ratio, "upper") for of_ratio in rows)
     return Result(
         checks=tuple(trail_checks(equal, unequal)),
         pictures={"": trail_figure(known(equal), known(unequal))},
         settings=(
-            f"30 robots, k 2, evaporation 0.002 a step, diffusion 1, cells of 5; {STEPS:,} steps, of which the last "
-            f"{LAST_STEPS:,} count; {SEEDS} seeds; the upper branch has a length of 350, the lower one of 350 or 700"
+            f"36 robots, k 2, evaporation 0.002 a step, diffusion 0.3, cells of 5, one robot in 50 steps leaves the nest; "
+            f"{STEPS:,} steps, of which the last {LAST_STEPS:,} count; seeds {FIRST_SEEDS + 1} to {FIRST_SEEDS + SEEDS}; "
+            "the upper branch has a length of 383, the lower one of 383 or 766"
         ),
         remarks=REMARKS,
     )
