@@ -1,7 +1,7 @@
-"""Ant trails: robots that leave a trail choose the shorter of two branches between nest and food.
+"""Ant trails: robots that leave a trail choose one of two branches between nest and food.
 
 WHAT IS IT? A nest and food are joined by a bridge of two branches. Robots go to and fro and leave a trail that others
-prefer. No robot knows how long a branch is; yet after some time most go by the short one.
+prefer. After some time nearly all go by one branch. Ants prefer the short one, though none knows how long it is.
 
 HOW IT WORKS. Robots follow lanes on the ground, at the right of each branch. Before a fork a robot smells the trail in
 the left and in the right branch, L and R, and goes left with probability (k + L)^2 / ((k + L)^2 + (k + R)^2). It leaves
@@ -10,8 +10,8 @@ trail alone when they go back. A robot waits for others ahead or at its right; n
 passes on the right.
 HOW TO USE IT. `ratio` is the length of the lower branch relative to the upper one; below an amount of trail of `k` the
 choice is at random; robots leave the nest one by one, the next in line with probability `leaving` in each step.
-THINGS TO NOTICE. With a ratio of 1 one branch wins as well, either of them. THINGS TO TRY. A large `k`; robots that
-leave at once, and choose before any has come back. EXTENDING IT. Open the short branch only after 3,000 steps.
+THINGS TO NOTICE. The choices of the first robots decide, more than length: what would colonies of hundreds of ants do?
+THINGS TO TRY. A large `k`; robots that leave at once. EXTENDING IT. Open the short branch only after 3,000 steps.
 REFERENCE. Goss, Aron, Deneubourg, Pasteels, Naturwissenschaften 76 (1989) 579-581; J. Insect Behavior 3 (1990) 159-168.
 """
 

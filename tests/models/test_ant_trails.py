@@ -5,10 +5,10 @@ import pytest
 import shapely
 
 from mesa_swarm.errors import SwarmError
-from mesa_swarm.models.ant_trails import ANT, ENDS, FOOD, FORK, FORKS, HALF, LEVEL, NEST, PATH, AntTrails, way
+from mesa_swarm.models.ant_trails import ANT, ENDS, FOOD, FORK, FORKS, HALF, LEVEL, NEAR, NEST, PATH, AntTrails, way
 from mesa_swarm.reproduction.published_trails import trail_checks, trail_figure, trail_run
 
-STORED = {"passages": 67.0, "share of the upper branch": 37 / 67}
+STORED = {"passages": 85.0, "share of the upper branch": 60 / 85}
 STEMS = FORKS[0] - ENDS[0] + ENDS[1] - FORKS[1]
 BOTH_ENDS = [0.02, 0.98] * 15
 
@@ -36,7 +36,8 @@ def test_robots_stay_in_the_corridors_and_traffic_goes_on():
 def test_a_robot_reads_the_place_and_the_bearings_of_four_lanes():
     model = AntTrails(n_robots=1, rng=1)
     (robot,) = model.robots
-    for x, place in ((30.0, NEST), (100.0, PATH), (177.0, FORK), (523.0, FORK), (670.0, FOOD)):
+    places = {30.0: NEST, 100.0: PATH, 200.0: NEAR, 247.0: FORK, 593.0: FORK, 640.0: NEAR, 690.0: FOOD}
+    for x, place in places.items():
         robot.position, robot.heading = (x, LEVEL), 0.0
         model.sense()
         assert robot.ground[0] == place
@@ -49,10 +50,36 @@ def test_a_robot_reads_the_place_and_the_bearings_of_four_lanes():
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_robots_choose_the_branch_in_which_there_is_much_more_trail(side):
     model = AntTrails(n_robots=3, rng=3, ratio=1.0, leaving=1.0, evaporation=0.0)
-    model.fields["trail"].deposit((240.0, LEVEL + side * 40.0), 1e9)
-    model.run(150)
+    model.fields["trail"].deposit((320.0, LEVEL + side * 50.0), 1e9)
+    model.run(250)
     assert model.swarm.columns["0.follow.chosen"].all()
     assert (model.swarm.columns["0.follow.lower"] == (side < 0)).all()
+
+
+@pytest.mark.parametrize(("x", "heading"), [(241.0, 0.0), (599.0, np.pi)])
+def test_a_robot_at_a_fork_smells_the_middle_of_both_branches(x, heading):
+    model = AntTrails(n_robots=1, rng=1)
+    (robot,) = model.robots
+    ahead = 1.0 if heading == 0.0 else -1.0
+    robot.position, robot.heading = (x, LEVEL - ahead * 9.0), heading
+    model.fields["trail"].values = np.random.default_rng(1).random(model.fields["trail"].values.shape)
+    model.sense()
+    places = [(x + 79.0 * ahead, LEVEL + ahead * side * 50.0) for side in (1.0, -1.0)]
+    assert robot.trail == pytest.approx(model.fields["trail"].at(places))
+    assert shapely.distance(way(1.0, 1.0), shapely.points(places)).min() < 1e-6
+    assert shapely.distance(way(-1.0, 1.0), shapely.points(places)).min() < 1e-6
+
+
+def test_a_robot_leaves_as_much_trail_as_it_goes_far():
+    model = AntTrails(n_robots=1, rng=1, leaving=1.0, evaporation=0.0)
+    model.run(50)
+    went = 0.0
+    for _ in range(400):
+        before, there = model.fields["trail"].total, model.swarm.position.copy()
+        model.step()
+        went += np.hypot(*(model.swarm.position - there)[0])
+        assert model.fields["trail"].total - before <= 1.0 + 1e-9
+    assert model.fields["trail"].total - 50.0 == pytest.approx(went / 2.0, rel=0.05)
 
 
 def test_a_large_k_makes_choices_random():
