@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import shapely
+from shapely.geometry.base import BaseGeometry
 
 from mesa_swarm.errors import RecordingError, shortened
 from mesa_swarm.state import ATOMS, DEEPEST, KINDS, SEQUENCES
@@ -33,9 +35,9 @@ DTYPE = re.compile(
 class Packed:
     """Plain values of a checkpoint: JSON, and the arrays beside it.
 
-    Numbers, texts, None, arrays, and lists, tuples, sets, deques and dicts of these are restored with their types and
-    bits. An array that is found in two places is stored once and remains one array, and views of an array remain views
-    of it.
+    Numbers, texts, None, arrays, Shapely geometries, and lists, tuples, sets, deques and dicts of these are restored
+    with their types and bits. An array that is found in two places is stored once and remains one array, and views of
+    an array remain views of it.
 
     Examples
     --------
@@ -73,6 +75,9 @@ class Packed:
             return {"bytes": base64.b64encode(value).decode()}
         if kind is complex:
             return {"complex": [value.real, value.imag]}
+        if isinstance(value, BaseGeometry):
+            name = "ring" if isinstance(value, shapely.LinearRing) else "geometry"  # which WKB does not distinguish
+            return {name: base64.b64encode(shapely.to_wkb(value)).decode()}
         return self._packed(value, what, depth + 1)
 
     def _packed(self, value: Any, what: str, depth: int) -> object:
@@ -106,8 +111,9 @@ class Packed:
             return {self.unpack(key): self.unpack(value) for key, value in given}
         if name == "deque":
             return deque(map(self.unpack, given), maxlen=content["longest"])
-        if name == "bytes":
-            return base64.b64decode(given, validate=True)
+        if name in ("bytes", "geometry", "ring"):
+            stored = base64.b64decode(given, validate=True)
+            return stored if name == "bytes" else _geometry(stored, name)
         if name == "complex":
             return complex(*map(float, given))
         return SEQUENCES[name](map(self.unpack, given))
@@ -198,6 +204,14 @@ class Packed:
             if view is not None:
                 self._made[key] = _viewed(self._made[place], *view)
         return self._made[key]
+
+
+def _geometry(content: bytes, name: str) -> BaseGeometry:
+    try:
+        geometry = shapely.from_wkb(content)
+    except shapely.errors.ShapelyError:
+        raise ValueError from None
+    return shapely.LinearRing(geometry.coords) if name == "ring" else geometry
 
 
 def _root_of(array: np.ndarray) -> np.ndarray:

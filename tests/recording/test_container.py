@@ -2,6 +2,7 @@ import random
 
 import numpy as np
 import pytest
+import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
@@ -63,6 +64,33 @@ def test_numpys_numbers_sets_and_signed_zeros_keep_their_types():
     assert [type(item) for item in value] == [np.float32, np.int8, set, frozenset, complex, float]
     assert value[2] == {1, 2}
     assert np.signbit(value[5])
+
+
+@pytest.mark.parametrize(
+    "geometry",
+    [
+        shapely.Point(0.1, -0.0),
+        shapely.Point(1, 2, 3),
+        shapely.Point(),
+        shapely.LineString([(0, 0), (1e300, 0.1)]),
+        shapely.LinearRing([(0, 0), (1, 0), (1, 1)]),
+        shapely.box(0, 0, 9, 9).difference(shapely.Point(5, 5).buffer(2)),
+        shapely.MultiLineString([[(0, 0), (1, 1)], [(2, 2), (3, 3)]]),
+        shapely.GeometryCollection([shapely.Point(1, 2), shapely.box(0, 0, 1, 1)]),
+    ],
+    ids=lambda one: one.geom_type,
+)
+def test_geometries_are_restored_with_their_types_and_coordinates(geometry):
+    (again,) = through_bytes([geometry])
+    assert type(again) is type(geometry)
+    assert shapely.to_wkb(again) == shapely.to_wkb(geometry)
+
+
+@pytest.mark.parametrize("content", ["", "AAAA", "AQMAAAA=", "no base64", 7, None])
+@pytest.mark.parametrize("name", ["geometry", "ring"])
+def test_a_damaged_geometry_is_refused_in_one_line(name, content):
+    with pytest.raises(RecordingError, match="cannot be decoded"):
+        Packed().unpack({name: content})
 
 
 @pytest.mark.parametrize("value", [object(), np.array([object()]), np.zeros(2, "i4,f8"), len, type, (1).__add__])
