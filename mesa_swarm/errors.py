@@ -167,12 +167,21 @@ def check_flag(name: str, value: object) -> bool:
     raise InvalidValueError(f"{name} is {shortened(value)}; expected True or False")
 
 
-def unknown_name(what: str, got: object, known: Iterable[str]) -> str:
-    """Return one sentence about an unknown name, with the nearest known one."""
+def unknown_name(what: str, got: object, known: Iterable[str], *, beside: int = 0) -> str:
+    """Return one sentence about an unknown name, with the nearest known one.
+
+    Known names are listed as far as a message of 300 characters has room, with `beside` characters of other text.
+    """
     names = list(known)
     near = get_close_matches(got[:80] if isinstance(got, str) else shortened(got), names, n=1, cutoff=0.5)
     hint = f"did you mean {near[0]!r}? " if near else ""
-    return f"unknown {what} {shortened(got)}; {hint}known: {', '.join(names)}"
+    begin = f"unknown {what} {shortened(got)}; {hint}known: "
+    room = LONGEST - beside - len(begin)
+    listed = ", ".join(names)
+    while len(listed) > room and names:
+        names.pop()
+        listed = ", ".join([*names, "..."])
+    return begin + listed
 
 
 def asked(value: object, name: str, default: Any = None) -> Any:

@@ -70,7 +70,7 @@ def check_model(name: str) -> str:
     """Return a name or an address of a model if it can be one, without importing anything."""
     if isinstance(name, str) and (name in gallery_names() or is_address(name) or name in _installed(tuple(sys.path))):
         return name
-    raise UnknownNameError(f"{unknown_name('model', name, model_names())}; or {FORMS}")
+    raise UnknownNameError(f"{unknown_name('model', name, model_names(), beside=4 + len(FORMS))}; or {FORMS}")
 
 
 def is_address(name: str) -> bool:

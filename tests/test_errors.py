@@ -53,6 +53,15 @@ def test_the_nearest_known_name_is_suggested():
     assert unknown_name("map", "orginal", ["original", "sparse"]) == expected
 
 
+def test_known_names_are_listed_as_far_as_a_message_has_room():
+    names = [f"model_{i}" for i in range(100)]
+    for got in ("model_7x", "é" * 200, 7):
+        sentence = unknown_name("model", got, names, beside=40)
+        assert len(sentence) <= 260
+        assert sentence.endswith(", ...")
+    assert unknown_name("model", "x", []) == "unknown model 'x'; known: "
+
+
 def test_numpy_s_true_and_false_are_taken():
     assert [check_flag("shared", flag) for flag in (True, False, np.True_, np.False_)] == [True, False, True, False]
 
