@@ -28,51 +28,69 @@ from mesa_swarm.world.statics import NOTHING, OBSTACLE, ROBOT
 TOUCH = 1e-6
 # How near to its face, in shares of that, a sensor is on it.
 ROUNDING = 1e-3
+# Robots whose readings are made together: few enough to stay in the nearest cache.
+CHUNK = 128
 
 
-@compiled
+@compiled(nogil=True)
 def sense_proximity(
-    position, heading, radius, largest_radius, design, sensors, counts, reach, grid, start, order,
-    edges, discs, static_kind, static_grid, seen_start, seen_items, moving, distance, kind,
+    first, last, order, places, radii, largest_radius, margin, grid, start, heading, design, sensors, counts, reach,
+    edges, discs, static_kind, static_grid, seen_start, seen_items, moving, distance, kind, pairs,
 ):  # fmt: skip
-    """Write the readings of all proximity sensors, without error; -1 where no body is seen.
+    """Write the readings of robots p in [first, last), without error, -1 where no body is seen; return how many pairs.
 
-    `start` and `order` are the robots sorted by cell, see `sort_into_cells`; for `edges` and so on see `Statics`;
-    `moving` is `Moving.seen`, or None.
+    Robots are in the order of cells, see `Crowd`: robot p is in row ``order[p]`` of the columns, at ``places[p]``, and
+    cell c holds those from ``start[c]`` on. For `edges` and so on see `Statics`; `moving` is `Moving.seen`, or None.
+
+    In the same search the pairs of robots that come within `margin` of each other are written into `pairs`, each from
+    the first of the two; where there are more than it has room for, only their number is right.
     """
-    axes = np.empty((position.shape[0], 2))
-    for i in range(position.shape[0]):
-        axes[i, 0], axes[i, 1] = math.cos(heading[i]), math.sin(heading[i])
-        for s in range(distance.shape[1]):
-            distance[i, s] = sensors[design[i], s, RANGE] if s < counts[design[i]] else -1.0
-            kind[i, s] = NOTHING
-    _see_statics(
-        position, axes, radius, design, sensors, counts, reach, edges, discs, static_kind, static_grid,
-        seen_start, seen_items, distance, kind,
-    )  # fmt: skip
-    _see_moving(
-        position, axes, radius, design, sensors, counts, reach, edges, discs, static_kind, moving, distance, kind
-    )
-    _see_robots(
-        position, axes, radius, largest_radius, design, sensors, counts, reach, grid, start, order, distance, kind
-    )
-    for i in range(position.shape[0]):
-        for s in range(distance.shape[1]):
-            if kind[i, s] == NOTHING:
-                distance[i, s] = -1.0
+    s = distance.shape[1]
+    near, what = np.empty((CHUNK, s)), np.empty((CHUNK, s), np.int8)
+    axes, designs = np.empty((CHUNK, 2)), np.empty(CHUNK, np.int64)
+    seen = np.empty(len(order), np.int64)
+    count = 0
+    for begin in range(first, last, CHUNK):
+        end = min(begin + CHUNK, last)
+        _begin_chunk(begin, end, order, heading, design, sensors, counts, axes, designs, near, what)
+        _see_statics(
+            begin, end, places, axes, radii, designs, sensors, counts, reach, edges, discs, static_kind, static_grid,
+            seen_start, seen_items, near, what,
+        )  # fmt: skip
+        if moving is not None:
+            moving_grid, moving_start, moving_items = moving
+            _see_statics(
+                begin, end, places, axes, radii, designs, sensors, counts, reach, edges, discs, static_kind,
+                moving_grid, moving_start, moving_items, near, what,
+            )  # fmt: skip
+        count = _see_robots(
+            begin, end, places, axes, radii, largest_radius, margin, designs, sensors, counts, reach, grid, start, seen,
+            near, what, pairs, count,
+        )  # fmt: skip
+        _write_chunk(begin, end, order, near, what, distance, kind)
+    return count
 
 
 @compiled
-def _see_moving(
-    position, axes, radius, design, sensors, counts, reach, edges, discs, static_kind, moving, distance, kind
-):
-    """Update the readings of every robot by the driven bodies."""
-    if moving is not None:
-        grid, start, items = moving
-        _see_statics(
-            position, axes, radius, design, sensors, counts, reach, edges, discs, static_kind, grid, start, items,
-            distance, kind,
-        )  # fmt: skip
+def _begin_chunk(begin, end, order, heading, design, sensors, counts, axes, designs, near, what):
+    """Begin the readings of some robots with the range of each sensor: nothing farther is seen."""
+    for k in range(end - begin):
+        i = order[begin + k]
+        designs[k] = design[i]
+        axes[k, 0], axes[k, 1] = math.cos(heading[i]), math.sin(heading[i])
+        for s in range(near.shape[1]):
+            near[k, s] = sensors[designs[k], s, RANGE]
+            what[k, s] = NOTHING
+
+
+@compiled
+def _write_chunk(begin, end, order, near, what, distance, kind):
+    """Write the readings of some robots into their rows."""
+    for k in range(end - begin):
+        i = order[begin + k]
+        for s in range(near.shape[1]):
+            distance[i, s] = near[k, s] if what[k, s] != NOTHING else -1.0
+            kind[i, s] = what[k, s]
 
 
 # Arrays are not passed on inside the loops below: each costs as much as evaluating a sensor.
@@ -80,78 +98,89 @@ def _see_moving(
 
 @compiled
 def _see_statics(
-    position, axes, radius, design, sensors, counts, reach, edges, discs, static_kind, grid, start, items,
-    distance, kind,
+    begin, end, places, axes, radii, designs, sensors, counts, reach, edges, discs, static_kind, grid, start, items,
+    near, what,
 ):  # fmt: skip
-    """Update the readings of every robot by the edges and discs that its cell lists."""
+    """Update the readings of some robots by the edges and discs that their cells list."""
     left, below, per_unit, columns, rows = grid
-    for i in range(position.shape[0]):
-        x, y, d = position[i, 0], position[i, 1], design[i]
+    for k in range(end - begin):
+        x, y, d = places[begin + k, 0], places[begin + k, 1], designs[k]
         cell = cell_index(x, left, per_unit, columns) + columns * cell_index(y, below, per_unit, rows)
-        for k in range(start[cell], start[cell + 1]):
-            item = items[k]
-            what = static_kind[item]
+        for place in range(start[cell], start[cell + 1]):
+            item = items[place]
+            kind = static_kind[item]
             if item < edges.shape[0]:
                 ax, ay = edges[item, 0] - x, edges[item, 1] - y
                 bx, by = edges[item, 2] - x, edges[item, 3] - y
                 if not segment_within(ax, ay, bx, by, reach[d]):
                     continue
-                ax, ay = into_frame(ax, ay, axes[i, 0], axes[i, 1])
-                bx, by = into_frame(bx, by, axes[i, 0], axes[i, 1])
+                ax, ay = into_frame(ax, ay, axes[k, 0], axes[k, 1])
+                bx, by = into_frame(bx, by, axes[k, 0], axes[k, 1])
                 for s in range(counts[d]):
                     seen = look_at_segment(
                         ax - sensors[d, s, MOUNT_X], ay - sensors[d, s, MOUNT_Y],
                         bx - sensors[d, s, MOUNT_X], by - sensors[d, s, MOUNT_Y],
                         sensors[d, s, AXIS_X], sensors[d, s, AXIS_Y], sensors[d, s, COS_HALF],
-                        sensors[d, s, SIN_HALF], sensors[d, s, HALF], sensors[d, s, RAYS], distance[i, s],
-                        TOUCH * radius[i],
+                        sensors[d, s, SIN_HALF], sensors[d, s, HALF], sensors[d, s, RAYS], near[k, s],
+                        TOUCH * radii[begin + k],
                     )  # fmt: skip
-                    if is_nearer(seen, what, distance[i, s], kind[i, s]):
-                        distance[i, s], kind[i, s] = seen, what
+                    if is_nearer(seen, kind, near[k, s], what[k, s]):
+                        near[k, s], what[k, s] = seen, kind
             else:
                 disc = item - edges.shape[0]
                 dx, dy = discs[disc, 0] - x, discs[disc, 1] - y
-                dx, dy = into_frame(dx, dy, axes[i, 0], axes[i, 1])
+                if dx * dx + dy * dy > (reach[d] + discs[disc, 2]) ** 2:
+                    continue
+                dx, dy = into_frame(dx, dy, axes[k, 0], axes[k, 1])
                 for s in range(counts[d]):
                     seen = look_at_disc(
                         dx - sensors[d, s, MOUNT_X], dy - sensors[d, s, MOUNT_Y], discs[disc, 2],
                         sensors[d, s, AXIS_X], sensors[d, s, AXIS_Y], sensors[d, s, COS_HALF],
-                        sensors[d, s, SIN_HALF], sensors[d, s, HALF], sensors[d, s, RAYS], distance[i, s],
+                        sensors[d, s, SIN_HALF], sensors[d, s, HALF], sensors[d, s, RAYS], near[k, s],
                     )  # fmt: skip
-                    if is_nearer(seen, what, distance[i, s], kind[i, s]):
-                        distance[i, s], kind[i, s] = seen, what
+                    if is_nearer(seen, kind, near[k, s], what[k, s]):
+                        near[k, s], what[k, s] = seen, kind
 
 
 @compiled
 def _see_robots(
-    position, axes, radius, largest_radius, design, sensors, counts, reach, grid, start, order, distance, kind
-):
-    """Update the readings of every robot by the other robots near it."""
+    begin, end, places, axes, radii, largest_radius, margin, designs, sensors, counts, reach, grid, start, seen_robots,
+    near, what, pairs, count,
+):  # fmt: skip
+    """Update the readings of some robots by the others near them, and list pairs; return how many are listed."""
     left, below, per_unit, columns, rows = grid
-    for i in range(position.shape[0]):
-        x, y, d = position[i, 0], position[i, 1], design[i]
-        if counts[d] == 0:
-            continue
-        far = reach[d] + largest_radius
+    room = pairs.shape[0] - 1
+    for k in range(end - begin):
+        p, d = begin + k, designs[k]
+        x, y, r = places[p, 0], places[p, 1], radii[p]
+        far = max(reach[d], r + margin) + largest_radius
         first = cell_index(x - far, left, per_unit, columns)
         last = cell_index(x + far, left, per_unit, columns)
         lowest = cell_index(y - far, below, per_unit, rows)
         highest = cell_index(y + far, below, per_unit, rows)
+        found = 0
         for row in range(lowest, highest + 1):
-            for k in range(start[first + columns * row], start[last + columns * row + 1]):
-                j = order[k]
-                dx, dy = position[j, 0] - x, position[j, 1] - y
-                if j == i or dx * dx + dy * dy > (reach[d] + radius[j]) ** 2:
-                    continue
-                dx, dy = into_frame(dx, dy, axes[i, 0], axes[i, 1])
-                for s in range(counts[d]):
-                    seen = look_at_disc(
-                        dx - sensors[d, s, MOUNT_X], dy - sensors[d, s, MOUNT_Y], radius[j],
-                        sensors[d, s, AXIS_X], sensors[d, s, AXIS_Y], sensors[d, s, COS_HALF],
-                        sensors[d, s, SIN_HALF], sensors[d, s, HALF], sensors[d, s, RAYS], distance[i, s],
-                    )  # fmt: skip
-                    if is_nearer(seen, ROBOT, distance[i, s], kind[i, s]):
-                        distance[i, s], kind[i, s] = seen, ROBOT
+            for q in range(start[first + columns * row], start[last + columns * row + 1]):
+                dx, dy = places[q, 0] - x, places[q, 1] - y
+                square, near_by = dx * dx + dy * dy, r + radii[q] + margin
+                # Without branches, which no processor could foresee: what does not count is written over.
+                seen_robots[found] = q
+                found += (square <= (reach[d] + radii[q]) ** 2) & (q != p)
+                here = min(count, room)
+                pairs[here, 0], pairs[here, 1] = p, q
+                count += (square < near_by * near_by) & (q > p)
+        for place in range(found):
+            q = seen_robots[place]
+            dx, dy = into_frame(places[q, 0] - x, places[q, 1] - y, axes[k, 0], axes[k, 1])
+            for s in range(counts[d]):
+                seen = look_at_disc(
+                    dx - sensors[d, s, MOUNT_X], dy - sensors[d, s, MOUNT_Y], radii[q],
+                    sensors[d, s, AXIS_X], sensors[d, s, AXIS_Y], sensors[d, s, COS_HALF],
+                    sensors[d, s, SIN_HALF], sensors[d, s, HALF], sensors[d, s, RAYS], near[k, s],
+                )  # fmt: skip
+                if is_nearer(seen, ROBOT, near[k, s], what[k, s]):
+                    near[k, s], what[k, s] = seen, ROBOT
+    return count
 
 
 @compiled
