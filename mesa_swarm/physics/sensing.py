@@ -36,8 +36,8 @@ MOST_FOUND = 2048
 
 @compiled(nogil=True)
 def sense_proximity(
-    first, last, order, places, radii, largest_radius, margin, grid, start, heading, design, sensors, counts, reach,
-    edges, discs, static_kind, static_grid, seen_start, seen_items, moving, distance, kind, pairs,
+    first, last, pairs, moving, order, places, radii, largest_radius, margin, grid, start, heading, design, sensors,
+    counts, reach, edges, discs, static_kind, static_grid, seen_start, seen_items, distance, kind,
 ):  # fmt: skip
     """Write the readings of robots p in [first, last), without error, -1 where no body is seen; return how many pairs.
 
