@@ -8,7 +8,7 @@ import shapely
 
 from mesa_swarm.errors import PlacementError
 from mesa_swarm.geometry.grid import Grid
-from mesa_swarm.geometry.packing import hexagonal_lattice, take_apart
+from mesa_swarm.geometry.packing import hexagonal_lattice, link_by_cell, take_apart
 from mesa_swarm.geometry.room import Crowded, outside, room_for_disc, room_to_try
 from mesa_swarm.world.shapes import Shape
 
@@ -124,12 +124,7 @@ class _Placed:
 
     def _link(self, others: np.ndarray) -> None:
         """List the discs that are there already, whatever they overlap."""
-        x0, y0, per_unit, columns, rows = self._grid.numbers
-        column = np.clip(((others[:, 0] - x0) * per_unit).astype(int), 0, columns - 1)
-        row = np.clip(((others[:, 1] - y0) * per_unit).astype(int), 0, rows - 1)
-        for k, cell in enumerate(column + columns * row):
-            self._following[k] = self._head[cell]
-            self._head[cell] = k
+        link_by_cell(others, self._grid.numbers, self._head, self._following)
         self._taken = len(others)
 
     @property
