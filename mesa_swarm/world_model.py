@@ -81,7 +81,9 @@ class World(BodyWorld):
     @property
     def robots(self) -> Agents[Robot]:
         """The robots as Mesa agents, in the order of the swarm's rows."""
-        return Agents(self.swarm.agents, random=self.random)
+        found = Agents.listed(self.swarm.agents, self.random)
+        self.swarm.listed[id(found)] = found
+        return found
 
     def add_robots(
         self,

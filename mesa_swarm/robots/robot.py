@@ -211,7 +211,7 @@ def add_handles(space: Arena, model: Model, swarm: Swarm) -> list[Robot]:
             for robot in robots:
                 robot.swarm = swarm
             register_together(model, space, robots, rows)
-    swarm.agents += robots
+    swarm.agents = [*swarm.agents, *robots]
     return robots
 
 

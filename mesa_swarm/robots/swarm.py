@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Iterable, Sequence
 from inspect import get_annotations
 from typing import Any
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from mesa_swarm.errors import InvalidValueError, UnknownNameError, unknown_name
 from mesa_swarm.robots.actuators import check_actions
 from mesa_swarm.robots.design import DesignTable, RobotDesign
 from mesa_swarm.robots.parts import RESERVED, RobotPart, check_identifier, names_taken, own_function, reserve
+from mesa_swarm.world.arena import Agents
 from mesa_swarm.world.statics import BORDER, ROBOT
 
 # Columns with names that begin so stay when those of layers are dropped: they belong to the robots' bodies.
@@ -135,7 +137,8 @@ class Swarm:
 
     def __init__(self) -> None:
         self.table = DesignTable.of(())
-        self.agents: list = []
+        self.agents: list = []  # replaced, never changed in place
+        self.listed: WeakValueDictionary[int, Agents] = WeakValueDictionary()  # sets that refer to this list
         self.disturbed = False
         self.version = 0
         self.groups: tuple[str, ...] = ()
@@ -147,12 +150,12 @@ class Swarm:
         self._resize(np.empty(0, np.int64), 0)
 
     def __getstate__(self) -> dict:
-        """Leave out the views of columns, which would be stored as copies."""
-        return {name: value for name, value in self.__dict__.items() if name not in self.columns}
+        """Leave out the views of columns, which would be stored as copies, and what looks at the robots."""
+        return {name: value for name, value in self.__dict__.items() if name not in self.columns and name != "listed"}
 
     def __setstate__(self, state: dict) -> None:
         """Give a copied or unpickled swarm views of its own columns."""
-        self.__dict__.update(state)
+        self.__dict__.update(state, listed=WeakValueDictionary())
         for name, column in self.columns.items():
             self._publish(name, column)
 
@@ -243,6 +246,8 @@ class Swarm:
         gone = np.unique(np.array(rows, np.int64))
         others = np.delete(np.arange(len(self.agents)), gone)
         self._forget_contacts(ROBOT, gone)
+        for found in list(self.listed.values()):
+            found.settle()
         for row in gone.tolist():
             self.agents[row].row = -1
         self.agents = [self.agents[row] for row in others.tolist()]

@@ -224,6 +224,33 @@ class Agents(AgentSet, Generic[Kind]):
         super().__init__(agents, random)
         self._model = getattr(next(iter(agents), None), "model", None)
 
+    @classmethod
+    def listed(cls, agents: list[Kind], random: Random) -> "Agents[Kind]":
+        """Return the agents of a list, of which a set is made when it is needed: not for their number or one of them.
+
+        Before an agent is removed, call `settle`; the list may not change before.
+        """
+        found = cls((), random)
+        del found._agents
+        found._list, found._model = agents, agents[0].model if agents else None
+        return found
+
+    def settle(self) -> None:
+        """Make the set, if it has not been made."""
+        if "_agents" not in self.__dict__:
+            self._update(self._list)
+            del self._list
+
+    def __getattr__(self, name: str) -> Any:
+        if name != "_agents" or "_list" not in self.__dict__:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}", name=name, obj=self)
+        self.settle()
+        return self._agents
+
+    def __len__(self) -> int:
+        """How many agents there are."""
+        return len(self.__dict__.get("_list", self.__dict__.get("_agents", ())))
+
     if TYPE_CHECKING:  # Mesa has no types
 
         def __iter__(self) -> Iterator[Kind]: ...
@@ -236,7 +263,8 @@ class Agents(AgentSet, Generic[Kind]):
 
     def __getitem__(self, item: int | slice) -> Kind | list[Kind]:
         """Return one agent, or a list of them for a slice."""
-        return list(self)[item]
+        known = self.__dict__.get("_list")
+        return (list(self) if known is None else known)[item]
 
 
 class _Held(dict):

@@ -46,8 +46,10 @@ def test_a_state_that_is_too_large_is_tried_once_when_a_recording_begins(tmp_pat
     monkeypatch.setattr(recorder, "checkpoint_of", lambda *given: [tried.append(1), original(*given)][1])
     model = SwarmModel(rng=1)
     model.held = object()
-    with pytest.warns(UserWarning, match="without checkpoints"), model.record(tmp_path / "run.arrow") as made:
-        assert len(tried) == 1
-        assert "held" in made.why_no_checkpoint
-        model.run(3)
+    with pytest.warns(UserWarning, match="without checkpoints"):
+        made = model.record(tmp_path / "run.arrow")
+    assert len(tried) == 1
+    assert "held" in made.why_no_checkpoint
+    model.run(3)
+    made.close()
     assert len(tried) == 1

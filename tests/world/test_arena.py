@@ -1,5 +1,6 @@
 """The arena: all that Mesa's continuous space promises, without its hazards, on plain Mesa agents and on ours."""
 
+import copy
 import gc
 import pickle
 import random
@@ -21,6 +22,7 @@ from mesa_swarm.fire.fires import Fire
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.world.arena import Arena, Registered
 from mesa_swarm.world.bodies import Obstacle
+from support.pace import work_within
 from support.scenes import ahead, blind, empty
 
 SQUARE = [[0, 100], [0, 100]]
@@ -498,3 +500,53 @@ def test_many_robots_are_removed_at_once_and_the_others_keep_their_contacts():
             assert index == (-1 if other in gone else model.swarm.agents[index].row)
             assert other in gone or model.swarm.agents[index].unique_id == other
     assert [robot.row for robot in robots] == [-1 if k % 2 == 0 else k // 2 for k in range(300)]
+
+
+@given(
+    st.lists(st.tuples(st.sampled_from(["look", "add", "remove", "drop", "shuffle"]), st.integers(0, 9)), max_size=12)
+)
+@settings(max_examples=60)
+def test_robots_that_were_asked_for_once_are_those_of_then_without_those_removed_that_nothing_refers_to(acts):
+    model = SwarmModel(rng=1)
+    model.add_robots(AGENT3, 5)
+    pairs, held = [], []
+    for act, number in acts:
+        if act == "look":
+            pairs.append((model.robots, mesa.agent.AgentSet(model.swarm.agents, random.Random(1))))
+        elif act == "add":
+            model.add_robots(AGENT3, number)
+        elif act == "remove" and number < len(model.swarm):
+            held += [model.robots[number]] * (number % 2)  # half of them are still referred to
+            model.robots[number].remove()
+        elif act == "shuffle" and pairs:
+            model.random.seed(number)
+            pairs[-1][0].shuffle(inplace=True)
+            pairs[-1][1].random.seed(number)
+            pairs[-1][1].shuffle(inplace=True)
+        for robots, twin in pairs if act == "drop" else ():
+            assert len(robots) == len(twin)
+            assert robots[:] == list(twin)
+            assert list(robots) == list(twin)
+    for robots, twin in pairs:
+        assert (len(robots), robots[:], list(robots)) == (len(twin), list(twin), list(twin))
+        assert all(robot in robots for robot in twin)
+
+
+def test_one_of_very_many_robots_is_found_at_once():
+    model = SwarmModel(rng=1)
+    model.add_robots(AGENT3, poses=[(100, 100, 0.0)] * 3000)
+    with work_within(0.5):
+        assert [model.robots[row].row for row in range(3000)] == list(range(3000))
+        assert sum(len(model.robots) for _ in range(3000)) == 3000**2
+
+
+def test_a_copied_model_has_robots_of_its_own_to_look_at():
+    model = SwarmModel(rng=1)
+    model.add_robots(AGENT3, 3)
+    robots = model.robots
+    twin = copy.deepcopy(model)
+    assert twin.robots[1] is not robots[1]
+    assert [robot.unique_id for robot in pickle.loads(pickle.dumps(robots))] == [5, 6, 7]
+    assert len(pickle.loads(pickle.dumps(model)).robots) == 3
+    with pytest.raises(AttributeError, match="'Agents' object has no attribute 'speed'"):
+        robots.speed  # noqa: B018
