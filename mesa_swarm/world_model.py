@@ -268,8 +268,9 @@ class World(BodyWorld):
             field.advance()
 
     def _free_poses(self, design: RobotDesign, n: int) -> tuple[np.ndarray, np.ndarray]:
-        shapes = [body.shape for body in self._obstacles if not self._is_carried(body)]
-        space = free_places(self.map.bounds, shapes, self._heat_sources()[0], design.radius)
+        with uncollected():
+            shapes = [body.shape for body in self._obstacles if not self._is_carried(body)]
+            space = free_places(self.map.bounds, shapes, self._heat_sources()[0], design.radius)
         old, radii, where = self.swarm.position, self.swarm.radius, f"map {self.map.name}"
         position = place_apart(n, design.radius, space, old, radii, self.streams["placement"], where)
         return position, self.streams["heading"].uniform(-np.pi, np.pi, n)

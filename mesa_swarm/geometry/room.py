@@ -30,6 +30,7 @@ CELLS_PER_DISC = 4
 WIDEST_DISC = 3.0
 # Corners of a grown disc are rounded: nearer to its rim than this share of its radius, the polygon itself decides.
 RIM = 1e-4
+USUALLY_NEAR = 1000
 
 
 def outside(quarter_segments: int) -> float:
@@ -163,9 +164,12 @@ class SmallDiscs:
         low = self.reach * (1 - RIM) - _rounding(self.centres, self.reach)
         high = self.reach * outside(self.quarter_segments) * (1 + RIM) + _rounding(self.centres, self.reach)
         given = points, self.centres, low, high, self.start, self.items, self.grid.numbers, free
-        near = np.empty((exclude_by_circles(*given, np.empty((0, 2), np.int64)), 2), np.int64)
-        exclude_by_circles(*given, near)
-        point, disc = near.T
+        near = np.empty((USUALLY_NEAR, 2), np.int64)
+        count = exclude_by_circles(*given, near)
+        if count > len(near):
+            near = np.empty((count, 2), np.int64)
+            exclude_by_circles(*given, near)
+        point, disc = near[:count].T
         chosen, place = np.unique(disc, return_inverse=True)
         grown = _grown(shapely.points(self.centres[chosen]), self.reach[chosen], self.quarter_segments)
         free[point[shapely.intersects(grown[place], shapely.points(points[point]))]] = False

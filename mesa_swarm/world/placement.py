@@ -153,7 +153,9 @@ def _points_of(space: shapely.Geometry | Crowded) -> Callable[[int, np.random.Ge
         return _points_of_triangles(shapely.constrained_delaunay_triangles(space))
 
     def draw(n: int, rng: np.random.Generator) -> np.ndarray:
-        points = rng.random((n, 2)) * (x_max - x_min, y_max - y_min) + (x_min, y_min)
+        points = rng.random((n, 2))  # there may be millions
+        points *= (x_max - x_min, y_max - y_min)
+        points += (x_min, y_min)
         return points[space.holds(points) if isinstance(space, Crowded) else shapely.contains_xy(space, points)]
 
     return draw
