@@ -16,6 +16,7 @@ from mesa_swarm.errors import (
     check_number,
     shortened,
 )
+from mesa_swarm.geometry.compiling import compilation
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.design import DesignTable, RobotDesign
@@ -55,6 +56,7 @@ class World(BodyWorld):
 
     def __new__(cls, *given: Any, **named: Any) -> Self:
         """Store the arguments of the outermost constructor, with which a recorded model is made again."""
+        compilation.expect(cls)
         world = super().__new__(cls)
         # Before any constructor of a subclass has changed them; triggers as recordings have them.
         world.given = tuple(map(_plain, given)), {name: _plain(value) for name, value in named.items()}
