@@ -1,4 +1,4 @@
-"""One run, or the runs of a job one after the other: list, run, verify."""
+"""One run, or the runs of a job one after the other: run, verify."""
 
 import sys
 from collections.abc import Callable
@@ -18,39 +18,15 @@ from mesa_swarm.cli.options import (
     SeedOrNone,
     Settings,
     built_model,
-    in_brief,
     known_model,
     print_pairs,
 )
 from mesa_swarm.errors import InvalidValueError, SwarmError
-from mesa_swarm.gallery import check_model, description, find_model, loaded_models, short_name
+from mesa_swarm.gallery import check_model, find_model, short_name
 
 JOB = ".toml"
 
 commands = typer.Typer()
-
-
-@commands.command("list")
-def list_models(
-    model: Annotated[
-        str | None, typer.Argument(callback=known_model, metavar="[MODEL]", help="All models by default.")
-    ] = None,
-) -> None:
-    """List the models, those of installed packages too, their parameters and the defaults."""
-    found, faults = loaded_models() if model is None else ({model: find_model(model)}, {})
-    for name in sorted({*found, *faults}):
-        print("\n".join([name, *(listed(found[name]) if name in found else [f"    not loaded: {faults[name]}"])]))
-
-
-def listed(model_class: type) -> list[str]:
-    """Return what a model is and its parameters, as lines."""
-    from mesa_swarm.parameters import parameters_of
-
-    lines = [f"    {description(model_class)}"] if description(model_class) else []
-    for parameter in parameters_of(model_class).values():
-        setting = f"{parameter.name}={in_brief(parameter.default)}"
-        lines.append(f"      {setting:28} {parameter.help}".rstrip())
-    return lines
 
 
 @commands.command()

@@ -1,19 +1,11 @@
-"""list and run: one model, or the runs of a job."""
+"""run: one model, or the runs of a job."""
 
 from pathlib import Path
 
 import pytest
 
-from mesa_swarm.gallery import find_model, model_names
+from mesa_swarm.gallery import find_model
 from mesa_swarm.recording import Recording, verify
-
-
-def test_list_names_every_model_with_its_parameters_and_defaults(typed):
-    status, out, _ = typed("list")
-    assert status == 0
-    assert [line for line in out.splitlines() if not line.startswith(" ")] == model_names()
-    assert "strategy=B" in out
-    assert max(map(len, out.splitlines())) <= 100
 
 
 def test_run_prints_the_model_s_results_and_state_hash(typed):
