@@ -3,6 +3,7 @@
 from datetime import datetime, timedelta
 
 from tqdm import tqdm
+from tqdm.std import TqdmDefaultWriteLock
 
 LAYOUT = "{desc}{percentage:3.0f} % |{bar:30}| {n_fmt}/{total_fmt} {unit}, {remaining} left, {finishing}"
 
@@ -17,6 +18,10 @@ class Progress(tqdm):
         rate = shown["rate"] or (self.n - self.initial) / max(shown["elapsed"], 1e-9)
         shown["finishing"] = finishing_time(self.total - self.n, rate, datetime.now())
         return shown
+
+
+# tqdm's own lock is one between processes as well, for which Python starts another process.
+Progress.set_lock(TqdmDefaultWriteLock.th_lock)
 
 
 def finishing_time(left: int, rate: float, now: datetime) -> str:

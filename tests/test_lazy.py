@@ -17,7 +17,8 @@ PACKAGES = ("mesa_swarm", "mesa_swarm.control", "mesa_swarm.environments", "mesa
 
 @pytest.fixture(autouse=True)
 def collecting():
-    """Collect garbage before and after, whatever a test does."""
+    """Collect all garbage before and after, whatever a test does."""
+    gc.unfreeze()
     gc.enable()
     yield
     gc.unfreeze()

@@ -19,6 +19,7 @@ from mesa_swarm.cli.options import (
     Settings,
     built_model,
     known_model,
+    prepare,
     print_pairs,
 )
 from mesa_swarm.errors import InvalidValueError, SwarmError
@@ -53,10 +54,8 @@ def run(
             raise typer.Exit(FAILED)
         return
     check_model(model)
-    from mesa_swarm.experiments.run_records import filled_in
-
     seed = 1 if rng is None else rng
-    file = record and Path(filled_in(str(record), short_name(model), seed))
+    file = None if record is None else recording_named(record, short_name(model), seed)
     built = built_model(model, setting, seed)
     with built.record(file, overwrite=force) if file else nullcontext():
         try:
@@ -67,6 +66,14 @@ def run(
             raise
     results = built.results() if hasattr(built, "results") else {}
     print_pairs({"steps": built.steps, **results, "state hash": built.state_hash()})
+
+
+def recording_named(path: Path, name: str, seed: int) -> Path:
+    """Return where a run is recorded."""
+    prepare()
+    from mesa_swarm.experiments.run_records import filled_in
+
+    return Path(filled_in(str(path), name, seed))
 
 
 @commands.command()
@@ -84,6 +91,7 @@ def verify(
     A damaged recording counts as different, even if the rows before the damage agree. A file never causes an import:
     the model is imported only if it is named here, or is part of mesa_swarm.
     """
+    prepare()
     from mesa_swarm.recording.recording import Recording
     from mesa_swarm.recording.resume import class_of, shipped_class_of
     from mesa_swarm.recording.verify import verify as run_again
@@ -100,6 +108,7 @@ def verify(
 
 def run_job(path: str, record: Path | None, force: bool, *, progress: bool) -> bool:
     """Run a job file, recorded to `record` or as it defines; print each run's results; return whether all succeeded."""
+    prepare()
     from mesa_swarm.experiments.jobs import read_job, recorded_to
     from mesa_swarm.experiments.ledger import Outcome
     from mesa_swarm.experiments.run_records import recorded
