@@ -5,13 +5,15 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from mesa_swarm.geometry.grid import Grid, sort_into_cells
-from mesa_swarm.physics.contact import MARGIN, travel
+from mesa_swarm.geometry.grid import Grid
+from mesa_swarm.physics.crowd import Crowd
 from mesa_swarm.physics.loads import carry
 from mesa_swarm.physics.motion import achieved_motion, slip_of
 from mesa_swarm.physics.sensing import err, sense_inside, sense_line, sense_proximity, sense_radiation
+from mesa_swarm.physics.separation import MARGIN
 from mesa_swarm.physics.settle import settle
 from mesa_swarm.physics.surroundings import Surroundings
+from mesa_swarm.physics.travel import travel
 from mesa_swarm.robots.design import DRIVE_SPEED, PERIOD
 from mesa_swarm.robots.drive import Drive, accelerate, slipped_wheels
 from mesa_swarm.robots.swarm import Swarm
@@ -65,14 +67,19 @@ class CompiledEngine:
     def move(self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, draws: np.ndarray | None) -> np.ndarray:
         """Write position, heading, slip and the contact columns; return the speeds at which wheels rolled."""
         self._prepare(swarm, surroundings)
-        columns = swarm.columns
-        position, heading, radius, number = (columns[name] for name in ("position", "heading", "radius", "number"))
-        fixed = turn_angle, self._cells, self._statics
+        columns, crowd = swarm.columns, self._crowd
+        position, heading, radius = columns["position"], columns["heading"], columns["radius"]
         written = columns["collided"], *(columns[name] for name in CONTACT_COLUMNS), self._extra_turn
+        if not self._listed:
+            crowd.sort(position, radius, columns["number"])
+            crowd.list_pairs(self._margin)
+        self._listed = False  # from here on they are elsewhere
 
         def go() -> np.ndarray:
             begin_way(surroundings)
-            travel(position, heading, self._motion, radius, number, *fixed, *written)
+            near = crowd.listed, crowd.pairs[: crowd.count], crowd.cells
+            moved = position, heading, self._motion, radius, turn_angle, self._statics
+            travel(crowd.arrays, *near, *moved, *written)
             return self._extra_turn
 
         return move_by_commands(swarm, surroundings, draws, self._drives, self._motion, go)
@@ -82,20 +89,24 @@ class CompiledEngine:
         self._prepare(swarm, surroundings)
         columns = swarm.columns
         bodies = columns["position"], columns["radius"], columns["number"]
-        settle(*bodies, self._cells, self._statics, surroundings.statics.rings)
+        settle(*bodies, self._crowd.cells, self._statics, surroundings.statics.rings)
 
     def _sense_proximity(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
         columns, table, statics = swarm.columns, swarm.table, surroundings.statics
         position, heading, design = columns["position"], columns["heading"], columns["design"]
-        distance, kind = columns["distance"], columns["kind"]
-        sort_into_cells(position, self._cells, self._start, self._order, self._cell_of)
+        distance, kind, crowd = columns["distance"], columns["kind"], self._crowd
+        crowd.sort(position, columns["radius"], columns["number"])
         sensors, items = (table.proximity, table.counts), (statics.seen_start, statics.seen_items)
         moving = None if surroundings.moving is None else surroundings.moving.seen
-        sense_proximity(
-            position, heading, columns["radius"], self._largest_radius, design, *sensors, table.reach,
-            self._cells, self._start, self._order, statics.edges, statics.discs, statics.kind,
-            self._static_cells, *items, moving, distance, kind,
-        )  # fmt: skip
+        while True:
+            crowd.count = sense_proximity(
+                0, len(distance), crowd.order, crowd.listed, crowd.radii, self._largest_radius, self._margin,
+                crowd.cells, crowd.start, heading, design, *sensors, table.reach, statics.edges, statics.discs,
+                statics.kind, self._static_cells, *items, moving, distance, kind, crowd.pairs,
+            )  # fmt: skip
+            if crowd.has_room:
+                break
+        self._listed = True
         if table.exposed or swarm.disturbed:
             solids = statics.edges, statics.kind, statics.rings, statics.bounds
             sense_inside(position, heading, design, *sensors, *solids, distance, kind)
@@ -109,12 +120,11 @@ class CompiledEngine:
         n = len(swarm)
         radius = swarm.radius
         self._largest_radius = float(radius.max(initial=0.0))
-        margin = MARGIN * float(radius.min(initial=self._largest_radius))
-        cell = max(2 * self._largest_radius + margin, 1e-9)
+        self._margin = MARGIN * float(radius.min(initial=self._largest_radius))
+        cell = max(2 * self._largest_radius + self._margin, 1e-9)
         grid = Grid.over(surroundings.bounds, cell, FEWEST_CELLS + CELLS_PER_ROBOT * n)
-        self._cells, self._static_cells = grid.numbers, surroundings.statics.grid.numbers
-        self._start = np.zeros(grid.cells + 1, np.int64)
-        self._order, self._cell_of = np.zeros(n, np.int64), np.zeros(n, np.int64)
+        self._static_cells = surroundings.statics.grid.numbers
+        self._crowd, self._listed = Crowd(grid.numbers, grid.cells, n), False
         self._motion, self._extra_turn = np.zeros((n, 3)), np.zeros(n)
         statics = surroundings.statics
         touched = self._static_cells, statics.touched_start, statics.touched_items
