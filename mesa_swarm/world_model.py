@@ -24,12 +24,12 @@ from mesa_swarm.robots.robot import SIDES, Robot, add_handles, remove_together
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.streams import Seed, Streams
 from mesa_swarm.trigger import Trigger
-from mesa_swarm.world.arena import Agents, Arena, as_numbers, hold_agents, uncollected
+from mesa_swarm.world.arena import Agents, Arena, hold_agents, uncollected
 from mesa_swarm.world.bodies import Body, Load
 from mesa_swarm.world.fields import Field, NamedFields, ScalarField
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.placement import free_places, place_apart
-from mesa_swarm.world.shapes import Shape
+from mesa_swarm.world.shapes import Shape, as_numbers
 
 # Attributes of Mesa's models, of all versions: what changes when Mesa counts a step, and the others.
 MESA_COUNTS = ("steps", "_time", "_batch_context", "_suppress", "subscribers", "agent_id_counter")

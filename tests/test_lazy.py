@@ -99,12 +99,17 @@ def test_garbage_made_meanwhile_is_collected_later_unless_it_is_for_good():
         assert gc.collect() == found
 
 
-# What of the slow packages the import of a name may bring in, besides NumPy.
-NEEDS = {
-    "from mesa_swarm.fire import design_constants": set(),
-    "import mesa_swarm": set(),
-}
 SLOW = ("mesa", "numba", "pandas", "scipy", "matplotlib", "networkx", "pyarrow", "shapely", "svgelements", "solara")
+# What of these the import of a name may bring in.
+NEEDS = {
+    "import mesa_swarm": set(),
+    "from mesa_swarm import Map, Shape, disc, polygon, rectangle": {"shapely"},
+    "from mesa_swarm import Chart, ColourMap, Looks": set(),
+    "from mesa_swarm import AGENT9, RobotDesign, Emitter, Gripper, Lamp, Radio, Sensor, OmniDrive, Field": {
+        *("numba", "scipy", "shapely"),  # Numba imports SciPy
+    },
+    "from mesa_swarm.fire import FireConstants, design_constants": set(),
+}
 
 
 @pytest.mark.parametrize("line", NEEDS)
@@ -112,3 +117,16 @@ def test_a_name_brings_in_only_what_it_needs(line):
     code = f"{line}\nimport sys; print(sorted({set(SLOW)} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == f"{sorted(NEEDS[line])}\n"
+
+
+def test_a_first_step_imports_neither_svg_readers_nor_layers_that_it_does_not_use():
+    code = (
+        "import sys\nfrom mesa_swarm import AGENT9, SwarmModel\nfrom mesa_swarm.control import Avoid, Subsumption\n"
+        "model = SwarmModel(rng=1)\nrobots = model.add_robots(AGENT9, 3)\nmodel.control = Subsumption(Avoid())\n"
+        "model.step()\nprint([name for name in sys.modules if name.startswith('mesa_swarm.')])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    rooms = ("analysis", "cli", "dashboard", "experiments", "learning", "models", "recording", "viewing")
+    unused = {f"mesa_swarm.{room}" for room in rooms} | {"mesa_swarm.world.map_svg", "mesa_swarm.control.flocking"}
+    assert "mesa_swarm.control.avoid" in done.stdout
+    assert not unused & set(done.stdout.replace("'", " ").split())

@@ -13,19 +13,14 @@ from threading import Lock, Thread
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
-from numba.core import types
-from numba.extending import intrinsic
 
 from mesa_swarm.errors import InvalidValueError, check_count, shortened
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.geometry.waiting import wait_while
 
 MOST_THREADS = 256
 VARIABLE = "MESA_SWARM_THREADS"
 # Looks at a word before a thread sleeps: about a tenth of a millisecond.
 LOOKS = np.int64(4000)
-# Multiplications between two looks, so that a thread that waits does not slow down the one beside it.
-PAUSE = 16
 
 Share = Callable[[int, int], Any]
 
@@ -71,33 +66,7 @@ def ranges(n: int, parts: int) -> Iterator[tuple[int, int]]:
         yield n * part // parts, n * (part + 1) // parts
 
 
-@intrinsic
-def look_at(typing: Any, word: Any) -> Any:
-    """Read the first number of an array as another thread has written it last."""
-
-    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        array = context.make_array(signature.args[0])(context, builder, arguments[0])
-        address = builder.bitcast(array.data, ir.IntType(64).as_pointer())
-        return builder.load_atomic(address, "acquire", 8)
-
-    return types.int64(word), code
-
-
-@compiled(nogil=True)
-def wait_while(word, value, looks):
-    """Look at a word until it differs from a value, at most so often, and return what it is."""
-    busy = 1
-    for _ in range(looks):
-        found = look_at(word)
-        if found != value:
-            return found
-        for _ in range(PAUSE):
-            busy = busy * 3 + value
-    # Of use only so that no compiler leaves the pause out.
-    return look_at(word) if busy != 0 else value
-
-
-class Worker:
+class RowThread:
     """A thread that does one job after another."""
 
     def __init__(self) -> None:
@@ -151,11 +120,11 @@ class Worker:
                 self._finished.put(None)
 
 
-class Workers:
+class RowThreads:
     """The threads of this process, made when they are first needed."""
 
     def __init__(self) -> None:
-        self._lock, self._workers = Lock(), []  # type: tuple[Lock, list[Worker]]
+        self._lock, self._threads = Lock(), []  # type: tuple[Lock, list[RowThread]]
 
     def share(self, n: int, parts: int, rows: Share) -> list[Any]:
         """Call ``rows(first, last)`` for the ranges of n rows at the same time, and return the results in order."""
@@ -168,8 +137,8 @@ class Workers:
 
     def _share(self, parts: list[tuple[int, int]], rows: Share) -> list[Any]:
         helping = min(len(parts), processors()) - 1
-        while len(self._workers) < helping:
-            self._workers.append(Worker())
+        while len(self._threads) < helping:
+            self._threads.append(RowThread())
         crews = [list(range(begin, end)) for begin, end in ranges(len(parts), helping + 1)]
         results: list[Any] = [None] * len(parts)
 
@@ -177,19 +146,19 @@ class Workers:
             for part in crew:
                 results[part] = rows(*parts[part])
 
-        busy = self._workers[:helping]
-        for worker, crew in zip(busy, crews[1:], strict=True):
-            worker.begin(lambda crew=crew: work(crew))
+        busy = self._threads[:helping]
+        for thread, crew in zip(busy, crews[1:], strict=True):
+            thread.begin(lambda crew=crew: work(crew))
         try:
             work(crews[0])
         finally:
             # All have to be done, or one would write while the next step begins.
-            errors = [error for error in [worker.end() for worker in busy] if error is not None]
+            errors = [error for error in [thread.end() for thread in busy] if error is not None]
         if errors:
             raise errors[0]
         return results
 
 
-WORKERS = Workers()
+ROW_THREADS = RowThreads()
 if hasattr(os, "register_at_fork"):  # threads are not copied
-    os.register_at_fork(after_in_child=WORKERS.__init__)  # type: ignore[misc]
+    os.register_at_fork(after_in_child=ROW_THREADS.__init__)  # type: ignore[misc]

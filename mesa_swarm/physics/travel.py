@@ -10,6 +10,10 @@ in memory. Row p of these is the robot in row ``order[p]`` of the swarm.
 """
 
 import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
 
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.overlap import wrapped
@@ -45,12 +49,11 @@ def travel(
 
 
 def travel_together(
-    share, pairs, turn_angle, crowd, listed, grid, position, heading, motion, radius, statics,
-    collided, contact_kind, contact_index, contact_normal, contact_depth, extra_turn,
-):  # fmt: skip
-    """Do what `travel` does, the rows of robots in ranges by ``share(n, rows)``."""
+    share: Callable[[int, Callable[[int, int], Any]], list], pairs: np.ndarray, turn_angle: float, *given: Any
+) -> None:
+    """Do what `travel` does, given the same, the rows of robots in ranges by ``share(n, rows)``."""
+    crowd, listed, grid, position, heading, motion, radius, statics, *written, extra_turn = given
     n = len(heading)
-    written = collided, contact_kind, contact_index, contact_normal, contact_depth
     extra_turn.fill(0.0)
     pieces = count_body_pieces(count_pieces(motion, radius), radius, statics[8])
     for piece in range(pieces):

@@ -24,7 +24,7 @@ def test_a_run_is_not_delayed_by_garbage_collection_pictures_recordings_or_anoth
         "import gc, sys\nfrom mesa_swarm.cli import main\n"
         "try:\n    main(['run', 'boids', '--steps', '1', '--quiet'])\n"
         "finally:\n"
-        "    slow = {'matplotlib', 'mesa_swarm.recording', 'multiprocessing.resource_tracker', 'svgelements'}\n"
+        "    slow = {'matplotlib', 'pyarrow.dataset', 'multiprocessing.resource_tracker', 'svgelements'}\n"
         "    print(sorted(slow & set(sys.modules)), gc.isenabled(), gc.get_freeze_count() > 100_000)\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

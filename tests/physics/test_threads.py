@@ -12,7 +12,7 @@ from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.gallery import find_model
 from mesa_swarm.physics import engine
-from mesa_swarm.physics.threads import VARIABLE, Workers, ranges
+from mesa_swarm.physics.threads import VARIABLE, RowThreads, ranges
 from mesa_swarm.robots.imperfections import ROBOTARIUM
 from support.scenes import empty
 
@@ -127,7 +127,7 @@ def test_an_environment_variable_that_is_no_number_of_threads_is_refused(monkeyp
     assert SwarmModel(threads=2).threads == 2
 
 
-def test_a_model_has_as_many_threads_as_the_environment_variable_says_unless_it_is_given_others(monkeypatch):
+def test_a_model_has_as_many_threads_as_the_environment_variable_states_unless_it_is_given_others(monkeypatch):
     monkeypatch.setenv(VARIABLE, "3")
     assert SwarmModel().threads == 3
     assert SwarmModel(threads=1).threads == 1
@@ -155,7 +155,7 @@ def test_ranges_are_adjacent_and_differ_by_at_most_one_row(n, parts):
 
 
 def test_results_come_in_the_order_of_the_ranges_and_from_several_threads():
-    workers, began = Workers(), threading.Barrier(3, timeout=30)
+    workers, began = RowThreads(), threading.Barrier(3, timeout=30)
 
     def rows(first, last):
         if first in (0, 2, 4):  # the first range of each thread: all three at the same time
@@ -169,7 +169,7 @@ def test_results_come_in_the_order_of_the_ranges_and_from_several_threads():
 
 @pytest.mark.parametrize("failing", [0, 2, 4])
 def test_an_error_in_one_range_is_raised_when_all_have_ended_and_the_next_job_is_done(failing):
-    workers, done = Workers(), []
+    workers, done = RowThreads(), []
 
     def rows(first, _last):
         if first == failing:
@@ -184,7 +184,7 @@ def test_an_error_in_one_range_is_raised_when_all_have_ended_and_the_next_job_is
 
 
 def test_who_shares_while_the_threads_are_busy_does_all_itself():
-    workers = Workers()
+    workers = RowThreads()
 
     def rows(first, _last):
         inner = workers.share(4, 2, lambda *_: threading.get_ident())
@@ -194,7 +194,7 @@ def test_who_shares_while_the_threads_are_busy_does_all_itself():
 
 
 def test_a_thread_that_sleeps_wakes_for_the_next_job():
-    workers, slept = Workers(), threading.Event()
+    workers, slept = RowThreads(), threading.Event()
     assert workers.share(2, 2, lambda first, last: first) == [0, 1]
     slept.wait(0.05)  # longer than it looks for work
     assert workers.share(2, 2, lambda first, last: last) == [1, 2]
