@@ -17,6 +17,7 @@ if not any(isinstance(finder, MovedFinder) for finder in sys.meta_path):
 if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.experiments.compare import compare
     from mesa_swarm.experiments.sweep import sweep
+    from mesa_swarm.experiments.warm_up import warm_up
     from mesa_swarm.looks import Chart, ColourMap, Looks
     from mesa_swarm.open_model import Process
     from mesa_swarm.physics.neighbours import NeighbourSensor
@@ -44,6 +45,7 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
 _MODULES = {
     "experiments.compare": "compare",
     "experiments.sweep": "sweep",
+    "experiments.warm_up": "warm_up",
     "looks": "Chart ColourMap Looks",
     "open_model": "Process",
     "recording.recording": "Recording",
@@ -101,6 +103,7 @@ __all__ = [
     "rectangle",
     "show",
     "sweep",
+    "warm_up",
 ]
 
 __getattr__, __dir__ = lazy_names(__name__, _MODULES)

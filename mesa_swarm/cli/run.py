@@ -1,4 +1,4 @@
-"""One run, or the runs of a job one after the other: run, verify."""
+"""One run, or the runs of a job one after the other: run, verify; and what they wait for once: warm-up."""
 
 import sys
 from collections.abc import Callable
@@ -13,6 +13,7 @@ from mesa_swarm.cli.options import (
     FAILED,
     MOST_STEPS,
     Force,
+    Jobs,
     Quiet,
     RecordingFile,
     SeedOrNone,
@@ -104,6 +105,14 @@ def verify(
     print(verification)
     if not verification.same:
         raise typer.Exit(FAILED)
+
+
+@commands.command("warm-up")
+def compile_all(*, jobs: Jobs = -1, quiet: Quiet = False) -> None:
+    """Compile now, once, what the models need: for images of machines, or before a lesson."""
+    from mesa_swarm.experiments.warm_up import warm_up
+
+    print(warm_up(jobs=jobs, progress=not quiet))
 
 
 def run_job(path: str, record: Path | None, force: bool, *, progress: bool) -> bool:
