@@ -4,9 +4,9 @@ Names are imported when they are first used, so that ``import mesa_swarm`` is qu
 """
 
 import sys
-from importlib import import_module
 from typing import TYPE_CHECKING
 
+from mesa_swarm.lazy import lazy_names
 from mesa_swarm.moved import MovedFinder
 
 __version__ = "0.1.0"
@@ -17,6 +17,7 @@ if not any(isinstance(finder, MovedFinder) for finder in sys.meta_path):
 if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.experiments.compare import compare
     from mesa_swarm.experiments.sweep import sweep
+    from mesa_swarm.experiments.warm_up import warm_up
     from mesa_swarm.looks import Chart, ColourMap, Looks
     from mesa_swarm.open_model import Process
     from mesa_swarm.physics.neighbours import NeighbourSensor
@@ -44,6 +45,7 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
 _MODULES = {
     "experiments.compare": "compare",
     "experiments.sweep": "sweep",
+    "experiments.warm_up": "warm_up",
     "looks": "Chart ColourMap Looks",
     "open_model": "Process",
     "recording.recording": "Recording",
@@ -59,7 +61,6 @@ _MODULES = {
     "world.map": "Map",
     "world.shapes": "Shape disc polygon rectangle",
 }
-_HOME = {name: module for module, names in _MODULES.items() for name in names.split()}
 
 __all__ = [
     "AGENT3",
@@ -102,18 +103,7 @@ __all__ = [
     "rectangle",
     "show",
     "sweep",
+    "warm_up",
 ]
 
-
-def __getattr__(name: str) -> object:
-    """Import a public name from where it lives."""
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    """List the public names."""
-    return sorted([*globals(), *__all__])
+__getattr__, __dir__ = lazy_names(__name__, _MODULES)

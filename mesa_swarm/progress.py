@@ -3,6 +3,7 @@
 from datetime import datetime, timedelta
 
 from tqdm import tqdm
+from tqdm.std import TqdmDefaultWriteLock
 
 LAYOUT = "{desc}{percentage:3.0f} % |{bar:30}| {n_fmt}/{total_fmt} {unit}, {remaining} left, {finishing}"
 
@@ -10,13 +11,46 @@ LAYOUT = "{desc}{percentage:3.0f} % |{bar:30}| {n_fmt}/{total_fmt} {unit}, {rema
 class Progress(tqdm):
     """tqdm with one more field, ``finishing``: when it will be done, by the wall clock."""
 
+    noted = ""
+    _noted_at = 0.0
+
+    def note(self, text: str) -> None:
+        """Show a text in place of the bar until the next unit of work is done; with "" the bar again."""
+        self.noted, self._noted_at = text, self.n
+        self.refresh()
+
+    def close(self) -> None:
+        """End the bar."""
+        if self in _SHOWN:
+            _SHOWN.remove(self)
+        super().close()
+
     @property
     def format_dict(self) -> dict:
         """What the layout may show."""
         shown = super().format_dict
+        if self.noted and self.n == self._noted_at:
+            return shown | {"bar_format": "{noted}", "noted": self.noted}
         rate = shown["rate"] or (self.n - self.initial) / max(shown["elapsed"], 1e-9)
         shown["finishing"] = finishing_time(self.total - self.n, rate, datetime.now())
         return shown
+
+
+# tqdm's own lock is one between processes as well, for which Python starts another process.
+Progress.set_lock(TqdmDefaultWriteLock.th_lock)
+# The bars that are shown now, the innermost last.
+_SHOWN: list[Progress] = []
+
+
+def note(text: str) -> None:
+    """Show a text in place of the innermost bar, if any is shown: why no work is done for a while.
+
+    Examples
+    --------
+    >>> note("compiling")  # there is no bar
+    """
+    for bar in _SHOWN[-1:]:
+        bar.note(text)
 
 
 def finishing_time(left: int, rate: float, now: datetime) -> str:
@@ -27,6 +61,9 @@ def finishing_time(left: int, rate: float, now: datetime) -> str:
     return f"done at {done:%H:%M:%S}" if done.date() == now.date() else f"done on {done:%d %b} at {done:%H:%M}"
 
 
-def progress_bar(total: int, unit: str, shown: bool) -> Progress:
+def progress_bar(total: int, unit: str, shown: bool, layout: str = LAYOUT) -> Progress:
     """Return a bar for `total` units of work; call its ``update``."""
-    return Progress(total=total, unit=unit, disable=not shown, bar_format=LAYOUT, mininterval=0.2)
+    bar = Progress(total=total, unit=unit, disable=not shown, bar_format=layout, mininterval=0.2)
+    if shown:
+        _SHOWN.append(bar)
+    return bar

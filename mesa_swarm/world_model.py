@@ -16,6 +16,7 @@ from mesa_swarm.errors import (
     check_number,
     shortened,
 )
+from mesa_swarm.geometry.compiling import compilation
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.design import DesignTable, RobotDesign
@@ -23,12 +24,12 @@ from mesa_swarm.robots.robot import SIDES, Robot, add_handles, remove_together
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.streams import Seed, Streams
 from mesa_swarm.trigger import Trigger
-from mesa_swarm.world.arena import Agents, Arena, as_numbers, hold_agents, uncollected
+from mesa_swarm.world.arena import Agents, Arena, hold_agents, uncollected
 from mesa_swarm.world.bodies import Body, Load
 from mesa_swarm.world.fields import Field, NamedFields, ScalarField
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.placement import free_places, place_apart
-from mesa_swarm.world.shapes import Shape
+from mesa_swarm.world.shapes import Shape, as_numbers
 
 # Attributes of Mesa's models, of all versions: what changes when Mesa counts a step, and the others.
 MESA_COUNTS = ("steps", "_time", "_batch_context", "_suppress", "subscribers", "agent_id_counter")
@@ -55,6 +56,7 @@ class World(BodyWorld):
 
     def __new__(cls, *given: Any, **named: Any) -> Self:
         """Store the arguments of the outermost constructor, with which a recorded model is made again."""
+        compilation.expect(cls)
         world = super().__new__(cls)
         # Before any constructor of a subclass has changed them; triggers as recordings have them.
         world.given = tuple(map(_plain, given)), {name: _plain(value) for name, value in named.items()}

@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from mesa_swarm.cli import check, compare, draw, learn, page, run
+from mesa_swarm.cli import check, compare, draw, learn, listing, page, run
 from mesa_swarm.errors import SwarmError, in_words
 
 INTERRUPTED = 130
@@ -23,7 +23,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for group in (run, compare, draw, learn, check, page):
+for group in (listing, run, compare, draw, learn, check, page):
     app.add_typer(group.commands)
 app.add_typer(draw.map_commands, name="map")
 

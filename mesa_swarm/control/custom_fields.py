@@ -1,8 +1,7 @@
 """RuleFields of `me` that a model adds: custom readings, what robots hear, and records that a rule writes."""
 
 import dis
-from collections import namedtuple
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from types import FunctionType
 from typing import Any, NamedTuple
@@ -127,32 +126,29 @@ def plain_arrays(form: FieldForm, arrays: Sequence[np.ndarray]) -> tuple:
     return tuple(RecordEntries(array, words[k]) if k in words else array for k, array in enumerate(arrays))
 
 
-def extension(form: FieldForm, base: Any, reading: Callable) -> Callable:
-    """Return the function that makes `me` of one robot: the fields of `base`, then those of a form.
+def fields_used(function: FunctionType, known: tuple[str, ...]) -> tuple[str, ...]:
+    """Return which fields of its first parameter, `me`, a function's code uses: all where more than a field is used.
 
-    It is written as text, since Numba knows a tuple only if its parts are named one by one.
+    Examples
+    --------
+    >>> fields_used(lambda me: (me.radius, me.heat), ("heat", "hot", "radius"))
+    ('heat', 'radius')
+    >>> fields_used(lambda me: max(me), ("heat", "hot", "radius"))
+    ('heat', 'hot', 'radius')
     """
-    if not form.names:
-        return _same
-    parts = [f"me.{name}" for name in base._fields] + list(_parts(form))
-    names = {"Me": namedtuple("Me", (*base._fields, *form.names)), "Heard": namedtuple("Heard", form.heard)}
-    space: dict[str, Any] = {**names, "reading": reading}
-    exec(f"def extended(me, arrays, i):\n    return Me({', '.join(parts)})\n", space)
-    return space["extended"]
-
-
-def _parts(form: FieldForm) -> Iterator[str]:
-    """Yield the text of each field's value for robot i."""
-    first = len(form.readings)
-    yield from (f"reading(arrays[{k}][i])" for k in range(first))
-    yield from (f"arrays[{first + k}][i]" for k in range(len(form.written)))
-    first += len(form.written)
-    if form.heard:
-        yield f"Heard({', '.join(f'arrays[{first + k}][i]' for k in range(len(form.heard)))})"
-
-
-def _same(me: Any, arrays: tuple, i: int) -> Any:
-    return me
+    code = function.__code__
+    me = code.co_varnames[0] if code.co_argcount else ""
+    if not me or me in code.co_cellvars:
+        return known
+    used = set()
+    for step, after in pairwise(dis.get_instructions(code)):
+        loaded = step.argval if isinstance(step.argval, tuple) else (step.argval,)
+        if me in loaded:
+            is_field = step.opname.startswith("LOAD_FAST") and after.opname in ("LOAD_ATTR", "LOAD_METHOD")
+            if not is_field or loaded.index(me) < len(loaded) - 1:
+                return known
+            used.add(after.argval)
+    return tuple(name for name in known if name in used)
 
 
 def record_of(function: FunctionType, field: str) -> str:

@@ -6,7 +6,7 @@ import re
 import sys
 import warnings
 from collections import namedtuple
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache, reduce
 from types import FunctionType
 from typing import Any
@@ -16,7 +16,7 @@ from numba import literal_unroll, njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic, lower_builtin, models, overload, register_model
 
-from mesa_swarm.control.custom_fields import FieldForm, RecordEntry, RuleFields, extension, plain_arrays, record_of
+from mesa_swarm.control.custom_fields import FieldForm, RecordEntry, RuleFields, fields_used, plain_arrays, record_of
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import BehaviourError, UncompiledBehaviourWarning, shortened, unknown_name
 from mesa_swarm.robots.design import RobotDesign
@@ -128,11 +128,50 @@ UNKNOWN = "unknown field of a record:"
 # Where a layer stores the function that it was made of: pickle finds it there under the function's own name.
 PLACE = ".rule.function"
 
-Me = namedtuple(
-    "Me",
-    "distance kind bearing radiation line front left right radius max_speed tendency temperature heat hot "
-    "extinguishing heard_layer heard_task heard_x heard_y goal_x goal_y chance",
-)
+COLUMNS = (
+    "distance", "kind", "bearing", "radiation", "line", "forward", "radius", "max_speed", "tendency", "temperature",
+    "heat", "hot", "fire", "design", "heard_layer", "heard_task", "heard_from", "heard_goal", "counts", "chance",
+)  # fmt: skip
+# The fields of `me`, and how each follows from the columns, for robot i of design d.
+FIELDS = {
+    "distance": "seen(distance[i, :counts[d, 0]])",
+    "kind": "seen(kind[i, :counts[d, 0]])",
+    "bearing": "bearings(bearing[d, :counts[d, 0]])",
+    "radiation": "sensed(radiation[i, :counts[d, 1]])",
+    "line": "sensed(line[i, :counts[d, 2]])",
+    "front": "forward[d, 0]",
+    "left": "forward[d, 1]",
+    "right": "forward[d, 2]",
+    **{name: f"{name}[i]" for name in ("radius", "max_speed", "tendency", "temperature", "heat", "hot")},
+    "extinguishing": "fire[i] >= 0",
+    "heard_layer": "heard_layer[i]",
+    "heard_task": "heard_task[i]",
+    "heard_x": "heard_from[i, 0]",
+    "heard_y": "heard_from[i, 1]",
+    "goal_x": "heard_goal[i, 0]",
+    "goal_y": "heard_goal[i, 1]",
+    "chance": "chance[i]",
+}
+# Text, since Numba knows a tuple only if its parts are named one by one.
+LOOP = """
+def run(columns, values, at, command, layer, index):
+    USED = columns
+    for i in range(layer.shape[0]):
+        if layer[i] >= 0:
+            continue
+        at[0] = i
+        d = design[i]
+        me = Me(PARTS)
+        taken = take(rule(me, *values), command, i, counts[d, 3])
+        if taken == PASSED:
+            continue
+        if taken != DONE:
+            return i if taken == WRONG else -2 - i
+        layer[i] = index
+    return -1
+"""
+
+Me = namedtuple("Me", FIELDS)
 reserve(Me._fields)
 
 
@@ -150,7 +189,7 @@ class Rule:
     def __init__(self, function: FunctionType) -> None:
         self.function = function
         self.name = function.__name__
-        self._loops: dict[tuple, Callable] = {}
+        self._loops: dict[tuple, tuple[tuple[int, ...], Callable]] = {}
 
     def __deepcopy__(self, memo: dict) -> "Rule":
         """Return the rule itself: functions are never copied."""
@@ -179,20 +218,24 @@ class Rule:
         the columns `command` and `layer`, and the index of the layer. `at` (1,) is set to the robot that the rule is
         about, to name it if the rule raises an error.
         """
-        form, arrays = fields.form, fields.arrays
+        form = fields.form
         kinds = form, *map(type, values)
+        known = *columns, *fields.arrays
         if kinds in self._loops:
-            return self._loops[kinds](columns, arrays, values, at, *written)
-        loop, problem = _compiled(self.function, form, columns, arrays, values)
+            places, loop = self._loops[kinds]
+            return loop(tuple([known[place] for place in places]), values, at, *written)
+        numbers = _numbers_in(columns)
+        (places, loop), problem = _compiled(self.function, form, known, values, numbers)
+        taken = tuple([known[place] for place in places])
         if not problem:
-            self._loops[kinds] = loop
-            return loop(columns, arrays, values, at, *written)
+            self._loops[kinds] = places, loop
+            return loop(taken, values, at, *written)
         # What a rule does wrong to a robot is seen in plain Python: Numba only knows types.
-        wrong = loop(columns, arrays, values, at, *written)
+        wrong = loop(taken, values, at, *written)
         if wrong < 0:
             at[0] = -1
-            self._complain(problem, form, _numbers_in(columns)[0])
-            self._loops[kinds] = loop
+            self._complain(problem, form, numbers[0])
+            self._loops[kinds] = places, loop
         return wrong
 
     def _complain(self, problem: str, form: FieldForm, numbers: int) -> None:
@@ -231,14 +274,13 @@ def columns_of(senses: Senses, designs: tuple[RobotDesign, ...]) -> tuple[np.nda
 
 
 def _compiled(
-    function: FunctionType, form: FieldForm, columns: tuple, arrays: tuple, values: tuple
-) -> tuple[Callable, str]:
+    function: FunctionType, form: FieldForm, columns: tuple, values: tuple, numbers: list[int]
+) -> tuple[tuple[tuple[int, ...], Callable], str]:
     """Return the loop over all robots, compiled if that can be, and Numba's explanation if not."""
-    numbers = _numbers_in(columns)
     variants = [function, *(_with_longer_pass(function, count) for count in numbers if count != len(PASS))]
     problems = []
     for variant in variants:
-        loop, problem = _tried(variant, form, columns, arrays, values, numbers)
+        loop, problem = _tried(variant, form, columns, values, numbers)
         if not problem:
             return loop, ""
         problems.append(problem)
@@ -258,17 +300,16 @@ def _with_longer_pass(function: FunctionType, count: int) -> FunctionType:
 
 
 def _tried(
-    function: FunctionType, form: FieldForm, columns: tuple, arrays: tuple, values: tuple, numbers: list[int]
-) -> tuple[Callable, str]:
+    function: FunctionType, form: FieldForm, columns: tuple, values: tuple, numbers: list[int]
+) -> tuple[tuple[tuple[int, ...], Callable], str]:
     """Return the compiled loop, and Numba's explanation if it cannot be, or the rule does not return a command."""
     # Bounds are checked: an index that is one too many would otherwise read another robot's memory.
     rule: Any = njit(error_model="numpy", boundscheck=True)(function)
-    # Put into the loop itself: what a function returned would be a copy of a record, and assigning to it in vain.
-    extended: Any = njit(error_model="numpy", inline="always")(extension(form, Me, bearings))
-    run: Any = njit(error_model="numpy")(_loop(rule, extended))
+    places, loop = _loop(form, fields_used(function, (*Me._fields, *form.names)), rule)
+    run: Any = njit(error_model="numpy")(loop)
     no_rows = np.empty(0, np.int64)
     try:
-        run(columns, arrays, values, no_rows, np.empty((0, 2)), no_rows, 0)
+        run(tuple(columns[place] for place in places), values, no_rows, np.empty((0, 2)), no_rows, 0)
         problem = ""
     except KeyError as error:  # Numba's for a field that a record does not have
         problem = f"{UNKNOWN} {error.args[0]}"
@@ -277,7 +318,7 @@ def _tried(
     returned = [result.signature.return_type for result in rule.overloads.values()]
     if not all(_is_command(kind, numbers) for kind in returned):
         problem = f"{UNLIKE}: {returned[0]}"
-    return run, problem
+    return (places, run), problem
 
 
 def _is_command(kind: Any, numbers: list[int]) -> bool:
@@ -288,6 +329,18 @@ def _is_command(kind: Any, numbers: list[int]) -> bool:
 
 
 PASSED, DONE, WRONG, MISFIT = range(4)
+
+
+def _expressions(form: FieldForm) -> dict[str, str]:
+    """Return how each field of `me` follows from the columns, those that a model adds too."""
+    arrays = (f"array_{k}[i]" for k in range(_count_of_arrays(form)))
+    readings = {name: f"bearings({next(arrays)})" for name in form.readings}
+    written = {name: next(arrays) for name, _ in form.written}
+    return FIELDS | readings | written | ({"heard": f"Heard({', '.join(arrays)})"} if form.heard else {})
+
+
+def _count_of_arrays(form: FieldForm) -> int:
+    return len(form.readings) + len(form.written) + len(form.heard)
 
 
 def take(speeds: tuple, command: np.ndarray, i: int, numbers: int) -> int:
@@ -335,56 +388,47 @@ def _take_several(speeds: tuple, command: np.ndarray, i: int, numbers: int) -> i
     return DONE if finite else WRONG
 
 
-def _loop(rule: Callable, extended: Callable) -> Callable:
-    """Return the loop that applies a rule, compiled or not, to every robot that no layer drives yet."""
-
-    def run(
-        columns: tuple, arrays: tuple, values: tuple, at: np.ndarray, command: np.ndarray, layer: np.ndarray, index: int
-    ) -> int:
-        (
-            distance, kind, bearing, radiation, line, forward, radius, max_speed, tendency, temperature, heat,
-            hot, fire, design, heard_layer, heard_task, heard_from, heard_goal, counts, chance,
-        ) = columns  # fmt: skip
-        for i in range(layer.shape[0]):
-            if layer[i] >= 0:
-                continue
-            at[0] = i
-            d = design[i]
-            proximity = counts[d, 0]
-            me = Me(
-                seen(distance[i, :proximity]), seen(kind[i, :proximity]), bearings(bearing[d, :proximity]),
-                sensed(radiation[i, : counts[d, 1]]), sensed(line[i, : counts[d, 2]]),
-                forward[d, 0], forward[d, 1], forward[d, 2], radius[i], max_speed[i], tendency[i],
-                temperature[i], heat[i], hot[i], fire[i] >= 0, heard_layer[i], heard_task[i],
-                heard_from[i, 0], heard_from[i, 1], heard_goal[i, 0], heard_goal[i, 1], chance[i],
-            )  # fmt: skip
-            taken = take(rule(extended(me, arrays, i), *values), command, i, counts[d, 3])
-            if taken == PASSED:
-                continue
-            if taken != DONE:
-                return i if taken == WRONG else -2 - i
-            layer[i] = index
-        return -1
-
-    return run
+# What the text of the loop uses.
+OF_LOOP = {"seen": seen, "sensed": sensed, "bearings": bearings, "take": take} | {
+    "PASSED": PASSED,
+    "DONE": DONE,
+    "WRONG": WRONG,
+}
 
 
-def _plain(function: FunctionType, form: FieldForm) -> Callable:
+def _loop(form: FieldForm, fields: Iterable[str], rule: Callable) -> tuple[tuple[int, ...], Callable]:
+    """Return the loop that applies a rule, compiled or not, to every robot that no layer drives yet.
+
+    It fills only these fields of `me`, and takes only the columns and arrays that these need, whose places come first:
+    each column in its arguments costs time while it is compiled, and each field in every step.
+    """
+    known = _expressions(form)
+    parts = {name: known[name] for name in known if name in fields} or {"radius": known["radius"]}
+    text = LOOP.replace("PARTS", ", ".join(parts.values()))
+    names = (*COLUMNS, *(f"array_{k}" for k in range(_count_of_arrays(form))))
+    places = tuple(k for k, name in enumerate(names) if re.search(rf"\b{name}\b", text))
+    space = {"Me": namedtuple("Me", parts), "Heard": namedtuple("Heard", form.heard), "rule": rule, **OF_LOOP}
+    exec(text.replace("USED", "".join(f"{names[k]}, " for k in places)), space)
+    return places, space["run"]
+
+
+def _plain(function: FunctionType, form: FieldForm) -> tuple[tuple[int, ...], Callable]:
     """Return the same loop for a rule that stays plain Python, whatever it returns."""
 
-    def checked(me: Me, *values: float) -> tuple:
+    def checked(me: Any, *values: float) -> tuple:
         wheels = function(me, *values)
         if not isinstance(wheels, tuple) or not wheels or not all(map(_is_number, wheels)):
             raise WheelsError(wheels)
         return wheels
 
-    loop = _loop(checked, extension(form, Me, bearings))
+    places, loop = _loop(form, (*Me._fields, *form.names), checked)
 
-    def run(columns: tuple, arrays: tuple, *more: Any) -> int:
+    def run(columns: tuple, *more: Any) -> int:
+        count = len(columns) - _count_of_arrays(form)
         with np.errstate(all="ignore"):  # as in compiled rules: what is not finite is reported
-            return loop(columns, plain_arrays(form, arrays), *more)
+            return loop((*columns[:count], *plain_arrays(form, columns[count:])), *more)
 
-    return run
+    return places, run
 
 
 def _is_number(value: object) -> bool:

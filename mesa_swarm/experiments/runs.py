@@ -4,7 +4,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any, TypeVar, cast
@@ -14,11 +14,14 @@ import numpy as np
 from mesa_swarm.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.experiments.ledger import LONGEST_ERROR, Ledger, Outcome
 from mesa_swarm.experiments.pool import WorkerDiedError, is_remote, on_all
+from mesa_swarm.geometry.compiling import compilation
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.swarm_model import SwarmModel
 
 # NumPy has no numbers for larger whole ones.
 LARGEST_WHOLE = 2**63 - 1
+# Steps after which most of what a model needs is compiled.
+COMPILING_STEPS = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,7 +216,7 @@ def _outcomes(
     if workers == 1 and not is_remote():
         yield from ((run, work(run)) for run in runs)
         return
-    fresh = iter(runs)
+    fresh = _compiled_first(iter(runs))
     deaths: Counter[str] = Counter()
     again: list[Run] = []
     while True:
@@ -232,6 +235,16 @@ def _outcomes(
         for key, run in under_way.items():
             if deaths[key] > 1:
                 yield run, _alone(work, run, tries - deaths[key], tries)
+
+
+def _compiled_first(runs: Iterator[Run]) -> Iterator[Run]:
+    """Return the runs, after a model of the gallery has compiled here what else each worker would compile."""
+    for first in runs:
+        if isinstance(first.make, type) and compilation.lacks(first.make):
+            with suppress(Exception):  # the run itself has it too
+                first.made().run(COMPILING_STEPS)
+        return chain([first], runs)
+    return runs
 
 
 def _noted(runs: Iterable[Run], work: Callable, under_way: dict[str, Run]) -> Iterator[tuple[Callable, Run]]:

@@ -29,6 +29,8 @@ def _stamp() -> str:
 # that one calls. A separate cache folder for each state of the sources cannot go stale.
 _CACHES = Path(settings.CACHE_DIR or PACKAGE / "__pycache__")
 _CACHE = _CACHES / f"kernels-{_stamp()}"
+# A line for each function and each set of types of which the machine code is there.
+COMPILED = _CACHE / "compiled.txt"
 # Every change of the sources leaves a cache behind: the last few are enough.
 MOST_CACHES = 4
 
@@ -42,6 +44,9 @@ def _drop_old_caches() -> None:
 
 
 _drop_old_caches()
+
+# The functions of the package that are compiled in this way.
+FUNCTIONS: set[Callable[..., Any]] = set()
 
 
 def compiled(function: Callable[..., Any] | None = None, *, nogil: bool = False) -> Any:
@@ -60,6 +65,8 @@ def compiled(function: Callable[..., Any] | None = None, *, nogil: bool = False)
     """
     if function is None:
         return partial(compiled, nogil=nogil)
+    if f"{function.__module__}.".startswith(f"{PACKAGE.name}."):
+        FUNCTIONS.add(function)
     previous = settings.CACHE_DIR
     settings.CACHE_DIR = str(_CACHE)
     try:

@@ -1,5 +1,6 @@
 """The robots in the order of cells: those near each other are near each other in memory."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ class Crowd:
         The places at which they were sorted.
     radii : ndarray, shape (n,)
     pairs : int64 ndarray, shape (m, 2)
-        Room for the pairs that were within the margin there; `count` of them are.
+        The pairs that were within the margin there.
     arrays : tuple
         What `travel` takes: order, places, those before a piece, radii, numbers, which are free of static bodies, their
         contacts (kind, index, normal, depth, face), and 0 to n - 1.
@@ -36,9 +37,10 @@ class Crowd:
         self.cells = cells
         self.start, self.order, self._cell_of = np.zeros(count + 1, np.int64), np.arange(n), np.zeros(n, np.int64)
         self.listed, self.radii, self._numbers = np.zeros((n, 2)), np.zeros(n), np.zeros(n, np.int64)
-        self.pairs = np.empty((FEWEST_PAIRS + PAIRS_PER_ROBOT * n, 2), np.int64)
-        self.count = 0
+        self.pairs = np.empty((0, 2), np.int64)
+        self._rooms: dict[int, np.ndarray] = {}
         contacts = np.full(n, -1), np.full(n, -1), np.zeros((n, 2)), np.zeros(n), np.zeros((n, 3))
+        self._sorted = self.start, self.order, self._cell_of, self.listed, self.radii, self._numbers
         places, before, free = np.zeros((n, 2)), np.zeros((n, 2)), np.zeros(n, np.bool_)
         self.arrays: tuple[Any, ...] = (
             *(self.order, places, before, self.radii, self._numbers, free),
@@ -48,26 +50,30 @@ class Crowd:
 
     def sort(self, position: np.ndarray, radius: np.ndarray, number: np.ndarray) -> None:
         """Sort the robots by the cells in which they are now."""
-        sort_into_cells(position, self.cells, self.start, self.order, self._cell_of)
-        gather(self.order, position, radius, number, self.listed, self.radii, self._numbers)
+        sort_by_cell(position, radius, number, self.cells, *self._sorted)
 
     def list_pairs(self, margin: float) -> None:
         """List the pairs within this margin of each other."""
         self.pairs = near_pairs(self.listed, self.radii, margin, self.cells)
-        self.count = len(self.pairs)
 
-    @property
-    def has_room(self) -> bool:
-        """Whether all pairs that were found fit; else there is room for them now, and they have to be listed again."""
-        if self.count < len(self.pairs):
-            return True
-        self.pairs = np.empty((FEWEST_PAIRS + 2 * self.count, 2), np.int64)
-        return False
+    def pairs_from(self, first: int, last: int, find: Callable[..., int], *given: Any) -> np.ndarray:
+        """Return the pairs of rows [first, last): ``find(first, last, room, *given)`` writes them.
+
+        It returns how many there are, also where there is not room for all.
+        """
+        room = self._rooms.get(first)
+        if room is None:
+            room = np.empty((FEWEST_PAIRS + PAIRS_PER_ROBOT * (last - first), 2), np.int64)
+        while (count := find(first, last, room, *given)) >= len(room):
+            room = np.empty((FEWEST_PAIRS + 2 * count, 2), np.int64)
+        self._rooms[first] = room
+        return room[:count]
 
 
 @compiled
-def gather(order, position, radius, number, places, radii, numbers):
-    """Copy places, radii and numbers of robots into the order of cells."""
+def sort_by_cell(position, radius, number, cells, start, order, cell_of, places, radii, numbers):
+    """Sort robots by cell, and copy their places, radii and numbers in that order."""
+    sort_into_cells(position, cells, start, order, cell_of)
     for p in range(order.shape[0]):
         i = order[p]
         places[p, 0], places[p, 1] = position[i, 0], position[i, 1]

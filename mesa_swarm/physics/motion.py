@@ -17,13 +17,30 @@ def copy_places(source, target):
 
 
 @compiled
+def least_of(radius):
+    """Return the least radius, 0 without any: for ``radius.min()`` Numba would compile ``take`` and its errors."""
+    least = radius[0] if len(radius) else 0.0
+    for r in radius:
+        least = min(least, r)
+    return least
+
+
+@compiled
+def largest_of(radius):
+    """Return the largest radius, 0 without any."""
+    largest = 0.0
+    for r in radius:
+        largest = max(largest, r)
+    return largest
+
+
+@compiled
 def count_pieces(motion, radius):
     """Return the number of pieces of the step such that no robot moves more than half the least radius in one."""
-    longest, least = 0.0, math.inf
+    square = 0.0
     for i in range(motion.shape[0]):
-        longest = max(longest, math.hypot(motion[i, 0], motion[i, 1]))
-        least = min(least, radius[i])
-    return max(1, math.ceil(longest / (LONGEST_PIECE * least) - 1e-9)) if longest > 0.0 else 1
+        square = max(square, motion[i, 0] * motion[i, 0] + motion[i, 1] * motion[i, 1])
+    return max(1, math.ceil(math.sqrt(square) / (LONGEST_PIECE * least_of(radius)) - 1e-9)) if square > 0.0 else 1
 
 
 @compiled

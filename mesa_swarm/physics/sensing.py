@@ -32,12 +32,14 @@ ROUNDING = 1e-3
 CHUNK = 128
 # Discs near these robots that are noted before sensors look at them.
 MOST_FOUND = 2048
+# A NumPy number: Numba would compile a function once more for a literal one that is passed to it.
+NONE = np.int64(0)
 
 
 @compiled(nogil=True)
 def sense_proximity(
-    first, last, order, places, radii, largest_radius, margin, grid, start, heading, design, sensors, counts, reach,
-    edges, discs, static_kind, static_grid, seen_start, seen_items, moving, distance, kind, pairs,
+    first, last, pairs, moving, order, places, radii, largest_radius, margin, grid, start, heading, design, sensors,
+    counts, reach, edges, discs, static_kind, static_grid, seen_start, seen_items, distance, kind,
 ):  # fmt: skip
     """Write the readings of robots p in [first, last), without error, -1 where no body is seen; return how many pairs.
 
@@ -49,12 +51,12 @@ def sense_proximity(
     """
     near, what = np.empty((CHUNK, distance.shape[1])), np.empty((CHUNK, distance.shape[1]), np.int8)
     axes, designs = np.empty((CHUNK, 2)), np.empty(CHUNK, np.int64)
-    found, count = np.empty((MOST_FOUND, 2), np.int64), 0
+    found, count = np.empty((MOST_FOUND, 2), np.int64), NONE
     for begin in range(first, last, CHUNK):
         end = min(begin + CHUNK, last)
         _begin_chunk(begin, end, order, heading, design, sensors, axes, designs, near, what)
         chunk = begin, end, places, radii, axes, designs, sensors, counts, discs, static_kind[len(edges) :], near, what
-        m = _find_statics(chunk, reach, edges, static_kind, static_grid, seen_start, seen_items, found, 0)
+        m = _find_statics(chunk, reach, edges, static_kind, static_grid, seen_start, seen_items, found, NONE)
         if moving is not None:
             moving_grid, moving_start, moving_items = moving
             m = _find_statics(chunk, reach, edges, static_kind, moving_grid, moving_start, moving_items, found, m)
@@ -104,7 +106,7 @@ def _find_statics(chunk, reach, edges, static_kind, grid, start, items, found, m
                 dx, dy = discs[disc, 0] - x, discs[disc, 1] - y
                 if m == MOST_FOUND:
                     _see_discs(chunk, found, m)
-                    m = 0
+                    m = NONE
                 found[m, 0], found[m, 1] = k, -1 - disc
                 m += dx * dx + dy * dy <= (reach[d] + discs[disc, 2]) ** 2
                 continue
@@ -148,7 +150,7 @@ def _find_robots(chunk, largest_radius, margin, reach, grid, start, pairs, count
                 stop = min(other, one + MOST_FOUND)
                 if m + stop - one > MOST_FOUND:
                     _see_discs(chunk, found, m)
-                    m = 0
+                    m = NONE
                 for q in range(one, stop):
                     dx, dy = places[q, 0] - x, places[q, 1] - y
                     square, near_by = dx * dx + dy * dy, r + radii[q] + margin

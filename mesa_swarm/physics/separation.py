@@ -22,7 +22,7 @@ from mesa_swarm.physics.contact import (
     note_contact,
     push_all_from_statics,
 )
-from mesa_swarm.physics.motion import copy_places
+from mesa_swarm.physics.motion import copy_places, largest_of, least_of
 from mesa_swarm.physics.moving import return_bodies
 
 # A NumPy number: Numba would compile a function once more for each literal one that is passed to it.
@@ -39,7 +39,7 @@ def separate(position, radius, number, grid, statics, contacts, free, most_sweep
     are those that were within the margin at the places `listed`. Where robots have gone too far from these, the pairs
     are listed anew, and the places written.
     """
-    margin = MARGIN * radius.min() if len(radius) else 0.0
+    margin = MARGIN * least_of(radius)
     if 2.0 * farthest_of_all(listed, position) > margin:
         pairs = near_pairs(position, radius, margin, grid)
         copy_places(position, listed)
@@ -103,7 +103,7 @@ def near_pairs(position, radius, margin, grid):
     sort_into_cells(position, grid, start, order, cell_of)
     pairs = np.empty((max(n, 16), 2), np.int64)
     count = 0
-    largest = radius.max() if n else 0.0
+    largest = largest_of(radius)
     for i in range(n):
         far = radius[i] + largest + margin
         column, row = cell_of[i] % columns, cell_of[i] // columns
@@ -228,7 +228,7 @@ def put_back(position, before, radius, grid, statics, contacts, free, listed, pa
     back = np.zeros(n, np.bool_)
     farthest = max(farthest_of_all(listed, position), farthest_of_all(listed, before))
     # All pairs that can overlap, at whichever of its two places each robot ends.
-    if n and 2.0 * farthest > MARGIN * radius.min():
+    if n and 2.0 * farthest > MARGIN * least_of(radius):
         pairs = near_pairs(listed, radius, 2.0 * farthest, grid)
     goes = np.zeros(n, np.bool_)
     for i in range(n):

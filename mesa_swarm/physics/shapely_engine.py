@@ -371,6 +371,7 @@ class ShapelyEngine:
     """Sensing and contact by Shapely: the readable twin of `CompiledEngine`."""
 
     def __init__(self) -> None:
+        self.threads = 1  # one does all
         self._surroundings: Surroundings | None = None
         self._solids: Solids | None = None
 

@@ -10,6 +10,10 @@ in memory. Row p of these is the robot in row ``order[p]`` of the swarm.
 """
 
 import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
 
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.overlap import wrapped
@@ -22,7 +26,7 @@ from mesa_swarm.world.statics import ROBOT
 
 @compiled(nogil=True)
 def travel(
-    crowd, listed, pairs, grid, position, heading, motion, radius, turn_angle, statics,
+    pairs, turn_angle, crowd, listed, grid, position, heading, motion, radius, statics,
     collided, contact_kind, contact_index, contact_normal, contact_depth, extra_turn,
 ):  # fmt: skip
     """Move all robots through one step, resolve every contact, and write the contact columns.
@@ -42,6 +46,22 @@ def travel(
         advance_rows(0, n, piece, pieces, crowd, position, heading, motion, statics)
         pairs = end_piece(crowd, listed, pairs, grid, heading, motion, turn_angle, statics, extra_turn)
     finish_rows(0, n, crowd, position, collided, contact_kind, contact_index, contact_normal, contact_depth)
+
+
+def travel_together(
+    share: Callable[[int, Callable[[int, int], Any]], list], pairs: np.ndarray, turn_angle: float, *given: Any
+) -> None:
+    """Do what `travel` does, given the same, the rows of robots in ranges by ``share(n, rows)``."""
+    crowd, listed, grid, position, heading, motion, radius, statics, *written, extra_turn = given
+    n = len(heading)
+    extra_turn.fill(0.0)
+    pieces = count_body_pieces(count_pieces(motion, radius), radius, statics[8])
+    for piece in range(pieces):
+        begin_piece(piece, pieces, crowd, position, radius, statics)
+        moved = piece, pieces, crowd, position, heading, motion, statics
+        share(n, lambda first, last, moved=moved: advance_rows(first, last, *moved))
+        pairs = end_piece(crowd, listed, pairs, grid, heading, motion, turn_angle, statics, extra_turn)
+    share(n, lambda first, last: finish_rows(first, last, crowd, position, *written))
 
 
 @compiled
@@ -75,7 +95,7 @@ def advance_rows(first, last, piece, pieces, crowd, position, heading, motion, s
     push_all_from_statics(rows[first:last], places, radii, statics, contacts, free)
 
 
-@compiled
+@compiled(nogil=True)
 def end_piece(crowd, listed, pairs, grid, heading, motion, turn_angle, statics, extra_turn):
     """Separate the robots, or put them back, and turn those that met faces; return the pairs near each other."""
     order, places, before, radii, numbers, free, contacts, _ = crowd

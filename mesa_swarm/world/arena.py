@@ -16,6 +16,7 @@ from mesa.agent import Agent, AgentSet
 from mesa.experimental.continuous_space import ContinuousSpace, ContinuousSpaceAgent
 
 from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
+from mesa_swarm.world.shapes import as_numbers
 
 # Mesa grows its store by a fifth, which is 0 below three rows.
 SMALLEST_STORE = 16
@@ -400,17 +401,6 @@ class ArenaAgent(ContinuousSpaceAgent):
         distances, agents = self.space.calculate_distances(here)
         mine = self.space._agent_to_index[self]
         return np.delete(distances, mine), [agent for agent in agents if agent is not self]
-
-
-def as_numbers(value: object) -> np.ndarray:
-    """Return a user's value as an array of floats, an empty one if it does not hold numbers alone."""
-    try:
-        array = np.asarray(value)
-        if array.dtype.kind in "iufO":
-            return array.astype(float)
-    except Exception:
-        pass
-    return np.empty(0)
 
 
 def _checked_k(k: object) -> int:

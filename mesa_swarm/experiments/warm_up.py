@@ -1,0 +1,133 @@
+"""Compile once all that the models of the gallery need: for images of machines, and before a lesson."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter, sleep
+
+from mesa_swarm.experiments.pool import WorkerDiedError, checked_jobs, ending_with_us
+from mesa_swarm.gallery import find_model
+from mesa_swarm.geometry.compiling import COMPILED, listed_functions, needed_functions
+from mesa_swarm.progress import progress_bar
+
+LAYOUT = "compiling, once per installation: {n_fmt} of {total_fmt} |{bar:30}|"
+# Steps after which the models of the gallery have called all functions.
+STEPS = 60
+# Interval at which the list on disk is read, s.
+SHOWN_EVERY = 0.2
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class WarmUp:
+    """What `warm_up` did.
+
+    Attributes
+    ----------
+    functions : int
+        How many were compiled, counted once for each set of types.
+    seconds : float
+    folder : Path
+        Where the machine code is stored.
+
+    Examples
+    --------
+    >>> print(WarmUp(functions=176, seconds=58.3, folder=Path("cache")))
+    compiled 176 functions in 58 s; they are stored in cache
+    """
+
+    functions: int
+    seconds: float
+    folder: Path
+
+    def __str__(self) -> str:
+        """Return what was done, in one line."""
+        if not self.functions:
+            return f"everything is compiled already; the machine code is stored in {self.folder}"
+        return f"compiled {self.functions} functions in {self.seconds:.0f} s; they are stored in {self.folder}"
+
+
+def warm_up(*, jobs: int = -1, progress: bool = False) -> WarmUp:
+    """Compile all that the models of the gallery need, so that no first step has to wait; what is there stays.
+
+    Machine code is for this version of mesa_swarm, of Numba and of Python, and for this kind of processor. With the
+    environment variable ``NUMBA_CPU_NAME=generic``, here and in what runs later, it is for all processors of a family.
+    Custom rules are compiled in each process.
+
+    Parameters
+    ----------
+    jobs : int
+        Processes that work at the same time; -1 for one on each core.
+    progress : bool
+        Whether to show how many functions are compiled.
+
+    Returns
+    -------
+    WarmUp
+
+    Raises
+    ------
+    InvalidValueError
+        If `jobs` is not a whole number of at least 1, or -1.
+    WorkerDiedError
+        If a process fails; what others have compiled stays.
+
+    Examples
+    --------
+    >>> warm_up(jobs=0)
+    Traceback (most recent call last):
+    ...
+    mesa_swarm.errors.InvalidValueError: jobs is 0; expected a whole number at least 1 and at most 1024, or -1 for ...
+    """
+    workers = checked_jobs(jobs)
+    start, missing = perf_counter(), missing_functions()
+    left = set().union(*missing.values())
+    if left:
+        with progress_bar(len(left), "functions", progress, LAYOUT) as bar:
+            _compile_all(list(missing), workers, lambda: bar.update(len(left & listed_functions()) - bar.n))
+    return WarmUp(functions=len(left & listed_functions()), seconds=perf_counter() - start, folder=COMPILED.parent)
+
+
+def missing_functions() -> dict[str, set[str]]:
+    """Return what is not compiled yet, by the names of the models that need it, those that need most first."""
+    listed = listed_functions()
+    missing = {model: set(names) - listed for model, names in needed_functions().items()}
+    return {
+        model: missing[model] for model in sorted(missing, key=lambda model: -len(missing[model])) if missing[model]
+    }
+
+
+def _compile_all(left: list[str], workers: int, show: Callable[[], object]) -> None:
+    """Compile what these models need, each in a new process: in one that has run others, Numba would reuse their code.
+
+    What it reuses is for more general types, and the process that later runs only this model would not find its own.
+    """
+    running: dict[str, subprocess.Popen] = {}
+    try:
+        while left or running:
+            while left and len(running) < workers:
+                model = left.pop(0)
+                script = ending_with_us(f"from {__name__} import compile_for; compile_for({model!r})")
+                running[model] = subprocess.Popen([sys.executable, "-c", script], stderr=subprocess.PIPE, text=True)
+            sleep(SHOWN_EVERY)
+            show()
+            for model in [model for model, process in running.items() if process.poll() is not None]:
+                _check_ended(model, running.pop(model))
+                left = [model for model in missing_functions() if model in left]
+    finally:
+        for process in running.values():
+            process.kill()
+            process.communicate()
+
+
+def _check_ended(model: str, process: subprocess.Popen) -> None:
+    _, errors = process.communicate()
+    if process.returncode:
+        last = (errors.strip().splitlines() or [f"its process ended with status {process.returncode}"])[-1]
+        raise WorkerDiedError(f"compiling for {model} failed: {last}")
+
+
+def compile_for(model: str) -> None:
+    """Compile what a model of the gallery needs."""
+    find_model(model)(rng=1).run(STEPS)

@@ -1,0 +1,170 @@
+"""What is compiled while a user waits: counted, and noted in place of a progress bar.
+
+A function is compiled once for each set of types with which it is called. Which of these the first steps of a model of
+the gallery need is in `NEEDED`, a file that ``python tests/support/compiled_functions.py`` writes from counted runs.
+"""
+
+import json
+import re
+import sys
+from collections.abc import Iterable
+from contextlib import suppress
+from functools import cache
+from hashlib import blake2b
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba import types
+from numba.core import event
+from numba.core.registry import cpu_target
+
+from mesa_swarm.geometry.compiled import COMPILED, FUNCTIONS, PACKAGE
+from mesa_swarm.progress import note
+
+NEEDED = Path(__file__).with_name("needed.json")
+# What is needed by every model of the gallery, in that file.
+EVERY = "every"
+MODELS = f"{PACKAGE.name}.models."
+
+
+class Compilation(event.Listener):
+    """The functions of the package that this process has compiled, and those that its models need."""
+
+    def __init__(self) -> None:
+        self.compiled: dict[str, None] = {}
+        self.expected: dict[str, None] = {}
+        self._models: dict[tuple[str, ...], None] = {}
+        self._exact = True
+
+    def expect(self, model_class: type) -> None:
+        """Count what the first steps of such a model need from now on; costs nothing until something is compiled."""
+        self._models[tuple(base.__module__ for base in model_class.__mro__)] = None
+
+    def lacks(self, model_class: type) -> bool:
+        """Return whether something that a model of the gallery needs is not compiled; of others it is not known."""
+        names, exact = needed_by(base.__module__ for base in model_class.__mro__)
+        return exact and not listed_functions().union(self.compiled).issuperset(names)
+
+    def on_start(self, event: Any) -> None:
+        """Show how far it is, before a function is compiled."""
+        if event.data["dispatcher"].py_func in FUNCTIONS:
+            self._resolve()
+            self._show()
+
+    def on_end(self, event: Any) -> None:
+        """Count and list a function that has been compiled."""
+        dispatcher = event.data["dispatcher"]
+        if dispatcher.py_func not in FUNCTIONS:
+            return
+        name = name_of(dispatcher.py_func, event.data["args"])
+        self.compiled[name] = None
+        if dispatcher.stats.cache_path is not None:
+            _list(name)
+        self._show()
+
+    def text(self) -> str:
+        """Return how far it is in words, "" if nothing more is expected."""
+        done, total = len(self.compiled), len(self.compiled | self.expected)
+        if done == total and self._exact:
+            return ""
+        return in_words(done, total, self._exact)
+
+    def _resolve(self) -> None:
+        """Find out what the models that were made since the last time need and is not there."""
+        models, self._models = self._models, {}
+        if not models:
+            return
+        listed = listed_functions()
+        for modules in models:
+            names, exact = needed_by(modules)
+            self.expected |= dict.fromkeys(name for name in names if name not in listed)
+            self._exact = self._exact and exact
+
+    def _show(self) -> None:
+        note(self.text())
+
+
+def in_words(done: int, total: int, exact: bool = True) -> str:
+    """Return how far compiling is.
+
+    Examples
+    --------
+    >>> in_words(34, 60), in_words(34, 60, exact=False)
+    ('compiling, once per installation: 34 of 60', 'compiling, once per installation: 34 of at least 60')
+    """
+    return f"compiling, once per installation: {done} of {'' if exact else 'at least '}{total}"
+
+
+def name_of(function: Any, arguments: Iterable[Any]) -> str:
+    """Return the name by which a function of the package, for arguments of these types, is counted.
+
+    Examples
+    --------
+    >>> from mesa_swarm.geometry.overlap import wrapped
+    >>> name_of(wrapped.py_func, (types.float64,))
+    'geometry.overlap.wrapped a27b'
+    """
+    module = function.__module__.removeprefix(f"{PACKAGE.name}.")
+    digest = blake2b(" ".join(map(_type_in_words, arguments)).encode(), digest_size=2).hexdigest()
+    return f"{module}.{function.__qualname__} {digest}"
+
+
+def listed_functions() -> set[str]:
+    """Return the names of the functions that are compiled already for this machine, on disk."""
+    machine = f"{_machine()} "
+    try:
+        lines = COMPILED.read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return set()
+    return {line.removeprefix(machine) for line in lines if line.startswith(machine)}
+
+
+def needed_functions() -> dict[str, list[str]]:
+    """Return the names of the functions that the first steps of each model of the gallery need, by its name."""
+    table = _table()
+    return {model: table[EVERY] + more for model, more in table.items() if model != EVERY}
+
+
+def needed_by(modules: Iterable[str]) -> tuple[list[str], bool]:
+    """Return what a model needs, of the modules of its class and its bases, and whether that is all.
+
+    Of a subclass of a model of the gallery it is at least what that model needs, of any other what all do.
+    """
+    table = _table()
+    for place, module in enumerate(modules):
+        model = module.removeprefix(MODELS)
+        if module.startswith(MODELS) and model in table:
+            return table[EVERY] + table[model], place == 0
+    return table[EVERY], False
+
+
+@cache
+def _table() -> dict[str, list[str]]:
+    return json.loads(NEEDED.read_text(encoding="utf-8"))
+
+
+def _list(name: str) -> None:
+    """Add a line to the list on disk: in one write, since other processes may do the same."""
+    with suppress(OSError), COMPILED.open("a", encoding="utf-8") as file:
+        file.write(f"{_machine()} {name}\n")
+
+
+@cache
+def _machine() -> str:
+    """Return a name for what machine code depends on besides the sources: Numba loads that of no other processor."""
+    about = (sys.version_info[:2], numba.__version__, cpu_target.target_context.codegen().magic_tuple())
+    return blake2b(repr(about).encode(), digest_size=4).hexdigest()
+
+
+def _type_in_words(kind: Any) -> str:
+    """Return a type in words that do not depend on Numba's version, nor on addresses."""
+    if isinstance(kind, types.Array):
+        return f"{kind.dtype}[{kind.ndim}{kind.layout}{'' if kind.mutable else 'r'}]"
+    if isinstance(kind, types.BaseTuple):
+        return f"({' '.join(map(_type_in_words, kind))})"
+    return re.sub(r" at 0x[0-9a-f]+", "", str(kind))
+
+
+compilation = Compilation()
+event.register("numba:compile", compilation)
